@@ -1,0 +1,52 @@
+# Two commands on a fresh machine with Python 3.11 and pip: `make run` to use it, `make test` to check it.
+PYTHON ?= python3
+BIN := .venv/bin
+STAMP := .venv/.complete
+BENCH_STAMP := .venv/.bench
+DATA_DIR ?= .gearcase
+HOST ?= 127.0.0.1
+PORT ?= 8000
+PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
+
+.PHONY: setup run test check bench challenge lock clean
+
+setup: $(STAMP)
+
+$(STAMP): requirements.lock pyproject.toml
+	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed")'
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(PIP) install --require-hashes -r requirements.lock
+	$(PIP) install --no-deps --no-build-isolation --editable .
+	touch $(STAMP)
+
+$(BENCH_STAMP): $(STAMP) requirements-bench.lock
+	$(PIP) install --require-hashes -r requirements-bench.lock
+	touch $(BENCH_STAMP)
+
+run: setup
+	$(BIN)/gearcase --data-dir $(DATA_DIR) serve --host $(HOST) --port $(PORT)
+
+test: setup check
+	$(BIN)/python -m pytest -n 2 --dist loadfile
+
+check: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+	$(BIN)/lint-imports
+	$(BIN)/python tests/check_lock.py
+
+# the tools that make the lock are not needed to use it: python3 -m pip install uv
+LOCK := uv pip compile pyproject.toml --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate --python-version 3.11 --quiet
+lock:
+	$(LOCK) --extra test --extra bench -o requirements-bench.lock
+	$(LOCK) --extra test -c requirements-bench.lock -o requirements.lock
+
+bench: $(BENCH_STAMP)
+	$(BIN)/python -m benchmarks
+
+challenge: setup
+	$(BIN)/python -m tests.hidden_effects
+
+clean:
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis node_modules

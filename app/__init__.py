@@ -1,0 +1,1 @@
+"""HTTP, web pages, command line and jobs: the only code that knows how the world reaches Gearcase."""

@@ -1,0 +1,1 @@
+"""The case library: retrieve, reuse, revise, retain."""

@@ -1,0 +1,1 @@
+"""The drive-train simulator and what it gets wrong."""
