@@ -1,0 +1,29 @@
+# syntax=docker/dockerfile:1
+FROM python:3.11-slim-bookworm AS build
+WORKDIR /src
+COPY requirements.lock pyproject.toml README.md ./
+RUN python -m venv /opt/gearcase \
+    && /opt/gearcase/bin/pip install --no-cache-dir --require-hashes -r requirements.lock
+COPY package.json package-lock.json .npmrc ./
+COPY app ./app
+COPY casebase ./casebase
+COPY sim ./sim
+COPY migrations ./migrations
+RUN /opt/gearcase/bin/python -m app.web.assets \
+    && /opt/gearcase/bin/pip install --no-cache-dir --no-deps --no-build-isolation .
+
+FROM python:3.11-slim-bookworm
+COPY --from=build /opt/gearcase /opt/gearcase
+RUN useradd --system --uid 10001 --home-dir /data --shell /usr/sbin/nologin gearcase \
+    && install --directory --owner=gearcase --group=gearcase --mode=0700 /data
+ENV PATH=/opt/gearcase/bin:$PATH \
+    GEARCASE_DATA_DIR=/data \
+    NUMBA_CACHE_DIR=/data/.compiled \
+    PYTHONDONTWRITEBYTECODE=1
+USER gearcase
+VOLUME /data
+EXPOSE 8000
+HEALTHCHECK --interval=30s --timeout=5s --start-period=60s \
+    CMD ["python", "-c", "import urllib.request; urllib.request.urlopen('http://127.0.0.1:8000/readyz', timeout=4)"]
+ENTRYPOINT ["gearcase"]
+CMD ["serve", "--host", "0.0.0.0", "--port", "8000"]
