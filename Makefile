@@ -3,6 +3,7 @@ PYTHON ?= python3
 BIN := .venv/bin
 STAMP := .venv/.complete
 BENCH_STAMP := .venv/.bench
+ASSETS := app/web/static/vendor/.complete
 DATA_DIR ?= .gearcase
 HOST ?= 127.0.0.1
 PORT ?= 8000
@@ -10,7 +11,7 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
 .PHONY: setup run test check bench challenge lock clean
 
-setup: $(STAMP)
+setup: $(STAMP) $(ASSETS)
 
 $(STAMP): requirements.lock pyproject.toml
 	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed")'
@@ -18,6 +19,11 @@ $(STAMP): requirements.lock pyproject.toml
 	$(PIP) install --require-hashes -r requirements.lock
 	$(PIP) install --no-deps --no-build-isolation --editable .
 	touch $(STAMP)
+
+$(ASSETS): package-lock.json package.json app/web/assets.py | $(STAMP)
+	command -v npm >/dev/null || $(PIP) install --require-hashes -r requirements-node.lock
+	$(BIN)/python -m app.web.assets
+	touch $(ASSETS)
 
 $(BENCH_STAMP): $(STAMP) requirements-bench.lock
 	$(PIP) install --require-hashes -r requirements-bench.lock
