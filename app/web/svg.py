@@ -1,0 +1,266 @@
+"""Charts as inline SVG: what a page shows before, and without, any script.
+
+A chart carries classes instead of colours, so that one style sheet serves light, dark and print under a content
+security policy without inline style. Long series are reduced to the extremes of each pixel column, so that no peak
+is lost.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from markupsafe import Markup, escape
+from numpy.typing import NDArray
+
+LEFT, RIGHT, TOP, BOTTOM = 58.0, 12.0, 10.0, 40.0
+
+
+@dataclass(frozen=True)
+class Series:
+    """One line of a chart: x and y of the same length (n,), named for the legend."""
+
+    name: str
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Band:
+    """A shaded range of y, such as a noise floor or a baseline."""
+
+    name: str
+    low: float
+    high: float
+
+
+@dataclass(frozen=True)
+class Marker:
+    """A vertical line at x, with its words."""
+
+    x: float
+    text: str
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Words, unit and range of one axis; the range follows the data where it is None."""
+
+    label: str
+    range: tuple[float, float] | None = None
+
+
+def ticks(low: float, high: float, count: int = 6) -> list[float]:
+    """Return round numbers of the 1-2-5 series that cover low to high.
+
+    >>> ticks(0.0, 10.0)
+    [0.0, 2.0, 4.0, 6.0, 8.0, 10.0]
+    """
+    if not high > low:
+        return [low]
+    raw = (high - low) / max(count - 1, 1)
+    power = 10.0 ** math.floor(math.log10(raw))
+    step = next(power * m for m in (1.0, 2.0, 5.0, 10.0) if power * m >= raw * 0.999)
+    first = math.ceil(low / step - 1e-9)
+    last = math.floor(high / step + 1e-9)
+    return [round(k * step, 12) for k in range(first, last + 1)]
+
+
+def extremes(series: Series, columns: int) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Reduce a series to minimum and maximum of each of at most `columns` equal runs, in order of time."""
+    n = series.y.size
+    if n <= 2 * columns:
+        return series.x, series.y
+    size = -(-n // columns)
+    starts = np.arange(0, n, size)
+    low = np.minimum.reduceat(series.y, starts)
+    high = np.maximum.reduceat(series.y, starts)
+    x = np.repeat(series.x[starts], 2)
+    return x, np.stack([low, high], axis=1).ravel()
+
+
+def _limits(values: list[NDArray[np.float64]], given: tuple[float, float] | None) -> tuple[float, float]:
+    if given is not None:
+        return given
+    finite = [v[np.isfinite(v)] for v in values]
+    joined = np.concatenate(finite) if finite else np.empty(0)
+    if joined.size == 0:
+        return 0.0, 1.0
+    low, high = float(joined.min()), float(joined.max())
+    return (low, high) if high > low else (low - 0.5, high + 0.5)
+
+
+def _tick_text(value: float) -> str:
+    return f"{value:.4g}".replace("-", "\N{MINUS SIGN}")
+
+
+def line_chart(
+    title: str,
+    series: Sequence[Series],
+    x_axis: Axis,
+    y_axis: Axis,
+    *,
+    bands: Sequence[Band] = (),
+    markers: Sequence[Marker] = (),
+    events: Sequence[float] = (),
+    width: float = 640.0,
+    height: float = 220.0,
+) -> Markup:
+    """Draw series over one pair of axes; the title is read out by screen readers, events stand as triangles."""
+    x0, x1 = _limits([s.x for s in series], x_axis.range)
+    edges = [np.array([b.low, b.high]) for b in bands]
+    y0, y1 = _limits([*(s.y for s in series), *edges], y_axis.range)
+    pad = 0.0 if y_axis.range else 0.04 * (y1 - y0)
+    y0, y1 = y0 - pad, y1 + pad
+    inner_w, inner_h = width - LEFT - RIGHT, height - TOP - BOTTOM
+
+    def px(x: float) -> float:
+        return LEFT + (x - x0) / (x1 - x0) * inner_w
+
+    def py(y: float) -> float:
+        return TOP + (1.0 - (min(max(y, y0), y1) - y0) / (y1 - y0)) * inner_h
+
+    parts = [_frame(title, x_axis, y_axis, width, height)]
+    for value in ticks(y0, y1, 5):
+        parts.append(f'<path class="grid-line" d="M{LEFT:.1f} {py(value):.1f}H{width - RIGHT:.1f}"/>')
+        parts.append(f'<text x="{LEFT - 7:.1f}" y="{py(value) + 4:.1f}" text-anchor="end">{_tick_text(value)}</text>')
+    for value in ticks(x0, x1, 8):
+        parts.append(
+            f'<text x="{px(value):.1f}" y="{height - BOTTOM + 16:.1f}" text-anchor="middle">{_tick_text(value)}</text>'
+        )
+    for band in bands:
+        top, bottom = py(band.high), py(band.low)
+        parts.append(
+            f'<rect class="band" x="{LEFT}" y="{top:.1f}" width="{inner_w:.1f}" height="{bottom - top:.1f}">'
+            f"<title>{escape(band.name)}</title></rect>"
+        )
+    for number, one in enumerate(series, start=1):
+        x, y = extremes(one, int(inner_w))
+        keep = np.isfinite(y) & (x >= x0) & (x <= x1)
+        points = " ".join(f"{px(float(a)):.1f},{py(float(b)):.1f}" for a, b in zip(x[keep], y[keep], strict=True))
+        parts.append(
+            f'<polyline class="series s{number}" points="{points}"><title>{escape(one.name)}</title></polyline>'
+        )
+    for marker in markers:
+        if x0 <= marker.x <= x1:
+            parts.append(_marker(px(marker.x), marker.text, height))
+    for event in events:
+        if x0 <= event <= x1:
+            x_px = px(event)
+            parts.append(f'<path class="event" d="M{x_px - 4:.1f} {TOP}h8l-4 7z"/>')
+    parts.append(f'<path class="axis" d="M{LEFT} {TOP}V{height - BOTTOM}H{width - RIGHT}"/></svg>')
+    return Markup("".join(parts))  # noqa: S704  every text above is escaped
+
+
+def _frame(title: str, x_axis: Axis, y_axis: Axis, width: float, height: float) -> str:
+    middle = TOP + (height - TOP - BOTTOM) / 2
+    return (
+        f'<svg class="chart" viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{escape(title)}">'
+        f'<text x="{LEFT + (width - LEFT - RIGHT) / 2:.1f}" y="{height - 6:.1f}" text-anchor="middle">'
+        f"{escape(x_axis.label)}</text>"
+        f'<text transform="translate(13 {middle:.1f}) rotate(-90)" text-anchor="middle">{escape(y_axis.label)}</text>'
+    )
+
+
+def _marker(x: float, text: str, height: float) -> str:
+    return (
+        f'<path class="marker" d="M{x:.1f} {TOP}V{height - BOTTOM}"/>'
+        f'<text x="{x + 3:.1f}" y="{TOP + 10}">{escape(text)}</text>'
+    )
+
+
+def polar_chart(
+    title: str,
+    forward: Sequence[float | None],
+    backward: Sequence[float | None],
+    *,
+    size: float = 300.0,
+) -> Markup:
+    """Draw a value over one revolution, forward outside and backward inside; None is an angle never visited.
+
+    Both sequences hold equal sectors that start at 0 degrees (up) and run clockwise.
+    """
+    centre = size / 2
+    peak = max((v for v in [*forward, *backward] if v is not None), default=1.0) or 1.0
+    rings = ((forward, centre * 0.56, centre * 0.86, "s1"), (backward, centre * 0.22, centre * 0.52, "s2"))
+    parts = [f'<svg class="chart polar" viewBox="0 0 {size:.0f} {size:.0f}" role="img" aria-label="{escape(title)}">']
+    for values, inner, outer, name in rings:
+        for k, value in enumerate(values):
+            a, b = 2 * math.pi * k / len(values), 2 * math.pi * (k + 1) / len(values)
+            radius = outer if value is None else inner + (outer - inner) * value / peak
+            kind = "unvisited" if value is None else f"sector {name}"
+            parts.append(f'<path class="{kind}" d="{_sector(centre, inner, radius, a, b)}"/>')
+        parts.append(f'<circle class="axis" cx="{centre}" cy="{centre}" r="{inner:.1f}"/>')
+    for degrees in (0, 90, 180, 270):
+        angle = math.radians(degrees)
+        x, y = centre + centre * 0.93 * math.sin(angle), centre - centre * 0.93 * math.cos(angle)
+        parts.append(f'<text x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle">{degrees}°</text>')
+    return Markup("".join([*parts, "</svg>"]))  # noqa: S704  every text above is escaped
+
+
+def _sector(centre: float, inner: float, outer: float, a: float, b: float) -> str:
+    def at(radius: float, angle: float) -> str:
+        return f"{centre + radius * math.sin(angle):.1f} {centre - radius * math.cos(angle):.1f}"
+
+    return (
+        f"M{at(inner, a)}L{at(outer, a)}A{outer:.1f} {outer:.1f} 0 0 1 {at(outer, b)}"
+        f"L{at(inner, b)}A{inner:.1f} {inner:.1f} 0 0 0 {at(inner, a)}Z"
+    )
+
+
+@dataclass(frozen=True)
+class Point:
+    """One place on a map of cases: position, label, origin and where a click leads."""
+
+    x: float
+    y: float
+    label: str
+    origin: str
+    href: str
+    text: str
+
+
+def map_chart(title: str, points: Sequence[Point], query: Point | None = None, *, size: float = 460.0) -> Markup:
+    """Draw cases as shapes by label (circle, diamond, triangle, square), hollow where simulated, and the query."""
+    everything = [*points, *([query] if query else [])]
+    x0, x1 = _limits([np.array([p.x for p in everything])], None)
+    y0, y1 = _limits([np.array([p.y for p in everything])], None)
+    inner = size - 40
+
+    def place(point: Point) -> tuple[float, float]:
+        return 20 + (point.x - x0) / (x1 - x0) * inner, size - 20 - (point.y - y0) / (y1 - y0) * inner
+
+    parts = [f'<svg class="chart map" viewBox="0 0 {size:.0f} {size:.0f}" role="img" aria-label="{escape(title)}">']
+    for point in points:
+        x, y = place(point)
+        parts.append(
+            f'<a href="{escape(point.href)}"><title>{escape(point.text)}</title>'
+            f'<path class="point {shape_name(point.label)} {escape(point.origin)}" d="{shape_path(point.label, x, y, 5.0)}"/></a>'
+        )
+    if query is not None:
+        x, y = place(query)
+        parts.append(
+            f'<circle class="point query" cx="{x:.1f}" cy="{y:.1f}" r="7"><title>{escape(query.text)}</title></circle>'
+        )
+    return Markup("".join([*parts, "</svg>"]))  # noqa: S704  every text above is escaped
+
+
+def shape_name(label: str) -> str:
+    """Return the class of a label's shape and colour; labels without their own share one.
+
+    >>> shape_name("notch"), shape_name("pitting")
+    ('notch', 'other')
+    """
+    return label if label in ("normal", "play", "notch") else "other"
+
+
+def shape_path(label: str, x: float, y: float, r: float) -> str:
+    """Return the path of a label's shape around (x, y): circle, diamond, triangle, or square."""
+    name = shape_name(label)
+    if name == "normal":
+        return f"M{x - r:.1f} {y:.1f}a{r} {r} 0 1 0 {2 * r} 0a{r} {r} 0 1 0 {-2 * r} 0z"
+    if name == "play":
+        return f"M{x:.1f} {y - 1.25 * r:.1f}l{1.25 * r} {1.25 * r}l{-1.25 * r} {1.25 * r}l{-1.25 * r} {-1.25 * r}z"
+    if name == "notch":
+        return f"M{x:.1f} {y - 1.2 * r:.1f}l{1.2 * r} {2.1 * r}h{-2.4 * r}z"
+    return f"M{x - r:.1f} {y - r:.1f}h{2 * r}v{2 * r}h{-2 * r}z"
