@@ -121,7 +121,7 @@ def line_chart(
         return TOP + (1.0 - (min(max(y, y0), y1) - y0) / (y1 - y0)) * inner_h
 
     parts = [_frame(title, x_axis, y_axis, width, height)]
-    for value in ticks(y0, y1, 5):
+    for value in ticks(y0, y1, 7):
         parts.append(f'<path class="grid-line" d="M{LEFT:.1f} {py(value):.1f}H{width - RIGHT:.1f}"/>')
         parts.append(f'<text x="{LEFT - 7:.1f}" y="{py(value) + 4:.1f}" text-anchor="end">{_tick_text(value)}</text>')
     for value in ticks(x0, x1, 8):
@@ -182,7 +182,7 @@ def polar_chart(
     """
     centre = size / 2
     peak = max((v for v in [*forward, *backward] if v is not None), default=1.0) or 1.0
-    rings = ((forward, centre * 0.56, centre * 0.86, "s1"), (backward, centre * 0.22, centre * 0.52, "s2"))
+    rings = ((forward, centre * 0.52, centre * 0.8, "s1"), (backward, centre * 0.2, centre * 0.48, "s2"))
     parts = [f'<svg class="chart polar" viewBox="0 0 {size:.0f} {size:.0f}" role="img" aria-label="{escape(title)}">']
     for values, inner, outer, name in rings:
         for k, value in enumerate(values):
@@ -193,7 +193,7 @@ def polar_chart(
         parts.append(f'<circle class="axis" cx="{centre}" cy="{centre}" r="{inner:.1f}"/>')
     for degrees in (0, 90, 180, 270):
         angle = math.radians(degrees)
-        x, y = centre + centre * 0.93 * math.sin(angle), centre - centre * 0.93 * math.cos(angle)
+        x, y = centre + centre * 0.9 * math.sin(angle), centre - centre * 0.9 * math.cos(angle)
         parts.append(f'<text x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle">{degrees}°</text>')
     return Markup("".join([*parts, "</svg>"]))  # noqa: S704  every text above is escaped
 
@@ -232,10 +232,10 @@ def map_chart(title: str, points: Sequence[Point], query: Point | None = None, *
 
     parts = [f'<svg class="chart map" viewBox="0 0 {size:.0f} {size:.0f}" role="img" aria-label="{escape(title)}">']
     for point in points:
-        x, y = place(point)
+        outline = shape_path(point.label, *place(point), 5.0)
         parts.append(
             f'<a href="{escape(point.href)}"><title>{escape(point.text)}</title>'
-            f'<path class="point {shape_name(point.label)} {escape(point.origin)}" d="{shape_path(point.label, x, y, 5.0)}"/></a>'
+            f'<path class="point {shape_name(point.label)} {escape(point.origin)}" d="{outline}"/></a>'
         )
     if query is not None:
         x, y = place(query)

@@ -1,0 +1,234 @@
+// What a page gains with JavaScript. Everything here has a way without it: forms post, links lead, charts are drawn.
+"use strict";
+import { playhead, start } from "./plots.js";
+
+const one = (selector, root = document) => root.querySelector(selector);
+const all = (selector, root = document) => [...root.querySelectorAll(selector)];
+
+/* theme */
+one("[data-theme-toggle]")?.addEventListener("click", () => {
+  const dark = document.documentElement.dataset.theme
+    ? document.documentElement.dataset.theme === "dark"
+    : matchMedia("(prefers-color-scheme: dark)").matches;
+  document.documentElement.dataset.theme = dark ? "light" : "dark";
+  localStorage.setItem("gearcase-theme", document.documentElement.dataset.theme);
+  dispatchEvent(new Event("gearcase:theme"));
+});
+
+/* keyboard: a link or button says its key in data-key; ? lists them */
+function keyboard(event) {
+  if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input, select, textarea, dialog[open] [contenteditable]")) return;
+  if (event.key === "?") {
+    one("#keys")?.showModal();
+    event.preventDefault();
+    return;
+  }
+  const target = all("[data-key]").find((element) => element.dataset.key === event.key && !element.disabled);
+  if (!target) return;
+  event.preventDefault();
+  target.focus();
+  target.click();
+}
+addEventListener("keydown", keyboard);
+all("[data-open]").forEach((button) => button.addEventListener("click", () => one(button.dataset.open)?.showModal()));
+all("dialog [data-close]").forEach((button) => button.addEventListener("click", () => button.closest("dialog").close()));
+
+/* a key list made from the page itself */
+const list = one("#keys dl");
+if (list) {
+  for (const element of all("[data-key]")) {
+    const [term, meaning] = [document.createElement("dt"), document.createElement("dd")];
+    const key = document.createElement("kbd");
+    key.textContent = element.dataset.key === " " ? "space" : element.dataset.key;
+    term.append(key);
+    meaning.textContent = element.dataset.keyName ?? element.textContent.trim();
+    list.append(term, meaning);
+  }
+}
+
+/* what a WAV file says of itself, read from its first bytes in the browser */
+async function wavHeader(file) {
+  const view = new DataView(await file.slice(0, 65536).arrayBuffer());
+  const tag = (at) => String.fromCharCode(...[0, 1, 2, 3].map((k) => view.getUint8(at + k)));
+  if (view.byteLength < 44 || !["RIFF", "RF64"].includes(tag(0)) || tag(8) !== "WAVE") return null;
+  const found = {};
+  for (let at = 12; at + 8 <= view.byteLength; ) {
+    const size = view.getUint32(at + 4, true);
+    if (tag(at) === "fmt ") {
+      Object.assign(found, { channels: view.getUint16(at + 10, true), rate: view.getUint32(at + 12, true), bytes: view.getUint32(at + 16, true) });
+    }
+    if (tag(at) === "data") {
+      found.seconds = Math.min(size, file.size - at - 8) / found.bytes;
+      break;
+    }
+    at += 8 + size + (size % 2);
+  }
+  return found.rate ? found : null;
+}
+
+async function described(form) {
+  const file = one("input[type=file]", form).files[0];
+  const output = one("[data-detected]", form);
+  if (!file || !output) return;
+  const header = await wavHeader(file);
+  output.textContent = header
+    ? `${file.name}: ${header.rate} Hz, ${header.channels} ${header.channels === 1 ? "channel" : "channels"}, ${header.seconds.toFixed(1)} s`
+    : `${file.name}: ${(file.size / 1e6).toFixed(2)} MB; rate and length are read on the server`;
+}
+
+/* drop a recording anywhere */
+const upload = one("form[data-upload]");
+const opener = one("[data-diagnose-link]");
+if (upload || opener) {
+  let depth = 0;
+  addEventListener("dragenter", (event) => {
+    if (!event.dataTransfer?.types.includes("Files")) return;
+    depth += 1;
+    document.body.classList.add("dragging");
+  });
+  addEventListener("dragleave", () => {
+    depth = Math.max(0, depth - 1);
+    if (depth === 0) document.body.classList.remove("dragging");
+  });
+  addEventListener("dragover", (event) => event.preventDefault());
+  addEventListener("drop", (event) => {
+    event.preventDefault();
+    depth = 0;
+    document.body.classList.remove("dragging");
+    const form = one("#diagnose form[data-upload]") ?? upload;
+    if (!form || !event.dataTransfer.files.length) return;
+    one("input[type=file]", form).files = event.dataTransfer.files;
+    form.closest("dialog")?.showModal();
+    described(form);
+  });
+}
+
+/* an upload that shows where it is */
+function send(form) {
+  const bar = one("progress", form);
+  const stage = one("[data-stage]", form);
+  const request = new XMLHttpRequest();
+  request.open("POST", form.action);
+  request.setRequestHeader("Accept", "text/html");
+  one("[data-progress]", form).hidden = false;
+  one("[type=submit]", form).disabled = true;
+  request.upload.addEventListener("progress", (event) => {
+    bar.value = event.loaded / event.total;
+    stage.textContent = `Sending: ${Math.round((100 * event.loaded) / event.total)} %`;
+  });
+  request.upload.addEventListener("load", () => {
+    bar.removeAttribute("value");
+    stage.textContent = "Decoding, extracting features, comparing with the library";
+  });
+  request.addEventListener("load", () => {
+    if (request.status < 400) {
+      location.assign(request.responseURL);
+      return;
+    }
+    const page = new DOMParser().parseFromString(request.responseText, "text/html");
+    stage.textContent = one("[data-problem]", page)?.textContent ?? `The service answered ${request.status}.`;
+    bar.hidden = true;
+    one("[type=submit]", form).disabled = false;
+  });
+  request.addEventListener("error", () => {
+    stage.textContent = "The service did not answer. Check that it runs, then send again.";
+    one("[type=submit]", form).disabled = false;
+  });
+  request.send(new FormData(form));
+}
+for (const form of all("form[data-upload]")) {
+  one("input[type=file]", form).addEventListener("change", () => described(form));
+  form.addEventListener("submit", (event) => {
+    event.preventDefault();
+    send(form);
+  });
+}
+
+/* copy a command */
+all("[data-copy]").forEach((button) =>
+  button.addEventListener("click", async () => {
+    await navigator.clipboard.writeText(one(button.dataset.copy).textContent);
+    button.textContent = "Copied";
+  }),
+);
+
+/* listening: the recording, and A/B with a neighbour at equal loudness */
+const player = one("[data-audio]");
+if (player && window.WaveSurfer) {
+  const nonce = one("meta[name=csp-nonce]")?.content;
+  const colours = getComputedStyle(document.documentElement);
+  const wave = WaveSurfer.create({
+    container: player,
+    url: player.dataset.audio,
+    peaks: player.dataset.peaks ? [JSON.parse(player.dataset.peaks)] : undefined,
+    duration: player.dataset.seconds ? Number(player.dataset.seconds) : undefined,
+    height: 64,
+    waveColor: colours.getPropertyValue("--line-strong"),
+    progressColor: colours.getPropertyValue("--accent"),
+    cursorColor: colours.getPropertyValue("--ink"),
+    cspNonce: nonce,
+  });
+  one("noscript + audio, audio[data-plain]")?.remove();
+  const button = one("[data-play]");
+  const clock = one("[data-clock]");
+  button.hidden = false;
+  button.addEventListener("click", () => wave.playPause());
+  wave.on("play", () => (button.textContent = "Pause"));
+  wave.on("pause", () => (button.textContent = "Listen"));
+  wave.on("timeupdate", (seconds) => {
+    clock.textContent = `${seconds.toFixed(1)} s`;
+    playhead(seconds);
+  });
+  // equal loudness: the louder of the two is turned down to the quieter
+  const own = Number(player.dataset.rms);
+  let other = null;
+  for (const choice of all("[data-compare]")) {
+    choice.addEventListener("click", () => {
+      const level = Number(choice.dataset.rms);
+      const back = other === choice;
+      all("[data-compare]").forEach((element) => element.setAttribute("aria-pressed", "false"));
+      other = back ? null : choice;
+      choice.setAttribute("aria-pressed", String(!back));
+      const at = wave.getCurrentTime();
+      wave.load(back ? player.dataset.audio : choice.dataset.compare).then(() => {
+        const reference = Math.min(own, level);
+        wave.setVolume(Math.min(1, reference / (back ? own : level)));
+        wave.setTime(Math.min(at, wave.getDuration()));
+        wave.play();
+      });
+    });
+  }
+  all("[data-seek]").forEach((element) => element.addEventListener("click", () => { wave.setTime(Number(element.dataset.seek)); wave.play(); }));
+}
+
+/* live progress of a job */
+for (const element of all("[data-job-events]")) {
+  const source = new EventSource(element.dataset.jobEvents);
+  const update = (event) => {
+    const job = JSON.parse(event.data);
+    one("progress", element).value = job.progress?.fraction ?? 0;
+    one("[data-stage]", element).textContent = job.progress?.stage ?? job.state;
+    if (["succeeded", "failed", "cancelled", "done", "error"].includes(job.state)) {
+      source.close();
+      location.reload();
+    }
+  };
+  for (const name of ["message", "progress", "state", "done"]) source.addEventListener(name, update);
+}
+
+/* sliders that simulate again */
+for (const form of all("form[data-live]")) {
+  let timer = 0;
+  form.addEventListener("input", () => {
+    all("output[for]", form).forEach((output) => (output.value = one(`#${output.htmlFor.value ?? output.htmlFor}`, form)?.value ?? ""));
+    clearTimeout(timer);
+    timer = setTimeout(() => form.requestSubmit(), 40);
+  });
+}
+
+/* bulk selection */
+all("[data-select-all]").forEach((box) =>
+  box.addEventListener("change", () => all("input[name=case_id]", box.closest("form")).forEach((item) => (item.checked = box.checked))),
+);
+
+start();

@@ -1,0 +1,132 @@
+// Interactive plots over what the server has drawn: a [data-plot] element holds an SVG and names its JSON.
+// Plots with the same data-cursor share one cursor; colours come from the style sheet and follow the theme.
+"use strict";
+
+const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const COLOURS = ["--plot-1", "--plot-2", "--plot-3"];
+const DASHES = [undefined, [6, 3], [2, 3]];
+const cursors = new Map();
+const plots = [];
+
+function cursorOf(key) {
+  if (!cursors.has(key)) cursors.set(key, uPlot.sync(key));
+  return cursors.get(key).key;
+}
+
+function number(value) {
+  if (value === null || value === undefined) return "–";
+  return Math.abs(value) >= 1e4 || (value !== 0 && Math.abs(value) < 1e-3) ? value.toExponential(2) : String(+value.toPrecision(4));
+}
+
+function annotate(data) {
+  return (u) => {
+    const { ctx } = u;
+    ctx.save();
+    ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
+    for (const band of data.bands ?? []) {
+      const top = u.valToPos(band.high, "y", true);
+      const bottom = u.valToPos(band.low, "y", true);
+      ctx.fillStyle = style("--plot-band");
+      ctx.fillRect(u.bbox.left, Math.max(top, u.bbox.top), u.bbox.width, Math.min(bottom, u.bbox.top + u.bbox.height) - Math.max(top, u.bbox.top));
+    }
+    ctx.strokeStyle = ctx.fillStyle = style("--ink-faint");
+    ctx.setLineDash([4 * devicePixelRatio, 4 * devicePixelRatio]);
+    for (const marker of data.markers ?? []) {
+      const x = u.valToPos(marker.x, "x", true);
+      if (x < u.bbox.left || x > u.bbox.left + u.bbox.width) continue;
+      ctx.beginPath();
+      ctx.moveTo(x, u.bbox.top);
+      ctx.lineTo(x, u.bbox.top + u.bbox.height);
+      ctx.stroke();
+      ctx.fillText(marker.text, x + 4 * devicePixelRatio, u.bbox.top + 12 * devicePixelRatio);
+    }
+    ctx.fillStyle = style("--notch");
+    for (const event of data.events ?? []) {
+      const x = u.valToPos(event, "x", true);
+      if (x < u.bbox.left || x > u.bbox.left + u.bbox.width) continue;
+      const r = 5 * devicePixelRatio;
+      ctx.beginPath();
+      ctx.moveTo(x - r, u.bbox.top);
+      ctx.lineTo(x + r, u.bbox.top);
+      ctx.lineTo(x, u.bbox.top + 1.6 * r);
+      ctx.fill();
+    }
+    ctx.restore();
+  };
+}
+
+function draw(element, data) {
+  const axis = (label) => ({
+    label,
+    labelSize: 22,
+    labelFont: "12px system-ui, sans-serif",
+    font: "11px system-ui, sans-serif",
+    stroke: style("--ink-soft"),
+    grid: { stroke: style("--plot-grid"), width: 1 },
+    ticks: { stroke: style("--line-strong"), width: 1 },
+  });
+  const options = {
+    width: Math.max(element.clientWidth, 240),
+    height: Number(element.dataset.height ?? 240),
+    cursor: { sync: element.dataset.cursor ? { key: cursorOf(element.dataset.cursor) } : undefined, drag: { x: true, y: false } },
+    scales: { x: { time: false }, y: data.logarithmic ? { distr: 3 } : {} },
+    axes: [axis(data.x_label), { ...axis(data.y_label), size: 62 }],
+    series: [
+      { label: data.x_label, value: (_u, v) => number(v) },
+      ...data.series.map((one, k) => ({
+        label: one.name,
+        stroke: style(COLOURS[k % 3]),
+        dash: DASHES[k % 3],
+        width: 1.25,
+        points: { show: false },
+        value: (_u, v) => number(v),
+      })),
+    ],
+    hooks: { draw: [annotate(data)] },
+  };
+  const plot = new uPlot(options, [data.x, ...data.series.map((one) => one.y)], element);
+  plots.push({ element, data, plot });
+  return plot;
+}
+
+function redraw() {
+  for (const { element, data, plot } of plots.splice(0)) {
+    const { min, max } = plot.scales.x;
+    plot.destroy();
+    draw(element, data).setScale("x", { min, max });
+  }
+}
+
+export async function show(element) {
+  const answer = await fetch(element.dataset.plot, { headers: { Accept: "application/json" } });
+  if (!answer.ok) return; // the drawing of the server stays
+  const data = await answer.json();
+  element.querySelectorAll("svg.chart").forEach((svg) => svg.remove());
+  draw(element, data);
+  element.dataset.ready = "true";
+}
+
+export function start() {
+  const seen = new IntersectionObserver((entries) => {
+    for (const entry of entries.filter((one) => one.isIntersecting)) {
+      seen.unobserve(entry.target);
+      show(entry.target);
+    }
+  });
+  document.querySelectorAll("[data-plot]").forEach((element) => seen.observe(element));
+  let width = innerWidth;
+  addEventListener("resize", () => {
+    if (innerWidth === width) return;
+    width = innerWidth;
+    for (const { element, plot } of plots) plot.setSize({ width: Math.max(element.clientWidth, 240), height: plot.height });
+  });
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+  addEventListener("gearcase:theme", redraw);
+}
+
+// where the sound stands, in every plot over time
+export function playhead(seconds) {
+  for (const { element, plot } of plots) {
+    if (element.dataset.cursor === "time") plot.setCursor({ left: plot.valToPos(seconds, "x"), top: plot.over.clientHeight / 2 }, false);
+  }
+}
