@@ -1,0 +1,195 @@
+"""Jobs survive what happens to workers: kill -9 at any moment, stop, adoption; nothing lost, nothing doubled."""
+
+from __future__ import annotations
+
+import multiprocessing
+import random
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+
+from app.jobs import Job, JobError, JobNotFoundError, Jobs, JobState, JobStateError, jobs_url, take_slot
+
+PATIENCE_S = 90.0
+
+
+@dataclass
+class Place:
+    """A job database, a folder that the tasks write into, and the workers started here."""
+
+    url: str
+    folder: Path
+    jobs: Jobs
+    workers: list[subprocess.Popen[bytes]] = field(default_factory=list)
+
+    def work(self, name: str) -> subprocess.Popen[bytes]:
+        worker = subprocess.Popen([sys.executable, "-m", "tests.jobs.worker", self.url, name])
+        self.workers.append(worker)
+        return worker
+
+    def submit(self, count: int, seconds: float, **more: int) -> str:
+        return self.jobs.submit("count", {"count": count, "seconds": seconds, "folder": str(self.folder), **more})
+
+    def until(self, job_id: str, wanted: Callable[[Job], bool]) -> Job:
+        deadline = time.monotonic() + PATIENCE_S
+        while not wanted(job := self.jobs.get(job_id)):
+            assert time.monotonic() < deadline, f"still {job}"
+            time.sleep(0.1)
+        return job
+
+    def ended(self, job_id: str) -> Job:
+        return self.until(job_id, lambda job: job.state in ("done", "failed", "cancelled"))
+
+    def done(self) -> list[int]:
+        return sorted(int(path.name.partition("-")[2]) for path in self.folder.glob("done-*"))
+
+
+@pytest.fixture(params=["sqlite", pytest.param("postgres", marks=pytest.mark.postgres)])
+def place(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Place]:
+    if request.param == "sqlite":
+        url = jobs_url("sqlite:///library.sqlite", tmp_path)
+    else:
+        url = jobs_url(request.getfixturevalue("postgres_url"), tmp_path)
+    with ExitStack() as stack:
+        jobs = Jobs(url, ["count"])
+        stack.callback(jobs.close)
+        here = Place(url, tmp_path, jobs)
+        stack.callback(lambda: [(worker.kill(), worker.wait()) for worker in here.workers])
+        yield here
+
+
+def test_a_killed_worker_loses_nothing_and_doubles_nothing(place: Place) -> None:
+    chance = random.Random(7)
+    workers = {"a": place.work("a"), "b": place.work("b")}
+    job_id = place.submit(60, 0.1)
+    for kill in range(3):
+        place.until(job_id, lambda job, done=5 + 12 * kill: job.progress.done >= done)  # type: ignore[misc]
+        time.sleep(chance.uniform(0.0, 0.6))
+        victim = chance.choice(sorted(workers))
+        workers[victim].kill()
+        workers[victim].wait()
+        workers[victim] = place.work(victim)
+    job = place.ended(job_id)
+    assert job.state == "done", job.error
+    assert job.result == {"numbers": list(range(60))}
+    assert place.done() == list(range(60))
+    attempts = (place.folder / "attempts").read_text().splitlines()
+    assert len(attempts) <= 60 + 3, "only what a killed worker had in hand is done again"
+    assert len({line.split()[1] for line in attempts}) >= 3, "the work was shared"
+
+
+def test_another_worker_adopts_the_jobs_of_one_that_does_not_return(place: Place) -> None:
+    lost = place.work("lost")
+    job_id = place.submit(8, 0.2)
+    place.until(job_id, lambda job: job.progress.done >= 1)
+    lost.kill()
+    lost.wait()
+    place.work("heir")
+    time.sleep(2.0)
+    assert place.jobs.get(job_id).worker == "lost", "no worker takes what another holds"
+    assert "lost" in place.jobs.workers()
+    assert place.jobs.adopt("lost") >= 1
+    assert place.ended(job_id).result == {"numbers": list(range(8))}
+    assert place.jobs.adopt("lost") == 0
+
+
+def test_a_stopped_worker_gives_back_what_it_holds(place: Place) -> None:
+    worker = place.work("polite")
+    job_id = place.submit(40, 0.1)
+    place.until(job_id, lambda job: job.progress.done >= 2)
+    worker.send_signal(signal.SIGTERM)
+    assert worker.wait(30) == 0
+    assert place.jobs.workers() == {}
+    assert place.jobs.get(job_id).state == "queued"
+    place.work("other")
+    assert place.ended(job_id).result == {"numbers": list(range(40))}
+
+
+def test_cancel_then_resume(place: Place) -> None:
+    place.work("a")
+    job_id = place.submit(30, 0.1)
+    place.until(job_id, lambda job: job.progress.done >= 3)
+    assert place.jobs.cancel(job_id).state == "cancelled"
+    time.sleep(1.0)
+    done = place.done()
+    time.sleep(1.0)
+    assert place.done() == done, "nothing runs on after a cancellation"
+    assert 3 <= len(done) < 30
+    place.jobs.resume(job_id)
+    job = place.ended(job_id)
+    assert (job.state, place.done()) == ("done", list(range(30)))
+    attempts = (place.folder / "attempts").read_text().splitlines()
+    assert len(attempts) <= 31, "what was done before the cancellation is not done again"
+    for refused in (place.jobs.resume, place.jobs.cancel):
+        with pytest.raises(JobStateError, match="is done"):
+            refused(job_id)
+
+
+def test_a_failed_task_fails_the_job_with_its_reason(place: Place) -> None:
+    place.work("a")
+    job = place.ended(place.submit(30, 0.1, bad=2))
+    assert job.state == "failed"
+    assert job.error == "task 2: number 2 is bad"
+    assert len(place.done()) < 29, "the tasks behind it are not run"
+
+
+def test_history_is_complete_and_can_be_entered_anywhere(place: Place) -> None:
+    place.work("a")
+    job_id = place.submit(12, 0.15)
+    live = [event for event in place.jobs.events(job_id) if event is not None]
+    assert [event.number for event in live] == list(range(len(live)))
+    fractions = [event.progress.fraction for event in live]
+    assert fractions[-1] == 1.0
+    assert live[-1].progress.done == 12
+    assert len(live) > 2
+    assert list(place.jobs.events(job_id, after=1)) == live[2:]
+    assert list(place.jobs.events(job_id, after=live[-1].number)) == []
+
+
+def test_what_cannot_be(place: Place) -> None:
+    with pytest.raises(JobError, match="no job kind 'bake': there are count"):
+        place.jobs.submit("bake", {})
+    for ask in (place.jobs.get, place.jobs.cancel, place.jobs.resume, lambda name: list(place.jobs.events(name))):
+        with pytest.raises(JobNotFoundError):
+            ask("nothing")
+    states: set[JobState] = {place.jobs.get(place.submit(1, 0.0)).state}
+    assert states == {"queued"}
+
+
+def test_the_same_job_twice_is_one_job(place: Place) -> None:
+    parameters = {"count": 1, "seconds": 0.0, "folder": str(place.folder)}
+    first = place.jobs.submit("count", dict(parameters), job_id="order-1")
+    assert place.jobs.submit("count", dict(parameters), job_id="order-1") == first
+    assert [job.id for job in place.jobs.list()] == ["order-1"]
+
+
+def _hold(data_dir: Path, names: multiprocessing.Queue[tuple[str, tuple[str, ...]]]) -> None:
+    slot, free = take_slot(data_dir)
+    names.put((slot.name, free))
+    time.sleep(600)
+
+
+def test_a_worker_takes_the_name_of_a_dead_one(tmp_path: Path) -> None:
+    context = multiprocessing.get_context("spawn")
+    names: multiprocessing.Queue[tuple[str, tuple[str, ...]]] = context.Queue()
+    held = []
+    for _ in range(2):
+        process = context.Process(target=_hold, args=(tmp_path, names))
+        process.start()
+        held.append((process, names.get(timeout=60)))
+    (first, (name, _)), (second, (other, _)) = held
+    assert name != other
+    first.kill()
+    first.join()
+    slot, free = take_slot(tmp_path)
+    assert (slot.name, free) == (name, (name,))
+    second.kill()
+    second.join()
+    slot.lock.close()
