@@ -1,0 +1,1 @@
+"""Recordings and telemetry in, features and quality out; knows no database and no single axis."""

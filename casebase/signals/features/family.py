@@ -1,0 +1,18 @@
+"""FeatureFamily: features that are computed together."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from typing import ClassVar
+
+from casebase.signals.analysis import Analysis
+from casebase.signals.features.vector import FeatureDefinition
+
+
+class FeatureFamily(ABC):
+    """Features that share their computation; one subclass per file."""
+
+    definitions: ClassVar[tuple[FeatureDefinition, ...]]
+
+    @abstractmethod
+    def compute(self, analysis: Analysis) -> Sequence[float]:
+        """Return one value per definition, NaN where it cannot be computed."""

@@ -1,0 +1,66 @@
+"""Recording: one channel of sound or vibration as it was decoded."""
+
+import hashlib
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+import soxr
+from numpy.typing import NDArray
+
+from casebase.signals.errors import BrokenAudioError
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """One channel as decoded, before any resampling.
+
+    Args:
+        samples: finite samples, shape (n,) [unit]; 1 is full scale where the unit is "1".
+        sample_rate_hz: samples per second [Hz].
+        channel: index, from 0, of the channel used.
+        channels: how many channels the file has.
+        unit: UCUM code of the samples; "1" for an uncalibrated microphone.
+
+    Raises:
+        BrokenAudioError: if there are no samples, a sample is not finite, or the rate is not positive.
+    """
+
+    samples: NDArray[np.float32]
+    sample_rate_hz: float
+    channel: int = 0
+    channels: int = 1
+    unit: str = "1"
+
+    def __post_init__(self) -> None:
+        samples = np.ascontiguousarray(self.samples, dtype=np.float32)
+        if samples.ndim != 1 or samples.size == 0:
+            raise BrokenAudioError(
+                f"a recording is one channel of samples, shape (n,), n > 0; got shape {samples.shape}"
+            )
+        if not np.isfinite(self.sample_rate_hz) or self.sample_rate_hz <= 0:
+            raise BrokenAudioError(f"the sample rate must be positive, got {self.sample_rate_hz} Hz")
+        if not np.isfinite(samples).all():
+            bad = int(np.count_nonzero(~np.isfinite(samples)))
+            raise BrokenAudioError(f"{bad} of {samples.size} samples are not finite numbers; export them again")
+        samples.flags.writeable = False
+        object.__setattr__(self, "samples", samples)
+
+    @property
+    def duration_s(self) -> float:
+        """Length of the recording [s]."""
+        return self.samples.size / self.sample_rate_hz
+
+    @cached_property
+    def sha256(self) -> str:
+        """Hexadecimal SHA-256 of the sample rate and the little-endian float32 samples."""
+        digest = hashlib.sha256(f"{self.sample_rate_hz!r}\n".encode())
+        digest.update(self.samples.astype("<f4", copy=False).data)
+        return digest.hexdigest()
+
+    def resampled(self, rate_hz: float) -> "Recording":
+        """Return the recording at another sample rate [Hz], band-limited by soxr."""
+        if rate_hz == self.sample_rate_hz:
+            return self
+        samples = soxr.resample(self.samples, self.sample_rate_hz, rate_hz, quality="HQ")
+        return replace(self, samples=samples, sample_rate_hz=float(rate_hz))
