@@ -1,0 +1,105 @@
+"""Bytes of recordings, kept under their own SHA-256 and on disk before any row speaks of them."""
+
+import hashlib
+import os
+import secrets
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from casebase.errors import NotFoundError
+
+CHUNK = 1 << 20
+
+
+@dataclass(frozen=True)
+class StoredBytes:
+    """What was put: SHA-256 in hexadecimal and the number of bytes."""
+
+    sha256: str
+    byte_count: int
+
+
+@dataclass(frozen=True)
+class AudioStore:
+    """A folder of files named by content: `ab/cdef...`."""
+
+    folder: Path
+
+    def put(self, source: Path | bytes) -> StoredBytes:
+        """Keep the bytes durably; the same bytes twice cost one file."""
+        self.folder.mkdir(parents=True, exist_ok=True)
+        part = self.folder / f".part-{os.getpid()}-{secrets.token_hex(8)}"
+        try:
+            stored = self._write(source, part)
+            target = self.path_of(stored.sha256)
+            if not target.exists():
+                target.parent.mkdir(exist_ok=True)
+                part.rename(target)
+                sync_folder(target.parent)
+                sync_folder(self.folder)
+        finally:
+            part.unlink(missing_ok=True)
+        return stored
+
+    def path(self, sha256: str) -> Path:
+        """Return where the bytes lie; raises NotFoundError if they are gone."""
+        path = self.path_of(sha256)
+        if not path.is_file():
+            raise NotFoundError(f"the audio {sha256[:12]} is missing from the data folder; restore it from a backup")
+        return path
+
+    def path_of(self, sha256: str) -> Path:
+        """Return where bytes with this hash belong."""
+        if len(sha256) != 64 or not set(sha256) <= set("0123456789abcdef"):
+            raise NotFoundError(f"{sha256!r} is no SHA-256 in hexadecimal")
+        return self.folder / sha256[:2] / sha256[2:]
+
+    def hashes(self) -> Iterator[str]:
+        """Yield the hash of everything kept, sorted."""
+        for path in sorted(self.folder.glob("??/*")):
+            yield path.parent.name + path.name
+
+    def _write(self, source: Path | bytes, part: Path) -> StoredBytes:
+        digest, count = hashlib.sha256(), 0
+        with part.open("xb") as out:
+            for chunk in chunks(source):
+                digest.update(chunk)
+                count += len(chunk)
+                out.write(chunk)
+            out.flush()
+            os.fsync(out.fileno())
+        return StoredBytes(digest.hexdigest(), count)
+
+
+def chunks(source: Path | bytes) -> Iterator[bytes]:
+    """Yield the bytes in pieces."""
+    if isinstance(source, bytes):
+        yield source
+        return
+    with source.open("rb") as file:
+        yield from read_chunks(file)
+
+
+def read_chunks(file: BinaryIO) -> Iterator[bytes]:
+    """Yield what is left in an open file in pieces."""
+    while chunk := file.read(CHUNK):
+        yield chunk
+
+
+def sha256_of(source: Path | bytes) -> str:
+    """Return the SHA-256 of bytes or of a file, in hexadecimal."""
+    digest = hashlib.sha256()
+    for chunk in chunks(source):
+        digest.update(chunk)
+    return digest.hexdigest()
+
+
+def sync_folder(folder: Path) -> None:
+    """Make the names in a folder durable."""
+    descriptor = os.open(folder, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)

@@ -1,0 +1,72 @@
+"""Axis descriptions, revision by revision."""
+
+from collections.abc import Mapping, Sequence
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from casebase import audit
+from casebase.errors import ConflictError, NotFoundError
+from casebase.models import AxisRevision
+
+
+def add_axis(
+    session: Session,
+    name: str,
+    document: Mapping[str, object],
+    *,
+    note: str | None = None,
+    investigation_id: str | None = None,
+    based_on: int | None = None,
+) -> AxisRevision:
+    """Store a description as the next revision; the same document again is no new one.
+
+    Raises:
+        ConflictError: if `based_on` is given and is not the current revision.
+    """
+    current = find_axis(session, name)
+    if based_on is not None and (current is None or current.revision != based_on):
+        have = "none" if current is None else str(current.revision)
+        raise ConflictError(f"axis {name!r} is at revision {have}, not {based_on}; look at it and try again")
+    if current is not None and current.document == dict(document):
+        return current
+    row = AxisRevision(
+        name=name,
+        revision=1 if current is None else current.revision + 1,
+        document=dict(document),
+        note=note,
+        investigation_id=investigation_id,
+        created_by=audit.actor_of(session),
+    )
+    session.add(row)
+    session.flush()
+    audit.record(session, "axis.revised", ("axis", name), after={"revision": row.revision, "note": note})
+    return row
+
+
+def find_axis(session: Session, name: str) -> AxisRevision | None:
+    """Return the current revision, or None."""
+    statement = select(AxisRevision).where(AxisRevision.name == name)
+    return session.scalar(statement.order_by(AxisRevision.revision.desc()).limit(1))
+
+
+def get_axis(session: Session, name: str, revision: int | None = None) -> AxisRevision:
+    """Return one revision, the current one by default; raises NotFoundError."""
+    row = find_axis(session, name) if revision is None else session.get(AxisRevision, (name, revision))
+    if row is None:
+        raise NotFoundError(f"no axis {name!r} at revision {revision or 'current'}; POST /axes adds one")
+    return row
+
+
+def list_axes(session: Session) -> Sequence[AxisRevision]:
+    """Return the current revision of every axis, by name."""
+    newest = select(AxisRevision.name, func.max(AxisRevision.revision).label("revision"))
+    latest = newest.group_by(AxisRevision.name).subquery()
+    joined = (AxisRevision.name == latest.c.name) & (AxisRevision.revision == latest.c.revision)
+    return session.scalars(select(AxisRevision).join(latest, joined).order_by(AxisRevision.name)).all()
+
+
+def axis_history(session: Session, name: str) -> Sequence[AxisRevision]:
+    """Return all revisions of an axis, oldest first."""
+    statement = select(AxisRevision).where(AxisRevision.name == name).order_by(AxisRevision.revision)
+    return session.scalars(statement).all()

@@ -1,0 +1,120 @@
+"""Engines and column types: SQLite in WAL mode or PostgreSQL with pgvector, by URL."""
+
+import json
+from datetime import UTC, datetime
+from pathlib import Path
+from sqlite3 import Connection as SqliteConnection
+
+import numpy as np
+from alembic import command
+from alembic.config import Config
+from numpy.typing import NDArray
+from pgvector.sqlalchemy import Vector as PgVector
+from sqlalchemy import Connection, DateTime, Dialect, Engine, LargeBinary, create_engine, event
+from sqlalchemy.engine import make_url
+from sqlalchemy.types import TypeDecorator, TypeEngine
+
+import migrations
+
+WRITING = "gearcase_writing"
+"""Execution option of a connection whose transaction will write."""
+
+
+class FloatVector(TypeDecorator[NDArray[np.float32]]):
+    """A vector of finite float32: little-endian BLOB on SQLite, `vector` on PostgreSQL."""
+
+    impl = LargeBinary
+    cache_ok = True
+
+    def load_dialect_impl(self, dialect: Dialect) -> TypeEngine[object]:
+        if dialect.name == "postgresql":
+            return dialect.type_descriptor(PgVector())
+        return dialect.type_descriptor(LargeBinary())
+
+    def process_bind_param(self, value: NDArray[np.float32] | None, dialect: Dialect) -> object:
+        if value is None:
+            return None
+        vector = np.ascontiguousarray(value, dtype="<f4")
+        return vector if dialect.name == "postgresql" else vector.tobytes()
+
+    def process_result_value(self, value: object, dialect: Dialect) -> NDArray[np.float32] | None:
+        if value is None:
+            return None
+        if isinstance(value, bytes):
+            return np.frombuffer(value, dtype="<f4")
+        return np.asarray(value, dtype=np.float32)
+
+
+class UtcDateTime(TypeDecorator[datetime]):
+    """An instant; goes in with any offset, comes back in UTC, on either database."""
+
+    impl = DateTime(timezone=True)
+    cache_ok = True
+
+    def process_bind_param(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        if value is None:
+            return None
+        if value.tzinfo is None:
+            raise ValueError("a time without offset is no instant; give it a time zone")
+        return value.astimezone(UTC)
+
+    def process_result_value(self, value: datetime | None, dialect: Dialect) -> datetime | None:
+        if value is None:
+            return None
+        return value.replace(tzinfo=UTC) if value.tzinfo is None else value.astimezone(UTC)
+
+
+def strict_json(document: object) -> str:
+    """Return JSON without NaN or infinity; raises ValueError on either."""
+    return json.dumps(document, allow_nan=False, separators=(",", ":"))
+
+
+def create_engine_for(url: str) -> Engine:
+    """Return an engine for `sqlite:///path` or `postgresql://...` (psycopg is the driver)."""
+    parsed = make_url(url)
+    if parsed.drivername in ("postgresql", "postgres"):
+        parsed = parsed.set(drivername="postgresql+psycopg")
+    if parsed.get_backend_name() == "sqlite":
+        return _sqlite_engine(parsed.render_as_string(hide_password=False))
+    if parsed.get_backend_name() == "postgresql":
+        return create_engine(parsed, pool_pre_ping=True, pool_size=10, max_overflow=20, json_serializer=strict_json)
+    raise ValueError(f"database {parsed.get_backend_name()!r} is not known: use sqlite:/// or postgresql://")
+
+
+def sqlite_url(path: Path) -> str:
+    """Return the URL of an SQLite database file."""
+    return f"sqlite:///{path.resolve()}"
+
+
+def _sqlite_engine(url: str) -> Engine:
+    engine = create_engine(url, connect_args={"timeout": 30.0}, json_serializer=strict_json)
+
+    @event.listens_for(engine, "connect")
+    def configure(connection: SqliteConnection, _record: object) -> None:
+        connection.isolation_level = None  # the "begin" event below says how a transaction starts
+        connection.execute("PRAGMA journal_mode=WAL")
+        connection.execute("PRAGMA synchronous=FULL")
+        connection.execute("PRAGMA foreign_keys=ON")
+        connection.execute("PRAGMA busy_timeout=30000")
+
+    @event.listens_for(engine, "begin")
+    def begin(connection: Connection) -> None:
+        # a transaction that reads first and writes later would fail at once under another writer
+        writing = connection.get_execution_options().get(WRITING, False)
+        connection.exec_driver_sql("BEGIN IMMEDIATE" if writing else "BEGIN")
+
+    return engine
+
+
+def upgrade_database(engine: Engine, revision: str = "head") -> None:
+    """Bring the tables to the current revision; does nothing when they are there already."""
+    with engine.connect().execution_options(**{WRITING: True}) as connection, connection.begin():
+        command.upgrade(migration_config(connection), revision)
+
+
+def migration_config(connection: Connection) -> Config:
+    """Return Alembic's configuration for an open connection; it never prints."""
+    config = Config()
+    config.set_main_option("script_location", str(Path(migrations.__path__[0])).replace("%", "%%"))
+    config.attributes["connection"] = connection
+    return config

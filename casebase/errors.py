@@ -1,0 +1,45 @@
+"""What can go wrong in the library, each with what would be right."""
+
+
+class LibraryError(Exception):
+    """Any refusal by the library; its text says what was wrong and what would be right."""
+
+
+class NotFoundError(LibraryError):
+    """Nothing has this id."""
+
+
+class ConflictError(LibraryError):
+    """Somebody changed it in between, or its state does not allow the change."""
+
+
+class StaleVersionError(ConflictError):
+    """The version (ETag) that the change was based on is not the current one."""
+
+
+class DuplicateError(ConflictError):
+    """It exists already; `existing_id` tells which."""
+
+    def __init__(self, message: str, existing_id: str) -> None:
+        super().__init__(message)
+        self.existing_id = existing_id
+
+
+class InvalidRequestError(LibraryError, ValueError):
+    """The request contradicts itself or the library's rules."""
+
+
+class InvalidCursorError(InvalidRequestError):
+    """The cursor of a page was not made by this library."""
+
+
+class BundleError(InvalidRequestError):
+    """A case bundle (ZIP) that is not to be trusted or does not hold what it declares."""
+
+
+class BackupError(LibraryError):
+    """A backup that is incomplete or differs from its checksums."""
+
+
+class ArtifactError(LibraryError):
+    """Learned weights or calibration that do not fit this library."""

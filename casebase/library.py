@@ -1,0 +1,355 @@
+"""CaseLibrary: retain, revise, retire, restore; the rows are the truth, the audio lies beside them."""
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+from sqlalchemy import Engine, Select, func, select, update
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+from sqlalchemy.orm.exc import StaleDataError
+
+from casebase import audit
+from casebase.audio_store import AudioStore
+from casebase.database import WRITING, create_engine_for, sqlite_url, strict_json, upgrade_database
+from casebase.description import Labelling, RecordingDescription, check_choice, check_label
+from casebase.errors import (
+    ConflictError,
+    DuplicateError,
+    InvalidRequestError,
+    NotFoundError,
+    StaleVersionError,
+)
+from casebase.models import (
+    CASE_STATES,
+    AuditEntry,
+    Case,
+    Extractor,
+    FeatureRow,
+    LibraryCounter,
+    StoredRecording,
+    now,
+)
+from casebase.pages import Page, page
+from casebase.signals.features.vector import Extraction
+from casebase.signals.recording import Recording
+
+REVISABLE = ("label", "verified_by", "note", "mechanism", "location", "severity", "quarantine_reason", "state")
+
+
+@dataclass(frozen=True)
+class CaseFilter:
+    """Which cases to list; absent means any. Retired ones are left out unless asked for."""
+
+    label: str | None = None
+    origin: str | None = None
+    axis: str | None = None
+    gearbox: str | None = None
+    state: str | None = None
+    batch: str | None = None
+    quarantined: bool | None = None
+
+
+class CaseLibrary:
+    """The library over one database and one data folder.
+
+    Every method that takes a session works inside the caller's transaction (`transaction`), so that several
+    steps happen together or not at all.
+    """
+
+    def __init__(self, engine: Engine, data_dir: Path) -> None:
+        self.engine = engine
+        self.data_dir = data_dir
+        self.audio = AudioStore(data_dir / "audio")
+
+    @classmethod
+    def open(cls, data_dir: Path, url: str | None = None) -> "CaseLibrary":
+        """Open, and create or upgrade where needed; SQLite in the data folder unless a URL is given."""
+        data_dir.mkdir(parents=True, exist_ok=True)
+        engine = create_engine_for(url or sqlite_url(data_dir / "gearcase.db"))
+        upgrade_database(engine)
+        return cls(engine, data_dir)
+
+    @contextmanager
+    def transaction(self, actor: str, request_id: str | None = None) -> Iterator[Session]:
+        """Give a session that commits when the block ends well and rolls back when it does not."""
+        with Session(self.engine, expire_on_commit=False) as session:
+            session.info.update({audit.ACTOR: actor, audit.REQUEST: request_id})
+            session.connection(execution_options={WRITING: True})
+            try:
+                yield session
+                session.commit()
+            except StaleDataError as error:
+                raise StaleVersionError("somebody changed it at the same time; read it again") from error
+
+    @contextmanager
+    def reading(self) -> Iterator[Session]:
+        """Give a session for reading; it is rolled back."""
+        with Session(self.engine, expire_on_commit=False) as session:
+            yield session
+
+    def close(self) -> None:
+        """Give back the database connections."""
+        self.engine.dispose()
+
+    # -- recordings
+
+    def store_recording(
+        self,
+        session: Session,
+        source: Path | bytes,
+        recording: Recording,
+        extraction: Extraction,
+        description: RecordingDescription,
+    ) -> StoredRecording:
+        """Keep a recording: audio on disk first, then its rows. The same again is the one that is there.
+
+        Args:
+            source: the file as it came, bytes or path.
+            recording: what was decoded from it.
+            extraction: its features.
+            description: how it was taken.
+        """
+        stored = self.audio.put(source)
+        document = description.to_document()
+        fingerprint = _fingerprint(stored.sha256, recording.channel, document)
+        existing = session.scalar(select(StoredRecording).where(StoredRecording.fingerprint == fingerprint))
+        if existing is not None:
+            self.store_features(session, existing, extraction)
+            return existing
+        condition = description.condition
+        row = StoredRecording(
+            fingerprint=fingerprint,
+            samples_sha256=recording.sha256,
+            file_sha256=stored.sha256,
+            file_name=description.file_name[-255:],
+            media_type=description.media_type[:100],
+            byte_count=stored.byte_count,
+            sample_rate_hz=recording.sample_rate_hz,
+            channel=recording.channel,
+            channels=recording.channels,
+            duration_s=recording.duration_s,
+            unit=recording.unit,
+            usable=extraction.usable,
+            quality=[asdict(flag) for flag in extraction.quality],
+            axis=description.axis,
+            gearbox=description.gearbox,
+            payload_kg_m2=condition.payload_kg_m2,
+            speed_rad_s=condition.speed_rad_s,
+            recorded_at=description.recorded_at,
+            description=document,
+            created_by=audit.actor_of(session),
+        )
+        try:
+            with session.begin_nested():
+                session.add(row)
+        except IntegrityError:
+            # somebody stored the same at the same time
+            return session.scalars(select(StoredRecording).where(StoredRecording.fingerprint == fingerprint)).one()
+        self.store_features(session, row, extraction)
+        audit.record(session, "recording.stored", ("recording", row.id), after={"file_sha256": stored.sha256})
+        return row
+
+    def store_features(self, session: Session, row: StoredRecording, extraction: Extraction) -> FeatureRow:
+        """Keep the features of one extractor version; they are there once."""
+        version = extraction.extractor_version
+        existing = session.get(FeatureRow, (row.id, version))
+        if existing is not None:
+            return existing
+        if session.get(Extractor, version) is None:
+            session.merge(Extractor(version=version, names=list(extraction.features.names)))
+            session.flush()
+        values = np.asarray(extraction.features.values, dtype=np.float32)
+        missing = ~np.isfinite(values)
+        features = FeatureRow(
+            recording_id=row.id,
+            extractor_version=version,
+            finite=np.where(missing, np.float32(0), values),
+            missing=np.packbits(missing).tobytes(),
+            motion=asdict(extraction.motion),
+            events=[asdict(event) for event in extraction.events],
+        )
+        session.add(features)
+        session.flush()
+        return features
+
+    def recording(self, session: Session, recording_id: str) -> StoredRecording:
+        """Return a recording; raises NotFoundError."""
+        row = session.get(StoredRecording, recording_id)
+        if row is None:
+            raise NotFoundError(f"no recording has the id {recording_id!r}")
+        return row
+
+    def audio_path(self, row: StoredRecording) -> Path:
+        """Return the file of a recording as it came in; raises NotFoundError if it is gone."""
+        return self.audio.path(row.file_sha256)
+
+    # -- cases
+
+    def retain(
+        self,
+        session: Session,
+        recording: StoredRecording,
+        labelling: Labelling,
+        *,
+        diagnosis_id: str | None = None,
+    ) -> Case:
+        """Make a case of a recording. The same recording with the same label is the case that is there.
+
+        Raises:
+            DuplicateError: if the recording is a case with another label already.
+        """
+        existing = self._existing(session, recording, labelling)
+        if existing is not None:
+            return existing
+        fields = asdict(labelling) | {"parameters": dict(labelling.parameters)}
+        case = Case(
+            recording=recording,
+            diagnosis_id=diagnosis_id,
+            labelled_by=audit.actor_of(session),
+            library_version=self._next_version(session),
+            **fields,
+        )
+        session.add(case)
+        session.flush()
+        audit.record(session, "case.retained", ("case", case.id), after=_summary(case))
+        return case
+
+    def _existing(self, session: Session, recording: StoredRecording, labelling: Labelling) -> Case | None:
+        same = Case.recording_id == recording.id
+        if labelling.key is not None:
+            same = same | (Case.key == labelling.key)
+        case = session.scalars(select(Case).where(same).order_by(Case.id)).first()
+        if case is None:
+            return None
+        if case.key is not None and case.key == labelling.key:
+            return case
+        if (case.label, case.origin) == (labelling.label, labelling.origin) and case.state != "retired":
+            return case
+        raise DuplicateError(
+            f"this recording is case {case.id} already ({case.label}, {case.state}); change that case instead",
+            case.id,
+        )
+
+    def case(self, session: Session, case_id: str) -> Case:
+        """Return a case, retired ones too; raises NotFoundError."""
+        row = session.get(Case, case_id)
+        if row is None:
+            raise NotFoundError(f"no case has the id {case_id!r}")
+        return row
+
+    def cases(self, session: Session, wanted: CaseFilter, *, limit: int = 50, cursor: str | None = None) -> Page[Case]:
+        """Return a page of cases, newest first."""
+        return page(session, selected(wanted), Case.id, limit=limit, cursor=cursor)
+
+    def revise(
+        self,
+        session: Session,
+        case_id: str,
+        changes: Mapping[str, object],
+        *,
+        expected_version: int | None = None,
+    ) -> Case:
+        """Change label, verification, note, mechanism, location, severity, quarantine or state.
+
+        Raises:
+            StaleVersionError: if the case is not at the expected version.
+            InvalidRequestError: if a field cannot be changed or its value is none of its values.
+        """
+        unknown = set(changes) - set(REVISABLE)
+        if unknown:
+            raise InvalidRequestError(f"cannot change {sorted(unknown)}; changeable are {', '.join(REVISABLE)}")
+        if "label" in changes:
+            check_label(str(changes["label"]))
+        if "state" in changes:
+            check_choice("state", str(changes["state"]), CASE_STATES)
+        case = self.case(session, case_id)
+        if expected_version is not None and case.version != expected_version:
+            raise StaleVersionError(
+                f"case {case_id} is at version {case.version}, not {expected_version}; read it again"
+            )
+        before = {name: getattr(case, name) for name in changes if getattr(case, name) != changes[name]}
+        if before:
+            case.library_version = self._next_version(session)
+            for name in before:
+                setattr(case, name, changes[name])
+            case.updated_at = now()
+            session.flush()
+            after = {name: changes[name] for name in before}
+            audit.record(session, "case.revised", ("case", case.id), before=before, after=after)
+        return case
+
+    def retire(self, session: Session, case_id: str, *, expected_version: int | None = None) -> Case:
+        """Take a case out of every search; it stays readable and can come back."""
+        return self.revise(session, case_id, {"state": "retired"}, expected_version=expected_version)
+
+    def restore(self, session: Session, case_id: str, *, expected_version: int | None = None) -> Case:
+        """Bring a retired case back; raises ConflictError if it is not retired."""
+        if self.case(session, case_id).state != "retired":
+            raise ConflictError(f"case {case_id} is not retired, so there is nothing to restore")
+        return self.revise(session, case_id, {"state": "confirmed"}, expected_version=expected_version)
+
+    def history(self, session: Session, case_id: str) -> Sequence[AuditEntry]:
+        """Return all that happened to a case, oldest first; raises NotFoundError."""
+        return audit.history(session, "case", self.case(session, case_id).id)
+
+    def counts(self, session: Session) -> Mapping[tuple[str, str], int]:
+        """Return how many searchable cases there are per label and origin."""
+        statement = select(Case.label, Case.origin, func.count()).where(
+            Case.state == "confirmed", Case.quarantine_reason.is_(None)
+        )
+        rows = session.execute(statement.group_by(Case.label, Case.origin)).all()
+        return {(label, origin): count for label, origin, count in rows}
+
+    def version(self, session: Session) -> int:
+        """Return the counter that goes up with every change of the cases."""
+        return session.scalars(select(LibraryCounter.value)).one()
+
+    def _next_version(self, session: Session) -> int:
+        counter = update(LibraryCounter).values(value=LibraryCounter.value + 1)
+        return session.scalars(counter.returning(LibraryCounter.value)).one()
+
+
+def selected(wanted: CaseFilter) -> Select[tuple[Case]]:
+    """Return the statement that selects the cases wanted."""
+    statement = select(Case)
+    for column, value in (
+        (Case.label, wanted.label),
+        (Case.origin, wanted.origin),
+        (Case.batch, wanted.batch),
+        (Case.state, wanted.state),
+    ):
+        if value is not None:
+            statement = statement.where(column == value)
+    if wanted.state is None:
+        statement = statement.where(Case.state != "retired")
+    if wanted.quarantined is not None:
+        reason = Case.quarantine_reason
+        statement = statement.where(reason.is_not(None) if wanted.quarantined else reason.is_(None))
+    if wanted.axis is not None or wanted.gearbox is not None:
+        statement = statement.join(StoredRecording, StoredRecording.id == Case.recording_id)
+    if wanted.axis is not None:
+        statement = statement.where(StoredRecording.axis == wanted.axis)
+    if wanted.gearbox is not None:
+        statement = statement.where(StoredRecording.gearbox == wanted.gearbox)
+    return statement
+
+
+def _fingerprint(file_sha256: str, channel: int, document: Mapping[str, object]) -> str:
+    how_taken = {name: value for name, value in document.items() if name not in ("file_name", "media_type")}
+    parts = (file_sha256, str(channel), strict_json(dict(sorted(how_taken.items()))))
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
+
+
+def _summary(case: Case) -> dict[str, object]:
+    return {
+        "label": case.label,
+        "origin": case.origin,
+        "state": case.state,
+        "recording_id": case.recording_id,
+        "verified_by": case.verified_by,
+        "key": case.key,
+    }

@@ -1,0 +1,1 @@
+"""Alembic migrations of the library; run by `casebase.database.upgrade_database`."""

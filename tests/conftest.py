@@ -1,0 +1,70 @@
+"""Fixtures that every part may use: a migrated database on SQLite and on PostgreSQL."""
+
+import itertools
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from casebase.database import create_engine_for, sqlite_url, upgrade_database
+from tests import postgres
+
+TEMPLATE = "gearcase_template"
+_numbers = itertools.count()
+
+
+@pytest.fixture(scope="session")
+def postgres_server() -> Iterator[str]:
+    """URL of the database `postgres` of a real server; skips with the reason where none can be had."""
+    try:
+        server = postgres.running_server()
+        url = server.__enter__()
+    except (postgres.PostgresUnavailableError, OSError) as error:
+        pytest.skip(f"no PostgreSQL here: {error}")
+    try:
+        yield url
+    finally:
+        server.__exit__(None, None, None)
+
+
+@pytest.fixture(scope="session")
+def postgres_template(postgres_server: str) -> str:
+    """Name of a migrated, empty database to copy."""
+    engine = create_engine_for(postgres.create_database(postgres_server, TEMPLATE))
+    upgrade_database(engine)
+    engine.dispose()
+    return TEMPLATE
+
+
+@pytest.fixture(scope="session")
+def sqlite_template(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Path of a migrated, empty SQLite file to copy."""
+    path = tmp_path_factory.mktemp("template") / "gearcase.db"
+    engine = create_engine_for(sqlite_url(path))
+    upgrade_database(engine)
+    engine.dispose()
+    return path
+
+
+@pytest.fixture
+def sqlite_database_url(sqlite_template: Path, tmp_path: Path) -> str:
+    """URL of a migrated, empty SQLite database of this test alone."""
+    path = tmp_path / "gearcase.db"
+    shutil.copy(sqlite_template, path)
+    return sqlite_url(path)
+
+
+@pytest.fixture
+def postgres_database_url(postgres_server: str, postgres_template: str) -> Iterator[str]:
+    """URL of a migrated, empty PostgreSQL database of this test alone."""
+    name = f"gearcase_{next(_numbers)}"
+    yield postgres.create_database(postgres_server, name, postgres_template)
+    postgres.drop_database(postgres_server, name)
+
+
+@pytest.fixture(params=["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)])
+def database_url(request: pytest.FixtureRequest) -> str:
+    """URL of a migrated, empty database: the test runs once on SQLite and once on PostgreSQL."""
+    name = "sqlite_database_url" if request.param == "sqlite" else "postgres_database_url"
+    return str(request.getfixturevalue(name))

@@ -1,0 +1,63 @@
+"""Cases whose features are known exactly, because they are made here."""
+
+from collections.abc import Sequence
+
+import numpy as np
+from sqlalchemy.orm import Session
+
+from casebase.description import Labelling, RecordingDescription
+from casebase.library import CaseLibrary
+from casebase.models import Case, StoredRecording
+from casebase.signals.condition import OperatingCondition
+from casebase.signals.features.vector import Extraction, FeatureVector, Motion, MotionSource
+from casebase.signals.recording import Recording
+
+VERSION = "made"
+
+
+def extraction(values: Sequence[float], *, version: str = VERSION) -> Extraction:
+    """Return an extraction with features f0, f1, ..."""
+    names = tuple(f"f{index}" for index in range(len(values)))
+    vector = FeatureVector(names, np.array(values, dtype=np.float32))
+    return Extraction(vector, (), Motion(None, (), MotionSource.NONE), (), version)
+
+
+def recording(seed: int) -> Recording:
+    """Return a short recording of noise."""
+    samples = np.random.default_rng(seed).normal(scale=0.1, size=80).astype(np.float32)
+    return Recording(samples, 8000.0)
+
+
+def store(
+    library: CaseLibrary,
+    session: Session,
+    values: Sequence[float],
+    *,
+    seed: int = 0,
+    gearbox: str | None = "g0",
+    axis: str | None = "axis",
+    version: str = VERSION,
+) -> StoredRecording:
+    """Store a recording whose audio is noise of this seed and whose features are these values."""
+    sound = recording(seed)
+    description = RecordingDescription(
+        file_name=f"{seed}.wav", axis=axis, gearbox=gearbox, condition=OperatingCondition(speed_rad_s=2.0)
+    )
+    return library.store_recording(
+        session, sound.samples.tobytes(), sound, extraction(values, version=version), description
+    )
+
+
+def add_case(
+    library: CaseLibrary,
+    session: Session,
+    values: Sequence[float],
+    label: str,
+    *,
+    seed: int,
+    gearbox: str | None = "g0",
+    origin: str = "measured",
+) -> Case:
+    """Store a recording and make it a case."""
+    row = store(library, session, values, seed=seed, gearbox=gearbox)
+    return library.retain(session, row, Labelling(label, origin=origin))
