@@ -4,6 +4,7 @@ import json
 from datetime import UTC, datetime
 from pathlib import Path
 from sqlite3 import Connection as SqliteConnection
+from typing import Any
 
 import numpy as np
 from alembic import command
@@ -26,10 +27,9 @@ class FloatVector(TypeDecorator[NDArray[np.float32]]):
     impl = LargeBinary
     cache_ok = True
 
-    def load_dialect_impl(self, dialect: Dialect) -> TypeEngine[object]:
-        if dialect.name == "postgresql":
-            return dialect.type_descriptor(PgVector())
-        return dialect.type_descriptor(LargeBinary())
+    def load_dialect_impl(self, dialect: Dialect) -> TypeEngine[Any]:
+        implementation: TypeEngine[Any] = PgVector() if dialect.name == "postgresql" else LargeBinary()
+        return dialect.type_descriptor(implementation)
 
     def process_bind_param(self, value: NDArray[np.float32] | None, dialect: Dialect) -> object:
         if value is None:

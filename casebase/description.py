@@ -3,6 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from datetime import datetime
+from typing import Any
 
 from casebase.errors import InvalidRequestError
 from casebase.models import CASE_STATES, ORIGINS
@@ -50,9 +51,10 @@ def condition_of(document: Mapping[str, object]) -> OperatingCondition:
     if not isinstance(stored, Mapping):
         raise InvalidRequestError("condition must be a table of quantities")
     known = {each.name for each in fields(OperatingCondition)}
-    return OperatingCondition(
-        **{name: tuple(value) if isinstance(value, list) else value for name, value in stored.items() if name in known}
-    )
+    given: dict[str, Any] = {
+        name: tuple(value) if isinstance(value, list) else value for name, value in stored.items() if name in known
+    }
+    return OperatingCondition(**given)
 
 
 @dataclass(frozen=True)

@@ -313,7 +313,7 @@ class CaseLibrary:
         return session.scalars(counter.returning(LibraryCounter.value)).one()
 
 
-def selected(wanted: CaseFilter) -> Select[tuple[Case]]:
+def selected(wanted: CaseFilter) -> Select[Case]:
     """Return the statement that selects the cases wanted."""
     statement = select(Case)
     for column, value in (

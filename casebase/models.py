@@ -153,7 +153,9 @@ class Case(Base):
         Index("ix_cases_label_origin", "label", "origin", "id"),
         Index("ix_cases_state", "state", "id"),
     )
-    __mapper_args__: ClassVar = {"version_id_col": version}
+    __mapper_args__ = {  # noqa: RUF012
+        "version_id_col": version
+    }
 
 
 class StoredDiagnosis(Base):
@@ -183,7 +185,9 @@ class StoredDiagnosis(Base):
         Index("ix_diagnoses_verdict", "verdict", "id"),
         Index("ix_diagnoses_state", "state", "id"),
     )
-    __mapper_args__: ClassVar = {"version_id_col": version}
+    __mapper_args__ = {  # noqa: RUF012
+        "version_id_col": version
+    }
 
 
 class AxisRevision(Base):

@@ -23,7 +23,7 @@ class Page(Generic[Row]):
 
 def page(
     session: Session,
-    statement: Select[tuple[Row]],
+    statement: Select[Row],
     key: InstrumentedAttribute[str],
     *,
     limit: int = 50,
