@@ -1,0 +1,64 @@
+"""An error as a page, where a browser asked for one: the same words as the problem document, and the way out."""
+
+import json
+
+from starlette.datastructures import Headers
+from starlette.requests import Request
+from starlette.responses import RedirectResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from app.service import service_of
+from app.web.templating import render
+
+
+class PageErrors:
+    """Turns problem+json into a page for requests of a browser outside /api."""
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or not _wants_page(scope):
+            await self.app(scope, receive, send)
+            return
+        started: Message | None = None
+        body = b""
+
+        async def send_page(message: Message) -> None:
+            nonlocal started, body
+            if message["type"] == "http.response.start" and _is_problem(message):
+                started = message
+                return
+            if started is None:
+                await send(message)
+                return
+            body += message.get("body", b"")
+            if not message.get("more_body", False):
+                await _error_page(scope, receive, send, body, int(started["status"]))
+
+        await self.app(scope, receive, send_page)
+
+
+def _wants_page(scope: Scope) -> bool:
+    accepted = Headers(scope=scope).get("accept", "")
+    return "text/html" in accepted and not scope["path"].startswith("/api/")
+
+
+def _is_problem(message: Message) -> bool:
+    return Headers(raw=message["headers"]).get("content-type", "").startswith("application/problem+json")
+
+
+async def _error_page(scope: Scope, receive: Receive, send: Send, body: bytes, status: int) -> None:
+    request = Request(scope)
+    problem = json.loads(body)
+    principal = getattr(request.state, "principal", None)
+    context = {"title": problem.get("title", ""), "detail": problem.get("detail", ""), "status": status}
+    page = render(request, "error.html", context, principal=principal, status=status)
+    await page(scope, receive, send)
+
+
+async def sign_in_first(request: Request, error: Exception) -> RedirectResponse:
+    """Answer SignInNeeded with the way to the sign-in page."""
+    root = service_of(request).settings.root_path.rstrip("/")
+    query = getattr(error, "query", "next=%2F")
+    return RedirectResponse(f"{root}/sign-in?{query}", status_code=303)

@@ -1,0 +1,66 @@
+"""Who looks at a page: a key in an HttpOnly cookie; forms carry a token that only this page could know."""
+
+from typing import Annotated
+from urllib.parse import quote
+
+from fastapi import Depends, Form, Request
+
+from app.errors import Forbidden, NotAuthenticated
+from app.security import COOKIE, Principal, Role, check_csrf, client_of, principal_of
+from app.service import service_of
+
+
+class SignInNeeded(Exception):
+    """Nobody is signed in; the page to come back to afterwards."""
+
+    def __init__(self, path: str) -> None:
+        super().__init__(path)
+        self.path = path
+
+    @property
+    def query(self) -> str:
+        return f"next={quote(self.path, safe='')}"
+
+
+def visitor(request: Request) -> Principal | None:
+    """Return who is signed in by cookie, or None."""
+    key = request.cookies.get(COOKIE)
+    if not key:
+        return None
+    try:
+        principal = principal_of(service_of(request), key, client_of(request))
+    except NotAuthenticated:
+        return None
+    request.state.actor, request.state.principal = principal.actor, principal
+    return principal
+
+
+Visitor = Annotated[Principal | None, Depends(visitor)]
+
+
+class PageRequires:
+    """Dependency of a page: somebody with at least this role, or the sign-in page."""
+
+    def __init__(self, role: Role) -> None:
+        self.role = role
+
+    def __call__(self, request: Request, principal: Visitor) -> Principal:
+        if principal is None:
+            path = request.url.path if request.method == "GET" else "/"
+            raise SignInNeeded(path)
+        if not principal.role.may(self.role):
+            raise Forbidden(f"This page needs the role {self.role}; you are signed in with the role {principal.role}.")
+        return principal
+
+
+PageViewer = Annotated[Principal, Depends(PageRequires(Role.VIEWER))]
+PageOperator = Annotated[Principal, Depends(PageRequires(Role.OPERATOR))]
+PageAdmin = Annotated[Principal, Depends(PageRequires(Role.ADMIN))]
+
+
+def form_token(request: Request, csrf: Annotated[str, Form()] = "") -> None:
+    """Dependency of every form: its token must belong to the cookie."""
+    check_csrf(request, csrf)
+
+
+FromOurPage = Depends(form_token)

@@ -1,0 +1,156 @@
+"""Templates, what every page is given, and how numbers, times and labels are written."""
+
+import secrets
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from importlib.metadata import version
+from pathlib import Path
+from zoneinfo import ZoneInfo
+
+from fastapi import Request
+from fastapi.responses import HTMLResponse
+from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
+from markupsafe import Markup, escape
+
+from app.security import COOKIE, Principal, csrf_token
+from app.service import service_of
+from app.web.svg import shape_name, shape_path
+
+FOLDER = Path(__file__).parent
+STATIC = FOLDER / "static"
+NAVIGATION = (
+    ("/diagnoses", "Diagnoses", "1", "viewer"),
+    ("/library", "Library", "2", "viewer"),
+    ("/axes", "Axes", "3", "viewer"),
+    ("/investigations", "Model and measurement", "4", "viewer"),
+    ("/jobs", "Jobs", "5", "operator"),
+    ("/keys", "Keys", "6", "admin"),
+    ("/audit", "Audit", "7", "admin"),
+)
+MINUS = "\N{MINUS SIGN}"
+
+
+@dataclass(frozen=True)
+class Message:
+    """One notice above the content: kind is empty, 'warn' or 'bad'."""
+
+    text: str
+    kind: str = ""
+
+
+def quantity(value: float | None, unit: str = "", digits: int = 3) -> Markup:
+    """Write a number with its unit, or a dash where there is none.
+
+    >>> quantity(0.00091, "rad")
+    Markup('0.00091\\xa0rad')
+    """
+    if value is None:
+        return Markup("–")  # noqa: RUF001
+    text = f"{value:.{digits}g}"
+    if "e" in text:
+        mantissa, exponent = text.split("e")
+        text = f"{mantissa} × 10^{int(exponent)}"  # noqa: RUF001
+    text = text.replace("-", MINUS)
+    return escape(text) + (Markup("\N{NO-BREAK SPACE}") + escape(unit) if unit and unit != "1" else Markup(""))
+
+
+def percent(value: float | None, digits: int = 0) -> str:
+    """Write a ratio in per cent."""
+    return "–" if value is None else f"{100 * value:.{digits}f}\N{NO-BREAK SPACE}%"  # noqa: RUF001
+
+
+def shape(label: str | None) -> Markup:
+    """Draw the shape that belongs to a label, so that colour never speaks alone."""
+    outline = shape_path(label or "", 8.0, 8.0, 6.0)
+    return Markup(
+        '<svg viewBox="0 0 16 16" class="shape" aria-hidden="true"><path fill="currentColor" d="{}"/></svg>'
+    ).format(outline)
+
+
+def label_badge(label: str | None) -> Markup:
+    """Write a label with its shape."""
+    return Markup('<span class="label {}">{}{}</span>').format(shape_name(label or ""), shape(label), label or "none")
+
+
+def origin_badge(origin: str) -> Markup:
+    """Write where a case comes from."""
+    return Markup('<span class="badge {}">{}</span>').format(origin, origin)
+
+
+def _clock(zone: str) -> ZoneInfo:
+    return ZoneInfo(zone)
+
+
+def instant(value: datetime | None, zone: str) -> Markup:
+    """Write a time in the zone of the site, with its abbreviation, machine-readable besides."""
+    if value is None:
+        return Markup("–")  # noqa: RUF001
+    local = value.astimezone(_clock(zone))
+    return Markup('<time datetime="{}">{}</time>').format(value.isoformat(), f"{local:%Y-%m-%d %H:%M} {local.tzname()}")
+
+
+def _environment() -> Environment:
+    environment = Environment(
+        loader=FileSystemLoader(FOLDER / "templates"),
+        autoescape=select_autoescape(default=True, default_for_string=True),
+        undefined=StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(
+        quantity=quantity, percent=percent, label_badge=label_badge, origin_badge=origin_badge, shape=shape
+    )
+    environment.globals.update(version=version("gearcase"), shape_name=shape_name)
+    return environment
+
+
+ENVIRONMENT = _environment()
+
+
+def content_security_policy(nonce: str) -> str:
+    """Scripts and styles of our own only; the nonce is for the style of the waveform player's shadow root."""
+    return (
+        "default-src 'none'; script-src 'self'; connect-src 'self'; img-src 'self' data:; media-src 'self' blob:; "
+        f"style-src 'self' 'nonce-{nonce}'; font-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+    )
+
+
+def render(
+    request: Request,
+    template: str,
+    context: Mapping[str, object],
+    *,
+    principal: Principal | None,
+    section: str = "",
+    messages: tuple[Message, ...] = (),
+    status: int = 200,
+) -> HTMLResponse:
+    """Fill a page's template; everything a value holds is escaped."""
+    service = service_of(request)
+    root = service.settings.root_path.rstrip("/")
+    zone = service.settings.time_zone
+    nonce = secrets.token_urlsafe(12)
+    navigation = [
+        (href, words, key)
+        for href, words, key, role in NAVIGATION
+        if principal is not None and principal.role.may(type(principal.role)(role))
+    ]
+    given: dict[str, object] = {
+        "root": root,
+        "request_path": request.url.path,
+        "static": lambda name: f"{root}/static/{name}",
+        "nonce": nonce,
+        "csrf": csrf_token(request.cookies.get(COOKIE, "")) if principal else "",
+        "principal": principal,
+        "may_operate": principal is not None and principal.role.may(type(principal.role)("operator")),
+        "may_admin": principal is not None and principal.role.may(type(principal.role)("admin")),
+        "navigation": navigation,
+        "section": section,
+        "messages": messages,
+        "zone": zone,
+        "at": lambda value: instant(value, zone),
+    }
+    page = ENVIRONMENT.get_template(template).render({**given, **context})
+    headers = {"Content-Security-Policy": content_security_policy(nonce), "Cache-Control": "no-store"}
+    return HTMLResponse(page, status_code=status, headers=headers)
