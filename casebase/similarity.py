@@ -1,0 +1,97 @@
+"""Similarity: a weighted distance over robustly scaled features, whose parts add up to it.
+
+With center m, scale s and weights w of sum 1, the distance of a query q to a case x is
+
+    d = sqrt(sum_j w_j (z(q)_j - z(x)_j)^2),    z(x)_j = clip((x_j - m_j) / s_j, -LIMIT, LIMIT)
+
+so that 1 is what one spread in every feature would give. A feature that the query does not have is left out and the
+weights are brought to sum 1 again. A feature that the case does not have contributes what is to be expected of it:
+w_j (z(q)_j^2 + 1), the distance to the middle of the library plus its spread.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from casebase.errors import ArtifactError
+
+LIMIT = 10.0
+"""Scaled values are clipped here, so that one broken feature cannot outweigh all others."""
+SMALLEST_SCALE = 1e-6
+NORMAL_CONSISTENT = 1.4826
+"""Median absolute deviation of a normal distribution times this is its standard deviation."""
+
+Floats = NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Metric:
+    """What a distance is: center, scale and weight of every feature, shape (n,) each; the weights sum to 1."""
+
+    names: tuple[str, ...]
+    center: Floats
+    scale: Floats
+    weights: Floats
+
+    def __post_init__(self) -> None:
+        sizes = {len(self.names), self.center.size, self.scale.size, self.weights.size}
+        if len(sizes) != 1:
+            raise ArtifactError(f"a metric needs center, scale and weight for each of {len(self.names)} features")
+        if not (np.all(self.scale > 0) and np.all(self.weights >= 0) and self.weights.sum() > 0):
+            raise ArtifactError("scales must be positive and weights not negative, some above zero")
+
+    def scaled(self, values: NDArray[np.floating]) -> Floats:
+        """Return scaled and clipped values, shape (..., n); NaN stays NaN."""
+        return np.clip((np.asarray(values, np.float64) - self.center) / self.scale, -LIMIT, LIMIT)
+
+    def with_weights(self, weights: Floats) -> "Metric":
+        """Return the same scales with other weights."""
+        return Metric(self.names, self.center, self.scale, weights / weights.sum())
+
+    def to_document(self) -> dict[str, object]:
+        """Return it as JSON."""
+        return {
+            "names": list(self.names),
+            "center": self.center.tolist(),
+            "scale": self.scale.tolist(),
+            "weights": self.weights.tolist(),
+        }
+
+    @classmethod
+    def from_document(cls, document: Mapping[str, object], names: Sequence[str]) -> "Metric":
+        """Read it back; raises ArtifactError if it is not for these features."""
+        if document.get("names") != list(names):
+            raise ArtifactError("the learned weights are for other features; learn them again")
+        center, scale, weights = (np.array(document[key], dtype=np.float64) for key in ("center", "scale", "weights"))
+        return cls(tuple(names), center, scale, weights)
+
+
+def robust_scales(values: NDArray[np.floating]) -> tuple[Floats, Floats]:
+    """Return median and normal-consistent median absolute deviation per column, NaN left out.
+
+    A column that is constant or missing in more than half gets the standard deviation, and 1 if that is zero too.
+
+    Args:
+        values: shape (cases, n).
+
+    Source: Rousseeuw and Croux, Alternatives to the Median Absolute Deviation, JASA 88 (1993).
+    """
+    values = np.asarray(values, dtype=np.float64)
+    center, scale = np.zeros(values.shape[1]), np.ones(values.shape[1])
+    for column in range(values.shape[1]):
+        known = values[np.isfinite(values[:, column]), column]
+        if known.size:
+            center[column] = np.median(known)
+            scale[column] = _spread(known, center[column])
+    return center, scale
+
+
+def _spread(known: Floats, middle: float) -> float:
+    smallest = SMALLEST_SCALE * max(1.0, abs(middle))
+    deviation = NORMAL_CONSISTENT * float(np.median(np.abs(known - middle)))
+    if deviation > smallest:
+        return deviation
+    deviation = float(np.std(known))
+    return deviation if deviation > smallest else 1.0
