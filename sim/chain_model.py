@@ -1,0 +1,204 @@
+"""Engine 2 for robot axes: shafts in series with everything that is not affine inside, motor side first.
+
+    J_k w_k' = F_(k-1) - T_k(F_k / i_k) - friction_k - gravity_k + offset_k + ripple_k + external_k (+ motor on shaft 0)
+    x_k = theta_k / i_k - theta_(k+1) - e_k(angles)                twist of link k, at its driven gear [rad]
+    F_k = contact law of x_k, x_k' (with gap, dents, stiffness) + hysteresis      torque on shaft k+1 [N m]
+
+T_k is the lossy gear of `design` equation LossyGear of Modelica.Mechanics.Rotational 4.1, F_k its ElastoBacklash.
+Friction at zero speed is exact stick. Order 4 in the step between located events. One exception is documented at
+`PrescribedMotion`: the friction of a motor that is moved as measured acts on its torque only, and is smooth there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.interpolate import make_interp_spline
+
+Array = NDArray[np.float64]
+BACKLASH_NONE_RAD = 1e-10  # a total gap up to this is a plain spring and damper, as in ElastoBacklash
+CONTACT_LAWS = {"linear": 1.0, "elasto": 2.0, "elasto2": 3.0}
+MAX_SHAFTS = 4
+MAX_STEPS = 200_000_000
+LOG_ROWS = 20_000
+
+
+class ChainError(ValueError):
+    """A chain or its drive is described wrongly; the text names the parameter and what would be right."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """amplitude * sin(order * theta_shaft + phase); amplitude in rad, N m or 1, as its owner says."""
+
+    shaft: int
+    order: float
+    amplitude: float
+    phase_rad: float = 0.0
+
+
+@dataclass(frozen=True)
+class Dent:
+    """Missing material on one flank of one wheel: depth (1 - u^2)^4 with u = (theta_shaft - angle) / half width."""
+
+    shaft: int
+    angle_rad: float
+    half_width_rad: float
+    depth_rad: float  # at the driven gear of the link
+    flank: int = 1  # 1: flank that carries positive torque to the driven gear; -1: the other one
+
+
+@dataclass(frozen=True)
+class Shaft:
+    """One inertia and every torque on it. `_backward` values of None are those of the forward direction."""
+
+    inertia_kg_m2: float
+    coulomb_n_m: float = 0.0
+    viscous_n_m_s: float = 0.0
+    coulomb_backward_n_m: float | None = None
+    viscous_backward_n_m_s: float | None = None
+    stribeck_n_m: float = 0.0  # on top of Coulomb at standstill
+    stribeck_speed_rad_s: float = 1.0
+    stribeck_exponent: float = 2.0
+    drift_per_s: float = 0.0  # all friction of the shaft times (1 + drift * t)
+    gravity_n_m: float = 0.0  # the load pulls with -gravity * sin(theta + phase)
+    gravity_phase_rad: float = 0.0
+    offset_n_m: float = 0.0
+    ripples: tuple[Line, ...] = ()  # torque on this shaft [N m] over the angle of any shaft
+
+
+@dataclass(frozen=True)
+class Link:
+    """Gear pair and its elasticity between two neighbouring shafts; all values at the driven gear unless said."""
+
+    ratio: float
+    stiffness_n_m_per_rad: float
+    damping_n_m_s_per_rad: float = 0.0
+    gap_rad: float = 0.0  # total
+    law: str = "elasto"
+    efficiency: tuple[float, float] = (1.0, 1.0)  # driver drives, driven gear drives
+    bearing_n_m: tuple[float, float] = (0.0, 0.0)  # at the driver, as LossyGear's tau_bf1, tau_bf2
+    loss_fraction: float = 0.0  # of the transmitted torque, both directions of power
+    errors: tuple[Line, ...] = ()  # transmission error [rad]
+    stiffness_waves: tuple[Line, ...] = ()  # c (1 + sum amplitude cos(order theta + phase))
+    dents: tuple[Dent, ...] = ()
+    cubic_per_rad2: float = 0.0  # torque c x (1 + cubic x^2)
+    hysteresis_n_m: float = 0.0  # Dahl's operator beside the spring: half height of its loop
+    hysteresis_rad: float = 1e-4  # twist over which it builds up
+
+
+@dataclass(frozen=True)
+class Chain:
+    """One to four shafts, and one link fewer."""
+
+    shafts: tuple[Shaft, ...]
+    links: tuple[Link, ...] = ()
+
+    @property
+    def ratio(self) -> float:
+        """Motor turns per turn of the last shaft."""
+        return math.prod(link.ratio for link in self.links)
+
+
+@dataclass(frozen=True)
+class Torque:
+    """Torque on the first shaft: offset + amplitude sin(2 pi f t + phase) + samples (straight lines between them)."""
+
+    samples_n_m: Array | None = None
+    amplitude_n_m: float = 0.0
+    frequency_hz: float = 0.0
+    phase_rad: float = 0.0
+    offset_n_m: float = 0.0
+
+
+@dataclass(frozen=True)
+class PrescribedMotion:
+    """The first shaft moves as given; its needed torque comes out. Rows of `motion`: angle, speed, acceleration.
+
+    Between samples the quintic polynomial that joins them runs (twice continuously differentiable). The motor's own
+    friction is scaled by tanh(speed / friction_width_rad_s): it acts on no other channel than the motor torque.
+    """
+
+    motion: Array
+    friction_width_rad_s: float = 0.1
+
+    @classmethod
+    def from_samples(
+        cls, position_rad: Array, sample_rate_hz: float, friction_width_rad_s: float = 0.1
+    ) -> PrescribedMotion:
+        """Quintic spline through samples of the motor angle [rad], shape (n,) with n >= 6."""
+        position = np.ascontiguousarray(position_rad, dtype=np.float64)
+        if position.ndim != 1 or position.size < 6 or not np.isfinite(position).all():
+            raise ChainError("motor position: needs at least 6 finite samples in one row")
+        spline = make_interp_spline(np.arange(position.size), position, k=5)
+        scale = np.array([[1.0], [sample_rate_hz], [sample_rate_hz**2]])
+        grid = np.arange(position.size)
+        return cls(scale * np.stack([position, spline(grid, 1), spline(grid, 2)]), friction_width_rad_s)
+
+
+@dataclass(frozen=True)
+class Servo:
+    """Digital cascade: position P, speed PI, both limited. Rows of `reference`: angle, speed, torque feed-forward per tick."""
+
+    reference: Array
+    position_gain_per_s: float
+    speed_gain_n_m_s: float
+    integral_time_s: float
+    speed_limit_rad_s: float
+    torque_limit_n_m: float
+    feed_forward: float = 1.0
+
+
+Drive = Torque | PrescribedMotion | Servo
+
+
+@dataclass(frozen=True)
+class ChainEvent:
+    """`what` is contact, stick, hysteresis or side; `index` the link (contact, hysteresis, side: its driver) or the shaft."""
+
+    time_s: float
+    what: str
+    index: int
+    before: int
+    after: int
+
+
+@dataclass(frozen=True)
+class ChainResult:
+    """Columns are shafts (angle, speed) or links (force: torque on the driven shaft); a light run has the last shaft only."""
+
+    sample_rate_hz: float
+    angle_rad: Array
+    speed_rad_s: Array
+    force_n_m: Array
+    motor_torque_n_m: Array
+    event_count: int
+    unresolved: int
+    log: Array = field(repr=False)
+
+    @property
+    def time_s(self) -> Array:
+        return np.arange(self.motor_torque_n_m.size) / self.sample_rate_hz
+
+    @property
+    def events(self) -> tuple[ChainEvent, ...]:
+        """In order of time; at most the first 20,000 of `event_count`."""
+        names = ("contact", "stick", "hysteresis", "side")
+        return tuple(ChainEvent(row[0], names[int(row[1])], *map(int, row[2:5])) for row in self.log)
+
+
+def with_link(chain: Chain, index: int, **changes: object) -> Chain:
+    """The chain with some parameters of one link replaced."""
+    links = list(chain.links)
+    links[index] = replace(links[index], **changes)  # type: ignore[arg-type]
+    return replace(chain, links=tuple(links))
+
+
+def with_shaft(chain: Chain, index: int, **changes: object) -> Chain:
+    """The chain with some parameters of one shaft replaced."""
+    shafts = list(chain.shafts)
+    shafts[index] = replace(shafts[index], **changes)  # type: ignore[arg-type]
+    return replace(chain, shafts=tuple(shafts))
