@@ -1,0 +1,130 @@
+"""What a microphone on or near the gear hears: forces in the meshes and rubbing, through the housing's modes.
+
+    y = gain (h * (w_1 F_1 + w_2 F_2 + ... + rubbing |speed|^p white noise) + ambient)
+    H(s) = sum of A_n s^2 / (s^2 + 2 zeta_n omega_n s + omega_n^2)
+
+F_k is the torque of mesh k, felt at the output. H is an accelerance: each mode of the housing answers a force by an
+acceleration of its surface, which is what radiates (Fahy and Gardonio, Sound and Structural Vibration, chapter 3).
+Modes in phase have an antiresonance between them. Ambient noise has a spectral density of frequency^-slope.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft
+
+from sim.errors import ParameterError
+
+Array = NDArray[np.float64]
+SAMPLE_RATE_HZ = 8000.0  # the paper's
+LOWEST_NOISE_HZ = 5.0  # below, a microphone hears nothing and ambient noise no longer rises
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One resonance of the housing as the microphone hears it."""
+
+    frequency_hz: float
+    damping_ratio: float
+    amplitude: float
+
+    def __post_init__(self) -> None:
+        if not (self.frequency_hz > 0 and 0 < self.damping_ratio < 1 and math.isfinite(self.amplitude)):
+            raise ParameterError(
+                f"mode: needs a frequency > 0 Hz, a damping ratio between 0 and 1 and a finite amplitude, got {self}"
+            )
+
+
+@dataclass(frozen=True)
+class Microphone:
+    """The path from the gear to the recording.
+
+    Parameters
+    ----------
+    modes
+        Resonances of the housing; without any the force itself is heard.
+    gain
+        Full scale per N m at the output, where a mode of amplitude 1 is far above resonance.
+    mesh_weights
+        How loud each mesh is, motor side first; one value stands for all.
+    rubbing_n_m, rubbing_exponent
+        Broadband force of sliding teeth and rolling bearings, RMS at full speed [N m at the output], and with which
+        power of the speed it rises.
+    ambient_n_m, ambient_slope
+        Everything that is heard at standstill, RMS in the same unit after the path; spectral density ~ f^-slope.
+    """
+
+    modes: tuple[Mode, ...] = ()
+    gain: float = 1.0
+    mesh_weights: tuple[float, ...] = (1.0,)
+    rubbing_n_m: float = 0.0
+    rubbing_exponent: float = 1.0
+    ambient_n_m: float = 0.0
+    ambient_slope: float = 1.0
+
+    def __post_init__(self) -> None:
+        for name in ("rubbing_n_m", "ambient_n_m", "gain"):
+            value = getattr(self, name)
+            if not (math.isfinite(value) and value >= 0):
+                raise ParameterError(f"microphone.{name}: must be >= 0, got {value}")
+
+    def path(self, frequency_hz: Array) -> NDArray[np.complex128]:
+        """H at the given frequencies [Hz], shape (n,).
+
+        >>> flat = Microphone(modes=(Mode(100.0, 0.05, 2.0),)).path(np.array([0.0, 100.0, 1e6]))
+        >>> [round(float(abs(value)), 3) for value in flat]
+        [0.0, 20.0, 2.0]
+        """
+        if not self.modes:
+            return np.ones(len(frequency_hz), dtype=np.complex128)
+        s = 2j * np.pi * frequency_hz
+        answer = np.zeros(len(frequency_hz), dtype=np.complex128)
+        for mode in self.modes:
+            omega = 2 * np.pi * mode.frequency_hz
+            answer += mode.amplitude * s**2 / (s**2 + 2 * mode.damping_ratio * omega * s + omega**2)
+        return answer
+
+
+def hear(
+    mesh_torque_n_m: Array,
+    speed_rad_s: Array,
+    sample_rate_hz: float,
+    microphone: Microphone,
+    seed: int,
+) -> NDArray[np.float32]:
+    """The recording of a run.
+
+    Parameters
+    ----------
+    mesh_torque_n_m
+        Torque of every mesh felt at the output [N m], shape (n, meshes).
+    speed_rad_s
+        Speed of the output [rad/s], shape (n,).
+    seed
+        Of rubbing and ambient noise: the same seed gives the same samples.
+
+    Returns
+    -------
+    Samples at the same rate, shape (n,); neither clipped nor rounded.
+    """
+    n, meshes = mesh_torque_n_m.shape
+    random = np.random.default_rng(seed)
+    weights = np.broadcast_to(np.asarray(microphone.mesh_weights, dtype=np.float64), (meshes,))
+    force = mesh_torque_n_m @ weights
+    force -= force.mean()
+    top = float(np.abs(speed_rad_s).max(initial=0.0))
+    if top > 0:
+        level = (np.abs(speed_rad_s) / top) ** microphone.rubbing_exponent
+        force += microphone.rubbing_n_m * level * random.standard_normal(n)
+    size = fft.next_fast_len(n + int(sample_rate_hz / 2), real=True)
+    frequency = fft.rfftfreq(size, 1 / sample_rate_hz)
+    shape = np.maximum(frequency, LOWEST_NOISE_HZ) ** (-0.5 * microphone.ambient_slope)
+    shape *= microphone.ambient_n_m / math.sqrt(float(np.mean(shape**2)))
+    spectrum = microphone.path(frequency) * fft.rfft(force, size)
+    spectrum += shape * fft.rfft(random.standard_normal(size), size)
+    heard: Array = fft.irfft(spectrum, size)[:n]
+    return (microphone.gain * heard).astype(np.float32)
