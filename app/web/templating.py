@@ -46,18 +46,18 @@ def quantity(value: float | None, unit: str = "", digits: int = 3) -> Markup:
     Markup('0.00091\\xa0rad')
     """
     if value is None:
-        return Markup("–")  # noqa: RUF001
+        return Markup("–")
     text = f"{value:.{digits}g}"
     if "e" in text:
         mantissa, exponent = text.split("e")
-        text = f"{mantissa} × 10^{int(exponent)}"  # noqa: RUF001
+        text = f"{mantissa} × 10^{int(exponent)}"
     text = text.replace("-", MINUS)
     return escape(text) + (Markup("\N{NO-BREAK SPACE}") + escape(unit) if unit and unit != "1" else Markup(""))
 
 
 def percent(value: float | None, digits: int = 0) -> str:
     """Write a ratio in per cent."""
-    return "–" if value is None else f"{100 * value:.{digits}f}\N{NO-BREAK SPACE}%"  # noqa: RUF001
+    return "–" if value is None else f"{100 * value:.{digits}f}\N{NO-BREAK SPACE}%"
 
 
 def shape(label: str | None) -> Markup:
@@ -85,7 +85,7 @@ def _clock(zone: str) -> ZoneInfo:
 def instant(value: datetime | None, zone: str) -> Markup:
     """Write a time in the zone of the site, with its abbreviation, machine-readable besides."""
     if value is None:
-        return Markup("–")  # noqa: RUF001
+        return Markup("–")
     local = value.astimezone(_clock(zone))
     return Markup('<time datetime="{}">{}</time>').format(value.isoformat(), f"{local:%Y-%m-%d %H:%M} {local.tzname()}")
 

@@ -22,13 +22,13 @@ def _local(path: str) -> str:
 
 
 @router.get("/sign-in")
-def sign_in_page(request: Request, principal: Visitor, next: str = "/") -> Response:  # noqa: A002
+def sign_in_page(request: Request, principal: Visitor, next: str = "/") -> Response:
     """Ask for a key."""
     return render(request, "sign_in.html", {"next": _local(next)}, principal=principal)
 
 
 @router.post("/sign-in")
-def sign_in(request: Request, key: Annotated[str, Form()], next: Annotated[str, Form()] = "/") -> Response:  # noqa: A002
+def sign_in(request: Request, key: Annotated[str, Form()], next: Annotated[str, Form()] = "/") -> Response:
     """Put the key into a cookie that no script can read."""
     service = service_of(request)
     root = service.settings.root_path.rstrip("/")

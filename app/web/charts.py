@@ -1,0 +1,171 @@
+"""What the pages plot: one description per chart, drawn as SVG at once and sent as JSON to the interactive plot."""
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+from markupsafe import Markup
+from numpy.typing import NDArray
+
+from app import views
+from app.web.svg import Axis, Band, Marker, Series, line_chart, polar_chart
+from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
+from casebase.signals.analysis import Band as SignalBand
+from casebase.signals.condition import OperatingCondition
+from casebase.signals.recording import Recording
+
+SECTORS = 72
+SHOWN_POINTS = 6000
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Lines over one pair of axes with bands, markers and events."""
+
+    title: str
+    series: tuple[Series, ...]
+    x_label: str
+    y_label: str
+    bands: tuple[Band, ...] = ()
+    markers: tuple[Marker, ...] = ()
+    events: tuple[float, ...] = ()
+    y_range: tuple[float, float] | None = field(default=None)
+
+    def svg(self, width: float = 640.0, height: float = 220.0) -> Markup:
+        """Draw it."""
+        return line_chart(
+            self.title,
+            self.series,
+            Axis(self.x_label),
+            Axis(self.y_label, self.y_range),
+            bands=self.bands,
+            markers=self.markers,
+            events=self.events,
+            width=width,
+            height=height,
+        )
+
+    def document(self) -> dict[str, object]:
+        """Return it as JSON for the interactive plot; all series share the x of the first."""
+        x = self.series[0].x
+        return {
+            "title": self.title,
+            "x_label": self.x_label,
+            "y_label": self.y_label,
+            "x": x.tolist(),
+            "series": [{"name": one.name, "y": _finite(_on(x, one))} for one in self.series],
+            "bands": [{"name": b.name, "low": b.low, "high": b.high} for b in self.bands],
+            "markers": [{"x": m.x, "text": m.text} for m in self.markers],
+            "events": list(self.events),
+        }
+
+
+def _on(x: NDArray[np.float64], series: Series) -> NDArray[np.float64]:
+    return series.y if series.x is x else np.interp(x, series.x, series.y)
+
+
+def _finite(values: NDArray[np.float64]) -> list[float | None]:
+    return [value if math.isfinite(value) else None for value in values.tolist()]
+
+
+def _envelope(samples: NDArray[np.float32], rate_hz: float, points: int) -> Series:
+    """Lowest and highest sample of each interval, one after the other, so that no peak is lost."""
+    width = max(1, math.ceil(2 * samples.size / points))
+    starts = np.arange(0, samples.size, width)
+    values = np.stack([np.minimum.reduceat(samples, starts), np.maximum.reduceat(samples, starts)], axis=1).ravel()
+    times = (np.repeat(starts, 2) + np.tile([0.0, width / 2], starts.size)) / rate_hz
+    return Series("", times, values.astype(np.float64))
+
+
+def waveform(recording: Recording, analysis: Analysis, events: tuple[float, ...], points: int = SHOWN_POINTS) -> Chart:
+    """The sound, what is left of it below 200 Hz, reversals of the motion and impulses."""
+    sound = _envelope(recording.samples, recording.sample_rate_hz, points)
+    low = _envelope(analysis.low_passed, ANALYSIS_RATE_HZ, points)
+    reversals = tuple(Marker(float(t), "reversal") for t in analysis.motion.reversal_times_s[:40])
+    return Chart(
+        "Sound over time",
+        (Series("sound", sound.x, sound.y), Series("below 200 Hz", low.x, low.y)),
+        "time [s]",
+        f"sound, 0 to peak [{recording.unit}]",
+        markers=reversals,
+        events=events,
+    )
+
+
+def crest_trace(recording: Recording, window_s: float) -> Chart:
+    """Crest factor of windows that overlap by half."""
+    found = views.crest(recording, window_s)
+    times = np.array(found.time_s)
+    values = np.array([np.nan if v is None else v for v in found.crest_factor])
+    name = f"crest factor, {found.window_s:g} s windows"
+    return Chart("Crest factor over time", (Series(name, times, values),), "time [s]", "crest factor [1]")
+
+
+def level_trace(recording: Recording, window_s: float) -> Chart:
+    """RMS and peak of the same windows: crest factor can fall as damage grows."""
+    found = views.crest(recording, window_s)
+    times = np.array(found.time_s)
+    return Chart(
+        "RMS and peak over time",
+        (Series("RMS", times, np.array(found.rms)), Series("peak", times, np.array(found.peak))),
+        "time [s]",
+        f"level [{recording.unit}]",
+    )
+
+
+def spectrum(recording: Recording, markers: tuple[Marker, ...], order_hz: float | None = None) -> Chart:
+    """Averaged spectrum in hertz or, with the frequency of order 1 given, in orders of the output."""
+    found = views.spectrum(recording, 2.0)
+    frequency = np.array(found.frequency_hz)
+    scale = order_hz or 1.0
+    moved = tuple(Marker(m.x / scale, m.text) for m in markers)
+    label = f"order of the output, at {order_hz:.3g} Hz [1]" if order_hz else "frequency [Hz]"
+    return Chart(
+        "Spectrum",
+        (Series("spectrum", frequency / scale, np.array(found.level_db)),),
+        label,
+        f"level, rms [dB re {recording.unit}²]",
+        markers=moved,
+    )
+
+
+def fold_charts(analysis: Analysis) -> tuple[Chart, Markup] | None:
+    """The low band folded on the strokes: over time from the reversal, and around the output's revolution.
+
+    None where no motion is known or heard.
+    """
+    folded = analysis.folded(SignalBand.LOW)
+    if folded is None:
+        return None
+    chart = Chart(
+        "Sound folded on the strokes",
+        (
+            Series("one direction", folded.offset_s, folded.forward_db),
+            Series("the other", folded.offset_s, folded.backward_db),
+        ),
+        "time from the reversal [s]",
+        "height above noise [dB]",
+        markers=(Marker(0.0, "standstill"),),
+    )
+    return chart, _polar(folded.offset_s, folded.forward_db, folded.backward_db, analysis.condition)
+
+
+def _polar(
+    offset_s: NDArray[np.float64],
+    forward_db: NDArray[np.float64],
+    backward_db: NDArray[np.float64],
+    condition: OperatingCondition,
+) -> Markup:
+    speed = condition.speed_rad_s or 0.0
+    angle = np.degrees(np.abs(offset_s) * speed) if speed else 360.0 * (offset_s - offset_s[0]) / np.ptp(offset_s)
+    title = "Height above noise over one revolution of the output, forward outside, backward inside"
+    return polar_chart(title, _sectors(angle, forward_db), _sectors(angle, backward_db))
+
+
+def _sectors(angle_deg: NDArray[np.float64], height_db: NDArray[np.float64]) -> list[float | None]:
+    sector = (angle_deg / 360.0 * SECTORS).astype(int)
+    found: list[float | None] = []
+    for k in range(SECTORS):
+        here = height_db[(sector == k) & np.isfinite(height_db)]
+        found.append(max(0.0, float(here.max())) if here.size else None)
+    return found
