@@ -12,7 +12,7 @@ equations: ``tau = self.c * v.phi_rel + self.d * v.w_rel``.
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import ClassVar, Protocol
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,15 +30,31 @@ SLIDING_NAMES: Mapping[int, str] = {
 CONTACT_NAMES: Mapping[int, str] = {-1: "contact backward", 0: "gap", 1: "contact forward"}
 
 
-class Signal(Protocol):
-    """A function of time [s], sine or straight line between its breakpoints (see `sim.components.signals`)."""
+class Signal(ABC):
+    """A function of time [s]: between its breakpoints a level plus a sine, or a straight line."""
 
     @property
-    def omega(self) -> float: ...
+    def omega(self) -> float:
+        """Angular frequency of the swing [rad/s]; 0 where it is a straight line."""
+        return 0.0
+
     @property
-    def offset(self) -> float: ...
-    def breakpoints(self, begin: float, end: float) -> NDArray[np.float64]: ...
-    def at(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]: ...
+    def has_level(self) -> bool:
+        """Whether a level stands beside the sine."""
+        return False
+
+    @abstractmethod
+    def breakpoints(self, begin: float, end: float) -> NDArray[np.float64]:
+        """Times strictly between `begin` and `end` at which another piece begins [s], ascending."""
+
+    @abstractmethod
+    def pieces(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Level, swing and rate of the piece that holds from each time on, shape (n, 3)."""
+
+    def __call__(self, time_s: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Values at the times [s], right-hand limits at breakpoints; shape (n,)."""
+        pieces = self.pieces(np.atleast_1d(np.asarray(time_s, dtype=np.float64)))
+        return pieces[:, 0] + pieces[:, 1]
 
 
 class Variables(ABC):

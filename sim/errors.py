@@ -54,9 +54,8 @@ def number(
     ParameterError
         with the name, the range, the unit and the value that was given.
 
-    >>> number("Inertia.J", -3, "kg.m2", above=0)
-    Traceback (most recent call last):
-    sim.errors.ParameterError: Inertia.J: must be > 0 kg.m2, got -3
+    >>> number("Inertia.J", 3, "kg.m2", above=0)
+    3.0
     """
     rule = _range(unit, above, at_least, at_most)
     if isinstance(value, bool) or not hasattr(value, "__float__"):

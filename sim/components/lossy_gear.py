@@ -1,0 +1,154 @@
+"""LossyGear: a gear with mesh efficiency and bearing friction that rolls forward, backward, or sticks."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import ClassVar
+
+from sim.component import BACKWARD, FORWARD, FREE, STUCK, Branch, Component, Row, Variables
+from sim.components.ideal_gear import gear_ratio
+from sim.components.tables import SpeedTable, speed_table
+from sim.errors import ParameterError, RunError
+
+IDEAL = ((0.0, 1.0, 1.0, 0.0, 0.0),)
+
+
+@dataclass(frozen=True)
+class LossyGear(Component):
+    """Modelica 4.1's law of a gear with losses.
+
+    phi_a = ratio phi_b, 0 = tau_b + ratio (tau_a - tauLoss); the loss depends on who drives and on the direction.
+
+    Parameters
+    ----------
+    ratio
+        phi_a / phi_b.
+    lossTable
+        Rows [|w_a|, eta_mf1, eta_mf2, |tau_bf1|, |tau_bf2|]: speed [rad/s], efficiency of the mesh and bearing friction
+        at flange_a [N.m] when flange_a (1) or flange_b (2) drives. One row: the same at all speeds.
+    """
+
+    ratio: float
+    lossTable: object = IDEAL
+
+    flanges: ClassVar[tuple[str, ...]] = ("flange_a", "flange_b", "support")
+    grounded: ClassVar[tuple[str, ...]] = ("support",)
+    units: ClassVar[Mapping[str, str]] = {
+        "phi_a": "rad",
+        "w_a": "rad/s",
+        "tauLoss": "N.m",
+        "flange_a.tau": "N.m",
+        "flange_b.tau": "N.m",
+        "lossPower": "W",
+        "mode": "1",
+    }
+
+    def __post_init__(self) -> None:
+        gear_ratio("LossyGear.ratio", self.ratio)
+        table = speed_table("LossyGear.lossTable", self.lossTable, 5)
+        for i, row in enumerate(table.rows):
+            for j in (1, 2):
+                if not 0 < row[j] <= 1:
+                    raise ParameterError(f"LossyGear.lossTable[{i}][{j}]: must be > 0 and <= 1, got {row[j]:g}")
+        object.__setattr__(self, "lossTable", table.rows)
+
+    @property
+    def table(self) -> SpeedTable:
+        return SpeedTable(self.lossTable)  # type: ignore[arg-type]
+
+    @property
+    def affine(self) -> bool:
+        efficiencies = {row[1:3] for row in self.table.rows}
+        return len(efficiencies) == 1 and self.table.straight
+
+    @property
+    def unknowns(self) -> int:
+        return 2
+
+    def kinematics(self, v: Variables) -> tuple[Row, ...]:
+        a, b = (v.phi(flange) - v.phi("support") for flange in ("flange_a", "flange_b"))
+        return (a - self.ratio * b,)
+
+    def branches(self, v: Variables) -> tuple[Branch, ...]:
+        loss = v.unknown(1)
+        if self.table.rows == IDEAL:
+            return (self._branch(v, FREE, (loss,), ()),)
+        return (*self._stuck(v), *self._rolling(v, FORWARD), *self._rolling(v, BACKWARD))
+
+    def _branch(
+        self, v: Variables, mode: int, equations: tuple[Row, ...], holds: tuple[Row, ...], stops: tuple[Row, ...] = ()
+    ) -> Branch:
+        tau_a, loss = v.unknown(0), v.unknown(1)
+        tau_b = -self.ratio * (tau_a - loss)
+        w_a = v.w("flange_a") - v.w("support")
+        return Branch(
+            torques={"flange_a": tau_a, "flange_b": tau_b, "support": -tau_a - tau_b},
+            equations=equations,
+            holds=holds,
+            stops=stops,
+            mode=mode,
+            channels={
+                "phi_a": v.phi("flange_a") - v.phi("support"),
+                "w_a": w_a,
+                "tauLoss": loss,
+                "flange_a.tau": tau_a,
+                "flange_b.tau": tau_b,
+            },
+            powers={"lossPower": (loss, w_a)},
+        )
+
+    def _rolling(self, v: Variables, direction: int) -> tuple[Branch, ...]:
+        """Flange_a drives (eta_mf1), or flange_b (eta_mf2); the torque at flange_a tells which."""
+        tau_a, loss = v.unknown(0), v.unknown(1)
+        w_a = v.w("flange_a") - v.w("support")
+        eta1, eta2, bf1, bf2 = self._values(v, direction * w_a)
+        a_drives = direction * (1 - eta1) * tau_a + bf1
+        b_drives = direction * (1 - 1 / eta2) * tau_a + bf2
+        turns = direction * w_a
+        margin = direction * tau_a - _switch(eta1, eta2, bf1, bf2)
+        return (
+            self._branch(v, direction, (loss - direction * a_drives,), (turns, margin)),
+            self._branch(v, direction, (loss - direction * b_drives,), (turns, -margin)),
+        )
+
+    def _stuck(self, v: Variables) -> tuple[Branch, ...]:
+        """The loss holds the gear while it lies within limits; each limit has two pieces, by who would drive."""
+        tau_a, loss = v.unknown(0), v.unknown(1)
+        w_a = v.w("flange_a") - v.w("support")
+        eta1, eta2, bf1, bf2 = self._at(0.0, v)
+        switch = _switch(eta1, eta2, bf1, bf2)
+        a_drives = (1 - eta1, bf1)
+        b_drives = (1 - 1 / eta2, bf2)
+        branches = []
+        for upper, upper_side in ((a_drives, 1), (b_drives, -1)):
+            for lower, lower_side in ((a_drives, 1), (b_drives, -1)):
+                holds = (
+                    upper[0] * tau_a + upper[1] - loss,
+                    loss - lower[0] * tau_a + lower[1],
+                    upper_side * (tau_a - switch),
+                    lower_side * (-tau_a - switch),
+                )
+                if not (upper_side == lower_side and upper_side * float(switch @ v.one) > 0):
+                    stuck = v.a("flange_a") - v.a("support")
+                    branches.append(self._branch(v, STUCK, (stuck,), holds, (w_a,)))
+        return tuple(branches)
+
+    def _values(self, v: Variables, speed: Row) -> tuple[float, float, Row, Row]:
+        """Efficiencies, and bearing friction as rows, while |w_a| is `speed`."""
+        if not self.affine:
+            return self._at(max(v.now(speed), 0.0), v)
+        eta1, eta2, bf1, bf2 = self.table.at(0.0)
+        slope1, slope2 = self.table.slopes()[2:]
+        return float(eta1), float(eta2), bf1 * v.one + slope1 * speed, bf2 * v.one + slope2 * speed
+
+    def _at(self, speed: float, v: Variables) -> tuple[float, float, Row, Row]:
+        eta1, eta2, bf1, bf2 = (float(x) for x in self.table.at(speed))
+        if eta1 <= 0 or eta2 <= 0:
+            raise RunError(f"LossyGear.lossTable: efficiency is {min(eta1, eta2):g} at {speed:g} rad/s; it must be > 0")
+        return eta1, eta2, bf1 * v.one, bf2 * v.one
+
+
+def _switch(eta1: float, eta2: float, bf1: Row, bf2: Row) -> Row:
+    """Torque at flange_a [N.m] above which, rolling forward, flange_a drives: there both pieces meet."""
+    if eta1 == 1 and eta2 == 1:
+        return bf1 / 2
+    return (bf1 - bf2) / (eta1 - 1 / eta2)

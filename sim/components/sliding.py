@@ -1,0 +1,60 @@
+"""Coulomb friction: stuck, sliding forward or backward, and free when nothing presses (Modelica's PartialFriction)."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from sim.component import BACKWARD, FORWARD, FREE, STUCK, Row, Variables
+from sim.components.tables import SpeedTable
+from sim.errors import number
+
+
+@dataclass(frozen=True)
+class Piece:
+    """One branch of friction: its mode, the row that is zero, rows that stay >= 0, a speed that stays zero."""
+
+    mode: int
+    equation: Row
+    holds: tuple[Row, ...]
+    stops: tuple[Row, ...] = ()
+
+
+def friction_pieces(
+    v: Variables,
+    tau: Row,
+    speed: Row,
+    acceleration: Row,
+    torque_at: Callable[[Row], Row],
+    peak: float,
+    pressing: Row | None = None,
+) -> tuple[Piece, ...]:
+    """Return the branches of a friction torque `tau` against `speed`.
+
+    `torque_at` gives the sliding torque as a row for a row |w|; stuck, the torque may reach `peak` times the one at
+    standstill. Stuck stands before sliding: where both are possible, a shaft that came to rest stays at rest.
+    """
+    limit = peak * torque_at(0 * v.one)
+    pressed = () if pressing is None else (pressing,)
+    free = () if pressing is None else (Piece(FREE, tau, (-pressing,)),)
+    return (
+        *free,
+        Piece(STUCK, acceleration, (*pressed, limit - tau, limit + tau), (speed,)),
+        Piece(FORWARD, tau - torque_at(speed), (*pressed, speed)),
+        Piece(BACKWARD, tau + torque_at(-speed), (*pressed, -speed)),
+    )
+
+
+def table_row(table: SpeedTable, column: int, v: Variables, speed: Row, factor: Row | None = None) -> Row:
+    """Return the table's value at the row |w| as a row, times `factor` where given.
+
+    A straight table is a straight line of the speed (factor one) or, when constant, scales any factor; else the value
+    of now is taken, for the engine that asks anew at each instant.
+    """
+    if factor is None and table.straight:
+        return float(table.at(0.0)[column]) * v.one + float(table.slopes()[column]) * speed
+    value = float(table.at(0.0 if table.constant else max(v.now(speed), 0.0))[column])
+    return value * (v.one if factor is None else factor)
+
+
+def check_peak(name: str, peak: object) -> float:
+    """Return the ratio of the largest torque at rest to the one at the onset of sliding."""
+    return number(f"{name}.peak", peak, "", at_least=1)

@@ -1,0 +1,109 @@
+"""Torques that depend on the speed of their flange: linear, quadratic, inverse, of constant size."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from math import exp
+from typing import ClassVar
+
+from sim.component import Branch, Component, Row, Variables
+from sim.components.torque import UNITS, driving
+from sim.errors import number
+
+
+@dataclass(frozen=True)
+class SpeedDependentTorque(Component):
+    """Drives its flange with tau_nominal [N.m] at w_nominal [rad/s]; negative: brakes forward motion.
+
+    TorqueDirection true: the same direction of torque whichever way it turns.
+    """
+
+    tau_nominal: float
+    w_nominal: float
+    TorqueDirection: bool = True
+
+    flanges: ClassVar[tuple[str, ...]] = ("flange", "support")
+    grounded: ClassVar[tuple[str, ...]] = ("support",)
+    units: ClassVar[Mapping[str, str]] = UNITS
+
+    def __post_init__(self) -> None:
+        name = type(self).__name__
+        number(f"{name}.tau_nominal", self.tau_nominal, "N.m")
+        number(f"{name}.w_nominal", self.w_nominal, "rad/s", above=0)
+
+    def branches(self, v: Variables) -> tuple[Branch, ...]:
+        raise NotImplementedError
+
+    def _by_direction(self, v: Variables, forward: Row) -> tuple[Branch, ...]:
+        """Return one branch per direction; `forward` is the torque forward, odd in the speed."""
+        w = v.w("flange") - v.w("support")
+        return (driving(v, forward, (w,)), driving(v, -forward, (-w,)))
+
+
+@dataclass(frozen=True)
+class LinearSpeedDependentTorque(SpeedDependentTorque):
+    """tau = tau_nominal w/w_nominal, or |w|/w_nominal where TorqueDirection is true."""
+
+    def branches(self, v: Variables) -> tuple[Branch, ...]:
+        tau = self.tau_nominal / self.w_nominal * (v.w("flange") - v.w("support"))
+        return self._by_direction(v, tau) if self.TorqueDirection else (driving(v, tau),)
+
+
+@dataclass(frozen=True)
+class QuadraticSpeedDependentTorque(SpeedDependentTorque):
+    """tau = tau_nominal (w/w_nominal)^2, times the sign of w where TorqueDirection is false."""
+
+    @property
+    def affine(self) -> bool:
+        return False
+
+    def branches(self, v: Variables) -> tuple[Branch, ...]:
+        x = v.now(v.w("flange") - v.w("support")) / self.w_nominal
+        square = x * x if self.TorqueDirection else x * abs(x)
+        return (driving(v, self.tau_nominal * square * v.one),)
+
+
+@dataclass(frozen=True)
+class InverseSpeedDependentTorque(SpeedDependentTorque):
+    """tau = tau_nominal w_nominal/w, regularised below the speed w0 [rad/s] as in Modelica."""
+
+    w0: float = 0.1
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        number("InverseSpeedDependentTorque.w0", self.w0, "rad/s", above=0)
+
+    @property
+    def affine(self) -> bool:
+        return False
+
+    def branches(self, v: Variables) -> tuple[Branch, ...]:
+        w = v.now(v.w("flange") - v.w("support"))
+        if abs(w) < self.w0:
+            tau = self.tau_nominal * (self.w_nominal if self.TorqueDirection else w) / self.w0
+        else:
+            tau = self.tau_nominal * self.w_nominal / (abs(w) if self.TorqueDirection else w)
+        return (driving(v, tau * v.one),)
+
+
+@dataclass(frozen=True)
+class SignTorque(Component):
+    """tau_nominal [N.m] times the sign of the speed, smoothed below w0 [rad/s] (Modelica's exponential way)."""
+
+    tau_nominal: float
+    w0: float = 0.1
+
+    flanges: ClassVar[tuple[str, ...]] = ("flange", "support")
+    grounded: ClassVar[tuple[str, ...]] = ("support",)
+    units: ClassVar[Mapping[str, str]] = UNITS
+
+    def __post_init__(self) -> None:
+        number("SignTorque.tau_nominal", self.tau_nominal, "N.m")
+        number("SignTorque.w0", self.w0, "rad/s", above=0)
+
+    @property
+    def affine(self) -> bool:
+        return False
+
+    def branches(self, v: Variables) -> tuple[Branch, ...]:
+        x = max(min(v.now(v.w("flange") - v.w("support")) / (0.01 * self.w0), 700.0), -700.0)
+        return (driving(v, self.tau_nominal * (2 / (1 + exp(-x)) - 1) * v.one),)

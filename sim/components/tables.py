@@ -1,0 +1,68 @@
+"""Tables over speed: straight between rows, and through the last two rows beyond them (Modelica's CombiTable1D)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.errors import ParameterError, number
+
+
+@dataclass(frozen=True)
+class SpeedTable:
+    """Rows of |w| [rad/s] and values; one row is a constant. Built by `speed_table`, hashable."""
+
+    rows: tuple[tuple[float, ...], ...]
+
+    def at(self, w: float) -> NDArray[np.float64]:
+        """Values at the speed |w|, shape (columns - 1,)."""
+        table = np.array(self.rows)
+        if len(table) == 1:
+            return table[0, 1:].copy()
+        i = int(np.clip(np.searchsorted(table[:, 0], abs(w), side="right") - 1, 0, len(table) - 2))
+        lower, upper = table[i], table[i + 1]
+        share = (abs(w) - lower[0]) / (upper[0] - lower[0])
+        return np.asarray(lower[1:] + share * (upper[1:] - lower[1:]))
+
+    def slopes(self) -> NDArray[np.float64]:
+        """Change of each value per rad/s in the first piece, shape (columns - 1,)."""
+        return self.at(1.0) - self.at(0.0) if self.straight else np.zeros(len(self.rows[0]) - 1)
+
+    @property
+    def straight(self) -> bool:
+        """Whether all rows lie on one straight line, in every column."""
+        table = np.array(self.rows)
+        if len(table) <= 2:
+            return True
+        first = table[0] + np.outer((table[:, 0] - table[0, 0]) / (table[1, 0] - table[0, 0]), table[1] - table[0])
+        return bool(np.allclose(first, table, rtol=1e-13, atol=0))
+
+    @property
+    def constant(self) -> bool:
+        """Whether no value depends on the speed."""
+        return all(row[1:] == self.rows[0][1:] for row in self.rows)
+
+
+def speed_table(name: str, rows: object, columns: int) -> SpeedTable:
+    """Return a checked table of `columns` columns; the first, |w|, begins at 0 or above and ascends.
+
+    Raises
+    ------
+    ParameterError
+        naming the row and column that is wrong.
+    """
+    table = [rows] if _is_row(rows) else rows
+    if not isinstance(table, list | tuple | np.ndarray) or len(table) == 0:
+        raise ParameterError(f"{name}: must be rows of {columns} numbers, got {rows!r}")
+    checked: list[tuple[float, ...]] = []
+    for i, row in enumerate(table):
+        if not isinstance(row, list | tuple | np.ndarray) or len(row) != columns:
+            raise ParameterError(f"{name}: row {i} must have {columns} numbers, got {row!r}")
+        checked.append(tuple(number(f"{name}[{i}][{j}]", x, "", at_least=0) for j, x in enumerate(row)))
+        if i and checked[i][0] <= checked[i - 1][0]:
+            raise ParameterError(f"{name}[{i}][0]: speeds must ascend, got {checked[i][0]:g} rad/s")
+    return SpeedTable(tuple(checked))
+
+
+def _is_row(rows: object) -> bool:
+    return isinstance(rows, list | tuple | np.ndarray) and len(rows) > 0 and np.ndim(rows[0]) == 0
