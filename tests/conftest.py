@@ -1,4 +1,4 @@
-"""Fixtures that every part may use: a migrated database on SQLite and on PostgreSQL."""
+"""Fixtures that every part may use: a migrated database on SQLite and on PostgreSQL, a live service."""
 
 import itertools
 import shutil
@@ -9,6 +9,9 @@ import pytest
 
 from casebase.database import create_engine_for, sqlite_url, upgrade_database
 from tests import postgres
+from tests.live import live_server
+
+__all__ = ["live_server"]
 
 TEMPLATE = "gearcase_template"
 _numbers = itertools.count()

@@ -1,0 +1,93 @@
+"""Axes: descriptions of drives, revision by revision."""
+
+import tomllib
+from typing import Annotated
+
+from fastapi import APIRouter, Depends, Path, Query, Request, Response, status
+from pydantic import TypeAdapter, ValidationError
+from sqlalchemy.orm import Session
+
+from app.documents import AxisAnswer, PageOf
+from app.errors import Unprocessable, UnsupportedMedia, validation_problem
+from app.idempotency import Made, OnlyOnce
+from app.security import Admin, Viewer
+from app.service import Reading
+from casebase import axes
+from sim.axis import read_axis
+
+router = APIRouter(tags=["axes"])
+
+Name = Annotated[str, Path(min_length=1, max_length=200)]
+OBJECT = TypeAdapter(dict[str, object])
+EXAMPLE = {
+    "schema": "gearcase-axis/1",
+    "name": "axis-a",
+    "motor": {"inertia_kg_m2": 0.006, "coulomb_friction_n_m": 0.4},
+    "stages": [
+        {"name": "transfer", "driver_teeth": 12, "driven_teeth": 96, "inertia_kg_m2": 0.02},
+        {"name": "output", "driver_teeth": 12, "driven_teeth": 150},
+    ],
+    "load": {"inertia_kg_m2": 40.0},
+}
+BODY = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "application/json": {"schema": {"type": "object"}, "example": EXAMPLE},
+            "application/toml": {"schema": {"type": "string"}},
+        },
+    }
+}
+
+
+@router.get("/axes")
+def list_axes(_: Viewer, session: Reading) -> PageOf[AxisAnswer]:
+    """The current revision of every axis, by name."""
+    items = [AxisAnswer.model_validate(row) for row in axes.list_axes(session)]
+    return PageOf(items=items, next_cursor=None)
+
+
+@router.get("/axes/{name}")
+def get_axis(
+    _: Viewer, session: Reading, name: Name, revision: Annotated[int | None, Query(ge=1, le=2**31 - 1)] = None
+) -> AxisAnswer:
+    """One revision of an axis, the current one by default."""
+    return AxisAnswer.model_validate(axes.get_axis(session, name, revision))
+
+
+@router.get("/axes/{name}/revisions")
+def axis_revisions(_: Viewer, session: Reading, name: Name) -> PageOf[AxisAnswer]:
+    """All revisions of an axis, oldest first."""
+    axes.get_axis(session, name)
+    items = [AxisAnswer.model_validate(row) for row in axes.axis_history(session, name)]
+    return PageOf(items=items, next_cursor=None)
+
+
+async def axis_body(request: Request) -> dict[str, object]:
+    """The description sent, as TOML text or as JSON."""
+    kind = request.headers.get("content-type", "").split(";")[0].strip().lower()
+    body = await request.body()
+    try:
+        if kind == "application/toml":
+            return tomllib.loads(body.decode())
+        if kind == "application/json":
+            return OBJECT.validate_json(body)
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+        raise Unprocessable(f"The body is no TOML text: {error}.") from None
+    except ValidationError as error:
+        raise validation_problem(error.errors(include_url=False), "The body") from None
+    raise UnsupportedMedia(f"Send application/json or application/toml; this is {kind or 'without content type'}.")
+
+
+@router.post("/axes", status_code=status.HTTP_201_CREATED, response_model=AxisAnswer, openapi_extra=BODY)
+def add_axis(
+    _: Admin, document: Annotated[dict[str, object], Depends(axis_body)], once: OnlyOnce, request: Request
+) -> Response:
+    """Store an axis description (see `axis.toml`); a changed one is the next revision, the same one is not."""
+    described = read_axis(document)
+
+    def work(session: Session) -> Made:
+        row = axes.add_axis(session, described.name, described.to_mapping())
+        return Made(AxisAnswer.model_validate(row), str(request.url_for("get_axis", name=row.name).path))
+
+    return once.run(work, document)

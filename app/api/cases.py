@@ -1,0 +1,180 @@
+"""Cases: what the library knows; added, changed and retired by admins."""
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Header, Query, Request, Response, status
+from fastapi.concurrency import run_in_threadpool
+from pydantic import ValidationError
+from sqlalchemy.orm import Session
+
+from app.documents import (
+    AuditAnswer,
+    CaseAnswer,
+    CaseChange,
+    CaseFromDiagnosis,
+    Cursor,
+    Identifier,
+    Limit,
+    PageOf,
+    page_of,
+)
+from app.errors import IfMatchRequired, Stale, validation_problem
+from app.idempotency import Made, Once, OnlyOnce
+from app.intake import known_axis, take_in
+from app.metadata import CaseMetadata, read_metadata
+from app.security import Admin, Viewer
+from app.service import Reading, Service, TheService
+from app.uploads import MaybeUpload, Upload, multipart_body
+from casebase.description import Labelling
+from casebase.library import CaseFilter
+from casebase.models import Case
+
+router = APIRouter(tags=["cases"])
+IfMatch = Annotated[str | None, Header(max_length=100, description="the ETag that the change is based on")]
+
+
+@router.get("/cases")
+def list_cases(
+    _: Viewer,
+    session: Reading,
+    service: TheService,
+    label: Annotated[str | None, Query(max_length=100)] = None,
+    origin: Literal["measured", "simulated"] | None = None,
+    axis: Annotated[str | None, Query(max_length=200)] = None,
+    gearbox: Annotated[str | None, Query(max_length=200)] = None,
+    state: Literal["proposed", "confirmed", "retired"] | None = None,
+    limit: Limit = 50,
+    cursor: Cursor = None,
+) -> PageOf[CaseAnswer]:
+    """Cases, newest first; retired ones only with `state=retired`."""
+    wanted = CaseFilter(label=label, origin=origin, axis=axis, gearbox=gearbox, state=state)
+    page = service.library.cases(session, wanted, limit=limit, cursor=cursor)
+    return page_of(page, CaseAnswer.model_validate)
+
+
+@router.post(
+    "/cases",
+    status_code=status.HTTP_201_CREATED,
+    response_model=CaseAnswer,
+    openapi_extra=multipart_body(CaseMetadata, CaseFromDiagnosis),
+)
+async def add_case(_: Admin, upload: MaybeUpload, once: OnlyOnce, request: Request) -> Response:
+    """Add a labelled recording (multipart), or make a case of a diagnosis (JSON).
+
+    The same bytes with the same description are one recording, and with the same label one case.
+    """
+    if upload is None:
+        body = await request.body()
+        return await run_in_threadpool(_from_diagnosis, once, request, body)
+    return await run_in_threadpool(_from_recording, once, request, upload)
+
+
+def _from_recording(once: Once, request: Request, upload: Upload) -> Response:
+    file, service = upload.file("file"), once.service
+    upload.only("file", "metadata")
+    metadata = read_metadata(upload.text("metadata", service.settings.metadata_bytes), CaseMetadata)
+    content = (file.sha256, metadata.description())
+    kept = once.replay(*content)
+    if kept is not None:
+        return kept
+    intake = take_in(file.path, file.name, file.media_type, metadata, known_axis(service.library, metadata.axis))
+    labelling = Labelling(metadata.label, verified_by=metadata.verified_by, note=metadata.notes)
+
+    def work(session: Session) -> Made:
+        row = intake.store(service.library, session)
+        return _made(request, service.library.retain(session, row, labelling))
+
+    return once.run(work, *content)
+
+
+def _from_diagnosis(once: Once, request: Request, body: bytes) -> Response:
+    try:
+        asked = CaseFromDiagnosis.model_validate_json(body)
+    except ValidationError as error:
+        raise validation_problem(error.errors(include_url=False), "The body") from None
+    labelling = Labelling(asked.label, verified_by=asked.verified_by, note=asked.note)
+    library = once.service.library
+
+    def work(session: Session) -> Made:
+        diagnosis = library.diagnosis(session, asked.diagnosis_id)
+        case = library.retain(session, diagnosis.recording, labelling, diagnosis_id=diagnosis.id)
+        return _made(request, case)
+
+    return once.run(work, asked.model_dump())
+
+
+def _made(request: Request, case: Case) -> Made:
+    location = str(request.url_for("get_case", case_id=case.id).path)
+    return Made(CaseAnswer.model_validate(case), location, {"ETag": etag(case)})
+
+
+@router.get("/cases/{case_id}")
+def get_case(_: Viewer, session: Reading, service: TheService, case_id: Identifier, response: Response) -> CaseAnswer:
+    """One case, retired ones too, with its ETag."""
+    case = service.library.case(session, case_id)
+    response.headers["ETag"] = etag(case)
+    return CaseAnswer.model_validate(case)
+
+
+@router.get("/cases/{case_id}/history")
+def case_history(_: Viewer, session: Reading, service: TheService, case_id: Identifier) -> PageOf[AuditAnswer]:
+    """All that happened to a case, oldest first."""
+    items = [AuditAnswer.model_validate(row) for row in service.library.history(session, case_id)]
+    return PageOf(items=items, next_cursor=None)
+
+
+@router.patch("/cases/{case_id}")
+def change_case(
+    admin: Admin,
+    service: TheService,
+    request: Request,
+    case_id: Identifier,
+    change: CaseChange,
+    response: Response,
+    if_match: IfMatch = None,
+) -> CaseAnswer:
+    """Change a case. With `If-Match` only if nobody else has changed it in the meantime."""
+    changes = change.model_dump(exclude_unset=True)
+    with service.library.transaction(admin.actor, request.scope["request_id"]) as session:
+        case = service.library.revise(session, case_id, changes, expected_version=expected(service, if_match))
+    response.headers["ETag"] = etag(case)
+    return CaseAnswer.model_validate(case)
+
+
+@router.delete("/cases/{case_id}")
+def retire_case(
+    admin: Admin,
+    service: TheService,
+    request: Request,
+    case_id: Identifier,
+    response: Response,
+    if_match: IfMatch = None,
+) -> CaseAnswer:
+    """Take a case out of every search. It stays readable, and `PATCH {"state": "confirmed"}` brings it back."""
+    with service.library.transaction(admin.actor, request.scope["request_id"]) as session:
+        case = service.library.retire(session, case_id, expected_version=expected(service, if_match))
+    response.headers["ETag"] = etag(case)
+    return CaseAnswer.model_validate(case)
+
+
+def etag(case: Case) -> str:
+    return f'"{case.version}"'
+
+
+def expected(service: Service, if_match: str | None) -> int | None:
+    """Return the version that a change is based on; None means any.
+
+    Raises:
+        IfMatchRequired: if none is given and the installation wants one.
+        Stale: if what is given is no ETag of ours.
+    """
+    if if_match is None:
+        if service.settings.require_if_match:
+            raise IfMatchRequired("Send the case's ETag (from GET) as If-Match, or `If-Match: *` to change it anyhow.")
+        return None
+    if if_match.strip() == "*":
+        return None
+    version = if_match.strip().removeprefix('"').removesuffix('"')
+    if not (version.isascii() and version.isdigit() and len(version) < 10):
+        raise Stale(f"If-Match {if_match!r} is not an ETag of this case; GET it again and use the ETag it comes with.")
+    return int(version)

@@ -1,0 +1,71 @@
+"""Whether the service lives and is ready, its metrics, and the page that explains the API."""
+
+import os
+import shutil
+from typing import Any
+
+from fastapi import APIRouter, Request, Response
+from fastapi.responses import HTMLResponse, JSONResponse
+from prometheus_client import generate_latest
+from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
+from sqlalchemy import text
+from sqlalchemy.exc import SQLAlchemyError
+
+from app.errors import Unavailable
+from app.reference import reference_page
+from app.security import Viewer
+from app.service import Service, TheService
+
+FREE_BYTES = 256 * 1024 * 1024
+
+router = APIRouter(tags=["service"])
+
+
+@router.get("/livez")
+def live() -> dict[str, str]:
+    """The process answers."""
+    return {"status": "alive"}
+
+
+@router.get("/readyz")
+def ready(service: TheService) -> dict[str, str]:
+    """The service can do its work: database, data folder and disk are as they should be."""
+    wrong = faults(service)
+    if wrong:
+        raise Unavailable(" ".join(wrong))
+    return {"status": "ready"}
+
+
+def faults(service: Service) -> list[str]:
+    """Return a sentence for each thing that keeps the service from its work."""
+    found = []
+    try:
+        with service.library.reading() as session:
+            session.execute(text("SELECT value FROM library_counter"))
+    except SQLAlchemyError as error:
+        found.append(f"The database does not answer ({type(error).__name__}): check that it runs and is migrated.")
+    folder = service.library.data_dir
+    if not os.access(folder, os.W_OK):
+        found.append("The data folder cannot be written: check that it exists and who owns it.")
+    elif shutil.disk_usage(folder).free < FREE_BYTES:
+        found.append(f"Less than {FREE_BYTES >> 20} MiB are free where the data folder lies: make room.")
+    return found
+
+
+@router.get("/metrics", response_class=Response, responses={200: {"content": {"text/plain": {}}}})
+def metrics(_: Viewer, service: TheService) -> Response:
+    """Counters in Prometheus' text format."""
+    return Response(generate_latest(service.metrics.registry), media_type=CONTENT_TYPE_PLAIN_0_0_4)
+
+
+@router.get("/docs", include_in_schema=False)
+def docs(request: Request) -> HTMLResponse:
+    """The API explained on one page that needs neither scripts nor network."""
+    document: dict[str, Any] = request.app.openapi()
+    return HTMLResponse(reference_page(document, request.scope.get("root_path", "")))
+
+
+@router.get("/", include_in_schema=False)
+def root(request: Request) -> JSONResponse:
+    base = request.scope.get("root_path", "")
+    return JSONResponse({"name": "Gearcase", "api": f"{base}/api/v1", "docs": f"{base}/docs"})

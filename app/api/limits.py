@@ -1,0 +1,18 @@
+"""What the service takes, so that nobody has to find out by trying."""
+
+from dataclasses import asdict
+
+from fastapi import APIRouter
+
+from app.documents import LimitsAnswer
+from app.security import Viewer
+from app.service import TheService
+from casebase.signals.decode import LIMITS
+
+router = APIRouter(tags=["service"])
+
+
+@router.get("/limits")
+def limits(_: Viewer, service: TheService) -> LimitsAnswer:
+    """Sizes [byte], times [s] and counts that requests must keep to."""
+    return LimitsAnswer(**service.settings.model_dump(include=set(LimitsAnswer.model_fields)), decoding=asdict(LIMITS))

@@ -1,0 +1,216 @@
+"""Recordings: their sound, byte ranges included, and what it looks like."""
+
+import re
+from collections.abc import Iterator
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Annotated, Literal
+from urllib.parse import quote
+
+import numpy as np
+from fastapi import APIRouter, Header, Query, Request, Response, status
+from fastapi.responses import StreamingResponse
+from pydantic import BaseModel
+
+from app import views
+from app.accept import chosen
+from app.documents import Answer, Identifier, RecordingAnswer
+from app.errors import NotFound, RangeNotSatisfiable
+from app.security import Viewer
+from app.service import Reading, Service, TheService
+from casebase.models import Extractor, FeatureRow, StoredRecording
+from casebase.signals.features import EXTRACTOR_VERSION, catalogue
+from casebase.signals.recording import Recording
+
+router = APIRouter(prefix="/recordings/{recording_id}", tags=["recordings"])
+
+BLOCK = 256 * 1024
+UNCHANGING = {"Cache-Control": "private, max-age=31536000, immutable"}
+SINGLE_RANGE = re.compile(r"bytes=(\d{0,18})-(\d{0,18})")
+PNG, JSON = "image/png", "application/json"
+
+
+@router.get("")
+def get_recording(_: Viewer, session: Reading, service: TheService, recording_id: Identifier) -> RecordingAnswer:
+    """A recording and how it was taken."""
+    return RecordingAnswer.model_validate(service.library.recording(session, recording_id))
+
+
+@router.get(
+    "/audio",
+    response_class=Response,
+    responses={
+        200: {"content": {"audio/*": {}}},
+        206: {"content": {"audio/*": {}}, "description": "the range asked for"},
+    },
+)
+def audio(
+    _: Viewer,
+    session: Reading,
+    service: TheService,
+    recording_id: Identifier,
+    byte_range: Annotated[str | None, Header(alias="Range", max_length=100)] = None,
+    if_range: Annotated[str | None, Header(max_length=100)] = None,
+) -> Response:
+    """The file as it came in, whole or one range of it (several ranges are answered by the whole)."""
+    row = service.library.recording(session, recording_id)
+    path = service.library.audio_path(row)
+    etag = f'"{row.file_sha256}"'
+    headers = {
+        **UNCHANGING,
+        "ETag": etag,
+        "Accept-Ranges": "bytes",
+        "Content-Disposition": f"inline; filename*=UTF-8''{quote(row.file_name)}",
+    }
+    wanted = byte_range if if_range in (None, etag) else None
+    start, end = asked_range(wanted, row.byte_count)
+    partial = (start, end) != (0, row.byte_count)
+    headers["Content-Length"] = str(end - start)
+    if partial:
+        headers["Content-Range"] = f"bytes {start}-{end - 1}/{row.byte_count}"
+    code = status.HTTP_206_PARTIAL_CONTENT if partial else status.HTTP_200_OK
+    return StreamingResponse(_bytes(path, start, end), code, headers, media_type=audio_type(row))
+
+
+def asked_range(header: str | None, size: int) -> tuple[int, int]:
+    """Return the bytes asked for as [start, end); everything where the header is no single range of bytes.
+
+    Raises:
+        RangeNotSatisfiable: if the range begins behind the end.
+    """
+    match = SINGLE_RANGE.fullmatch(header.strip()) if header else None
+    if match is None or match.groups() == ("", ""):
+        return 0, size
+    first, last = match.groups()
+    if first == "":
+        start, end = max(0, size - int(last)), size
+    else:
+        start, end = int(first), min(size, int(last) + 1) if last else size
+        if last and int(last) < start:
+            return 0, size
+    if start >= size:
+        raise RangeNotSatisfiable(
+            f"The recording has {size} bytes; {header!r} begins behind them.",
+            headers={"Content-Range": f"bytes */{size}"},
+        )
+    return start, end
+
+
+def audio_type(row: StoredRecording) -> str:
+    """The media type for the browser: sound or plain bytes, whatever the sender claimed."""
+    kinds = {".wav": "audio/wav", ".flac": "audio/flac", ".aif": "audio/aiff", ".aiff": "audio/aiff"}
+    return kinds.get(Path(row.file_name).suffix.lower(), "application/octet-stream")
+
+
+def _bytes(path: Path, start: int, end: int) -> Iterator[bytes]:
+    with path.open("rb") as file:
+        file.seek(start)
+        left = end - start
+        while left > 0 and (block := file.read(min(BLOCK, left))):
+            left -= len(block)
+            yield block
+
+
+def decoded(service: Service, row: StoredRecording) -> Recording:
+    return replace(views.decoded(service.library.audio_path(row), row.channel), unit=row.unit)
+
+
+@router.get("/waveform")
+def waveform(
+    _: Viewer,
+    session: Reading,
+    service: TheService,
+    recording_id: Identifier,
+    response: Response,
+    points: Annotated[int, Query(ge=10, le=200_000)] = 2000,
+) -> views.Waveform:
+    """Lowest and highest sample of each of `points` intervals."""
+    response.headers.update(UNCHANGING)
+    return views.waveform(decoded(service, service.library.recording(session, recording_id)), points)
+
+
+@router.get("/spectrum")
+def spectrum(
+    _: Viewer,
+    session: Reading,
+    service: TheService,
+    recording_id: Identifier,
+    response: Response,
+    resolution_hz: Annotated[float, Query(ge=0.1, le=1000)] = 2.0,
+) -> views.Spectrum:
+    """Averaged power spectrum."""
+    response.headers.update(UNCHANGING)
+    return views.spectrum(decoded(service, service.library.recording(session, recording_id)), resolution_hz)
+
+
+@router.get("/crest")
+def crest(
+    _: Viewer,
+    session: Reading,
+    service: TheService,
+    recording_id: Identifier,
+    response: Response,
+    window_s: Annotated[float, Query(ge=0.01, le=60)] = 0.5,
+) -> views.CrestFactor:
+    """Crest factor of the whole and over time, beside RMS and peak."""
+    response.headers.update(UNCHANGING)
+    return views.crest(decoded(service, service.library.recording(session, recording_id)), window_s)
+
+
+@router.get("/spectrogram", response_model=views.Spectrogram, responses={200: {"content": {PNG: {}}}})
+def spectrogram(
+    _: Viewer,
+    session: Reading,
+    service: TheService,
+    recording_id: Identifier,
+    request: Request,
+    columns: Annotated[int, Query(ge=10, le=2000)] = 800,
+    theme: Literal["light", "dark"] = "light",
+) -> Response:
+    """Level over time and frequency: a PNG by default, numbers for `Accept: application/json`."""
+    kind = chosen(request.headers.get("accept", "*/*"), (PNG, JSON))
+    recording = decoded(service, service.library.recording(session, recording_id))
+    headers = {**UNCHANGING, "Vary": "Accept"}
+    if kind == JSON:
+        return Response(views.spectrogram(recording, columns).model_dump_json(), headers=headers, media_type=JSON)
+    return Response(views.spectrogram_png(recording, columns, dark=theme == "dark"), headers=headers, media_type=PNG)
+
+
+class Feature(BaseModel):
+    """One feature: null where this recording does not allow it."""
+
+    name: str
+    value: float | None
+    unit: str
+    physics: str
+    source: str
+
+
+class Features(Answer):
+    """The feature vector that diagnosis compares, and what was found on the way."""
+
+    extractor_version: str
+    features: list[Feature]
+    motion: dict[str, object]
+    events: list[dict[str, object]]
+
+
+@router.get("/features")
+def features(_: Viewer, session: Reading, service: TheService, recording_id: Identifier) -> Features:
+    """Every feature with its unit and a sentence of physics."""
+    row = service.library.recording(session, recording_id)
+    stored = session.get(FeatureRow, (row.id, EXTRACTOR_VERSION))
+    if stored is None:
+        raise NotFound("The features of this recording are of an older extractor; `gearcase doctor` says what to do.")
+    names = session.get_one(Extractor, EXTRACTOR_VERSION).names
+    missing = np.unpackbits(np.frombuffer(stored.missing, np.uint8), count=len(names))
+    values = {
+        name: None if gone else value
+        for name, value, gone in zip(names, stored.finite.tolist(), missing.tolist(), strict=True)
+    }
+    return Features(
+        extractor_version=EXTRACTOR_VERSION,
+        features=[Feature(value=values[name], **asdict(each)) for name, each in catalogue().items()],
+        motion=stored.motion,
+        events=stored.events,
+    )

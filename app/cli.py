@@ -1,0 +1,108 @@
+"""The command `gearcase`: one module per verb in `app.commands`, imported when its verb is called."""
+
+import sys
+from importlib import import_module
+from importlib.metadata import version
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+COMMANDS: tuple[tuple[str, str, str], ...] = (
+    ("serve", "app.commands.serve", "Serve the API and the pages."),
+    ("worker", "app.commands.worker", "Run jobs; as many workers as one likes."),
+    ("keys", "app.commands.keys", "Make, list and revoke keys."),
+    ("diagnose", "app.commands.diagnose", "Diagnose recordings against the local library."),
+    ("cases", "app.commands.cases", "Add, list, export and import cases."),
+    ("evaluate", "app.commands.evaluate", "Cross-validate the library over its gearboxes."),
+    ("backup", "app.commands.backup", "Write everything into one file."),
+    ("restore", "app.commands.restore", "Bring a backup back into an empty data directory."),
+    ("doctor", "app.commands.doctor", "Check this installation and say what to do."),
+)
+"""Verb, module with `register(app)`, one line of help. A new verb is one line here."""
+
+DATA_DIR = "--data-dir"
+DONE, FAILURE, BAD_INPUT, FAULT_FOUND = 0, 1, 2, 3
+EPILOG = "Exit codes: 0 done, 1 failure, 2 usage or bad input, 3 fault found with --fail-on fault."
+
+
+def main() -> None:
+    """Run the command line of this process."""
+    sys.exit(run(sys.argv[1:]))
+
+
+def run(arguments: list[str]) -> int:
+    """Run one command and return its exit code; domain errors become one sentence on stderr."""
+    arguments = data_dir_first(arguments)
+    try:
+        build(verb_of(arguments))(args=arguments, prog_name="gearcase", standalone_mode=True)
+    except SystemExit as end:
+        return end.code if isinstance(end.code, int) else FAILURE
+    except Exception as error:
+        from app.commands.faults import exit_code, sentence  # the table of errors is slow to import
+
+        code = exit_code(error)
+        if code is None:
+            raise
+        print(f"gearcase: {sentence(error)}", file=sys.stderr)
+        return code
+    return DONE
+
+
+def data_dir_first(arguments: list[str]) -> list[str]:
+    """Move `--data-dir DIR` to the front, so that it may stand before or after the verb."""
+    front: list[str] = []
+    rest: list[str] = []
+    words = iter(arguments)
+    for word in words:
+        if word == "--":
+            rest += [word, *words]
+        elif word == DATA_DIR:
+            front = [word, *([value] if (value := next(words, None)) is not None else [])]
+        elif word.startswith(DATA_DIR + "="):
+            front = [word]
+        else:
+            rest.append(word)
+    return front + rest
+
+
+def verb_of(arguments: list[str]) -> str | None:
+    """Return the first word that is no global option."""
+    skip = 2 if arguments[:1] == [DATA_DIR] else 0
+    return next((word for word in arguments[skip:] if not word.startswith("-")), None)
+
+
+def build(verb: str | None) -> typer.Typer:
+    """Return the command line with this verb in full and the others by name and help alone."""
+    app = typer.Typer(
+        help="Diagnosis of robot gearboxes from their sound, by known cases and by simulation.",
+        epilog=EPILOG,
+        no_args_is_help=True,
+        add_completion=False,
+        pretty_exceptions_enable=False,
+    )
+    app.callback()(options)
+    for name, module, words in COMMANDS:
+        if name == verb:
+            import_module(module).register(app)
+        else:
+            app.command(name, help=words)(_elsewhere)
+    return app
+
+
+def options(
+    context: typer.Context,
+    data_dir: Annotated[
+        Path | None,
+        typer.Option(envvar="GEARCASE_DATA_DIR", help="what a local installation owns [.gearcase]", show_default=False),
+    ] = None,
+    show_version: Annotated[bool, typer.Option("--version", help="print the version and end")] = False,
+) -> None:
+    context.obj = data_dir
+    if show_version:
+        print(version("gearcase"))
+        raise typer.Exit
+
+
+def _elsewhere() -> None:
+    """Stands for a verb that was not called."""

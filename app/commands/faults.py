@@ -1,0 +1,40 @@
+"""Which errors the command line turns into a sentence, and with which exit code it ends."""
+
+from fastapi_problem.error import StatusProblem
+from pydantic import ValidationError
+from sqlalchemy.exc import OperationalError
+
+from app.cli import BAD_INPUT, FAILURE
+from casebase.errors import BackupError, LibraryError
+from casebase.signals.errors import DecoderUnavailableError, SignalError
+from sim.errors import RunError, SimulationError
+
+CODES: dict[type[Exception], int] = {
+    StatusProblem: BAD_INPUT,
+    ValidationError: BAD_INPUT,
+    BackupError: FAILURE,
+    LibraryError: BAD_INPUT,
+    DecoderUnavailableError: FAILURE,
+    SignalError: BAD_INPUT,
+    RunError: FAILURE,
+    SimulationError: BAD_INPUT,
+    FileNotFoundError: BAD_INPUT,
+    OSError: FAILURE,
+    OperationalError: FAILURE,
+}
+
+
+def exit_code(error: Exception) -> int | None:
+    """Return the exit code of an expected error, or None for a fault of the program."""
+    return next((CODES[cls] for cls in type(error).__mro__ if cls in CODES), None)
+
+
+def sentence(error: Exception) -> str:
+    """Return what was wrong and what would be right."""
+    if isinstance(error, StatusProblem):
+        return error.detail or error.title
+    if isinstance(error, ValidationError):
+        return "; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
+    if isinstance(error, OperationalError):
+        return f"the database does not answer: {error.orig}"
+    return str(error)

@@ -1,0 +1,51 @@
+"""What every verb has: the installation's settings, words for people on stderr, results on stdout."""
+
+import json
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+
+import typer
+from rich.console import Console
+
+from app.errors import finite
+from app.settings import Settings, settings_of
+from casebase.library import CaseLibrary
+
+ACTOR = "command line"
+
+
+@dataclass(frozen=True)
+class Frame:
+    """The command line of one installation."""
+
+    data_dir: Path | None
+    words: Console = field(default_factory=lambda: Console(stderr=True, soft_wrap=True))
+    results: Console = field(default_factory=lambda: Console(soft_wrap=True))
+
+    @cached_property
+    def settings(self) -> Settings:
+        return settings_of(self.data_dir)
+
+    def say(self, words: str) -> None:
+        """Tell a person, on stderr."""
+        self.words.print(words, markup=False, highlight=False)
+
+    def print_json(self, document: object) -> None:
+        """Print the one JSON document of `--json` on stdout."""
+        typer.echo(json.dumps(finite(document), ensure_ascii=False, allow_nan=False, indent=1))
+
+    @contextmanager
+    def library(self) -> Iterator[CaseLibrary]:
+        """The local library, made or upgraded where needed."""
+        library = CaseLibrary.open(self.settings.data_dir, self.settings.database_url)
+        try:
+            yield library
+        finally:
+            library.close()
+
+
+def frame_of(context: typer.Context) -> Frame:
+    return Frame(context.obj)

@@ -1,0 +1,108 @@
+"""`gearcase serve`: the service, in one process with a worker beside it."""
+
+import socket
+from contextlib import nullcontext
+from typing import Annotated
+
+import typer
+import uvicorn
+
+from app.commands.frame import ACTOR, Frame, frame_of
+from app.commands.worker import worker_child
+from app.keys import Role, create_key, list_keys
+from app.logs import configure_logs
+from app.main import create_app
+from app.metrics import Metrics
+from app.service import Service
+
+STOPPING_S = 30
+
+
+def register(app: typer.Typer) -> None:
+    app.command("serve")(serve)
+
+
+def serve(
+    context: typer.Context,
+    host: Annotated[str, typer.Option(help="address to listen on")] = "127.0.0.1",
+    port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes any that is free")] = 8000,
+    worker: Annotated[bool, typer.Option(help="run a worker for jobs beside the service")] = True,
+    proxies: Annotated[
+        str, typer.Option(help="addresses of proxies whose X-Forwarded headers are believed")
+    ] = "127.0.0.1",
+) -> None:
+    """Serve the API and the pages; prints the address to open and, on the first start, the admin key."""
+    frame = frame_of(context)
+    listening = _listen(host, port)
+    service = Service.open(frame.settings, Metrics())
+    try:
+        first = _first_key(service)
+        configure_logs()
+        config = uvicorn.Config(
+            create_app(service=service),
+            access_log=False,
+            log_config=None,
+            proxy_headers=True,
+            forwarded_allow_ips=proxies,
+            server_header=False,
+            timeout_graceful_shutdown=STOPPING_S,
+            h11_max_incomplete_event_size=64 * 1024,
+        )
+        with worker_child(frame.settings) if worker else nullcontext():
+            Announced(config, frame, service, first).run(sockets=[listening])
+    finally:
+        service.close()
+        listening.close()
+
+
+class Announced(uvicorn.Server):
+    """A server that says where it is once it is there."""
+
+    def __init__(self, config: uvicorn.Config, frame: Frame, service: Service, first_key: str | None) -> None:
+        super().__init__(config)
+        self._frame, self._service, self._first_key = frame, service, first_key
+
+    async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        await super().startup(sockets)
+        if not self.started or not sockets:
+            return
+        if self._first_key is not None:
+            print(f"Admin key, shown this once: {self._first_key}")
+        for words in _emptiness(self._service):
+            print(words)
+        host, port = sockets[0].getsockname()[:2]
+        shown = f"[{host}]" if ":" in host else host
+        print(f"Open http://{shown}:{port}{self._frame.settings.root_path}/", flush=True)
+
+
+def _listen(host: str, port: int) -> socket.socket:
+    family = socket.AF_INET6 if ":" in host else socket.AF_INET
+    listening = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        listening.bind((host, port))
+    except OSError as error:
+        listening.close()
+        raise OSError(
+            f"cannot listen on {host}:{port}: {error.strerror}; choose another with --host or --port"
+        ) from None
+    return listening
+
+
+def _first_key(service: Service) -> str | None:
+    """Return an admin key, made because there was none at all, or None."""
+    with service.library.transaction(ACTOR) as session:
+        if list_keys(session):
+            return None
+        return create_key(session, name="first admin", role=Role.ADMIN)[1]
+
+
+def _emptiness(service: Service) -> list[str]:
+    with service.library.reading() as session:
+        if service.library.counts(session):
+            return []
+    folder = service.settings.data_dir
+    return [
+        "The library is empty, so every answer will be 'not_in_library'. Fill it with your own recordings:",
+        f"  gearcase --data-dir {folder} cases add FILE... --label normal",
+    ]

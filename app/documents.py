@@ -1,0 +1,192 @@
+"""What goes over the edge: pydantic models of requests and answers, SI units named in the keys."""
+
+from collections.abc import Callable
+from typing import Annotated, Generic, Literal, TypeVar
+
+from fastapi import Path, Query
+from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, FiniteFloat
+
+from app.keys import Role
+from app.metadata import Label, Text, Word
+from casebase.pages import Page
+
+Row = TypeVar("Row")
+Document = TypeVar("Document", bound=BaseModel)
+
+Identifier = Annotated[str, Path(pattern=r"^[0-9a-f]{32}$", description="as answered by the call that made it")]
+Limit = Annotated[int, Query(ge=1, le=200, description="items per page")]
+Cursor = Annotated[str | None, Query(min_length=1, max_length=200, description="next_cursor of the page before")]
+
+
+class Answer(BaseModel):
+    """An answer, read from the attributes of a row."""
+
+    model_config = ConfigDict(from_attributes=True)
+
+
+class Question(BaseModel):
+    """A JSON request: what is not known here is refused rather than ignored."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+
+class PageOf(BaseModel, Generic[Document]):
+    """Newest first; ask again with `cursor` = `next_cursor` until it is null."""
+
+    items: list[Document]
+    next_cursor: str | None
+
+
+def page_of(page: Page[Row], convert: Callable[[Row], Document]) -> PageOf[Document]:
+    return PageOf(items=[convert(row) for row in page.items], next_cursor=page.next_cursor)
+
+
+class KeyRequest(Question):
+    name: Word = Field(description="whose key it is", examples=["test bench 3"])
+    role: Role = Field(examples=["operator"])
+
+
+class KeyAnswer(Answer):
+    """A key as the list shows it: never the key itself."""
+
+    id: str
+    name: str
+    role: Role
+    created_at: AwareDatetime
+    created_by: str
+    last_used_at: AwareDatetime | None
+    revoked_at: AwareDatetime | None
+
+
+class NewKey(KeyAnswer):
+    key: str | None = Field(description="the key itself, this once; null when an Idempotency-Key is repeated")
+
+
+class AuditAnswer(Answer):
+    """Who did what to which, with what it was and became."""
+
+    id: int
+    at: AwareDatetime
+    actor: str
+    action: str
+    subject_kind: str
+    subject_id: str
+    before: dict[str, object]
+    after: dict[str, object]
+    request_id: str | None
+
+
+class AxisAnswer(Answer):
+    """One revision of an axis description."""
+
+    name: str
+    revision: int
+    document: dict[str, object]
+    note: str | None
+    created_at: AwareDatetime
+    created_by: str
+
+
+class LimitsAnswer(Answer):
+    """How large a request may be and how many are served at once."""
+
+    upload_bytes: int
+    document_bytes: int
+    metadata_bytes: int
+    form_parts: int
+    upload_timeout_s: float
+    uploads_per_key: int
+    uploads_at_once: int
+    page_items: int
+    failed_keys: str
+    idempotency_hours: int
+    decoding: dict[str, float] = Field(description="of one recording: seconds, samples, channels, rates")
+
+
+class QualityDocument(Answer):
+    """Something that weakens what can be said of a recording."""
+
+    name: str
+    severity: str
+    reason: str
+
+
+class RecordingAnswer(Answer):
+    """A recording, how it was taken, and where its plots and sound are."""
+
+    id: str
+    file_name: str
+    media_type: str
+    file_sha256: str
+    samples_sha256: str
+    byte_count: int
+    sample_rate_hz: float
+    channel: int
+    channels: int
+    duration_s: float
+    unit: str
+    usable: bool
+    quality: list[QualityDocument]
+    axis: str | None
+    gearbox: str | None
+    payload_kg_m2: float | None
+    speed_rad_s: float | None
+    recorded_at: AwareDatetime | None
+    description: dict[str, object]
+    created_at: AwareDatetime
+    created_by: str
+
+
+class CaseAnswer(Answer):
+    """A recording with a label: what the library knows."""
+
+    id: str
+    label: str
+    origin: Literal["measured", "simulated"]
+    state: Literal["proposed", "confirmed", "retired"]
+    mechanism: str | None
+    location: str | None
+    severity: float | None
+    parameters: dict[str, object]
+    model_version: str | None
+    batch: str | None
+    diagnosis_id: str | None
+    labelled_by: str
+    verified_by: str | None
+    quarantine_reason: str | None
+    note: str | None
+    version: int
+    created_at: AwareDatetime
+    updated_at: AwareDatetime
+    recording: RecordingAnswer
+
+
+class CaseFromDiagnosis(Question):
+    """A case made of a diagnosis that somebody has verified."""
+
+    diagnosis_id: Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
+    label: Label
+    verified_by: Text | None = None
+    note: Text | None = None
+
+
+class CaseChange(Question):
+    """What to change; leave out what stays. `state` retired takes a case out of every search, confirmed back in."""
+
+    label: Label | None = None
+    state: Literal["proposed", "confirmed", "retired"] | None = None
+    verified_by: Text | None = None
+    note: Text | None = None
+    mechanism: Word | None = None
+    location: Word | None = None
+    severity: FiniteFloat | None = None
+    quarantine_reason: Text | None = None
+
+
+class DiagnosisChange(Question):
+    """What a person found: the diagnosis was right, was another fault, or cannot be used."""
+
+    verdict: Literal["confirmed", "corrected", "rejected"]
+    label: Label | None = Field(None, description="the right label; needed for corrected")
+    verified_by: Text | None = Field(None, description="how it was verified, e.g. gearbox opened")
+    note: Text | None = None

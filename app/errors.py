@@ -1,0 +1,211 @@
+"""The one table: what can go wrong -> an RFC 9457 problem that says what was wrong and what would be right."""
+
+import json
+import math
+from collections.abc import Sequence
+from http import HTTPStatus
+from typing import Any
+
+import structlog
+from fastapi import FastAPI
+from fastapi.exceptions import RequestValidationError
+from fastapi_problem.error import Problem, StatusProblem
+from fastapi_problem.handler import ExceptionHandler, new_exception_handler
+from starlette.exceptions import HTTPException
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+
+from app import jobs
+from casebase import errors as library
+from casebase.signals import errors as signals
+from sim import errors as sim
+
+log = structlog.get_logger(__name__)
+
+
+class BadRequest(StatusProblem):
+    status, type_, title = 400, "bad-request", "The request cannot be read"
+
+
+class NotAuthenticated(StatusProblem):
+    status, type_, title = 401, "not-authenticated", "A valid key is needed"
+
+    def __init__(self, detail: str) -> None:
+        super().__init__(detail, headers={"WWW-Authenticate": 'Bearer realm="gearcase"'})
+
+
+class Forbidden(StatusProblem):
+    status, type_, title = 403, "role-too-low", "This key may not do that"
+
+
+class NotFound(StatusProblem):
+    status, type_, title = 404, "not-found", "There is no such thing"
+
+
+class MethodNotAllowed(StatusProblem):
+    status, type_, title = 405, "method-not-allowed", "This method is not offered here"
+
+
+class NotAcceptable(StatusProblem):
+    status, type_, title = 406, "not-acceptable", "None of the accepted media types is offered"
+
+
+class TooSlow(StatusProblem):
+    status, type_, title = 408, "request-too-slow", "The request's body did not arrive in time"
+
+
+class Conflict(StatusProblem):
+    status, type_, title = 409, "conflict", "The request does not fit the present state"
+
+
+class Stale(StatusProblem):
+    status, type_, title = 412, "stale", "It was changed by someone else in the meantime"
+
+
+class TooLarge(StatusProblem):
+    status, type_, title = 413, "too-large", "The request is too large"
+
+
+class UnsupportedMedia(StatusProblem):
+    status, type_, title = 415, "unsupported-media", "This kind of content is not taken here"
+
+
+class RangeNotSatisfiable(StatusProblem):
+    status, type_, title = 416, "range-not-satisfiable", "The range lies outside the content"
+
+
+class Unprocessable(StatusProblem):
+    status, type_, title = 422, "unprocessable", "The content is not valid"
+
+
+class IfMatchRequired(StatusProblem):
+    status, type_, title = 428, "if-match-required", "Say which version is to be changed"
+
+
+class TooManyFailures(StatusProblem):
+    status, type_, title = 429, "too-many-failures", "Too many wrong keys from this address"
+
+
+class InternalFault(StatusProblem):
+    """Says nothing of the fault itself: that is in the log, under the request's id."""
+
+    status, type_, title = 500, "internal-fault", "The service failed; this is not your fault"
+
+    def __init__(self, _detail: str | None = None) -> None:
+        super().__init__("The fault is in the service's log under request_id; nothing was stored.")
+
+
+class Unavailable(StatusProblem):
+    status, type_, title = 503, "unavailable", "The service cannot do this at the moment"
+
+
+DOMAIN: dict[type[Exception], type[StatusProblem]] = {
+    library.NotFoundError: NotFound,
+    library.StaleVersionError: Stale,
+    library.ConflictError: Conflict,
+    library.InvalidRequestError: Unprocessable,
+    library.ArtifactError: Conflict,
+    library.LibraryError: Unprocessable,
+    signals.NotAudioError: UnsupportedMedia,
+    signals.RecordingTooLargeError: TooLarge,
+    signals.DecoderUnavailableError: Unavailable,
+    signals.SignalError: Unprocessable,
+    sim.SimulationError: Unprocessable,
+    jobs.JobNotFoundError: NotFound,
+    jobs.JobStateError: Conflict,
+    jobs.JobError: Unprocessable,
+}
+"""Domain errors and what they are over HTTP; of several that fit an error, the most special counts."""
+
+BY_STATUS: dict[int, type[StatusProblem]] = {
+    kind.status: kind for kind in StatusProblem.__subclasses__() if kind.__module__ == __name__
+}
+
+
+def finite(value: Any) -> Any:
+    """Any JSON-like value with NaN and infinities, which JSON has not, as null; unknown objects as words."""
+    if isinstance(value, float):
+        return value if math.isfinite(value) else None
+    if isinstance(value, dict):
+        return {str(key): finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple | set):
+        return [finite(item) for item in value]
+    if value is None or isinstance(value, str | int | bool):
+        return value
+    return str(value)
+
+
+def validation_problem(errors: Sequence[Any], what: str = "The request") -> Unprocessable:
+    """422 from pydantic's list of errors: one sentence each, and the list for programs."""
+    listed = [
+        {
+            "location": ".".join(str(part) for part in error["loc"]),
+            "message": error["msg"],
+            "kind": error["type"],
+            "given": finite(error["input"]) if isinstance(error["input"], str | int | float | None) else None,
+        }
+        for error in errors
+    ]
+    words = "; ".join(f"{entry['location'] or 'body'}: {entry['message']}" for entry in listed)
+    return Unprocessable(f"{what} is not valid: {words}", errors=listed)
+
+
+def _from_validation(_: ExceptionHandler, __: Request, error: RequestValidationError) -> Problem:
+    return validation_problem(error.errors())
+
+
+def _words(request: Request, error: HTTPException) -> str:
+    path = request.url.path
+    if error.status_code == HTTPStatus.NOT_FOUND and error.detail == HTTPStatus.NOT_FOUND.phrase:
+        return f"There is nothing at {path}. The API is under /api/v1 and described at /docs."
+    if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+        allowed = (error.headers or {}).get("Allow", "none")
+        return f"{request.method} is not offered at {path}. Offered: {allowed}."
+    return error.detail
+
+
+def _from_http(_: ExceptionHandler, request: Request, error: HTTPException) -> Problem:
+    headers = dict(error.headers or {})
+    kind = BY_STATUS.get(error.status_code)
+    if kind is not None:
+        return kind(_words(request, error), headers=headers)
+    phrase = HTTPStatus(error.status_code).phrase
+    return Problem(phrase, phrase.lower().replace(" ", "-"), error.detail, error.status_code, headers)
+
+
+def _from_domain(_: ExceptionHandler, __: Request, error: Exception) -> Problem:
+    kind = next(DOMAIN[cls] for cls in type(error).__mro__ if cls in DOMAIN)
+    return kind(str(error))
+
+
+def _identify(content: dict[str, Any], request: Request, response: JSONResponse) -> tuple[dict[str, Any], JSONResponse]:
+    content = finite({**content, "instance": request.url.path, "request_id": request.scope.get("request_id")})
+    response.body = json.dumps(content, ensure_ascii=False, allow_nan=False).encode()
+    return content, response
+
+
+def _note(request: Request, error: Exception) -> None:
+    if not isinstance(error, EXPECTED):
+        log.exception("request failed", path=request.url.path, exc_info=error)
+
+
+EXPECTED = (Problem, HTTPException, RequestValidationError, *DOMAIN)
+
+problem_handler = new_exception_handler(
+    unhandled_wrappers={"default": InternalFault},
+    handlers={**dict.fromkeys(DOMAIN, _from_domain)},
+    http_exception_handler=_from_http,
+    request_validation_handler=_from_validation,
+    pre_hooks=[_note],
+    post_hooks=[_identify],
+)
+
+
+def problem_answer(request: Request, error: Exception) -> Response:
+    """The answer to an error that arose outside the routes."""
+    return problem_handler(request, error)
+
+
+def add_problem_handlers(app: FastAPI) -> None:
+    for error in (Exception, *EXPECTED):
+        app.add_exception_handler(error, problem_handler)

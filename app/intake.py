@@ -1,0 +1,75 @@
+"""A recording comes in: decoded in the limited worker, its features taken, what was said of it kept."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from sqlalchemy.orm import Session
+
+from app.metadata import RecordingMetadata
+from casebase.axes import find_axis
+from casebase.description import RecordingDescription
+from casebase.library import CaseLibrary
+from casebase.models import StoredRecording
+from casebase.signals.decode import read_recording
+from casebase.signals.features import Extraction, extract
+from casebase.signals.recording import Recording
+from sim.axis import Axis, read_axis
+
+
+@dataclass(frozen=True)
+class Intake:
+    """A recording on its way into the library, from a file that is still where it was."""
+
+    path: Path
+    recording: Recording
+    extraction: Extraction
+    description: RecordingDescription
+
+    def store(self, library: CaseLibrary, session: Session) -> StoredRecording:
+        return library.store_recording(session, self.path, self.recording, self.extraction, self.description)
+
+
+def shaft_orders(axis: Axis) -> tuple[float, ...]:
+    """Turns of each shaft per turn of the output, motor first [1]."""
+    return tuple(axis.ratio_from(shaft) for shaft in ("motor", *(stage.name for stage in axis.stages)))
+
+
+def mesh_orders(axis: Axis) -> tuple[float, ...]:
+    """Tooth engagements of each mesh per turn of the output, motor side first [1]; those with known teeth."""
+    return tuple(
+        stage.driven_teeth * axis.ratio_from(stage.name) for stage in axis.stages if stage.driven_teeth is not None
+    )
+
+
+def known_axis(library: CaseLibrary, name: str | None) -> Axis | None:
+    """The current description of an axis, or None where only its name is known."""
+    if name is None:
+        return None
+    with library.reading() as session:
+        row = find_axis(session, name)
+    return None if row is None else read_axis(row.document)
+
+
+def take_in(path: Path, name: str, media_type: str, metadata: RecordingMetadata, axis: Axis | None = None) -> Intake:
+    """Decode a file and take its features.
+
+    Raises:
+        SignalError: what the file or its description has wrong, as `read_recording` and `extract` say.
+    """
+    condition = metadata.condition(
+        shaft_orders=shaft_orders(axis) if axis else (), mesh_orders=mesh_orders(axis) if axis else ()
+    )
+    recording = replace(read_recording(path, channel=metadata.channel), unit=metadata.unit)
+    extra = metadata.model_dump(
+        mode="json", include={"robot", "temperature_degc", "notes", "verified_by"}, exclude_none=True
+    )
+    description = RecordingDescription(
+        file_name=name,
+        media_type=media_type,
+        axis=metadata.axis or (axis.name if axis else None),
+        gearbox=metadata.gearbox,
+        condition=condition,
+        recorded_at=metadata.recorded_at,
+        extra=extra,
+    )
+    return Intake(path, recording, extract(recording, condition), description)

@@ -1,0 +1,70 @@
+"""create_app(): routers, errors, middleware and what runs around them."""
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from importlib.metadata import version
+
+from fastapi import APIRouter, FastAPI
+from starlette.middleware import Middleware
+
+from app.api import audit, axes, cases, health, keys, limits, recordings
+from app.errors import add_problem_handlers
+from app.metrics import Metrics
+from app.middleware import BodyLimit, RequestRecord, SecurityHeaders
+from app.reference import PROBLEMS, describe
+from app.service import Service
+from app.settings import Settings, settings_of
+from app.uploads import Gate
+from casebase.signals.decode import warm_up
+
+ROUTERS: tuple[APIRouter, ...] = (
+    cases.router,
+    recordings.router,
+    axes.router,
+    keys.router,
+    audit.router,
+    limits.router,
+)
+"""Everything under /api/v1; a new noun is one line here."""
+
+DESCRIPTION = """Diagnosis of robot gearboxes from their sound by comparison with known cases.
+
+Send a recording to `POST /api/v1/diagnoses`; the answer names the fault, the nearest known cases and how much they
+are alike. It is an aid for people who maintain gearboxes, not a safety function."""
+
+
+def create_app(settings: Settings | None = None, service: Service | None = None) -> FastAPI:
+    """Return the application. With a service that is already open, the caller closes it."""
+    settings = settings or (service.settings if service else settings_of())
+    metrics = service.metrics if service else Metrics()
+
+    @asynccontextmanager
+    async def lifespan(app: FastAPI) -> AsyncIterator[None]:
+        running = service or Service.open(settings, metrics)
+        app.state.service, app.state.gate = running, Gate(settings)
+        warm_up()
+        yield
+        if service is None:
+            running.close()
+
+    app = FastAPI(
+        title="Gearcase",
+        version=version("gearcase"),
+        description=DESCRIPTION,
+        root_path=settings.root_path,
+        lifespan=lifespan,
+        docs_url=None,
+        redoc_url=None,
+        redirect_slashes=False,
+        middleware=[
+            Middleware(RequestRecord, metrics=metrics),
+            Middleware(SecurityHeaders),
+            Middleware(BodyLimit, settings=settings),
+        ],
+    )
+    add_problem_handlers(app)
+    for router in ROUTERS:
+        app.include_router(router, prefix="/api/v1", responses=PROBLEMS)
+    app.include_router(health.router, responses=PROBLEMS)
+    app.openapi = lambda: describe(app)  # type: ignore[method-assign]
+    return app

@@ -1,0 +1,123 @@
+"""What is said of a recording when it comes in: one strict document for HTTP, command line and bundles."""
+
+from datetime import UTC, datetime
+from itertools import pairwise
+from typing import Annotated, Any, Self
+
+from pydantic import (
+    AwareDatetime,
+    BaseModel,
+    ConfigDict,
+    Field,
+    FiniteFloat,
+    StrictBool,
+    StrictInt,
+    StringConstraints,
+    ValidationError,
+    field_validator,
+    model_validator,
+)
+
+from app.errors import Unprocessable, validation_problem
+from casebase.signals.condition import OperatingCondition
+
+Word = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=200)]
+Label = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_.-]{0,99}$")]
+Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=4000)]
+Positive = Annotated[FiniteFloat, Field(gt=0, lt=1e9)]
+SCHEMA = "gearcase-recording/1"
+
+
+class RecordingMetadata(BaseModel):
+    """How a recording was taken, as far as it is known; leave out what is not known, we guess nothing."""
+
+    model_config = ConfigDict(
+        extra="forbid",
+        frozen=True,
+        json_schema_extra={
+            "examples": [{"axis": "axis-a", "gearbox": "g00", "speed_rad_s": 2.5, "payload_kg_m2": 40.0, "channel": 0}]
+        },
+    )
+
+    axis: Word | None = Field(None, description="name of the axis, as in its description")
+    gearbox: Word | None = Field(None, description="serial number of the gearbox")
+    robot: Word | None = None
+    unit: Annotated[str, StringConstraints(max_length=20)] = Field(
+        "1", description="UCUM code of the samples; 1 for an uncalibrated microphone"
+    )
+    channel: StrictInt | None = Field(None, ge=0, le=63, description="which channel to use, counted from 0")
+    speed_rad_s: Positive | None = Field(None, description="largest speed of the output [rad/s]")
+    payload_kg_m2: Positive | None = Field(None, description="inertia carried by the output [kg m2]")
+    motion_period_s: Positive | None = Field(None, description="one full cycle of back and forth [s]")
+    reversal_times_s: tuple[FiniteFloat, ...] | None = Field(
+        None, max_length=10_000, description="standstills from the recording's start, ascending [s]"
+    )
+    steady: StrictBool | None = Field(None, description="true: constant speed; false: back and forth")
+    temperature_degc: Annotated[FiniteFloat, Field(ge=-100, le=300)] | None = None
+    recorded_at: AwareDatetime | None = Field(
+        None, description="RFC 3339 with an offset, e.g. 2026-11-20T14:03:00+01:00"
+    )
+    verified_by: Text | None = Field(None, description="how the label was verified, e.g. gearbox opened")
+    notes: Text | None = None
+
+    @field_validator("recorded_at", mode="before")
+    @classmethod
+    def _only_text(cls, value: object) -> object:
+        if value is not None and not isinstance(value, str):
+            raise ValueError("must be text like 2026-11-20T14:03:00+01:00")
+        return value
+
+    @field_validator("recorded_at")
+    @classmethod
+    def _representable(cls, value: datetime | None) -> datetime | None:
+        if value is not None:
+            try:
+                value.astimezone(UTC)
+            except OverflowError:
+                raise ValueError("lies outside the years 1 to 9999 in UTC") from None
+        return value
+
+    @model_validator(mode="after")
+    def _ascending(self) -> Self:
+        times = self.reversal_times_s or ()
+        if any(later <= earlier for earlier, later in pairwise(times)):
+            raise ValueError("reversal_times_s must be ascending")
+        return self
+
+    def condition(
+        self, shaft_orders: tuple[float, ...] = (), mesh_orders: tuple[float, ...] = ()
+    ) -> OperatingCondition:
+        """The operating condition, with the orders [per turn of the output] that the axis implies."""
+        return OperatingCondition(
+            speed_rad_s=self.speed_rad_s,
+            payload_kg_m2=self.payload_kg_m2,
+            motion_period_s=self.motion_period_s,
+            reversal_times_s=self.reversal_times_s or (),
+            steady=self.steady,
+            shaft_orders=shaft_orders,
+            mesh_orders=mesh_orders,
+        )
+
+    def description(self) -> dict[str, object]:
+        """What was said, as JSON, without what was not."""
+        return self.model_dump(mode="json", exclude_none=True)
+
+
+class CaseMetadata(RecordingMetadata):
+    """How a recording was taken, and its label."""
+
+    label: Label = Field(description="normal, notch, play, or any other label of the library")
+
+
+def read_metadata(text: str, model: type[RecordingMetadata]) -> Any:
+    """Return the metadata of an upload.
+
+    Raises:
+        Unprocessable: if it is no JSON object, or says something unknown or impossible; lists what is known.
+    """
+    try:
+        return model.model_validate_json(text or "{}")
+    except ValidationError as error:
+        problem = validation_problem(error.errors(include_url=False), "metadata")
+        known = ", ".join(model.model_fields)
+        raise Unprocessable(f"{problem.detail}. Known: {known}.", **problem.extras) from None

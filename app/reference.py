@@ -1,0 +1,124 @@
+"""The OpenAPI document: roles, problems and examples; and the reference page made from it."""
+
+from functools import cache
+from typing import Any
+
+from fastapi import FastAPI
+from fastapi.dependencies.models import Dependant
+from fastapi.openapi.utils import get_openapi
+from fastapi.routing import APIRoute
+from jinja2 import Environment, PackageLoader, Template
+
+from app.security import Requires
+
+PROBLEM = {
+    "type": "object",
+    "description": "RFC 9457: what was wrong, and what would be right.",
+    "required": ["type", "title", "status", "detail", "instance", "request_id"],
+    "properties": {
+        "type": {"type": "string"},
+        "title": {"type": "string"},
+        "status": {"type": "integer", "minimum": 400, "maximum": 599},
+        "detail": {"type": "string"},
+        "instance": {"type": "string"},
+        "request_id": {"type": ["string", "null"]},
+        "errors": {"type": "array", "items": {"type": "object"}},
+    },
+}
+
+
+def problem_response(description: str, status: int, type_: str, title: str, detail: str) -> dict[str, Any]:
+    example = {
+        "type": type_,
+        "title": title,
+        "status": status,
+        "detail": detail,
+        "instance": "/api/v1/cases",
+        "request_id": "5f0c2f7e9a1b4d33",
+    }
+    return {
+        "description": description,
+        "content": {
+            "application/problem+json": {"schema": {"$ref": "#/components/schemas/Problem"}, "example": example}
+        },
+    }
+
+
+PROBLEMS: dict[int | str, dict[str, Any]] = {
+    "4XX": problem_response(
+        "What was wrong with the request, and what would be right",
+        403,
+        "role-too-low",
+        "This key may not do that",
+        "This needs the role admin; the key 'bench 3' has the role operator.",
+    ),
+    "5XX": problem_response(
+        "The service failed",
+        503,
+        "unavailable",
+        "The service cannot do this at the moment",
+        "The decoding worker could not be started; send the recording again in a minute.",
+    ),
+}
+
+
+def role_of(dependant: Dependant) -> str | None:
+    """The role that a route asks for; None where it is open."""
+    for each in dependant.dependencies:
+        if isinstance(each.call, Requires):
+            return each.call.role.value
+        below = role_of(each)
+        if below is not None:
+            return below
+    return None
+
+
+def _routes(app: FastAPI) -> list[APIRoute]:
+    found: list[APIRoute] = []
+
+    def walk(routes: Any) -> None:
+        for route in routes:
+            if isinstance(route, APIRoute):
+                found.append(route)
+            elif hasattr(route, "routes"):
+                walk(route.routes)
+
+    walk(app.routes)
+    return found
+
+
+def describe(app: FastAPI) -> dict[str, Any]:
+    """Return the OpenAPI document of the application."""
+    if app.openapi_schema is None:
+        document = get_openapi(
+            title=app.title, version=app.version, description=app.description, routes=app.routes, tags=app.openapi_tags
+        )
+        document["components"].setdefault("schemas", {})["Problem"] = PROBLEM
+        for route in _routes(app):
+            for method in route.methods or ():
+                operation = document["paths"].get(route.path_format, {}).get(method.lower())
+                if operation is not None:
+                    operation["x-role"] = role_of(route.dependant)
+        app.openapi_schema = document
+    return app.openapi_schema
+
+
+@cache
+def _template() -> Template:
+    loader = PackageLoader("app", ".")
+    return Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True).get_template(
+        "reference.html"
+    )
+
+
+def reference_page(document: dict[str, Any], base: str) -> str:
+    """Return the reference as one HTML page without scripts."""
+    operations = [
+        {"method": method.upper(), "path": path, **operation}
+        for path, methods in document["paths"].items()
+        for method, operation in methods.items()
+    ]
+    groups: dict[str, list[dict[str, Any]]] = {}
+    for operation in operations:
+        groups.setdefault((operation.get("tags") or ["service"])[0], []).append(operation)
+    return _template().render(info=document["info"], groups=groups, base=base)

@@ -1,0 +1,140 @@
+"""Who may do what: a role on every route, by key in a header or, for pages, in a cookie with a CSRF token."""
+
+import hashlib
+import hmac
+from dataclasses import dataclass
+from typing import Annotated
+
+import structlog
+from fastapi import Depends, Request, Security
+from fastapi.security import HTTPBearer
+from fastapi.security.http import HTTPAuthorizationCredentials
+
+from app.errors import Forbidden, NotAuthenticated, TooManyFailures
+from app.keys import PREFIX, SEEN_EVERY, Role, find_key, note_use
+from app.service import Service, service_of
+from casebase import audit
+from casebase.models import now
+
+__all__ = ["Admin", "Operator", "Principal", "Role", "Viewer"]
+
+log = structlog.get_logger(__name__)
+
+COOKIE = "gearcase_key"
+CSRF_HEADER = "X-CSRF-Token"
+SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
+NOBODY = "unknown"
+
+bearer = HTTPBearer(
+    auto_error=False,
+    scheme_name="key",
+    description=f"A key from `gearcase keys create`, as `Authorization: Bearer {PREFIX}...`",
+)
+
+
+@dataclass(frozen=True)
+class Principal:
+    """Who asks."""
+
+    key_id: str
+    name: str
+    role: Role
+
+    @property
+    def actor(self) -> str:
+        """How the audit log names it; the ending tells keys of the same name apart."""
+        return f"{self.name[:190]}#{self.key_id[-6:]}"
+
+
+def principal_of(service: Service, key: str, client: str) -> Principal:
+    """Return whose key this is.
+
+    Raises:
+        NotAuthenticated: if the key is unknown or revoked.
+        TooManyFailures: instead, if that happened too often from this address.
+    """
+    with service.library.reading() as session:
+        row = find_key(session, key)
+    if row is None:
+        raise _refusal(service, key, client)
+    principal = Principal(row.id, row.name, Role(row.role))
+    if row.last_used_at is None or now() - row.last_used_at > SEEN_EVERY:
+        with service.library.transaction(principal.actor) as session:
+            note_use(session, row.id)
+    return principal
+
+
+def _refusal(service: Service, key: str, client: str) -> NotAuthenticated | TooManyFailures:
+    service.metrics.refused_keys.inc()
+    log.warning("key refused", client=client)
+    if not service.limiter.hit(service.failed_keys, client):
+        return TooManyFailures(
+            f"More wrong keys than {service.settings.failed_keys} came from {client}. "
+            "Wait a minute; a valid key still works.",
+            headers={"Retry-After": "60"},
+        )
+    with service.library.transaction(NOBODY) as session:
+        audit.record(session, "key.refused", ("client", client))
+    if not key.startswith(PREFIX):
+        return NotAuthenticated(f"This is no Gearcase key: they begin with {PREFIX}. An admin can make one.")
+    return NotAuthenticated("The key is unknown or has been revoked. An admin can make another one.")
+
+
+def csrf_token(key: str) -> str:
+    """Return the token that the forms of a page carry; it cannot be made without the key itself."""
+    return hmac.new(key.encode(), b"gearcase form", hashlib.sha256).hexdigest()
+
+
+def check_csrf(request: Request, given: str) -> None:
+    """Compare the token of a form or header with the one that belongs to the cookie's key.
+
+    Raises:
+        Forbidden: if they differ.
+    """
+    expected = csrf_token(request.cookies.get(COOKIE, ""))
+    if not hmac.compare_digest(expected.encode(), given.encode()):
+        raise Forbidden(
+            f"A request that is signed in by cookie must carry the page's token in {CSRF_HEADER}. "
+            "Reload the page and try again."
+        )
+
+
+def client_of(request: Request) -> str:
+    return request.client.host if request.client else NOBODY
+
+
+def _identify(request: Request, credentials: HTTPAuthorizationCredentials | None) -> Principal:
+    service = service_of(request)
+    if credentials is not None:
+        return principal_of(service, credentials.credentials, client_of(request))
+    cookie = request.cookies.get(COOKIE)
+    if cookie is None:
+        raise NotAuthenticated(f"Send a key: `Authorization: Bearer {PREFIX}...`. An admin can make one.")
+    principal = principal_of(service, cookie, client_of(request))
+    if request.method not in SAFE_METHODS:
+        check_csrf(request, request.headers.get(CSRF_HEADER, ""))
+    return principal
+
+
+@dataclass(frozen=True)
+class Requires:
+    """Dependency: the key's role must be this one or a higher one."""
+
+    role: Role
+
+    def __call__(
+        self, request: Request, credentials: Annotated[HTTPAuthorizationCredentials | None, Security(bearer)]
+    ) -> Principal:
+        principal = _identify(request, credentials)
+        request.state.actor = principal.actor
+        request.state.principal = principal
+        if not principal.role.may(self.role):
+            raise Forbidden(
+                f"This needs the role {self.role}; the key {principal.name!r} has the role {principal.role}."
+            )
+        return principal
+
+
+Viewer = Annotated[Principal, Depends(Requires(Role.VIEWER))]
+Operator = Annotated[Principal, Depends(Requires(Role.OPERATOR))]
+Admin = Annotated[Principal, Depends(Requires(Role.ADMIN))]

@@ -1,0 +1,70 @@
+"""What the application holds while it runs, and how a route gets at it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Annotated
+
+from fastapi import Depends, Request
+from limits import RateLimitItem, parse
+from limits.storage import MemoryStorage
+from limits.strategies import MovingWindowRateLimiter
+from sqlalchemy.orm import Session
+
+from app.job_kinds import open_jobs
+from app.jobs import Jobs
+from app.metrics import Metrics
+from app.settings import Settings
+from casebase.library import CaseLibrary
+
+
+@dataclass(frozen=True)
+class Service:
+    """One running application: its settings, library and counters."""
+
+    settings: Settings
+    library: CaseLibrary
+    metrics: Metrics
+    limiter: MovingWindowRateLimiter = field(default_factory=lambda: MovingWindowRateLimiter(MemoryStorage()))
+
+    @classmethod
+    def open(cls, settings: Settings, metrics: Metrics) -> "Service":
+        """Open the library, made or upgraded where needed."""
+        return cls(settings, CaseLibrary.open(settings.data_dir, settings.database_url), metrics)
+
+    @cached_property
+    def jobs(self) -> Jobs:
+        """The jobs of this installation, opened when first asked for."""
+        return open_jobs(self.settings)
+
+    def close(self) -> None:
+        if "jobs" in self.__dict__:
+            self.jobs.close()
+        self.library.close()
+
+    @cached_property
+    def failed_keys(self) -> RateLimitItem:
+        return parse(self.settings.failed_keys)
+
+
+def service_of(request: Request) -> Service:
+    service: Service = request.app.state.service
+    return service
+
+
+TheService = Annotated[Service, Depends(service_of)]
+
+
+def reading_session(service: TheService) -> Iterator[Session]:
+    with service.library.reading() as session:
+        yield session
+
+
+Reading = Annotated[Session, Depends(reading_session, scope="function")]
+
+
+def jobs_of(service: TheService) -> Jobs:
+    return service.jobs
+
+
+TheJobs = Annotated[Jobs, Depends(jobs_of)]

@@ -1,0 +1,57 @@
+"""What an installation may set: environment variables `GEARCASE_*`; every default is usable as it is."""
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Annotated
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
+
+from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt
+from pydantic_settings import BaseSettings, SettingsConfigDict
+
+
+def known_zone(name: str) -> str:
+    try:
+        ZoneInfo(name)
+    except (ZoneInfoNotFoundError, ValueError):
+        raise ValueError(f"{name!r} is no time zone of the IANA list; an example is Europe/Stockholm") from None
+    return name
+
+
+ZoneName = Annotated[str, AfterValidator(known_zone)]
+MEBIBYTE = 1024 * 1024
+
+
+class Settings(BaseSettings):
+    """One installation. `data_dir` holds everything that a local one owns."""
+
+    model_config = SettingsConfigDict(env_prefix="GEARCASE_", frozen=True, extra="ignore")
+
+    data_dir: Path = Field(Path(".gearcase"), description="database, recordings and artifacts")
+    database_url: str | None = Field(None, description="SQLAlchemy URL; SQLite in the data directory where not given")
+    time_zone: ZoneName = Field("UTC", description="of the site, IANA name: pages write times in it")
+    root_path: str = Field("", description="path under which a proxy serves us, e.g. /gearcase")
+    cookie_secure: bool = Field(False, description="send the sign-in cookie over HTTPS only")
+
+    upload_bytes: PositiveInt = Field(200 * MEBIBYTE, description="a multipart request, whole")
+    document_bytes: PositiveInt = Field(1 * MEBIBYTE, description="any other request, whole")
+    metadata_bytes: PositiveInt = Field(64 * 1024, description="one form field of a multipart request")
+    form_parts: PositiveInt = Field(8, description="form fields of a multipart request; as many files")
+    upload_timeout_s: PositiveFloat = Field(300.0, description="until a request's body must have arrived")
+    uploads_per_key: PositiveInt = Field(4, description="uploads of one key read at once; others wait")
+    uploads_at_once: PositiveInt = Field(16, description="uploads of all keys read at once; others wait")
+    analyses_at_once: PositiveInt = Field(2, description="recordings decoded at once; others wait")
+    page_items: PositiveInt = Field(200, description="items of a list's page, at most")
+    failed_keys: str = Field("100/minute", description="wrong keys from one address before 429")
+    require_if_match: bool = Field(False, description="changes of a case need the If-Match header (428)")
+    idempotency_hours: PositiveInt = Field(24, description="how long an Idempotency-Key is remembered")
+
+    @property
+    def url(self) -> str:
+        """SQLAlchemy URL of the database."""
+        return self.database_url or f"sqlite:///{self.data_dir.absolute() / 'gearcase.sqlite3'}"
+
+
+@lru_cache
+def settings_of(data_dir: Path | None = None) -> Settings:
+    """Settings from the environment, with the data directory of the command line where given."""
+    return Settings() if data_dir is None else Settings(data_dir=data_dir)

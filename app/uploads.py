@@ -1,0 +1,197 @@
+"""Uploads: streamed to a temporary file after the key has been checked, a few at a time, within a time limit."""
+
+import asyncio
+import hashlib
+import tempfile
+from collections import defaultdict
+from collections.abc import AsyncIterator
+from contextlib import AsyncExitStack, asynccontextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Annotated, Any
+
+from fastapi import Depends, Request
+from fastapi.concurrency import run_in_threadpool
+from pydantic import BaseModel
+from starlette.datastructures import FormData, UploadFile
+from starlette.exceptions import HTTPException
+
+from app.errors import BadRequest, TooLarge, TooSlow, Unprocessable, UnsupportedMedia
+from app.service import Service, service_of
+from app.settings import Settings
+
+BLOCK = 1024 * 1024
+NAME_CHARACTERS = 255
+
+
+@dataclass(frozen=True)
+class UploadedFile:
+    """One file of a form: where its bytes are, until the request ends."""
+
+    path: Path
+    name: str
+    media_type: str
+    size: int
+    sha256: str
+
+
+@dataclass(frozen=True)
+class Upload:
+    """A multipart request: its files and its text fields by name."""
+
+    files: dict[str, UploadedFile]
+    fields: dict[str, str]
+
+    def file(self, name: str) -> UploadedFile:
+        """Return the file of this part.
+
+        Raises:
+            Unprocessable: if there is none.
+        """
+        if name in self.files:
+            return self.files[name]
+        parts = ", ".join(sorted({*self.files, *self.fields})) or "none"
+        hint = " It came as text: give the part a filename." if name in self.fields else ""
+        raise Unprocessable(f"The form needs a file in the part {name!r}; it has the parts: {parts}.{hint}")
+
+    def text(self, name: str, limit: int) -> str:
+        """Return the text of this part, whether sent as a field or as a file; empty where it is missing."""
+        if name not in self.files:
+            return self.fields.get(name, "")
+        file = self.files[name]
+        if file.size > limit:
+            raise TooLarge(f"The part {name!r} has {file.size} bytes; it may have {limit}.")
+        try:
+            return file.path.read_text("utf-8")
+        except UnicodeDecodeError:
+            raise Unprocessable(f"The part {name!r} is not UTF-8 text.") from None
+
+    def only(self, *known: str) -> None:
+        """Refuse parts that nobody asked for.
+
+        Raises:
+            Unprocessable: if there are any.
+        """
+        unknown = sorted({*self.files, *self.fields} - set(known))
+        if unknown:
+            raise Unprocessable(f"The form has unknown parts: {', '.join(unknown)}. Known: {', '.join(known)}.")
+
+
+class Gate:
+    """Lets few uploads in at once, of one key and of all; the others wait unread, where they cost nothing."""
+
+    def __init__(self, settings: Settings) -> None:
+        self._all = asyncio.Semaphore(settings.uploads_at_once)
+        self._each: defaultdict[str, asyncio.Semaphore] = defaultdict(
+            lambda: asyncio.Semaphore(settings.uploads_per_key)
+        )
+
+    @asynccontextmanager
+    async def enter(self, key_id: str) -> AsyncIterator[None]:
+        async with self._each[key_id], self._all:
+            yield
+
+
+def _store(part: UploadFile, folder: Path, number: int) -> UploadedFile:
+    digest = hashlib.sha256()
+    path = folder / str(number)
+    with path.open("wb") as target:
+        while block := part.file.read(BLOCK):
+            digest.update(block)
+            target.write(block)
+    name = Path((part.filename or "").replace("\\", "/")).name
+    printable = "".join(character for character in name if character.isprintable())[:NAME_CHARACTERS]
+    media_type = part.content_type or "application/octet-stream"
+    return UploadedFile(path, printable or "unnamed", media_type, part.size or 0, digest.hexdigest())
+
+
+def _store_all(form: FormData, folder: Path) -> Upload:
+    files: dict[str, UploadedFile] = {}
+    fields: dict[str, str] = {}
+    for number, (name, value) in enumerate(form.multi_items()):
+        if name in files or name in fields:
+            raise Unprocessable(f"The form has the part {name!r} twice; send one recording per request.")
+        if isinstance(value, str):
+            fields[name] = value
+        else:
+            files[name] = _store(value, folder, number)
+    return Upload(files, fields)
+
+
+@asynccontextmanager
+async def received(request: Request, service: Service) -> AsyncIterator[Upload]:
+    """Read a multipart request into a temporary folder, gone afterwards.
+
+    Raises:
+        UnsupportedMedia: if it is no multipart request.
+        TooSlow: if it does not arrive in time.
+        BadRequest, TooLarge: if the form cannot be parsed or has too many or too long parts.
+    """
+    settings = service.settings
+    content_type = request.headers.get("content-type", "")
+    if not content_type.lower().startswith("multipart/form-data"):
+        raise UnsupportedMedia(
+            f"Send multipart/form-data with the part 'file'; this is {content_type or 'without a content type'}."
+        )
+    form_limits = {
+        "max_files": settings.form_parts,
+        "max_fields": settings.form_parts,
+        "max_part_size": settings.metadata_bytes,
+    }
+    async with AsyncExitStack() as stack:
+        try:
+            async with asyncio.timeout(settings.upload_timeout_s):
+                form = await stack.enter_async_context(request.form(**form_limits))
+        except TimeoutError:
+            raise TooSlow(f"The request did not arrive within {settings.upload_timeout_s:g} s.") from None
+        except HTTPException as error:
+            if error.status_code != 400:  # the body limit's 413
+                raise
+            raise BadRequest(f"The form cannot be read: {error.detail}") from None
+        incoming = settings.data_dir / "incoming"
+        incoming.mkdir(parents=True, exist_ok=True)
+        folder = stack.enter_context(tempfile.TemporaryDirectory(dir=incoming))
+        yield await run_in_threadpool(_store_all, form, Path(folder))
+
+
+async def upload_of(request: Request) -> AsyncIterator[Upload | None]:
+    """Dependency, after the one for the role: the multipart request, or None where the body is JSON."""
+    if request.headers.get("content-type", "").lower().startswith("application/json"):
+        yield None
+        return
+    gate: Gate = request.app.state.gate
+    async with gate.enter(request.state.principal.key_id), received(request, service_of(request)) as upload:
+        yield upload
+
+
+async def needed_upload(upload: Annotated[Upload | None, Depends(upload_of, scope="function")]) -> Upload:
+    if upload is None:
+        raise UnsupportedMedia("Send multipart/form-data with the part 'file'; this is application/json.")
+    return upload
+
+
+MaybeUpload = Annotated[Upload | None, Depends(upload_of, scope="function")]
+TheUpload = Annotated[Upload, Depends(needed_upload, scope="function")]
+
+
+def multipart_body(metadata: type[BaseModel], instead: type[BaseModel] | None = None) -> dict[str, Any]:
+    """The OpenAPI of a request with the parts `file` and `metadata`, or with a JSON document instead."""
+    content: dict[str, Any] = {
+        "multipart/form-data": {
+            "schema": {
+                "type": "object",
+                "required": ["file"],
+                "additionalProperties": False,
+                "properties": {
+                    "file": {"type": "string", "format": "binary", "description": "WAV, FLAC or AIFF"},
+                    "metadata": metadata.model_json_schema(),
+                },
+            },
+            "encoding": {"file": {"contentType": "audio/wav"}, "metadata": {"contentType": "application/json"}},
+        }
+    }
+    if any(field.is_required() for field in metadata.model_fields.values()):
+        content["multipart/form-data"]["schema"]["required"].append("metadata")
+    if instead is not None:
+        content["application/json"] = {"schema": instead.model_json_schema()}
+    return {"requestBody": {"required": True, "content": content}}

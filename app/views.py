@@ -1,0 +1,184 @@
+"""What a recording looks like: documents to plot and a spectrogram drawn here, since browsers resample sound."""
+
+import io
+import math
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+from pydantic import BaseModel, Field
+from scipy import signal
+
+from casebase.signals.crest import crest_factor, crest_factor_trace, peak, root_mean_square
+from casebase.signals.decode import read_recording
+from casebase.signals.recording import Recording
+
+SPECTROGRAM_WINDOW = 512
+FLOOR_DB = -160.0
+SHOWN_DB = 80.0
+
+
+class Waveform(BaseModel):
+    """Lowest and highest sample of each interval: what a screen can show, with no peak lost."""
+
+    unit: str
+    sample_rate_hz: float
+    duration_s: float
+    interval_s: float
+    time_s: list[float] = Field(description="start of each interval [s]")
+    low: list[float]
+    high: list[float]
+
+
+class Spectrum(BaseModel):
+    """Averaged power spectrum (Welch, Hann window)."""
+
+    unit: str
+    detector: str = "rms"
+    resolution_hz: float
+    frequency_hz: list[float]
+    level_db: list[float] = Field(description="of the squared unit in the resolution's noise bandwidth [dB]")
+
+
+class Spectrogram(BaseModel):
+    """Level over time and frequency; `level_db[i][j]` is at `frequency_hz[i]` and `time_s[j]`."""
+
+    unit: str
+    time_s: list[float]
+    frequency_hz: list[float]
+    level_db: list[list[float]]
+
+
+class CrestFactor(BaseModel):
+    """Crest factor of the whole and of each window, beside RMS and peak, without which it misleads."""
+
+    unit: str
+    window_s: float
+    whole_record: float | None
+    whole_rms: float
+    whole_peak: float
+    time_s: list[float] = Field(description="middle of each window [s]")
+    crest_factor: list[float | None]
+    rms: list[float]
+    peak: list[float]
+
+
+@lru_cache(maxsize=4)
+def decoded(path: Path, channel: int) -> Recording:
+    """The recording behind a content-addressed file, kept for the next plot of the same page."""
+    return read_recording(path, channel=channel)
+
+
+def waveform(recording: Recording, points: int) -> Waveform:
+    """Return the envelope of the samples in at most `points` intervals."""
+    size = recording.samples.size
+    width = math.ceil(size / points)
+    starts = np.arange(0, size, width)
+    return Waveform(
+        unit=recording.unit,
+        sample_rate_hz=recording.sample_rate_hz,
+        duration_s=recording.duration_s,
+        interval_s=width / recording.sample_rate_hz,
+        time_s=(starts / recording.sample_rate_hz).tolist(),
+        low=np.minimum.reduceat(recording.samples, starts).tolist(),
+        high=np.maximum.reduceat(recording.samples, starts).tolist(),
+    )
+
+
+def spectrum(recording: Recording, resolution_hz: float) -> Spectrum:
+    """Return the averaged power spectrum, resolved to about `resolution_hz` or as fine as the length allows."""
+    window = min(recording.samples.size, round(recording.sample_rate_hz / resolution_hz))
+    frequency, power = signal.welch(
+        recording.samples, recording.sample_rate_hz, nperseg=window, scaling="spectrum", detrend="constant"
+    )
+    return Spectrum(
+        unit=recording.unit,
+        resolution_hz=recording.sample_rate_hz / window,
+        frequency_hz=frequency.tolist(),
+        level_db=_decibel(power).tolist(),
+    )
+
+
+def spectrogram(recording: Recording, columns: int) -> Spectrogram:
+    """Return the level over time and frequency, in at most `columns` intervals of time."""
+    frequency, time, level = _spectrogram(recording, columns)
+    return Spectrogram(
+        unit=recording.unit, time_s=time.tolist(), frequency_hz=frequency.tolist(), level_db=level.tolist()
+    )
+
+
+def crest(recording: Recording, window_s: float) -> CrestFactor:
+    """Return the crest factor of windows that overlap by half, with RMS and peak of each."""
+    samples = recording.samples - np.float32(recording.samples.mean(dtype=np.float64))
+    window = max(2, min(samples.size, round(window_s * recording.sample_rate_hz)))
+    step = max(1, window // 2)
+    trace = crest_factor_trace(samples, window, step)
+    windows = np.lib.stride_tricks.sliding_window_view(samples, window)[::step]
+    rms = np.sqrt(np.mean(np.square(windows), axis=1, dtype=np.float64))
+    middles = (np.arange(trace.size) * step + window / 2) / recording.sample_rate_hz
+    whole = crest_factor(samples)
+    return CrestFactor(
+        unit=recording.unit,
+        window_s=window / recording.sample_rate_hz,
+        whole_record=whole if math.isfinite(whole) else None,
+        whole_rms=root_mean_square(samples),
+        whole_peak=peak(samples),
+        time_s=middles.tolist(),
+        crest_factor=[value if math.isfinite(value) else None for value in trace.tolist()],
+        rms=rms.tolist(),
+        peak=np.abs(windows).max(axis=1).tolist(),
+    )
+
+
+def spectrogram_png(recording: Recording, columns: int, *, dark: bool = False) -> bytes:
+    """Return the spectrogram as a PNG with labelled axes, 80 dB below the loudest point downwards left out."""
+    frequency, _, level = _spectrogram(recording, columns)
+    ink, paper = ("#e6e6e6", "#14181d") if dark else ("#1c2126", "#ffffff")
+    figure = Figure(figsize=(9, 3.6), dpi=110, facecolor=paper, layout="constrained")
+    axes = figure.subplots()
+    image = axes.imshow(
+        level,
+        origin="lower",
+        aspect="auto",
+        extent=(0.0, recording.duration_s, float(frequency[0]), float(frequency[-1])),
+        vmin=float(level.max()) - SHOWN_DB,
+        vmax=float(level.max()),
+        cmap="cividis",
+        interpolation="nearest",
+    )
+    bar = figure.colorbar(image, ax=axes, pad=0.01)
+    bar.set_label(f"level [dB re {recording.unit}², rms]", color=ink)
+    axes.set_xlabel("time [s]", color=ink)
+    axes.set_ylabel("frequency [Hz]", color=ink)
+    for part in (axes, bar.ax):
+        part.tick_params(colors=ink)
+    target = io.BytesIO()
+    figure.savefig(target, format="png", facecolor=paper)
+    return target.getvalue()
+
+
+def _spectrogram(
+    recording: Recording, columns: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    size = recording.samples.size
+    window = min(SPECTROGRAM_WINDOW, size)
+    hop = max(1, window // 4)
+    frequency, time, power = signal.spectrogram(
+        recording.samples,
+        recording.sample_rate_hz,
+        window="hann",
+        nperseg=window,
+        noverlap=window - hop,
+        scaling="spectrum",
+    )
+    # the loudest of what shares a column: an impact must not be averaged away
+    starts = np.arange(0, time.size, math.ceil(time.size / columns))
+    return frequency, time[starts], _decibel(np.maximum.reduceat(power, starts, axis=1))
+
+
+def _decibel(power: NDArray[np.float32]) -> NDArray[np.float64]:
+    floor = 10 ** (FLOOR_DB / 10)
+    level: NDArray[np.float64] = 10 * np.log10(np.maximum(power.astype(np.float64), floor))
+    return level.round(2)

@@ -1,0 +1,103 @@
+"""A real service for the tests: uvicorn in a process of its own, on a free port, with a key of each role."""
+
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import httpx
+import pytest
+
+ROLES = ("viewer", "operator", "admin")
+START_S = 60.0
+
+
+def gearcase(*words: str | Path, data_dir: Path, check: bool = True) -> subprocess.CompletedProcess[str]:
+    """Run one command of the command line."""
+    command = [sys.executable, "-m", "app", *map(str, words), "--data-dir", str(data_dir)]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
+    assert not check or done.returncode == 0, f"{words}: exit code {done.returncode}\n{done.stderr}"
+    return done
+
+
+@dataclass
+class LiveServer:
+    """One running service and the keys to it."""
+
+    data_dir: Path
+    environment: Mapping[str, str] = field(default_factory=dict)
+    keys: dict[str, str] = field(default_factory=dict)
+    url: str = ""
+    process: subprocess.Popen[str] | None = None
+    printed: list[str] = field(default_factory=list)
+
+    def start(self) -> None:
+        """Start the service and wait until it has printed its address."""
+        log = (self.data_dir.parent / "service.log").open("a")
+        command = [sys.executable, "-m", "app", "serve", "--port", "0", "--no-worker"]
+        self.process = subprocess.Popen(
+            [*command, "--data-dir", str(self.data_dir)],
+            stdout=subprocess.PIPE,
+            stderr=log,
+            text=True,
+            env={**os.environ, **self.environment, "PYTHONUNBUFFERED": "1"},
+        )
+        log.close()
+        assert self.process.stdout is not None
+        deadline = time.monotonic() + START_S
+        for line in self.process.stdout:
+            self.printed.append(line.rstrip())
+            address = re.match(r"Open (http://\S+?)/$", line.strip())
+            if address:
+                self.url = address.group(1)
+                return
+            assert time.monotonic() < deadline, "the service did not start"
+        raise AssertionError(f"the service ended: {self.log()[-3000:]}")
+
+    def stop(self, number: signal.Signals = signal.SIGTERM) -> int:
+        """Send a signal and wait for the end; return the exit code."""
+        assert self.process is not None
+        self.process.send_signal(number)
+        code = self.process.wait(60)
+        if self.process.stdout is not None:
+            self.process.stdout.close()
+        return code
+
+    def kill(self) -> None:
+        """End it as a power cut would."""
+        self.stop(signal.SIGKILL)
+
+    def log(self) -> str:
+        return (self.data_dir.parent / "service.log").read_text()
+
+    def client(self, role: str | None = "admin", **options: object) -> httpx.Client:
+        """A client with the key of a role, or with none; close it after use."""
+        headers = {"Authorization": f"Bearer {self.keys[role]}"} if role else {}
+        return httpx.Client(base_url=self.url, headers=headers, timeout=60.0, **options)  # type: ignore[arg-type]
+
+
+def started(data_dir: Path, **environment: str) -> LiveServer:
+    """Start a service over a fresh data directory and make a key of each role."""
+    data_dir.mkdir(parents=True)
+    server = LiveServer(data_dir, environment)
+    server.start()
+    admin = next(line.split()[-1] for line in server.printed if line.startswith("Admin key"))
+    server.keys["admin"] = admin
+    with server.client() as client:
+        for role in ("viewer", "operator"):
+            answer = client.post("/api/v1/keys", json={"name": f"test {role}", "role": role})
+            server.keys[role] = answer.raise_for_status().json()["key"]
+    return server
+
+
+@pytest.fixture(scope="session")
+def live_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
+    """One service for the whole run: leave it as you found it, and make names of your own."""
+    server = started(tmp_path_factory.mktemp("live") / "data")
+    yield server
+    server.stop()
