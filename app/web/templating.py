@@ -112,7 +112,7 @@ def content_security_policy(nonce: str) -> str:
     """Scripts and styles of our own only; the nonce is for the style of the waveform player's shadow root."""
     return (
         "default-src 'none'; script-src 'self'; connect-src 'self'; img-src 'self' data:; media-src 'self' blob:; "
-        f"style-src 'self' 'nonce-{nonce}'; font-src 'self'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
+        f"style-src 'self' 'nonce-{nonce}'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
     )
 
 

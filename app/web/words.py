@@ -1,0 +1,89 @@
+"""A diagnosis in the words of whoever stands at the robot: what it is, how sure, what to do next."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+NAMES = {
+    "normal": "no fault indicated",
+    "notch": "notch (local tooth damage)",
+    "play": "play (backlash)",
+}
+CHECKS = {
+    "normal": ("Nothing to do. Record again at the next inspection, in the same motion and with the same payload.",),
+    "notch": (
+        "Look at the teeth of the output gear at the angle where the impact repeats.",
+        "Take a grease sample and look for steel particles.",
+        "Record again with the axis moving through another range: a notch stays at its angle.",
+    ),
+    "play": (
+        "Lock the motor and move the arm by hand at the joint: measure the free travel.",
+        "Check the preload and the fastening of the gear stage.",
+        "Record again with another payload: play shows where the torque reverses.",
+    ),
+}
+OTHER_CHECKS = ("Compare with the nearest cases below, then open or exclude the place they name.",)
+UNKNOWN_CHECKS = (
+    "Record the axis again to rule out a disturbance.",
+    "If the sound stays, let a person inspect the gearbox, and add the finding as a case with its label.",
+)
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """The first thing on the page."""
+
+    headline: str
+    summary: str
+    label: str | None
+    checks: tuple[str, ...]
+
+
+def name_of(label: str | None) -> str:
+    """Return a label as words.
+
+    >>> name_of("notch")
+    'notch (local tooth damage)'
+    """
+    return NAMES.get(label or "", (label or "unknown").replace("_", " "))
+
+
+def _percent(value: object) -> str:
+    return f"{100 * float(value):.0f} %" if isinstance(value, float | int) else "unknown"
+
+
+def verdict_of(document: Mapping[str, Any]) -> Verdict:
+    """Put a diagnosis document into words."""
+    label, kind = document["label"], document["verdict"]
+    hypotheses = document["hypotheses"]
+    if kind == "unusable":
+        reason = "; ".join(document.get("remarks") or ["no reason was given"])
+        return Verdict("The recording cannot be used", f"{reason[:1].upper()}{reason[1:]}.", None, ("Record again.",))
+    if kind == "not_in_library":
+        return Verdict("Unlike anything in the library", _novelty(document), None, UNKNOWN_CHECKS)
+    others = ", ".join(f"{name_of(h['label'])} {_percent(h['probability'])}" for h in hypotheses[1:3])
+    also = f" Also possible: {others}." if others else ""
+    if kind == "ambiguous":
+        names = " or ".join(name_of(h["label"]) for h in hypotheses[:2])
+        summary = f"The nearest cases do not agree. {_sure(document)}{also}"
+        return Verdict(f"Undecided: {names}", summary, label, CHECKS.get(label, OTHER_CHECKS))
+    headline = "No fault indicated" if label == "normal" else f"Fault likely: {name_of(label)}"
+    return Verdict(headline, f"{_sure(document)}{also}", label, CHECKS.get(label, OTHER_CHECKS))
+
+
+def _sure(document: Mapping[str, Any]) -> str:
+    support = document["hypotheses"][0]["support"] if document["hypotheses"] else {"measured": 0, "simulated": 0}
+    return (
+        f"Probability {_percent(document['probability'])}. Among the nearest cases, {support['measured']} measured and "
+        f"{support['simulated']} simulated speak for it."
+    )
+
+
+def _novelty(document: Mapping[str, Any]) -> str:
+    novelty = document["novelty"]
+    if novelty["distance"] is None or novelty["threshold"] is None:
+        return "The library has nothing to compare this recording with. " + " ".join(document.get("remarks", []))
+    return (
+        f"Its distance to the nearest known case is {novelty['distance']:.2f}; recordings of known kinds stay below "
+        f"{novelty['threshold']:.2f}. It is not forced into a known class."
+    )
