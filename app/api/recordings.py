@@ -53,7 +53,11 @@ def audio(
     if_range: Annotated[str | None, Header(max_length=100)] = None,
 ) -> Response:
     """The file as it came in, whole or one range of it (several ranges are answered by the whole)."""
-    row = service.library.recording(session, recording_id)
+    return file_answer(service, service.library.recording(session, recording_id), byte_range, if_range)
+
+
+def file_answer(service: Service, row: StoredRecording, byte_range: str | None, if_range: str | None) -> Response:
+    """Return the file of a recording, whole or one range of it."""
     path = service.library.audio_path(row)
     etag = f'"{row.file_sha256}"'
     headers = {
