@@ -1,6 +1,7 @@
 """CaseLibrary: retain, revise, retire, restore; the rows are the truth, the audio lies beside them."""
 
 import hashlib
+import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -13,9 +14,12 @@ from sqlalchemy.orm import Session
 from sqlalchemy.orm.exc import StaleDataError
 
 from casebase import audit
+from casebase.artifacts import active_version, similarity_for
 from casebase.audio_store import AudioStore
 from casebase.database import WRITING, create_engine_for, sqlite_url, strict_json, upgrade_database
 from casebase.description import Labelling, RecordingDescription, check_choice, check_label
+from casebase.diagnoses import get_diagnosis, labelling_from, store_diagnosis
+from casebase.diagnosis import Reasoner
 from casebase.errors import (
     ConflictError,
     DuplicateError,
@@ -30,10 +34,13 @@ from casebase.models import (
     Extractor,
     FeatureRow,
     LibraryCounter,
+    StoredDiagnosis,
     StoredRecording,
     now,
 )
 from casebase.pages import Page, page
+from casebase.retrieval import CaseTable, load_table
+from casebase.signals.features import EXTRACTOR_VERSION
 from casebase.signals.features.vector import Extraction
 from casebase.signals.recording import Recording
 
@@ -64,6 +71,9 @@ class CaseLibrary:
         self.engine = engine
         self.data_dir = data_dir
         self.audio = AudioStore(data_dir / "audio")
+        self._lock = threading.Lock()
+        self._tables: dict[str, CaseTable] = {}
+        self._reasoners: dict[str, tuple[int | None, Reasoner]] = {}
 
     @classmethod
     def open(cls, data_dir: Path, url: str | None = None) -> "CaseLibrary":
@@ -292,9 +302,38 @@ class CaseLibrary:
             raise ConflictError(f"case {case_id} is not retired, so there is nothing to restore")
         return self.revise(session, case_id, {"state": "confirmed"}, expected_version=expected_version)
 
+    def retain_diagnosis(
+        self, session: Session, diagnosis_id: str, *, label: str | None = None, verified_by: str | None = None
+    ) -> Case:
+        """Make a case of a diagnosed recording, with the label it was revised to unless another is given."""
+        row = get_diagnosis(session, diagnosis_id)
+        labelling = labelling_from(row, label=label, verified_by=verified_by)
+        return self.retain(session, row.recording, labelling, diagnosis_id=row.id)
+
     def history(self, session: Session, case_id: str) -> Sequence[AuditEntry]:
         """Return all that happened to a case, oldest first; raises NotFoundError."""
         return audit.history(session, "case", self.case(session, case_id).id)
+
+    # -- reuse
+
+    def reasoner(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> Reasoner:
+        """Return what diagnoses, for the library as it is now; the same one until something changes."""
+        with self._lock:
+            table = load_table(session, extractor_version, self._tables.get(extractor_version))
+            self._tables[extractor_version] = table
+            basis = active_version(session, extractor_version)
+            kept = self._reasoners.get(extractor_version)
+            if kept is not None and kept[1].table is table and kept[0] == basis:
+                return kept[1]
+            similarity, version = similarity_for(session, table)
+            reasoner = Reasoner(table, similarity, version)
+            self._reasoners[extractor_version] = (basis if version is None else version, reasoner)
+            return reasoner
+
+    def diagnose(self, session: Session, recording: StoredRecording, extraction: Extraction) -> StoredDiagnosis:
+        """Diagnose a stored recording by its features and keep the diagnosis."""
+        reasoner = self.reasoner(session, extraction.extractor_version)
+        return store_diagnosis(session, recording, reasoner.diagnose(extraction), reasoner)
 
     def counts(self, session: Session) -> Mapping[tuple[str, str], int]:
         """Return how many searchable cases there are per label and origin."""

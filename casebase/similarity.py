@@ -20,6 +20,7 @@ from casebase.errors import ArtifactError
 LIMIT = 10.0
 """Scaled values are clipped here, so that one broken feature cannot outweigh all others."""
 SMALLEST_SCALE = 1e-6
+PRIOR_CASES = 3.0
 NORMAL_CONSISTENT = 1.4826
 """Median absolute deviation of a normal distribution times this is its standard deviation."""
 
@@ -95,3 +96,31 @@ def _spread(known: Floats, middle: float) -> float:
         return deviation
     deviation = float(np.std(known))
     return deviation if deviation > smallest else 1.0
+
+
+def pooled_scales(values: NDArray[np.floating], labels: NDArray[np.str_]) -> tuple[Floats, Floats]:
+    """Return the median over all and the spread within classes, which is what a difference is to be held against.
+
+    With few cases the spread within is not known well, so it is drawn towards the spread over all as if that had been
+    seen PRIOR_CASES times.
+
+    Args:
+        values: shape (cases, n).
+        labels: shape (cases,).
+    """
+    center, overall = robust_scales(values)
+    classes, sizes = np.unique(labels, return_counts=True)
+    repeated = [labels == name for name in classes[sizes > 1]]
+    if not repeated:
+        return center, overall
+    deviations = np.concatenate([_deviations(np.asarray(values[rows], np.float64)) for rows in repeated])
+    _, within = robust_scales(deviations)
+    freedom = float(len(deviations) - len(repeated))
+    pooled = (freedom * within**2 + PRIOR_CASES * overall**2) / (freedom + PRIOR_CASES)
+    return center, np.sqrt(pooled)
+
+
+def _deviations(values: Floats) -> Floats:
+    """Return deviations from the median; one taken from few values lies too near to them, so they are stretched."""
+    size = values.shape[0]
+    return np.asarray((values - robust_scales(values)[0]) * np.sqrt(size / (size - 1)))

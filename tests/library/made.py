@@ -9,7 +9,8 @@ from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
 from casebase.models import Case, StoredRecording
 from casebase.signals.condition import OperatingCondition
-from casebase.signals.features.vector import Extraction, FeatureVector, Motion, MotionSource
+from casebase.signals.features.vector import Extraction, FeatureVector
+from casebase.signals.motion import Motion
 from casebase.signals.recording import Recording
 
 VERSION = "made"
@@ -19,7 +20,7 @@ def extraction(values: Sequence[float], *, version: str = VERSION) -> Extraction
     """Return an extraction with features f0, f1, ..."""
     names = tuple(f"f{index}" for index in range(len(values)))
     vector = FeatureVector(names, np.array(values, dtype=np.float32))
-    return Extraction(vector, (), Motion(None, (), MotionSource.NONE), (), version)
+    return Extraction(vector, (), Motion(), (), version)
 
 
 def recording(seed: int) -> Recording:

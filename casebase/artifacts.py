@@ -1,0 +1,107 @@
+"""What was learned, version by version: which one is active, how well it did, and the way back."""
+
+from collections.abc import Mapping, Sequence
+
+from sqlalchemy import func, select, update
+from sqlalchemy.orm import Session
+
+from casebase import audit
+from casebase.errors import NotFoundError
+from casebase.learning import Similarity, learn
+from casebase.models import Artifact
+from casebase.retrieval import CaseTable
+
+
+def add_artifact(
+    session: Session,
+    kind: str,
+    content: Mapping[str, object],
+    *,
+    score: float | None = None,
+    score_detail: Mapping[str, object] | None = None,
+) -> Artifact:
+    """Store the next version of a kind and make it the active one."""
+    newest = session.scalar(select(func.max(Artifact.version)).where(Artifact.kind == kind)) or 0
+    _deactivate(session, kind)
+    row = Artifact(
+        kind=kind,
+        version=newest + 1,
+        content=dict(content),
+        score=score,
+        score_detail=dict(score_detail or {}),
+        active=True,
+        created_by=audit.actor_of(session),
+    )
+    session.add(row)
+    session.flush()
+    audit.record(session, "artifact.learned", ("artifact", kind), after={"version": row.version, "score": score})
+    return row
+
+
+def active_artifact(session: Session, kind: str) -> Artifact | None:
+    """Return the active version of a kind, or None."""
+    return session.scalar(select(Artifact).where(Artifact.kind == kind, Artifact.active))
+
+
+def list_artifacts(session: Session, kind: str) -> Sequence[Artifact]:
+    """Return all versions of a kind, newest first."""
+    return session.scalars(select(Artifact).where(Artifact.kind == kind).order_by(Artifact.version.desc())).all()
+
+
+def activate(session: Session, kind: str, version: int) -> Artifact:
+    """Go back (or forward) to a version; raises NotFoundError. It stays until something is learned on request."""
+    row = session.get(Artifact, (kind, version))
+    if row is None:
+        raise NotFoundError(f"{kind} has no version {version}")
+    before = active_artifact(session, kind)
+    _deactivate(session, kind)
+    session.execute(update(Artifact).where(Artifact.kind == kind, Artifact.version == version).values(active=True))
+    session.refresh(row)
+    previous = None if before is None else before.version
+    audit.record(
+        session, "artifact.activated", ("artifact", kind), before={"version": previous}, after={"version": version}
+    )
+    return row
+
+
+def similarity_kind(extractor_version: str) -> str:
+    """Return the kind under which weights for the features of an extractor are kept."""
+    return f"similarity/{extractor_version}"
+
+
+def active_version(session: Session, extractor_version: str) -> int | None:
+    """Return which version of the weights is active, None if nothing was learned yet."""
+    kind = similarity_kind(extractor_version)
+    return session.scalar(select(Artifact.version).where(Artifact.kind == kind, Artifact.active))
+
+
+def similarity_for(session: Session, table: CaseTable) -> tuple[Similarity, int | None]:
+    """Return the weights to use now and their version; they are learned again when the library outgrew them.
+
+    A version that somebody went back to stays. In a session for reading nothing is stored, and the version is None.
+    """
+    kind = similarity_kind(table.extractor_version)
+    active = active_artifact(session, kind)
+    if active is not None:
+        known = Similarity.from_document(active.content, table.names)
+        if known.fits(table) or _went_back(session, active):
+            return known, active.version
+    learned = learn(table)
+    if audit.ACTOR not in session.info:
+        return learned, None
+    return learned, store_similarity(session, learned, kind).version
+
+
+def store_similarity(session: Session, similarity: Similarity, kind: str) -> Artifact:
+    """Keep learned weights with their score as the active version."""
+    detail = {"log_loss": similarity.log_loss, "cases": similarity.cases, "gearboxes": similarity.gearboxes}
+    return add_artifact(session, kind, similarity.to_document(), score=similarity.score, score_detail=detail)
+
+
+def _went_back(session: Session, active: Artifact) -> bool:
+    newest = session.scalar(select(func.max(Artifact.version)).where(Artifact.kind == active.kind))
+    return newest != active.version
+
+
+def _deactivate(session: Session, kind: str) -> None:
+    session.execute(update(Artifact).where(Artifact.kind == kind, Artifact.active).values(active=False))

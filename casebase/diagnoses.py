@@ -1,0 +1,182 @@
+"""Diagnoses that were given: kept, listed, and confirmed, corrected or rejected by a person."""
+
+from dataclasses import dataclass
+from importlib.metadata import version
+
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from casebase import audit
+from casebase.description import Labelling, check_choice, check_label
+from casebase.diagnosis import Diagnosis, Reasoner
+from casebase.errors import ConflictError, InvalidRequestError, NotFoundError, StaleVersionError
+from casebase.models import DIAGNOSIS_STATES, StoredDiagnosis, StoredRecording, new_id, now
+from casebase.pages import Page, page
+
+
+@dataclass(frozen=True)
+class DiagnosisFilter:
+    """Which diagnoses to list; absent means any."""
+
+    verdict: str | None = None
+    label: str | None = None
+    state: str | None = None
+    axis: str | None = None
+    gearbox: str | None = None
+
+
+def store_diagnosis(
+    session: Session,
+    recording: StoredRecording,
+    diagnosis: Diagnosis,
+    reasoner: Reasoner,
+) -> StoredDiagnosis:
+    """Keep a diagnosis as the document that it is shown as."""
+    identity = new_id()
+    document = {
+        "id": identity,
+        **diagnosis.to_document(),
+        "recording": recording_document(recording),
+        "provenance": provenance(reasoner),
+    }
+    row = StoredDiagnosis(
+        id=identity,
+        recording=recording,
+        verdict=diagnosis.verdict,
+        label=diagnosis.label,
+        probability=diagnosis.probability,
+        document=document,
+        created_by=audit.actor_of(session),
+    )
+    session.add(row)
+    session.flush()
+    after = {"verdict": diagnosis.verdict, "label": diagnosis.label, "recording_id": recording.id}
+    audit.record(session, "diagnosis.given", ("diagnosis", row.id), after=after)
+    return row
+
+
+def recording_document(row: StoredRecording) -> dict[str, object]:
+    """Return what a diagnosis says of its recording, SI, JSON."""
+    return {
+        "id": row.id,
+        "file_name": row.file_name,
+        "samples_sha256": row.samples_sha256,
+        "sample_rate_hz": row.sample_rate_hz,
+        "channel": row.channel,
+        "channels": row.channels,
+        "duration_s": row.duration_s,
+        "unit": row.unit,
+        "axis": row.axis,
+        "gearbox": row.gearbox,
+        "payload_kg_m2": row.payload_kg_m2,
+        "speed_rad_s": row.speed_rad_s,
+        "recorded_at": None if row.recorded_at is None else row.recorded_at.isoformat(),
+    }
+
+
+def provenance(reasoner: Reasoner) -> dict[str, object]:
+    """Return what a diagnosis was made with, and how well that did on gearboxes it had not seen."""
+    similarity, table = reasoner.similarity, reasoner.table
+    return {
+        "gearcase": version("gearcase"),
+        "extractor_version": table.extractor_version,
+        "library_version": table.version,
+        "similarity_version": reasoner.similarity_version,
+        "similarity": similarity.reason,
+        "cross_validated_accuracy": similarity.score,
+        "cases": {
+            "measured": int((table.origins == "measured").sum()),
+            "simulated": int((table.origins == "simulated").sum()),
+        },
+        "gearboxes": similarity.gearboxes,
+        "given_at": now().isoformat(),
+    }
+
+
+def get_diagnosis(session: Session, diagnosis_id: str) -> StoredDiagnosis:
+    """Return a diagnosis; raises NotFoundError."""
+    row = session.get(StoredDiagnosis, diagnosis_id)
+    if row is None:
+        raise NotFoundError(f"no diagnosis has the id {diagnosis_id!r}")
+    return row
+
+
+def list_diagnoses(
+    session: Session, wanted: DiagnosisFilter, *, limit: int = 50, cursor: str | None = None
+) -> Page[StoredDiagnosis]:
+    """Return a page of diagnoses, newest first."""
+    statement = select(StoredDiagnosis)
+    for column, value in (
+        (StoredDiagnosis.verdict, wanted.verdict),
+        (StoredDiagnosis.label, wanted.label),
+        (StoredDiagnosis.state, wanted.state),
+    ):
+        if value is not None:
+            statement = statement.where(column == value)
+    for column, value in ((StoredRecording.axis, wanted.axis), (StoredRecording.gearbox, wanted.gearbox)):
+        if value is not None:
+            statement = statement.where(StoredDiagnosis.recording.has(column == value))
+    return page(session, statement, StoredDiagnosis.id, limit=limit, cursor=cursor)
+
+
+def revise_diagnosis(
+    session: Session,
+    diagnosis_id: str,
+    verdict: str,
+    *,
+    label: str | None = None,
+    verified_by: str | None = None,
+    note: str | None = None,
+    expected_version: int | None = None,
+) -> StoredDiagnosis:
+    """Say what became of a diagnosis: confirmed, corrected (with the right label), rejected, or open again.
+
+    Raises:
+        InvalidRequestError: if `corrected` has no label, or another verdict has one that contradicts it.
+        StaleVersionError: if the diagnosis is not at the expected version.
+    """
+    check_choice("verdict", verdict, DIAGNOSIS_STATES)
+    row = get_diagnosis(session, diagnosis_id)
+    if expected_version is not None and row.version != expected_version:
+        raise StaleVersionError(
+            f"diagnosis {diagnosis_id} is at version {row.version}, not {expected_version}; read it again"
+        )
+    revised = _revised_label(row, verdict, label)
+    before = {"state": row.state, "label": row.revised_label, "verified_by": row.verified_by}
+    row.state, row.revised_label, row.verified_by, row.note = verdict, revised, verified_by, note
+    row.revised_by, row.revised_at = audit.actor_of(session), now()
+    session.flush()
+    after = {"state": verdict, "label": revised, "verified_by": verified_by, "note": note}
+    audit.record(session, "diagnosis.revised", ("diagnosis", row.id), before=before, after=after)
+    return row
+
+
+def _revised_label(row: StoredDiagnosis, verdict: str, label: str | None) -> str | None:
+    if verdict == "corrected":
+        if label is None:
+            raise InvalidRequestError("a corrected diagnosis needs the right `label`")
+        check_label(label)
+        return label
+    if verdict == "confirmed":
+        if row.label is None:
+            raise InvalidRequestError(
+                f"this diagnosis says {row.verdict} and names no label to confirm; say `corrected` with a label"
+            )
+        if label not in (None, row.label):
+            raise InvalidRequestError(f"confirmed means {row.label!r}; say `corrected` for {label!r}")
+        return row.label
+    if label is not None:
+        raise InvalidRequestError(f"a label goes with `corrected`, not with {verdict!r}")
+    return None
+
+
+def labelling_from(row: StoredDiagnosis, *, label: str | None = None, verified_by: str | None = None) -> Labelling:
+    """Return what the recording of a diagnosis is a case of; by default what the diagnosis was revised to.
+
+    Raises:
+        ConflictError: if nobody confirmed or corrected it and no label is given.
+    """
+    known = label or row.revised_label
+    if known is None:
+        raise ConflictError("this diagnosis was neither confirmed nor corrected: say which `label` the case has")
+    return Labelling(known, verified_by=verified_by or row.verified_by)

@@ -1,0 +1,195 @@
+"""Reuse: from the features of a recording to a verdict, with why, how sure and what it was compared with."""
+
+import threading
+from collections import OrderedDict
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass, field
+
+import numpy as np
+from numpy.typing import NDArray
+
+from casebase.experience import Experience, Judgement, gather, novelty_of, representative
+from casebase.explanation import Evidence, feature_evidence, motion_evidence
+from casebase.learning import Similarity
+from casebase.retrieval import CaseMatrix, CaseTable, Mask, Match
+from casebase.signals.features.vector import Extraction, QualityFlag
+from casebase.voting import nearest_of_classes
+
+CLEAR_ODDS = 2.0
+"""The best hypothesis must be so many times as probable as the next one, else the verdict is `ambiguous`."""
+NEIGHBOURS = 5
+MASKS_KEPT = 16
+
+
+@dataclass(frozen=True)
+class Hypothesis:
+    """One label and what speaks for it."""
+
+    label: str
+    probability: float
+    p_value: float
+    measured: int
+    simulated: int
+
+    def to_document(self) -> dict[str, object]:
+        """Return it as JSON."""
+        return {
+            "label": self.label,
+            "probability": self.probability,
+            "p_value": self.p_value,
+            "support": {"measured": self.measured, "simulated": self.simulated},
+        }
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a recording is, by the library; `ambiguous`, `not_in_library` and `unusable` are answers, not errors.
+
+    Args:
+        label: the best hypothesis of a `diagnosed` or `ambiguous` recording, else None.
+        novelty, threshold: distance to what is known and where the unknown begins; None if the library cannot say.
+        remarks: what limits this answer, one sentence each.
+    """
+
+    verdict: str
+    label: str | None = None
+    probability: float | None = None
+    hypotheses: tuple[Hypothesis, ...] = ()
+    neighbours: tuple[Match, ...] = ()
+    evidence: tuple[Evidence, ...] = ()
+    quality: tuple[QualityFlag, ...] = ()
+    novelty: float | None = None
+    threshold: float | None = None
+    remarks: tuple[str, ...] = field(default=())
+
+    def to_document(self) -> dict[str, object]:
+        """Return it as JSON; `id`, `recording` and `provenance` are added where it is stored."""
+        return {
+            "verdict": self.verdict,
+            "label": self.label,
+            "probability": self.probability,
+            "hypotheses": [each.to_document() for each in self.hypotheses],
+            "neighbours": [_neighbour(match) for match in self.neighbours],
+            "evidence": [each.to_document() for each in self.evidence],
+            "quality": [asdict(flag) for flag in self.quality],
+            "novelty": {"distance": self.novelty, "threshold": self.threshold},
+            "remarks": list(self.remarks),
+        }
+
+
+def _neighbour(match: Match) -> dict[str, object]:
+    return {
+        "case_id": match.case_id,
+        "label": match.label,
+        "origin": match.origin,
+        "distance": match.distance,
+        "contributions": {name: part for name, part in match.contributions.items() if part},
+    }
+
+
+class Reasoner:
+    """A table of cases and what was learned from it, ready to diagnose; safe to share between threads."""
+
+    def __init__(self, table: CaseTable, similarity: Similarity, similarity_version: int | None = None) -> None:
+        self.table, self.similarity, self.similarity_version = table, similarity, similarity_version
+        self.matrix = CaseMatrix(table, similarity.metric)
+        self.prior_matrix = CaseMatrix(table, similarity.novelty_metric)
+        self._experiences: OrderedDict[bytes, Experience] = OrderedDict()
+        self._lock = threading.Lock()
+
+    def experience(self, present: Mask) -> Experience:
+        """Return the library held against itself over these features; kept for the next query like it."""
+        key = present.tobytes()
+        with self._lock:
+            if key not in self._experiences:
+                rows = representative(self.table)
+                self._experiences[key] = gather(self.table, self.similarity, present, rows)
+                while len(self._experiences) > MASKS_KEPT:
+                    self._experiences.popitem(last=False)
+            self._experiences.move_to_end(key)
+            return self._experiences[key]
+
+    def judge(self, values: NDArray[np.floating]) -> Judgement:
+        """Return probabilities, p-values and novelty of a vector of features, shape (n,)."""
+        experience = self.experience(np.isfinite(values))
+        squares = self.matrix.squared_distances(values)[None]
+        nearest = nearest_of_classes(squares, self.table.labels, self.table.classes)[0]
+        return experience.judge(nearest, novelty_of(self.prior_matrix.squared_distances(values)))
+
+    def diagnose(self, extraction: Extraction) -> Diagnosis:
+        """Return the diagnosis of a recording by its features."""
+        if not extraction.usable:
+            remark = f"the recording cannot be used: {extraction.unusable_reason}"
+            return Diagnosis("unusable", quality=extraction.quality, remarks=(remark,))
+        values = extraction.features.values
+        if not len(self.table) or not np.isfinite(values).any():
+            remark = "the library has no case to compare with: add labelled recordings or generate cases"
+            return Diagnosis("not_in_library", quality=extraction.quality, remarks=(remark,))
+        return self._compared(extraction, self.judge(values))
+
+    def _compared(self, extraction: Extraction, judgement: Judgement) -> Diagnosis:
+        values = extraction.features.values
+        hypotheses = self._hypotheses(values, judgement)
+        verdict = _verdict(judgement, hypotheses)
+        best = hypotheses[0]
+        label = None if verdict == "not_in_library" else best.label
+        return Diagnosis(
+            verdict=verdict,
+            label=label,
+            probability=None if label is None else best.probability,
+            hypotheses=hypotheses,
+            neighbours=self.matrix.search(values, NEIGHBOURS),
+            evidence=self._evidence(extraction, label),
+            quality=extraction.quality,
+            novelty=judgement.novelty,
+            threshold=judgement.threshold,
+            remarks=tuple(self._remarks(judgement)),
+        )
+
+    def _hypotheses(self, values: NDArray[np.floating], judgement: Judgement) -> tuple[Hypothesis, ...]:
+        near = self.matrix.search(values, 3 * len(judgement.classes))
+        found = [
+            Hypothesis(
+                label=label,
+                probability=float(judgement.probabilities[index]),
+                p_value=float(judgement.p_values[index]),
+                measured=_count(near, label, "measured"),
+                simulated=_count(near, label, "simulated"),
+            )
+            for index, label in enumerate(judgement.classes)
+        ]
+        return tuple(sorted(found, key=lambda each: (-each.probability, -each.p_value, each.label)))
+
+    def _evidence(self, extraction: Extraction, label: str | None) -> tuple[Evidence, ...]:
+        values, labels = extraction.features.values, self.table.labels
+        if label is None:
+            nearest = next(iter(self.prior_matrix.search(values, 1)), None)
+            return (*feature_evidence(self.table, values, None, nearest), *motion_evidence(extraction))
+        same = next(iter(self.matrix.search(values, 1, where=labels == label)), None)
+        other = next(iter(self.matrix.search(values, 1, where=labels != label)), None)
+        return (*feature_evidence(self.table, values, same, other), *motion_evidence(extraction))
+
+    def _remarks(self, judgement: Judgement) -> list[str]:
+        remarks = []
+        small = [label for label, enough in zip(judgement.classes, judgement.supports_level, strict=True) if not enough]
+        if small:
+            remarks.append(
+                f"p-values of {', '.join(small)} cannot fall to 0.05: that takes 19 cases held out by gearbox"
+            )
+        if self.similarity.gearboxes < 2:
+            remarks.append("fewer than two gearboxes are known, so probabilities are not calibrated across gearboxes")
+        if judgement.threshold is None:
+            remarks.append("too few cases to say where the unknown begins")
+        return remarks
+
+
+def _verdict(judgement: Judgement, hypotheses: Sequence[Hypothesis]) -> str:
+    if judgement.threshold is not None and judgement.novelty > judgement.threshold:
+        return "not_in_library"
+    if len(hypotheses) > 1 and hypotheses[0].probability < CLEAR_ODDS * hypotheses[1].probability:
+        return "ambiguous"
+    return "diagnosed"
+
+
+def _count(matches: Sequence[Match], label: str, origin: str) -> int:
+    return sum(match.label == label and match.origin == origin for match in matches)

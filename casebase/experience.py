@@ -1,0 +1,167 @@
+"""What the library knows of itself: how far its own cases lie from each other when their gearbox is held out.
+
+From it come the three numbers that a diagnosis says: a p-value per class (conformal prediction), a probability
+(votes calibrated on held-out gearboxes), and the distance beyond which a recording is like nothing in the library.
+
+Sources: Vovk, Gammerman, Shafer, Algorithmic Learning in a Random World (2005), label-conditional p-values;
+Hahn and Meeker, Statistical Intervals (1991), prediction limit of a normal sample for the logarithm of a distance.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from casebase.learning import Similarity
+from casebase.retrieval import CaseMatrix, CaseTable, Mask
+from casebase.similarity import Floats
+from casebase.voting import balance, fitted_sharpness, log_votes, nearest_of_classes, strangeness
+
+LARGEST_SAMPLE = 400
+NEW_ONCE_IN = 50
+"""One in so many recordings of known classes may be called new."""
+FEWEST_FOR_LIMIT = 5
+LEVEL = 0.05
+"""The level of the conformal test that the library should be large enough for."""
+
+
+@dataclass(frozen=True)
+class Judgement:
+    """What the library says of one recording; arrays have shape (classes,)."""
+
+    classes: tuple[str, ...]
+    probabilities: Floats
+    p_values: Floats
+    novelty: float
+    threshold: float | None
+    supports_level: tuple[bool, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Experience:
+    """The library held against itself, for one set of features that a query has.
+
+    Args:
+        nearest: squared distances to the nearest cases of every class, gearbox held out, shape (rows, classes, k).
+        truth: class of every row.
+        errors: how many rows got most votes for a wrong class.
+        threshold: the novelty limit; None if the library is too small to set one.
+    """
+
+    classes: tuple[str, ...]
+    nearest: Floats
+    truth: NDArray[np.intp]
+    sharpness: float
+    errors: int
+    threshold: float | None
+
+    @property
+    def error_rate(self) -> float:
+        """Expected share of wrong votes, by Laplace's rule of succession: never zero."""
+        return (self.errors + 1) / (self.truth.size + 2)
+
+    def judge(self, nearest: Floats, novelty: float) -> Judgement:
+        """Return probabilities and p-values for one query.
+
+        Args:
+            nearest: squared distances to the nearest cases of every class, shape (classes, k).
+            novelty: distance to what is known.
+        """
+        shares = np.exp(log_votes(nearest[None], self.sharpness)[0])
+        return Judgement(
+            self.classes,
+            self._probabilities(shares),
+            self._p_values(strangeness(nearest[None])[0]),
+            novelty,
+            self.threshold,
+            tuple(self._count(each) + 1 >= 1 / LEVEL for each in range(len(self.classes))),
+        )
+
+    def _probabilities(self, shares: Floats) -> Floats:
+        """Return shares of votes mixed with ignorance, so that none promises more than the error rate allows."""
+        count = len(self.classes)
+        if count == 1:
+            return np.array([1 - self.error_rate])
+        ignorance = min(1.0, self.error_rate * count / (count - 1))
+        return np.asarray((1 - ignorance) * shares + ignorance / count)
+
+    def _p_values(self, strange: Floats) -> Floats:
+        """Return the share of each class's own cases that are at least as strange to it."""
+        known = strangeness(self.nearest)
+        values = np.empty(len(self.classes))
+        for index in range(len(self.classes)):
+            own = known[self.truth == index, index]
+            own = own[np.isfinite(own)]
+            values[index] = (1 + np.count_nonzero(own >= strange[index])) / (own.size + 1)
+        return values
+
+    def _count(self, index: int) -> int:
+        own = strangeness(self.nearest)[self.truth == index, index]
+        return int(np.isfinite(own).sum())
+
+
+def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArray[np.intp]) -> Experience:
+    """Hold some of the cases against all others of other gearboxes, over the features present.
+
+    Args:
+        table: all cases.
+        rows: the cases to hold out, one gearbox at a time.
+        present: the features that the query has, shape (n,).
+    """
+    nearest = np.full((rows.size, len(table.classes), 3), np.inf)
+    novelty = np.full(rows.size, np.inf)
+    prior = CaseMatrix(table, similarity.novelty_metric)
+    folds: dict[bytes, CaseMatrix] = {}
+    for index, row in enumerate(rows):
+        weights = similarity.weights_without(str(table.groups[row]))
+        if weights.tobytes() not in folds:
+            folds[weights.tobytes()] = CaseMatrix(table, similarity.metric.with_weights(weights))
+        query = np.where(present, table.values[row], np.nan)
+        other = (table.groups != table.groups[row]) & (table.samples != table.samples[row])
+        squares = np.where(other, folds[weights.tobytes()].squared_distances(query), np.inf)
+        nearest[index] = nearest_of_classes(squares[None], table.labels, table.classes)[0]
+        novelty[index] = novelty_of(np.where(other, prior.squared_distances(query), np.inf))
+    truth = np.searchsorted(table.classes, table.labels[rows])
+    own_known = np.isfinite(nearest[np.arange(rows.size), truth, 0])
+    return _experience(table.classes, nearest[own_known], truth[own_known], novelty[own_known])
+
+
+def _experience(classes: tuple[str, ...], nearest: Floats, truth: NDArray[np.intp], novelty: Floats) -> Experience:
+    sharpness = fitted_sharpness(nearest, truth)
+    wrong = log_votes(nearest, sharpness).argmax(axis=1) != truth if truth.size else np.zeros(0, bool)
+    return Experience(classes, nearest, truth, sharpness, int(wrong.sum()), novelty_limit(novelty, truth))
+
+
+def novelty_of(squares: Floats) -> float:
+    """Return the distance to what is known: root mean square of the two nearest cases."""
+    nearest = np.partition(squares, 1)[:2] if squares.size > 1 else squares
+    known = nearest[np.isfinite(nearest)]
+    return float(np.sqrt(known.mean())) if known.size else float("inf")
+
+
+def novelty_limit(novelty: Floats, truth: NDArray[np.intp]) -> float | None:
+    """Return the distance that one in NEW_ONCE_IN recordings of known classes exceeds; None if too few to say.
+
+    The logarithm of the distance is taken as normal, every class counting the same; Student's factor for the few
+    cases makes a small library careful to call anything new.
+    """
+    known = np.isfinite(novelty) & (novelty > 0)
+    if known.sum() < FEWEST_FOR_LIMIT:
+        return None
+    logs, weights = np.log(novelty[known]), balance(truth[known])
+    middle = float(weights @ logs)
+    freedom = 1 / float(weights @ weights) - 1
+    spread = float(np.sqrt(weights @ (logs - middle) ** 2 * (freedom + 1) / freedom))
+    factor = float(student.ppf(1 - 1 / NEW_ONCE_IN, freedom)) * np.sqrt(1 + 1 / (freedom + 1))
+    return float(np.exp(middle + factor * spread))
+
+
+def representative(table: CaseTable) -> NDArray[np.intp]:
+    """Return the rows to hold out: measured cases if every class has some, at most LARGEST_SAMPLE, evenly spread."""
+    rows = np.flatnonzero(table.origins == "measured")
+    if set(table.labels[rows].tolist()) != set(table.classes):
+        rows = np.arange(len(table))
+    if rows.size <= LARGEST_SAMPLE:
+        return rows
+    return rows[np.linspace(0, rows.size - 1, LARGEST_SAMPLE).astype(np.intp)]

@@ -1,0 +1,291 @@
+"""Feature weights learned from the library, and their score on gearboxes that they were not learned on.
+
+The weights are those under which held-out cases are nearest to their own class: neighbourhood component analysis
+with a diagonal matrix, where a case's neighbours are always cases of other gearboxes, each class counts the same, and
+the logarithm of every weight is drawn towards its physical prior. How strongly it is drawn is chosen by
+cross-validation over gearboxes, the stronger one when in doubt; a library too small for that keeps the priors.
+
+Source: Goldberger, Roweis, Hinton, Salakhutdinov, Neighbourhood Components Analysis, NIPS 17 (2004).
+"""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import minimize
+from scipy.special import logsumexp
+
+from casebase.priors import prior_weights
+from casebase.retrieval import CaseTable
+from casebase.similarity import Floats, Metric, pooled_scales
+from casebase.voting import balance, fitted_sharpness, log_votes, nearest_of_classes
+
+FOLDS = 10
+LARGEST_SAMPLE = 160
+SETTLED = 200
+"""From so many cases on, the weights are learned again only when a tenth is new."""
+STRENGTHS = (1.0, 0.1, 0.01)
+"""How strongly the logarithms of the weights are drawn to the priors, strongest first."""
+
+
+@dataclass(frozen=True, eq=False)
+class Similarity:
+    """Learned weights, those of every fold of the cross-validation, and the score.
+
+    Args:
+        metric: scales and weights learned from all cases.
+        folds: per fold, the gearboxes that were held out and the weights learned without them.
+        strength: how strongly the weights were drawn to the priors; None if they are the priors.
+        score: share of held-out cases whose class got most votes, each class counting the same; None if the library
+            is too small to say.
+        reason: one sentence on how it came about.
+    """
+
+    metric: Metric
+    folds: tuple[tuple[frozenset[str], Floats], ...]
+    strength: float | None
+    score: float | None
+    log_loss: float | None
+    cases: int
+    gearboxes: int
+    classes: tuple[str, ...]
+    reason: str
+
+    @property
+    def novelty_metric(self) -> Metric:
+        """The metric that asks whether it is like anything known: what tells known classes apart must not blind it."""
+        return self.metric.with_weights(prior_weights(self.metric.names))
+
+    def weights_without(self, group: str) -> Floats:
+        """Return weights that were learned without this gearbox."""
+        for groups, weights in self.folds:
+            if group in groups:
+                return weights
+        return self.metric.weights
+
+    def to_document(self) -> dict[str, object]:
+        """Return it as JSON."""
+        return {
+            "metric": self.metric.to_document(),
+            "folds": [{"groups": sorted(groups), "weights": weights.tolist()} for groups, weights in self.folds],
+            "strength": self.strength,
+            "score": self.score,
+            "log_loss": self.log_loss,
+            "cases": self.cases,
+            "gearboxes": self.gearboxes,
+            "classes": list(self.classes),
+            "reason": self.reason,
+        }
+
+    @classmethod
+    def from_document(cls, document: Mapping[str, Any], names: Sequence[str]) -> "Similarity":
+        """Read it back; raises ArtifactError if it is not for these features."""
+        folds = tuple(
+            (frozenset(fold["groups"]), np.array(fold["weights"], dtype=np.float64)) for fold in document["folds"]
+        )
+        return cls(
+            Metric.from_document(document["metric"], names),
+            folds,
+            document["strength"],
+            document["score"],
+            document["log_loss"],
+            document["cases"],
+            document["gearboxes"],
+            tuple(document["classes"]),
+            document["reason"],
+        )
+
+    def fits(self, table: CaseTable) -> bool:
+        """Whether the library is still about the one that this was learned from."""
+        grown = abs(len(table) - self.cases)
+        return self.classes == table.classes and grown <= (0 if self.cases < SETTLED else self.cases // 10)
+
+
+@dataclass(frozen=True, eq=False)
+class _Sample:
+    """What learning looks at: squared differences (cases, cases, n), who may vote for whom, classes, folds."""
+
+    differences: NDArray[np.float32]
+    allowed: NDArray[np.bool_]
+    truth: NDArray[np.intp]
+    labels: NDArray[np.str_]
+    classes: tuple[str, ...]
+    folds: NDArray[np.intp]
+
+
+def learn(table: CaseTable) -> Similarity:
+    """Learn weights from a table of cases; deterministic."""
+    prior = prior_weights(table.names)
+    center, scale = pooled_scales(table.values, table.labels)
+    metric = Metric(table.names, center, scale, prior)
+    small = too_small(table)
+    if small is not None:
+        return _similarity(table, metric, (), None, None, None, f"physical priors: {small}")
+    sample = _sampled(table, metric)
+    count = int(sample.folds.max()) + 1
+    trials = [_trial(sample, prior, strength, count) for strength in (None, *STRENGTHS)]
+    chosen = _chosen(trials)
+    strength = (None, *STRENGTHS)[chosen]
+    losses, right, weights = trials[chosen]
+    held_out = tuple((groups, weights[fold]) for fold, groups in enumerate(_groups_of_folds(table, count)))
+    everything = np.ones(sample.truth.size, dtype=bool)
+    final = metric.with_weights(_fit(sample, everything, prior, strength))
+    share = balance(sample.truth[np.isfinite(losses)])
+    return _similarity(
+        table,
+        final,
+        held_out,
+        strength,
+        float(share @ right[np.isfinite(losses)]),
+        float(share @ losses[np.isfinite(losses)]),
+        "physical priors scored best" if strength is None else f"learned, drawn to the priors by {strength}",
+    )
+
+
+def too_small(table: CaseTable) -> str | None:
+    """Return why nothing can be learned from this library, or None if something can."""
+    if len(table.classes) < 2:
+        return "there are not two classes to tell apart"
+    shared = [name for name in table.classes if len(set(table.groups[table.labels == name].tolist())) >= 2]
+    if len(shared) < 2:
+        return "no two classes have cases from two gearboxes each"
+    if len(table) < 4 * len(table.classes):
+        return f"{len(table)} cases are fewer than four per class"
+    return None
+
+
+def _similarity(
+    table: CaseTable,
+    metric: Metric,
+    folds: tuple[tuple[frozenset[str], Floats], ...],
+    strength: float | None,
+    score: float | None,
+    log_loss: float | None,
+    reason: str,
+) -> Similarity:
+    measured = table.gearboxes[(table.origins == "measured") & (table.gearboxes != "")]
+    return Similarity(
+        metric, folds, strength, score, log_loss, len(table), len(set(measured.tolist())), table.classes, reason
+    )
+
+
+def fold_of(group: str, groups: list[str]) -> int:
+    """Return the fold of a gearbox: the known gearboxes in turn, whatever else by its hash."""
+    if group in groups:
+        return groups.index(group) % FOLDS
+    return int(hashlib.sha256(group.encode()).hexdigest()[:8], 16) % min(FOLDS, 5)
+
+
+def _gearboxes(table: CaseTable) -> list[str]:
+    return sorted({str(name) for name in table.gearboxes if name})
+
+
+def _groups_of_folds(table: CaseTable, count: int) -> list[frozenset[str]]:
+    known = _gearboxes(table)
+    groups: list[set[str]] = [set() for _ in range(count)]
+    for group in sorted({str(name) for name in table.groups}):
+        groups[fold_of(group, known) % count].add(group)
+    return [frozenset(each) for each in groups]
+
+
+def _sampled(table: CaseTable, metric: Metric) -> _Sample:
+    table = table.take(_representative(table))
+    scaled = metric.scaled(table.values)
+    missing = np.isnan(scaled)
+    filled = np.where(missing, 0.0, scaled).astype(np.float32)
+    differences = (filled[:, None, :] - filled[None, :, :]) ** 2
+    differences += missing[:, None, :].astype(np.float32) + missing[None, :, :].astype(np.float32)
+    same = (table.groups[:, None] == table.groups) | (table.samples[:, None] == table.samples)
+    known = _gearboxes(table)
+    folds = np.array([fold_of(str(group), known) for group in table.groups])
+    _, folds = np.unique(folds, return_inverse=True)
+    truth = np.searchsorted(table.classes, table.labels)
+    return _Sample(differences, ~same, truth, table.labels, table.classes, folds)
+
+
+def _representative(table: CaseTable) -> NDArray[np.intp]:
+    """Return rows of at most LARGEST_SAMPLE cases: measured ones first, every class and gearbox in turn."""
+    if len(table) <= LARGEST_SAMPLE:
+        return np.arange(len(table))
+    turn: dict[tuple[str, str], int] = {}
+    keys = []
+    for row in range(len(table)):
+        simulated = table.origins[row] == "simulated"
+        kind = (str(table.labels[row]), "" if simulated else str(table.groups[row]))
+        turn[kind] = turn.get(kind, -1) + 1
+        keys.append((turn[kind], simulated, row))
+    return np.sort(np.array([row for *_, row in sorted(keys)[:LARGEST_SAMPLE]]))
+
+
+def _trial(sample: _Sample, prior: Floats, strength: float | None, count: int) -> tuple[Floats, Floats, list[Floats]]:
+    """Return loss and success of every case under weights learned without its fold, and those weights."""
+    losses, right = np.full(sample.truth.size, np.nan), np.zeros(sample.truth.size)
+    weights = []
+    for fold in range(count):
+        inside = sample.folds == fold
+        weights.append(_fit(sample, ~inside, prior, strength))
+        squares = np.where(sample.allowed, sample.differences @ weights[-1].astype(np.float32), np.inf)
+        nearest = nearest_of_classes(squares, sample.labels, sample.classes)
+        sharpness = fitted_sharpness(nearest[~inside], sample.truth[~inside])
+        shares = log_votes(nearest[inside], sharpness)
+        truth = sample.truth[inside]
+        losses[inside] = -np.maximum(np.take_along_axis(shares, truth[:, None], axis=1)[:, 0], -10.0)
+        right[inside] = shares.argmax(axis=1) == truth
+    return losses, right, weights
+
+
+def _chosen(trials: list[tuple[Floats, Floats, list[Floats]]]) -> int:
+    """Return the first trial whose loss is within one standard error of the best; the first is the strongest."""
+    means = [float(np.nanmean(losses)) for losses, _, _ in trials]
+    best = int(np.argmin(means))
+    spread = trials[best][0]
+    error = float(np.nanstd(spread) / np.sqrt(max(np.isfinite(spread).sum(), 1)))
+    return next(index for index, mean in enumerate(means) if mean <= means[best] + error)
+
+
+def _fit(sample: _Sample, rows: NDArray[np.bool_], prior: Floats, strength: float | None) -> Floats:
+    """Return weights of sum 1 learned from some rows."""
+    if strength is None:
+        return prior
+    inside = np.flatnonzero(rows)
+    differences = sample.differences[np.ix_(inside, inside)]
+    allowed = sample.allowed[np.ix_(inside, inside)]
+    truth = sample.truth[inside]
+    own = (truth[:, None] == truth) & allowed
+    usable = own.any(axis=1) & (allowed & ~own).any(axis=1)
+    if not usable.any():
+        return prior
+    shares = np.zeros(truth.size)
+    shares[usable] = balance(truth[usable])
+    counts = np.stack([(allowed & (truth == each)).sum(axis=1) for each in range(len(sample.classes))], axis=1)
+    log_size = np.log(np.maximum(counts[:, truth], 1))
+    free = prior > 0
+    flat = differences[:, :, free].reshape(truth.size**2, -1)
+    typical = float(np.median((flat @ prior[free].astype(np.float32))[allowed.ravel()]))
+
+    def loss(parameters: Floats) -> tuple[float, Floats]:
+        bend, sharp = parameters[:-1], float(np.exp(parameters[-1])) / max(typical, 1e-9)
+        weights = prior[free] * np.exp(bend)
+        squares = (flat @ weights.astype(np.float32)).reshape(truth.size, -1).astype(np.float64)
+        exponent = np.where(allowed, -sharp * squares - log_size, -np.inf)[usable]
+        mine = np.where(own[usable], exponent, -np.inf)
+        all_sum = logsumexp(exponent, axis=1, keepdims=True)
+        own_sum = logsumexp(mine, axis=1, keepdims=True)
+        pull = np.zeros_like(squares)
+        pull[usable] = shares[usable, None] * (np.exp(mine - own_sum) - np.exp(exponent - all_sum))
+        slope = pull.astype(np.float32).ravel() @ flat
+        gradient = np.append(
+            sharp * weights * slope + 2 * strength * prior[free] * bend,
+            sharp * float((pull * squares).sum()) + 0.02 * parameters[-1],
+        )
+        value = float(shares[usable] @ (all_sum - own_sum)[:, 0])
+        return value + strength * float(prior[free] @ bend**2) + 0.01 * float(parameters[-1] ** 2), gradient
+
+    start = np.zeros(int(free.sum()) + 1)
+    found = minimize(loss, start, jac=True, method="L-BFGS-B", options={"maxiter": 40})
+    weights = np.zeros_like(prior)
+    weights[free] = prior[free] * np.exp(found.x[:-1])
+    return np.asarray(weights / weights.sum())
