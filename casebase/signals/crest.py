@@ -43,3 +43,15 @@ def crest_factor_trace(samples: NDArray[np.float32], window: int, step: int) -> 
     effective = np.sqrt(np.einsum("ij,ij->i", windows, windows, dtype=np.float32) / np.float32(window))
     trace: NDArray[np.float32] = np.divide(peaks, effective, out=np.full_like(peaks, np.nan), where=effective > 0)
     return trace
+
+
+def kurtosis(samples: NDArray[np.float32]) -> float:
+    """Return the fourth moment over the squared second of samples of shape (n,) [1]; 3 for Gaussian noise.
+
+    >>> kurtosis(np.array([1.0, -1.0, 1.0, -1.0], dtype=np.float32))
+    1.0
+    """
+    centred = samples - samples.mean(dtype=np.float64).astype(np.float32)
+    square = centred * centred
+    variance = float(square.mean(dtype=np.float64))
+    return float(square @ square) / square.size / variance**2 if variance > 0 else math.nan

@@ -7,7 +7,7 @@ import numpy as np
 
 from casebase.signals.decode_pool import POOL
 from casebase.signals.errors import BrokenAudioError, NotAudioError
-from casebase.signals.recording import Recording
+from casebase.signals.recording import SHORTEST_S, Recording
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class DecodeLimits:
     memory_bytes: int = 1 << 30
     samples: int = 48_000_000
     duration_s: float = 600.0
-    shortest_s: float = 0.05
+    shortest_s: float = SHORTEST_S
     lowest_rate_hz: float = 1000.0
     highest_rate_hz: float = 192_000.0
     channels: int = 16

@@ -10,6 +10,9 @@ from numpy.typing import NDArray
 
 from casebase.signals.errors import BrokenAudioError
 
+SHORTEST_S = 0.05
+"""Shortest recording of which anything can be said [s]."""
+
 
 @dataclass(frozen=True, eq=False)
 class Recording:

@@ -4,20 +4,19 @@ import numpy as np
 
 from casebase.signals.analysis import Analysis
 from casebase.signals.condition import UNKNOWN, OperatingCondition
+from casebase.signals.errors import BrokenAudioError
+from casebase.signals.events import Event, EventKind, find_events
+from casebase.signals.features.bands import LogBandEnergies
 from casebase.signals.features.family import FeatureFamily
+from casebase.signals.features.impulses import Impulses
 from casebase.signals.features.level import Level
-from casebase.signals.features.vector import (
-    Event,
-    EventKind,
-    Extraction,
-    FeatureDefinition,
-    FeatureVector,
-    Motion,
-    MotionSource,
-    QualityFlag,
-    Severity,
-)
-from casebase.signals.recording import Recording
+from casebase.signals.features.meshing import Meshing
+from casebase.signals.features.modulation import Modulation
+from casebase.signals.features.repetition import Repetition
+from casebase.signals.features.vector import Extraction, FeatureDefinition, FeatureVector
+from casebase.signals.motion import Motion, MotionSource
+from casebase.signals.quality import QualityFlag, Severity, assess
+from casebase.signals.recording import SHORTEST_S, Recording
 
 __all__ = [
     "EXTRACTOR_VERSION",
@@ -39,7 +38,14 @@ __all__ = [
 EXTRACTOR_VERSION = "1"
 """Changes whenever a feature is added, removed or computed differently; vectors of two versions never mix."""
 
-FEATURES: tuple[FeatureFamily, ...] = (Level(),)
+FEATURES: tuple[FeatureFamily, ...] = (
+    Level(),
+    Repetition(),
+    Impulses(),
+    LogBandEnergies(),
+    Modulation(),
+    Meshing(),
+)
 """The catalogue of feature families; a new family is one file and one line here."""
 
 NAMES: tuple[str, ...] = tuple(entry.name for family in FEATURES for entry in family.definitions)
@@ -54,8 +60,20 @@ def extract(recording: Recording, condition: OperatingCondition = UNKNOWN) -> Ex
     """Return features, quality, motion and events of a recording.
 
     A poor recording has flags, an unusable one `usable == False` with the reason; neither is an error.
+
+    Raises:
+        BrokenAudioError: if the recording is shorter than 50 ms.
     """
+    if recording.duration_s < SHORTEST_S:
+        raise BrokenAudioError(
+            f"the recording lasts {1000 * recording.duration_s:.1f} ms; at least {1000 * SHORTEST_S:g} ms are needed"
+        )
     analysis = Analysis(recording, condition)
     values = np.array([v for family in FEATURES for v in family.compute(analysis)], dtype=np.float32)
-    motion = Motion(None, (), MotionSource.NONE)
-    return Extraction(FeatureVector(NAMES, values), (), motion, (), EXTRACTOR_VERSION)
+    return Extraction(
+        FeatureVector(NAMES, values),
+        assess(analysis),
+        analysis.motion,
+        find_events(analysis),
+        EXTRACTOR_VERSION,
+    )

@@ -1,11 +1,14 @@
-"""The nouns of feature extraction: definitions, vectors, events, motion, the extraction as a whole."""
+"""The nouns of feature extraction: definition, vector, extraction."""
 
 import math
 from dataclasses import dataclass
-from enum import StrEnum
 
 import numpy as np
 from numpy.typing import NDArray
+
+from casebase.signals.events import Event
+from casebase.signals.motion import Motion
+from casebase.signals.quality import QualityFlag, Severity
 
 
 @dataclass(frozen=True)
@@ -17,12 +20,14 @@ class FeatureDefinition:
         unit: UCUM code; "1" for ratios, "dB" for levels.
         physics: one sentence on what it tells.
         source: where the formula comes from.
+        compared: False for what follows the gain or the recorder, and so must not enter a distance.
     """
 
     name: str
     unit: str
     physics: str
     source: str
+    compared: bool = True
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,81 +51,6 @@ class FeatureVector:
             name: None if math.isnan(value) else value
             for name, value in zip(self.names, self.values.tolist(), strict=True)
         }
-
-
-class Severity(StrEnum):
-    """How much a quality flag matters."""
-
-    NOTE = "note"
-    POOR = "poor"
-    UNUSABLE = "unusable"
-
-
-@dataclass(frozen=True)
-class QualityFlag:
-    """Something about the recording that weakens what can be said.
-
-    Args:
-        name: clipped, dropouts, dc_offset, too_quiet, too_short_for_motion, bandwidth_too_low,
-            unsteady_hum or default_channel.
-        severity: note, poor (diagnosed nevertheless) or unusable.
-        reason: one sentence with numbers, and what would be right.
-    """
-
-    name: str
-    severity: Severity
-    reason: str
-
-
-class MotionSource(StrEnum):
-    """Where the knowledge of the motion comes from."""
-
-    GIVEN = "given"
-    SOUND = "sound"
-    NONE = "none"
-
-
-@dataclass(frozen=True)
-class Motion:
-    """Back and forth of the axis.
-
-    Args:
-        period_s: one full cycle of back and forth [s]; None if there is none to be found.
-        reversal_times_s: standstills from the start of the recording, ascending [s].
-        source: given with the recording, or found in the sound.
-        cycles: how many periods the recording covers.
-        confidence: from 0 to 1, the share of the loudness that repeats with the period.
-    """
-
-    period_s: float | None
-    reversal_times_s: tuple[float, ...]
-    source: MotionSource
-    cycles: float = 0.0
-    confidence: float = 0.0
-
-
-class EventKind(StrEnum):
-    """What an event in the sound is."""
-
-    IMPULSE = "impulse"
-    REVERSAL = "reversal"
-    NOTCH = "notch"
-    PLAY = "play"
-
-
-@dataclass(frozen=True)
-class Event:
-    """Something that happens at one time.
-
-    Args:
-        time_s: from the start of the recording [s].
-        kind: what it is; notch and play mark where the bumps of these features lie.
-        strength: height above the background [dB]; 0 for a reversal.
-    """
-
-    time_s: float
-    kind: EventKind
-    strength: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,0 +1,75 @@
+"""Envelope statistics: impulses in a trace, repetition after a time, the spectrum of the envelope."""
+
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import fft, ndimage
+
+from casebase.signals.spectra import BandEnvelope
+
+
+def spectral_kurtosis_db(envelope: BandEnvelope) -> float:
+    """Return how far the fourth moment of a band is above that of Gaussian noise [dB]; 0 for noise.
+
+    Antoni, The spectral kurtosis: a useful tool for characterising non-stationary signals, 2006, equation (6),
+    as a level: 10 lg(E|x|^4 / (2 (E|x|^2)^2)).
+    """
+    power = envelope.inside().astype(np.float64)
+    mean = power.mean()
+    return float(10 * np.log10((power @ power) / power.size / (2 * mean**2))) if mean > 0 else np.nan
+
+
+def impulses(
+    trace: NDArray[np.float32], threshold_db: float, apart: int
+) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """Return where a trace peaks above its median by more than a threshold, and by how much more [dB].
+
+    Args:
+        trace: smoothed squared envelope, shape (n,).
+        threshold_db: height that noise does not reach [dB over the median].
+        apart: only the highest peak within so many values on either side counts.
+    """
+    height = 10 * np.log10(trace.astype(np.float64) / np.median(trace)) - threshold_db
+    peaks = np.flatnonzero((height > 0) & (height == ndimage.maximum_filter1d(height, 2 * apart + 1)))
+    return peaks, height[peaks]
+
+
+def repetition(trace: NDArray[np.float32], lag: int, tolerance: int) -> float:
+    """Return the correlation, from -1 to 1, of the level of a trace with itself some values later.
+
+    The best of the lags within the tolerance; NaN if fewer than half a lag of values would be compared.
+    """
+    level = np.log(trace.astype(np.float64))
+    if level.size - lag - tolerance < max(lag / 2, 20):
+        return np.nan
+    best = -1.0
+    for shift in range(lag - tolerance, lag + tolerance + 1):
+        first, second = level[:-shift], level[shift:]
+        first, second = first - first.mean(), second - second.mean()
+        scale = np.sqrt((first @ first) * (second @ second))
+        best = max(best, float(first @ second / scale)) if scale > 0 else best
+    return best
+
+
+def envelope_spectrum(envelope: BandEnvelope) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+    """Return frequencies [Hz] and the power of the squared envelope over its squared mean [1], shape (m,) each.
+
+    Modulation of depth d at one frequency is a line of power d²/2 (Randall and Antoni, Rolling element bearing
+    diagnostics - a tutorial, 2011).
+    """
+    power = envelope.inside()
+    mean = power.mean(dtype=np.float64)
+    relative = power / np.float32(mean) - np.float32(1.0)
+    window = _hann(relative.size)
+    size = fft.next_fast_len(relative.size, real=True)
+    values = fft.rfft(relative * window, size)
+    scale = np.float32(2.0 / (window @ window) / relative.size)
+    frequency = np.arange(values.size, dtype=np.float64) * (envelope.rate_hz / size)
+    spectrum: NDArray[np.float32] = (values.real**2 + values.imag**2) * scale
+    return frequency, spectrum
+
+
+@lru_cache(maxsize=4)
+def _hann(size: int) -> NDArray[np.float32]:
+    return np.hanning(size).astype(np.float32)

@@ -1,0 +1,52 @@
+"""Impulses, whether they repeat or not."""
+
+import math
+from collections.abc import Sequence
+
+from casebase.signals import envelope
+from casebase.signals.analysis import Analysis, Band
+from casebase.signals.features.family import FeatureFamily
+from casebase.signals.features.vector import FeatureDefinition
+
+
+class Impulses(FeatureFamily):
+    """Strongest impulse and peakedness of three bands, and how many impulses there are in the lowest."""
+
+    definitions = (
+        *(
+            definition
+            for band in Band
+            for definition in (
+                FeatureDefinition(
+                    f"strongest_impulse_{band.label}",
+                    "dB",
+                    "Highest point of the envelope above what noise would reach in a record as long: a single "
+                    "knock counts, repeated or not.",
+                    "extreme value of chi-squared noise; casebase.signals.fold.noise_peak_db",
+                ),
+                FeatureDefinition(
+                    f"spectral_kurtosis_{band.label}",
+                    "dB",
+                    "Peakedness of the band against Gaussian noise: few strong events raise it, steady noise of "
+                    "any colour leaves it at 0.",
+                    "Antoni 2006, equation (6)",
+                ),
+            )
+        ),
+        FeatureDefinition(
+            "impulse_rate_12_200_hz",
+            "Hz",
+            "Impulses per second above what noise would reach.",
+            "extreme value of chi-squared noise; casebase.signals.fold.noise_peak_db",
+        ),
+    )
+
+    def compute(self, analysis: Analysis) -> Sequence[float]:
+        """Return strongest impulse and spectral kurtosis per band, then the rate."""
+        values: list[float] = []
+        for band in Band:
+            band_envelope = analysis.envelope(band)
+            values.append(analysis.strongest_db(band))
+            values.append(math.nan if band_envelope is None else envelope.spectral_kurtosis_db(band_envelope))
+        times = analysis.impulses(Band.LOW)[0]
+        return [*values, len(times) / analysis.duration_s]

@@ -1,0 +1,81 @@
+"""Bumps that repeat with the motion: what tells notch from play."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from casebase.signals import envelope
+from casebase.signals.analysis import Analysis, Band
+from casebase.signals.features.family import FeatureFamily
+from casebase.signals.features.vector import FeatureDefinition
+from casebase.signals.fold import TOLERANCE
+from casebase.signals.motion import HOP_HZ
+
+SOURCE = "synchronous averaging (McFadden 1986) on strokes, with a median; height over noise: casebase.signals.fold"
+SENTENCES = {
+    "play_bump": "Highest bump around the reversal that both directions have: play is crossed when the torque "
+    "reverses, where braking starts and at the new start.",
+    "both_directions_bump": "Highest bump that both directions have away from the reversal: an obstacle that is "
+    "met either way, or noise.",
+    "notch_bump": "Highest bump away from the reversal that one direction has alone: a notch meets the mesh at "
+    "one angle and on one flank.",
+    "one_direction_bump_at_reversal": "Highest bump around the reversal that one direction has alone: a notch that "
+    "happens to be met while braking.",
+}
+
+
+class Repetition(FeatureFamily):
+    """Bumps in the folded envelope of three bands, and how the envelope repeats after a cycle and half a cycle."""
+
+    definitions = (
+        *(
+            FeatureDefinition(f"{name}_{band.label}", "dB", sentence, SOURCE)
+            for band in Band
+            for name, sentence in SENTENCES.items()
+        ),
+        FeatureDefinition(
+            "repetition_after_full_cycle_12_200_hz",
+            "1",
+            "Correlation of the envelope with itself one cycle later: high for whatever belongs to the motion.",
+            "autocorrelation",
+        ),
+        FeatureDefinition(
+            "repetition_after_half_cycle_12_200_hz",
+            "1",
+            "Correlation of the envelope with itself one stroke later: high for what both directions have, as play.",
+            "autocorrelation",
+        ),
+    )
+
+    def compute(self, analysis: Analysis) -> Sequence[float]:
+        """Return the bumps of every band; NaN without a known reversal."""
+        bumps = [height for band in Band for height in self._bumps(analysis, band)]
+        trace, period_s = analysis.traced(Band.LOW), analysis.motion.period_s
+        if trace is None or period_s is None:
+            return [*bumps, math.nan, math.nan]
+        stroke = round(period_s * HOP_HZ / 2)
+        tolerance = 2 * TOLERANCE
+        return [
+            *bumps,
+            envelope.repetition(trace, 2 * stroke, tolerance),
+            envelope.repetition(trace, stroke, tolerance),
+        ]
+
+    @staticmethod
+    def _bumps(analysis: Analysis, band: Band) -> tuple[float, float, float, float]:
+        folded = analysis.folded(band)
+        if folded is None:
+            return (math.nan,) * 4
+        near, far = folded.in_zone, ~folded.in_zone
+        return (
+            _highest(folded.both_db[near]),
+            _highest(folded.both_db[far]),
+            _highest(folded.single_db[far]),
+            _highest(folded.single_db[near]),
+        )
+
+
+def _highest(heights: np.ndarray[tuple[int], np.dtype[np.float64]]) -> float:
+    known = heights[np.isfinite(heights)]
+    return float(known.max()) if known.size else math.nan

@@ -1,0 +1,170 @@
+"""Motion: the back and forth of the axis, given with the recording or found in its loudness.
+
+The sound of a gear grows with speed and all but vanishes at standstill, so every reversal is a dip of the
+loudness. Two reversals make a cycle.
+"""
+
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from casebase.signals.condition import OperatingCondition
+
+HOP_HZ = 200.0
+"""Values per second of loudness and envelope traces [Hz]."""
+
+SMALLEST_DEPTH_DB = 1.5
+SHORTEST_DIP_S = 0.04
+LONGEST_BURST_S = 0.2
+LARGEST_SCATTER = 0.1
+
+
+class MotionSource(StrEnum):
+    """Where the knowledge of the motion comes from."""
+
+    GIVEN = "given"
+    SOUND = "sound"
+    NONE = "none"
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Back and forth of the axis.
+
+    Args:
+        period_s: one full cycle of back and forth [s]; None if unknown.
+        reversal_times_s: standstills from the start of the recording, ascending [s].
+        source: given with the recording, or found in the sound.
+        quiet_s: start and end of the quiet time around a reversal, relative to it [s].
+        cycles: how many periods the recording covers; 0 without a period.
+        depth_db: how far the loudness falls at a reversal [dB].
+        period_in_sound_s: the period found in the sound, also where another was given [s].
+    """
+
+    period_s: float | None = None
+    reversal_times_s: tuple[float, ...] = ()
+    source: MotionSource = MotionSource.NONE
+    quiet_s: tuple[float, float] = (-0.2, 0.2)
+    cycles: float = 0.0
+    depth_db: float = 0.0
+    period_in_sound_s: float | None = None
+
+    @property
+    def reversal_zone_s(self) -> tuple[float, float]:
+        """Around a reversal, from where braking may start to where the new start may end [s].
+
+        The quiet time and, on either side, three quarters of its length (0.2 to 0.5 s): loudness has fallen by
+        half of its depth only when most of the speed is gone, so braking starts well before.
+        """
+        start, end = self.quiet_s
+        margin = min(0.5, max(0.2, 0.75 * (end - start)))
+        return start - margin, end + margin
+
+
+@dataclass(frozen=True)
+class Dip:
+    """One quiet time, from start to end [s]."""
+
+    start_s: float
+    end_s: float
+
+    @property
+    def centre_s(self) -> float:
+        """Middle of the quiet time [s]."""
+        return (self.start_s + self.end_s) / 2
+
+
+def loudness_db(samples: NDArray[np.float32], rate_hz: float) -> NDArray[np.float32]:
+    """Return the level of samples of shape (n,), `HOP_HZ` values per second [dB]."""
+    block = round(rate_hz / HOP_HZ)
+    blocks = samples[: samples.size // block * block].reshape(-1, block)
+    power = np.einsum("ij,ij->i", blocks, blocks) / np.float32(block)
+    level: NDArray[np.float32] = 10 * np.log10(np.maximum(power, np.finfo(np.float32).tiny))
+    return level
+
+
+def find_motion(level_db: NDArray[np.float32], condition: OperatingCondition) -> Motion:
+    """Return the motion, from the condition where it says so and from the loudness for the rest.
+
+    `level_db` is the level of the sound, `HOP_HZ` values per second, shape (n,) [dB].
+    """
+    duration_s = level_db.size / HOP_HZ
+    if condition.steady:
+        return Motion()
+    dips, depth_db = find_dips(level_db)
+    heard = _regular(dips)
+    quiet_s = _quiet(dips, heard)
+    heard_period = 2 * _spacing(heard) if len(heard) > 1 else None
+    given = tuple(t for t in condition.reversal_times_s if 0 <= t <= duration_s)
+    period = condition.motion_period_s or (2 * _spacing(given) if len(given) > 1 else None)
+    if period is None and not given:
+        source = MotionSource.SOUND if heard else MotionSource.NONE
+        period, times = heard_period, heard
+    else:
+        source = MotionSource.GIVEN
+        period = period or heard_period
+        times = given or heard
+    return Motion(
+        period_s=period,
+        reversal_times_s=times,
+        source=source,
+        quiet_s=quiet_s,
+        cycles=duration_s / period if period else 0.0,
+        depth_db=depth_db if heard else 0.0,
+        period_in_sound_s=heard_period,
+    )
+
+
+def find_dips(level_db: NDArray[np.float32]) -> tuple[list[Dip], float]:
+    """Return the quiet times that lie whole within the recording, and how deep they are [dB].
+
+    A dip is where the loudness is more than half the depth below its plateau (70th percentile; an axis moves most
+    of the time). A short burst within it, such as a click at standstill, does not divide it.
+    """
+    smooth = ndimage.uniform_filter1d(level_db.astype(np.float64), 10)
+    plateau, floor = np.percentile(smooth, [70, 2])
+    depth = float(plateau - floor)
+    scatter = 1.4826 * float(np.median(np.abs(np.diff(smooth[::10])))) if smooth.size > 20 else np.inf
+    if depth < max(SMALLEST_DEPTH_DB, 2.5 * scatter):
+        return [], depth
+    quiet = smooth < plateau - depth / 2
+    burst = int(LONGEST_BURST_S * HOP_HZ)
+    quiet = ndimage.binary_closing(np.pad(quiet, burst, mode="edge"), np.ones(burst, dtype=np.bool_))[burst:-burst]
+    edges = np.flatnonzero(np.diff(quiet.astype(np.int8)))
+    if edges.size and quiet[0]:
+        edges = edges[1:]
+    runs = [Dip((a + 1) / HOP_HZ, (b + 1) / HOP_HZ) for a, b in zip(edges[::2], edges[1::2], strict=False)]
+    return [dip for dip in runs if dip.end_s - dip.start_s >= SHORTEST_DIP_S], depth
+
+
+def _regular(dips: list[Dip]) -> tuple[float, ...]:
+    """Return the reversal times if the dips repeat, smoothed by a straight line where their spacing is even."""
+    centres = np.array([dip.centre_s for dip in dips])
+    if centres.size < 3:
+        return tuple(centres.tolist())
+    spacing = np.diff(centres)
+    pairs = centres[2:] - centres[:-2]
+    if np.max(np.abs(pairs - np.median(pairs))) > LARGEST_SCATTER * float(np.median(pairs)):
+        return ()
+    if np.max(np.abs(spacing - np.median(spacing))) > LARGEST_SCATTER * float(np.median(spacing)):
+        return tuple(centres.tolist())
+    count = np.arange(centres.size)
+    slope, first = np.polyfit(count, centres, 1)
+    return tuple((first + slope * count).tolist())
+
+
+def _spacing(times: tuple[float, ...]) -> float:
+    if len(times) == 2:
+        return times[1] - times[0]
+    return float(np.median(np.subtract(times[2:], times[:-2]))) / 2
+
+
+def _quiet(dips: list[Dip], times: tuple[float, ...]) -> tuple[float, float]:
+    if not times:
+        return Motion().quiet_s
+    starts = np.median([dip.start_s - time for dip, time in zip(dips, times, strict=True)])
+    ends = np.median([dip.end_s - time for dip, time in zip(dips, times, strict=True)])
+    return float(starts), float(ends)

@@ -1,0 +1,237 @@
+"""Quality: what in a recording weakens the diagnosis, or forbids it."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+from casebase.signals import crest
+from casebase.signals.analysis import Analysis
+from casebase.signals.motion import MotionSource
+from casebase.signals.spectra import band_envelope
+
+STEEP = 0.005
+DROPOUT_S = 0.005
+MAINS_HZ = (50.0, 60.0, 100.0, 120.0)
+
+
+class Severity(StrEnum):
+    """How much a quality flag matters."""
+
+    NOTE = "note"
+    POOR = "poor"
+    UNUSABLE = "unusable"
+
+
+@dataclass(frozen=True)
+class QualityFlag:
+    """Something about the recording that weakens what can be said.
+
+    Args:
+        name: name of the check, such as clipped.
+        severity: note, poor (diagnosed nevertheless) or unusable.
+        reason: one sentence with numbers, and what would be right.
+    """
+
+    name: str
+    severity: Severity
+    reason: str
+
+
+def clipped(analysis: Analysis) -> QualityFlag | None:
+    """Flag flat tops: two or more samples at an extreme, entered or left by a step of over 0.5 % of the peak.
+
+    The top of a slow sine is flat, too, but not entered by a step.
+    """
+    samples = analysis.recording.samples
+    count = sum(_flat_tops(samples, extreme) for extreme in (samples.max(), samples.min()))
+    if count == 0:
+        return None
+    share = count / samples.size
+    severity = Severity.UNUSABLE if share > 0.1 else Severity.POOR
+    return QualityFlag(
+        "clipped",
+        severity,
+        f"{count} samples ({100 * share:.2g} %) stand at the limit of the recorder; lower the gain, for clipping "
+        "makes impulses smaller and new ones",
+    )
+
+
+def _flat_tops(samples: NDArray[np.float32], extreme: np.float32) -> int:
+    if extreme == 0:
+        return 0
+    starts, ends = _runs(samples == extreme)
+    before = np.abs(samples[np.maximum(starts - 1, 0)] - extreme)
+    after = np.abs(samples[np.minimum(ends, samples.size - 1)] - extreme)
+    flat = (ends - starts >= 2) & (np.maximum(before, after) > STEEP * abs(extreme))
+    return int((ends - starts)[flat].sum())
+
+
+def dropouts(analysis: Analysis) -> QualityFlag | None:
+    """Flag stretches of at least 5 ms in which the samples do not change at all."""
+    recording = analysis.recording
+    samples = recording.samples
+    shortest = max(16, int(DROPOUT_S * recording.sample_rate_hz))
+    starts, ends = _runs(samples[1:] == samples[:-1])
+    long = ends - starts >= shortest - 1
+    if not long.any():
+        return None
+    lost_s = float((ends - starts + 1)[long].sum()) / recording.sample_rate_hz
+    share = lost_s / recording.duration_s
+    return QualityFlag(
+        "dropouts",
+        Severity.UNUSABLE if share > 0.5 else Severity.POOR,
+        f"{int(long.sum())} stretches, {lost_s:.3g} s in all, without any change of the samples; check cable, driver "
+        "and noise gate, and record again",
+    )
+
+
+def dc_offset(analysis: Analysis) -> QualityFlag | None:
+    """Flag a mean above a tenth of the effective value of the rest."""
+    mean = float(analysis.recording.samples.mean(dtype=np.float64))
+    effective = crest.root_mean_square(analysis.samples)
+    if effective == 0 or abs(mean) <= 0.1 * effective:
+        return None
+    return QualityFlag(
+        "dc_offset",
+        Severity.NOTE if abs(mean) <= effective else Severity.POOR,
+        f"the mean is {mean:.3g}, the effective value around it {effective:.3g}; it was removed, but the recorder "
+        "has less headroom on one side",
+    )
+
+
+def too_quiet(analysis: Analysis) -> QualityFlag | None:
+    """Flag a level of only some steps of the recorder's quantisation."""
+    differences = np.abs(np.diff(analysis.recording.samples))
+    differences = differences[differences > 0]
+    effective = crest.root_mean_square(analysis.samples)
+    if differences.size == 0 or effective == 0:
+        return QualityFlag("too_quiet", Severity.UNUSABLE, "the recording is silent; check the microphone")
+    steps = effective / float(differences.min())
+    if steps >= 10:
+        return None
+    return QualityFlag(
+        "too_quiet",
+        Severity.UNUSABLE if steps < 2 else Severity.POOR,
+        f"the effective value is only {steps:.1f} steps of the recorder's resolution, at least 10 are needed; raise "
+        "the gain or go nearer",
+    )
+
+
+def too_short_for_motion(analysis: Analysis) -> QualityFlag | None:
+    """Flag fewer than three cycles of the motion, or none heard."""
+    motion, name = analysis.motion, "too_short_for_motion"
+    if analysis.condition.steady:
+        return None
+    if not motion.reversal_times_s and motion.period_s is None:
+        return QualityFlag(
+            name,
+            Severity.NOTE,
+            "no reversal is heard, so features that follow the motion are missing; if the axis moves back and forth, "
+            "record three cycles or more",
+        )
+    if motion.cycles >= 3:
+        return None
+    cycles = f"{motion.cycles:.1f} cycles" if motion.period_s else "less than one cycle"
+    return QualityFlag(
+        name,
+        Severity.NOTE if motion.cycles >= 1.5 else Severity.POOR,
+        f"the recording covers {cycles} of the motion; three or more are needed to tell what repeats",
+    )
+
+
+def motion_contradicts(analysis: Analysis) -> QualityFlag | None:
+    """Flag a given period that the loudness does not have."""
+    motion = analysis.motion
+    heard = motion.period_in_sound_s
+    if motion.source is not MotionSource.GIVEN or heard is None or motion.period_s is None:
+        return None
+    if abs(heard / motion.period_s - 1) <= 0.05:
+        return None
+    return QualityFlag(
+        "motion_contradicts",
+        Severity.POOR,
+        f"the motion period was given as {motion.period_s:.3f} s, but the loudness repeats every {heard:.3f} s "
+        "(back and forth); check the metadata",
+    )
+
+
+def bandwidth_too_low(analysis: Analysis) -> QualityFlag | None:
+    """Flag a sample rate, or a content, that ends below 1 kHz."""
+    highest = analysis.highest_hz
+    spectrum = analysis.spectrum
+    total = spectrum.band_power(10.0, highest)
+    if highest > 1000 and total > 0 and spectrum.band_power(1000.0, highest) < 1e-9 * total:
+        empty = [f for f in (200.0, 400.0, 1000.0) if spectrum.band_power(f, highest) < 1e-9 * total]
+        highest = empty[0]
+    if highest >= 1000 and not (highest == 1000 and analysis.highest_hz > 1000):
+        return None
+    return QualityFlag(
+        "bandwidth_too_low",
+        Severity.UNUSABLE if highest < 200 else Severity.POOR,
+        f"the recording holds nothing above {highest:.0f} Hz; record at 8 kHz or more without a telephone's filter",
+    )
+
+
+def unsteady_hum(analysis: Analysis) -> QualityFlag | None:
+    """Flag a mains line that carries much of the sound below 200 Hz and swells by more than 6 dB."""
+    spectrum = analysis.spectrum
+    whole = spectrum.band_power(12.0, 200.0)
+    for line in MAINS_HZ:
+        power, around = spectrum.band_power(line - 1, line + 1), spectrum.band_power(line - 5, line + 5)
+        if analysis.duration_s < 3 or power < 0.2 * whole or power < 0.8 * around:
+            continue
+        swell = band_envelope(spectrum, line - 2, line + 2)
+        if swell is None:
+            continue
+        low, high = np.percentile(swell.inside(), [10, 90])
+        if high > 4 * low:
+            return QualityFlag(
+                "unsteady_hum",
+                Severity.POOR,
+                f"hum at {line:.0f} Hz carries {100 * power / whole:.0f} % of the sound below 200 Hz and swells by "
+                f"{10 * np.log10(high / max(low, 1e-30)):.0f} dB; find the loose shield or another mains circuit",
+            )
+    return None
+
+
+def channel_choice(analysis: Analysis) -> QualityFlag | None:
+    """Say which channel of several was used."""
+    recording = analysis.recording
+    if recording.channels == 1:
+        return None
+    return QualityFlag(
+        "channel_choice",
+        Severity.NOTE,
+        f"channel {recording.channel} of 0 to {recording.channels - 1} was used; name another to use that",
+    )
+
+
+CHECKS: tuple[Callable[[Analysis], QualityFlag | None], ...] = (
+    clipped,
+    dropouts,
+    dc_offset,
+    too_quiet,
+    too_short_for_motion,
+    motion_contradicts,
+    bandwidth_too_low,
+    unsteady_hum,
+    channel_choice,
+)
+"""The catalogue of checks; a new one is a function above and a line here."""
+
+
+def assess(analysis: Analysis) -> tuple[QualityFlag, ...]:
+    """Return the flags of all checks that found something."""
+    return tuple(flag for check in CHECKS if (flag := check(analysis)) is not None)
+
+
+def _runs(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return starts and ends (exclusive) of the stretches where a mask is true, shape (k,) each."""
+    places = np.flatnonzero(mask)
+    breaks = np.flatnonzero(np.diff(places) > 1)
+    starts = places[np.concatenate([[0], breaks + 1])] if places.size else places
+    ends = places[np.concatenate([breaks, [places.size - 1]])] + 1 if places.size else places
+    return starts, ends
