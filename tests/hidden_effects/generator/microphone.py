@@ -1,0 +1,105 @@
+"""What a microphone on the housing hears: mesh forces and impacts through housing modes, and a workshop's noise."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, resample_poly, sosfilt
+
+from tests.hidden_effects.generator.kernel import STEP_RATE_HZ, TELEMETRY_RATE_HZ
+from tests.hidden_effects.generator.noise import coloured
+
+SOUND_RATE_HZ = 8_000
+
+
+@dataclass(frozen=True)
+class Microphone:
+    """Housing modes (n, 3): frequency [Hz], damping ratio, gain; direct gain, level of speech-free noise, fan [Hz]."""
+
+    modes: NDArray[np.float64]
+    direct: float
+    noise_ratio: float
+    noise_corner_hz: float
+    fan_hz: float
+    loudness: float
+
+
+def draw_microphone(rng: np.random.Generator) -> Microphone:
+    """Draw a housing of three to five modes and a noise 6 to 20 dB below the gearbox."""
+    count = int(rng.integers(3, 6))
+    modes = np.column_stack(
+        [rng.uniform(200, 3300, count), rng.uniform(0.01, 0.05, count), rng.uniform(0.3, 1.0, count)]
+    )
+    return Microphone(
+        modes,
+        float(rng.uniform(0.1, 0.5)),
+        float(10 ** (-rng.uniform(6, 20) / 20)),
+        float(rng.uniform(50, 400)),
+        float(rng.uniform(80, 140)),
+        float(0.01 * 10 ** rng.uniform(-0.3, 0.5)),
+    )
+
+
+def through_housing(microphone: Microphone, excitation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the modes' and the direct answer to an excitation, both at the sound's rate."""
+    heard = microphone.direct * excitation
+    for frequency, damping, gain in microphone.modes:
+        rate = 2 * np.pi * frequency / SOUND_RATE_HZ
+        radius = np.exp(-damping * rate)
+        filter_ = np.array([[gain * damping * 4, 0, -gain * damping * 4, 1, -2 * radius * np.cos(rate), radius**2]])
+        heard = heard + sosfilt(filter_, excitation)
+    return heard
+
+
+def of_gears(microphone: Microphone, force: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return the gearbox's own sound from the mesh force at the simulation's rate, not yet scaled."""
+    rough = resample_poly(np.diff(force, prepend=force[:1]), 1, STEP_RATE_HZ // SOUND_RATE_HZ)
+    quiet = sosfilt(butter(2, 25, "high", fs=SOUND_RATE_HZ, output="sos"), rough.astype(np.float64))
+    return through_housing(microphone, quiet)
+
+
+def of_bearing(
+    rng: np.random.Generator, microphone: Microphone, motor_angle: NDArray[np.float64], order: float
+) -> NDArray[np.float64]:
+    """Return the sound of impacts `order` times per turn of the motor, with 1 % slip and louder at speed.
+
+    Its rms is 1.
+    """
+    fine = SOUND_RATE_HZ // TELEMETRY_RATE_HZ
+    samples = len(motor_angle) * fine
+    angle = np.interp(np.arange(samples) / fine, np.arange(len(motor_angle)), motor_angle)
+    speed = np.abs(np.gradient(angle)) * SOUND_RATE_HZ
+    travelled = np.cumsum(speed) / SOUND_RATE_HZ * order / (2 * np.pi)
+    events = int(travelled[-1])
+    moments = np.interp(np.cumsum(1 + 0.01 * rng.standard_normal(events)), travelled, np.arange(samples))
+    moments = moments[moments < samples - 2]
+    whole = moments.astype(int)
+    strength = (1 + 0.25 * rng.standard_normal(len(whole))) * speed[whole] / (np.max(speed) + 1e-12)
+    excitation = np.zeros(samples)
+    np.add.at(excitation, whole, strength * (1 - (moments - whole)))
+    np.add.at(excitation, whole + 1, strength * (moments - whole))
+    heard = through_housing(microphone, excitation)
+    return heard / np.std(heard)
+
+
+def background(rng: np.random.Generator, microphone: Microphone, samples: int) -> NDArray[np.float64]:
+    """Return the workshop's noise of unit rms: coloured, a fan's line, and slowly changing."""
+    time = np.arange(samples) / SOUND_RATE_HZ
+    noise = 0.7 * coloured(rng, samples, microphone.noise_corner_hz, SOUND_RATE_HZ)
+    noise += 0.5 * rng.standard_normal(samples)
+    noise *= 1 + 0.3 * np.sin(2 * np.pi * time / rng.uniform(8, 20) + rng.uniform(0, 2 * np.pi))
+    noise += 0.3 * np.sin(2 * np.pi * microphone.fan_hz * time + rng.uniform(0, 2 * np.pi))
+    return noise / np.std(noise)
+
+
+def hum(frequency: float, samples: int, rate_hz: float, phases: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return a mains hum of unit rms: the line frequency with its second and third harmonic."""
+    time = np.arange(samples) / rate_hz
+    parts = (1.0, 0.35, 0.2)
+    wave = sum(
+        part * np.sin(2 * np.pi * (k + 1) * frequency * time + phase)
+        for k, (part, phase) in enumerate(zip(parts, phases, strict=True))
+    )
+    return wave / np.sqrt(0.5 * sum(part**2 for part in parts))
