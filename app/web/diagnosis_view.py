@@ -1,0 +1,203 @@
+"""Everything the page and the report of one diagnosis show, gathered once."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+from markupsafe import Markup
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from app.service import Service
+from app.web import charts as draw
+from app.web.charts import Chart
+from app.web.pages.recordings import CREST_WINDOW_S, analysed, decoded, event_times, order_markers
+from app.web.svg import Marker, Series
+from app.web.templating import percent, quantity
+from app.web.words import Verdict, name_of, verdict_of
+from casebase.models import Case, Extractor, FeatureRow, StoredDiagnosis, StoredRecording
+from casebase.signals.crest import root_mean_square
+from casebase.signals.features import EXTRACTOR_VERSION
+
+TREND_FEATURE = "crest_factor_whole_record"
+SAME_STATE = 0.1
+PEAKS = 400
+
+
+@dataclass(frozen=True)
+class Neighbour:
+    """One of the nearest cases: contributions are (feature, part of the distance, share of it), largest first."""
+
+    case_id: str
+    label: str
+    origin: str
+    distance: float
+    gearbox: str | None
+    recording_id: str | None
+    rms: float
+    contributions: tuple[tuple[str, float, float], ...]
+
+
+@dataclass(frozen=True)
+class DiagnosisView:
+    """What is shown of a diagnosis; charts are absent where the recording cannot be used."""
+
+    diagnosis: StoredDiagnosis
+    recording: StoredRecording
+    verdict: Verdict
+    facts: tuple[tuple[str, object, str], ...]
+    neighbours: tuple[Neighbour, ...]
+    features: Mapping[str, float | None]
+    charts: SimpleNamespace
+    polar: Markup | None
+    trend: Chart | None
+    rms: float
+    peaks: str
+
+    def context(self) -> dict[str, object]:
+        """Return it for a template."""
+        document: Mapping[str, Any] = self.diagnosis.document
+        return {
+            "diagnosis": self.diagnosis,
+            "recording": self.recording,
+            "verdict": self.verdict,
+            "facts": self.facts,
+            "quality": document["quality"],
+            "usable": document["verdict"] != "unusable",
+            "neighbours": self.neighbours,
+            "features": self.features,
+            "evidence": document["evidence"],
+            "remarks": document.get("remarks", ()),
+            "charts": self.charts,
+            "polar": self.polar,
+            "trend": self.trend,
+            "rms": self.rms,
+            "peaks": self.peaks,
+            "provenance": [(k.replace("_", " "), v) for k, v in document["provenance"].items()],
+        }
+
+
+def view_of(session: Session, service: Service, row: StoredDiagnosis, *, orders: bool = False) -> DiagnosisView:
+    """Gather a diagnosis with its plots."""
+    document: Mapping[str, Any] = row.document
+    recording = decoded(service, row.recording)
+    analysis = analysed(recording, row.recording)
+    speed = row.recording.speed_rad_s
+    order_hz = speed / (2 * math.pi) if orders and speed else None
+    folded = draw.fold_charts(analysis)
+    drawn = SimpleNamespace(
+        waveform=draw.waveform(recording, analysis, event_times(session, row.recording)),
+        spectrum=draw.spectrum(recording, order_markers(analysis), order_hz),
+        crest=draw.crest_trace(recording, CREST_WINDOW_S),
+        level=draw.level_trace(recording, CREST_WINDOW_S),
+        fold=folded[0] if folded else None,
+    )
+    peaks = draw.waveform(recording, analysis, (), PEAKS).series[0].y
+    return DiagnosisView(
+        diagnosis=row,
+        recording=row.recording,
+        verdict=verdict_of(document),
+        facts=tuple(facts_of(document)),
+        neighbours=tuple(_neighbours(session, document["neighbours"])),
+        features=features_of(session, row.recording.id),
+        charts=drawn,
+        polar=folded[1] if folded else None,
+        trend=trend_of(session, row.recording),
+        rms=root_mean_square(recording.samples),
+        peaks="[" + ",".join(f"{v:.4g}" for v in peaks) + "]",
+    )
+
+
+def facts_of(document: Mapping[str, Any]) -> list[tuple[str, object, str]]:
+    """Return the few numbers beside the verdict: name, value, note."""
+    found: list[tuple[str, object, str]] = []
+    provenance = document["provenance"]
+    gearboxes = provenance.get("gearboxes", 0)
+    if document["probability"] is not None:
+        calibrated = gearboxes >= 2
+        note = f"calibrated on {gearboxes} gearboxes" if calibrated else "a score: fewer than two gearboxes are known"
+        found.append(("Probability" if calibrated else "Score", percent(document["probability"]), note))
+    for estimate in document.get("severity", {}).get("estimates", ()) if document.get("severity") else ():
+        low, high = quantity(estimate["low"]), quantity(estimate["high"], estimate["unit"])
+        name = f"Severity: {estimate['name'].replace('_', ' ')}"
+        found.append((name, quantity(estimate["value"], estimate["unit"]), f"90 % interval {low} to {high}"))
+    for item in document["evidence"]:
+        if item["kind"] == "event" and item["value"] is not None:
+            where = quantity(item["value"], "°", 3)
+            found.append(("Angle in the motion's cycle", where, item["quantity"].replace("_", " ")))
+    novelty = document["novelty"]
+    if novelty["distance"] is not None:
+        limit = novelty["threshold"]
+        note = f"new beyond {limit:.2f}" if limit is not None else "too few cases to set a limit"
+        found.append(("Distance to the known", quantity(novelty["distance"]), note))
+    rejected = [name_of(h["label"]) for h in document["hypotheses"] if h["p_value"] <= 0.05]
+    if rejected:
+        found.append(("Rejected", ", ".join(rejected), "p-value at most 0.05"))
+    return found
+
+
+def _neighbours(session: Session, entries: Sequence[Mapping[str, Any]]) -> list[Neighbour]:
+    found = []
+    for entry in entries:
+        case = session.get(Case, entry["case_id"])
+        parts = sorted(entry["contributions"].items(), key=lambda item: -item[1])
+        total = entry["distance"] or 1.0
+        rms = features_of(session, case.recording_id).get("rms") if case else None
+        found.append(
+            Neighbour(
+                case_id=entry["case_id"],
+                label=entry["label"],
+                origin=entry["origin"],
+                distance=entry["distance"],
+                gearbox=case.recording.gearbox if case else None,
+                recording_id=case.recording_id if case else None,
+                rms=rms or 0.0,
+                contributions=tuple((name, part, part / total) for name, part in parts),
+            )
+        )
+    return found
+
+
+def features_of(session: Session, recording_id: str) -> dict[str, float | None]:
+    """Return the stored features of a recording by name; empty where they are of an older extractor."""
+    stored = session.get(FeatureRow, (recording_id, EXTRACTOR_VERSION))
+    extractor = session.get(Extractor, EXTRACTOR_VERSION)
+    if stored is None or extractor is None:
+        return dict.fromkeys((TREND_FEATURE, "crest_factor_low_pass_200_hz_whole_record", "rms", "peak"))
+    missing = np.unpackbits(np.frombuffer(stored.missing, np.uint8), count=len(extractor.names))
+    values = zip(extractor.names, stored.finite.tolist(), missing.tolist(), strict=True)
+    return {str(name): None if gone else value for name, value, gone in values}
+
+
+def trend_of(session: Session, row: StoredRecording) -> Chart | None:
+    """Return crest factor over time for this gearbox in this operating state, or None with fewer than two."""
+    if row.gearbox is None:
+        return None
+    statement = select(StoredRecording).where(
+        StoredRecording.gearbox == row.gearbox, StoredRecording.axis == row.axis, StoredRecording.usable
+    )
+    same = [one for one in session.scalars(statement.order_by(StoredRecording.id).limit(500)) if _same_state(one, row)]
+    points = [(one, features_of(session, one.id).get(TREND_FEATURE)) for one in same]
+    known = [(one, value) for one, value in points if value is not None]
+    if len(known) < 2:
+        return None
+    start = min(one.recorded_at or one.created_at for one, _ in known)
+    days = np.array([((one.recorded_at or one.created_at) - start).total_seconds() / 86400 for one, _ in known])
+    values = np.array([value for _, value in known])
+    order = np.argsort(days, kind="stable")
+    now = ((row.recorded_at or row.created_at) - start).total_seconds() / 86400
+    return Chart(
+        "Crest factor of this gearbox over time",
+        (Series("crest factor, whole record", days[order], values[order]),),
+        f"days since {start:%Y-%m-%d}",
+        "crest factor [1]",
+        markers=(Marker(now, "this recording"),),
+    )
+
+
+def _same_state(one: StoredRecording, other: StoredRecording) -> bool:
+    pairs = ((one.speed_rad_s, other.speed_rad_s), (one.payload_kg_m2, other.payload_kg_m2))
+    return all(a == b or (a and b and abs(a - b) <= SAME_STATE * b) for a, b in pairs)

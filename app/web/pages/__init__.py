@@ -1,0 +1,20 @@
+"""The pages, one module per noun; a new noun is one line in PAGES."""
+
+from fastapi import APIRouter, FastAPI
+from fastapi.staticfiles import StaticFiles
+
+from app.web.errors import PageErrors, sign_in_first
+from app.web.pages import diagnoses, recordings, session
+from app.web.session import SignInNeeded
+from app.web.templating import STATIC
+
+PAGES: tuple[APIRouter, ...] = (session.router, diagnoses.router, recordings.router)
+
+
+def add_pages(app: FastAPI) -> None:
+    """Put the pages beside the interface of an application; they stand in no OpenAPI document."""
+    for router in PAGES:
+        app.include_router(router, include_in_schema=False)
+    app.mount("/static", StaticFiles(directory=STATIC), name="static")
+    app.add_exception_handler(SignInNeeded, sign_in_first)
+    app.add_middleware(PageErrors)

@@ -1,0 +1,189 @@
+"""Diagnoses: the list, a new one, one of them, what a person says of it, its report."""
+
+import json
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Form, Request
+from fastapi.responses import RedirectResponse, Response
+
+from app.intake import known_axis, take_in
+from app.metadata import RecordingMetadata, read_metadata
+from app.security import Principal, check_csrf
+from app.service import Reading, Service, TheService
+from app.uploads import TheUpload
+from app.web.diagnosis_view import view_of
+from app.web.pages.recordings import demo_ids
+from app.web.report import diagnosis_html, diagnosis_pdf
+from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer, SignInNeeded, Visitor
+from app.web.templating import Message, render
+from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
+from casebase.models import StoredDiagnosis
+
+router = APIRouter()
+FILTERS = (
+    ("", "All"),
+    ("diagnosed", "Diagnosed"),
+    ("ambiguous", "Undecided"),
+    ("not_in_library", "Not in the library"),
+    ("unusable", "Unusable"),
+)
+NUMBERS = ("speed_rad_s", "payload_kg_m2")
+
+
+def root_of(service: Service) -> str:
+    """Return the path under which a proxy serves us, without a slash at its end."""
+    return service.settings.root_path.rstrip("/")
+
+
+@router.get("/")
+def front(request: Request, session: Reading, service: TheService, principal: Visitor) -> Response:
+    """The demonstration for whoever is new, the list of diagnoses for whoever is signed in and has some."""
+    demo = demo_ids(session)
+    others = list_diagnoses(session, DiagnosisFilter(), limit=2).items
+    new_here = demo is not None and all(row.id == demo[0] for row in others)
+    if demo is not None and (principal is None or new_here):
+        return shown(request, session, service, principal, get_diagnosis(session, demo[0]), demo=True)
+    if principal is None:
+        raise SignInNeeded("/")
+    return RedirectResponse(f"{root_of(service)}/diagnoses", status_code=303)
+
+
+@router.get("/diagnoses")
+def listed(
+    request: Request, session: Reading, principal: PageViewer, verdict: str | None = None, cursor: str | None = None
+) -> Response:
+    """The list, newest first."""
+    page = list_diagnoses(session, DiagnosisFilter(verdict=verdict or None), cursor=cursor)
+    context = {"rows": page.items, "next_cursor": page.next_cursor, "filters": FILTERS, "chosen": verdict or ""}
+    return render(request, "diagnoses.html", context, principal=principal, section="/diagnoses")
+
+
+@router.get("/diagnoses/new")
+def upload_page(request: Request, principal: PageOperator) -> Response:
+    """The form for those who do not drop."""
+    context = {"base_url": str(request.base_url).rstrip("/")}
+    return render(request, "upload.html", context, principal=principal, section="/diagnoses")
+
+
+@router.post("/diagnoses/new")
+def upload(request: Request, principal: PageOperator, upload: TheUpload, service: TheService) -> Response:
+    """Take a recording in and diagnose it."""
+    check_csrf(request, upload.fields.get("csrf", ""))
+    upload.only("file", "csrf", "axis", "gearbox", *NUMBERS)
+    metadata = read_metadata(json.dumps(_told(upload.fields)), RecordingMetadata)
+    file = upload.file("file")
+    intake = take_in(file.path, file.name, file.media_type, metadata, known_axis(service.library, metadata.axis))
+    with service.library.transaction(principal.actor) as session:
+        row = intake.store(service.library, session)
+        diagnosis = service.library.diagnose(session, row, intake.extraction)
+        identity = diagnosis.id
+    service.metrics.diagnoses.labels(diagnosis.verdict, diagnosis.label or "").inc()
+    return RedirectResponse(f"{root_of(service)}/diagnoses/{identity}", status_code=303)
+
+
+def _told(fields: dict[str, str]) -> dict[str, object]:
+    """Return what the form says, without what was left empty; numbers may have a decimal comma."""
+    told: dict[str, object] = {}
+    for name in ("axis", "gearbox", *NUMBERS):
+        text = fields.get(name, "").strip()
+        if not text:
+            continue
+        if name in NUMBERS:
+            try:
+                told[name] = float(text.replace(",", "."))
+            except ValueError:
+                told[name] = text
+        else:
+            told[name] = text
+    return told
+
+
+@router.get("/diagnoses/{diagnosis_id}")
+def one(
+    request: Request,
+    session: Reading,
+    service: TheService,
+    principal: Visitor,
+    diagnosis_id: str,
+    axis: Literal["hz", "orders"] = "hz",
+) -> Response:
+    """One diagnosis with all that speaks for it."""
+    demo = demo_ids(session)
+    is_demo = demo is not None and demo[0] == diagnosis_id
+    if principal is None and not is_demo:
+        raise SignInNeeded(request.url.path)
+    row = get_diagnosis(session, diagnosis_id)
+    return shown(request, session, service, principal, row, demo=is_demo, orders=axis == "orders")
+
+
+def shown(
+    request: Request,
+    session: Reading,
+    service: Service,
+    principal: Principal | None,
+    row: StoredDiagnosis,
+    *,
+    demo: bool = False,
+    orders: bool = False,
+) -> Response:
+    """Return the page of a diagnosis."""
+    metadata = {
+        name: getattr(row.recording, name)
+        for name in ("axis", "gearbox", "speed_rad_s", "payload_kg_m2")
+        if getattr(row.recording, name) is not None
+    }
+    base = str(request.base_url).rstrip("/")
+    curl = (
+        'curl -H "Authorization: Bearer $GEARCASE_KEY" \\\n'
+        f"  -F file=@{row.recording.file_name} \\\n"
+        f"  -F 'metadata={json.dumps(metadata)}' \\\n"
+        f"  {base}/api/v1/diagnoses\n\n"
+        f'curl -H "Authorization: Bearer $GEARCASE_KEY" {base}/api/v1/diagnoses/{row.id}'
+    )
+    context = view_of(session, service, row, orders=orders).context()
+    labels = sorted({label for label, _ in service.library.counts(session)})
+    context |= {"demo": demo, "orders": orders, "curl": curl, "labels": labels}
+    notices = (Message("Taken over.", ""),) if request.query_params.get("done") else ()
+    return render(request, "diagnosis.html", context, principal=principal, section="/diagnoses", messages=notices)
+
+
+@router.post("/diagnoses/{diagnosis_id}/revise", dependencies=[FromOurPage])
+def revise(
+    service: TheService,
+    principal: PageOperator,
+    diagnosis_id: str,
+    verdict: Annotated[str, Form()],
+    label: Annotated[str, Form()] = "",
+    verified_by: Annotated[str, Form()] = "",
+) -> Response:
+    """Confirm, correct, be unsure, or take that back."""
+    with service.library.transaction(principal.actor) as session:
+        right = label.strip() if verdict == "corrected" else None
+        revise_diagnosis(session, diagnosis_id, verdict, label=right or None, verified_by=verified_by.strip() or None)
+    return RedirectResponse(f"{root_of(service)}/diagnoses/{diagnosis_id}?done=1#revise", status_code=303)
+
+
+@router.post("/diagnoses/{diagnosis_id}/retain", dependencies=[FromOurPage])
+def retain(service: TheService, principal: PageAdmin, diagnosis_id: str) -> Response:
+    """Make a case of it."""
+    with service.library.transaction(principal.actor) as session:
+        case_id = service.library.retain_diagnosis(session, diagnosis_id).id
+    return RedirectResponse(f"{root_of(service)}/cases/{case_id}", status_code=303)
+
+
+@router.get("/diagnoses/{diagnosis_id}/report.html")
+def report_html(session: Reading, service: TheService, _: PageViewer, diagnosis_id: str) -> Response:
+    """One file that needs no network."""
+    page = diagnosis_html(view_of(session, service, get_diagnosis(session, diagnosis_id)), service.settings.time_zone)
+    return _download(page.encode(), "text/html; charset=utf-8", f"diagnosis-{diagnosis_id}.html")
+
+
+@router.get("/diagnoses/{diagnosis_id}/report.pdf")
+def report_pdf(session: Reading, service: TheService, _: PageViewer, diagnosis_id: str) -> Response:
+    """The same on paper."""
+    pages = diagnosis_pdf(view_of(session, service, get_diagnosis(session, diagnosis_id)), service.settings.time_zone)
+    return _download(pages, "application/pdf", f"diagnosis-{diagnosis_id}.pdf")
+
+
+def _download(content: bytes, media_type: str, name: str) -> Response:
+    return Response(content, media_type=media_type, headers={"Content-Disposition": f'attachment; filename="{name}"'})

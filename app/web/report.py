@@ -1,0 +1,87 @@
+"""A diagnosis on paper and as one file that needs no network: the words and plots of its page."""
+
+import io
+import textwrap
+
+from markupsafe import Markup
+from matplotlib.backends.backend_pdf import PdfPages
+from matplotlib.figure import Figure
+
+from app.web.charts import Chart
+from app.web.diagnosis_view import DiagnosisView
+from app.web.templating import ENVIRONMENT, STATIC, instant
+
+A4_INCHES = (8.27, 11.69)
+COLOURS = ("#0a6480", "#b45309")
+STYLES = ("-", "--")
+
+
+def style_sheet() -> Markup:
+    """Return the style sheet of the pages, to stand inside a file."""
+    return Markup((STATIC / "gearcase.css").read_text())  # noqa: S704  our own file
+
+
+def diagnosis_html(view: DiagnosisView, zone: str) -> str:
+    """Return the report as one HTML file: no script, no address, plots as SVG."""
+    context = {
+        **view.context(),
+        "style": style_sheet(),
+        "at": lambda value: instant(value, zone),
+        "zone": zone,
+    }
+    return ENVIRONMENT.get_template("report.html").render(context)
+
+
+def diagnosis_pdf(view: DiagnosisView, zone: str) -> bytes:
+    """Return the report as PDF, A4: verdict and neighbours on the first page, plots on the second."""
+    target = io.BytesIO()
+    with PdfPages(target, metadata={"Title": view.verdict.headline, "Creator": "Gearcase"}) as pages:
+        pages.savefig(_first_page(view, zone))
+        pages.savefig(_plots(view))
+    return target.getvalue()
+
+
+def _first_page(view: DiagnosisView, zone: str) -> Figure:
+    figure = Figure(figsize=A4_INCHES)
+    when = instant(view.recording.recorded_at or view.diagnosis.created_at, zone).striptags()
+    lines: list[tuple[str, float, str]] = [
+        (f"{view.recording.file_name}   {when}", 9, "normal"),
+        (view.verdict.headline, 20, "bold"),
+        (view.verdict.summary, 11, "normal"),
+    ]
+    lines += [(f"{name}: {_plain(value)}   {_plain(note)}", 10, "normal") for name, value, note in view.facts]
+    lines.append(("Next checks", 13, "bold"))
+    lines += [(f"•  {check}", 10, "normal") for check in view.verdict.checks]
+    lines.append(("Nearest cases", 13, "bold"))
+    lines += [
+        (f"{near.label}   {near.origin}   gearbox {near.gearbox or '-'}   distance {near.distance:.3g}", 10, "normal")
+        for near in view.neighbours
+    ]
+    lines.append(("What speaks for it", 13, "bold"))
+    lines += [(f"•  {item['statement']}", 9, "normal") for item in view.context()["evidence"][:6]]  # type: ignore[index]
+    lines.append(("An aid for people who maintain gearboxes; no safety function, no remaining life.", 8, "normal"))
+    height = 0.95
+    for text, size, weight in lines:
+        for piece in textwrap.wrap(text, int(900 / size)) or [""]:
+            figure.text(0.08, height, piece, fontsize=size, fontweight=weight, va="top", parse_math=False)
+            height -= size * 1.45 / 72 / A4_INCHES[1]
+        height -= 0.006 + (0.01 if weight == "bold" else 0.0)
+    return figure
+
+
+def _plain(value: object) -> str:
+    return value.striptags() if isinstance(value, Markup) else str(value)
+
+
+def _plots(view: DiagnosisView) -> Figure:
+    figure = Figure(figsize=A4_INCHES, layout="constrained")
+    named: list[Chart] = [chart for chart in vars(view.charts).values() if chart is not None]
+    for axes, chart in zip(figure.subplots(len(named), 1), named, strict=True):
+        for series, colour, style in zip(chart.series, COLOURS, STYLES, strict=False):
+            axes.plot(series.x, series.y, style, color=colour, linewidth=0.8, label=series.name)
+        axes.set_title(chart.title, fontsize=10, loc="left")
+        axes.set_xlabel(chart.x_label, fontsize=8)
+        axes.set_ylabel(chart.y_label, fontsize=8)
+        axes.tick_params(labelsize=7)
+        axes.legend(fontsize=7, loc="upper right")
+    return figure
