@@ -20,8 +20,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
+# numba compiles for arrays; to a type checker a row of numbers is a list
+Floats = list[float]
+Ints = list[int]
+Matrix = NDArray[np.float64]
 
 TWO_PI = 2.0 * math.pi
 # p; J and ETA1 hold the reciprocals
@@ -29,7 +31,9 @@ WIDTH, LINKS, DRIVE, EXT, ROWS = 16, 64, 112, 120, 128
 (J, COULOMB_F, COULOMB_B, VISCOUS_F, VISCOUS_B, STRIBECK, STRIBECK_W, STRIBECK_EXP, DRIFT, GRAVITY, PHASE,
  OFFSET, FRICTIONAL) = range(13)  # fmt: skip
 INV, C, D, HALF, LAW, ETA1, ETA2, BF1, BF2, TURN, LOSSY, CUBIC, HYST, HYST_X = range(14)
-ROW = 5  # lines, waves, ripples: shaft, order, amplitude, phase, shaft acted on; dents: shaft, angle, 1/half, depth, flank
+# rows of lines, waves, ripples: shaft, order, amplitude, phase, shaft acted on
+# rows of dents: shaft, angle, 1 / half width, depth, flank
+ROW = 5
 # q: number of shafts, kind of drive, then offsets into p where the rows of link (ripples: all) begin and end
 SHAFTS, KIND, RIPPLES, LINES, WAVES, DENTS, CONTACT, LOOP, WAY, SIDE = 0, 1, 2, 4, 8, 12, 16, 20, 24, 28
 Q_SIZE = 32
@@ -38,7 +42,8 @@ PLAIN = 9  # contact of a link without gap: one law for both flanks, never left
 FREE = 9  # way of a shaft on which nothing depends on the direction
 GAP, NORMAL, DAMPED, NO_PULL = 0, 1, 2, 3  # with the sign of the flank; DAMPED: damper torque clipped
 LAW_LINEAR, LAW_ELASTO, LAW_ELASTO2 = 1, 2, 3
-# w: states are angles, speeds (from 4), hysteresis torques (from 8); margins: 4 per link (two of contact, loop, side), then 2 per shaft
+# w: states are angles, speeds (from 4), hysteresis torques (from 8)
+# margins: 4 per link (two of contact, loop, side), then 2 per shaft
 Y, K1, RATE, STAGE, TOTAL, FORCE, MARGIN, AT_START, AT_END = 0, 12, 24, 36, 48, 60, 64, 84, 104
 STATES, MARGINS, SHAFT_MARGIN, W_SIZE = 11, 20, 12, 124
 MAX_EVENTS_PER_STEP = 40
@@ -49,14 +54,16 @@ _inline = njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"}, no
 
 @_inline
 def _sincos(x: float) -> tuple[float, float]:
-    """Sine and cosine together, to 2 units in the last place for |x| < 1e6 (Cody and Waite; Taylor to x^16)."""
+    """Sine and cosine together, to 1e-15 for |x| < 1e6 (reduction of Cody and Waite, then Taylor to order 15)."""
     k = math.floor(x * 0.6366197723675814 + 0.5)
     r = ((x - k * 1.5707963267341256) - k * 6.077100506303966e-11) - k * 2.0222662487959506e-21
     q = r * r
-    s = r + r * q * (-1.6666666666666666e-1 + q * (8.3333333333333332e-3 + q * (-1.9841269841269841e-4 + q * (
-        2.7557319223985893e-6 + q * (-2.5052108385441720e-8 + q * (1.6059043836821613e-10 - q * 7.6471637318198e-13))))))  # fmt: skip
-    c = 1.0 + q * (-0.5 + q * (4.1666666666666664e-2 + q * (-1.3888888888888889e-3 + q * (2.4801587301587302e-5 + q * (
-        -2.7557319223985888e-7 + q * (2.0876756987868099e-9 + q * (-1.1470745597729725e-11 + q * 4.7794773323873853e-14)))))))  # fmt: skip
+    s = q * (1.6059043836821613e-10 - q * 7.647163731819816e-13) - 2.505210838544172e-8
+    s = q * (q * s + 2.7557319223985893e-6) - 1.984126984126984e-4
+    s = r + r * q * (q * (q * s + 8.333333333333333e-3) - 1.6666666666666666e-1)
+    c = q * (2.08767569878681e-9 - q * 1.1470745597729725e-11) - 2.755731922398589e-7
+    c = q * (q * c + 2.48015873015873e-5) - 1.388888888888889e-3
+    c = 1.0 + q * (q * (q * c + 4.1666666666666664e-2) - 0.5)
     n = int(k)
     if n & 1:
         s, c = c, -s
@@ -85,7 +92,7 @@ def _dent(k: int, side: float, p: Floats, q: Ints, w: Floats) -> tuple[float, fl
 
 @_inline
 def _friction(s: int, speed: float, way: int, t: float, p: Floats) -> float:
-    """Torque [N m] against the motion of the shaft at offset s that moves in direction `way` (Stribeck, viscous, drift)."""
+    """Torque [N m] against a shaft (offset s) that moves in direction `way`: Coulomb, Stribeck, viscous, drift."""
     level = p[s + COULOMB_F] if way >= 0 else p[s + COULOMB_B]
     viscous = p[s + VISCOUS_F] if way >= 0 else p[s + VISCOUS_B]
     if p[s + STRIBECK] != 0.0:
@@ -95,7 +102,7 @@ def _friction(s: int, speed: float, way: int, t: float, p: Floats) -> float:
 
 @_inline
 def _driver_torque(a: int, load: float, way: int, side: int, p: Floats) -> float:
-    """Torque [N m] into a rolling lossy gear (link at offset a) for the load felt at its driver: LossyGear, solved for tau_a."""
+    """Torque [N m] into the rolling lossy gear of link a for the load at its driver: LossyGear, solved for tau_a."""
     if (way > 0) == (side > 0):
         return p[a + ETA1] * (load + way * p[a + BF1])
     return p[a + ETA2] * (load + way * p[a + BF2])
@@ -128,7 +135,7 @@ def _contact(k: int, x: float, xd: float, c: float, p: Floats, q: Ints, w: Float
     if mode == NORMAL:
         w[MARGIN + m] = spring - damper if p[a + LAW] == LAW_ELASTO else 1.0
         w[MARGIN + m + 1] = x if p[a + LAW] == LAW_LINEAR else spring + damper
-        return side * (spring + damper)
+        return float(side * (spring + damper))
     w[MARGIN + m + 1] = x
     if mode == DAMPED:
         w[MARGIN + m] = damper - spring
@@ -164,7 +171,7 @@ def _link(k: int, p: Floats, q: Ints, w: Floats) -> float:
         force += z
         w[MARGIN + 4 * k + 2] = q[LOOP + k] * xd
         w[RATE + 8 + k] = xd * (p[a + HYST] - q[LOOP + k] * z) / p[a + HYST_X]
-    return force
+    return float(force)
 
 
 @_inline
@@ -194,7 +201,7 @@ def _shaft(k: int, net: float, last: int, t: float, p: Floats, q: Ints, w: Float
         return (net - load - p[s + VISCOUS_F] * speed) * p[s + J]
     w[MARGIN + m] = way * speed
     w[MARGIN + m + 1] = 1.0
-    return (net - load - _friction(s, speed, way, t, p)) * p[s + J]
+    return float((net - load - _friction(s, speed, way, t, p)) * p[s + J])
 
 
 @_inline
@@ -228,7 +235,7 @@ def _rates(t: float, u: float, p: Floats, q: Ints, w: Floats) -> None:
 
 @_jit
 def _advance(t: float, h: float, u: float, du: float, p: Floats, q: Ints, w: Floats) -> None:
-    """One Runge-Kutta step from Y to STAGE of length h (du of the input sample); RATE, margins and forces are of its end."""
+    """One Runge-Kutta step from Y to STAGE of length h (du of the sample); RATE, margins and forces are of its end."""
     half = 0.5 * h
     sixth = h / 6.0
     for i in range(STATES):
@@ -289,7 +296,7 @@ def _switch(m: int, p: Floats, q: Ints, w: Floats) -> tuple[int, int, int, int]:
 
 
 @_jit
-def _record(log: Floats, count: int, t: float, change: tuple[int, int, int, int]) -> int:
+def _record(log: Matrix, count: int, t: float, change: tuple[int, int, int, int]) -> int:
     if count < log.shape[0]:
         log[count, 0] = t
         for i in range(4):
@@ -298,9 +305,9 @@ def _record(log: Floats, count: int, t: float, change: tuple[int, int, int, int]
 
 
 @_jit
-def _settle(t: float, u: float, tolerance: float, log: Floats, count: int, p: Floats, q: Ints, w: Floats) -> int:
+def _settle(t: float, u: float, tolerance: float, log: Matrix, count: int, p: Floats, q: Ints, w: Floats) -> int:
     """Rates at the start of a step; modes that are already invalid there are changed at once."""
-    for attempt in range(MAX_EVENTS_PER_STEP):
+    for _ in range(MAX_EVENTS_PER_STEP):
         _copy(STAGE, Y, STATES, w)
         _rates(t, u, p, q, w)
         m = -1
@@ -365,7 +372,7 @@ def _earliest(t: float, h: float, u: float, du: float, p: Floats, q: Ints, w: Fl
 
 @_jit
 def _step(
-    t: float, h: float, u: float, du: float, tolerance: float, log: Floats, count: int, p: Floats, q: Ints, w: Floats
+    t: float, h: float, u: float, du: float, tolerance: float, log: Matrix, count: int, p: Floats, q: Ints, w: Floats
 ) -> tuple[int, int]:
     """Y over one step with every event in it located. Returns (events so far, 1 if the step could not be resolved)."""
     left = h
@@ -405,17 +412,17 @@ def _motor_torque(acceleration: float, u: float, width: float, t: float, p: Floa
         if int(p[j + 4]) == 0:
             torque -= p[j + 2] * math.sin(p[j + 1] * w[Y + int(p[j])] + p[j + 3])
     if q[SHAFTS] == 1:
-        return torque
+        return float(torque)
     load = w[FORCE + 0] * p[LINKS + INV]
     if p[LINKS + LOSSY] == 0.0:
-        return torque + load
+        return float(torque + load)
     torque += ahead * _driver_torque(LINKS, load, 1, _driving_side(LINKS, load, 1, p), p)
-    return torque + (1.0 - ahead) * _driver_torque(LINKS, load, -1, _driving_side(LINKS, load, -1, p), p)
+    return float(torque + (1.0 - ahead) * _driver_torque(LINKS, load, -1, _driving_side(LINKS, load, -1, p), p))
 
 
 @_jit
-def _command(servo: Floats, reference: Floats, tick: int, p: Floats, w: Floats, integral: float) -> float:
-    """Torque of the cascaded servo into the drive: position P, speed PI with anti-windup, both limited. Returns the integral."""
+def _command(servo: Floats, reference: Matrix, tick: int, p: Floats, w: Floats, integral: float) -> float:
+    """Torque of the servo into the drive: position P, speed PI with anti-windup, both limited. Returns the integral."""
     wanted = reference[1, tick] + servo[0] * (reference[0, tick] - w[Y + 0])
     error = min(max(wanted, -servo[3]), servo[3]) - w[Y + 4]
     torque = servo[1] * (error + integral) + servo[5] * reference[2, tick]
@@ -424,7 +431,7 @@ def _command(servo: Floats, reference: Floats, tick: int, p: Floats, w: Floats, 
 
 
 @_jit
-def _load_knot(motion: Floats, external: Floats, i: int, p: Floats, q: Ints) -> None:
+def _load_knot(motion: Matrix, external: Matrix, i: int, p: Floats, q: Ints) -> None:
     """Drive and external torques between input samples i and i + 1 as polynomials of the fraction between them."""
     d = DRIVE
     if q[KIND] == PRESCRIBED:
@@ -466,23 +473,24 @@ def _initial_modes(p: Floats, q: Ints, w: Floats) -> None:
 
 @_jit
 def run(
-    p: Floats,
-    q: Ints,
-    motion: Floats,
-    external: Floats,
-    servo: Floats,
-    reference: Floats,
-    grid: Floats,
-    start: Floats,
-    log: Floats,
-    angle: Floats,
-    speed: Floats,
-    force: Floats,
-    torque: Floats,
+    p: Matrix,
+    q: NDArray[np.int64],
+    motion: Matrix,
+    external: Matrix,
+    servo: Matrix,
+    reference: Matrix,
+    grid: Matrix,
+    start: Matrix,
+    log: Matrix,
+    angle: Matrix,
+    speed: Matrix,
+    acceleration: Matrix,
+    force: Matrix,
+    torque: Matrix,
 ) -> tuple[int, int]:
     """Integrate over the rows of `torque`; `grid` = rate [Hz], steps per sample, friction width, tolerance.
 
-    Inputs and servo ticks come once per sample. Returns (events, unresolved steps); outputs without columns are skipped.
+    Inputs and servo ticks come once per sample; outputs without columns are skipped. Returns (events, unresolved).
     """
     n = q[SHAFTS]
     substeps = int(grid[1])
@@ -513,11 +521,16 @@ def run(
             angle[i, k] = w[Y + shaft0 + k]
         for k in range(speed.shape[1]):
             speed[i, k] = w[Y + 4 + k]
+        for k in range(acceleration.shape[1]):
+            acceleration[i, k] = w[K1 + 4 + k]
         for k in range(force.shape[1]):
             force[i, k] = w[FORCE + k]
         if q[KIND] == PRESCRIBED:
-            acceleration = 2.0 * p[d + 2] + u * (6.0 * p[d + 3] + u * (12.0 * p[d + 4] + u * 20.0 * p[d + 5]))
-            torque[i] = _motor_torque(acceleration * p[d + 6] * p[d + 6], u, grid[2], t, p, q, w)
+            moved = 2.0 * p[d + 2] + u * (6.0 * p[d + 3] + u * (12.0 * p[d + 4] + u * 20.0 * p[d + 5]))
+            moved *= p[d + 6] * p[d + 6]
+            torque[i] = _motor_torque(moved, u, grid[2], t, p, q, w)
+            if acceleration.shape[1]:
+                acceleration[i, 0] = moved
         else:
             torque[i] = _drive_torque(t, u, p)
         if last:

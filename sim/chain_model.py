@@ -18,6 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import make_interp_spline
 
+from sim.errors import ParameterError
+
 Array = NDArray[np.float64]
 BACKLASH_NONE_RAD = 1e-10  # a total gap up to this is a plain spring and damper, as in ElastoBacklash
 CONTACT_LAWS = {"linear": 1.0, "elasto": 2.0, "elasto2": 3.0}
@@ -26,7 +28,7 @@ MAX_STEPS = 200_000_000
 LOG_ROWS = 20_000
 
 
-class ChainError(ValueError):
+class ChainError(ParameterError):
     """A chain or its drive is described wrongly; the text names the parameter and what would be right."""
 
 
@@ -141,7 +143,7 @@ class PrescribedMotion:
 
 @dataclass(frozen=True)
 class Servo:
-    """Digital cascade: position P, speed PI, both limited. Rows of `reference`: angle, speed, torque feed-forward per tick."""
+    """Digital cascade: position P, speed PI, both limited. Rows of `reference`: angle, speed, torque feed-forward."""
 
     reference: Array
     position_gain_per_s: float
@@ -157,7 +159,7 @@ Drive = Torque | PrescribedMotion | Servo
 
 @dataclass(frozen=True)
 class ChainEvent:
-    """`what` is contact, stick, hysteresis or side; `index` the link (contact, hysteresis, side: its driver) or the shaft."""
+    """`what` is contact, stick, hysteresis or side (who drives a lossy mesh); `index` the link, for stick the shaft."""
 
     time_s: float
     what: str
@@ -168,11 +170,12 @@ class ChainEvent:
 
 @dataclass(frozen=True)
 class ChainResult:
-    """Columns are shafts (angle, speed) or links (force: torque on the driven shaft); a light run has the last shaft only."""
+    """Columns are shafts or, of the force, links (torque on the driven shaft); a light run has the last angle only."""
 
     sample_rate_hz: float
     angle_rad: Array
     speed_rad_s: Array
+    acceleration_rad_s2: Array
     force_n_m: Array
     motor_torque_n_m: Array
     event_count: int

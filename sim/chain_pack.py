@@ -69,7 +69,7 @@ def _append(rows: list[Array], q: NDArray[np.int64], slot: int, groups: Sequence
 
 
 def _lines(where: str, lines: Sequence[Line], n: int, acts_on: int = 0) -> list[tuple[float, ...]]:
-    rows = []
+    rows: list[tuple[float, ...]] = []
     for line in lines:
         row = (float(line.shaft), line.order, line.amplitude, line.phase_rad, float(acts_on))
         if not (0 <= line.shaft < n and all(map(math.isfinite, row))):
@@ -80,7 +80,7 @@ def _lines(where: str, lines: Sequence[Line], n: int, acts_on: int = 0) -> list[
 
 
 def _dents(where: str, dents: Sequence[Dent], n: int) -> list[tuple[float, ...]]:
-    rows = []
+    rows: list[tuple[float, ...]] = []
     for dent in dents:
         numbers = (dent.angle_rad, dent.half_width_rad, dent.depth_rad)
         if not (0 <= dent.shaft < n and all(map(math.isfinite, numbers)) and dent.half_width_rad > 0):

@@ -1,4 +1,4 @@
-"""Engine 2 for robot axes: simulate shafts in series with everything that is not affine (equations: `sim.chain_model`)."""
+"""Engine 2: simulate shafts in series with everything that is not affine (equations: `sim.chain_model`)."""
 
 from __future__ import annotations
 
@@ -53,12 +53,15 @@ def run_chain(
     log = np.empty((0 if light else LOG_ROWS, 5))
     angle = np.empty((samples, 1 if light else n))
     speed = np.empty((samples, 0 if light else n))
+    acceleration = np.empty((samples, 0 if light else n))
     force = np.empty((samples, 0 if light else len(chain.links)))
     torque = np.empty(samples)
     count, unresolved = chain_kernel.run(
-        p, q, motion, external, servo, reference, grid, state, log, angle, speed, force, torque
+        p, q, motion, external, servo, reference, grid, state, log, angle, speed, acceleration, force, torque
     )
-    return ChainResult(sample_rate_hz, angle, speed, force, torque, count, unresolved, log[: min(count, len(log))])
+    return ChainResult(
+        sample_rate_hz, angle, speed, acceleration, force, torque, count, unresolved, log[: min(count, len(log))]
+    )
 
 
 def _check_run(sample_rate_hz: float, samples: int) -> None:
@@ -109,7 +112,7 @@ def stable_substeps(chain: Chain, sample_rate_hz: float, largest_phase: float = 
 
 
 def steady_start(chain: Chain, angle_rad: float, speed_rad_s: float, acceleration_rad_s2: float = 0.0) -> Array:
-    """Angles and speeds (2 shafts,) of a chain in steady motion of its first shaft, every twist in balance with its load."""
+    """Angles and speeds (2 shafts,) with the first shaft in steady motion, each twist in balance with its load."""
     n = len(chain.shafts)
     ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
     speed = speed_rad_s / ratios
