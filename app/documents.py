@@ -1,13 +1,15 @@
 """What goes over the edge: pydantic models of requests and answers, SI units named in the keys."""
 
 from collections.abc import Callable
+from datetime import UTC
 from typing import Annotated, Generic, Literal, TypeVar
 
 from fastapi import Path, Query
-from pydantic import AwareDatetime, BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, FiniteFloat
 
 from app.keys import Role
 from app.metadata import Label, Text, Word
+from casebase.models import StoredDiagnosis
 from casebase.pages import Page
 
 Row = TypeVar("Row")
@@ -16,6 +18,9 @@ Document = TypeVar("Document", bound=BaseModel)
 Identifier = Annotated[str, Path(pattern=r"^[0-9a-f]{32}$", description="as answered by the call that made it")]
 Limit = Annotated[int, Query(ge=1, le=200, description="items per page")]
 Cursor = Annotated[str | None, Query(min_length=1, max_length=200, description="next_cursor of the page before")]
+
+
+Instant = Annotated[AwareDatetime, AfterValidator(lambda time: time.astimezone(UTC))]
 
 
 class Answer(BaseModel):
@@ -52,10 +57,10 @@ class KeyAnswer(Answer):
     id: str
     name: str
     role: Role
-    created_at: AwareDatetime
+    created_at: Instant
     created_by: str
-    last_used_at: AwareDatetime | None
-    revoked_at: AwareDatetime | None
+    last_used_at: Instant | None
+    revoked_at: Instant | None
 
 
 class NewKey(KeyAnswer):
@@ -66,7 +71,7 @@ class AuditAnswer(Answer):
     """Who did what to which, with what it was and became."""
 
     id: int
-    at: AwareDatetime
+    at: Instant
     actor: str
     action: str
     subject_kind: str
@@ -83,7 +88,7 @@ class AxisAnswer(Answer):
     revision: int
     document: dict[str, object]
     note: str | None
-    created_at: AwareDatetime
+    created_at: Instant
     created_by: str
 
 
@@ -131,9 +136,9 @@ class RecordingAnswer(Answer):
     gearbox: str | None
     payload_kg_m2: float | None
     speed_rad_s: float | None
-    recorded_at: AwareDatetime | None
+    recorded_at: Instant | None
     description: dict[str, object]
-    created_at: AwareDatetime
+    created_at: Instant
     created_by: str
 
 
@@ -156,8 +161,8 @@ class CaseAnswer(Answer):
     quarantine_reason: str | None
     note: str | None
     version: int
-    created_at: AwareDatetime
-    updated_at: AwareDatetime
+    created_at: Instant
+    updated_at: Instant
     recording: RecordingAnswer
 
 
@@ -165,9 +170,8 @@ class CaseFromDiagnosis(Question):
     """A case made of a diagnosis that somebody has verified."""
 
     diagnosis_id: Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
-    label: Label
+    label: Label | None = Field(None, description="by default what the diagnosis was confirmed or corrected to")
     verified_by: Text | None = None
-    note: Text | None = None
 
 
 class CaseChange(Question):
@@ -184,9 +188,90 @@ class CaseChange(Question):
 
 
 class DiagnosisChange(Question):
-    """What a person found: the diagnosis was right, was another fault, or cannot be used."""
+    """What a person found: it was right, was another fault, or cannot be used; `open` takes that back."""
 
-    verdict: Literal["confirmed", "corrected", "rejected"]
+    verdict: Literal["confirmed", "corrected", "rejected", "open"]
     label: Label | None = Field(None, description="the right label; needed for corrected")
     verified_by: Text | None = Field(None, description="how it was verified, e.g. gearbox opened")
     note: Text | None = None
+
+
+class Revision(BaseModel):
+    """What became of a diagnosis: `open` until a person says more."""
+
+    state: Literal["open", "confirmed", "corrected", "rejected"]
+    label: str | None
+    verified_by: str | None
+    note: str | None
+    by: str | None
+    at: Instant | None
+
+
+class Support(BaseModel):
+    """How many of the nearest cases carry the label, by origin."""
+
+    measured: int
+    simulated: int
+
+
+class HypothesisDocument(BaseModel):
+    """One label and what speaks for it."""
+
+    label: str
+    probability: float
+    p_value: float
+    support: Support
+
+
+class NeighbourDocument(BaseModel):
+    """A case near to the recording; the contributions of the features add up to the distance."""
+
+    model_config = ConfigDict(extra="allow")
+
+    case_id: str
+    label: str
+    origin: Literal["measured", "simulated"]
+    distance: float
+    contributions: dict[str, float]
+
+
+class Novelty(BaseModel):
+    """Distance to what is known, and where the unknown begins (null: the library is too small to say)."""
+
+    distance: float | None
+    threshold: float | None
+
+
+class DiagnosisAnswer(BaseModel):
+    """What a recording is, by the library; not knowing is an answer too."""
+
+    model_config = ConfigDict(extra="allow")
+
+    id: str
+    verdict: Literal["diagnosed", "ambiguous", "not_in_library", "unusable"]
+    label: str | None
+    probability: float | None
+    hypotheses: list[HypothesisDocument]
+    neighbours: list[NeighbourDocument]
+    evidence: list[dict[str, object]]
+    quality: list[QualityDocument]
+    novelty: Novelty
+    remarks: list[str]
+    recording: dict[str, object]
+    provenance: dict[str, object]
+    revision: Revision
+    created_at: Instant
+    created_by: str
+
+    @classmethod
+    def of(cls, row: StoredDiagnosis) -> "DiagnosisAnswer":
+        revision = Revision(
+            state=row.state,
+            label=row.revised_label,
+            verified_by=row.verified_by,
+            note=row.note,
+            by=row.revised_by,
+            at=row.revised_at,
+        )
+        about = {"revision": revision, "created_at": row.created_at, "created_by": row.created_by}
+        return cls.model_validate({**row.document, **about})

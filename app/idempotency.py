@@ -117,7 +117,7 @@ def once(
     request: Request,
     idempotency_key: Annotated[
         str | None,
-        Header(min_length=1, max_length=255, pattern=r"^[\x21-\x7e]+$", description="the same key: done once"),
+        Header(min_length=1, max_length=255, pattern=r"^[\x20-\x7e]+$", description="the same key: done once"),
     ] = None,
 ) -> Once:
     return Once(service_of(request), request, idempotency_key)

@@ -7,7 +7,7 @@ from importlib.metadata import version
 from fastapi import APIRouter, FastAPI
 from starlette.middleware import Middleware
 
-from app.api import audit, axes, cases, health, keys, limits, recordings
+from app.api import audit, axes, cases, diagnoses, health, keys, limits, recordings
 from app.errors import add_problem_handlers
 from app.metrics import Metrics
 from app.middleware import BodyLimit, RequestRecord, SecurityHeaders
@@ -15,9 +15,11 @@ from app.reference import PROBLEMS, describe
 from app.service import Service
 from app.settings import Settings, settings_of
 from app.uploads import Gate
+from app.web.pages import add_pages
 from casebase.signals.decode import warm_up
 
 ROUTERS: tuple[APIRouter, ...] = (
+    diagnoses.router,
     cases.router,
     recordings.router,
     axes.router,
@@ -66,5 +68,6 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
     for router in ROUTERS:
         app.include_router(router, prefix="/api/v1", responses=PROBLEMS)
     app.include_router(health.router, responses=PROBLEMS)
+    add_pages(app)
     app.openapi = lambda: describe(app)  # type: ignore[method-assign]
     return app

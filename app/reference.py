@@ -4,12 +4,8 @@ from functools import cache
 from typing import Any
 
 from fastapi import FastAPI
-from fastapi.dependencies.models import Dependant
 from fastapi.openapi.utils import get_openapi
-from fastapi.routing import APIRoute
 from jinja2 import Environment, PackageLoader, Template
-
-from app.security import Requires
 
 PROBLEM = {
     "type": "object",
@@ -62,29 +58,10 @@ PROBLEMS: dict[int | str, dict[str, Any]] = {
 }
 
 
-def role_of(dependant: Dependant) -> str | None:
-    """The role that a route asks for; None where it is open."""
-    for each in dependant.dependencies:
-        if isinstance(each.call, Requires):
-            return each.call.role.value
-        below = role_of(each)
-        if below is not None:
-            return below
-    return None
-
-
-def _routes(app: FastAPI) -> list[APIRoute]:
-    found: list[APIRoute] = []
-
-    def walk(routes: Any) -> None:
-        for route in routes:
-            if isinstance(route, APIRoute):
-                found.append(route)
-            elif hasattr(route, "routes"):
-                walk(route.routes)
-
-    walk(app.routes)
-    return found
+def role_of(operation: dict[str, Any]) -> str | None:
+    """The role that an operation asks for; None where it is open."""
+    roles = [role for scheme in operation.get("security", []) for scopes in scheme.values() for role in scopes]
+    return roles[0] if roles else None
 
 
 def describe(app: FastAPI) -> dict[str, Any]:
@@ -94,11 +71,6 @@ def describe(app: FastAPI) -> dict[str, Any]:
             title=app.title, version=app.version, description=app.description, routes=app.routes, tags=app.openapi_tags
         )
         document["components"].setdefault("schemas", {})["Problem"] = PROBLEM
-        for route in _routes(app):
-            for method in route.methods or ():
-                operation = document["paths"].get(route.path_format, {}).get(method.lower())
-                if operation is not None:
-                    operation["x-role"] = role_of(route.dependant)
         app.openapi_schema = document
     return app.openapi_schema
 
@@ -114,7 +86,7 @@ def _template() -> Template:
 def reference_page(document: dict[str, Any], base: str) -> str:
     """Return the reference as one HTML page without scripts."""
     operations = [
-        {"method": method.upper(), "path": path, **operation}
+        {"method": method.upper(), "path": path, "role": role_of(operation), **operation}
         for path, methods in document["paths"].items()
         for method, operation in methods.items()
     ]

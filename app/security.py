@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Annotated
 
 import structlog
-from fastapi import Depends, Request, Security
+from fastapi import Request, Security
 from fastapi.security import HTTPBearer
 from fastapi.security.http import HTTPAuthorizationCredentials
 
@@ -135,6 +135,7 @@ class Requires:
         return principal
 
 
-Viewer = Annotated[Principal, Depends(Requires(Role.VIEWER))]
-Operator = Annotated[Principal, Depends(Requires(Role.OPERATOR))]
-Admin = Annotated[Principal, Depends(Requires(Role.ADMIN))]
+Viewer = Annotated[Principal, Security(Requires(Role.VIEWER), scopes=[Role.VIEWER.value])]
+Operator = Annotated[Principal, Security(Requires(Role.OPERATOR), scopes=[Role.OPERATOR.value])]
+Admin = Annotated[Principal, Security(Requires(Role.ADMIN), scopes=[Role.ADMIN.value])]
+"""The scope is for the OpenAPI document, where it names the role that an operation needs."""

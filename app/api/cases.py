@@ -92,12 +92,10 @@ def _from_diagnosis(once: Once, request: Request, body: bytes) -> Response:
         asked = CaseFromDiagnosis.model_validate_json(body)
     except ValidationError as error:
         raise validation_problem(error.errors(include_url=False), "The body") from None
-    labelling = Labelling(asked.label, verified_by=asked.verified_by, note=asked.note)
     library = once.service.library
 
     def work(session: Session) -> Made:
-        diagnosis = library.diagnosis(session, asked.diagnosis_id)
-        case = library.retain(session, diagnosis.recording, labelling, diagnosis_id=diagnosis.id)
+        case = library.retain_diagnosis(session, asked.diagnosis_id, label=asked.label, verified_by=asked.verified_by)
         return _made(request, case)
 
     return once.run(work, asked.model_dump())

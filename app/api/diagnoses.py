@@ -1,0 +1,101 @@
+"""Diagnoses: a recording comes in, a verdict with its nearest cases goes out, a person confirms or corrects it."""
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Query, Request, Response, status
+from fastapi.responses import HTMLResponse
+from sqlalchemy.orm import Session
+
+from app.accept import chosen
+from app.documents import Cursor, DiagnosisAnswer, DiagnosisChange, Identifier, Limit, PageOf, page_of
+from app.idempotency import Made, OnlyOnce
+from app.intake import known_axis, take_in
+from app.metadata import RecordingMetadata, read_metadata
+from app.report import CONTENT_SECURITY_POLICY, report_page
+from app.security import Operator, Viewer
+from app.service import Reading, TheService
+from app.uploads import TheUpload, multipart_body
+from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
+
+router = APIRouter(tags=["diagnoses"])
+HTML, JSON = "text/html", "application/json"
+
+
+@router.post(
+    "/diagnoses",
+    status_code=status.HTTP_201_CREATED,
+    response_model=DiagnosisAnswer,
+    openapi_extra=multipart_body(RecordingMetadata),
+)
+def diagnose(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request) -> Response:
+    """Diagnose a recording: part `file` with the sound, part `metadata` (JSON) with what is known of it."""
+    file, service = upload.file("file"), once.service
+    upload.only("file", "metadata")
+    metadata = read_metadata(upload.text("metadata", service.settings.metadata_bytes), RecordingMetadata)
+    content = (file.sha256, metadata.description())
+    kept = once.replay(*content)
+    if kept is not None:
+        return kept
+    intake = take_in(file.path, file.name, file.media_type, metadata, known_axis(service.library, metadata.axis))
+
+    def work(session: Session) -> Made:
+        row = intake.store(service.library, session)
+        diagnosis = service.library.diagnose(session, row, intake.extraction)
+        service.metrics.diagnoses.labels(diagnosis.verdict, diagnosis.label or "").inc()
+        location = str(request.url_for("diagnosis", diagnosis_id=diagnosis.id).path)
+        return Made(DiagnosisAnswer.of(diagnosis), location)
+
+    return once.run(work, *content)
+
+
+@router.get("/diagnoses")
+def diagnoses(
+    _: Viewer,
+    session: Reading,
+    verdict: Literal["diagnosed", "ambiguous", "not_in_library", "unusable"] | None = None,
+    label: Annotated[str | None, Query(max_length=100)] = None,
+    state: Literal["open", "confirmed", "corrected", "rejected"] | None = None,
+    axis: Annotated[str | None, Query(max_length=200)] = None,
+    gearbox: Annotated[str | None, Query(max_length=200)] = None,
+    limit: Limit = 50,
+    cursor: Cursor = None,
+) -> PageOf[DiagnosisAnswer]:
+    """Diagnoses, newest first."""
+    wanted = DiagnosisFilter(verdict=verdict, label=label, state=state, axis=axis, gearbox=gearbox)
+    return page_of(list_diagnoses(session, wanted, limit=limit, cursor=cursor), DiagnosisAnswer.of)
+
+
+@router.get("/diagnoses/{diagnosis_id}")
+def diagnosis(_: Viewer, session: Reading, diagnosis_id: Identifier) -> DiagnosisAnswer:
+    """One diagnosis as it was given, and what became of it."""
+    return DiagnosisAnswer.of(get_diagnosis(session, diagnosis_id))
+
+
+@router.get(
+    "/diagnoses/{diagnosis_id}/report", response_model=DiagnosisAnswer, responses={200: {"content": {HTML: {}}}}
+)
+def report(_: Viewer, session: Reading, service: TheService, diagnosis_id: Identifier, request: Request) -> Response:
+    """The diagnosis to read and to file: one HTML page that works offline, or JSON, by `Accept`."""
+    row = get_diagnosis(session, diagnosis_id)
+    answer = DiagnosisAnswer.of(row)
+    if chosen(request.headers.get("accept"), (HTML, JSON)) == JSON:
+        return Response(answer.model_dump_json(), media_type=JSON, headers={"Vary": "Accept"})
+    page = report_page(service, session, row, answer)
+    return HTMLResponse(page, headers={"Vary": "Accept", "Content-Security-Policy": CONTENT_SECURITY_POLICY})
+
+
+@router.patch("/diagnoses/{diagnosis_id}")
+def revise(
+    operator: Operator, service: TheService, request: Request, diagnosis_id: Identifier, change: DiagnosisChange
+) -> DiagnosisAnswer:
+    """Say what a person found: confirmed, corrected (with the right label) or rejected."""
+    with service.library.transaction(operator.actor, request.scope["request_id"]) as session:
+        row = revise_diagnosis(
+            session,
+            diagnosis_id,
+            change.verdict,
+            label=change.label,
+            verified_by=change.verified_by,
+            note=change.note,
+        )
+        return DiagnosisAnswer.of(row)

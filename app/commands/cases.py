@@ -1,0 +1,117 @@
+"""`gearcase cases add | list | export | import`."""
+
+from pathlib import Path
+from typing import Annotated, Any
+
+import typer
+from rich.progress import Progress
+from rich.table import Table
+
+from app.cli import BAD_INPUT
+from app.commands.faults import sentence
+from app.commands.frame import ACTOR, frame_of
+from app.documents import CaseAnswer
+from app.intake import take_in
+from app.metadata import CaseMetadata
+from casebase.description import Labelling
+from casebase.errors import LibraryError
+from casebase.library import CaseFilter, CaseLibrary
+from casebase.signals.errors import SignalError
+from sim.axis import Axis, read_axis
+
+cases = typer.Typer(help="Add, list, export and import cases.", no_args_is_help=True)
+Json = Annotated[bool, typer.Option("--json", help="one JSON document on stdout")]
+
+
+def register(app: typer.Typer) -> None:
+    app.add_typer(cases, name="cases")
+
+
+@cases.command()
+def add(
+    context: typer.Context,
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="sound files: WAV, FLAC, AIFF")],
+    label: Annotated[str, typer.Option(help="normal, notch, play or any other")],
+    axis: Annotated[Path | None, typer.Option(metavar="AXIS.toml", help="description of the axis")] = None,
+    gearbox: Annotated[str | None, typer.Option(help="serial number of the gearbox")] = None,
+    speed: Annotated[float | None, typer.Option(help="largest speed of the output [rad/s]")] = None,
+    payload: Annotated[float | None, typer.Option(help="inertia carried by the output [kg m2]")] = None,
+    period: Annotated[float | None, typer.Option(help="one full cycle of the motion [s]")] = None,
+    channel: Annotated[int | None, typer.Option(help="channel to use, from 0")] = None,
+    verified_by: Annotated[str | None, typer.Option(help="how the label was verified")] = None,
+    json: Json = False,
+) -> None:
+    """Add labelled recordings; each file that cannot be added is named with the reason."""
+    frame = frame_of(context)
+    metadata = CaseMetadata(
+        label=label,
+        gearbox=gearbox,
+        speed_rad_s=speed,
+        payload_kg_m2=payload,
+        motion_period_s=period,
+        channel=channel,
+        verified_by=verified_by,
+    )
+    described = read_axis(axis) if axis else None
+    entries = []
+    with frame.library() as library, Progress(console=frame.words, transient=True) as progress:
+        for path in progress.track(files, description="adding"):
+            entries.append(_add(library, path, metadata, described))
+    if json:
+        frame.print_json(entries)
+    else:
+        for entry in entries:
+            frame.results.print(f"{entry['file']}: {entry.get('id') or entry['error']}", markup=False, highlight=False)
+    raise typer.Exit(BAD_INPUT if any("error" in entry for entry in entries) else 0)
+
+
+def _add(library: CaseLibrary, path: Path, metadata: CaseMetadata, axis: Axis | None) -> dict[str, Any]:
+    try:
+        intake = take_in(path, path.name, "application/octet-stream", metadata, axis)
+        with library.transaction(ACTOR) as session:
+            row = intake.store(library, session)
+            case = library.retain(session, row, Labelling(metadata.label, verified_by=metadata.verified_by))
+            return {"file": str(path), **CaseAnswer.model_validate(case).model_dump(mode="json")}
+    except (SignalError, LibraryError, OSError) as error:
+        return {"file": str(path), "error": sentence(error)}
+
+
+@cases.command("list")
+def list_(
+    context: typer.Context,
+    label: str | None = None,
+    origin: str | None = None,
+    axis: str | None = None,
+    gearbox: str | None = None,
+    state: str | None = None,
+    limit: Annotated[int, typer.Option(min=1, help="how many, newest first")] = 1000,
+    json: Json = False,
+) -> None:
+    """Show the cases, newest first."""
+    frame = frame_of(context)
+    wanted = CaseFilter(label=label, origin=origin, axis=axis, gearbox=gearbox, state=state)
+    with frame.library() as library:
+        found = _first(library, wanted, limit)
+    if json:
+        frame.print_json([case.model_dump(mode="json") for case in found])
+        return
+    table = Table("id", "label", "origin", "state", "axis", "gearbox", "file")
+    for case in found:
+        taken = case.recording
+        table.add_row(
+            case.id, case.label, case.origin, case.state, taken.axis or "-", taken.gearbox or "-", taken.file_name
+        )
+    frame.results.print(table)
+
+
+def _first(library: CaseLibrary, wanted: CaseFilter, limit: int) -> list[CaseAnswer]:
+    found: list[CaseAnswer] = []
+    cursor: str | None = None
+    with library.reading() as session:
+        while len(found) < limit:
+            page = library.cases(session, wanted, limit=min(500, limit - len(found)), cursor=cursor)
+            found += [CaseAnswer.model_validate(case) for case in page.items]
+            cursor = page.next_cursor
+            if cursor is None:
+                break
+    return found

@@ -1,0 +1,96 @@
+"""`gearcase diagnose FILE...`: one entry per file, failures included."""
+
+from pathlib import Path
+from typing import Annotated, Any, Literal
+
+import typer
+from rich.progress import Progress
+from rich.table import Table
+
+from app.cli import BAD_INPUT, DONE, FAULT_FOUND
+from app.commands.faults import sentence
+from app.commands.frame import ACTOR, Frame, frame_of
+from app.documents import DiagnosisAnswer
+from app.intake import take_in
+from app.metadata import RecordingMetadata
+from casebase.library import CaseLibrary
+from casebase.signals.errors import SignalError
+from sim.axis import Axis, read_axis
+
+NORMAL = "normal"
+
+
+def register(app: typer.Typer) -> None:
+    app.command("diagnose")(diagnose)
+
+
+def diagnose(
+    context: typer.Context,
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="sound files: WAV, FLAC, AIFF")],
+    axis: Annotated[Path | None, typer.Option(metavar="AXIS.toml", help="description of the axis")] = None,
+    speed: Annotated[float | None, typer.Option(help="largest speed of the output [rad/s]")] = None,
+    payload: Annotated[float | None, typer.Option(help="inertia carried by the output [kg m2]")] = None,
+    period: Annotated[float | None, typer.Option(help="one full cycle of the motion [s]")] = None,
+    gearbox: Annotated[str | None, typer.Option(help="serial number of the gearbox")] = None,
+    channel: Annotated[int | None, typer.Option(help="channel to use, from 0")] = None,
+    fail_on: Annotated[Literal["fault"] | None, typer.Option(help="end with 3 if a fault is found")] = None,
+    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
+) -> None:
+    """Diagnose recordings against the local library."""
+    frame = frame_of(context)
+    metadata = RecordingMetadata(
+        speed_rad_s=speed, payload_kg_m2=payload, motion_period_s=period, gearbox=gearbox, channel=channel
+    )
+    described = read_axis(axis) if axis else None
+    entries = []
+    with frame.library() as library, Progress(console=frame.words, transient=True) as progress:
+        for path in progress.track(files, description="diagnosing"):
+            entries.append(_entry(library, path, metadata, described))
+    if json:
+        frame.print_json(entries)
+    else:
+        _show(frame, entries)
+    raise typer.Exit(_code(entries, fail_on))
+
+
+def _entry(library: CaseLibrary, path: Path, metadata: RecordingMetadata, axis: Axis | None) -> dict[str, Any]:
+    try:
+        intake = take_in(path, path.name, "application/octet-stream", metadata, axis)
+    except (SignalError, OSError) as error:
+        return {"file": str(path), "error": sentence(error)}
+    with library.transaction(ACTOR) as session:
+        row = intake.store(library, session)
+        found = DiagnosisAnswer.of(library.diagnose(session, row, intake.extraction))
+    return {"file": str(path), **found.model_dump(mode="json")}
+
+
+def is_fault(entry: dict[str, Any]) -> bool:
+    """Whether a diagnosis names a fault: for sure, or undecided with normal less probable than all others together."""
+    if entry.get("verdict") == "diagnosed":
+        return bool(entry["label"] != NORMAL)
+    if entry.get("verdict") == "ambiguous":
+        normal = sum(each["probability"] for each in entry["hypotheses"] if each["label"] == NORMAL)
+        return bool(normal < 0.5)
+    return False
+
+
+def _code(entries: list[dict[str, Any]], fail_on: str | None) -> int:
+    if fail_on == "fault" and any(is_fault(entry) for entry in entries):
+        return FAULT_FOUND
+    return BAD_INPUT if any("error" in entry for entry in entries) else DONE
+
+
+def _show(frame: Frame, entries: list[dict[str, Any]]) -> None:
+    table = Table("file", "verdict", "label", "probability", "nearest case", "remarks")
+    for entry in entries:
+        if "error" in entry:
+            table.add_row(entry["file"], "failed", "-", "-", "-", entry["error"])
+            continue
+        probability = "-" if entry["probability"] is None else f"{100 * entry['probability']:.0f} %"
+        nearest = next(iter(entry["neighbours"]), None)
+        near = f"{nearest['label']}, {nearest['origin']}" if nearest else "-"
+        flags = [flag["reason"] for flag in entry["quality"]] + entry["remarks"]
+        table.add_row(
+            entry["file"], entry["verdict"], entry["label"] or "-", probability, near, "; ".join(flags) or "-"
+        )
+    frame.results.print(table)

@@ -1,0 +1,194 @@
+"""Cases over HTTP: added once, changed by one at a time, paged without gaps."""
+
+import json
+import threading
+from collections.abc import Mapping
+
+import httpx
+import pytest
+
+from tests.app.sounds import sound
+from tests.live import LiveServer
+
+CASES = "/api/v1/cases"
+
+
+def add(
+    client: httpx.Client, content: bytes, headers: Mapping[str, str] | None = None, **metadata: object
+) -> httpx.Response:
+    files = {"file": ("a sound.wav", content, "audio/wav")}
+    data = {"metadata": json.dumps({"label": "normal", **metadata})}
+    return client.post(CASES, files=files, data=data, headers=dict(headers or {}))
+
+
+def test_added_case_is_where_location_says(admin: httpx.Client) -> None:
+    answer = add(
+        admin, sound(10), gearbox="g1", speed_rad_s=2.5, payload_kg_m2=40, recorded_at="2026-11-20T14:03:00+01:00"
+    )
+    assert answer.status_code == 201
+    case = admin.get(answer.headers["location"])
+    assert case.json() == answer.json()
+    assert case.headers["etag"] == answer.headers["etag"]
+    recording = case.json()["recording"]
+    assert (recording["gearbox"], recording["speed_rad_s"], recording["payload_kg_m2"]) == ("g1", 2.5, 40.0)
+    assert recording["recorded_at"] == "2026-11-20T13:03:00Z"
+    assert (recording["sample_rate_hz"], recording["duration_s"]) == (8000.0, 6.0)
+
+
+def test_same_bytes_and_metadata_are_one_recording_and_one_case(admin: httpx.Client) -> None:
+    first, again = (add(admin, sound(11), gearbox="g1") for _ in range(2))
+    assert again.status_code == 201
+    assert again.json()["id"] == first.json()["id"]
+    assert again.json()["recording"]["id"] == first.json()["recording"]["id"]
+
+
+def test_same_bytes_taken_otherwise_are_another_recording(admin: httpx.Client) -> None:
+    one, other = (add(admin, sound(12), gearbox=gearbox) for gearbox in ("g1", "g2"))
+    assert one.json()["recording"]["id"] != other.json()["recording"]["id"]
+    assert one.json()["recording"]["file_sha256"] == other.json()["recording"]["file_sha256"]
+
+
+def test_same_recording_with_another_label_is_a_conflict(admin: httpx.Client) -> None:
+    first = add(admin, sound(13)).json()
+    answer = add(admin, sound(13), label="notch")
+    assert answer.status_code == 409
+    assert first["id"] in answer.json()["detail"]
+
+
+def test_idempotency_key_answers_the_same_bytes(admin: httpx.Client) -> None:
+    headers = {"Idempotency-Key": "case-14"}
+    first = add(admin, sound(14), headers)
+    again = add(admin, sound(14), headers)
+    assert (again.status_code, again.content) == (201, first.content)
+    assert again.headers["location"] == first.headers["location"]
+    assert again.headers["idempotent-replay"] == "true"
+    assert "idempotent-replay" not in first.headers
+
+
+@pytest.mark.parametrize("change", [{"gearbox": "g2"}, {"seed": 16}])
+def test_idempotency_key_with_other_content_is_refused(admin: httpx.Client, change: dict[str, object]) -> None:
+    headers = {"Idempotency-Key": f"case-15-{json.dumps(change)}"}
+    add(admin, sound(15), headers, gearbox="g1").raise_for_status()
+    seed = change.pop("seed", 15)
+    answer = add(admin, sound(int(str(seed))), headers, **{"gearbox": "g1", **change})
+    assert answer.status_code == 422
+    assert "Idempotency-Key" in answer.json()["detail"]
+
+
+def test_idempotency_key_after_a_failure_does_the_work(admin: httpx.Client) -> None:
+    headers = {"Idempotency-Key": "case-17"}
+    assert add(admin, b"no sound", headers).status_code == 415
+    assert add(admin, sound(17), headers).status_code == 201
+
+
+def test_idempotency_keys_of_two_clients_are_two(live_server: LiveServer, admin: httpx.Client) -> None:
+    other = admin.post("/api/v1/keys", json={"name": "second admin", "role": "admin"}).json()
+    headers = {"Idempotency-Key": "shared-word"}
+    one = add(admin, sound(18), headers, gearbox="g1")
+    with httpx.Client(base_url=live_server.url, headers={"Authorization": f"Bearer {other['key']}"}) as second:
+        two = add(second, sound(18), headers, gearbox="g2")
+    assert two.status_code == 201
+    assert one.json()["id"] != two.json()["id"]
+    admin.delete(f"/api/v1/keys/{other['id']}").raise_for_status()
+
+
+def test_idempotency_key_sent_at_once_does_the_work_once(live_server: LiveServer) -> None:
+    answers: list[httpx.Response] = []
+
+    def send() -> None:
+        with live_server.client() as client:
+            answers.append(add(client, sound(19), {"Idempotency-Key": "case-19"}, gearbox="g19"))
+
+    threads = [threading.Thread(target=send) for _ in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert {answer.status_code for answer in answers} == {201}
+    assert len({answer.content for answer in answers}) == 1
+
+
+def test_change_with_the_current_etag(admin: httpx.Client) -> None:
+    made = add(admin, sound(20))
+    path, etag = made.headers["location"], made.headers["etag"]
+    changed = admin.patch(path, json={"label": "play", "verified_by": "opened"}, headers={"If-Match": etag})
+    assert changed.status_code == 200
+    assert (changed.json()["label"], changed.json()["verified_by"]) == ("play", "opened")
+    assert changed.headers["etag"] != etag
+
+
+@pytest.mark.parametrize("stale", ['"999"', '"1"', "W/x", "nonsense"])
+def test_change_with_a_stale_etag_is_refused(admin: httpx.Client, stale: str) -> None:
+    path = add(admin, sound(21), label=f"stale{abs(hash(stale)) % 10**6}", gearbox=stale).headers["location"]
+    admin.patch(path, json={"note": "first"}).raise_for_status()
+    before = admin.get(path).json()
+    answer = admin.patch(path, json={"note": "second"}, headers={"If-Match": stale})
+    assert answer.status_code == 412
+    assert answer.json()["detail"]
+    assert admin.delete(path, headers={"If-Match": stale}).status_code == 412
+    assert admin.get(path).json() == before
+
+
+def test_of_two_changes_at_once_one_wins(live_server: LiveServer, admin: httpx.Client) -> None:
+    made = add(admin, sound(22))
+    path, etag = made.headers["location"], made.headers["etag"]
+    codes: list[int] = []
+
+    def change(note: str) -> None:
+        with live_server.client() as client:
+            codes.append(client.patch(path, json={"note": note}, headers={"If-Match": etag}).status_code)
+
+    threads = [threading.Thread(target=change, args=(f"note {n}",)) for n in range(5)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert sorted(codes) == [200, 412, 412, 412, 412]
+
+
+def test_retired_case_leaves_the_list_and_comes_back(admin: httpx.Client) -> None:
+    path = add(admin, sound(23), gearbox="g23").headers["location"]
+
+    def listed(**query: str) -> list[str]:
+        items = admin.get(CASES, params={"gearbox": "g23", **query}).json()["items"]
+        return [f"{CASES}/{item['id']}" for item in items]
+
+    assert listed() == [path]
+    assert admin.delete(path).json()["state"] == "retired"
+    assert listed() == []
+    assert listed(state="retired") == [path]
+    assert admin.get(path).status_code == 200
+    admin.patch(path, json={"state": "confirmed"}).raise_for_status()
+    assert listed() == [path]
+    actions = [entry["action"] for entry in admin.get(f"{path}/history").json()["items"]]
+    assert actions == ["case.retained", "case.revised", "case.revised"]
+
+
+def test_filters(admin: httpx.Client) -> None:
+    add(admin, sound(24), label="notch", gearbox="g24", axis="axis-f").raise_for_status()
+    add(admin, sound(25), label="play", gearbox="g24", axis="axis-f").raise_for_status()
+
+    def labels(**query: str) -> set[str]:
+        items = admin.get(CASES, params={"gearbox": "g24", **query}).json()["items"]
+        return {item["label"] for item in items}
+
+    assert labels() == {"notch", "play"}
+    assert labels(label="notch") == {"notch"}
+    assert labels(axis="axis-f") == {"notch", "play"}
+    assert labels(axis="other") == set()
+    assert labels(origin="simulated") == set()
+
+
+def test_pages_cover_every_case_once_while_more_arrive(admin: httpx.Client) -> None:
+    made = [add(admin, sound(30, seconds=1.0), gearbox=f"p{n}", axis="pages").json()["id"] for n in range(7)]
+    seen: list[str] = []
+    cursor: str | None = None
+    for round_ in range(20):
+        query = {"axis": "pages", "limit": "2", **({"cursor": cursor} if cursor else {})}
+        page = admin.get(CASES, params=query).json()
+        seen += [item["id"] for item in page["items"]]
+        add(admin, sound(30, seconds=1.0), gearbox=f"late {round_}", axis="pages")
+        cursor = page["next_cursor"]
+        if cursor is None:
+            break
+    assert seen == made[::-1]

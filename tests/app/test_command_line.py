@@ -1,0 +1,122 @@
+"""The command line: exit codes, one JSON document on stdout, words on stderr."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from tests.app.sounds import sound
+from tests.live import gearcase
+
+
+@pytest.fixture(scope="module")
+def data_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A library of three normal recordings and three with impacts."""
+    folder = tmp_path_factory.mktemp("local")
+    for label, impacts in (("normal", False), ("notch", True)):
+        files = []
+        for seed in range(3):
+            path = folder / f"{label}{seed}.wav"
+            path.write_bytes(sound(seed + 100 * impacts, impacts=impacts))
+            files.append(path)
+        gearcase("cases", "add", *files, "--label", label, "--gearbox", "g1", data_dir=folder / "data")
+    return folder / "data"
+
+
+def test_help_names_every_verb() -> None:
+    words = subprocess.run([sys.executable, "-m", "app", "--help"], capture_output=True, text=True, check=True).stdout
+    for verb in ("serve", "worker", "keys", "diagnose", "cases", "evaluate", "backup", "restore", "doctor"):
+        assert verb in words
+
+
+def test_help_imports_nothing_heavy() -> None:
+    program = "import sys; from app.cli import run; run(['--help']); print(*sys.modules, file=sys.stderr)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert not {"numpy", "sqlalchemy", "fastapi", "dbos", "matplotlib"} & set(done.stderr.split())
+
+
+@pytest.mark.parametrize("before", [True, False])
+def test_data_dir_before_or_after_the_verb(tmp_path: Path, before: bool) -> None:
+    option = ["--data-dir", str(tmp_path / "here")]
+    verb = ["keys", "create", "--role", "viewer", "--name", "x"]
+    words = [*option, *verb] if before else [*verb, *option]
+    subprocess.run([sys.executable, "-m", "app", *words], capture_output=True, check=True)
+    assert (tmp_path / "here" / "gearcase.db").is_file()
+
+
+def test_data_dir_by_environment(tmp_path: Path) -> None:
+    environment = {**os.environ, "GEARCASE_DATA_DIR": str(tmp_path / "there")}
+    command = [sys.executable, "-m", "app", "keys", "list", "--json"]
+    done = subprocess.run(command, capture_output=True, check=True, env=environment)
+    assert json.loads(done.stdout) == []
+    assert (tmp_path / "there" / "gearcase.db").is_file()
+
+
+def test_key_is_alone_on_stdout(data_dir: Path) -> None:
+    done = gearcase("keys", "create", "--role", "operator", "--name", "bench", data_dir=data_dir)
+    assert done.stdout.startswith("gearcase_")
+    assert len(done.stdout.split()) == 1
+    listed = json.loads(gearcase("keys", "list", "--json", data_dir=data_dir).stdout)
+    assert [(key["name"], key["role"]) for key in listed] == [("bench", "operator")]
+    assert done.stdout.strip() not in json.dumps(listed)
+
+
+def test_diagnose_answers_per_file_with_failures(data_dir: Path, tmp_path: Path) -> None:
+    good, bad = tmp_path / "good.wav", tmp_path / "bad.wav"
+    good.write_bytes(sound(300, impacts=True))
+    bad.write_bytes(b"this is no sound")
+    done = gearcase("diagnose", good, bad, tmp_path / "none.wav", "--json", data_dir=data_dir, check=False)
+    entries = json.loads(done.stdout)
+    assert [entry["file"] for entry in entries] == [str(good), str(bad), str(tmp_path / "none.wav")]
+    assert entries[0]["verdict"] in ("diagnosed", "ambiguous", "not_in_library")
+    assert entries[0]["neighbours"]
+    assert "no sound file" in entries[1]["error"]
+    assert "no such file" in entries[2]["error"]
+    assert done.returncode == 2
+
+
+def test_same_sound_as_a_known_fault_ends_with_3(data_dir: Path) -> None:
+    known = data_dir.parent / "notch0.wav"
+    words = ("diagnose", known, "--gearbox", "g1", "--json")
+    found = json.loads(gearcase(*words, data_dir=data_dir).stdout)[0]
+    assert found["neighbours"][0]["label"] == "notch"
+    done = gearcase(*words, "--fail-on", "fault", data_dir=data_dir, check=False)
+    assert (done.returncode == 3) == (found["verdict"] == "diagnosed" and found["label"] == "notch")
+
+
+def test_normal_sound_does_not_end_with_3(data_dir: Path) -> None:
+    known = data_dir.parent / "normal0.wav"
+    assert gearcase("diagnose", known, "--fail-on", "fault", data_dir=data_dir).returncode == 0
+
+
+def test_table_for_people_is_on_stdout(data_dir: Path) -> None:
+    assert "notch0.wav" in gearcase("diagnose", data_dir.parent / "notch0.wav", data_dir=data_dir).stdout
+
+
+def test_added_cases_are_listed(data_dir: Path) -> None:
+    cases = json.loads(gearcase("cases", "list", "--json", data_dir=data_dir).stdout)
+    assert sorted(case["label"] for case in cases) == ["normal"] * 3 + ["notch"] * 3
+    notches = json.loads(gearcase("cases", "list", "--label", "notch", "--json", data_dir=data_dir).stdout)
+    assert {case["recording"]["file_name"] for case in notches} == {f"notch{n}.wav" for n in range(3)}
+
+
+@pytest.mark.parametrize(
+    ("words", "code"),
+    [
+        (("nonsense",), 2),
+        (("diagnose",), 2),
+        (("keys", "create", "--role", "emperor", "--name", "x"), 2),
+        (("keys", "revoke", "0" * 32), 2),
+        (("cases", "add", "x.wav", "--label", "NOT A LABEL"), 2),
+        (("diagnose", "x.wav", "--axis", "missing.toml"), 2),
+        (("diagnose", "x.wav", "--speed", "-1"), 2),
+    ],
+)
+def test_bad_input_is_2_and_says_so_on_stderr(data_dir: Path, words: tuple[str, ...], code: int) -> None:
+    done = gearcase(*words, data_dir=data_dir, check=False)
+    assert done.returncode == code
+    assert done.stderr.strip()
+    assert "Traceback" not in done.stderr

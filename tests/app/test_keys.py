@@ -1,0 +1,102 @@
+"""Keys: shown once, of one role, gone when revoked; the last admin key stays."""
+
+import sqlite3
+
+import httpx
+import pytest
+
+from tests.live import LiveServer
+
+KEYS = "/api/v1/keys"
+
+
+def test_key_works_until_it_is_revoked(live_server: LiveServer, admin: httpx.Client) -> None:
+    made = admin.post(KEYS, json={"name": "short lived", "role": "viewer"}).raise_for_status().json()
+    headers = {"Authorization": f"Bearer {made['key']}"}
+    with httpx.Client(base_url=live_server.url, headers=headers) as own:
+        assert own.get("/api/v1/cases").status_code == 200
+        assert admin.delete(f"{KEYS}/{made['id']}").json()["revoked_at"]
+        assert own.get("/api/v1/cases").status_code == 401
+
+
+def test_database_and_list_do_not_hold_the_key(live_server: LiveServer, admin: httpx.Client) -> None:
+    key = admin.post(KEYS, json={"name": "secret", "role": "viewer"}).json()["key"]
+    assert key.startswith("gearcase_")
+    assert key not in admin.get(KEYS).text
+    with sqlite3.connect(live_server.data_dir / "gearcase.db") as connection:
+        assert not any(key in line for line in connection.iterdump())
+    connection.close()
+
+
+def test_keys_are_256_bits_and_differ(admin: httpx.Client) -> None:
+    made = {admin.post(KEYS, json={"name": "many", "role": "viewer"}).json()["key"] for _ in range(5)}
+    assert len(made) == 5
+    assert all(len(key.removeprefix("gearcase_")) == 43 for key in made)  # 256 bits in base64
+
+
+def test_last_admin_key_cannot_be_revoked(admin: httpx.Client) -> None:
+    admins = [key for key in admin.get(KEYS).json()["items"] if key["role"] == "admin" and not key["revoked_at"]]
+    for key in admins[1:]:
+        admin.delete(f"{KEYS}/{key['id']}").raise_for_status()
+    answer = admin.delete(f"{KEYS}/{admins[0]['id']}")
+    assert answer.status_code == 409
+    assert admin.get(KEYS).status_code == 200
+
+
+def test_audit_tells_who_made_a_key(admin: httpx.Client) -> None:
+    made = admin.post(KEYS, json={"name": "audited", "role": "viewer"}, headers={"X-Request-ID": "audit-1"}).json()
+    entry = admin.get("/api/v1/audit", params={"limit": 1}).json()["items"][0]
+    assert (entry["action"], entry["subject_id"], entry["request_id"]) == ("key.created", made["id"], "audit-1")
+    assert entry["actor"].startswith("first admin#")
+
+
+def test_audit_pages_cover_everything_once(admin: httpx.Client) -> None:
+    for number in range(7):
+        admin.post(KEYS, json={"name": f"page {number}", "role": "viewer"})
+    whole = [entry["id"] for entry in admin.get("/api/v1/audit", params={"limit": 200}).json()["items"]]
+    seen, cursor = [], None
+    while len(seen) < 9:
+        page = admin.get("/api/v1/audit", params={"limit": 3, **({"cursor": cursor} if cursor else {})}).json()
+        seen += [entry["id"] for entry in page["items"]]
+        cursor = page["next_cursor"]
+    assert seen == whole[: len(seen)]
+
+
+def test_repeated_post_does_not_show_the_key_again(admin: httpx.Client) -> None:
+    headers = {"Idempotency-Key": "make-a-key"}
+    first = admin.post(KEYS, json={"name": "once", "role": "viewer"}, headers=headers)
+    again = admin.post(KEYS, json={"name": "once", "role": "viewer"}, headers=headers)
+    assert again.status_code == first.status_code == 201
+    assert again.json() == {**first.json(), "key": None}
+    assert again.headers["idempotent-replay"] == "true"
+
+
+def test_wrong_keys_are_limited_and_a_valid_one_still_works(tmp_path_factory: pytest.TempPathFactory) -> None:
+    from tests.live import started
+
+    server = started(tmp_path_factory.mktemp("limited") / "data", GEARCASE_FAILED_KEYS="5/minute")
+    try:
+        with server.client() as admin, server.client(None) as guess:
+            answers = [
+                guess.get("/api/v1/cases", headers={"Authorization": f"Bearer gearcase_{n}"}).status_code
+                for n in range(7)
+            ]
+            assert answers == [401] * 5 + [429] * 2
+            last = guess.get("/api/v1/cases", headers={"Authorization": "Bearer gearcase_x"})
+            assert int(last.headers["retry-after"]) > 0
+            assert admin.get("/api/v1/cases").status_code == 200
+    finally:
+        server.stop()
+
+
+def test_cookie_reads_but_changes_only_with_the_token(live_server: LiveServer) -> None:
+    from app.security import COOKIE, CSRF_HEADER, csrf_token
+
+    key = live_server.keys["admin"]
+    with httpx.Client(base_url=live_server.url, cookies={COOKIE: key}) as browser:
+        assert browser.get(KEYS).status_code == 200
+        asked = {"name": "from a page", "role": "viewer"}
+        assert browser.post(KEYS, json=asked).status_code == 403
+        wrong = {CSRF_HEADER: csrf_token("gearcase_another")}
+        assert browser.post(KEYS, json=asked, headers=wrong).status_code == 403
+        assert browser.post(KEYS, json=asked, headers={CSRF_HEADER: csrf_token(key)}).status_code == 201
