@@ -1,7 +1,6 @@
 """The one table: what can go wrong -> an RFC 9457 problem that says what was wrong and what would be right."""
 
 import json
-import math
 from collections.abc import Sequence
 from http import HTTPStatus
 from typing import Any
@@ -15,7 +14,8 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
-from app import jobs
+from app import job_errors as jobs
+from app.finite import finite
 from casebase import errors as library
 from casebase.signals import errors as signals
 from sim import errors as sim
@@ -120,19 +120,6 @@ DOMAIN: dict[type[Exception], type[StatusProblem]] = {
 BY_STATUS: dict[int, type[StatusProblem]] = {
     kind.status: kind for kind in StatusProblem.__subclasses__() if kind.__module__ == __name__
 }
-
-
-def finite(value: Any) -> Any:
-    """Any JSON-like value with NaN and infinities, which JSON has not, as null; unknown objects as words."""
-    if isinstance(value, float):
-        return value if math.isfinite(value) else None
-    if isinstance(value, dict):
-        return {str(key): finite(item) for key, item in value.items()}
-    if isinstance(value, list | tuple | set):
-        return [finite(item) for item in value]
-    if value is None or isinstance(value, str | int | bool):
-        return value
-    return str(value)
 
 
 def validation_problem(errors: Sequence[Any], what: str = "The request") -> Unprocessable:

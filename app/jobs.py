@@ -37,6 +37,8 @@ from dbos import (
 )
 from sqlalchemy import make_url
 
+from app.job_errors import JobError, JobFailedError, JobNotFoundError, JobStateError
+
 Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
 JobState: TypeAlias = Literal["queued", "running", "done", "failed", "cancelled"]
 Report: TypeAlias = Callable[[str, float], None]
@@ -56,22 +58,6 @@ _STATES: Mapping[str, JobState] = {
     "MAX_RECOVERY_ATTEMPTS_EXCEEDED": "failed",
     "CANCELLED": "cancelled",
 }
-
-
-class JobError(Exception):
-    """Something asked of the jobs that cannot be done."""
-
-
-class JobNotFoundError(JobError):
-    """There is no job of this id."""
-
-
-class JobStateError(JobError):
-    """The job is in a state in which this cannot be done."""
-
-
-class JobFailedError(JobError):
-    """A task of the job failed."""
 
 
 @dataclass(frozen=True)

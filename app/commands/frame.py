@@ -10,7 +10,7 @@ from pathlib import Path
 import typer
 from rich.console import Console
 
-from app.errors import finite
+from app.finite import finite
 from app.settings import Settings, settings_of
 from casebase.library import CaseLibrary
 
