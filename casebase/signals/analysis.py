@@ -49,7 +49,7 @@ class Analysis:
     def samples(self) -> NDArray[np.float32]:
         """Samples at the analysis rate without their mean, shape (n,) [unit]."""
         samples = self.recording.resampled(ANALYSIS_RATE_HZ).samples
-        centred: NDArray[np.float32] = samples - np.float32(samples.mean(dtype=np.float64))
+        centred: NDArray[np.float32] = samples - samples.mean()
         return centred
 
     @property

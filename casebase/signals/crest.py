@@ -65,7 +65,7 @@ def kurtosis(samples: NDArray[np.float32]) -> float:
     >>> kurtosis(np.array([1.0, -1.0, 1.0, -1.0], dtype=np.float32))
     1.0
     """
-    centred = samples - samples.mean(dtype=np.float64).astype(np.float32)
+    centred = samples - samples.mean()
     square = centred * centred
-    variance = float(square.mean(dtype=np.float64))
+    variance = float(square.mean())
     return float(square @ square) / square.size / variance**2 if variance > 0 else math.nan

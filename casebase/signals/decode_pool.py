@@ -125,7 +125,8 @@ class DecodeWorker:
         content = bytearray(length)
         view, filled = memoryview(content), 0
         while filled < length:
-            if not poll.poll(max(0.0, deadline - time.monotonic()) * 1000):
+            left_s = deadline - time.monotonic()
+            if left_s <= 0 or not poll.poll(left_s * 1000):
                 raise WorkerGoneError("it took more time than allowed")
             count = self.process.stdout.readinto(view[filled:])  # type: ignore[attr-defined]
             if not count:

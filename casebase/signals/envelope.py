@@ -38,18 +38,17 @@ def impulses(
 def repetition(trace: NDArray[np.float32], lag: int, tolerance: int) -> float:
     """Return the correlation, from -1 to 1, of the level of a trace with itself some values later.
 
-    The best of the lags within the tolerance; NaN if fewer than half a lag of values would be compared.
+    The best of the lags within the tolerance; NaN if fewer than half a lag of values would be compared, or
+    the trace never changes.
     """
     level = np.log(trace.astype(np.float64))
-    if level.size - lag - tolerance < max(lag / 2, 20):
+    level -= level.mean()
+    power = float(level @ level) / level.size
+    if level.size - lag - tolerance < max(lag / 2, 20) or power == 0:
         return np.nan
-    best = -1.0
-    for shift in range(lag - tolerance, lag + tolerance + 1):
-        first, second = level[:-shift], level[shift:]
-        first, second = first - first.mean(), second - second.mean()
-        scale = np.sqrt((first @ first) * (second @ second))
-        best = max(best, float(first @ second / scale)) if scale > 0 else best
-    return best
+    shifts = range(max(1, lag - tolerance), lag + tolerance + 1)
+    products = [float(level[:-shift] @ level[shift:]) / (level.size - shift) for shift in shifts]
+    return max(-1.0, min(1.0, max(products) / power))
 
 
 def envelope_spectrum(envelope: BandEnvelope) -> tuple[NDArray[np.float64], NDArray[np.float32]]:

@@ -7,7 +7,6 @@ from scipy import fft
 from casebase.signals.spectra import LongSpectrum
 
 PAPER_CUTOFF_HZ = 200.0
-ORDER = 4
 
 
 def low_pass(spectrum: LongSpectrum, cutoff_hz: float = PAPER_CUTOFF_HZ) -> NDArray[np.float32]:
@@ -18,6 +17,6 @@ def low_pass(spectrum: LongSpectrum, cutoff_hz: float = PAPER_CUTOFF_HZ) -> NDAr
     """
     count = int(min(spectrum.values.size, np.ceil(6 * cutoff_hz / spectrum.resolution_hz)))
     frequency = np.arange(count, dtype=np.float32) * np.float32(spectrum.resolution_hz / cutoff_hz)
-    gain = 1.0 / (1.0 + frequency ** np.float32(2 * ORDER))
+    gain = 1.0 / (1.0 + np.square(np.square(np.square(frequency))))
     filtered = fft.irfft(spectrum.values[:count] * gain, spectrum.size)
     return np.ascontiguousarray(filtered[spectrum.lead : spectrum.lead + spectrum.samples])

@@ -24,8 +24,8 @@ def line_db(spectrum: LongSpectrum, frequency_hz: float, highest_hz: float) -> f
     around = spectrum.bins(frequency_hz * (1 - SURROUNDINGS), frequency_hz * (1 + SURROUNDINGS))
     if near.stop - near.start < 1 or around.stop - around.start < 8:
         return math.nan
-    background = float(np.median(spectrum.power[around]))
-    highest = float(spectrum.power[near].max())
+    background = float(np.median(spectrum.windowed_power[around]))
+    highest = float(spectrum.windowed_power[near].max())
     return 10 * math.log10(highest / background) if background > 0 and highest > 0 else math.nan
 
 

@@ -90,7 +90,7 @@ def dropouts(analysis: Analysis) -> QualityFlag | None:
 
 def dc_offset(analysis: Analysis) -> QualityFlag | None:
     """Flag a mean above a tenth of the effective value of the rest."""
-    mean = float(analysis.recording.samples.mean(dtype=np.float64))
+    mean = float(analysis.recording.samples.mean())
     effective = crest.root_mean_square(analysis.samples)
     if effective == 0 or abs(mean) <= 0.1 * effective:
         return None

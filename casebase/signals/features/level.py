@@ -12,7 +12,7 @@ from casebase.signals.features.vector import FeatureDefinition
 
 PAPER = "Olsson and Stolyarchuk, Dynamic Modeling and Sound (Noise) Diagnostics of Robot Gearboxes"
 WINDOW_S = 1.0
-STEPS_PER_WINDOW = 4
+STEPS_PER_WINDOW = 2
 
 
 def _level(name: str, what: str) -> FeatureDefinition:
