@@ -4,7 +4,6 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from rich.progress import Progress
 from rich.table import Table
 
 from app.cli import BAD_INPUT
@@ -54,14 +53,14 @@ def add(
     )
     described = read_axis(axis) if axis else None
     entries = []
-    with frame.library() as library, Progress(console=frame.words, transient=True) as progress:
+    with frame.library() as library, frame.progress() as progress:
         for path in progress.track(files, description="adding"):
             entries.append(_add(library, path, metadata, described))
     if json:
         frame.print_json(entries)
     else:
         for entry in entries:
-            frame.results.print(f"{entry['file']}: {entry.get('id') or entry['error']}", markup=False, highlight=False)
+            frame.print(f"{entry['file']}: {entry.get('id') or entry['error']}")
     raise typer.Exit(BAD_INPUT if any("error" in entry for entry in entries) else 0)
 
 

@@ -4,8 +4,6 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import typer
-from rich.progress import Progress
-from rich.table import Table
 
 from app.cli import BAD_INPUT, DONE, FAULT_FOUND
 from app.commands.faults import sentence
@@ -13,6 +11,7 @@ from app.commands.frame import ACTOR, Frame, frame_of
 from app.documents import DiagnosisAnswer
 from app.intake import take_in
 from app.metadata import RecordingMetadata
+from app.web.words import verdict_of
 from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError
 from sim.axis import Axis, read_axis
@@ -43,7 +42,7 @@ def diagnose(
     )
     described = read_axis(axis) if axis else None
     entries = []
-    with frame.library() as library, Progress(console=frame.words, transient=True) as progress:
+    with frame.library() as library, frame.progress() as progress:
         for path in progress.track(files, description="diagnosing"):
             entries.append(_entry(library, path, metadata, described))
     if json:
@@ -81,16 +80,13 @@ def _code(entries: list[dict[str, Any]], fail_on: str | None) -> int:
 
 
 def _show(frame: Frame, entries: list[dict[str, Any]]) -> None:
-    table = Table("file", "verdict", "label", "probability", "nearest case", "remarks")
     for entry in entries:
         if "error" in entry:
-            table.add_row(entry["file"], "failed", "-", "-", "-", entry["error"])
+            frame.print(f"{entry['file']}: failed: {entry['error']}")
             continue
-        probability = "-" if entry["probability"] is None else f"{100 * entry['probability']:.0f} %"
-        nearest = next(iter(entry["neighbours"]), None)
-        near = f"{nearest['label']}, {nearest['origin']}" if nearest else "-"
-        flags = [flag["reason"] for flag in entry["quality"]] + entry["remarks"]
-        table.add_row(
-            entry["file"], entry["verdict"], entry["label"] or "-", probability, near, "; ".join(flags) or "-"
-        )
-    frame.results.print(table)
+        words = verdict_of(entry)
+        frame.print(f"{entry['file']}: {words.headline}. {words.summary}")
+        for flag in entry["quality"]:
+            frame.print(f"  {flag['severity']}: {flag['reason']}")
+        for remark in entry["remarks"]:
+            frame.print(f"  note: {remark}")

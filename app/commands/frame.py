@@ -9,6 +9,7 @@ from pathlib import Path
 
 import typer
 from rich.console import Console
+from rich.progress import Progress
 
 from app.finite import finite
 from app.settings import Settings, settings_of
@@ -32,6 +33,14 @@ class Frame:
     def say(self, words: str) -> None:
         """Tell a person, on stderr."""
         self.words.print(words, markup=False, highlight=False)
+
+    def print(self, words: str) -> None:
+        """Print a line of the result, for people, on stdout."""
+        self.results.print(words, markup=False, highlight=False)
+
+    def progress(self) -> Progress:
+        """A progress bar on stderr, where that is a terminal."""
+        return Progress(console=self.words, transient=True, disable=not self.words.is_terminal)
 
     def print_json(self, document: object) -> None:
         """Print the one JSON document of `--json` on stdout."""

@@ -1,15 +1,35 @@
 """The command line: exit codes, one JSON document on stdout, words on stderr."""
 
+import io
 import json
 import os
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
+from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
+from app.cli import run
 from tests.app.sounds import sound
-from tests.live import gearcase
+
+
+@dataclass(frozen=True)
+class Done:
+    """What a command left: its exit code and what it wrote."""
+
+    code: int
+    stdout: str
+    stderr: str
+
+
+def gearcase(*words: str | Path, data_dir: Path) -> Done:
+    """Run one command in this process."""
+    out, error = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(error):
+        code = run([*map(str, words), "--data-dir", str(data_dir)])
+    return Done(code, out.getvalue(), error.getvalue())
 
 
 @pytest.fixture(scope="module")
@@ -22,7 +42,8 @@ def data_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
             path = folder / f"{label}{seed}.wav"
             path.write_bytes(sound(seed + 100 * impacts, impacts=impacts))
             files.append(path)
-        gearcase("cases", "add", *files, "--label", label, "--gearbox", "g1", data_dir=folder / "data")
+        done = gearcase("cases", "add", *files, "--label", label, "--gearbox", "g1", data_dir=folder / "data")
+        assert done.code == 0, done.stderr
     return folder / "data"
 
 
@@ -42,12 +63,11 @@ def test_help_imports_nothing_heavy() -> None:
 def test_data_dir_before_or_after_the_verb(tmp_path: Path, before: bool) -> None:
     option = ["--data-dir", str(tmp_path / "here")]
     verb = ["keys", "create", "--role", "viewer", "--name", "x"]
-    words = [*option, *verb] if before else [*verb, *option]
-    subprocess.run([sys.executable, "-m", "app", *words], capture_output=True, check=True)
+    assert run([*option, *verb] if before else [*verb, *option]) == 0
     assert (tmp_path / "here" / "gearcase.db").is_file()
 
 
-def test_data_dir_by_environment(tmp_path: Path) -> None:
+def test_data_dir_by_environment_and_module(tmp_path: Path) -> None:
     environment = {**os.environ, "GEARCASE_DATA_DIR": str(tmp_path / "there")}
     command = [sys.executable, "-m", "app", "keys", "list", "--json"]
     done = subprocess.run(command, capture_output=True, check=True, env=environment)
@@ -68,14 +88,14 @@ def test_diagnose_answers_per_file_with_failures(data_dir: Path, tmp_path: Path)
     good, bad = tmp_path / "good.wav", tmp_path / "bad.wav"
     good.write_bytes(sound(300, impacts=True))
     bad.write_bytes(b"this is no sound")
-    done = gearcase("diagnose", good, bad, tmp_path / "none.wav", "--json", data_dir=data_dir, check=False)
+    done = gearcase("diagnose", good, bad, tmp_path / "none.wav", "--json", data_dir=data_dir)
     entries = json.loads(done.stdout)
     assert [entry["file"] for entry in entries] == [str(good), str(bad), str(tmp_path / "none.wav")]
     assert entries[0]["verdict"] in ("diagnosed", "ambiguous", "not_in_library")
     assert entries[0]["neighbours"]
     assert "no sound file" in entries[1]["error"]
     assert "no such file" in entries[2]["error"]
-    assert done.returncode == 2
+    assert done.code == 2
 
 
 def test_same_sound_as_a_known_fault_ends_with_3(data_dir: Path) -> None:
@@ -83,17 +103,18 @@ def test_same_sound_as_a_known_fault_ends_with_3(data_dir: Path) -> None:
     words = ("diagnose", known, "--gearbox", "g1", "--json")
     found = json.loads(gearcase(*words, data_dir=data_dir).stdout)[0]
     assert found["neighbours"][0]["label"] == "notch"
-    done = gearcase(*words, "--fail-on", "fault", data_dir=data_dir, check=False)
-    assert (done.returncode == 3) == (found["verdict"] == "diagnosed" and found["label"] == "notch")
+    done = gearcase(*words, "--fail-on", "fault", data_dir=data_dir)
+    assert (done.code == 3) == (found["verdict"] == "diagnosed" and found["label"] == "notch")
 
 
 def test_normal_sound_does_not_end_with_3(data_dir: Path) -> None:
     known = data_dir.parent / "normal0.wav"
-    assert gearcase("diagnose", known, "--fail-on", "fault", data_dir=data_dir).returncode == 0
+    assert gearcase("diagnose", known, "--fail-on", "fault", data_dir=data_dir).code == 0
 
 
-def test_table_for_people_is_on_stdout(data_dir: Path) -> None:
-    assert "notch0.wav" in gearcase("diagnose", data_dir.parent / "notch0.wav", data_dir=data_dir).stdout
+def test_words_for_people_are_on_stdout(data_dir: Path) -> None:
+    path = data_dir.parent / "notch0.wav"
+    assert gearcase("diagnose", path, data_dir=data_dir).stdout.startswith(f"{path}: ")
 
 
 def test_added_cases_are_listed(data_dir: Path) -> None:
@@ -116,7 +137,7 @@ def test_added_cases_are_listed(data_dir: Path) -> None:
     ],
 )
 def test_bad_input_is_2_and_says_so_on_stderr(data_dir: Path, words: tuple[str, ...], code: int) -> None:
-    done = gearcase(*words, data_dir=data_dir, check=False)
-    assert done.returncode == code
+    done = gearcase(*words, data_dir=data_dir)
+    assert done.code == code
     assert done.stderr.strip()
     assert "Traceback" not in done.stderr

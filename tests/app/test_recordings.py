@@ -1,0 +1,117 @@
+"""A recording over HTTP: its bytes, ranges of them, and plots whose numbers are known in closed form."""
+
+import io
+import json
+
+import httpx
+import numpy as np
+import pytest
+import soundfile
+from PIL import Image
+
+from tests.app.sounds import RATE_HZ, wav
+
+SECONDS, AMPLITUDE, FREQUENCY_HZ = 4.0, 0.5, 125.0
+
+
+@pytest.fixture(scope="module")
+def content() -> bytes:
+    """A pure tone, so that every plot is known."""
+    time = np.arange(round(SECONDS * RATE_HZ)) / RATE_HZ
+    return wav((AMPLITUDE * np.sin(2 * np.pi * FREQUENCY_HZ * time)).astype(np.float32))
+
+
+@pytest.fixture
+def path(admin: httpx.Client, content: bytes) -> str:
+    """Where the recording is; named so that its name would do harm if it were used as a path or as markup."""
+    files = {"file": ('../../<b>"tone".wav', content, "text/html")}
+    answer = admin.post("/api/v1/cases", files=files, data={"metadata": json.dumps({"label": "tone"})})
+    return f"/api/v1/recordings/{answer.raise_for_status().json()['recording']['id']}"
+
+
+def test_audio_is_the_file_that_came_in(viewer: httpx.Client, path: str, content: bytes) -> None:
+    answer = viewer.get(f"{path}/audio")
+    assert answer.content == content
+    assert answer.headers["content-type"] == "audio/wav"  # whatever the sender claimed
+    assert "<b>" not in answer.headers["content-disposition"]
+    assert ".." not in answer.headers["content-disposition"]
+
+
+@pytest.mark.parametrize(
+    ("header", "start", "end"),
+    [("bytes=0-99", 0, 100), ("bytes=100-", 100, None), ("bytes=-50", -50, None), ("bytes=10-999999999", 10, None)],
+)
+def test_range(viewer: httpx.Client, path: str, content: bytes, header: str, start: int, end: int | None) -> None:
+    answer = viewer.get(f"{path}/audio", headers={"Range": header})
+    assert answer.status_code == 206
+    assert answer.content == content[start:end]
+    first = start % len(content)
+    assert answer.headers["content-range"] == f"bytes {first}-{first + len(answer.content) - 1}/{len(content)}"
+
+
+@pytest.mark.parametrize("header", ["bytes=0-1,5-6", "lines=1-2", "bytes=5-2", "bytes=-", "nonsense"])
+def test_what_is_no_single_range_is_answered_whole(
+    viewer: httpx.Client, path: str, content: bytes, header: str
+) -> None:
+    answer = viewer.get(f"{path}/audio", headers={"Range": header})
+    assert (answer.status_code, answer.content) == (200, content)
+
+
+def test_range_behind_the_end(viewer: httpx.Client, path: str, content: bytes) -> None:
+    answer = viewer.get(f"{path}/audio", headers={"Range": "bytes=99999999-"})
+    assert answer.status_code == 416
+    assert answer.headers["content-range"] == f"bytes */{len(content)}"
+
+
+def test_range_of_another_version_is_answered_whole(viewer: httpx.Client, path: str) -> None:
+    etag = viewer.get(f"{path}/audio").headers["etag"]
+    for if_range, status in ((etag, 206), ('"another"', 200)):
+        headers = {"Range": "bytes=0-9", "If-Range": if_range}
+        assert viewer.get(f"{path}/audio", headers=headers).status_code == status
+
+
+def test_waveform_loses_no_peak(viewer: httpx.Client, path: str, content: bytes) -> None:
+    found = viewer.get(f"{path}/waveform", params={"points": 50}).json()
+    samples, _ = soundfile.read(io.BytesIO(content), dtype="float32")
+    assert len(found["time_s"]) == len(found["low"]) == len(found["high"]) <= 50
+    assert (min(found["low"]), max(found["high"])) == (samples.min(), samples.max())
+    assert found["duration_s"] == SECONDS
+
+
+def test_spectrum_of_a_tone_has_its_line_and_level(viewer: httpx.Client, path: str) -> None:
+    found = viewer.get(f"{path}/spectrum", params={"resolution_hz": 1}).json()
+    top = int(np.argmax(found["level_db"]))
+    assert found["frequency_hz"][top] == pytest.approx(FREQUENCY_HZ)
+    assert found["level_db"][top] == pytest.approx(10 * np.log10(AMPLITUDE**2 / 2), abs=0.05)
+
+
+def test_crest_factor_of_a_tone_is_the_root_of_two(viewer: httpx.Client, path: str) -> None:
+    found = viewer.get(f"{path}/crest").json()
+    assert found["whole_record"] == pytest.approx(np.sqrt(2), rel=1e-3)
+    assert found["crest_factor"] == pytest.approx(np.full(len(found["time_s"]), np.sqrt(2)), rel=1e-3)
+    assert found["whole_rms"] == pytest.approx(AMPLITUDE / np.sqrt(2), rel=1e-3)
+    assert found["whole_peak"] == pytest.approx(AMPLITUDE, rel=1e-3)
+
+
+def test_spectrogram_by_accept(viewer: httpx.Client, path: str) -> None:
+    numbers = viewer.get(f"{path}/spectrogram", headers={"Accept": "application/json"}).json()
+    level = np.array(numbers["level_db"])
+    assert level.shape == (len(numbers["frequency_hz"]), len(numbers["time_s"]))
+    loudest = np.array(numbers["frequency_hz"])[level.argmax(axis=0)]
+    assert np.all(np.abs(loudest - FREQUENCY_HZ) <= RATE_HZ / 512)
+    drawn = viewer.get(f"{path}/spectrogram", headers={"Accept": "image/png"})
+    assert drawn.headers["content-type"] == "image/png"
+    image = Image.open(io.BytesIO(drawn.content))
+    assert image.size[0] > 800
+    assert viewer.get(f"{path}/spectrogram", headers={"Accept": "text/html"}).status_code == 406
+
+
+def test_features_have_units_and_physics(viewer: httpx.Client, path: str) -> None:
+    found = viewer.get(f"{path}/features").json()
+    assert found["features"]
+    assert all(feature["unit"] and feature["physics"] and feature["source"] for feature in found["features"])
+
+
+@pytest.mark.parametrize("view", ["audio", "waveform", "spectrum", "spectrogram", "crest", "features"])
+def test_unknown_recording(viewer: httpx.Client, view: str) -> None:
+    assert viewer.get(f"/api/v1/recordings/{'0' * 32}/{view}").status_code == 404
