@@ -16,10 +16,15 @@ SOUND_RATE_HZ = 8_000
 
 @dataclass(frozen=True)
 class Microphone:
-    """Housing modes (n, 3): frequency [Hz], damping ratio, gain; direct gain, level of speech-free noise, fan [Hz]."""
+    """Housing modes (n, 3): frequency [Hz], damping ratio, gain; direct gain, background noise, fan [Hz].
+
+    `shaking`: peak of what the simulated mesh forces contribute to the sound of a gearbox in good order, over the
+    rms of its tooth whine and rolling noise; `loudness`: that rms as recorded.
+    """
 
     modes: NDArray[np.float64]
     direct: float
+    shaking: float
     noise_ratio: float
     noise_corner_hz: float
     fan_hz: float
@@ -35,6 +40,7 @@ def draw_microphone(rng: np.random.Generator) -> Microphone:
     return Microphone(
         modes,
         float(rng.uniform(0.1, 0.5)),
+        float(rng.uniform(1.5, 3.5)),
         float(10 ** (-rng.uniform(6, 20) / 20)),
         float(rng.uniform(50, 400)),
         float(rng.uniform(80, 140)),
@@ -60,6 +66,32 @@ def of_gears(microphone: Microphone, force: NDArray[np.float32]) -> NDArray[np.f
     return through_housing(microphone, quiet)
 
 
+def _fine_angle(motor_angle: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the motor's angle [rad] at the sound's rate."""
+    fine = SOUND_RATE_HZ // TELEMETRY_RATE_HZ
+    return np.interp(np.arange(len(motor_angle) * fine) / fine, np.arange(len(motor_angle)), motor_angle)
+
+
+def of_running(
+    rng: np.random.Generator,
+    microphone: Microphone,
+    motor_angle: NDArray[np.float64],
+    mesh_orders: tuple[float, ...],
+) -> NDArray[np.float64]:
+    """Return tooth whine at the mesh orders (per turn of the motor) and rolling noise, both louder at speed; rms 1."""
+    angle = _fine_angle(motor_angle)
+    speed = np.abs(np.gradient(angle))
+    share = speed / np.max(speed)
+    source = 0.5 * share * rng.standard_normal(len(angle))
+    for order in mesh_orders:
+        for harmonic, level in ((1, 1.0), (2, 0.5), (3, 0.25)):
+            audible = np.clip(2 - harmonic * order * speed / (0.45 * np.pi), 0, 1)
+            wave = np.cos(harmonic * order * angle + rng.uniform(0, 2 * np.pi))
+            source += level * rng.uniform(0.3, 1.0) * share * audible * wave
+    heard = through_housing(microphone, source)
+    return heard / np.std(heard)
+
+
 def of_bearing(
     rng: np.random.Generator, microphone: Microphone, motor_angle: NDArray[np.float64], order: float
 ) -> NDArray[np.float64]:
@@ -67,9 +99,8 @@ def of_bearing(
 
     Its rms is 1.
     """
-    fine = SOUND_RATE_HZ // TELEMETRY_RATE_HZ
-    samples = len(motor_angle) * fine
-    angle = np.interp(np.arange(samples) / fine, np.arange(len(motor_angle)), motor_angle)
+    angle = _fine_angle(motor_angle)
+    samples = len(angle)
     speed = np.abs(np.gradient(angle)) * SOUND_RATE_HZ
     travelled = np.cumsum(speed) / SOUND_RATE_HZ * order / (2 * np.pi)
     events = int(travelled[-1])

@@ -125,7 +125,7 @@ def generate(seed: int, recipe: Recipe | None = None, *, seconds: float = 30.0) 
         plant = one.effect.act(plant, one.amplitude)
     run = simulate(plant, motion, seconds, disturbance=noise.load_torque)
     telemetry = _telemetry(rng, recipe, joint, motion, run, noise, placed) if recipe.telemetry else None
-    sound = _sound(rng, microphone, healthy, run, placed) if recipe.sound else None
+    sound = _sound(rng, microphone, joint, healthy, run, placed) if recipe.sound else None
     if telemetry is not None:
         telemetry = _spoil(rng, telemetry, placed)
     wrong = recipe.group == "wrong parameters"
@@ -276,12 +276,28 @@ def _lose(
     return {name: values if name == "time_s" else values[last] for name, values in telemetry.items()}
 
 
+def _mesh_orders(joint: Joint) -> tuple[float, ...]:
+    """Return the tooth contacts per turn of the motor of each stage."""
+    turns, orders = 1.0, []
+    for stage in joint.stages:
+        orders.append(turns * stage.driver_teeth)
+        turns /= stage.ratio
+    return tuple(orders)
+
+
 def _sound(
-    rng: np.random.Generator, microphone: mic.Microphone, healthy: Run, run: Run, placed: list[_Placed]
+    rng: np.random.Generator,
+    microphone: mic.Microphone,
+    joint: Joint,
+    healthy: Run,
+    run: Run,
+    placed: list[_Placed],
 ) -> NDArray[np.float64]:
-    """Return what the microphone hears, within -1 to 1; a healthy gearbox has the rms `microphone.loudness`."""
-    gears = mic.of_gears(microphone, run.force) / np.std(mic.of_gears(microphone, healthy.force))
-    heard = gears + microphone.noise_ratio * mic.background(rng, microphone, len(gears))
+    """Return what the microphone hears, within -1 to 1; a gearbox in good order has about the rms `loudness`."""
+    shaken = mic.of_gears(microphone, run.force) / np.max(np.abs(mic.of_gears(microphone, healthy.force)))
+    running = mic.of_running(rng, microphone, run.motor_angle, _mesh_orders(joint))
+    heard = microphone.shaking * shaken + running
+    heard += microphone.noise_ratio * mic.background(rng, microphone, len(heard))
     for one in placed:
         if one.effect.where == "sound bearing":
             heard += one.amplitude * mic.of_bearing(rng, microphone, run.motor_angle, one.effect.detail[0])

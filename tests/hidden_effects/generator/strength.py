@@ -78,7 +78,7 @@ class Gauge:
     def _change(self, joint: Joint, effect: Effect, before: Run, after: Run) -> float:
         if self.microphone is not None:
             healthy, ill = of_gears(self.microphone, before.force), of_gears(self.microphone, after.force)
-            return float(np.std(ill - healthy) / np.std(healthy))
+            return float(self.microphone.shaking * np.std(ill - healthy) / np.max(np.abs(healthy)))
         torque = after.motor_torque - before.motor_torque
         strength = _beyond(torque, sheet_columns(before, joint, effect.spared)) / self.noise.torque_rms
         if not self.load_encoder:
