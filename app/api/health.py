@@ -5,7 +5,7 @@ import shutil
 from typing import Any
 
 from fastapi import APIRouter, Request, Response
-from fastapi.responses import HTMLResponse, JSONResponse
+from fastapi.responses import HTMLResponse
 from prometheus_client import generate_latest
 from prometheus_client.exposition import CONTENT_TYPE_PLAIN_0_0_4
 from sqlalchemy import text
@@ -63,9 +63,3 @@ def docs(request: Request) -> HTMLResponse:
     """The API explained on one page that needs neither scripts nor network."""
     document: dict[str, Any] = request.app.openapi()
     return HTMLResponse(reference_page(document, request.scope.get("root_path", "")))
-
-
-@router.get("/", include_in_schema=False)
-def root(request: Request) -> JSONResponse:
-    base = request.scope.get("root_path", "")
-    return JSONResponse({"name": "Gearcase", "api": f"{base}/api/v1", "docs": f"{base}/docs"})

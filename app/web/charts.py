@@ -81,7 +81,8 @@ def waveform(recording: Recording, analysis: Analysis, events: tuple[float, ...]
     """The sound, what is left of it below 200 Hz, reversals of the motion and impulses."""
     sound = _envelope(recording.samples, recording.sample_rate_hz, points)
     low = _envelope(analysis.low_passed, ANALYSIS_RATE_HZ, points)
-    reversals = tuple(Marker(float(t), "reversal") for t in analysis.motion.reversal_times_s[:40])
+    times = analysis.motion.reversal_times_s[:40]
+    reversals = tuple(Marker(float(t), "" if number else "reversal") for number, t in enumerate(times))
     return Chart(
         "Sound over time",
         (Series("sound", sound.x, sound.y), Series("below 200 Hz", low.x, low.y)),

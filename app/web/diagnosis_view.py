@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from types import SimpleNamespace
 from typing import Any
 
@@ -25,6 +26,8 @@ from casebase.signals.features import EXTRACTOR_VERSION
 TREND_FEATURE = "crest_factor_whole_record"
 SAME_STATE = 0.1
 PEAKS = 400
+SHOWN_PARTS = 8
+DAY_S = 86400.0
 
 
 @dataclass(frozen=True)
@@ -155,10 +158,17 @@ def _neighbours(session: Session, entries: Sequence[Mapping[str, Any]]) -> list[
                 gearbox=case.recording.gearbox if case else None,
                 recording_id=case.recording_id if case else None,
                 rms=rms or 0.0,
-                contributions=tuple((name, part, part / total) for name, part in parts),
+                contributions=tuple((name, part, part / total) for name, part in _largest(parts)),
             )
         )
     return found
+
+
+def _largest(parts: Sequence[tuple[str, float]]) -> list[tuple[str, float]]:
+    """Keep the largest parts and add up the others, so that all still make the distance."""
+    rest = sum(part for _, part in parts[SHOWN_PARTS:])
+    others = [(f"{len(parts) - SHOWN_PARTS} others together", rest)] if len(parts) > SHOWN_PARTS else []
+    return [*parts[:SHOWN_PARTS], *others]
 
 
 def features_of(session: Session, recording_id: str) -> dict[str, float | None]:
@@ -184,11 +194,13 @@ def trend_of(session: Session, row: StoredRecording) -> Chart | None:
     known = [(one, value) for one, value in points if value is not None]
     if len(known) < 2:
         return None
-    start = min(one.recorded_at or one.created_at for one, _ in known)
-    days = np.array([((one.recorded_at or one.created_at) - start).total_seconds() / 86400 for one, _ in known])
+    start = min(_when(one) for one, _ in known)
+    days = np.array([(_when(one) - start).total_seconds() / DAY_S for one, _ in known])
+    if days.max() < 1 / 24:
+        return None
     values = np.array([value for _, value in known])
     order = np.argsort(days, kind="stable")
-    now = ((row.recorded_at or row.created_at) - start).total_seconds() / 86400
+    now = (_when(row) - start).total_seconds() / DAY_S
     return Chart(
         "Crest factor of this gearbox over time",
         (Series("crest factor, whole record", days[order], values[order]),),
@@ -196,6 +208,10 @@ def trend_of(session: Session, row: StoredRecording) -> Chart | None:
         "crest factor [1]",
         markers=(Marker(now, "this recording"),),
     )
+
+
+def _when(row: StoredRecording) -> datetime:
+    return row.recorded_at or row.created_at
 
 
 def _same_state(one: StoredRecording, other: StoredRecording) -> bool:

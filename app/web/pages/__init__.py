@@ -4,11 +4,19 @@ from fastapi import APIRouter, FastAPI
 from fastapi.staticfiles import StaticFiles
 
 from app.web.errors import PageErrors, sign_in_first
-from app.web.pages import diagnoses, recordings, session
+from app.web.pages import admin, axes, diagnoses, jobs, library, recordings, session
 from app.web.session import SignInNeeded
 from app.web.templating import STATIC
 
-PAGES: tuple[APIRouter, ...] = (session.router, diagnoses.router, recordings.router)
+PAGES: tuple[APIRouter, ...] = (
+    session.router,
+    diagnoses.router,
+    recordings.router,
+    library.router,
+    axes.router,
+    jobs.router,
+    admin.router,
+)
 
 
 def add_pages(app: FastAPI) -> None:

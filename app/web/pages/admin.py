@@ -1,0 +1,89 @@
+"""Keys and the audit log, for admins."""
+
+import csv
+import io
+from typing import Annotated
+
+from fastapi import APIRouter, Form, Request
+from fastapi.responses import RedirectResponse, Response
+
+from app import keys
+from app.errors import Unprocessable
+from app.keys import Role
+from app.service import Reading, TheService
+from app.web.session import FromOurPage, PageAdmin
+from app.web.templating import render
+from casebase import audit
+
+router = APIRouter()
+FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
+ENTRIES = 100
+
+
+@router.get("/keys")
+def key_list(request: Request, session: Reading, principal: PageAdmin) -> Response:
+    """Every key that was ever made, by name; never the keys themselves."""
+    context = {"rows": keys.list_keys(session), "made": None, "roles": list(Role)}
+    return render(request, "keys.html", context, principal=principal, section="/keys")
+
+
+@router.post("/keys", dependencies=[FromOurPage])
+def key_create(
+    request: Request,
+    service: TheService,
+    principal: PageAdmin,
+    name: Annotated[str, Form()],
+    role: Annotated[str, Form()],
+) -> Response:
+    """Make a key and show it, this once."""
+    if role not in list(Role):
+        raise Unprocessable(f"The role must be one of {', '.join(Role)}, got {role!r}.")
+    if not name.strip() or len(name) > 200:
+        raise Unprocessable("The name must have 1 to 200 characters.")
+    with service.library.transaction(principal.actor) as session:
+        _, key = keys.create_key(session, name=name.strip(), role=Role(role))
+    with service.library.reading() as session:
+        context = {"rows": keys.list_keys(session), "made": key, "roles": list(Role)}
+        return render(request, "keys.html", context, principal=principal, section="/keys")
+
+
+@router.post("/keys/{key_id}/revoke", dependencies=[FromOurPage])
+def key_revoke(service: TheService, principal: PageAdmin, key_id: str) -> Response:
+    """Revoke a key for good."""
+    with service.library.transaction(principal.actor) as session:
+        keys.revoke_key(session, key_id)
+    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/keys", status_code=303)
+
+
+@router.get("/audit")
+def audit_log(request: Request, session: Reading, principal: PageAdmin, before: int | None = None) -> Response:
+    """Who did what to which, newest first."""
+    rows = audit.entries(session, limit=ENTRIES, before_id=before)
+    context = {"rows": rows, "older": rows[-1].id if len(rows) == ENTRIES else None}
+    return render(request, "audit.html", context, principal=principal, section="/audit")
+
+
+@router.get("/audit.csv")
+def audit_csv(session: Reading, _: PageAdmin) -> Response:
+    """The whole log as CSV; no cell can become a formula."""
+    target = io.StringIO()
+    table = csv.writer(target)
+    table.writerow(["id", "at", "actor", "action", "subject_kind", "subject_id", "before", "after", "request_id"])
+    last: int | None = None
+    while rows := audit.entries(session, limit=1000, before_id=last):
+        for row in rows:
+            cells = (row.at.isoformat(), row.actor, row.action, row.subject_kind, row.subject_id)
+            rest = (str(row.before), str(row.after), row.request_id or "")
+            table.writerow([row.id, *(harmless(cell) for cell in (*cells, *rest))])
+        last = rows[-1].id
+    headers = {"Content-Disposition": 'attachment; filename="audit.csv"'}
+    return Response(target.getvalue(), media_type="text/csv; charset=utf-8", headers=headers)
+
+
+def harmless(cell: str) -> str:
+    """Return a cell that no spreadsheet takes for a formula.
+
+    >>> harmless("=1+1"), harmless("notch")
+    ("'=1+1", 'notch')
+    """
+    return f"'{cell}" if cell.startswith(FORMULA_STARTS) else cell

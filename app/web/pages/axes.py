@@ -1,0 +1,116 @@
+"""Axes: descriptions with their revisions, the trend of each gearbox, maintenance marks."""
+
+from datetime import datetime
+from typing import Annotated
+from zoneinfo import ZoneInfo
+
+import numpy as np
+import tomli_w
+from fastapi import APIRouter, Form, Request
+from fastapi.responses import RedirectResponse, Response
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from app.errors import Unprocessable
+from app.service import Reading, TheService
+from app.web.charts import Chart
+from app.web.diagnosis_view import TREND_FEATURE, features_of
+from app.web.session import FromOurPage, PageOperator, PageViewer
+from app.web.svg import Band, Marker, Series
+from app.web.templating import render
+from casebase.axes import axis_history, get_axis, list_axes
+from casebase.models import MaintenanceMark, StoredRecording
+
+router = APIRouter(prefix="/axes")
+SECTION = "/axes"
+BASELINE = 5
+DAY_S = 86400.0
+
+
+@router.get("")
+def axis_list(request: Request, session: Reading, principal: PageViewer) -> Response:
+    """Every axis at its current revision, and those that only recordings name."""
+    rows = list_axes(session)
+    known = {row.name for row in rows}
+    named = session.scalars(select(StoredRecording.axis).where(StoredRecording.axis.is_not(None)).distinct()).all()
+    context = {"rows": rows, "undescribed": sorted(str(name) for name in named if name not in known)}
+    return render(request, "axes.html", context, principal=principal, section=SECTION)
+
+
+@router.get("/{name}")
+def axis(request: Request, session: Reading, principal: PageViewer, name: str) -> Response:
+    """One axis: trends, marks, description and revisions."""
+    history = axis_history(session, name)
+    marks = session.scalars(select(MaintenanceMark).where(MaintenanceMark.axis == name).order_by(MaintenanceMark.at))
+    all_marks = list(marks)
+    context = {
+        "name": name,
+        "history": list(reversed(history)),
+        "toml": tomli_w.dumps(dict(history[-1].document)) if history else None,
+        "trends": trends(session, name, all_marks),
+        "marks": all_marks,
+    }
+    return render(request, "axis.html", context, principal=principal, section=SECTION)
+
+
+def trends(session: Session, axis: str, marks: list[MaintenanceMark]) -> list[tuple[str, Chart]]:
+    """Return one chart per gearbox: crest factor over time, its baseline, and what was done to it."""
+    statement = select(StoredRecording).where(StoredRecording.axis == axis, StoredRecording.usable)
+    by_gearbox: dict[str, list[tuple[datetime, float]]] = {}
+    for row in session.scalars(statement.order_by(StoredRecording.id).limit(2000)):
+        value = features_of(session, row.id).get(TREND_FEATURE)
+        if row.gearbox is not None and value is not None:
+            by_gearbox.setdefault(row.gearbox, []).append((row.recorded_at or row.created_at, value))
+    return [
+        (gearbox, _trend(gearbox, sorted(points), [m for m in marks if m.gearbox in (None, gearbox)]))
+        for gearbox, points in sorted(by_gearbox.items())
+        if len(points) > 1
+    ]
+
+
+def _trend(gearbox: str, points: list[tuple[datetime, float]], marks: list[MaintenanceMark]) -> Chart:
+    start, values = points[0][0], np.array([value for _, value in points])
+    days = np.array([(when - start).total_seconds() / DAY_S for when, _ in points])
+    first = values[:BASELINE]
+    spread = 2 * float(first.std()) if first.size > 1 else 0.0
+    baseline = Band(f"baseline: first {first.size}", float(first.mean()) - spread, float(first.mean()) + spread)
+    return Chart(
+        f"Crest factor of gearbox {gearbox}",
+        (Series("crest factor, whole record", days, values),),
+        f"days since {start:%Y-%m-%d %H:%M}",
+        "crest factor [1]",
+        bands=(baseline,),
+        markers=tuple(Marker((mark.at - start).total_seconds() / DAY_S, mark.text[:24]) for mark in marks),
+    )
+
+
+@router.post("/{name}/marks", dependencies=[FromOurPage])
+def add_mark(
+    service: TheService,
+    principal: PageOperator,
+    name: str,
+    text: Annotated[str, Form()],
+    at: Annotated[str, Form()],
+    gearbox: Annotated[str, Form()] = "",
+) -> Response:
+    """Note what was done to an axis, at the site's time."""
+    try:
+        when = datetime.fromisoformat(at).replace(tzinfo=ZoneInfo(service.settings.time_zone))
+    except ValueError:
+        raise Unprocessable(f"The time must look like 2026-11-20T14:03, got {at!r}.") from None
+    if not text.strip():
+        raise Unprocessable("Say what was done.")
+    with service.library.transaction(principal.actor) as session:
+        mark = MaintenanceMark(
+            axis=name, gearbox=gearbox.strip() or None, at=when, text=text.strip(), created_by=principal.actor
+        )
+        session.add(mark)
+    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/axes/{name}", status_code=303)
+
+
+@router.get("/{name}/axis.toml")
+def axis_toml(session: Reading, _: PageViewer, name: str) -> Response:
+    """The description as a file."""
+    text = tomli_w.dumps(dict(get_axis(session, name).document))
+    headers = {"Content-Disposition": 'attachment; filename="axis.toml"'}
+    return Response(text, media_type="application/toml", headers=headers)
