@@ -111,6 +111,8 @@ class Branch:
         Rows that are zero, as many as the component has unknowns beyond its kinematics.
     holds
         Rows that are >= 0 as long as the branch is valid.
+    moves
+        Speeds that are > 0 from then on, not zero for good (else the shaft is stuck, not sliding) [rad/s].
     stops
         Speeds that are exactly zero in this branch [rad/s].
     mode
@@ -124,6 +126,7 @@ class Branch:
     torques: Mapping[str, Row]
     equations: tuple[Row, ...] = ()
     holds: tuple[Row, ...] = ()
+    moves: tuple[Row, ...] = ()
     stops: tuple[Row, ...] = ()
     mode: int | None = None
     channels: Mapping[str, Row] = field(default_factory=dict)

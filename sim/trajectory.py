@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,8 +10,7 @@ from numpy.typing import NDArray
 from sim.errors import CompositionError, near_match
 
 
-@dataclass(frozen=True)
-class Event:
+class Event(NamedTuple):
     """A component changed its mode: when [s], which, from what to what (Modelica's numbers, and in words)."""
 
     time_s: float

@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from sim.component import FORWARD, STUCK, Branch, Component, Row, Signal, Start, Variables
 from sim.components.signals import Constant
-from sim.components.sliding import check_peak, friction_pieces, table_row
+from sim.components.sliding import Piece, check_peak, friction_pieces, table_row
 from sim.components.tables import SpeedTable, speed_table
 from sim.errors import number
 
@@ -98,18 +98,17 @@ class Clutch(Pressed):
         pieces = friction_pieces(
             v, tau, v.w_rel, v.a_rel, lambda speed: self.torque_at(v, speed), self.peak, self.pressing(v)
         )
-        return tuple(self._between(v, piece.mode, (piece.equation,), piece.holds, piece.stops) for piece in pieces)
+        return tuple(self._between(v, piece) for piece in pieces)
 
-    def _between(
-        self, v: Variables, mode: int, equations: tuple[Row, ...], holds: tuple[Row, ...], stops: tuple[Row, ...]
-    ) -> Branch:
+    def _between(self, v: Variables, piece: Piece) -> Branch:
         tau = v.unknown(0)
         return Branch(
             torques={"flange_a": -tau, "flange_b": tau},
-            equations=equations,
-            holds=holds,
-            stops=stops,
-            mode=mode,
+            equations=(piece.equation,),
+            holds=piece.holds,
+            moves=piece.moves,
+            stops=piece.stops,
+            mode=piece.mode,
             channels={"phi_rel": v.phi_rel, "w_rel": v.w_rel, "tau": tau, "fn": self.fn_max * v.signal(0)},
             powers={"lossPower": (tau, v.w_rel)},
         )
@@ -125,10 +124,10 @@ class OneWayClutch(Clutch):
         least = RELATIVE_HYSTERESIS * float(self.table.at(0.0)[0]) * self.cgeo * self.fn_max * v.one
         limit = peak * self.torque_at(v, 0 * v.one)
         sliding = tau - self.torque_at(v, v.w_rel)
-        stop = (v.w_rel,)
-        return (
-            self._between(v, STUCK, (v.a_rel,), (-pressing, least - tau), stop),
-            self._between(v, STUCK, (v.a_rel,), (pressing, limit - tau), stop),
-            self._between(v, FORWARD, (tau,), (-pressing, v.w_rel), ()),
-            self._between(v, FORWARD, (sliding,), (pressing, v.w_rel), ()),
+        pieces = (
+            Piece(STUCK, v.a_rel, (-pressing, least - tau), stops=(v.w_rel,)),
+            Piece(STUCK, v.a_rel, (pressing, limit - tau), stops=(v.w_rel,)),
+            Piece(FORWARD, tau, (-pressing,), moves=(v.w_rel,)),
+            Piece(FORWARD, sliding, (pressing,), moves=(v.w_rel,)),
         )
+        return tuple(self._between(v, piece) for piece in pieces)

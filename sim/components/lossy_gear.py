@@ -71,19 +71,26 @@ class LossyGear(Component):
     def branches(self, v: Variables) -> tuple[Branch, ...]:
         loss = v.unknown(1)
         if self.table.rows == IDEAL:
-            return (self._branch(v, FREE, (loss,), ()),)
+            return (self._branch(v, FREE, loss, ()),)
         return (*self._stuck(v), *self._rolling(v, FORWARD), *self._rolling(v, BACKWARD))
 
     def _branch(
-        self, v: Variables, mode: int, equations: tuple[Row, ...], holds: tuple[Row, ...], stops: tuple[Row, ...] = ()
+        self,
+        v: Variables,
+        mode: int,
+        equation: Row,
+        holds: tuple[Row, ...],
+        moves: tuple[Row, ...] = (),
+        stops: tuple[Row, ...] = (),
     ) -> Branch:
         tau_a, loss = v.unknown(0), v.unknown(1)
         tau_b = -self.ratio * (tau_a - loss)
         w_a = v.w("flange_a") - v.w("support")
         return Branch(
             torques={"flange_a": tau_a, "flange_b": tau_b, "support": -tau_a - tau_b},
-            equations=equations,
+            equations=(equation,),
             holds=holds,
+            moves=moves,
             stops=stops,
             mode=mode,
             channels={
@@ -106,8 +113,8 @@ class LossyGear(Component):
         turns = direction * w_a
         margin = direction * tau_a - _switch(eta1, eta2, bf1, bf2)
         return (
-            self._branch(v, direction, (loss - direction * a_drives,), (turns, margin)),
-            self._branch(v, direction, (loss - direction * b_drives,), (turns, -margin)),
+            self._branch(v, direction, loss - direction * a_drives, (margin,), (turns,)),
+            self._branch(v, direction, loss - direction * b_drives, (-margin,), (turns,)),
         )
 
     def _stuck(self, v: Variables) -> tuple[Branch, ...]:
@@ -129,7 +136,7 @@ class LossyGear(Component):
                 )
                 if not (upper_side == lower_side and upper_side * float(switch @ v.one) > 0):
                     stuck = v.a("flange_a") - v.a("support")
-                    branches.append(self._branch(v, STUCK, (stuck,), holds, (w_a,)))
+                    branches.append(self._branch(v, STUCK, stuck, holds, stops=(w_a,)))
         return tuple(branches)
 
     def _values(self, v: Variables, speed: Row) -> tuple[float, float, Row, Row]:

@@ -10,11 +10,12 @@ from sim.errors import number
 
 @dataclass(frozen=True)
 class Piece:
-    """One branch of friction: its mode, the row that is zero, rows that stay >= 0, a speed that stays zero."""
+    """One branch of friction: its mode, the row that is zero, and the conditions of a `Branch`."""
 
     mode: int
     equation: Row
     holds: tuple[Row, ...]
+    moves: tuple[Row, ...] = ()
     stops: tuple[Row, ...] = ()
 
 
@@ -37,9 +38,9 @@ def friction_pieces(
     free = () if pressing is None else (Piece(FREE, tau, (-pressing,)),)
     return (
         *free,
-        Piece(STUCK, acceleration, (*pressed, limit - tau, limit + tau), (speed,)),
-        Piece(FORWARD, tau - torque_at(speed), (*pressed, speed)),
-        Piece(BACKWARD, tau + torque_at(-speed), (*pressed, -speed)),
+        Piece(STUCK, acceleration, (*pressed, limit - tau, limit + tau), stops=(speed,)),
+        Piece(FORWARD, tau - torque_at(speed), pressed, moves=(speed,)),
+        Piece(BACKWARD, tau + torque_at(-speed), pressed, moves=(-speed,)),
     )
 
 

@@ -1,0 +1,348 @@
+"""Engine 1, exact: every mode is x' = M x, solved by its matrix exponential; mode changes are located in time.
+
+What it costs does not depend on stiffness or accuracy, and the samples do not depend on the sample rate: between events
+the solution is exact to rounding, and an event's instant is the root of an exact power series. A train whose motion
+is chaotic (backlash with little damping, driven) is followed exactly too, but a rounding error grows like any other
+disturbance there: see tests/sim_core/test_chaos.py.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import combinations, product
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.affine_mode import compile_mode
+from sim.affine_system import Array, Mode, System
+from sim.component import STUCK
+from sim.errors import RunError
+from sim.trajectory import Event
+
+RESEED_SAMPLES = 256
+"""Every so many samples the sinusoids are set to their true values again."""
+LARGEST_ANGLE = 0.7
+"""Largest eigenvalue times step up to which the power series is exact to rounding."""
+LOG_ROWS = 4096
+MOST_COMBINATIONS = 200_000
+
+
+@dataclass
+class Block:
+    """Consecutive samples: angles and speeds, shape (n, 2 freedom), the number of the mode of each; mode changes.
+
+    A change is (time, old mode, new mode); the old mode -1 - i means component i at rest before the start.
+    """
+
+    first: int
+    states: Array
+    modes: NDArray[np.int32]
+    change_times: Array
+    changes: NDArray[np.int64]
+
+
+class _Tables:
+    """Arrays of all modes known so far, for the compiled loop; they grow as modes are met."""
+
+    def __init__(self, width: int, rows: int, room: int = 16, follow: int = 4) -> None:
+        from sim import affine_kernel as kernel
+
+        self.rows, self.room, self.width = rows, room, width
+        self.counts = np.zeros(room, np.int64)
+        self.stop_counts = np.zeros(room, np.int64)
+        self.derivatives = np.zeros((room, kernel.DERIVATIVES, rows, width))
+        self.strict = np.zeros((room, rows), np.bool_)
+        self.stops = np.zeros((room, rows, width))
+        self.enter = np.zeros((room, width, width))
+        self.follow = np.full((room, rows, follow), -1, np.int64)
+        self.matrices = np.zeros((room, width, width))
+        self.steps = np.zeros((room, width, width))
+        self.lengths = np.zeros(room)
+        self.products = np.zeros((room, width, kernel.CHUNK * (width + rows) + width))
+
+    def grown(self, room: int, rows: int, follow: int) -> "_Tables":
+
+        new = _Tables(self.width, rows, room, follow)
+        for name in ("counts", "stop_counts", "enter", "matrices", "steps", "lengths"):
+            getattr(new, name)[: self.room] = getattr(self, name)
+        new.derivatives[: self.room, :, : self.rows] = self.derivatives
+        new.strict[: self.room, : self.rows] = self.strict
+        new.stops[: self.room, : self.rows] = self.stops
+        new.follow[: self.room, : self.rows, : self.follow.shape[2]] = self.follow
+        new.products[: self.room, :, : self.products.shape[2]] = self.products
+        return new
+
+    @property
+    def for_switch(self) -> tuple[NDArray[np.generic], ...]:
+        return (self.counts, self.derivatives, self.strict, self.stops, self.stop_counts, self.enter, self.follow)
+
+
+class ExactEngine:
+    """A drive train made ready for one sample rate; it learns modes as runs meet them and keeps them."""
+
+    def __init__(self, system: System, sample_rate_hz: float) -> None:
+        self.system = system
+        self.h = 1.0 / sample_rate_hz
+        self.modes: list[Mode] = []
+        self._numbers: dict[tuple[int, ...], int] = {}
+        self._impossible: set[tuple[int, ...]] = set()
+        self._tables = _Tables(system.state_width, 8)
+        self._modal = [i for i, count in enumerate(system.branch_counts) if count > 1]
+
+    # ---- modes ------------------------------------------------------------------------------------------------
+
+    def _number(self, key: tuple[int, ...]) -> int:
+        """Number of the mode, compiled when first asked for; -1 if it can never hold."""
+        if key in self._impossible:
+            return -1
+        if key not in self._numbers:
+            mode = compile_mode(self.system, key)
+            if np.any((np.abs(mode.holds.rows[:, :-1]).max(axis=1, initial=0) == 0) & (mode.holds.rows[:, -1] < 0)):
+                self._impossible.add(key)
+                return -1
+            self._numbers[key] = self._store(mode)
+        return self._numbers[key]
+
+    def _store(self, mode: Mode) -> int:
+        from sim import affine_kernel as kernel
+
+        number, rows, tables = len(self.modes), len(mode.holds.rows), self._tables
+        most = max(rows, len(mode.stops))
+        if number >= tables.room or most > tables.rows:
+            room = 2 * tables.room if number >= tables.room else tables.room
+            tables = self._tables = tables.grown(room, max(tables.rows, most), tables.follow.shape[2])
+        speed = float(np.abs(np.linalg.eigvals(mode.matrix)).max(initial=0.0))
+        parts = max(1, int(np.ceil(speed * self.h / LARGEST_ANGLE)))
+        if parts > 1_000_000:
+            raise RunError(f"a time constant of {1 / speed:g} s is too short for a sample interval of {self.h:g} s")
+        length = self.h / parts
+        tables.counts[number], tables.stop_counts[number] = rows, len(mode.stops)
+        tables.strict[number, :rows] = mode.holds.strict
+        tables.stops[number, : len(mode.stops)] = mode.stops
+        tables.enter[number], tables.matrices[number], tables.lengths[number] = mode.enter, mode.matrix, length
+        kernel.prepare(
+            np.ascontiguousarray(mode.matrix),
+            np.ascontiguousarray(mode.holds.rows),
+            length,
+            2 * self.system.freedom,
+            tables.derivatives[number],
+            tables.products[number],
+            tables.steps[number],
+        )
+        self.modes.append(mode)
+        return number
+
+    def _holds(self, number: int, x: Array, scale: Array) -> Array | None:
+        """The state after entering the mode at x, or None if the mode does not hold there."""
+        from sim import affine_kernel as kernel
+
+        t = self._tables
+        if not kernel.resting(x, scale, t.stops[number], t.stop_counts[number]):
+            return None
+        entered: Array = t.enter[number] @ x
+        if kernel.holding(entered, scale, t.derivatives[number], t.strict[number], t.counts[number]) >= 0:
+            return None
+        return entered
+
+    def _possible(self, x: Array, scale: Array) -> list[list[int]]:
+        """Branches of every component that the state alone does not rule out."""
+        known = self.system.known
+        possible = []
+        for i in range(len(self.system.components)):
+            allowed = []
+            for branch, piece in enumerate(self.system.branches(i)):
+                by_state = piece.holds[~piece.holds[:, known:].any(axis=1)]
+                rows = self.system.state_rows(np.vstack([by_state, piece.stops, -piece.stops]))
+                loose = np.full(len(rows), 1e-11)
+                loose[len(by_state) :] = 1e-9
+                if np.all(rows @ x >= -loose * (np.abs(rows) @ scale)):
+                    allowed.append(branch)
+            possible.append(allowed)
+        return possible
+
+    def _near(self, key: tuple[int, ...], first: frozenset[int], allowed: list[list[int]]) -> Iterator[tuple[int, ...]]:
+        """Combinations that differ from `key`: in the components that broke, then in more and more others."""
+        others = [i for i in self._modal if i not in first]
+        tried = 0
+        for more in range(len(others) + 1):
+            for extra in combinations(others, more):
+                changing = [*sorted(first), *extra]
+                for choice in product(*(allowed[i] for i in changing)):
+                    new = dict(zip(changing, choice, strict=True))
+                    if any(new[i] == key[i] for i in extra) or (first and all(new[i] == key[i] for i in first)):
+                        continue
+                    tried += 1
+                    if tried > MOST_COMBINATIONS:
+                        return
+                    yield tuple(new.get(i, branch) for i, branch in enumerate(key))
+
+    def begin(self, x: Array) -> tuple[int, Array, list[tuple[int, int]]]:
+        """Return the mode at the start, the state in it, and (component, mode) of those that break away at once."""
+        scale = np.abs(x)
+        allowed = self._possible(x, scale)
+        for i, branches in enumerate(allowed):
+            if not branches:
+                raise RunError(f"{self.system.names[i]}: none of its branches holds at the start")
+        guess = tuple(branches[0] for branches in allowed)
+        choices = [guess, *self._near(guess, frozenset(), allowed)]
+        for key in choices:
+            number = self._number(key)
+            entered = self._holds(number, x, scale) if number >= 0 else None
+            if entered is not None:
+                return number, entered, self._broken_away(key, allowed)
+        raise RunError("no mode of the drive train holds at the start; give start values that agree with its friction")
+
+    def _broken_away(self, key: tuple[int, ...], allowed: list[list[int]]) -> list[tuple[int, int]]:
+        """Components at rest that could be stuck, but slide from the first instant on."""
+        out = []
+        for i in self._modal:
+            branches = self.system.branches(i)
+            rests = any(branches[branch].stops.size for branch in allowed[i])
+            mode = branches[key[i]].branch.mode
+            if rests and mode is not None and abs(mode) == 1:
+                out.append((i, mode))
+        return out
+
+    def _learn(self, mode: int, row: int, x: Array, scale: Array) -> int:
+        """Find the mode that follows when `row` of `mode` breaks at x; remember all that were looked at."""
+        key = self.modes[mode].key
+        owners = self.modes[mode].holds.owners[row]
+        allowed = self._possible(x, scale)
+        for new_key in self._near(key, owners, allowed):
+            number = self._number(new_key)
+            if number < 0:
+                continue
+            self._remember(mode, row, number)
+            if self._holds(number, x, scale) is not None:
+                return number
+        return -1
+
+    def _remember(self, mode: int, row: int, number: int) -> None:
+        follow = self._tables.follow[mode, row]
+        if number in follow:
+            return
+        if follow[-1] >= 0:
+            t = self._tables
+            self._tables = t.grown(t.room, t.rows, 2 * t.follow.shape[2])
+            follow = self._tables.follow[mode, row]
+        follow[int(np.argmax(follow < 0))] = number
+
+    # ---- running ----------------------------------------------------------------------------------------------
+
+    def run(self, samples: int, block: int) -> Iterator[Block]:
+        """Yield the samples 0 .. samples - 1 in blocks.
+
+        Raises
+        ------
+        RunError
+            when no mode continues, or events storm without time passing.
+        """
+        x = self.system.start()
+        mode, x, away = self.begin(x)
+        scale = np.abs(x)
+        times, changes = [0.0] * len(away), [[-1 - i, to] for i, to in away]
+        done = 0
+        while done < samples:
+            count = min(block, samples - done)
+            states, modes = np.empty((count, 2 * self.system.freedom)), np.empty(count, np.int32)
+            if done == 0:
+                states[0], modes[0] = x[: states.shape[1]], mode
+            begun = 1 if done == 0 else 0
+            mode, when, what = self._advance(x, scale, mode, done + begun - 1, states[begun:], modes[begun:])
+            when = np.concatenate([times, when])
+            what = np.concatenate([np.array(changes, np.int64).reshape(-1, 2), what])
+            yield Block(done, states, modes, when, what)
+            times, changes = [], []
+            done += count
+
+    def _advance(
+        self, x: Array, scale: Array, mode: int, begin: int, out: Array, modes: NDArray[np.int32]
+    ) -> tuple[int, Array, NDArray[np.int64]]:
+        """Fill the samples after sample `begin`, x being its state; return the last mode and all changes."""
+        from sim import affine_kernel as kernel
+
+        count = len(out)
+        where, offsets, values = self._stops(begin, count)
+        state = np.array([0, mode, 0, 0, -1, 0, 0], np.int64)
+        clock = np.zeros(1)
+        times, changes = [], []
+        log_where, log_modes = np.empty((LOG_ROWS, 2)), np.empty((LOG_ROWS, 2), np.int64)
+        while True:
+            t = self._tables
+            status = kernel.advance(
+                self.h, count, x, scale, state, clock, where, offsets, values,
+                t.matrices, t.steps, t.lengths, t.products, t.for_switch, out, modes, log_where, log_modes,
+            )  # fmt: skip
+            logged = int(state[kernel.LOGGED])
+            if logged:
+                times.append((begin + log_where[:logged, 0]) * self.h + log_where[:logged, 1])
+                changes.append(log_modes[:logged].copy())
+            state[kernel.LOGGED] = 0
+            if status == kernel.DONE:
+                when = np.concatenate(times) if times else np.empty(0)
+                what = np.concatenate(changes) if changes else np.empty((0, 2), np.int64)
+                return int(state[kernel.MODE]), when, what
+            now = (begin + state[kernel.SAMPLE]) * self.h + clock[0]
+            if status == kernel.STORM:
+                raise RunError(f"events storm at {now:.9g} s: {self._describe(int(state[kernel.MODE]))}")
+            if status == kernel.ASK:
+                old, row = int(state[kernel.MODE]), int(state[kernel.ROW])
+                if self._learn(old, row, x, scale) < 0:
+                    raise RunError(f"no mode continues at {now:.9g} s after {self._describe(old)}")
+
+    def _describe(self, mode: int) -> str:
+        words = []
+        for i in self._modal:
+            branch = self.system.branches(i)[self.modes[mode].key[i]].branch
+            names = self.system.components[i].mode_names
+            words.append(f"{self.system.names[i]} {names.get(branch.mode, branch.mode)}")  # type: ignore[arg-type]
+        return ", ".join(words)
+
+    def _stops(self, begin: int, count: int) -> tuple[NDArray[np.int64], Array, Array]:
+        """Instants of a block at which pieces of signals begin anew: interval, offset in it [s], values."""
+        t0, t1 = begin * self.h, (begin + count) * self.h
+        times = [signal.breakpoints(t0 - self.h, t1 + self.h) for signal in self.system.signals]
+        knots = np.unique(np.concatenate(times)) if times else np.empty(0)
+        position = knots / self.h
+        whole = np.rint(position)
+        on_grid = np.abs(position - whole) < 1e-9
+        interval = np.where(on_grid, whole - 1, np.floor(position)).astype(np.int64) - begin
+        offset = np.where(on_grid, self.h, knots - (interval + begin) * self.h)
+        inside = (interval >= 0) & (interval < count)
+        interval, offset, knots = interval[inside], offset[inside], knots[inside]
+        if self.system.signals:
+            seeds = np.arange(RESEED_SAMPLES, count + 1, RESEED_SAMPLES, dtype=np.int64) - 1
+            seeds = np.setdiff1d(seeds, interval[offset == self.h])
+            interval = np.concatenate([interval, seeds])
+            offset = np.concatenate([offset, np.full(len(seeds), self.h)])
+            knots = np.concatenate([knots, (begin + seeds + 1) * self.h])
+            order = np.lexsort((offset, interval))
+            interval, offset, knots = interval[order], offset[order], knots[order]
+        return interval, offset, self.system.signal_values(knots)
+
+
+def component_events(engine: ExactEngine, block: Block) -> Iterator[Event]:
+    """Translate changes of the train's mode into changes of its components' modes."""
+    known: dict[tuple[int, int], list[tuple[str, int, int, str, str]]] = {}
+    for time, (old, new) in zip(block.change_times.tolist(), block.changes.tolist(), strict=True):
+        if (old, new) not in known:
+            known[old, new] = list(_changes(engine, old, new))
+        for change in known[old, new]:
+            yield Event(time, *change)
+
+
+def _changes(engine: ExactEngine, old: int, new: int) -> Iterator[tuple[str, int, int, str, str]]:
+    system = engine.system
+    if old < 0:
+        yield named_change(system, -1 - old, STUCK, new)
+        return
+    for i, (a, b) in enumerate(zip(engine.modes[old].key, engine.modes[new].key, strict=True)):
+        was, now = (system.branches(i)[branch].branch.mode for branch in (a, b))
+        if was is not None and now is not None and was != now:
+            yield named_change(system, i, was, now)
+
+
+def named_change(system: System, i: int, was: int, now: int) -> tuple[str, int, int, str, str]:
+    """Component, old and new mode in numbers and in words."""
+    names = system.components[i].mode_names
+    return system.names[i], was, now, names.get(was, str(was)), names.get(now, str(now))

@@ -1,0 +1,485 @@
+"""Compiled inner loop of the exact engine: x' = M x from event to event, samples on an even grid.
+
+Importing this module imports numba; `sim.affine` does so at the first simulation. All functions stay in this file
+because numba's cache does not see changes in callees of other files.
+"""
+
+# mypy: disable-error-code="no-untyped-def,no-untyped-call"
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+DONE, ASK, STORM, LOG_FULL = 0, 1, 2, 3
+ORDER = 16
+"""Terms of the Taylor series; with steps of at most 0.7 over the largest eigenvalue the rest is below rounding."""
+DERIVATIVES = 5
+"""How many derivatives decide whether a branch holds at an instant where its inequality is just zero."""
+CHUNK = 8
+"""Samples per matrix product on the fast path."""
+TOLERANCE = 1e-11
+"""A value below this, relative to the terms it is the sum of, is zero."""
+INSTANT = 1e-15
+"""What happens within this time [s] happens at once."""
+STOP_TOLERANCE = 1e-9
+MAX_EVENTS = 2000
+"""Events within one sample interval from which on it is called a storm."""
+
+# positions in `state` (integers) and `clock` (floats)
+SAMPLE, MODE, STOP, LOGGED, ROW, EVENTS, CHECK = range(7)
+
+_jit = njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"}, nogil=True)
+
+
+@_jit
+def exponential(matrix, h):
+    """expm(matrix h) by Taylor series and squaring."""
+    n = matrix.shape[0]
+    norm = 0.0
+    for i in range(n):
+        total = 0.0
+        for j in range(n):
+            total += abs(matrix[i, j])
+        norm = max(norm, total * h)
+    squarings = 0
+    while norm > 0.5:
+        norm *= 0.5
+        squarings += 1
+    step = h / 2.0**squarings
+    out = np.eye(n)
+    term = np.eye(n)
+    for k in range(1, 20):
+        term = np.dot(term, matrix) * (step / k)
+        out += term
+    for _ in range(squarings):
+        out = np.dot(out, out)
+    return out
+
+
+@_jit
+def prepare(matrix, holds, h, moving, derivatives, product, step):
+    """Fill the tables of a mode: derivatives of its inequalities, the step matrix, the product of a chunk.
+
+    The product gives, from x, the first `moving` states after 1 .. CHUNK steps, then for each inequality its values
+    after these steps, then the signals after the last.
+    """
+    n, rows = matrix.shape[0], holds.shape[0]
+    current = holds.copy()
+    for k in range(DERIVATIVES):
+        derivatives[k, :rows, :] = current
+        current = np.dot(current, matrix)
+    step[:, :] = exponential(matrix, h)
+    power = np.eye(n)
+    for c in range(CHUNK):
+        power = np.dot(power, step)
+        margin = np.dot(holds, power)
+        for j in range(n):
+            for i in range(moving):
+                product[j, c * moving + i] = power[i, j]
+            for r in range(rows):
+                product[j, CHUNK * (moving + r) + c] = margin[r, j]
+    for j in range(n):
+        for i in range(moving, n - 1):
+            product[j, CHUNK * (moving + rows) + i - moving] = power[i, j]
+
+
+@_jit
+def holding(x, scale, derivatives, strict, rows):
+    """First inequality that does not hold from now on (value, else first derivative that is not zero), or -1."""
+    n = x.shape[0]
+    for r in range(rows):
+        size = 0.0
+        for j in range(n):
+            size += abs(derivatives[0, r, j]) * scale[j]
+        for k in range(DERIVATIVES):
+            value = 0.0
+            growth = 0.0
+            for j in range(n):
+                value += derivatives[k, r, j] * x[j]
+                if k + 1 < DERIVATIVES:
+                    growth += abs(derivatives[k + 1, r, j]) * scale[j]
+            least = TOLERANCE * size + INSTANT * growth
+            if value > least:
+                break
+            if value < -least:
+                return r
+            if k + 1 == DERIVATIVES and strict[r]:
+                return r
+            size = growth
+    return -1
+
+
+@_jit
+def resting(x, scale, stops, rows):
+    """Whether all speeds that a mode wants to be zero are zero."""
+    for r in range(rows):
+        value = 0.0
+        size = 0.0
+        for j in range(x.shape[0]):
+            value += stops[r, j] * x[j]
+            size += abs(stops[r, j]) * scale[j]
+        if abs(value) > STOP_TOLERANCE * size:
+            return False
+    return True
+
+
+@_jit
+def _series(matrix, x, terms):
+    """Taylor coefficients of x(t): terms[k] = matrix^k x / k!."""
+    n = x.shape[0]
+    for i in range(n):
+        terms[0, i] = x[i]
+    for k in range(1, ORDER + 1):
+        for i in range(n):
+            total = 0.0
+            for j in range(n):
+                total += matrix[i, j] * terms[k - 1, j]
+            terms[k, i] = total / k
+
+
+@_jit
+def _evaluate(terms, t, x):
+    for i in range(x.shape[0]):
+        total = terms[ORDER, i]
+        for k in range(ORDER - 1, -1, -1):
+            total = total * t + terms[k, i]
+        x[i] = total
+
+
+@_jit
+def _value(c, t):
+    total = c[ORDER]
+    for k in range(ORDER - 1, -1, -1):
+        total = total * t + c[k]
+    return total
+
+
+@_jit
+def _slope(c, t):
+    total = ORDER * c[ORDER]
+    for k in range(ORDER - 1, 0, -1):
+        total = total * t + k * c[k]
+    return total
+
+
+@_jit
+def _bend(c, t):
+    total = ORDER * (ORDER - 1) * c[ORDER]
+    for k in range(ORDER - 1, 1, -1):
+        total = total * t + k * (k - 1) * c[k]
+    return total
+
+
+@_jit
+def _root(c, low, high):
+    """Root of the polynomial between low (value >= 0) and high (value < 0): Newton kept within the bracket."""
+    t = high
+    f = _value(c, t)
+    for _ in range(80):
+        d = _slope(c, t)
+        new = t - f / d if d != 0.0 else low
+        if not (low < new < high):
+            new = 0.5 * (low + high)
+        if abs(new - t) <= 1e-17 + 2e-16 * abs(new):
+            return new
+        t = new
+        f = _value(c, t)
+        if f >= 0.0:
+            low = t
+        else:
+            high = t
+    return t
+
+
+@_jit
+def _bottom(c, low, high):
+    """Where the slope is zero between low (falling) and high (rising)."""
+    t = 0.5 * (low + high)
+    for _ in range(60):
+        d = _slope(c, t)
+        if d < 0.0:
+            low = t
+        else:
+            high = t
+        b = _bend(c, t)
+        new = t - d / b if b != 0.0 else low
+        if not (low < new < high):
+            new = 0.5 * (low + high)
+        if abs(new - t) <= 1e-15 * abs(high):
+            return new
+        t = new
+    return t
+
+
+@_jit
+def _zero(derivatives, r, scale):
+    """What is as good as zero for an inequality: rounding, and its growth within an instant."""
+    size = 0.0
+    growth = 0.0
+    for j in range(scale.shape[0]):
+        size += abs(derivatives[0, r, j]) * scale[j]
+        growth += abs(derivatives[1, r, j]) * scale[j]
+    return 1e-15 * size + INSTANT * growth
+
+
+@_jit
+def _first_crossing(c, dt, zero):
+    """First instant in [0, dt] from which on the polynomial is below -zero, or -1: also between two crossings."""
+    parts = 8
+    before = 0.0
+    f = c[0]
+    d = c[1]
+    for p in range(1, parts + 1):
+        t = dt * p / parts
+        g = _value(c, t)
+        e = _slope(c, t)
+        if g < -zero:
+            if f >= 0.0:
+                return _root(c, before, t)
+            if p == 1 and d <= 0.0:
+                return 0.0
+            if p == 1:
+                top = before
+                for q in range(1, 33):
+                    u = t * q / 32
+                    if _value(c, u) >= 0.0:
+                        top = u
+                if top > before:
+                    return _root(c, top, t)
+            return before
+        if d < 0.0 and e > 0.0 and f >= 0.0:
+            u = _bottom(c, before, t)
+            if _value(c, u) < -zero:
+                return _root(c, before, u)
+        before = t
+        f = g
+        d = e
+    return -1.0
+
+
+@_jit
+def _crossing(terms, derivatives, scale, rows, dt, c):
+    """First inequality that breaks within dt and when: (row, time), row -1 if none does."""
+    n = terms.shape[1]
+    first = -1
+    when = dt
+    for r in range(rows):
+        for k in range(ORDER + 1):
+            total = 0.0
+            for j in range(n):
+                total += derivatives[0, r, j] * terms[k, j]
+            c[k] = total
+        t = _first_crossing(c, when, _zero(derivatives, r, scale))
+        if t >= 0.0 and (t < when or first < 0):
+            when = t
+            first = r
+    return first, when
+
+
+@_jit
+def _suspicious(x, y, scale, dt, derivatives, rows):
+    """Whether an inequality may break between x and y = x(dt): negative at the end, or near zero against its bend."""
+    n = x.shape[0]
+    for r in range(rows):
+        f = 0.0
+        g = 0.0
+        d = 0.0
+        e = 0.0
+        for j in range(n):
+            f += derivatives[0, r, j] * x[j]
+            g += derivatives[0, r, j] * y[j]
+            d += derivatives[1, r, j] * x[j]
+            e += derivatives[1, r, j] * y[j]
+        if g < 0.0 and g < -_zero(derivatives, r, scale):
+            return True
+        if d < 0.0 and e > 0.0 and min(f, g) < 0.5 * dt * max(-d, e):
+            return True
+    return False
+
+
+@_jit
+def _near(y, moving, rows, x, derivatives):
+    """Whether any inequality of a chunk is negative or, between samples, could be (against its second difference)."""
+    for r in range(rows):
+        older = 0.0
+        for j in range(x.shape[0]):
+            older += derivatives[0, r, j] * x[j]
+        base = CHUNK * (moving + r)
+        low = older
+        step = y[base] - older
+        bend = 0.0
+        for s in range(CHUNK):
+            low = min(low, y[base + s])
+        for s in range(1, CHUNK):
+            new = y[base + s] - y[base + s - 1]
+            bend = max(bend, abs(new - step))
+            step = new
+        if low < bend:
+            return True
+    return False
+
+
+@_jit
+def _switch(x, scale, mode, row, tables, spare):
+    """Enter the first learnt mode that holds after `row` of `mode` broke; return it, or -1."""
+    counts, derivatives, strict, stops, stop_counts, enter, follow = tables
+    for k in range(follow.shape[2]):
+        new = follow[mode, row, k]
+        if new < 0:
+            return -1
+        if not resting(x, scale, stops[new], stop_counts[new]):
+            continue
+        for i in range(x.shape[0]):
+            total = 0.0
+            for j in range(x.shape[0]):
+                total += enter[new, i, j] * x[j]
+            spare[i] = total
+        if holding(spare, scale, derivatives[new], strict[new], counts[new]) < 0:
+            for i in range(x.shape[0]):
+                x[i] = spare[i]
+            return new
+    return -1
+
+
+@_jit
+def advance(
+    h, count, x, scale, state, clock, stop_sample, stop_offset, stop_values,
+    matrices, steps, lengths, products, tables, out, modes, log_where, log_modes,
+):  # fmt: skip
+    """Advance to the end of the block, or to where the caller is needed: ASK for a mode that is not learnt.
+
+    Shapes: x (n,), out (count, moving), modes (count,), products (modes, n, width): the first `moving` states are
+    angles and speeds, then come the signals, then one. Stops are instants at which the signals' pieces begin anew,
+    with sample interval, offset in it and values.
+    """
+    counts, derivatives, strict = tables[0], tables[1], tables[2]
+    n = x.shape[0]
+    moving = out.shape[1]
+    y = np.empty(products.shape[2])
+    spare = np.empty(n)
+    terms = np.empty((ORDER + 1, n))
+    c = np.empty(ORDER + 1)
+    flat = out.reshape(-1)
+    i = state[SAMPLE]
+    mode = state[MODE]
+    stop = state[STOP]
+    logged = state[LOGGED]
+    events = state[EVENTS]
+    s = clock[0]
+    status = DONE
+    asked = -1
+    check = state[CHECK] == 1
+    while i < count:
+        next_stop = stop_sample[stop] if stop < stop_sample.shape[0] else count + CHUNK
+        if not check and s == 0.0 and i + CHUNK <= min(next_stop, count) and lengths[mode] == h:
+            rows = counts[mode]
+            used = CHUNK * (moving + rows) + n - 1 - moving
+            product = products[mode]
+            for k in range(used):
+                y[k] = product[n - 1, k] * x[n - 1]
+            for j in range(n - 1):
+                xj = x[j]
+                line = product[j]
+                for k in range(used):
+                    y[k] += line[k] * xj
+            if not _near(y, moving, rows, x, derivatives[mode]):
+                base = i * moving
+                for k in range(CHUNK * moving):
+                    flat[base + k] = y[k]
+                for j in range(moving):
+                    x[j] = y[(CHUNK - 1) * moving + j]
+                    scale[j] = max(scale[j], abs(x[j]))
+                for j in range(moving, n - 1):
+                    x[j] = y[CHUNK * (moving + rows) + j - moving]
+                    scale[j] = max(scale[j], abs(x[j]))
+                for k in range(CHUNK):
+                    modes[i + k] = mode
+                i += CHUNK
+                continue
+        if not check:
+            events = 0
+        # one sample interval with care
+        crossed = -1
+        while True:
+            if check:
+                check = False
+                crossed = holding(x, scale, derivatives[mode], strict[mode], counts[mode])
+            if crossed >= 0:
+                events += 1
+                if events > MAX_EVENTS:
+                    status = STORM
+                    break
+                if logged >= log_where.shape[0]:
+                    status = LOG_FULL
+                    check = True
+                    break
+                for j in range(n):
+                    scale[j] = max(scale[j], abs(x[j]))
+                new = _switch(x, scale, mode, crossed, tables, spare)
+                if new < 0:
+                    status = ASK
+                    asked = crossed
+                    check = True
+                    break
+                log_where[logged, 0] = i
+                log_where[logged, 1] = s
+                log_modes[logged, 0] = mode
+                log_modes[logged, 1] = new
+                logged += 1
+                mode = new
+                crossed = -1
+            is_stop = next_stop == i
+            bound = min(stop_offset[stop], h) if is_stop else h
+            dt = min(lengths[mode], bound - s)
+            if dt > 0.0:
+                if dt == lengths[mode]:
+                    for a in range(n):
+                        total = 0.0
+                        for b in range(n):
+                            total += steps[mode, a, b] * x[b]
+                        spare[a] = total
+                    ready = False
+                else:
+                    _series(matrices[mode], x, terms)
+                    _evaluate(terms, dt, spare)
+                    ready = True
+                if _suspicious(x, spare, scale, dt, derivatives[mode], counts[mode]):
+                    if not ready:
+                        _series(matrices[mode], x, terms)
+                    crossed, when = _crossing(terms, derivatives[mode], scale, counts[mode], dt, c)
+                    if crossed >= 0:
+                        _evaluate(terms, when, x)
+                        s += when
+                        continue
+                for a in range(n):
+                    x[a] = spare[a]
+                s = bound if dt == bound - s else s + dt
+            if s >= bound:
+                if is_stop:
+                    for j in range(stop_values.shape[1]):
+                        x[moving + j] = stop_values[stop, j]
+                    stop += 1
+                    next_stop = stop_sample[stop] if stop < stop_sample.shape[0] else count + CHUNK
+                    check = True
+                    continue
+                if s >= h:
+                    break
+        if status != DONE:
+            break
+        for j in range(n):
+            scale[j] = max(scale[j], abs(x[j]))
+        for j in range(moving):
+            out[i, j] = x[j]
+        modes[i] = mode
+        s = 0.0
+        i += 1
+    state[SAMPLE] = i
+    state[MODE] = mode
+    state[STOP] = stop
+    state[LOGGED] = logged
+    state[ROW] = asked
+    state[EVENTS] = events
+    state[CHECK] = 1 if check else 0
+    clock[0] = s
+    return status

@@ -1,0 +1,174 @@
+"""From a combination of branches to x' = M x: eliminate accelerations and torques, also redundant and massless ones."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.affine_system import ZERO, Array, Constraints, Mode, System, no_inertia
+
+ROUNDING = 1e-13
+"""What is left of terms that cancel, relative to them."""
+
+
+def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
+    """Return the mode in which component i is in its branch key[i].
+
+    Two things make the plain system singular, and both are dealt with here. Shafts without inertia: the balance of
+    torques on them binds angles and speeds; it is differentiated until accelerations appear, and entering the mode
+    moves only what has no inertia. Torques that are not unique, as of two brakes that hold one shaft: the mode holds
+    as long as any share of the torques keeps all limits (Fourier-Motzkin elimination of what is free to choose).
+
+    Raises
+    ------
+    RunError
+        naming the flange that nothing holds.
+    """
+    known = system.known
+    pieces = [system.branches(i)[branch] for i, branch in enumerate(key)]
+    rows = _equations(system, key)
+    owners = [frozenset([i]) for i, piece in enumerate(pieces) for _ in piece.holds]
+    bound = system.state_rows(np.vstack([piece.stops for piece in pieces])) if pieces else np.zeros((0, 0))
+    solve, free, hidden = solve_unknowns(system, rows)
+    limits = np.vstack([piece.holds for piece in pieces])
+    strict = np.concatenate([piece.strict for piece in pieces])
+    by_state = _sum(system.state_rows(limits), limits[:, known:], solve)
+    constraints = _eliminate(by_state, limits[:, known:] @ free, strict, owners)
+    return Mode(
+        key=key,
+        matrix=_flow(system, solve),
+        holds=constraints,
+        stops=bound,
+        enter=_entry(system, np.vstack([bound, hidden])),
+        solve=solve,
+    )
+
+
+def _equations(system: System, key: tuple[int, ...]) -> Array:
+    """All equations of a mode, rows over (y, z): balances of the nodes, kinematics, laws of the branches."""
+    balances = np.zeros((system.node_count, system.width))
+    laws = [balances, _shifted(system, system.kinematics)]
+    for i, branch in enumerate(key):
+        piece = system.branches(i)[branch]
+        for node, torque in zip(piece.nodes, piece.torques, strict=True):
+            balances[node] += torque
+        laws.append(piece.equations)
+    return np.vstack(laws)
+
+
+def _shifted(system: System, rows: Array) -> Array:
+    """Rows of angles as rows of the accelerations."""
+    out = np.zeros_like(rows)
+    out[:, system.known : system.known + system.node_count] = rows[:, : system.node_count]
+    return out
+
+
+def _derivative(system: System, rows: Array) -> Array:
+    """Time derivative of rows over y, as rows over (y, z)."""
+    n, known = system.node_count, system.known
+    out = np.zeros_like(rows)
+    out[:, n : 2 * n] = rows[:, :n]
+    out[:, known : known + n] = rows[:, n : 2 * n]
+    for signal, (_, swing) in zip(system.signals, system.signal_columns, strict=True):
+        out[:, swing + 1] += rows[:, swing]
+        out[:, swing] -= signal.omega**2 * rows[:, swing + 1]
+    return out
+
+
+def solve_unknowns(system: System, rows: Array) -> tuple[Array, Array, Array]:
+    """Return z = solve x, the directions of z that are free to choose, and rows of x that must be zero."""
+    known = system.known
+    hidden = np.zeros((0, system.state_width))
+    for _ in range(4):
+        scale = np.abs(rows[:, known:]).max(axis=1)
+        usable = scale > 0
+        rows = np.vstack([rows[usable] / scale[usable, None], rows[~usable]])
+        unknown = rows[:, known:]
+        columns = np.maximum(np.abs(unknown).max(axis=0), 1e-300)
+        left, size, right = np.linalg.svd(unknown / columns)
+        rank = int(np.count_nonzero(size > ZERO * size[0])) if len(size) else 0
+        lost = left[:, rank:].T @ rows
+        bound = system.state_rows(lost)
+        real = np.abs(bound).max(axis=1) > ZERO * np.maximum(1.0, np.abs(rows[:, :known]).max())
+        if not real.any():
+            break
+        hidden = np.vstack([hidden, bound[real]])
+        lost[:, known:] = 0
+        rows = np.vstack([left[:, :rank].T @ rows, _derivative(system, lost[real])])
+    square = unknown.shape[0] == unknown.shape[1] == rank
+    scaled = unknown / columns
+    inverse = np.linalg.inv(scaled) if square else (right[:rank].T / size[:rank]) @ left[:, :rank].T
+    inverse[np.abs(inverse) <= ROUNDING * np.abs(inverse).max(initial=0.0)] = 0.0
+    inverse /= columns[:, None]
+    free = right[rank:].T / columns[:, None]
+    moving = np.abs(free[: system.node_count])
+    if moving.size and moving.max() > 1e-6 * np.abs(free).max():
+        raise no_inertia(system, moving.max(axis=1))
+    right_side = -system.state_rows(rows)
+    return _sum(np.zeros_like(inverse @ right_side), inverse, right_side), free, hidden
+
+
+def _sum(start: Array, left: Array, right: Array) -> Array:
+    """Return start + left @ right, in which terms that cancel to rounding are exactly zero."""
+    total = start + left @ right
+    total[np.abs(total) <= ROUNDING * (np.abs(start) + np.abs(left) @ np.abs(right))] = 0.0
+    return np.asarray(total)
+
+
+def _flow(system: System, solve: Array) -> Array:
+    """x' = M x: coordinates move with their speeds, speeds with the solved accelerations, signals by themselves."""
+    count = system.freedom
+    matrix = np.zeros((system.state_width, system.state_width))
+    matrix[:count, count : 2 * count] = np.eye(count)
+    matrix[count : 2 * count] = _sum(matrix[count : 2 * count], system.coordinates, solve[: system.node_count])
+    for signal, (_, swing) in zip(system.signals, system.signal_columns, strict=True):
+        column = swing - 2 * system.node_count + 2 * count
+        matrix[column, column + 1] = 1.0
+        matrix[column + 1, column] = -(signal.omega**2)
+    return matrix
+
+
+def _entry(system: System, rows: Array) -> Array:
+    """Return the map of x on entering: rows become zero by the least change, measured in kinetic energy."""
+    width, count = system.state_width, system.freedom
+    enter = np.eye(width)
+    energy = system.kinetic() if len(rows) else np.zeros((0, 0))
+    for part in (slice(count, 2 * count), slice(0, count)):
+        fast = np.abs(rows[:, count : 2 * count]).max(axis=1, initial=0) > 0
+        chosen = rows[fast] if part.start else rows[~fast]
+        chosen = chosen[np.abs(chosen[:, part]).max(axis=1, initial=0) > 0]
+        if not len(chosen):
+            continue
+        light = energy + 1e-9 * (np.trace(energy) / max(count, 1) + 1e-12) * np.eye(count)
+        moves = np.linalg.solve(light, chosen[:, part].T)
+        step = moves @ np.linalg.pinv(chosen[:, part] @ moves, rcond=1e-9)
+        change = np.eye(width)
+        change[part] -= step @ chosen
+        enter = enter @ change if part.start == 0 else change @ enter
+    return enter
+
+
+def _eliminate(rows: Array, free: Array, strict: NDArray[np.bool_], owners: list[frozenset[int]]) -> Constraints:
+    """Drop what is free to choose from rows . x + free . choice >= 0, and rows that always hold."""
+    for _ in range(free.shape[1]):
+        size = np.abs(free).max(axis=0)
+        if not size.any():
+            break
+        column = int(np.argmax(size))
+        share = free[:, column]
+        plus, minus, rest = (np.flatnonzero(test) for test in _signs(share))
+        pairs = [(i, j) for i in plus for j in minus]
+        new_rows = [rows[i] * -share[j] + rows[j] * share[i] for i, j in pairs]
+        new_free = [free[i] * -share[j] + free[j] * share[i] for i, j in pairs]
+        rows = np.vstack([rows[rest], *new_rows]) if len(rest) or pairs else rows[:0]
+        free = np.vstack([free[rest], *new_free]) if len(rest) or pairs else free[:0]
+        free[:, column] = 0
+        owners = [owners[i] for i in rest] + [owners[i] | owners[j] for i, j in pairs]
+        strict = np.array([*strict[rest], *([False] * len(pairs))], dtype=np.bool_)
+    size = np.abs(rows[:, :-1]).max(axis=1, initial=0)
+    kept = (size > 1e-13 * np.maximum(1.0, np.abs(rows[:, -1]))) | (rows[:, -1] < 0) | strict
+    rows = np.where(np.abs(rows) < 1e-15 * np.abs(rows).max(axis=1, initial=1e-300, keepdims=True), 0.0, rows)
+    return Constraints(rows[kept], strict[kept], tuple(owner for owner, keep in zip(owners, kept, strict=True) if keep))
+
+
+def _signs(share: Array) -> tuple[Array, Array, Array]:
+    small = ZERO * np.abs(share).max()
+    return share > small, share < -small, np.abs(share) <= small

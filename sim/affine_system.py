@@ -1,0 +1,322 @@
+"""Equations of a whole drive train, put together from its components' rows: one linear system per mode.
+
+A row is a vector over all variables: angles and speeds of the nodes, the signals' pieces, the constant one (together
+`y`, known at an instant), then accelerations of the nodes and unknown torques (together `z`, solved for). The state
+x = (q, v, signals, one) has as coordinates q the relative angles of compliant parts first, as Modelica prefers, so
+that no digits are lost between large angles.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.component import Branch, Component, Row, Signal, Variables
+from sim.components import Inertia
+from sim.drive_train import DriveTrain
+from sim.errors import CompositionError, RunError
+
+Array = NDArray[np.float64]
+ZERO = 1e-10
+"""Below this, relative to the largest, a coefficient or a pivot is rounding."""
+
+
+class _Rows(Variables):
+    """The variables of one component as rows; a flange on ground is a row of zeros."""
+
+    def __init__(self, system: "System", nodes: dict[str, int], first_unknown: int, signals: list[int]) -> None:
+        self._system, self._nodes, self._first, self._signals = system, nodes, first_unknown, signals
+        self._unit = system.unit
+        self.one = system.unit[system.known - 1]
+
+    def _node(self, flange: str, offset: int) -> Row:
+        node = self._nodes[flange]
+        return self._column(node + offset) if node >= 0 else np.zeros(self._system.width)
+
+    def _column(self, i: int) -> Row:
+        row: Row = self._unit[i]
+        return row
+
+    def phi(self, flange: str) -> Row:
+        return self._node(flange, 0)
+
+    def w(self, flange: str) -> Row:
+        return self._node(flange, self._system.node_count)
+
+    def a(self, flange: str) -> Row:
+        return self._node(flange, self._system.known)
+
+    def unknown(self, i: int) -> Row:
+        return self._column(self._first + i)
+
+    def signal(self, i: int = 0, derivative: int = 0) -> Row:
+        number = self._signals[i]
+        level, swing = self._system.signal_columns[number]
+        if derivative == 1:
+            return self._column(swing + 1)
+        if derivative == 2:
+            return -(self._system.signals[number].omega ** 2) * self._column(swing)
+        return self._column(swing) if level < 0 else self._column(level) + self._column(swing)
+
+    def now(self, row: Row) -> float:
+        return float(row[: self._system.known] @ self._system.point)
+
+
+@dataclass(frozen=True)
+class Constraints:
+    """A row of `holds` with the components that own it, after all unknowns are eliminated: g(x) = row . x >= 0.
+
+    Where `strict`, g may be zero at an instant but not for good.
+    """
+
+    rows: Array
+    strict: NDArray[np.bool_]
+    owners: tuple[frozenset[int], ...]
+
+
+@dataclass(frozen=True)
+class Mode:
+    """One combination of branches: x' = matrix x while all rows of `holds` are >= 0.
+
+    `stops` are speeds that must be zero to enter, `enter` maps x on entry, `solve` gives z = solve x.
+    """
+
+    key: tuple[int, ...]
+    matrix: Array
+    holds: Constraints
+    stops: Array
+    enter: Array
+    solve: Array
+
+
+class System:
+    """All rows of a train, and the linear system of each mode.
+
+    Raises
+    ------
+    CompositionError
+        when start values contradict each other or a shaft is fixed twice.
+    """
+
+    def __init__(self, train: DriveTrain) -> None:
+        self.train = train
+        self.names = list(train.components)
+        self.components: list[Component] = list(train.components.values())
+        node_of = self._number_nodes()
+        self._lay_out()
+        self.point = np.zeros(self.known)
+        first = self.known + self.node_count
+        self.rows: list[_Rows] = []
+        number = 0
+        for name, component in zip(self.names, self.components, strict=True):
+            nodes = {flange: node_of[f"{name}.{flange}"] for flange in component.flanges}
+            count = len(component.signals)
+            self.rows.append(_Rows(self, nodes, first, list(range(number, number + count))))
+            first, number = first + component.unknowns, number + count
+        self._choose_coordinates()
+        self.static = [self._pieces(i) if part.affine else None for i, part in enumerate(self.components)]
+        self.branch_counts = [len(self.branches(i)) for i in range(len(self.components))]
+
+    # ---- layout -----------------------------------------------------------------------------------------------
+
+    def _number_nodes(self) -> dict[str, int]:
+        node_of: dict[str, int] = {}
+        self.node_flanges: list[frozenset[str]] = []
+        for flanges in sorted(self.train.nodes(), key=lambda node: min(self._place(flange) for flange in node)):
+            only = next(iter(flanges))
+            name, _, flange = only.rpartition(".")
+            if len(flanges) == 1 and flange in self.train[name].grounded:
+                node_of[only] = -1
+                continue
+            node_of.update(dict.fromkeys(flanges, len(self.node_flanges)))
+            self.node_flanges.append(flanges)
+        self.node_count = len(self.node_flanges)
+        return node_of
+
+    def _place(self, flange: str) -> tuple[int, str]:
+        return self.names.index(flange.rpartition(".")[0]), flange
+
+    def _lay_out(self) -> None:
+        self.signals: list[Signal] = [signal for part in self.components for signal in part.signals]
+        column = 2 * self.node_count
+        self.signal_columns: list[tuple[int, int]] = []
+        for signal in self.signals:
+            self.signal_columns.append((column if signal.has_level else -1, column + signal.has_level))
+            column += 2 + signal.has_level
+        self.signal_width = column - 2 * self.node_count
+        self.known = column + 1
+        self.width = self.known + self.node_count + sum(part.unknowns for part in self.components)
+        self.unit = np.eye(self.width)
+
+    def signal_values(self, time_s: Array) -> Array:
+        """Pieces of all signals valid from the times on, shape (n, signal_width)."""
+        out = np.zeros((len(time_s), self.signal_width))
+        for signal, (level, swing) in zip(self.signals, self.signal_columns, strict=True):
+            pieces = signal.pieces(time_s)
+            first = swing - 2 * self.node_count
+            out[:, first : first + 2] = pieces[:, 1:]
+            if level >= 0:
+                out[:, first - 1] = pieces[:, 0]
+            else:
+                out[:, first] += pieces[:, 0]
+        return out
+
+    # ---- coordinates and start --------------------------------------------------------------------------------
+
+    def _choose_coordinates(self) -> None:
+        kinematics = [row for part, v in zip(self.components, self.rows, strict=True) for row in part.kinematics(v)]
+        self.kinematics = np.array(kinematics).reshape(-1, self.width)
+        n = self.node_count
+        relative: list[Row] = []
+        absolute: list[Row] = []
+        for part, v in zip(self.components, self.rows, strict=True):
+            (absolute if isinstance(part, Inertia) else relative).extend(row[:n] for row in part.states(v))
+        self.candidates = [*relative, *absolute, *np.eye(n)]
+        basis = _Basis(n)
+        fixed = [i for i, row in enumerate(self.kinematics) if basis.take(row[:n])]
+        for i, row in enumerate(self.kinematics):
+            if i not in fixed and abs(row[self.known - 1]) > 0:
+                raise CompositionError("a shaft is fixed at two angles; leave one Fixed out")
+        chosen = [row for row in self.candidates if basis.take(row)]
+        self.coordinates = np.array(chosen).reshape(-1, n)
+        count = len(chosen)
+        inverse = np.linalg.inv(np.vstack([self.kinematics[fixed, :n], self.coordinates])) if n else np.zeros((0, 0))
+        shape, offset = inverse[:, len(fixed) :], -inverse[:, : len(fixed)] @ self.kinematics[fixed, self.known - 1]
+        self.state_width = 2 * count + self.signal_width + 1
+        self.to_known = np.zeros((self.known, self.state_width))
+        self.to_known[:n, :count] = shape
+        self.to_known[:n, -1] = offset
+        self.to_known[n : 2 * n, count : 2 * count] = shape
+        self.to_known[2 * n :, 2 * count :] = np.eye(self.signal_width + 1)
+        self.freedom = count
+        self.fixed = fixed
+
+    def start(self) -> Array:
+        """Return the state at time 0: start values that were given, zero where none was."""
+        n = self.node_count
+        given = [
+            (name, start)
+            for name, part, v in zip(self.names, self.components, self.rows, strict=True)
+            for start in part.starts(v)
+        ]
+        state = np.zeros(self.state_width)
+        for level in range(2):
+            rows = slice(level * n, (level + 1) * n)
+            basis, system, values = _Basis(n), [], []
+            for i in self.fixed:
+                basis.take(self.kinematics[i, :n])
+                system.append(self.kinematics[i, :n])
+                values.append(0.0 if level else -float(self.kinematics[i, self.known - 1]))
+            for name, start in given:
+                row = start.row[rows]
+                if not row.any():
+                    continue
+                if basis.take(row):
+                    system.append(row)
+                    values.append(start.value)
+                    continue
+                so_far = np.linalg.lstsq(np.array(system), np.array(values), rcond=None)[0]
+                if abs(row @ so_far - start.value) > 1e-9 * (1 + abs(start.value)):
+                    what = "speed" if level else "angle"
+                    raise CompositionError(
+                        f"{name}: its start {what} {start.value:g} contradicts the others, which give {row @ so_far:g}"
+                    )
+            for row in self.candidates:
+                if basis.take(row):
+                    system.append(row)
+                    values.append(0.0)
+            nodes = np.linalg.solve(np.array(system), np.array(values)) if n else np.zeros(0)
+            state[level * self.freedom : (level + 1) * self.freedom] = self.coordinates @ nodes
+        state[2 * self.freedom : -1] = self.signal_values(np.zeros(1))[0]
+        state[-1] = 1.0
+        return state
+
+    # ---- rows of the branches ---------------------------------------------------------------------------------
+
+    def branches(self, i: int) -> "tuple[_Piece, ...]":
+        """All branches of component i, at `point` if it is not affine."""
+        static = self.static[i]
+        return self._pieces(i) if static is None else static
+
+    def _pieces(self, i: int) -> "tuple[_Piece, ...]":
+        part, v = self.components[i], self.rows[i]
+        kinematics = len(part.kinematics(v))
+        return tuple(_Piece.of(self, v, branch, part.unknowns - kinematics) for branch in part.branches(v))
+
+    def kinetic(self) -> Array:
+        """Inertia matrix in the coordinates, shape (freedom, freedom)."""
+        masses = np.zeros(self.node_count)
+        for part, v in zip(self.components, self.rows, strict=True):
+            if isinstance(part, Inertia):
+                masses += part.J * v.phi("flange_a")[: self.node_count]
+        shape = self.to_known[: self.node_count, : self.freedom]
+        return np.asarray(shape.T @ (masses[:, None] * shape))
+
+    def state_rows(self, rows: Array) -> Array:
+        """Rows of known variables as rows over the state."""
+        return np.asarray(rows[:, : self.known] @ self.to_known)
+
+
+@dataclass(frozen=True)
+class _Piece:
+    """A branch with its rows stacked: what it adds to the balance of each node, its equations and inequalities."""
+
+    branch: Branch
+    nodes: tuple[int, ...]
+    torques: Array
+    equations: Array
+    holds: Array
+    strict: NDArray[np.bool_]
+    stops: Array
+
+    @classmethod
+    def of(cls, system: System, v: _Rows, branch: Branch, equations: int) -> "_Piece":
+        if len(branch.equations) != equations:
+            raise CompositionError(f"a branch needs {equations} equations, has {len(branch.equations)}")
+        pairs = [(v._nodes[flange], row) for flange, row in branch.torques.items() if v._nodes[flange] >= 0]
+        return cls(
+            branch,
+            tuple(node for node, _ in pairs),
+            _stack([row for _, row in pairs], system.width),
+            _stack(branch.equations, system.width),
+            _stack((*branch.holds, *branch.moves), system.width),
+            np.array([False] * len(branch.holds) + [True] * len(branch.moves), dtype=np.bool_),
+            _stack(branch.stops, system.width),
+        )
+
+
+def _stack(rows: Sequence[Row], width: int) -> Array:
+    return np.array(rows, dtype=np.float64).reshape(-1, width)
+
+
+class _Basis:
+    """Rows taken one by one while they are independent of those taken before (Gram-Schmidt, twice)."""
+
+    def __init__(self, width: int) -> None:
+        self._taken = np.zeros((0, width))
+
+    def take(self, row: Row) -> bool:
+        size = float(np.linalg.norm(row))
+        if size == 0:
+            return False
+        rest = row / size
+        for _ in range(2):
+            rest = rest - self._taken.T @ (self._taken @ rest)
+        left = float(np.linalg.norm(rest))
+        if left < 1e-9:
+            return False
+        self._taken = np.vstack([self._taken, rest / left])
+        return True
+
+
+def describe(system: System, node: int) -> str:
+    """The flanges of a node in words."""
+    return " = ".join(sorted(system.node_flanges[node]))
+
+
+def no_inertia(system: System, direction: Array) -> RunError:
+    node = int(np.argmax(np.abs(direction)))
+    return RunError(
+        f"{describe(system, node)}: nothing there has inertia or holds it; add an Inertia, or connect it to one"
+    )

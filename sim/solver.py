@@ -1,0 +1,197 @@
+"""`simulate`: one call for every drive train; it picks the engine, and the result names it."""
+
+from collections import OrderedDict
+from collections.abc import Callable, Iterator, Mapping
+from functools import cached_property, partial
+from threading import Lock
+from typing import Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.affine import Block, ExactEngine, component_events
+from sim.affine_system import Array, System
+from sim.drive_train import DriveTrain
+from sim.errors import ParameterError, RunError, number
+from sim.trajectory import Channels, Trajectory
+
+Engine = Literal["exact", "runge-kutta"]
+MAX_DURATION_S = 1e6
+MAX_RATE_HZ = 1e6
+MEMORY_LIMIT_BYTES = 2_000_000_000
+"""Largest result that `simulate` returns at once; `stream` has no such limit."""
+BLOCK_SAMPLES = 262_144
+KEPT_ENGINES = 16
+
+_engines: OrderedDict[tuple[int, float], tuple[DriveTrain, ExactEngine]] = OrderedDict()
+_lock = Lock()
+
+
+def simulate(
+    drive_train: DriveTrain,
+    duration_s: float,
+    sample_rate_hz: float = 8000.0,
+    *,
+    engine: Engine | None = None,
+) -> Trajectory:
+    """Simulate a drive train from its start values.
+
+    Parameters
+    ----------
+    drive_train
+        What to simulate.
+    duration_s
+        How long [s], at most 1e6; the samples stand at 0, 1/rate, ... up to the duration.
+    sample_rate_hz
+        Samples per second of the result [Hz]; the solution does not depend on it.
+    engine
+        `exact` needs components that are affine in every mode (`drive_train.affine`); `runge-kutta` takes all. None:
+        exact where it can be.
+
+    Returns
+    -------
+    Trajectory
+        channels named `component.variable` of shape (n,), all events, and the engine's name.
+
+    Raises
+    ------
+    ParameterError, RunError, CompositionError
+        for a duration, rate or composition that cannot be, before any work; RunError where no motion continues.
+    """
+    samples = _samples(duration_s, sample_rate_hz)
+    if _pick(drive_train, engine) == "runge-kutta":
+        from sim.runge_kutta import simulate_runge_kutta
+
+        system = System(drive_train)
+        _check_memory(samples, system.state_width, duration_s)
+        return simulate_runge_kutta(system, samples, sample_rate_hz)
+    exact = _engine(drive_train, sample_rate_hz)
+    _check_memory(samples, exact.system.state_width, duration_s)
+    return _trajectory(exact, next(exact.run(samples, samples)), sample_rate_hz)
+
+
+def stream(
+    drive_train: DriveTrain, duration_s: float, sample_rate_hz: float = 8000.0, *, block_s: float = 30.0
+) -> Iterator[Trajectory]:
+    """Simulate with the exact engine and yield consecutive pieces of about `block_s` seconds, in bounded memory.
+
+    Raises
+    ------
+    ParameterError, RunError
+        as `simulate` does, with the first piece.
+    """
+    samples = _samples(duration_s, sample_rate_hz)
+    number("block_s", block_s, "s", above=0)
+    if _pick(drive_train, "exact") != "exact":
+        raise RunError("only the exact engine streams")
+    exact = _engine(drive_train, sample_rate_hz)
+    for block in exact.run(samples, max(1, round(block_s * sample_rate_hz))):
+        yield _trajectory(exact, block, sample_rate_hz)
+
+
+def _samples(duration_s: float, sample_rate_hz: float) -> int:
+    duration = number("duration_s", duration_s, "s", above=0, at_most=MAX_DURATION_S)
+    rate = number("sample_rate_hz", sample_rate_hz, "Hz", above=0, at_most=MAX_RATE_HZ)
+    return int(np.floor(duration * rate + 1e-6)) + 1
+
+
+def _check_memory(samples: int, width: int, duration_s: float) -> None:
+    if samples * width * 8 > MEMORY_LIMIT_BYTES:
+        longest = MEMORY_LIMIT_BYTES / (8 * width) * duration_s / samples
+        raise RunError(
+            f"duration_s: {duration_s:g} s at this rate needs {samples * width * 8 / 1e9:.1f} GB; at most "
+            f"{longest:.0f} s fit at once, or use stream() for pieces"
+        )
+
+
+def _pick(drive_train: DriveTrain, engine: Engine | None) -> Engine:
+    if engine not in (None, "exact", "runge-kutta"):
+        raise ParameterError(f"engine: must be 'exact' or 'runge-kutta', got {engine!r}")
+    if engine == "exact" and not drive_train.affine:
+        bent = [name for name, part in drive_train.components.items() if not part.affine]
+        raise RunError(f"engine: exact needs affine components; {', '.join(bent)} is not; use engine='runge-kutta'")
+    return engine or ("exact" if drive_train.affine else "runge-kutta")
+
+
+def _engine(drive_train: DriveTrain, sample_rate_hz: float) -> ExactEngine:
+    """Return the engine of this very train at this rate, with the modes that it has learnt."""
+    key = (id(drive_train), sample_rate_hz)
+    with _lock:
+        if key in _engines:
+            _engines.move_to_end(key)
+            return _engines[key][1]
+        engine = ExactEngine(System(drive_train), sample_rate_hz)
+        _engines[key] = (drive_train, engine)
+        while len(_engines) > KEPT_ENGINES:
+            _engines.popitem(last=False)
+        return engine
+
+
+def _trajectory(engine: ExactEngine, block: Block, sample_rate_hz: float) -> Trajectory:
+    time = (block.first + np.arange(len(block.states))) / sample_rate_hz
+    events = tuple(component_events(engine, block))
+    reader = _Reader(engine, block.states, block.modes, time)
+    return Trajectory(time, Channels(reader.sources), reader.units, events, "exact")
+
+
+class _Reader:
+    """Turns states and modes into named channels, each when it is asked for."""
+
+    def __init__(self, engine: ExactEngine, moving: Array, modes: NDArray[np.int32], time_s: Array) -> None:
+        self._engine, self._moving, self._modes, self._time = engine, moving, modes, time_s
+        self._solves = {int(i): engine.modes[i].solve for i in np.unique(modes)}
+        system = engine.system
+        self.units = channel_units(system)
+        self.sources: dict[str, Callable[[], Array]] = {
+            f"{name}.{channel}": partial(self._read, i, channel)
+            for i, name in enumerate(system.names)
+            for channel in channel_names(system, i)
+        }
+
+    @cached_property
+    def _states(self) -> Array:
+        system = self._engine.system
+        states = np.empty((len(self._time), system.state_width))
+        width = self._moving.shape[1]
+        states[:, :width] = self._moving
+        states[:, width:-1] = system.signal_values(self._time)
+        states[:, -1] = 1.0
+        return states
+
+    def _read(self, i: int, channel: str) -> Array:
+        branches = self._engine.system.branches(i)
+        out = np.empty(len(self._time))
+        for mode, solve in self._solves.items():
+            at = self._modes == mode if len(self._solves) > 1 else slice(None)
+            branch = branches[self._engine.modes[mode].key[i]].branch
+            if channel == "mode":
+                out[at] = 0 if branch.mode is None else branch.mode
+            elif channel in branch.channels:
+                out[at] = self._values(at, solve, branch.channels[channel])
+            else:
+                one, other = branch.powers[channel]
+                out[at] = self._values(at, solve, one) * self._values(at, solve, other)
+        return out
+
+    def _values(self, at: NDArray[np.bool_] | slice, solve: Array, row: Array) -> Array:
+        system = self._engine.system
+        by_state = row[: system.known] @ system.to_known + row[system.known :] @ solve
+        used = np.flatnonzero(by_state)
+        states = self._states if used.max(initial=0) >= self._moving.shape[1] else self._moving
+        return np.asarray(states[at][:, used] @ by_state[used])
+
+
+def channel_names(system: System, i: int) -> list[str]:
+    """Names of the channels of component i, those of its class that its branches speak of."""
+    branch = system.branches(i)[0].branch
+    names = [*branch.channels, *branch.powers]
+    return [*names, "mode"] if branch.mode is not None else names
+
+
+def channel_units(system: System) -> Mapping[str, str]:
+    """Unit of every channel of a train."""
+    return {
+        f"{name}.{channel}": part.units[channel]
+        for i, (name, part) in enumerate(zip(system.names, system.components, strict=True))
+        for channel in channel_names(system, i)
+    }
