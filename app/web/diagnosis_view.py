@@ -3,7 +3,6 @@
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from datetime import datetime
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,18 +15,15 @@ from app.service import Service
 from app.web import charts as draw
 from app.web.charts import Chart
 from app.web.pages.recordings import CREST_WINDOW_S, analysed, decoded, event_times, order_markers
-from app.web.svg import Marker, Series
 from app.web.templating import percent, quantity
+from app.web.trend import FEATURE, same_state, trend, when
 from app.web.words import Verdict, name_of, verdict_of
 from casebase.models import Case, Extractor, FeatureRow, StoredDiagnosis, StoredRecording
 from casebase.signals.crest import root_mean_square
 from casebase.signals.features import EXTRACTOR_VERSION
 
-TREND_FEATURE = "crest_factor_whole_record"
-SAME_STATE = 0.1
 PEAKS = 400
 SHOWN_PARTS = 8
-DAY_S = 86400.0
 
 
 @dataclass(frozen=True)
@@ -176,7 +172,7 @@ def features_of(session: Session, recording_id: str) -> dict[str, float | None]:
     stored = session.get(FeatureRow, (recording_id, EXTRACTOR_VERSION))
     extractor = session.get(Extractor, EXTRACTOR_VERSION)
     if stored is None or extractor is None:
-        return dict.fromkeys((TREND_FEATURE, "crest_factor_low_pass_200_hz_whole_record", "rms", "peak"))
+        return dict.fromkeys((FEATURE, "crest_factor_low_pass_200_hz_whole_record", "rms", "peak"))
     missing = np.unpackbits(np.frombuffer(stored.missing, np.uint8), count=len(extractor.names))
     values = zip(extractor.names, stored.finite.tolist(), missing.tolist(), strict=True)
     return {str(name): None if gone else value for name, value, gone in values}
@@ -189,31 +185,7 @@ def trend_of(session: Session, row: StoredRecording) -> Chart | None:
     statement = select(StoredRecording).where(
         StoredRecording.gearbox == row.gearbox, StoredRecording.axis == row.axis, StoredRecording.usable
     )
-    same = [one for one in session.scalars(statement.order_by(StoredRecording.id).limit(500)) if _same_state(one, row)]
-    points = [(one, features_of(session, one.id).get(TREND_FEATURE)) for one in same]
-    known = [(one, value) for one, value in points if value is not None]
-    if len(known) < 2:
-        return None
-    start = min(_when(one) for one, _ in known)
-    days = np.array([(_when(one) - start).total_seconds() / DAY_S for one, _ in known])
-    if days.max() < 1 / 24:
-        return None
-    values = np.array([value for _, value in known])
-    order = np.argsort(days, kind="stable")
-    now = (_when(row) - start).total_seconds() / DAY_S
-    return Chart(
-        "Crest factor of this gearbox over time",
-        (Series("crest factor, whole record", days[order], values[order]),),
-        f"days since {start:%Y-%m-%d}",
-        "crest factor [1]",
-        markers=(Marker(now, "this recording"),),
-    )
-
-
-def _when(row: StoredRecording) -> datetime:
-    return row.recorded_at or row.created_at
-
-
-def _same_state(one: StoredRecording, other: StoredRecording) -> bool:
-    pairs = ((one.speed_rad_s, other.speed_rad_s), (one.payload_kg_m2, other.payload_kg_m2))
-    return all(a == b or (a and b and abs(a - b) <= SAME_STATE * b) for a, b in pairs)
+    same = [one for one in session.scalars(statement.order_by(StoredRecording.id).limit(500)) if same_state(one, row)]
+    values = [(when(one), features_of(session, one.id).get(FEATURE)) for one in same]
+    points = [(at, value) for at, value in values if value is not None]
+    return trend("Crest factor of this gearbox over time", points, ((when(row), "this recording"),))

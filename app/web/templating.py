@@ -78,6 +78,12 @@ def origin_badge(origin: str) -> Markup:
     return Markup('<span class="badge {}">{}</span>').format(origin, origin)
 
 
+def changes(document: Mapping[str, object]) -> str:
+    """Write what an audit entry holds as words."""
+    told = [f"{name.replace('_', ' ')}: {value}" for name, value in document.items() if value not in (None, "", {}, [])]
+    return "; ".join(told) or "–"
+
+
 def _clock(zone: str) -> ZoneInfo:
     return ZoneInfo(zone)
 
@@ -99,7 +105,12 @@ def _environment() -> Environment:
         lstrip_blocks=True,
     )
     environment.filters.update(
-        quantity=quantity, percent=percent, label_badge=label_badge, origin_badge=origin_badge, shape=shape
+        changes=changes,
+        quantity=quantity,
+        percent=percent,
+        label_badge=label_badge,
+        origin_badge=origin_badge,
+        shape=shape,
     )
     environment.globals.update(version=version("gearcase"), shape_name=shape_name)
     return environment

@@ -4,7 +4,6 @@ from datetime import datetime
 from typing import Annotated
 from zoneinfo import ZoneInfo
 
-import numpy as np
 import tomli_w
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import RedirectResponse, Response
@@ -14,17 +13,15 @@ from sqlalchemy.orm import Session
 from app.errors import Unprocessable
 from app.service import Reading, TheService
 from app.web.charts import Chart
-from app.web.diagnosis_view import TREND_FEATURE, features_of
+from app.web.diagnosis_view import features_of
 from app.web.session import FromOurPage, PageOperator, PageViewer
-from app.web.svg import Band, Marker, Series
 from app.web.templating import render
+from app.web.trend import FEATURE, trend, when
 from casebase.axes import axis_history, get_axis, list_axes
 from casebase.models import MaintenanceMark, StoredRecording
 
 router = APIRouter(prefix="/axes")
 SECTION = "/axes"
-BASELINE = 5
-DAY_S = 86400.0
 
 
 @router.get("")
@@ -58,30 +55,18 @@ def trends(session: Session, axis: str, marks: list[MaintenanceMark]) -> list[tu
     statement = select(StoredRecording).where(StoredRecording.axis == axis, StoredRecording.usable)
     by_gearbox: dict[str, list[tuple[datetime, float]]] = {}
     for row in session.scalars(statement.order_by(StoredRecording.id).limit(2000)):
-        value = features_of(session, row.id).get(TREND_FEATURE)
+        value = features_of(session, row.id).get(FEATURE)
         if row.gearbox is not None and value is not None:
-            by_gearbox.setdefault(row.gearbox, []).append((row.recorded_at or row.created_at, value))
-    return [
-        (gearbox, _trend(gearbox, sorted(points), [m for m in marks if m.gearbox in (None, gearbox)]))
+            by_gearbox.setdefault(row.gearbox, []).append((when(row), value))
+    drawn = [
+        (gearbox, trend(f"Crest factor of gearbox {gearbox}", points, _texts(marks, gearbox)))
         for gearbox, points in sorted(by_gearbox.items())
-        if len(points) > 1
     ]
+    return [(gearbox, chart) for gearbox, chart in drawn if chart is not None]
 
 
-def _trend(gearbox: str, points: list[tuple[datetime, float]], marks: list[MaintenanceMark]) -> Chart:
-    start, values = points[0][0], np.array([value for _, value in points])
-    days = np.array([(when - start).total_seconds() / DAY_S for when, _ in points])
-    first = values[:BASELINE]
-    spread = 2 * float(first.std()) if first.size > 1 else 0.0
-    baseline = Band(f"baseline: first {first.size}", float(first.mean()) - spread, float(first.mean()) + spread)
-    return Chart(
-        f"Crest factor of gearbox {gearbox}",
-        (Series("crest factor, whole record", days, values),),
-        f"days since {start:%Y-%m-%d %H:%M}",
-        "crest factor [1]",
-        bands=(baseline,),
-        markers=tuple(Marker((mark.at - start).total_seconds() / DAY_S, mark.text[:24]) for mark in marks),
-    )
+def _texts(marks: list[MaintenanceMark], gearbox: str) -> list[tuple[datetime, str]]:
+    return [(mark.at, mark.text) for mark in marks if mark.gearbox in (None, gearbox)]
 
 
 @router.post("/{name}/marks", dependencies=[FromOurPage])
