@@ -217,7 +217,7 @@ def _friction(train: DriveTrain, place: Place) -> dict[str, Any]:
     """Friction of a shaft as the keywords of `Shaft`; plain parts add up, a Stribeck part must stand alone."""
     total = ShaftFriction()
     for name in place.frictions:
-        part = _as_shaft_friction(name, train[name])
+        part = shaft_friction_of(name, train[name])
         if len(place.frictions) > 1 and (part.stribeck or part.drift):
             raise CompositionError(f"{name}: friction with Stribeck or drift must be the only one on its shaft")
         total = ShaftFriction(
@@ -227,6 +227,7 @@ def _friction(train: DriveTrain, place: Place) -> dict[str, Any]:
             viscous_backward=_backward(total, "viscous") + _backward(part, "viscous"),
             stribeck=part.stribeck,
             stribeck_speed=part.stribeck_speed,
+            stribeck_exponent=part.stribeck_exponent,
             drift=part.drift,
         )
     return {
@@ -236,6 +237,7 @@ def _friction(train: DriveTrain, place: Place) -> dict[str, Any]:
         "viscous_backward_n_m_s": _backward(total, "viscous"),
         "stribeck_n_m": total.stribeck,
         "stribeck_speed_rad_s": total.stribeck_speed,
+        "stribeck_exponent": total.stribeck_exponent,
         "drift_per_s": total.drift,
     }
 
@@ -245,7 +247,8 @@ def _backward(friction: ShaftFriction, name: str) -> float:
     return float(getattr(friction, name) if value is None else value)
 
 
-def _as_shaft_friction(name: str, part: Component) -> ShaftFriction:
+def shaft_friction_of(name: str, part: Component) -> ShaftFriction:
+    """Friction of a shaft in the terms of engine 2. Raises CompositionError for a bent table or a peak."""
     if isinstance(part, ShaftFriction):
         return part
     if isinstance(part, Damper):

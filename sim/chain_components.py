@@ -97,8 +97,8 @@ class GearMesh(ElastoBacklash, SeriesOnly):
 class ShaftFriction(SeriesOnly):
     """Friction of a shaft against its support, stuck at standstill as long as the torque is within its limits.
 
-    tau = [(coulomb + stribeck exp(-(|w| / stribeck_speed)^2)) sign w + viscous w] (1 + drift t), with the `_backward`
-    values for w < 0; None means that they are those of w > 0.
+    tau = [(coulomb + stribeck exp(-(|w| / stribeck_speed)^stribeck_exponent)) sign w + viscous w] (1 + drift t),
+    with the `_backward` values for w < 0; None means that they are those of w > 0.
     """
 
     coulomb: float = 0.0
@@ -107,6 +107,7 @@ class ShaftFriction(SeriesOnly):
     viscous_backward: float | None = None
     stribeck: float = 0.0
     stribeck_speed: float = 1.0
+    stribeck_exponent: float = 2.0
     drift: float = 0.0
 
     flanges: ClassVar[tuple[str, ...]] = ("flange_a", "flange_b", "support")
@@ -119,6 +120,7 @@ class ShaftFriction(SeriesOnly):
                 number(f"ShaftFriction.{name}", getattr(self, name), "N.m", at_least=0)
         number("ShaftFriction.stribeck", self.stribeck, "N.m", at_least=-self.coulomb)
         number("ShaftFriction.stribeck_speed", self.stribeck_speed, "rad/s", above=0)
+        number("ShaftFriction.stribeck_exponent", self.stribeck_exponent, "1", above=0)
         number("ShaftFriction.drift", self.drift, "1/s")
 
 

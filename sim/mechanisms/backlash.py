@@ -1,0 +1,34 @@
+"""Play between the teeth: more than the gear had as new."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from sim.axis import Axis
+from sim.components import ElastoBacklash
+from sim.drive_train import DriveTrain
+from sim.errors import CompositionError
+from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.places import axis_of, meshes
+
+
+class Backlash(Mechanics):
+    """Total gap of a mesh; the teeth hit each other when the torque changes its sign."""
+
+    name: ClassVar[str] = "backlash"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("gap_rad", "rad", 0.0, 0.1, 1e-3),)
+    size: ClassVar[str] = "gap_rad"
+    signature: ClassVar[Signature] = Signature("reversal", per_cycle=2, direction="reversal", grows_with="speed")
+    equations: ClassVar[str] = "F = 0 while |x| < gap / 2, else c (|x| - gap / 2) + d x' on the flank in contact"
+    source: ClassVar[str] = "Modelica.Mechanics.Rotational.Components.ElastoBacklash, Modelica Standard Library 4.1"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return meshes(axis)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        place = self.placed(axis_of(train))
+        name = place if place in train.components and axis_of(train).stages else "coupling"
+        part = train[name]
+        if not isinstance(part, ElastoBacklash):
+            raise CompositionError(f"{name}: must be an ElastoBacklash to have backlash")
+        return train.replace(name, replace(part, b=max(part.b, self["gap_rad"])))

@@ -1,0 +1,44 @@
+"""A damaged rolling bearing: impulses at an order of its shaft that is no whole number."""
+
+import math
+from typing import ClassVar
+
+from sim.axis import Axis
+from sim.chain_components import MeshLine, TorqueRipple
+from sim.drive_train import DriveTrain
+from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.places import axis_of, shaft_name, unused_name
+
+HARMONICS = 5
+
+
+class BearingDefect(Mechanics):
+    """Short torque pulses `order` times per revolution of the shaft, as their first five harmonics.
+
+    Order of the outer race n / 2 (1 - d / D cos a), of the inner race n / 2 (1 + d / D cos a).
+    """
+
+    name: ClassVar[str] = "bearing_defect"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("order", "1", 0.1, 200.0, 5.21),
+        Parameter("torque_n_m", "N m", 0.0, 1e3, 0.05),
+        Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
+    )
+    size: ClassVar[str] = "torque_n_m"
+    signature: ClassVar[Signature] = Signature("angle", order="order")
+    equations: ClassVar[str] = "tau on the shaft = torque sum of sin(k (order theta + phase)), k = 1 to 5"
+    source: ClassVar[str] = "McFadden and Smith, J. Sound Vib. 96 (1984) 69"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return axis.locations
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        place = self.placed(axis_of(train))
+        if self["torque_n_m"] == 0:
+            return train
+        lines = tuple(
+            MeshLine(k * self["order"], self["torque_n_m"], k * self["phase_rad"]) for k in range(1, HARMONICS + 1)
+        )
+        shaft = shaft_name(train, place)
+        return train.add(unused_name(train, f"{place}_bearing"), TorqueRipple(lines), flange=f"{shaft}.flange_a")

@@ -1,0 +1,31 @@
+"""Dry friction that the description lacks."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from sim.axis import Axis
+from sim.drive_train import DriveTrain
+from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
+
+
+class CoulombFriction(Mechanics):
+    """Torque against the motion, felt at the motor whichever bearing it sits in."""
+
+    name: ClassVar[str] = "coulomb_friction"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("torque_n_m", "N m", 0.0, 1e4, 0.2),)
+    size: ClassVar[str] = "torque_n_m"
+    signature: ClassVar[Signature] = Signature("speed", direction="opposite")
+    equations: ClassVar[str] = "tau = torque sign(w)"
+    source: ClassVar[str] = "Coulomb friction with stick: BearingFriction of the Modelica Standard Library 4.1"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return ends(axis)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        place = self.placed(axis_of(train))
+        old = friction_at(train, place)
+        more = self["torque_n_m"] * axis_of(train).ratio_from("motor") / axis_of(train).ratio_from(place)
+        back = None if old.coulomb_backward is None else old.coulomb_backward + more
+        return with_friction(train, place, replace(old, coulomb=old.coulomb + more, coulomb_backward=back))

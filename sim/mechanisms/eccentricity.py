@@ -1,0 +1,33 @@
+"""A wheel whose teeth do not run round its axis."""
+
+import math
+from typing import ClassVar
+
+from sim.axis import Axis
+from sim.drive_train import DriveTrain
+from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.places import axis_of, wheels, with_error
+
+
+class Eccentricity(Mechanics):
+    """Transmission error once per revolution of the wheel, felt at the driven gear of its mesh."""
+
+    name: ClassVar[str] = "eccentricity"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("amplitude_rad", "rad", 0.0, 0.05, 1e-3),
+        Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
+    )
+    size: ClassVar[str] = "amplitude_rad"
+    signature: ClassVar[Signature] = Signature("angle", order=1, direction="same")
+    equations: ClassVar[str] = "x = theta_driver / i - theta_driven - amplitude sin(theta + phase)"
+    source: ClassVar[str] = "kinematic error of first order, 2 e tan(alpha) / r_b for an eccentric wheel of offset e"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return wheels(axis)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        place = self.placed(axis_of(train))
+        if self["amplitude_rad"] == 0:
+            return train
+        return with_error(train, place, 1.0, self["amplitude_rad"], self["phase_rad"])

@@ -1,0 +1,39 @@
+"""An encoder mounted off its axis."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from casebase.signals.telemetry import Telemetry
+from sim.axis import Axis
+from sim.mechanism import Measurement, Parameter, Signature
+
+
+class EncoderError(Measurement):
+    """The angle is wrong by a sine once per revolution of its shaft, and the speed accordingly."""
+
+    name: ClassVar[str] = "encoder_error"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("amplitude_rad", "rad", 0.0, 0.1, 1e-3),
+        Parameter("phase_rad", "rad", -np.pi, np.pi, 0.0, periodic=True),
+    )
+    size: ClassVar[str] = "amplitude_rad"
+    signature: ClassVar[Signature] = Signature("angle", order=1)
+    equations: ClassVar[str] = "measured = theta + amplitude sin(theta + phase)"
+    source: ClassVar[str] = "eccentric disc: e / r of the grating"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str | None, ...]:
+        return ("load", "motor")
+
+    def distort(self, telemetry: Telemetry, axis: Axis, seed: int = 0) -> Telemetry:
+        end = self.placed(axis)
+        channels = dict(telemetry.channels)
+        position, speed = f"{end}_position_rad", f"{end}_speed_rad_s"
+        if position in channels:
+            theta = channels[position] + self["phase_rad"]
+            channels[position] = channels[position] + self["amplitude_rad"] * np.sin(theta)
+            if speed in channels:
+                channels[speed] = channels[speed] * (1 + self["amplitude_rad"] * np.cos(theta))
+        return replace(telemetry, channels=channels)

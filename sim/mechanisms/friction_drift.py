@@ -1,0 +1,34 @@
+"""Friction that changes while the axis runs, as the lubricant warms up."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from sim.axis import Axis
+from sim.drive_train import DriveTrain
+from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.places import axis_of, friction_at, with_friction
+
+
+class FrictionDrift(Mechanics):
+    """All Coulomb and viscous friction times (1 + rate t), at every shaft or at the one of its location."""
+
+    name: ClassVar[str] = "friction_drift"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("rate_per_s", "1/s", -0.1, 0.1, -0.005),)
+    size: ClassVar[str] = "rate_per_s"
+    signature: ClassVar[Signature] = Signature("time", direction="opposite", grows_with="time")
+    equations: ClassVar[str] = "tau = (tau_C sign(w) + d w) (1 + rate t)"
+    source: ClassVar[str] = "warming joints: Bittencourt and Gunnarsson, J. Dyn. Syst. Meas. Control 134 (2012) 051013"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str | None, ...]:
+        return (None, "motor", "load")
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        place = self.placed(axis_of(train))
+        if self["rate_per_s"] == 0:
+            return train
+        for end in (place,) if place else ("motor", "load"):
+            old = friction_at(train, end)
+            if old.coulomb or old.viscous or old.stribeck:
+                train = with_friction(train, end, replace(old, drift=old.drift + self["rate_per_s"]))
+        return train

@@ -1,0 +1,35 @@
+"""An arm whose weight is not balanced."""
+
+import math
+from typing import ClassVar
+
+from sim.axis import Axis
+from sim.chain_components import Gravity
+from sim.drive_train import DriveTrain
+from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.places import axis_of, shaft_name, unused_name
+
+
+class GravityImbalance(Mechanics):
+    """The weight pulls the load towards theta = -phase."""
+
+    name: ClassVar[str] = "gravity_imbalance"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("torque_n_m", "N m", 0.0, 1e5, 50.0),
+        Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
+    )
+    size: ClassVar[str] = "torque_n_m"
+    signature: ClassVar[Signature] = Signature("angle", order=1)
+    equations: ClassVar[str] = "tau on the load = -torque sin(theta_load + phase)"
+    source: ClassVar[str] = "pendulum"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return ("load",)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        self.placed(axis_of(train))
+        if self["torque_n_m"] == 0:
+            return train
+        arm = Gravity(self["torque_n_m"], self["phase_rad"])
+        return train.add(unused_name(train, "gravity"), arm, flange=f"{shaft_name(train, 'load')}.flange_b")

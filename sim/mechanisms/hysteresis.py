@@ -1,0 +1,36 @@
+"""A transmission that gives back less than it took: lost motion without a gap."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from sim.axis import Axis
+from sim.drive_train import DriveTrain
+from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.places import axis_of, gear_mesh, meshes
+
+
+class Hysteresis(Mechanics):
+    """A friction torque beside the spring that builds up over a small twist."""
+
+    name: ClassVar[str] = "hysteresis"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("torque_n_m", "N m", 0.0, 1e5, 20.0),
+        Parameter("width_rad", "rad", 1e-8, 0.1, 1e-4),
+    )
+    size: ClassVar[str] = "torque_n_m"
+    signature: ClassVar[Signature] = Signature("twist", direction="opposite")
+    equations: ClassVar[str] = "F = c x + d x' + z, z' = x' (torque - sign(x') z) / width"
+    source: ClassVar[str] = "Dahl, AIAA Journal 14 (1976) 1675"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return meshes(axis)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        place = self.placed(axis_of(train))
+        if self[self.size] == 0:
+            return train
+        name, mesh = gear_mesh(train, place)
+        return train.replace(
+            name, replace(mesh, hysteresis=mesh.hysteresis + self["torque_n_m"], hysteresis_width=self["width_rad"])
+        )

@@ -1,0 +1,38 @@
+"""Loss in a mesh that grows with the torque it carries."""
+
+from typing import ClassVar
+
+from sim.axis import Axis
+from sim.components import IdealGear, LossyGear
+from sim.drive_train import DriveTrain
+from sim.errors import CompositionError
+from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.places import axis_of, stage_names
+
+
+class LoadDependentLoss(Mechanics):
+    """A fraction of the torque in the mesh acts against the motion, on top of the efficiency that is described."""
+
+    name: ClassVar[str] = "load_dependent_loss"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("fraction", "1", 0.0, 0.5, 0.05),)
+    size: ClassVar[str] = "fraction"
+    signature: ClassVar[Signature] = Signature("torque", direction="opposite", grows_with="load")
+    equations: ClassVar[str] = "tau_a = tau_load (1 + fraction) when the driver drives, tau_load (1 - fraction) else"
+    source: ClassVar[str] = "LossyGear of the Modelica Standard Library 4.1 with eta = 1 / (1 + f), 1 - f"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return stage_names(axis)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        name = f"{self.placed(axis_of(train))}_gear"
+        fraction = self["fraction"]
+        if fraction == 0:
+            return train
+        gear = train[name]
+        if isinstance(gear, IdealGear):
+            return train.replace(name, LossyGear(gear.ratio, [0, 1 / (1 + fraction), 1 - fraction, 0, 0]))
+        if not isinstance(gear, LossyGear):
+            raise CompositionError(f"{name}: must be a gear to have a loss")
+        rows = [[w, eta1 / (1 + fraction), eta2 * (1 - fraction), *bf] for w, eta1, eta2, *bf in gear.table.rows]
+        return train.replace(name, LossyGear(gear.ratio, rows))

@@ -1,0 +1,34 @@
+"""An error that every tooth has: it repeats with the mesh."""
+
+import math
+from typing import ClassVar
+
+from sim.axis import Axis
+from sim.drive_train import DriveTrain
+from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.places import axis_of, stage_names, teeth, with_error
+
+
+class MeshError(Mechanics):
+    """Transmission error once per tooth, felt at the driven gear."""
+
+    name: ClassVar[str] = "mesh_error"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("amplitude_rad", "rad", 0.0, 0.02, 1e-4),
+        Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
+    )
+    size: ClassVar[str] = "amplitude_rad"
+    signature: ClassVar[Signature] = Signature("angle", order="mesh", grows_with="speed")
+    equations: ClassVar[str] = "x = theta_driver / i - theta_driven - amplitude sin(z theta_driven + phase)"
+    source: ClassVar[str] = "static transmission error at tooth frequency: Harris, Proc. IMechE 172 (1958) 87"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return stage_names(axis)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        place = self.placed(axis_of(train))
+        if self["amplitude_rad"] == 0:
+            return train
+        order = float(teeth(axis_of(train), place))
+        return with_error(train, place, order, self["amplitude_rad"], self["phase_rad"])

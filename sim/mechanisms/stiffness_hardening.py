@@ -1,0 +1,31 @@
+"""A transmission that becomes stiffer as it is twisted."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from sim.axis import Axis
+from sim.drive_train import DriveTrain
+from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.places import axis_of, gear_mesh, meshes
+
+
+class StiffnessHardening(Mechanics):
+    """Cubic spring: at the twist x the torque is 1 + cubic x^2 times that of the straight one."""
+
+    name: ClassVar[str] = "stiffness_hardening"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("cubic_per_rad2", "1/rad2", 0.0, 1e9, 1e4),)
+    size: ClassVar[str] = "cubic_per_rad2"
+    signature: ClassVar[Signature] = Signature("twist", grows_with="twist")
+    equations: ClassVar[str] = "F = c x (1 + cubic x^2) + d x'"
+    source: ClassVar[str] = "stiffness in steps K1 < K2 < K3 of strain wave gears, as a smooth curve"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return meshes(axis)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        place = self.placed(axis_of(train))
+        if self[self.size] == 0:
+            return train
+        name, mesh = gear_mesh(train, place)
+        return train.replace(name, replace(mesh, cubic=mesh.cubic + self["cubic_per_rad2"]))

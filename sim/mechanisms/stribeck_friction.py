@@ -1,0 +1,36 @@
+"""Friction that falls as a film of lubricant builds up."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from sim.axis import Axis
+from sim.drive_train import DriveTrain
+from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
+
+
+class StribeckFriction(Mechanics):
+    """On top of Coulomb friction at standstill, gone well above its speed; both at the shaft of its location."""
+
+    name: ClassVar[str] = "stribeck_friction"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("torque_n_m", "N m", 0.0, 1e4, 0.2),
+        Parameter("speed_rad_s", "rad/s", 1e-6, 1e4, 10.0),
+        Parameter("exponent", "1", 0.3, 4.0, 2.0),
+    )
+    size: ClassVar[str] = "torque_n_m"
+    signature: ClassVar[Signature] = Signature("speed", direction="opposite")
+    equations: ClassVar[str] = "tau = (tau_C + torque exp(-(|w| / speed)^exponent)) sign(w)"
+    source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return ends(axis)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        place = self.placed(axis_of(train))
+        if self["torque_n_m"] == 0:
+            return train
+        old = friction_at(train, place)
+        changes = {"stribeck_speed": self["speed_rad_s"], "stribeck_exponent": self["exponent"]}
+        return with_friction(train, place, replace(old, stribeck=old.stribeck + self["torque_n_m"], **changes))

@@ -1,0 +1,43 @@
+"""An arm or a stand that swings by itself: a part of the load on a spring of its own."""
+
+import math
+from dataclasses import replace
+from typing import ClassVar
+
+from sim.axis import Axis
+from sim.components import Inertia, SpringDamper
+from sim.drive_train import DriveTrain
+from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.places import axis_of, inertia, shaft_name, unused_name
+
+
+class StructuralResonance(Mechanics):
+    """A share of the load's inertia hangs on a spring; its frequency is that with the rest of the load held."""
+
+    name: ClassVar[str] = "structural_resonance"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("frequency_hz", "Hz", 0.1, 1000.0, 20.0),
+        Parameter("share", "1", 0.0, 0.9, 0.1),
+        Parameter("damping_ratio", "1", 0.0, 1.0, 0.02),
+    )
+    size: ClassVar[str] = "share"
+    signature: ClassVar[Signature] = Signature("frequency")
+    equations: ClassVar[str] = "share J (a_s) = -c x - d x', c = share J (2 pi f)^2, d = 2 zeta share J 2 pi f"
+    source: ClassVar[str] = "dynamic vibration absorber: Den Hartog, Mechanical Vibrations (1956), chapter 3"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return ("load",)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        self.placed(axis_of(train))
+        if self["share"] == 0:
+            return train
+        name = shaft_name(train, "load")
+        load = inertia(train, name)
+        part = load.J * self["share"]
+        omega = 2 * math.pi * self["frequency_hz"]
+        spring = SpringDamper(c=part * omega**2, d=2 * self["damping_ratio"] * part * omega)
+        train = train.replace(name, replace(load, J=load.J - part))
+        hung = {unused_name(train, "structure"): spring, unused_name(train, "structure_mass"): Inertia(J=part)}
+        return train.branch(f"{name}.flange_b", **hung)

@@ -1,0 +1,34 @@
+"""Channels that were not sampled at the same time."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+import numpy as np
+
+from casebase.signals.telemetry import Telemetry
+from sim.axis import Axis
+from sim.mechanism import Measurement, Parameter, Signature
+
+
+class TimeDelay(Measurement):
+    """The channels of one shaft come late."""
+
+    name: ClassVar[str] = "time_delay"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", 0.0, 1.0, 2e-3),)
+    size: ClassVar[str] = "delay_s"
+    signature: ClassVar[Signature] = Signature("recording", grows_with="speed")
+    equations: ClassVar[str] = "measured(t) = true(t - delay)"
+    source: ClassVar[str] = "buffers between drive and recorder"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str | None, ...]:
+        return ("load", "motor")
+
+    def distort(self, telemetry: Telemetry, axis: Axis, seed: int = 0) -> Telemetry:
+        prefix = f"{self.placed(axis)}_"
+        late = telemetry.time_s - self["delay_s"]
+        channels = {
+            name: np.interp(late, telemetry.time_s, values) if name.startswith(prefix) else values
+            for name, values in telemetry.channels.items()
+        }
+        return replace(telemetry, channels=channels)

@@ -1,0 +1,49 @@
+"""A notch, a broken or chipped tooth: material is missing on one flank of one tooth (the paper's notch)."""
+
+import math
+from dataclasses import replace
+from typing import ClassVar
+
+from sim.axis import Axis
+from sim.chain_components import MeshDent, Wheel
+from sim.drive_train import DriveTrain
+from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.places import axis_of, gear_mesh, teeth, wheels
+
+
+class ToothDamage(Mechanics):
+    """Contact on the damaged flank comes later by the depth while that tooth is in mesh.
+
+    Flank 1 carries positive torque to the driven gear. So the damage is felt when the contact force is on that flank,
+    whatever the direction of motion. Width 0 means one pitch of the teeth on either side.
+    """
+
+    name: ClassVar[str] = "tooth_damage"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("angle_rad", "rad", 0.0, 2 * math.pi, 1.1, periodic=True),
+        Parameter("depth_rad", "rad", 0.0, 0.05, 1e-3),
+        Parameter("flank", "1", -1.0, 1.0, 1.0, choices=(-1.0, 1.0)),
+        Parameter("width_rad", "rad", 0.0, math.pi, 0.0),
+    )
+    size: ClassVar[str] = "depth_rad"
+    signature: ClassVar[Signature] = Signature(
+        "angle", order=1, per_cycle=1, flank="one", direction="one", grows_with="load"
+    )
+    equations: ClassVar[str] = "contact at x = gap / 2 + depth (1 - u^2)^4, u = (theta - angle) / width, |u| < 1"
+    source: ClassVar[str] = (
+        "local loss of flank as a displacement: Liang, Zuo and Feng, Mech. Syst. Signal Process. 98 (2018)"
+    )
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return wheels(axis)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        place = self.placed(axis_of(train))
+        if self["depth_rad"] == 0:
+            return train
+        name, mesh = gear_mesh(train, place)
+        width = self["width_rad"] or 2 * math.pi / teeth(axis_of(train), place)
+        wheel: Wheel = "driver" if place == "motor" else "driven"
+        dent = MeshDent(self["angle_rad"], width, self["depth_rad"], int(self["flank"]), wheel)
+        return train.replace(name, replace(mesh, dents=(*mesh.dents, dent)))

@@ -1,0 +1,29 @@
+"""A torque or current sensor that does not show zero at rest."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from casebase.signals.telemetry import Telemetry
+from sim.axis import Axis
+from sim.mechanism import Measurement, Parameter, Signature
+
+
+class TorqueOffset(Measurement):
+    """A constant on the measured motor torque."""
+
+    name: ClassVar[str] = "torque_offset"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("torque_n_m", "N m", -1e4, 1e4, 0.2),)
+    size: ClassVar[str] = "torque_n_m"
+    signature: ClassVar[Signature] = Signature("recording")
+    equations: ClassVar[str] = "measured = true + torque"
+    source: ClassVar[str] = "zero error of a current transducer"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str | None, ...]:
+        return ("motor", None)
+
+    def distort(self, telemetry: Telemetry, axis: Axis, seed: int = 0) -> Telemetry:
+        if "motor_torque_nm" not in telemetry:
+            return telemetry
+        torque = telemetry["motor_torque_nm"] + self["torque_n_m"]
+        return replace(telemetry, channels={**telemetry.channels, "motor_torque_nm": torque})

@@ -1,0 +1,36 @@
+"""A motor whose torque depends on its angle."""
+
+import math
+from typing import ClassVar
+
+from sim.axis import Axis
+from sim.chain_components import MeshLine, TorqueRipple
+from sim.drive_train import DriveTrain
+from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.places import axis_of, unused_name
+
+
+class TorqueRippleOfMotor(Mechanics):
+    """Cogging or ripple of one order of the motor's angle, present without load too."""
+
+    name: ClassVar[str] = "torque_ripple"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("torque_n_m", "N m", 0.0, 1e3, 0.1),
+        Parameter("order", "1", 0.5, 200.0, 6.0),
+        Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
+    )
+    size: ClassVar[str] = "torque_n_m"
+    signature: ClassVar[Signature] = Signature("angle", order="order")
+    equations: ClassVar[str] = "tau on the motor = torque sin(order theta_motor + phase)"
+    source: ClassVar[str] = "cogging at multiples of lcm(slots, poles), current ripple at 6 per pole pair"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return ("motor",)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        self.placed(axis_of(train))
+        if self["torque_n_m"] == 0:
+            return train
+        ripple = TorqueRipple((MeshLine(self["order"], self["torque_n_m"], self["phase_rad"]),))
+        return train.add(unused_name(train, "torque_ripple"), ripple, flange="motor.flange_a")

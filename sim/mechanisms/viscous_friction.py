@@ -1,0 +1,32 @@
+"""Friction that grows with the speed and that the description lacks."""
+
+from dataclasses import replace
+from typing import ClassVar
+
+from sim.axis import Axis
+from sim.drive_train import DriveTrain
+from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
+
+
+class ViscousFriction(Mechanics):
+    """Torque against the motion in proportion to its speed, felt at the motor whichever bearing it sits in."""
+
+    name: ClassVar[str] = "viscous_friction"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("coefficient_n_m_s_per_rad", "N m s/rad", 0.0, 1e4, 1e-3),)
+    size: ClassVar[str] = "coefficient_n_m_s_per_rad"
+    signature: ClassVar[Signature] = Signature("speed", direction="opposite", grows_with="speed")
+    equations: ClassVar[str] = "tau = coefficient w"
+    source: ClassVar[str] = "laminar lubrication: Damper of the Modelica Standard Library 4.1"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return ends(axis)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        place = self.placed(axis_of(train))
+        old = friction_at(train, place)
+        ratio = axis_of(train).ratio_from("motor") / axis_of(train).ratio_from(place)
+        more = self["coefficient_n_m_s_per_rad"] * ratio**2
+        back = None if old.viscous_backward is None else old.viscous_backward + more
+        return with_friction(train, place, replace(old, viscous=old.viscous + more, viscous_backward=back))
