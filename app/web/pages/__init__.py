@@ -4,7 +4,7 @@ from fastapi import APIRouter, FastAPI
 from fastapi.staticfiles import StaticFiles
 
 from app.web.errors import PageErrors, sign_in_first
-from app.web.pages import admin, axes, diagnoses, jobs, library, recordings, session
+from app.web.pages import admin, axes, diagnoses, jobs, library, model, recordings, session
 from app.web.session import SignInNeeded
 from app.web.templating import STATIC
 
@@ -14,6 +14,7 @@ PAGES: tuple[APIRouter, ...] = (
     recordings.router,
     library.router,
     axes.router,
+    model.router,
     jobs.router,
     admin.router,
 )

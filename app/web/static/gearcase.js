@@ -216,15 +216,11 @@ for (const element of all("[data-job-events]")) {
   for (const name of ["message", "progress", "state", "done"]) source.addEventListener(name, update);
 }
 
-/* sliders that simulate again */
-for (const form of all("form[data-live]")) {
-  let timer = 0;
-  form.addEventListener("input", () => {
-    all("output[for]", form).forEach((output) => (output.value = one(`#${output.htmlFor.value ?? output.htmlFor}`, form)?.value ?? ""));
-    clearTimeout(timer);
-    timer = setTimeout(() => form.requestSubmit(), 40);
-  });
-}
+/* sliders say their value */
+addEventListener("input", (event) => {
+  const output = event.target.id && one(`output[for="${event.target.id}"]`);
+  if (output) output.textContent = event.target.value;
+});
 
 /* bulk selection */
 all("[data-select-all]").forEach((box) =>
