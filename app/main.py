@@ -4,14 +4,14 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 from importlib.metadata import version
 
-from fastapi import APIRouter, FastAPI
+from fastapi import APIRouter, Depends, FastAPI
 from starlette.middleware import Middleware
 
-from app.api import audit, axes, cases, diagnoses, health, keys, limits, recordings
+from app.api import audit, axes, cases, diagnoses, health, jobs, keys, limits, recordings, simulations
 from app.errors import add_problem_handlers
 from app.metrics import Metrics
 from app.middleware import BodyLimit, RequestRecord, SecurityHeaders
-from app.reference import PROBLEMS, describe
+from app.reference import PROBLEMS, describe, only_known_query
 from app.service import Service
 from app.settings import Settings, settings_of
 from app.uploads import Gate
@@ -23,6 +23,8 @@ ROUTERS: tuple[APIRouter, ...] = (
     cases.router,
     recordings.router,
     axes.router,
+    simulations.router,
+    jobs.router,
     keys.router,
     audit.router,
     limits.router,
@@ -66,7 +68,7 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
     )
     add_problem_handlers(app)
     for router in ROUTERS:
-        app.include_router(router, prefix="/api/v1", responses=PROBLEMS)
+        app.include_router(router, prefix="/api/v1", responses=PROBLEMS, dependencies=[Depends(only_known_query)])
     app.include_router(health.router, responses=PROBLEMS)
     add_pages(app)
     app.openapi = lambda: describe(app)  # type: ignore[method-assign]

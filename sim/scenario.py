@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.axis import Axis, Motion
+from sim.axis import Axis, read_axis
 from sim.chain_model import Chain, ChainResult, Servo
 from sim.chain_run import run_chain
 from sim.errors import RunError
-from sim.sound import SAMPLE_RATE_HZ, Microphone, hear
+from sim.servo import back_and_forth
+from sim.sound import SAMPLE_RATE_HZ, Microphone, hear, microphone_of
 from sim.specimen import Specimen
 
-Array = NDArray[np.float64]
+MODEL_VERSION = "1"  # raise when the same scenario would sound otherwise
 SPEED_BANDWIDTH_RAD_S = 80.0
 POSITION_GAIN_PER_S = 15.0
 INTEGRAL_TIME_S = 0.1
@@ -48,6 +50,19 @@ class Scenario:
     middle_rad: float = 0.0
     noise_seed: int = 0
 
+    def to_mapping(self) -> dict[str, object]:
+        """As nested dicts and lists (JSON), complete: `scenario_of` reads it back."""
+        return {
+            "axis": self.axis.to_mapping(),
+            "payload_kg_m2": self.payload_kg_m2,
+            "specimen": asdict(self.specimen),
+            "microphone": asdict(self.microphone),
+            "duration_s": self.duration_s,
+            "start_phase": self.start_phase,
+            "middle_rad": self.middle_rad,
+            "noise_seed": self.noise_seed,
+        }
+
     def perform(self) -> tuple[NDArray[np.float32], ChainResult]:
         """The sound, shape (n,) at 8 kHz, and the run behind it, which begins `SETTLING_S` earlier.
 
@@ -69,15 +84,34 @@ class Scenario:
         return sound[lead:], run
 
 
+def scenario_of(document: Mapping[str, Any]) -> Scenario:
+    """Read a scenario back from its mapping. Raises SimulationError where it is wrong."""
+    rest = {name: document[name] for name in ("payload_kg_m2", "duration_s", "start_phase", "middle_rad", "noise_seed")}
+    return Scenario(
+        axis=read_axis(document["axis"]),
+        specimen=Specimen(**document["specimen"]),
+        microphone=microphone_of(document["microphone"]),
+        **rest,
+    )
+
+
 def servo_of(axis: Axis, chain: Chain, samples: int, start_phase: float, middle_rad: float) -> Servo:
     """The servo of an axis with the motor's reference: angle [rad], speed [rad/s], feed-forward torque [N m]."""
-    position, speed, acceleration = back_and_forth(axis.motion, samples, start_phase)
+    motion = axis.motion
+    position, speed, acceleration = back_and_forth(
+        np.arange(samples) / SAMPLE_RATE_HZ + start_phase * motion.period_s,
+        motion.period_s,
+        motion.load_speed_rad_s,
+        motion.acceleration_time_s,
+        motion.dwell_s,
+    )
+    stroke = motion.load_speed_rad_s * (motion.period_s / 2 - motion.dwell_s - motion.acceleration_time_s)
     reflected = [1.0, *np.cumprod([link.ratio for link in chain.links])]
     inertia = sum(shaft.inertia_kg_m2 / ratio**2 for shaft, ratio in zip(chain.shafts, reflected, strict=True))
     bandwidth = axis.servo.speed_bandwidth_rad_s or SPEED_BANDWIDTH_RAD_S
     return Servo(
         reference=np.stack(
-            [(position + middle_rad) * axis.ratio, speed * axis.ratio, acceleration * axis.ratio * inertia]
+            [(position - stroke / 2 + middle_rad) * axis.ratio, speed * axis.ratio, acceleration * axis.ratio * inertia]
         ),
         position_gain_per_s=axis.servo.position_gain_per_s or POSITION_GAIN_PER_S,
         speed_gain_n_m_s=inertia * bandwidth,
@@ -85,37 +119,6 @@ def servo_of(axis: Axis, chain: Chain, samples: int, start_phase: float, middle_
         speed_limit_rad_s=min(axis.motor.speed_limit_rad_s, UNLIMITED),
         torque_limit_n_m=min(axis.motor.torque_limit_n_m, UNLIMITED),
     )
-
-
-def back_and_forth(motion: Motion, samples: int, start_phase: float = 0.0) -> tuple[Array, Array, Array]:
-    """Angle [rad], speed [rad/s] and acceleration [rad/s2] of the output at 8 kHz, each of shape (samples,).
-
-    Speed rises and falls as a half cosine over the acceleration time; the mean angle of a cycle is 0.
-    """
-    rate = SAMPLE_RATE_HZ
-    half = motion.period_s / 2
-    moving = half - motion.dwell_s
-    phase = (np.arange(samples) / rate + start_phase * motion.period_s) % motion.period_s
-    way = np.where(phase < half, 1.0, -1.0)
-    into = phase % half
-    rise = np.clip(np.minimum(into, moving - into) / motion.acceleration_time_s, 0.0, 1.0)
-    speed = way * motion.load_speed_rad_s * 0.5 * (1 - np.cos(math.pi * rise))
-    braking = np.where(into > moving / 2, -1.0, 1.0)
-    slope = 0.5 * math.pi / motion.acceleration_time_s * np.sin(math.pi * rise)
-    acceleration = way * braking * motion.load_speed_rad_s * slope
-    travel = motion.load_speed_rad_s * (moving - motion.acceleration_time_s)
-    return _angle(into, rise, motion, moving, travel, way), speed, acceleration
-
-
-def _angle(into: Array, rise: Array, motion: Motion, moving: float, travel: float, way: Array) -> Array:
-    """Integral of the speed in closed form: no drift however long the run."""
-    ramp = motion.acceleration_time_s
-    gone = np.where(into > moving / 2, moving - into, into)
-    gone = np.maximum(gone, 0.0)
-    within = 0.5 * (gone - ramp / math.pi * np.sin(math.pi * rise))
-    covered = motion.load_speed_rad_s * np.where(gone < ramp, within, 0.5 * ramp + gone - ramp)
-    covered = np.where(into > moving / 2, travel - covered, covered)
-    return way * (covered - travel / 2)
 
 
 def with_motion(axis: Axis, **changes: float) -> Axis:

@@ -11,7 +11,9 @@ Modes in phase have an antiresonance between them. Ambient noise has a spectral 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -87,6 +89,16 @@ class Microphone:
             omega = 2 * np.pi * mode.frequency_hz
             answer += mode.amplitude * s**2 / (s**2 + 2 * mode.damping_ratio * omega * s + omega**2)
         return answer
+
+    def with_mode(self, mode: Mode) -> Microphone:
+        """The microphone with one more resonance."""
+        return replace(self, modes=(*self.modes, mode))
+
+
+def microphone_of(document: Mapping[str, Any]) -> Microphone:
+    """Read a microphone back from what `dataclasses.asdict` made of it (JSON)."""
+    modes = tuple(Mode(**mode) for mode in document["modes"])
+    return Microphone(**{**document, "modes": modes, "mesh_weights": tuple(document["mesh_weights"])})
 
 
 def hear(

@@ -1,0 +1,105 @@
+"""Jobs: how far they are, live over server-sent events, cancelled and resumed."""
+
+from collections.abc import Iterator
+from datetime import datetime
+from typing import Annotated, Any
+
+from fastapi import APIRouter, Depends, Header, Path, Query
+from fastapi.sse import EventSourceResponse, ServerSentEvent
+from pydantic import BaseModel, ConfigDict
+
+from app.jobs import Job, JobState
+from app.security import Operator
+from app.service import TheJobs
+
+router = APIRouter(tags=["jobs"])
+
+JobId = Annotated[str, Path(min_length=1, max_length=100, pattern=r"^[0-9A-Za-z-]+$")]
+
+
+class ProgressDocument(BaseModel):
+    """How far a job is."""
+
+    model_config = ConfigDict(from_attributes=True)
+
+    stage: str
+    fraction: float
+    done: int
+    total: int
+    remaining_s: float | None
+
+
+class JobDocument(BaseModel):
+    """A job."""
+
+    model_config = ConfigDict(from_attributes=True)
+
+    id: str
+    kind: str
+    state: JobState
+    progress: ProgressDocument
+    created_at: datetime
+    finished_at: datetime | None
+    submitted_by: str | None
+    worker: str | None
+    result: Any
+    error: str | None
+
+    @classmethod
+    def of(cls, job: Job) -> "JobDocument":
+        return cls.model_validate(job)
+
+
+class JobList(BaseModel):
+    """The newest jobs, first the newest."""
+
+    items: list[JobDocument]
+
+
+def existing(job_id: JobId, jobs: TheJobs) -> Job:
+    """The job, before anything is answered."""
+    return jobs.get(job_id)
+
+
+Existing = Annotated[Job, Depends(existing)]
+
+
+@router.get("/jobs", summary="The newest jobs")
+def list_jobs(jobs: TheJobs, _: Operator, limit: Annotated[int, Query(ge=1, le=200)] = 50) -> JobList:
+    return JobList(items=[JobDocument.of(job) for job in jobs.list(limit=limit)])
+
+
+@router.get("/jobs/{job_id}/events", summary="What happens to a job, live", response_class=EventSourceResponse)
+def job_events(
+    job: Existing,
+    jobs: TheJobs,
+    _: Operator,
+    last_event_id: Annotated[int | None, Header(alias="Last-Event-ID", ge=0)] = None,
+) -> Iterator[ServerSentEvent]:
+    """Every `progress` event has a number; a client that comes back with the last one it saw misses none.
+
+    The stream ends with an `end` event that holds the job as `GET /jobs/{id}` gives it.
+    """
+    for event in jobs.events(job.id, after=-1 if last_event_id is None else last_event_id):
+        if event is None:
+            yield ServerSentEvent(comment="still there")
+            continue
+        document = ProgressDocument.model_validate(event.progress)
+        yield ServerSentEvent(event="progress", id=str(event.number), data=document)
+    yield ServerSentEvent(event="end", data=JobDocument.of(jobs.get(job.id)))
+
+
+@router.get("/jobs/{job_id}", summary="A job and how far it is")
+def get_job(job_id: JobId, jobs: TheJobs, _: Operator) -> JobDocument:
+    return JobDocument.of(jobs.get(job_id))
+
+
+@router.delete("/jobs/{job_id}", summary="Cancel a job")
+def cancel_job(job_id: JobId, jobs: TheJobs, _: Operator) -> JobDocument:
+    """Running tasks end, waiting ones never start; what is done stays. A cancelled job can be resumed."""
+    return JobDocument.of(jobs.cancel(job_id))
+
+
+@router.post("/jobs/{job_id}/resume", summary="Go on with a cancelled job")
+def resume_job(job_id: JobId, jobs: TheJobs, _: Operator) -> JobDocument:
+    return JobDocument.of(jobs.resume(job_id))

@@ -1,0 +1,61 @@
+"""`gearcase generate`: cases by simulation into the local library."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.commands.frame import Frame, frame_of
+from app.generation import Campaign, Outcome, fitted_microphones, generate
+from casebase.library import CaseLibrary
+from sim.axis import read_axis
+from sim.design import DURATION_S, LABELS
+
+
+def register(app: typer.Typer) -> None:
+    app.command("generate")(generate_cases)
+
+
+def generate_cases(
+    context: typer.Context,
+    axis: Annotated[Path, typer.Option(metavar="AXIS.toml", help="description of the axis")],
+    per_label: Annotated[int, typer.Option(min=1, max=10_000, metavar="N", help="cases of each label")],
+    label: Annotated[list[str] | None, typer.Option(help=f"only these of {', '.join(LABELS)}; may be repeated")] = None,
+    seed: Annotated[int, typer.Option(min=0, help="the same seed gives the same cases")] = 0,
+    duration: Annotated[float, typer.Option(help="of each recording [s]")] = DURATION_S,
+    generic: Annotated[bool, typer.Option(help="do not use the sound fitted to the place")] = False,
+    processes: Annotated[int, typer.Option(min=1, help="at once")] = os.cpu_count() or 1,
+    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
+) -> None:
+    """Generate cases for an axis: a space-filling plan over fault size, place and flank, payload, speed, microphone
+    and noise. Cases that are there already are not made again, so an interrupted run is repeated as it was."""
+    frame = frame_of(context)
+    described = read_axis(axis)
+    counts = dict.fromkeys(label or LABELS, per_label)
+    with frame.library() as library:
+        microphones, version = ((), None) if generic else fitted_microphones(library, described)
+        campaign = Campaign(described, counts, seed, duration, microphones, version)
+        outcome = with_progress(frame, library, campaign, processes)
+    if json:
+        frame.print_json(
+            {"new": outcome.new, "known": outcome.known, "counts": counts, "seed": seed, "sound_version": version}
+        )
+    else:
+        sound = "usual housings" if version is None else f"the sound fitted to the place (version {version})"
+        frame.print(f"{outcome.new} cases generated with {sound}, {outcome.known} were there already")
+
+
+def with_progress(frame: Frame, library: CaseLibrary, campaign: Campaign, processes: int) -> Outcome:
+    """Generate with a progress bar."""
+    with frame.progress() as progress:
+        bar = progress.add_task("simulating", total=sum(campaign.counts.values()))
+        return generate(
+            library,
+            campaign,
+            processes=processes,
+            batch=f"seed {campaign.seed}",
+            advance=lambda count: progress.advance(bar, count),
+        )

@@ -1,0 +1,100 @@
+"""`gearcase jobs list | show | follow | cancel | resume | adopt`."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from app.api.jobs import JobDocument
+from app.cli import DONE, FAILURE
+from app.commands.frame import frame_of
+from app.job_kinds import open_jobs
+from app.jobs import Job
+
+jobs = typer.Typer(help="List, follow, cancel, resume and adopt jobs.", no_args_is_help=True)
+Id = Annotated[str, typer.Argument(metavar="JOB", help="id of the job")]
+AsJson = Annotated[bool, typer.Option("--json", help="one JSON document on stdout")]
+
+
+def register(app: typer.Typer) -> None:
+    app.add_typer(jobs, name="jobs")
+
+
+@jobs.command("list")
+def list_jobs(context: typer.Context, json: AsJson = False) -> None:
+    """The newest jobs."""
+    frame = frame_of(context)
+    with open_jobs(frame.settings) as opened:
+        found = opened.list()
+    if json:
+        frame.print_json([JobDocument.of(job).model_dump(mode="json") for job in found])
+        return
+    table = Table("job", "kind", "state", "stage", "done", "worker", "since")
+    for job in found:
+        done = f"{job.progress.fraction:.0%}"
+        since = f"{job.created_at:%Y-%m-%d %H:%M:%SZ}"
+        table.add_row(job.id, job.kind, job.state, job.progress.stage, done, job.worker or "", since)
+    frame.results.print(table)
+
+
+@jobs.command()
+def show(context: typer.Context, job: Id) -> None:
+    """One job as JSON."""
+    frame = frame_of(context)
+    with open_jobs(frame.settings) as opened:
+        frame.print_json(JobDocument.of(opened.get(job)).model_dump(mode="json"))
+
+
+@jobs.command()
+def follow(context: typer.Context, job: Id) -> None:
+    """A progress bar until the job ends; the exit code is 0 if it is done, else 1."""
+    frame = frame_of(context)
+    with open_jobs(frame.settings) as opened, frame.progress() as progress:
+        bar = progress.add_task("queued", total=1.0)
+        for event in opened.events(job):
+            if event is not None:
+                progress.update(bar, completed=event.progress.fraction, description=event.progress.stage)
+        ended = opened.get(job)
+    frame.say(_sentence(ended))
+    raise typer.Exit(DONE if ended.state == "done" else FAILURE)
+
+
+@jobs.command()
+def cancel(context: typer.Context, job: Id) -> None:
+    """Stop a job; what is done of it stays, and it can be resumed."""
+    with open_jobs(frame_of(context).settings) as opened:
+        frame_of(context).say(_sentence(opened.cancel(job)))
+
+
+@jobs.command()
+def resume(context: typer.Context, job: Id) -> None:
+    """Go on with a cancelled job where it was."""
+    with open_jobs(frame_of(context).settings) as opened:
+        frame_of(context).say(_sentence(opened.resume(job)))
+
+
+@jobs.command()
+def workers(context: typer.Context) -> None:
+    """Workers that hold jobs or tasks at the moment."""
+    frame = frame_of(context)
+    with open_jobs(frame.settings) as opened:
+        for name, count in sorted(opened.workers().items()):
+            frame.results.print(f"{name}\t{count}", markup=False, highlight=False)
+
+
+@jobs.command()
+def adopt(
+    context: typer.Context, worker: Annotated[str, typer.Argument(metavar="WORKER", help="as `jobs workers` names it")]
+) -> None:
+    """Put back into the queue what a worker holds that will not return."""
+    frame = frame_of(context)
+    with open_jobs(frame.settings) as opened:
+        count = opened.adopt(worker)
+    frame.say(f"{count} jobs and tasks of {worker} are in the queue again" if count else f"{worker} holds nothing")
+
+
+def _sentence(job: Job) -> str:
+    reason = f": {job.error}" if job.error else ""
+    return f"job {job.id} is {job.state}, {job.progress.fraction:.0%} done{reason}"

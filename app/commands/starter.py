@@ -1,0 +1,58 @@
+"""`gearcase starter`: a first library, and a recording to diagnose with it. All of it is simulated, and says so."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.commands.frame import frame_of
+from app.commands.generate import with_progress
+from app.generation import Campaign, simulate_case
+from casebase.axes import add_axis
+from sim.design import LABELS, plan
+from sim.paper import PAPER_AXIS
+
+PER_LABEL = 30
+DEMO_SEED = 1  # no case of the starter library comes from it
+DEMO_SIZE_RAD = 8e-4  # a notch that is heard, not one that jumps at you
+DEMO_NAME = "demo-simulated-notch.wav"
+
+
+def register(app: typer.Typer) -> None:
+    app.command("starter")(starter)
+
+
+def starter(
+    context: typer.Context,
+    per_label: Annotated[int, typer.Option(min=1, help="cases of each label")] = PER_LABEL,
+    processes: Annotated[int, typer.Option(min=1, help="at once")] = os.cpu_count() or 1,
+) -> None:
+    """Fill an empty library with simulated cases of the paper's axis, and write a simulated recording to diagnose.
+
+    Does nothing where the library has measured cases or as many as these; goes on where it was interrupted.
+    """
+    frame = frame_of(context)
+    demo = frame.settings.data_dir / DEMO_NAME
+    with frame.library() as library:
+        with library.reading() as session:
+            counts = library.counts(session)
+        measured = any(origin == "measured" for _, origin in counts)
+        if measured or sum(counts.values()) >= per_label * len(LABELS):
+            return
+        frame.say(f"simulating a starter library for {PAPER_AXIS.name}: {per_label} cases each of {', '.join(LABELS)}")
+        write_demo(demo)
+        with library.transaction("starter") as session:
+            add_axis(session, PAPER_AXIS.name, PAPER_AXIS.to_mapping())
+        campaign = Campaign(PAPER_AXIS, dict.fromkeys(LABELS, per_label))
+        outcome = with_progress(frame, library, campaign, processes)
+    frame.say(f"{outcome.new + outcome.known} simulated cases; a simulated recording to diagnose: {demo}")
+
+
+def write_demo(path: Path) -> None:
+    """Write a recording of a notched output gear."""
+    planned = plan(PAPER_AXIS, {"notch": 16}, DEMO_SEED, duration_s=20.0)
+    nearest = min(planned, key=lambda each: abs((each.size or 0.0) - DEMO_SIZE_RAD))
+    path.write_bytes(simulate_case(nearest).audio)

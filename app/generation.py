@@ -1,0 +1,291 @@
+"""Cases by simulation: plan, simulate, take features, retain. The only place where simulator and library meet.
+
+A case is known by its key, a hash of everything that determines its samples: whatever is generated twice, by a
+repeated command or by a worker that takes over from a dead one, is one case.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import io
+import json
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass, field
+from multiprocessing import get_context
+
+import numpy as np
+import soundfile
+from numpy.typing import NDArray
+from sqlalchemy import select
+from sqlalchemy.exc import IntegrityError
+
+from app.intake import mesh_orders, shaft_orders
+from app.jobs import JobKind, Json, Report
+from app.settings import Settings
+from casebase.artifacts import active_artifact
+from casebase.description import Labelling, RecordingDescription
+from casebase.library import CaseLibrary
+from casebase.models import Case
+from casebase.signals.condition import OperatingCondition
+from casebase.signals.features import Extraction, extract
+from casebase.signals.recording import Recording
+from sim.axis import Axis, read_axis
+from sim.design import DURATION_S, LABELS, Planned, plan
+from sim.errors import ParameterError
+from sim.scenario import MODEL_VERSION, Scenario
+from sim.sound import SAMPLE_RATE_HZ, Microphone, microphone_of
+
+KIND = "simulations"
+ACTOR = "generator"
+MOST_CASES = 100_000
+SECONDS_PER_TASK = 160.0  # of simulated sound: 2 to 6 s of work on one core
+
+
+@dataclass(frozen=True)
+class Campaign:
+    """What is to be generated.
+
+    Parameters
+    ----------
+    counts
+        Cases per label.
+    microphones
+        Paths fitted to the place; without any, housings are drawn from all that is usual.
+    sound_version
+        Version of the artifact that the microphones come from.
+    """
+
+    axis: Axis
+    counts: Mapping[str, int]
+    seed: int = 0
+    duration_s: float = DURATION_S
+    microphones: tuple[Microphone, ...] = ()
+    sound_version: int | None = None
+
+    def __post_init__(self) -> None:
+        total = sum(self.counts.values())
+        if not (0 < total <= MOST_CASES and min(self.counts.values()) >= 0):
+            raise ParameterError(f"counts: 1 to {MOST_CASES} cases can be generated at a time, got {dict(self.counts)}")
+        if not 1.0 <= self.duration_s <= 120.0:
+            raise ParameterError(f"duration_s: must be 1 to 120 s, got {self.duration_s}")
+        plan(self.axis, dict.fromkeys(self.counts, 1), self.seed)
+
+    def to_document(self) -> dict[str, Json]:
+        """As JSON, for a job."""
+        document: dict[str, Json] = json.loads(
+            json.dumps(
+                {
+                    "axis": self.axis.to_mapping(),
+                    "counts": dict(self.counts),
+                    "seed": self.seed,
+                    "duration_s": self.duration_s,
+                    "microphones": [asdict(each) for each in self.microphones],
+                    "sound_version": self.sound_version,
+                }
+            )
+        )
+        return document
+
+    @classmethod
+    def from_document(cls, document: Mapping[str, object]) -> Campaign:
+        """Read it back. Raises SimulationError where it is wrong."""
+        known = dict(document)
+        known["axis"] = read_axis(known["axis"])  # type: ignore[arg-type]
+        known["microphones"] = tuple(microphone_of(each) for each in known["microphones"])  # type: ignore[attr-defined]
+        return cls(**known)  # type: ignore[arg-type]
+
+    def planned(self) -> list[Planned]:
+        """All cases, label by label."""
+        return plan(self.axis, self.counts, self.seed, microphones=self.microphones, duration_s=self.duration_s)
+
+    def batches(self) -> list[range]:
+        """The cases by number, cut into tasks."""
+        size = max(1, round(SECONDS_PER_TASK / self.duration_s))
+        total = sum(self.counts.values())
+        return [range(first, min(first + size, total)) for first in range(0, total, size)]
+
+
+@dataclass(frozen=True, eq=False)
+class Generated:
+    """A simulated case before it is retained."""
+
+    planned: Planned
+    key: str
+    audio: bytes = field(repr=False)
+    recording: Recording
+    extraction: Extraction
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a batch brought: new cases, and those that were there."""
+
+    new: int
+    known: int
+
+
+def key_of(scenario: Scenario) -> str:
+    """The case key: SHA-256 of the scenario and the version of the model."""
+    document = {"model": MODEL_VERSION, **scenario.to_mapping()}
+    return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()
+
+
+def simulate_case(planned: Planned) -> Generated:
+    """Simulate one case and take its features from what a WAV file of 16 bit keeps of it."""
+    sound, _ = planned.scenario.perform()
+    audio = _wav(sound)
+    samples, rate = soundfile.read(io.BytesIO(audio), dtype="float32")
+    recording = Recording(samples, float(rate))
+    return Generated(
+        planned, key_of(planned.scenario), audio, recording, extract(recording, condition_of(planned.scenario))
+    )
+
+
+def condition_of(scenario: Scenario) -> OperatingCondition:
+    """What a measurement would know of how the recording was taken: speed and payload, not the motion."""
+    axis = scenario.axis
+    return OperatingCondition(
+        speed_rad_s=axis.motion.load_speed_rad_s,
+        payload_kg_m2=scenario.payload_kg_m2,
+        shaft_orders=shaft_orders(axis),
+        mesh_orders=mesh_orders(axis),
+    )
+
+
+def retain(library: CaseLibrary, generated: Sequence[Generated], batch: str) -> None:
+    """Keep cases in one transaction, all or none."""
+    with library.transaction(ACTOR) as session:
+        for case in generated:
+            scenario, entry = case.planned.scenario, case.planned.mechanism
+            description = RecordingDescription(
+                file_name=f"{case.planned.label}-{case.key[:12]}.wav",
+                axis=scenario.axis.name,
+                gearbox=f"simulated-{scenario.specimen.seed}",
+                condition=condition_of(scenario),
+                extra={"simulated": True},
+            )
+            row = library.store_recording(session, case.audio, case.recording, case.extraction, description)
+            labelling = Labelling(
+                label=case.planned.label,
+                origin="simulated",
+                mechanism=None if entry is None else entry.name,
+                location=None if entry is None else entry.location,
+                severity=case.planned.size,
+                parameters={**({} if entry is None else entry.parameters), "scenario": scenario.to_mapping()},
+                model_version=MODEL_VERSION,
+                verified_by="simulation",
+                key=case.key,
+                batch=batch,
+            )
+            library.retain(session, row, labelling)
+
+
+def missing(library: CaseLibrary, planned: Sequence[Planned]) -> list[Planned]:
+    """Those that the library does not have yet."""
+    keys = [key_of(each.scenario) for each in planned]
+    with library.reading() as session:
+        known = set(session.scalars(select(Case.key).where(Case.key.in_(keys))))
+    return [each for each, key in zip(planned, keys, strict=True) if key not in known]
+
+
+def generate(
+    library: CaseLibrary, campaign: Campaign, *, processes: int, batch: str, advance: Callable[[int], None]
+) -> Outcome:
+    """Generate a campaign on several processes of this machine; `advance` is told of every case done."""
+    planned = campaign.planned()
+    wanted = missing(library, planned)
+    advance(len(planned) - len(wanted))
+    size = max(1, round(SECONDS_PER_TASK / campaign.duration_s / 4))
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        results = pool.map(simulate_case, wanted, chunksize=size)
+        for group in _grouped(results, size):
+            retain(library, group, batch)
+            advance(len(group))
+    return Outcome(len(wanted), len(planned) - len(wanted))
+
+
+def fitted_microphones(library: CaseLibrary, axis: Axis) -> tuple[tuple[Microphone, ...], int | None]:
+    """The paths fitted to this axis's place and their version, or nothing."""
+    with library.reading() as session:
+        row = active_artifact(session, sound_kind(axis.name))
+        if row is None:
+            return (), None
+        listed = row.content["microphones"]
+        assert isinstance(listed, list)
+        return tuple(microphone_of(each) for each in listed), row.version
+
+
+def sound_kind(axis: str) -> str:
+    """Kind of artifact under which fitted paths are kept."""
+    return f"sound/{axis}"
+
+
+def simulations(settings: Settings) -> JobKind:
+    """The job kind behind `POST /simulations`."""
+
+    def cut(parameters: dict[str, Json]) -> list[dict[str, Json]]:
+        batches = Campaign.from_document(parameters).batches()
+        return [{"campaign": parameters, "first": batch.start, "stop": batch.stop} for batch in batches]
+
+    def run(task: dict[str, Json], _report: Report) -> Json:
+        assert isinstance(task["campaign"], dict)
+        assert isinstance(task["first"], int)
+        assert isinstance(task["stop"], int)
+        campaign = Campaign.from_document(task["campaign"])
+        wanted = campaign.planned()[task["first"] : task["stop"]]
+        library = CaseLibrary.open(settings.data_dir, settings.database_url)
+        try:
+            outcome = _retained(library, wanted)
+        finally:
+            library.close()
+        return {"new": outcome.new, "known": outcome.known}
+
+    def finish(parameters: dict[str, Json], results: list[Json]) -> Json:
+        counted = [result for result in results if isinstance(result, dict)]
+        return {
+            "new": sum(int(str(result["new"])) for result in counted),
+            "known": sum(int(str(result["known"])) for result in counted),
+            "counts": parameters["counts"],
+        }
+
+    return JobKind(KIND, "simulating", cut, run, finish)
+
+
+def _retained(library: CaseLibrary, planned: Sequence[Planned]) -> Outcome:
+    """Simulate and keep what is missing of a batch; somebody else may be at the same cases."""
+    generated: dict[str, Generated] = {}
+    while wanted := missing(library, planned):
+        for each in wanted:
+            if key_of(each.scenario) not in generated:
+                case = simulate_case(each)
+                generated[case.key] = case
+        try:
+            retain(library, [generated[key_of(each.scenario)] for each in wanted], KIND)
+        except IntegrityError:
+            continue  # another worker kept some of them first: look again
+        return Outcome(len(wanted), len(planned) - len(wanted))
+    return Outcome(0, len(planned))
+
+
+def _grouped(results: Iterator[Generated], size: int) -> Iterator[list[Generated]]:
+    group: list[Generated] = []
+    for result in results:
+        group.append(result)
+        if len(group) == size:
+            yield group
+            group = []
+    if group:
+        yield group
+
+
+def _wav(sound: NDArray[np.float32]) -> bytes:
+    """WAV of 16 bit; a microphone's converter clips, and so does this."""
+    memory = io.BytesIO()
+    soundfile.write(memory, np.clip(sound, -1.0, 1.0), int(SAMPLE_RATE_HZ), subtype="PCM_16", format="WAV")
+    return memory.getvalue()
+
+
+def labels_for(per_label: int, labels: Sequence[str] | None = None) -> dict[str, int]:
+    """Counts for some labels, or for all that can be generated."""
+    return dict.fromkeys(labels or LABELS, per_label)
