@@ -16,7 +16,21 @@ from casebase.signals.condition import OperatingCondition
 HOP_HZ = 200.0
 """Values per second of loudness and envelope traces [Hz]."""
 
+SMOOTH_HOPS = 16
+"""Hops over which loudness is averaged before dips are looked for [1]: 80 ms, shorter than any standstill."""
+
 SMALLEST_DEPTH_DB = 1.5
+SMALLEST_DEPTH = 4.0
+"""Smallest depth of a dip over the scatter of the loudness from one smoothing length to the next [1].
+
+Between noise and its own 2nd percentile lie 2.6 standard deviations; this asks for 5.7.
+"""
+SMALLEST_DEPTH_EVEN = 2.5
+"""The same where three dips or more are spaced evenly, which noise hardly ever does [1]."""
+
+LARGEST_UNEVENNESS = 0.06
+"""Share of the stroke by which even dips may differ from a straight line [1]."""
+
 SHORTEST_DIP_S = 0.04
 LONGEST_BURST_S = 0.2
 LARGEST_SCATTER = 0.1
@@ -76,6 +90,11 @@ class Dip:
         """Middle of the quiet time [s]."""
         return (self.start_s + self.end_s) / 2
 
+    @property
+    def width_s(self) -> float:
+        """Length of the quiet time [s]."""
+        return self.end_s - self.start_s
+
 
 def loudness_db(samples: NDArray[np.float32], rate_hz: float) -> NDArray[np.float32]:
     """Return the level of samples of shape (n,), `HOP_HZ` values per second [dB]."""
@@ -94,8 +113,10 @@ def find_motion(level_db: NDArray[np.float32], condition: OperatingCondition) ->
     duration_s = level_db.size / HOP_HZ
     if condition.steady:
         return Motion()
-    dips, depth_db = find_dips(level_db)
+    dips, depth_db, clarity = find_dips(level_db)
     heard = _regular(dips)
+    if clarity < (SMALLEST_DEPTH_EVEN if _even(dips) else SMALLEST_DEPTH):
+        dips, heard = [], ()
     quiet_s = _quiet(dips, heard)
     heard_period = 2 * _spacing(heard) if len(heard) > 1 else None
     given = tuple(t for t in condition.reversal_times_s if 0 <= t <= duration_s)
@@ -118,18 +139,22 @@ def find_motion(level_db: NDArray[np.float32], condition: OperatingCondition) ->
     )
 
 
-def find_dips(level_db: NDArray[np.float32]) -> tuple[list[Dip], float]:
-    """Return the quiet times that lie whole within the recording, and how deep they are [dB].
+def find_dips(level_db: NDArray[np.float32]) -> tuple[list[Dip], float, float]:
+    """Return the quiet times whole within the recording, how deep they are [dB], and depth over scatter [1].
 
     A dip is where the loudness is more than half the depth below its plateau (70th percentile; an axis moves most
-    of the time). A short burst within it, such as a click at standstill, does not divide it.
+    of the time). A short burst within it, such as a click at standstill, does not divide it, and a dip of less than
+    half the usual width is none.
     """
-    smooth = ndimage.uniform_filter1d(level_db.astype(np.float64), 10)
+    smooth = ndimage.uniform_filter1d(level_db.astype(np.float64), SMOOTH_HOPS)
     plateau, floor = np.percentile(smooth, [70, 2])
     depth = float(plateau - floor)
-    scatter = 1.4826 * float(np.median(np.abs(np.diff(smooth[::10])))) if smooth.size > 20 else np.inf
-    if depth < max(SMALLEST_DEPTH_DB, 2.5 * scatter):
-        return [], depth
+    scatter = (
+        1.4826 * float(np.median(np.abs(np.diff(smooth[::SMOOTH_HOPS])))) if smooth.size > 2 * SMOOTH_HOPS else np.inf
+    )
+    clarity = depth / scatter if scatter > 0 else np.inf
+    if depth < SMALLEST_DEPTH_DB or clarity < SMALLEST_DEPTH_EVEN:
+        return [], depth, clarity
     quiet = smooth < plateau - depth / 2
     burst = int(LONGEST_BURST_S * HOP_HZ)
     quiet = ndimage.binary_closing(np.pad(quiet, burst, mode="edge"), np.ones(burst, dtype=np.bool_))[burst:-burst]
@@ -137,7 +162,8 @@ def find_dips(level_db: NDArray[np.float32]) -> tuple[list[Dip], float]:
     if edges.size and quiet[0]:
         edges = edges[1:]
     runs = [Dip((a + 1) / HOP_HZ, (b + 1) / HOP_HZ) for a, b in zip(edges[::2], edges[1::2], strict=False)]
-    return [dip for dip in runs if dip.end_s - dip.start_s >= SHORTEST_DIP_S], depth
+    shortest = max(SHORTEST_DIP_S, 0.5 * float(np.median([dip.width_s for dip in runs]))) if runs else 0.0
+    return [dip for dip in runs if dip.width_s >= shortest], depth, clarity
 
 
 def _regular(dips: list[Dip]) -> tuple[float, ...]:
@@ -154,6 +180,13 @@ def _regular(dips: list[Dip]) -> tuple[float, ...]:
     count = np.arange(centres.size)
     slope, first = np.polyfit(count, centres, 1)
     return tuple((first + slope * count).tolist())
+
+
+def _even(dips: list[Dip]) -> bool:
+    if len(dips) < 3:
+        return False
+    spacing = np.diff([dip.centre_s for dip in dips])
+    return bool(np.max(np.abs(spacing - np.median(spacing))) <= LARGEST_UNEVENNESS * np.median(spacing))
 
 
 def _spacing(times: tuple[float, ...]) -> float:

@@ -40,7 +40,8 @@ def sound(joint: Joint) -> NDArray[np.float32]:
     rng = np.random.default_rng(joint.seed)
     n = int(joint.duration_s * RATE_HZ)
     time = np.arange(n) / RATE_HZ
-    away = np.abs(time[:, None] - joint.reversals_s).min(axis=1)
+    since = (time - joint.start_s) % joint.stroke_s
+    away = np.minimum(since, joint.stroke_s - since)
     speed = np.clip(away / joint.braking_s, 0.0, 1.0)
     body = np.zeros(n)
     for frequency, width in zip(rng.uniform([250, 700, 1400], [450, 1100, 2600]), (30, 60, 150), strict=True):

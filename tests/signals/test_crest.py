@@ -1,0 +1,110 @@
+"""Crest factor, the paper's low-pass and kurtosis against closed forms."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy import signal
+
+from casebase.signals import crest
+from casebase.signals.analysis import Analysis
+from casebase.signals.condition import UNKNOWN
+from casebase.signals.filters import low_pass
+from casebase.signals.recording import Recording
+from casebase.signals.spectra import long_spectrum
+from casebase.signals.views import crest_trace
+
+RATE_HZ = 8000.0
+
+
+def time_s(duration_s: float) -> np.ndarray:
+    return np.arange(int(duration_s * RATE_HZ)) / RATE_HZ
+
+
+def filtered(samples: np.ndarray, cutoff_hz: float = 200.0) -> np.ndarray:
+    return low_pass(long_spectrum(samples.astype(np.float32), RATE_HZ), cutoff_hz)
+
+
+@pytest.mark.parametrize(
+    ("samples", "expected"),
+    [
+        (np.sin(2 * np.pi * 50 * time_s(1)), np.sqrt(2)),
+        (np.sign(np.sin(2 * np.pi * 50 * time_s(1) + 0.01)), 1.0),
+        (signal.sawtooth(2 * np.pi * 50 * time_s(10), 0.5), np.sqrt(3)),
+        (np.eye(1, 400)[0], 20.0),
+    ],
+    ids=["sine", "square", "triangle", "one impulse in 400 samples"],
+)
+def test_crest_factor_of_known_waves(samples: np.ndarray, expected: float) -> None:
+    assert crest.crest_factor(samples.astype(np.float32)) == pytest.approx(expected, rel=2e-3)
+
+
+@given(gain=st.floats(1e-6, 1e6), seed=st.integers(0, 99))
+def test_crest_factor_and_kurtosis_do_not_follow_the_gain(gain: float, seed: int) -> None:
+    samples = np.random.default_rng(seed).normal(size=999).astype(np.float32)
+    louder = samples * np.float32(gain)
+    assert crest.crest_factor(louder) == pytest.approx(crest.crest_factor(samples), rel=1e-4)
+    assert crest.kurtosis(louder) == pytest.approx(crest.kurtosis(samples), rel=1e-3)
+
+
+def test_windows_hold_what_their_slice_holds() -> None:
+    samples = np.random.default_rng(0).normal(size=5000).astype(np.float32)
+    trace = crest.crest_factor_trace(samples, 800, 300)
+    assert trace.size == 1 + (5000 - 800) // 300
+    for k in range(trace.size):
+        expected = crest.crest_factor(samples[300 * k : 300 * k + 800])
+        assert trace[k] == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_silent_window_has_no_crest_factor() -> None:
+    samples = np.r_[np.zeros(500), np.ones(500)].astype(np.float32)
+    assert np.isnan(crest.crest_factor_trace(samples, 500, 500)[0])
+    assert np.isnan(crest.crest_factor(samples[:500]))
+
+
+def test_low_pass_has_the_gain_of_its_formula() -> None:
+    time = time_s(4)
+    for frequency in (20, 100, 200, 300, 400):
+        passed = filtered(np.cos(2 * np.pi * frequency * time))[8000:-8000]
+        gain = np.sqrt(2 * np.mean(passed**2))
+        assert gain == pytest.approx(1 / (1 + (frequency / 200) ** 8), abs=2e-3)
+
+
+@settings(deadline=None, max_examples=60)
+@given(frequency=st.floats(0.5, 60), phase=st.floats(0, 2 * np.pi), duration=st.floats(0.3, 2.0))
+def test_filter_edges_are_no_impulses(frequency: float, phase: float, duration: float) -> None:
+    """A smooth signal that starts or ends at full level must come out as smooth."""
+    time = time_s(duration)
+    smooth = np.sin(2 * np.pi * frequency * time + phase)
+    passed = filtered(smooth)
+    edges = np.r_[0:400, passed.size - 400 : passed.size]
+    assert np.abs(passed[edges]).max() <= 1.02
+    assert np.abs(passed - smooth)[edges].max() < 0.2
+
+
+def test_filter_edges_of_a_step_on_start_do_not_raise_the_crest_factor() -> None:
+    """The recorder starts while a 35 Hz hum is at its top: a filter that starts from zero would ring."""
+    hum = np.cos(2 * np.pi * 35 * time_s(2))
+    assert crest.crest_factor(filtered(hum)) == pytest.approx(np.sqrt(2), rel=0.01)
+    naive = signal.sosfilt(signal.butter(4, 200, fs=RATE_HZ, output="sos"), 5 + hum)
+    assert np.abs(np.diff(naive[:200])).max() > 5 * np.abs(np.diff(naive[8000:])).max()
+    offset = filtered(5 + hum)
+    assert np.abs(np.diff(offset)).max() < 1.02 * np.abs(np.diff(hum)).max()
+
+
+def test_filter_edges_of_noise_are_no_impulses() -> None:
+    """Continuing noise point-symmetrically adds a step of twice its first sample; mirroring must not."""
+    for seed in range(20):
+        samples = np.random.default_rng(seed).normal(size=8000)
+        passed = filtered(samples, 50.0)
+        assert np.abs(passed[:200]).max() < 2.5 * np.abs(passed[800:-800]).max()
+
+
+def test_the_crest_trace_shows_when_the_knock_was() -> None:
+    rng = np.random.default_rng(3)
+    samples = rng.normal(0, 0.01, 80000)
+    samples[50000:50080] += np.hanning(80)
+    view = crest_trace(Analysis(Recording(samples.astype(np.float32), RATE_HZ), UNKNOWN), window_s=0.5)
+    loudest = view.time_s[np.argmax(view.crest_factor)]
+    assert abs(loudest - 50040 / RATE_HZ) <= 0.25
+    np.testing.assert_allclose(view.crest_factor, view.peak / view.rms, rtol=1e-5)

@@ -1,0 +1,102 @@
+"""The motion is found in loudness alone, at any length and with noise, and never where there is none."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from casebase.signals.analysis import Analysis
+from casebase.signals.condition import UNKNOWN, OperatingCondition
+from casebase.signals.errors import ConditionError
+from casebase.signals.motion import HOP_HZ, MotionSource, find_motion
+from casebase.signals.recording import Recording
+from tests.signals.synthetic import RATE_HZ, Joint, sound
+
+
+def analysed(joint: Joint, condition: OperatingCondition = UNKNOWN) -> Analysis:
+    return Analysis(Recording(sound(joint), RATE_HZ), condition)
+
+
+@settings(deadline=None, max_examples=15)
+@given(
+    stroke_s=st.floats(2.0, 4.5),
+    start_s=st.floats(0.3, 1.9),
+    seed=st.integers(0, 10**6),
+    noise=st.sampled_from([0.0, 0.3, 1.0]),
+    label=st.sampled_from(["normal", "play", "notch"]),
+)
+def test_reversals_are_found_to_the_hundredth_second(
+    stroke_s: float, start_s: float, seed: int, noise: float, label: str
+) -> None:
+    joint = Joint(label=label, stroke_s=stroke_s, start_s=start_s, seed=seed, noise=noise)
+    motion = analysed(joint).motion
+    assert motion.source is MotionSource.SOUND
+    assert motion.period_s == pytest.approx(2 * stroke_s, rel=0.01)
+    for time in motion.reversal_times_s:
+        assert np.abs(joint.reversals_s - time).min() < 0.05
+    assert motion.cycles == pytest.approx(joint.duration_s / (2 * stroke_s), rel=0.01)
+
+
+def test_two_reversals_are_enough_for_the_period_and_one_for_itself() -> None:
+    two = analysed(Joint(duration_s=5.0, stroke_s=3.1, start_s=0.9)).motion
+    assert two.period_s == pytest.approx(6.2, abs=0.06)
+    one = analysed(Joint(duration_s=3.5, stroke_s=3.1, start_s=1.7)).motion
+    assert one.period_s is None
+    assert len(one.reversal_times_s) == 1
+    assert one.reversal_times_s[0] == pytest.approx(1.7, abs=0.05)
+
+
+@settings(deadline=None, max_examples=30)
+@given(seed=st.integers(0, 10**6), duration=st.sampled_from([0.1, 1.0, 5.0, 20.0]))
+def test_steady_noise_has_no_motion(seed: int, duration: float) -> None:
+    samples = np.random.default_rng(seed).normal(0, 0.1, int(duration * RATE_HZ)).astype(np.float32)
+    motion = Analysis(Recording(samples, RATE_HZ), UNKNOWN).motion
+    assert motion.source is MotionSource.NONE
+    assert motion.period_s is None
+
+
+def test_irregular_pauses_are_no_motion() -> None:
+    level = np.zeros(int(20 * HOP_HZ), dtype=np.float32)
+    for start, length in ((1.0, 0.3), (2.1, 0.5), (7.0, 0.2), (9.0, 1.4), (17.0, 0.4)):
+        level[int(start * HOP_HZ) : int((start + length) * HOP_HZ)] = -20
+    assert find_motion(level, UNKNOWN).period_s is None
+
+
+def test_unequal_strokes_are_kept_as_they_are() -> None:
+    """Out in 2 s, back in 3 s: the reversals alternate and the cycle is 5 s."""
+    level = np.zeros(int(22 * HOP_HZ), dtype=np.float32)
+    times = [1.0, 3.0, 6.0, 8.0, 11.0, 13.0, 16.0, 18.0]
+    for time in times:
+        level[int((time - 0.2) * HOP_HZ) : int((time + 0.2) * HOP_HZ)] = -15
+    motion = find_motion(level, UNKNOWN)
+    assert motion.period_s == pytest.approx(5.0, abs=0.02)
+    np.testing.assert_allclose(motion.reversal_times_s, times, atol=0.02)
+
+
+def test_what_is_given_is_used() -> None:
+    joint = Joint()
+    given_times = tuple(t for t in joint.reversals_s if 0 < t < 20)
+    motion = analysed(joint, OperatingCondition(reversal_times_s=given_times)).motion
+    assert motion.source is MotionSource.GIVEN
+    assert motion.reversal_times_s == given_times
+    assert motion.period_s == pytest.approx(2 * joint.stroke_s)
+    with_period = analysed(joint, OperatingCondition(motion_period_s=6.21)).motion
+    assert with_period.period_s == 6.21
+    assert with_period.period_in_sound_s == pytest.approx(6.2, abs=0.03)
+    assert analysed(joint, OperatingCondition(steady=True)).motion.source is MotionSource.NONE
+
+
+@pytest.mark.parametrize(
+    "wrong",
+    [
+        {"speed_rad_s": -1.0},
+        {"payload_kg_m2": float("nan")},
+        {"motion_period_s": 0.0},
+        {"reversal_times_s": (2.0, 1.0)},
+        {"reversal_times_s": (1.0, float("inf"))},
+        {"mesh_orders": (0.0,)},
+    ],
+)
+def test_impossible_conditions_are_refused(wrong: dict[str, object]) -> None:
+    with pytest.raises(ConditionError, match=next(iter(wrong))):
+        OperatingCondition(**wrong)  # type: ignore[arg-type]
