@@ -102,11 +102,8 @@ def tooth_damage(draw: Draw) -> Effect:
     name = draw.place()
     stage = draw.joint.stage(name)
     rng, pitch = draw.rng, 2 * np.pi / stage.driven_teeth
-    teeth_per_load_turn = draw.joint.ratio / np.prod(
-        [s.ratio for s in draw.joint.stages[: draw.joint.stages.index(stage) + 1]]
-    )
     candidates = [(float(rng.uniform(0, 2 * np.pi)), int(rng.choice([-1, 1]))) for _ in range(12)]
-    if teeth_per_load_turn == 1:
+    if name == "output":
         angle, flank = max(candidates, key=lambda c: min(draw.motion.passes(*c), 4))
     else:
         angle, flank = candidates[0]

@@ -24,10 +24,14 @@ class Motion:
     high: float
 
     def passes(self, angle: float, direction: float) -> int:
-        """Count how often the recorded part crosses `angle` (modulo 2 pi) moving in `direction` (1 or -1)."""
-        position = self.course[0, int(SETTLE_S * SERVO_RATE_HZ) :]
+        """Count how often the recorded part crosses `angle` (modulo 2 pi) cruising in `direction` (1 or -1).
+
+        While braking the other flank carries the load.
+        """
+        position, speed, acceleration = self.course[:, int(SETTLE_S * SERVO_RATE_HZ) :]
         turn = np.floor((position - angle) / (2 * np.pi))
-        return int(np.count_nonzero(np.sign(np.diff(turn)) == direction))
+        cruising = np.abs(acceleration[1:]) < 0.01 * np.max(np.abs(acceleration))
+        return int(np.count_nonzero((np.diff(turn) != 0) & cruising & (np.sign(speed[1:]) == direction)))
 
 
 def _move(distance: float, speed: float, ramp_s: float) -> NDArray[np.float64]:

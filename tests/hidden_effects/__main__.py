@@ -1,0 +1,132 @@
+"""Run the bank of hidden effects through the command line: `python -m tests.hidden_effects`.
+
+Results are kept as lines of JSON in out/hidden_effects, one file per state of the product, so that a run that was
+stopped goes on where it was.
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+from collections.abc import Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from pathlib import Path
+from typing import Any
+
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
+
+from tests.hidden_effects.bank import BANK_SEED, Entry, full_bank
+from tests.hidden_effects.product import ROOT, investigate
+from tests.hidden_effects.scoring import Scored, judge, tables
+
+KEPT = ("verdict", "findings", "unexplained", "parameters", "gain")
+
+
+def _state_of_product() -> str:
+    """Return a short hash of the product's source and of the generator's."""
+    digest = hashlib.sha256()
+    for folder in ("app", "casebase", "sim", "tests/hidden_effects/generator"):
+        for file in sorted((ROOT / folder).rglob("*.py")):
+            digest.update(file.read_bytes())
+    return digest.hexdigest()[:12]
+
+
+def run_entry(entry: Entry, peers: bool) -> dict[str, Any]:
+    """Run one entry of the bank; the result is JSON data."""
+    scenario = entry.scenario()
+    said = investigate(scenario)
+    document = {key: said.document.get(key) for key in KEPT} if said.document else None
+    result = {
+        "seed": entry.seed,
+        "answer": scenario.answer(),
+        "document": document,
+        "failure": said.failure,
+        "seconds": said.seconds,
+    }
+    if peers and scenario.telemetry is not None:
+        from tests.hidden_effects.peers import PEERS  # imports PySINDy, which takes seconds
+
+        result["peers"] = {name: peer(scenario) for name, peer in PEERS.items()}
+    return result
+
+
+def _read(file: Path) -> dict[int, dict[str, Any]]:
+    if not file.exists():
+        return {}
+    results = [json.loads(line) for line in file.read_text().splitlines()]
+    return {result["seed"]: result for result in results}
+
+
+def _judged(results: Sequence[dict[str, Any]]) -> list[Scored]:
+    return [(result["answer"], judge(result["answer"], result["document"])) for result in results]
+
+
+def _arguments() -> argparse.Namespace:
+    parser = argparse.ArgumentParser(prog="python -m tests.hidden_effects", description=__doc__)
+    parser.add_argument("--runs", type=int, help="only the first N of the bank")
+    parser.add_argument("--seed", type=int, default=BANK_SEED, help="first seed of the bank")
+    parser.add_argument("--jobs", type=int, default=2, help="worker processes")
+    parser.add_argument("--group", help="only this group, such as null or mechanics")
+    parser.add_argument("--effect", help="only scenarios that hide this, such as backlash")
+    parser.add_argument("--peers", action="store_true", help="also PySINDy and i.i.d. BIC on the same runs")
+    parser.add_argument("--out", type=Path, default=ROOT / "out" / "hidden_effects", help="where results are kept")
+    return parser.parse_args()
+
+
+def _wanted(options: argparse.Namespace) -> list[Entry]:
+    bank = [
+        entry
+        for entry in full_bank(options.seed)
+        if options.group in (None, entry.group) and (options.effect is None or options.effect in entry.effects)
+    ]
+    return bank[: options.runs]
+
+
+def _run(todo: Sequence[Entry], options: argparse.Namespace, file: Path) -> None:
+    columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
+    with (
+        ProcessPoolExecutor(options.jobs) as pool,
+        Progress(*columns) as progress,
+        file.open("a") as kept,
+    ):
+        task = progress.add_task("hidden effects", total=len(todo))
+        for future in as_completed([pool.submit(run_entry, entry, options.peers) for entry in todo]):
+            result = future.result()
+            kept.write(json.dumps(result) + "\n")
+            kept.flush()
+            judgement = judge(result["answer"], result["document"])
+            hidden = "+".join(h["mechanism"] for h in result["answer"]["hidden"]) or result["answer"]["group"]
+            mark = {"right": "ok   ", "failed": "FAIL "}.get(judgement.outcome, "  -  ")
+            progress.console.print(
+                f"{mark}{result['answer']['id']:>10s} {hidden:36s} {result['answer']['level']:8s}"
+                f" {judgement.outcome:12s} {', '.join(judgement.wrong_names):24s} {result['seconds']:5.1f} s",
+                highlight=False,
+            )
+            progress.advance(task)
+
+
+def main() -> None:
+    """Run what is wanted and not yet done, then print the tables."""
+    options = _arguments()
+    options.out.mkdir(parents=True, exist_ok=True)
+    file = options.out / f"{_state_of_product()}.jsonl"
+    done = _read(file)
+    bank = _wanted(options)
+    todo = [e for e in bank if e.seed not in done or (options.peers and "peers" not in done[e.seed])]
+    if len(todo) < len(bank):
+        print(f"{len(bank) - len(todo)} of {len(bank)} results are already in {file}")
+    _run(todo, options, file)
+    done = _read(file)
+    results = [done[entry.seed] for entry in bank]
+    print()
+    print(tables(_judged(results), [r["seconds"] for r in results]))
+    if options.peers:
+        from tests.hidden_effects.peers import side_by_side
+
+        print()
+        print(side_by_side(results))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,76 @@
+"""The product under test, from outside: its command line and nothing else."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from tests.hidden_effects.generator import Scenario, write
+
+ROOT = Path(__file__).resolve().parents[2]
+COMMAND = (sys.executable, "-m", "app")
+TIME_LIMIT_S = 300
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What `investigate --json` said of one recording, or why it failed, and how long it took [s]."""
+
+    document: dict[str, Any] | None
+    failure: str | None
+    seconds: float
+
+
+def _environment(folder: Path) -> dict[str, str]:
+    return {**os.environ, "GEARCASE_DATA_DIR": str(folder / "data"), "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+
+
+@lru_cache
+def has_investigate() -> bool:
+    """Return whether the command line knows the verb."""
+    with tempfile.TemporaryDirectory() as folder:
+        done = subprocess.run(
+            [*COMMAND, "investigate", "--help"],
+            cwd=ROOT,
+            env=_environment(Path(folder)),
+            capture_output=True,
+            timeout=TIME_LIMIT_S,
+            check=False,
+        )
+    return done.returncode == 0
+
+
+def investigate(scenario: Scenario) -> Answer:
+    """Write a scenario's files and let the product investigate them."""
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        write(scenario, folder)
+        arguments = ["investigate", "--axis", str(folder / "axis.toml"), "--json"]
+        for option, file in (("--telemetry", "telemetry.csv"), ("--sound", "sound.wav")):
+            if (folder / file).exists():
+                arguments += [option, str(folder / file)]
+        start = time.perf_counter()
+        try:
+            done = subprocess.run(
+                [*COMMAND, *arguments],
+                cwd=ROOT,
+                env=_environment(folder),
+                capture_output=True,
+                text=True,
+                timeout=TIME_LIMIT_S,
+                check=False,
+            )
+        except subprocess.TimeoutExpired:
+            return Answer(None, f"took longer than {TIME_LIMIT_S} s", float(TIME_LIMIT_S))
+        seconds = time.perf_counter() - start
+    if done.returncode not in (0, 3):
+        return Answer(None, f"exit code {done.returncode}: {done.stderr.strip()[-800:]}", seconds)
+    return Answer(json.loads(done.stdout), None, seconds)
