@@ -47,7 +47,7 @@ from sim.errors import CompositionError, RunError, number
 from sim.servo import back_and_forth
 from sim.trajectory import Channels, Event, Trajectory
 
-MAX_ROWS = 40_000_000  # 5000 s at 8 kHz: about 5 GB of channels of a three-shaft axis
+MEMORY_LIMIT_BYTES = 2_000_000_000  # of one result: 43 minutes of three shafts at 8 kHz
 MIN_RATE_OF_SERVO_HZ = 1000.0
 
 
@@ -87,17 +87,23 @@ def chain_of_axis(axis: Axis) -> Chain:
     return chain_of(DriveTrain.from_axis(axis))
 
 
-def simulate_chain(train: DriveTrain, duration_s: float, sample_rate_hz: float) -> Trajectory:
-    """Simulate shafts in series; channels and events bear the names of the train's components."""
+def simulate_chain(
+    train: DriveTrain, duration_s: float, sample_rate_hz: float, watch: Array | None = None
+) -> Trajectory:
+    """Simulate shafts in series; channels and events bear the names of the components (`watch`: see `run_chain`)."""
     number("duration_s", duration_s, "s", above=0)
     number("sample_rate_hz", sample_rate_hz, "Hz", above=0)
     samples = round(duration_s * sample_rate_hz) + 1
-    if samples > MAX_ROWS:
-        raise RunError(f"duration_s: {samples} rows are more than {MAX_ROWS}; simulate it in pieces")
     places = _places(train)
+    size = 8.0 * samples * (4 * len(places) + 1)
+    if size > MEMORY_LIMIT_BYTES:
+        longest = MEMORY_LIMIT_BYTES / size * duration_s
+        raise RunError(
+            f"duration_s: must be at most {longest:.0f} s at this rate (2 GB of results), got {duration_s:g}"
+        )
     chain = _chain(train, places)
     drive, reference = _drive(train, places, samples, sample_rate_hz)
-    result = run_chain(chain, drive, sample_rate_hz, samples, start=_start(train, places, chain))
+    result = run_chain(chain, drive, sample_rate_hz, samples, start=_start(train, places, chain), watch=watch)
     return _trajectory(train, places, chain, result, reference)
 
 

@@ -488,7 +488,8 @@ def run(
     force: Matrix,
     torque: Matrix,
 ) -> tuple[int, int]:
-    """Integrate over the rows of `torque`; `grid` = rate [Hz], steps per sample, friction width, tolerance.
+    """Integrate over the rows of `torque`; `grid` = rate [Hz], steps per sample, friction width, tolerance,
+    and the fraction done, which another thread may watch.
 
     Inputs and servo ticks come once per sample; outputs without columns are skipped. Returns (events, unresolved).
     """
@@ -508,6 +509,7 @@ def run(
     shaft0 = n - angle.shape[1]
     d = DRIVE
     for i in range(samples):
+        grid[4] = i / samples
         t = i / grid[0]
         last = i == samples - 1
         u = 1.0 if last and i > 0 else 0.0

@@ -23,12 +23,14 @@ def run_chain(
     start: Array | None = None,
     external_n_m: Array | None = None,
     light: bool = False,
+    watch: Array | None = None,
 ) -> ChainResult:
     """Integrate `samples` output rows at `sample_rate_hz`; inputs given as samples have the same rate.
 
     `start`: angles then speeds, shape (2 shafts,); default `steady_start` of a prescribed motion or servo, else rest.
     `external_n_m`: torque on every shaft, shape (shafts, samples), straight lines between samples.
     `substeps` per sample: default `stable_substeps`. `light` keeps load angle and motor torque only.
+    `watch`: five numbers, of which the last tells another thread the fraction that is done.
     Raises ChainError for a wrong chain, drive or size before any work.
     """
     from sim import chain_kernel
@@ -49,7 +51,8 @@ def run_chain(
     state[:n], state[4 : 4 + n] = first[:n], first[n:]
     width = drive.friction_width_rad_s if isinstance(drive, PrescribedMotion) else 1.0
     tolerance = 1e-12 * max([1.0, *(link.stiffness_n_m_per_rad for link in chain.links)])
-    grid = np.array([sample_rate_hz, substeps, width, tolerance])
+    grid = np.zeros(5) if watch is None else watch
+    grid[:4] = sample_rate_hz, substeps, width, tolerance
     log = np.empty((0 if light else LOG_ROWS, 5))
     angle = np.empty((samples, 1 if light else n))
     speed = np.empty((samples, 0 if light else n))
