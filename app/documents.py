@@ -5,7 +5,7 @@ from datetime import UTC
 from typing import Annotated, Generic, Literal, TypeVar
 
 from fastapi import Path, Query
-from pydantic import AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import MISSING, AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, FiniteFloat
 
 from app.keys import Role
 from app.metadata import Label, Text, Word
@@ -17,9 +17,13 @@ Document = TypeVar("Document", bound=BaseModel)
 
 Identifier = Annotated[str, Path(pattern=r"^[0-9a-f]{32}$", description="as answered by the call that made it")]
 Limit = Annotated[int, Query(ge=1, le=200, description="items per page")]
-Cursor = Annotated[str | None, Query(min_length=1, max_length=200, description="next_cursor of the page before")]
+Cursor = Annotated[
+    str | None,
+    Query(description="next_cursor of the page before", json_schema_extra={"pattern": r"^[0-9a-f]{32}$"}),
+]
 
 
+Filter = Annotated[str | None, Query(max_length=200, pattern=r"^[^\x00]*$")]
 Instant = Annotated[AwareDatetime, AfterValidator(lambda time: time.astimezone(UTC))]
 
 
@@ -177,14 +181,14 @@ class CaseFromDiagnosis(Question):
 class CaseChange(Question):
     """What to change; leave out what stays. `state` retired takes a case out of every search, confirmed back in."""
 
-    label: Label | None = None
-    state: Literal["proposed", "confirmed", "retired"] | None = None
-    verified_by: Text | None = None
-    note: Text | None = None
-    mechanism: Word | None = None
-    location: Word | None = None
-    severity: FiniteFloat | None = None
-    quarantine_reason: Text | None = None
+    label: Label | MISSING = MISSING
+    state: Literal["proposed", "confirmed", "retired"] | MISSING = MISSING
+    verified_by: Text | MISSING | None = MISSING
+    note: Text | MISSING | None = MISSING
+    mechanism: Word | MISSING | None = MISSING
+    location: Word | MISSING | None = MISSING
+    severity: FiniteFloat | MISSING | None = MISSING
+    quarantine_reason: Text | MISSING | None = MISSING
 
 
 class DiagnosisChange(Question):

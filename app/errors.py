@@ -145,14 +145,28 @@ def _words(request: Request, error: HTTPException) -> str:
     path = request.url.path
     if error.status_code == HTTPStatus.NOT_FOUND and error.detail == HTTPStatus.NOT_FOUND.phrase:
         return f"There is nothing at {path}. The API is under /api/v1 and described at /docs."
-    if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
-        allowed = (error.headers or {}).get("Allow", "none")
-        return f"{request.method} is not offered at {path}. Offered: {allowed}."
     return error.detail
+
+
+def path_of(request: Request) -> str:
+    """The path under which a route is known here, without what a proxy put before it."""
+    return str(request.scope["path"].removeprefix(request.scope.get("root_path", "")))
+
+
+def _not_offered(request: Request, headers: dict[str, str]) -> MethodNotAllowed:
+    from app.reference import offered  # which needs the problems of this module
+
+    methods = offered(request.app, path_of(request))
+    allow = ", ".join(sorted(methods)) or headers.get("Allow", "")
+    return MethodNotAllowed(
+        f"{request.method} is not offered at {request.url.path}. Offered: {allow}.", headers={"Allow": allow}
+    )
 
 
 def _from_http(_: ExceptionHandler, request: Request, error: HTTPException) -> Problem:
     headers = dict(error.headers or {})
+    if error.status_code == HTTPStatus.METHOD_NOT_ALLOWED:
+        return _not_offered(request, headers)
     kind = BY_STATUS.get(error.status_code)
     if kind is not None:
         return kind(_words(request, error), headers=headers)

@@ -33,10 +33,12 @@ def create_key(session: Session, *, name: str, role: Role) -> tuple[ApiKey, str]
     """Return the new row and the key itself, which is in no way to be had again.
 
     Raises:
-        InvalidRequestError: if the name is empty, too long or not printable.
+        InvalidRequestError: if the name is empty, too long or has control characters.
     """
-    if not name.strip() or len(name) > 200 or not name.isprintable():
-        raise InvalidRequestError("a key needs a name of 1 to 200 printable characters: whose key is it?")
+    if not name.strip() or len(name) > 200 or any(character < " " for character in name):
+        raise InvalidRequestError(
+            "a key needs a name of 1 to 200 characters, none of them a control character: whose key is it?"
+        )
     key = PREFIX + secrets.token_urlsafe(32)
     row = ApiKey(name=name, role=role.value, key_sha256=_digest(key), created_by=audit.actor_of(session))
     session.add(row)

@@ -1,8 +1,7 @@
 """What is said of a recording when it comes in: one strict document for HTTP, command line and bundles."""
 
 from datetime import UTC, datetime
-from itertools import pairwise
-from typing import Annotated, Any, Self
+from typing import Annotated, Any
 
 from pydantic import (
     AwareDatetime,
@@ -15,15 +14,24 @@ from pydantic import (
     StringConstraints,
     ValidationError,
     field_validator,
-    model_validator,
 )
 
 from app.errors import Unprocessable, validation_problem
 from casebase.signals.condition import OperatingCondition
 
-Word = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=200)]
+CONTROL = r"\x00-\x1f\x7f"
+CONTROL_BUT_BREAKS = r"\x00-\x08\x0b\x0c\x0e-\x1f\x7f"
+"""Databases and terminals take no control characters; a text may have tabs and line breaks."""
+
+
+def _text(longest: int, control: str) -> StringConstraints:
+    pattern = rf"^[^{control}]*[^\s{CONTROL}][^{control}]*$"
+    return StringConstraints(strip_whitespace=True, min_length=1, max_length=longest, pattern=pattern)
+
+
+Word = Annotated[str, _text(200, CONTROL)]
+Text = Annotated[str, _text(4000, CONTROL_BUT_BREAKS)]
 Label = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_.-]{0,99}$")]
-Text = Annotated[str, StringConstraints(strip_whitespace=True, min_length=1, max_length=4000)]
 Positive = Annotated[FiniteFloat, Field(gt=0, lt=1e9)]
 SCHEMA = "gearcase-recording/1"
 
@@ -42,7 +50,7 @@ class RecordingMetadata(BaseModel):
     axis: Word | None = Field(None, description="name of the axis, as in its description")
     gearbox: Word | None = Field(None, description="serial number of the gearbox")
     robot: Word | None = None
-    unit: Annotated[str, StringConstraints(max_length=20)] = Field(
+    unit: Annotated[str, StringConstraints(pattern=r"^[\x21-\x7e]{1,20}$")] = Field(
         "1", description="UCUM code of the samples; 1 for an uncalibrated microphone"
     )
     channel: StrictInt | None = Field(None, ge=0, le=63, description="which channel to use, counted from 0")
@@ -50,7 +58,7 @@ class RecordingMetadata(BaseModel):
     payload_kg_m2: Positive | None = Field(None, description="inertia carried by the output [kg m2]")
     motion_period_s: Positive | None = Field(None, description="one full cycle of back and forth [s]")
     reversal_times_s: tuple[FiniteFloat, ...] | None = Field(
-        None, max_length=10_000, description="standstills from the recording's start, ascending [s]"
+        None, max_length=10_000, description="standstills from the recording's start, in any order [s]"
     )
     steady: StrictBool | None = Field(None, description="true: constant speed; false: back and forth")
     temperature_degc: Annotated[FiniteFloat, Field(ge=-100, le=300)] | None = None
@@ -77,12 +85,10 @@ class RecordingMetadata(BaseModel):
                 raise ValueError("lies outside the years 1 to 9999 in UTC") from None
         return value
 
-    @model_validator(mode="after")
-    def _ascending(self) -> Self:
-        times = self.reversal_times_s or ()
-        if any(later <= earlier for earlier, later in pairwise(times)):
-            raise ValueError("reversal_times_s must be ascending")
-        return self
+    @field_validator("reversal_times_s")
+    @classmethod
+    def _in_order(cls, times: tuple[float, ...] | None) -> tuple[float, ...] | None:
+        return None if times is None else tuple(sorted(set(times)))
 
     def condition(
         self, shaft_orders: tuple[float, ...] = (), mesh_orders: tuple[float, ...] = ()
@@ -105,6 +111,12 @@ class RecordingMetadata(BaseModel):
 
 class CaseMetadata(RecordingMetadata):
     """How a recording was taken, and its label."""
+
+    model_config = ConfigDict(
+        json_schema_extra={
+            "examples": [{"label": "notch", "axis": "axis-a", "gearbox": "g00", "verified_by": "gearbox opened"}]
+        }
+    )
 
     label: Label = Field(description="normal, notch, play, or any other label of the library")
 

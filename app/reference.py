@@ -1,11 +1,15 @@
 """The OpenAPI document: roles, problems and examples; and the reference page made from it."""
 
+import re
 from functools import cache
 from typing import Any
 
-from fastapi import FastAPI
+from fastapi import FastAPI, Request
 from fastapi.openapi.utils import get_openapi
 from jinja2 import Environment, PackageLoader, Template
+from starlette.routing import compile_path
+
+from app.errors import Unprocessable, path_of
 
 PROBLEM = {
     "type": "object",
@@ -73,6 +77,39 @@ def describe(app: FastAPI) -> dict[str, Any]:
         document["components"].setdefault("schemas", {})["Problem"] = PROBLEM
         app.openapi_schema = document
     return app.openapi_schema
+
+
+@cache
+def _offers(app: FastAPI) -> tuple[tuple[re.Pattern[str], dict[str, frozenset[str]]], ...]:
+    found = []
+    for path, methods in describe(app)["paths"].items():
+        queries = {
+            method.upper(): frozenset(each["name"] for each in operation.get("parameters", ()) if each["in"] == "query")
+            for method, operation in methods.items()
+        }
+        found.append((compile_path(path)[0], queries))
+    return tuple(found)
+
+
+def offered(app: FastAPI, path: str) -> dict[str, frozenset[str]]:
+    """Return the methods that the API offers at a path, each with the names of its query parameters."""
+    return {
+        method: names for pattern, queries in _offers(app) if pattern.match(path) for method, names in queries.items()
+    }
+
+
+def only_known_query(request: Request) -> None:
+    """Dependency: refuse a query parameter that nothing reads, such as a mistyped filter.
+
+    Raises:
+        Unprocessable: naming it and those that are known.
+    """
+    known = offered(request.app, path_of(request)).get(request.method, frozenset())
+    unknown = sorted(set(request.query_params) - known)
+    if unknown:
+        raise Unprocessable(
+            f"Unknown query parameters: {', '.join(unknown)}. Known here: {', '.join(sorted(known)) or 'none'}."
+        )
 
 
 @cache

@@ -41,7 +41,7 @@ class Settings(BaseSettings):
     uploads_at_once: PositiveInt = Field(16, description="uploads of all keys read at once; others wait")
     analyses_at_once: PositiveInt = Field(2, description="recordings decoded at once; others wait")
     page_items: PositiveInt = Field(200, description="items of a list's page, at most")
-    failed_keys: str = Field("100/minute", description="wrong keys from one address before 429")
+    failed_keys: str = Field("1000/minute", description="wrong keys from one address before 429")
     require_if_match: bool = Field(False, description="changes of a case need the If-Match header (428)")
     idempotency_hours: PositiveInt = Field(24, description="how long an Idempotency-Key is remembered")
 

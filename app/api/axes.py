@@ -17,7 +17,7 @@ from sim.axis import read_axis
 
 router = APIRouter(tags=["axes"])
 
-Name = Annotated[str, Path(min_length=1, max_length=200)]
+Name = Annotated[str, Path(min_length=1, max_length=200, pattern=r"^[^\x00]*$")]
 OBJECT = TypeAdapter(dict[str, object])
 EXAMPLE = {
     "schema": "gearcase-axis/1",
@@ -67,6 +67,8 @@ async def axis_body(request: Request) -> dict[str, object]:
     """The description sent, as TOML text or as JSON."""
     kind = request.headers.get("content-type", "").split(";")[0].strip().lower()
     body = await request.body()
+    if b"\\u0000" in body or b"\0" in body:
+        raise Unprocessable("The body has a NUL character; no database can hold that.")
     try:
         if kind == "application/toml":
             return tomllib.loads(body.decode())

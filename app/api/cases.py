@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Header, Query, Request, Response, status
+from fastapi import APIRouter, Header, Request, Response, status
 from fastapi.concurrency import run_in_threadpool
 from pydantic import ValidationError
 from sqlalchemy.orm import Session
@@ -13,6 +13,7 @@ from app.documents import (
     CaseChange,
     CaseFromDiagnosis,
     Cursor,
+    Filter,
     Identifier,
     Limit,
     PageOf,
@@ -38,10 +39,10 @@ def list_cases(
     _: Viewer,
     session: Reading,
     service: TheService,
-    label: Annotated[str | None, Query(max_length=100)] = None,
+    label: Filter = None,
     origin: Literal["measured", "simulated"] | None = None,
-    axis: Annotated[str | None, Query(max_length=200)] = None,
-    gearbox: Annotated[str | None, Query(max_length=200)] = None,
+    axis: Filter = None,
+    gearbox: Filter = None,
     state: Literal["proposed", "confirmed", "retired"] | None = None,
     limit: Limit = 50,
     cursor: Cursor = None,
@@ -132,7 +133,7 @@ def change_case(
     if_match: IfMatch = None,
 ) -> CaseAnswer:
     """Change a case. With `If-Match` only if nobody else has changed it in the meantime."""
-    changes = change.model_dump(exclude_unset=True)
+    changes = change.model_dump()
     with service.library.transaction(admin.actor, request.scope["request_id"]) as session:
         case = service.library.revise(session, case_id, changes, expected_version=expected(service, if_match))
     response.headers["ETag"] = etag(case)

@@ -1,13 +1,13 @@
 """Diagnoses: a recording comes in, a verdict with its nearest cases goes out, a person confirms or corrects it."""
 
-from typing import Annotated, Literal
+from typing import Literal
 
-from fastapi import APIRouter, Query, Request, Response, status
+from fastapi import APIRouter, Request, Response, status
 from fastapi.responses import HTMLResponse
 from sqlalchemy.orm import Session
 
 from app.accept import chosen
-from app.documents import Cursor, DiagnosisAnswer, DiagnosisChange, Identifier, Limit, PageOf, page_of
+from app.documents import Cursor, DiagnosisAnswer, DiagnosisChange, Filter, Identifier, Limit, PageOf, page_of
 from app.idempotency import Made, OnlyOnce
 from app.intake import known_axis, take_in
 from app.metadata import RecordingMetadata, read_metadata
@@ -53,10 +53,10 @@ def diagnoses(
     _: Viewer,
     session: Reading,
     verdict: Literal["diagnosed", "ambiguous", "not_in_library", "unusable"] | None = None,
-    label: Annotated[str | None, Query(max_length=100)] = None,
+    label: Filter = None,
     state: Literal["open", "confirmed", "corrected", "rejected"] | None = None,
-    axis: Annotated[str | None, Query(max_length=200)] = None,
-    gearbox: Annotated[str | None, Query(max_length=200)] = None,
+    axis: Filter = None,
+    gearbox: Filter = None,
     limit: Limit = 50,
     cursor: Cursor = None,
 ) -> PageOf[DiagnosisAnswer]:
