@@ -8,6 +8,7 @@ from app.settings import Settings
 
 KINDS: dict[str, tuple[str, str]] = {
     "simulations": ("app.generation", "simulations"),
+    "investigations": ("app.investigations", "investigations"),
 }
 """Name of a kind, and where the function is that makes it for an installation; workers alone import it."""
 

@@ -7,7 +7,7 @@ from importlib.metadata import version
 from fastapi import APIRouter, Depends, FastAPI
 from starlette.middleware import Middleware
 
-from app.api import audit, axes, cases, diagnoses, health, jobs, keys, limits, recordings, simulations
+from app.api import audit, axes, cases, diagnoses, health, investigations, jobs, keys, limits, recordings, simulations
 from app.errors import add_problem_handlers
 from app.metrics import Metrics
 from app.middleware import BodyLimit, RequestRecord, SecurityHeaders
@@ -27,6 +27,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     jobs.router,
     keys.router,
     audit.router,
+    investigations.router,
     limits.router,
 )
 """Everything under /api/v1; a new noun is one line here."""

@@ -122,7 +122,8 @@ ENVIRONMENT = _environment()
 def content_security_policy(nonce: str) -> str:
     """Scripts and styles of our own only; the nonce is for the style of the waveform player's shadow root."""
     return (
-        "default-src 'none'; script-src 'self'; connect-src 'self'; img-src 'self' data:; media-src 'self' blob:; "
+        "default-src 'none'; script-src 'self'; frame-src 'self'; connect-src 'self'; "
+        "img-src 'self' data:; media-src 'self' blob:; "
         f"style-src 'self' 'nonce-{nonce}'; form-action 'self'; base-uri 'none'; frame-ancestors 'none'"
     )
 

@@ -87,3 +87,30 @@ def _novelty(document: Mapping[str, Any]) -> str:
         f"Its distance to the nearest known case is {novelty['distance']:.2f}; recordings of known kinds stay below "
         f"{novelty['threshold']:.2f}. It is not forced into a known class."
     )
+
+
+def investigation_headline(document: Mapping[str, Any]) -> str:
+    """Say in one line what an investigation found.
+
+    >>> investigation_headline({"verdict": "nothing_missing", "findings": []})
+    'The model misses nothing that this data could show'
+    """
+    if document["verdict"] == "nothing_missing":
+        return "The model misses nothing that this data could show"
+    if document["verdict"] == "unnamed":
+        return "Something is missing that no known mechanism explains"
+    names = [place_words(finding) for finding in document["findings"]]
+    return f"Missing in the model: {', '.join(names)}"
+
+
+def place_words(finding: Mapping[str, Any]) -> str:
+    """Name a mechanism and where it sits."""
+    name = str(finding["mechanism"]).replace("_", " ")
+    return f"{name} at {finding['location']}" if finding.get("location") else name
+
+
+def finding_words(finding: Mapping[str, Any]) -> str:
+    """Say how sure a finding is, and what else it could be."""
+    others = [str(name).replace("_", " ") for name in finding.get("indistinguishable_from", ())]
+    rest = f"; this data cannot tell it from {' or '.join(others)}" if others else ""
+    return f"{_percent(finding['probability'])} probable{rest}"

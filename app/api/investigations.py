@@ -1,0 +1,181 @@
+"""Investigations: what the simulation of an axis gets wrong, by measured data."""
+
+import math
+import tomllib
+
+from fastapi import APIRouter, Request, Response, status
+from fastapi.responses import HTMLResponse
+from pydantic import AwareDatetime, BaseModel, Field
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from app.api.axes import OBJECT
+from app.api.jobs import JobDocument
+from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf, page_of
+from app.errors import Unprocessable
+from app.idempotency import Made, OnlyOnce
+from app.investigations import KIND, Measured, accept, document_of, get_investigation, submit
+from app.security import Admin, Operator, Viewer
+from app.service import Reading, Service, TheService
+from app.uploads import TheUpload, Upload
+from casebase.axes import get_axis
+from casebase.models import StoredInvestigation
+from casebase.pages import page
+from sim.axis import Axis, read_axis
+
+router = APIRouter(tags=["investigations"])
+PARTS = ("axis", "telemetry", "sound", "sound_offset_s")
+REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
+BINARY = {"type": "string", "format": "binary"}
+BODY = {
+    "requestBody": {
+        "required": True,
+        "content": {
+            "multipart/form-data": {
+                "schema": {
+                    "type": "object",
+                    "required": ["axis"],
+                    "additionalProperties": False,
+                    "properties": {
+                        "axis": {
+                            "type": "string",
+                            "description": "axis.toml, the same as JSON, or a stored axis' name",
+                        },
+                        "telemetry": {**BINARY, "description": "CSV or Parquet with time_s and known channels"},
+                        "sound": {**BINARY, "description": "any audio file that is read"},
+                        "sound_offset_s": {"type": "number", "description": "telemetry's time at the sound's start"},
+                    },
+                }
+            }
+        },
+    }
+}
+
+
+class InvestigationJob(JobDocument):
+    """The job; the investigation has the same id."""
+
+    investigation_id: str
+
+
+class InvestigationAnswer(Answer):
+    """An investigation in a list."""
+
+    id: str
+    state: str
+    axis: str | None
+    error: str | None
+    created_at: AwareDatetime
+    finished_at: AwareDatetime | None
+    created_by: str
+
+
+class Finding(BaseModel):
+    """A cause that the model misses."""
+
+    model_config = {"extra": "allow"}
+    mechanism: str
+    location: str | None
+    probability: float = Field(ge=0, le=1)
+
+
+class InvestigationDocument(BaseModel):
+    """What was found; see the contract of `gearcase investigate --json`."""
+
+    model_config = {"extra": "allow"}
+    verdict: str
+    findings: list[Finding]
+
+
+@router.post(
+    "/investigations", status_code=status.HTTP_202_ACCEPTED, response_model=InvestigationJob, openapi_extra=BODY
+)
+def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request) -> Response:
+    """Ask what the model of an axis misses: parts `axis`, and `telemetry`, `sound` or both. Answers the job."""
+    upload.only(*PARTS)
+    service = once.service
+    axis = axis_of(service, upload)
+    offset = _offset(upload.fields.get("sound_offset_s", ""))
+    files = {name: Measured(upload.files[name].path, upload.files[name].name) for name in PARTS if name in upload.files}
+
+    def work(session: Session) -> Made:
+        row = submit(service.library, session, axis, files.get("telemetry"), files.get("sound"), offset)
+        job_id = service.jobs.submit(
+            KIND, {"investigation_id": row.id}, job_id=row.id, submitted_by=once.principal.actor
+        )
+        location = str(request.url_for("get_job", job_id=job_id).path)
+        document = JobDocument.of(service.jobs.get(job_id)).model_dump()
+        answer = InvestigationJob(**document, investigation_id=row.id)
+        return Made(answer, location, status=status.HTTP_202_ACCEPTED)
+
+    hashes = {name: file.sha256 for name, file in sorted(upload.files.items())}
+    return once.run(work, axis.to_mapping(), hashes, offset)
+
+
+def axis_of(service: Service, upload: Upload) -> Axis:
+    """Return the axis of a request: TOML, JSON, or the name of a stored one.
+
+    Raises:
+        Unprocessable: if it is missing or none of these.
+        AxisError: if the description is wrong.
+    """
+    text = upload.text("axis", service.settings.document_bytes).strip()
+    if not text:
+        raise Unprocessable("The form needs the part 'axis': an axis.toml, the same as JSON, or a stored axis' name.")
+    if text.startswith("{"):
+        return read_axis(OBJECT.validate_json(text))
+    if "\n" not in text and "=" not in text:
+        with service.library.reading() as session:
+            return read_axis(get_axis(session, text).document)
+    try:
+        return read_axis(tomllib.loads(text))
+    except tomllib.TOMLDecodeError as error:
+        raise Unprocessable(f"The part 'axis' is no TOML text: {error}.") from None
+
+
+def _offset(text: str) -> float:
+    try:
+        value = float(text or 0.0)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise Unprocessable(f"sound_offset_s must be a number of seconds, got {text[:40]!r}.")
+    return value
+
+
+@router.get("/investigations")
+def list_investigations(
+    _: Viewer, session: Reading, limit: Limit = 50, cursor: Cursor = None
+) -> PageOf[InvestigationAnswer]:
+    """Investigations, newest first."""
+    rows = page(session, select(StoredInvestigation), StoredInvestigation.id, limit=limit, cursor=cursor)
+    return page_of(rows, InvestigationAnswer.model_validate)
+
+
+@router.get("/investigations/{investigation_id}")
+def investigation(_: Viewer, session: Reading, investigation_id: Identifier) -> InvestigationDocument:
+    """What was found; 409 with the state while the job runs or when it failed."""
+    return InvestigationDocument.model_validate(document_of(get_investigation(session, investigation_id)))
+
+
+@router.get("/investigations/{investigation_id}/report", response_class=HTMLResponse)
+def investigation_report(_: Viewer, session: Reading, investigation_id: Identifier) -> HTMLResponse:
+    """The report: one HTML file that needs no network."""
+    row = get_investigation(session, investigation_id)
+    document_of(row)
+    return HTMLResponse(row.report or "", headers={"Content-Security-Policy": REPORT_POLICY})
+
+
+@router.post(
+    "/investigations/{investigation_id}/accept", status_code=status.HTTP_201_CREATED, response_model=AxisAnswer
+)
+def accept_investigation(
+    admin: Admin, service: TheService, once: OnlyOnce, request: Request, investigation_id: Identifier
+) -> Response:
+    """Store the extended axis as the next revision; later simulations and investigations start from it."""
+
+    def work(session: Session) -> Made:
+        row = accept(session, get_investigation(session, investigation_id))
+        return Made(AxisAnswer.model_validate(row), str(request.url_for("get_axis", name=row.name).path))
+
+    return once.run(work)

@@ -1,0 +1,200 @@
+"""Investigations: measured data of an axis come in, a job looks for what the model misses, its document is kept.
+
+An investigation and its job have the same id. Files are kept by their content like recordings, so that a worker on
+another process finds them, and so that an investigation can be done again.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from time import sleep
+
+from sqlalchemy.orm import Session
+
+from app.job_errors import JobError
+from app.jobs import JobKind, Json, Report
+from app.settings import Settings
+from casebase import audit
+from casebase.axes import add_axis
+from casebase.errors import ConflictError, NotFoundError
+from casebase.library import CaseLibrary
+from casebase.models import AxisRevision, StoredInvestigation, new_id, now
+from casebase.signals.decode import read_recording
+from casebase.signals.errors import SignalError
+from casebase.signals.telemetry import read_telemetry
+from sim.axis import Axis, read_axis
+from sim.errors import AxisError, SimulationError
+
+KIND = "investigations"
+ACTOR = "investigator"
+COMMIT_WAITS, COMMIT_WAIT_S = 20, 0.25
+
+
+@dataclass(frozen=True)
+class Measured:
+    """One file of measured data, where it is now and what it was called."""
+
+    path: Path
+    name: str
+
+
+def submit(
+    library: CaseLibrary,
+    session: Session,
+    axis: Axis,
+    telemetry: Measured | None,
+    sound: Measured | None,
+    sound_offset_s: float = 0.0,
+) -> StoredInvestigation:
+    """Check and keep what was measured; the caller queues the job under the investigation's id.
+
+    Raises:
+        AxisError: if there is nothing to investigate.
+        SignalError: if telemetry or sound cannot be read.
+    """
+    if telemetry is None and sound is None:
+        raise AxisError("send telemetry, sound or both: an axis alone has nothing to investigate")
+    inputs: dict[str, object] = {"sound_offset_s": sound_offset_s}
+    if telemetry is not None:
+        read_telemetry(telemetry.path)
+        inputs["telemetry"] = _kept(library, telemetry)
+    if sound is not None:
+        read_recording(sound.path)
+        inputs["sound"] = _kept(library, sound)
+    row = StoredInvestigation(
+        id=new_id(),
+        axis=axis.name,
+        axis_document=axis.to_mapping(),
+        inputs=inputs,
+        created_by=audit.actor_of(session),
+    )
+    row.job_id = row.id
+    session.add(row)
+    session.flush()
+    audit.record(session, "investigation.asked", ("investigation", row.id), after={"axis": axis.name, **inputs})
+    return row
+
+
+def _kept(library: CaseLibrary, measured: Measured) -> dict[str, object]:
+    suffix = Path(measured.name).suffix.lower()
+    return {"name": measured.name[-255:], "sha256": library.audio.put(measured.path).sha256, "suffix": suffix}
+
+
+def get_investigation(session: Session, investigation_id: str) -> StoredInvestigation:
+    """Return an investigation; raises NotFoundError."""
+    row = session.get(StoredInvestigation, investigation_id)
+    if row is None:
+        raise NotFoundError(f"no investigation has the id {investigation_id!r}")
+    return row
+
+
+def document_of(row: StoredInvestigation) -> Mapping[str, object]:
+    """Return the document of a finished investigation.
+
+    Raises:
+        ConflictError: if it is not finished, or failed; says which.
+    """
+    if row.document is None:
+        why = f"failed: {row.error}" if row.error else f"is {row.state}; follow the job {row.job_id}"
+        raise ConflictError(f"investigation {row.id} {why}")
+    return row.document
+
+
+def accept(session: Session, row: StoredInvestigation) -> AxisRevision:
+    """Store the extended axis as the next revision of its axis; accepting it twice makes one revision.
+
+    Raises:
+        ConflictError: if it is not finished or found nothing that would extend the model.
+    """
+    extended = document_of(row).get("extended_axis")
+    if not isinstance(extended, dict) or not extended:
+        raise ConflictError(f"investigation {row.id} has no extended axis: nothing would change")
+    axis = read_axis(extended)
+    return add_axis(
+        session, axis.name, axis.to_mapping(), note=f"accepted investigation {row.id}", investigation_id=row.id
+    )
+
+
+def investigations(settings: Settings) -> JobKind:
+    """The job kind, for one installation."""
+    library = CaseLibrary.open(settings.data_dir, settings.database_url)
+
+    def plan(parameters: dict[str, Json]) -> list[dict[str, Json]]:
+        return [parameters]
+
+    def run(task: dict[str, Json], report: Report) -> Json:
+        return perform(library, str(task["investigation_id"]), report)
+
+    def finish(_: dict[str, Json], results: list[Json]) -> Json:
+        return results[0]
+
+    return JobKind(KIND, "investigating", plan, run, finish, priority=1)
+
+
+def perform(library: CaseLibrary, investigation_id: str, report: Report) -> Json:
+    """Do an investigation and keep document and report; done again, it is the same.
+
+    Raises:
+        JobError: if the data cannot be investigated, in the words of the investigation.
+    """
+    row = _committed(library, investigation_id)
+    try:
+        found = _investigated(library, row, report)
+    except (SimulationError, SignalError) as error:
+        _finish(library, investigation_id, error=str(error))
+        raise JobError(str(error)) from error
+    _finish(library, investigation_id, document=found[0], report=found[1])
+    return {"investigation_id": investigation_id, "verdict": str(found[0]["verdict"])}
+
+
+def _committed(library: CaseLibrary, investigation_id: str) -> StoredInvestigation:
+    """Return the investigation; its row is committed moments after its job was queued."""
+    for _ in range(COMMIT_WAITS):
+        with library.reading() as session:
+            row = session.get(StoredInvestigation, investigation_id)
+        if row is not None:
+            return row
+        sleep(COMMIT_WAIT_S)
+    raise NotFoundError(f"no investigation has the id {investigation_id!r}")
+
+
+def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report) -> tuple[dict[str, object], str]:
+    # only a worker pays for importing what investigates
+    from sim.discrepancy.investigation import investigate
+    from sim.discrepancy.report import report_html
+
+    telemetry, sound = _path(library, row, "telemetry"), _path(library, row, "sound")
+    offset = row.inputs.get("sound_offset_s", 0.0)
+    found = investigate(
+        read_axis(row.axis_document),
+        read_telemetry(telemetry) if telemetry else None,
+        read_recording(sound) if sound else None,
+        sound_offset_s=float(offset) if isinstance(offset, int | float) else 0.0,
+        progress=report,
+    )
+    document: dict[str, object] = json.loads(json.dumps(found.document(), allow_nan=False))
+    return document, report_html(found)
+
+
+def _path(library: CaseLibrary, row: StoredInvestigation, name: str) -> Path | None:
+    kept = row.inputs.get(name)
+    return library.audio.path(str(kept["sha256"])) if isinstance(kept, dict) else None
+
+
+def _finish(
+    library: CaseLibrary,
+    investigation_id: str,
+    *,
+    document: dict[str, object] | None = None,
+    report: str | None = None,
+    error: str | None = None,
+) -> None:
+    with library.transaction(ACTOR) as session:
+        row = get_investigation(session, investigation_id)
+        row.state = "failed" if error else "done"
+        row.document, row.report, row.error, row.finished_at = document, report, error, now()
+        verdict = {"error": error} if document is None else {"verdict": document["verdict"]}
+        audit.record(session, "investigation.finished", ("investigation", row.id), after=verdict)

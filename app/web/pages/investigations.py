@@ -1,0 +1,96 @@
+"""Model versus measurement: ask, follow, read the story, accept a better model."""
+
+from typing import Any
+
+from fastapi import APIRouter, Request
+from fastapi.responses import HTMLResponse, RedirectResponse, Response
+from sqlalchemy import select
+
+from app.api.investigations import REPORT_POLICY, axis_of
+from app.errors import Unprocessable
+from app.investigations import KIND, Measured, accept, document_of, get_investigation, submit
+from app.security import check_csrf
+from app.service import Reading, TheJobs, TheService
+from app.uploads import TheUpload
+from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
+from app.web.templating import render
+from app.web.words import finding_words, investigation_headline
+from casebase.axes import list_axes
+from casebase.models import StoredInvestigation
+from casebase.pages import page
+
+router = APIRouter(prefix="/investigations")
+SECTION = "/investigations"
+
+
+@router.get("")
+def investigation_list(
+    request: Request, session: Reading, principal: PageViewer, cursor: str | None = None
+) -> Response:
+    """Investigations, newest first."""
+    found = page(session, select(StoredInvestigation), StoredInvestigation.id, cursor=cursor)
+    rows = [(row, investigation_headline(row.document) if row.document else None) for row in found.items]
+    context = {"rows": rows, "next_cursor": found.next_cursor}
+    return render(request, "investigations.html", context, principal=principal, section=SECTION)
+
+
+@router.get("/new")
+def ask_page(request: Request, session: Reading, principal: PageOperator) -> Response:
+    """The form."""
+    context = {"axes": [row.name for row in list_axes(session)], "base_url": str(request.base_url).rstrip("/")}
+    return render(request, "investigate.html", context, principal=principal, section=SECTION)
+
+
+@router.post("/new")
+def ask(request: Request, principal: PageOperator, upload: TheUpload, service: TheService, jobs: TheJobs) -> Response:
+    """Queue an investigation and lead to its job."""
+    check_csrf(request, upload.fields.get("csrf", ""))
+    if "axis" not in upload.files or not upload.files["axis"].size:
+        name = upload.fields.get("axis_name", "").strip()
+        if not name:
+            raise Unprocessable("Choose a stored axis, or send its axis.toml.")
+        upload.files.pop("axis", None)
+        upload.fields["axis"] = name
+    axis = axis_of(service, upload)
+    given = {
+        name: Measured(file.path, file.name)
+        for name, file in upload.files.items()
+        if name in ("telemetry", "sound") and file.size
+    }
+    with service.library.transaction(principal.actor) as session:
+        row = submit(service.library, session, axis, given.get("telemetry"), given.get("sound"))
+        identity = row.id
+    jobs.submit(KIND, {"investigation_id": identity}, job_id=identity, submitted_by=principal.actor)
+    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/jobs/{identity}", status_code=303)
+
+
+@router.get("/{investigation_id}")
+def story(request: Request, session: Reading, principal: PageViewer, investigation_id: str) -> Response:
+    """What was found, told in order."""
+    row = get_investigation(session, investigation_id)
+    document: dict[str, Any] = dict(row.document or {})
+    context = {
+        "row": row,
+        "document": document,
+        "headline": investigation_headline(document) if document else None,
+        "findings": [(finding, finding_words(finding)) for finding in document.get("findings", ())],
+    }
+    return render(request, "investigation.html", context, principal=principal, section=SECTION)
+
+
+@router.get("/{investigation_id}/report.html")
+def report(session: Reading, _: PageViewer, investigation_id: str) -> Response:
+    """The report with all plots, as one file."""
+    row = get_investigation(session, investigation_id)
+    document_of(row)
+    return HTMLResponse(
+        row.report or "", headers={"Content-Security-Policy": REPORT_POLICY, "X-Frame-Options": "SAMEORIGIN"}
+    )
+
+
+@router.post("/{investigation_id}/accept", dependencies=[FromOurPage])
+def take_over(service: TheService, principal: PageAdmin, investigation_id: str) -> Response:
+    """Store the extended axis as the next revision."""
+    with service.library.transaction(principal.actor) as session:
+        name = accept(session, get_investigation(session, investigation_id)).name
+    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/axes/{name}", status_code=303)
