@@ -17,6 +17,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("generate", "app.commands.generate", "Generate cases by simulation."),
     ("starter", "app.commands.starter", "Fill an empty library with cases of the paper's axis."),
     ("jobs", "app.commands.jobs", "List, follow, cancel, resume and adopt jobs."),
+    ("simulate", "app.commands.simulate", "Simulate an axis: telemetry and sound."),
     ("evaluate", "app.commands.evaluate", "Cross-validate the library over its gearboxes."),
     ("backup", "app.commands.backup", "Write everything into one file."),
     ("restore", "app.commands.restore", "Bring a backup back into an empty data directory."),
