@@ -8,12 +8,22 @@ disturbance there: see tests/sim_core/test_chaos.py.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
-from itertools import combinations, product
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.affine_mode import compile_mode
+from sim.affine_search import (
+    NO_START,
+    Change,
+    broken_away,
+    changes,
+    combinations_near,
+    describe_modes,
+    first_combinations,
+    named_change,
+    possible_branches,
+)
 from sim.affine_system import Array, Mode, System
 from sim.component import STUCK
 from sim.errors import RunError
@@ -24,7 +34,6 @@ RESEED_SAMPLES = 256
 LARGEST_ANGLE = 0.7
 """Largest eigenvalue times step up to which the power series is exact to rounding."""
 LOG_ROWS = 4096
-MOST_COMBINATIONS = 200_000
 
 
 @dataclass
@@ -87,7 +96,6 @@ class ExactEngine:
         self._numbers: dict[tuple[int, ...], int] = {}
         self._impossible: set[tuple[int, ...]] = set()
         self._tables = _Tables(system.state_width, 8)
-        self._modal = [i for i, count in enumerate(system.branch_counts) if count > 1]
 
     # ---- modes ------------------------------------------------------------------------------------------------
 
@@ -144,71 +152,23 @@ class ExactEngine:
             return None
         return entered
 
-    def _possible(self, x: Array, scale: Array) -> list[list[int]]:
-        """Branches of every component that the state alone does not rule out."""
-        known = self.system.known
-        possible = []
-        for i in range(len(self.system.components)):
-            allowed = []
-            for branch, piece in enumerate(self.system.branches(i)):
-                by_state = piece.holds[~piece.holds[:, known:].any(axis=1)]
-                rows = self.system.state_rows(np.vstack([by_state, piece.stops, -piece.stops]))
-                loose = np.full(len(rows), 1e-11)
-                loose[len(by_state) :] = 1e-9
-                if np.all(rows @ x >= -loose * (np.abs(rows) @ scale)):
-                    allowed.append(branch)
-            possible.append(allowed)
-        return possible
-
-    def _near(self, key: tuple[int, ...], first: frozenset[int], allowed: list[list[int]]) -> Iterator[tuple[int, ...]]:
-        """Combinations that differ from `key`: in the components that broke, then in more and more others."""
-        others = [i for i in self._modal if i not in first]
-        tried = 0
-        for more in range(len(others) + 1):
-            for extra in combinations(others, more):
-                changing = [*sorted(first), *extra]
-                for choice in product(*(allowed[i] for i in changing)):
-                    new = dict(zip(changing, choice, strict=True))
-                    if any(new[i] == key[i] for i in extra) or (first and all(new[i] == key[i] for i in first)):
-                        continue
-                    tried += 1
-                    if tried > MOST_COMBINATIONS:
-                        return
-                    yield tuple(new.get(i, branch) for i, branch in enumerate(key))
-
     def begin(self, x: Array) -> tuple[int, Array, list[tuple[int, int]]]:
         """Return the mode at the start, the state in it, and (component, mode) of those that break away at once."""
         scale = np.abs(x)
-        allowed = self._possible(x, scale)
-        for i, branches in enumerate(allowed):
-            if not branches:
-                raise RunError(f"{self.system.names[i]}: none of its branches holds at the start")
-        guess = tuple(branches[0] for branches in allowed)
-        choices = [guess, *self._near(guess, frozenset(), allowed)]
-        for key in choices:
+        allowed = possible_branches(self.system, x, scale)
+        for key in first_combinations(self.system, allowed):
             number = self._number(key)
             entered = self._holds(number, x, scale) if number >= 0 else None
             if entered is not None:
-                return number, entered, self._broken_away(key, allowed)
-        raise RunError("no mode of the drive train holds at the start; give start values that agree with its friction")
-
-    def _broken_away(self, key: tuple[int, ...], allowed: list[list[int]]) -> list[tuple[int, int]]:
-        """Components at rest that could be stuck, but slide from the first instant on."""
-        out = []
-        for i in self._modal:
-            branches = self.system.branches(i)
-            rests = any(branches[branch].stops.size for branch in allowed[i])
-            mode = branches[key[i]].branch.mode
-            if rests and mode is not None and abs(mode) == 1:
-                out.append((i, mode))
-        return out
+                return number, entered, broken_away(self.system, key, allowed)
+        raise RunError(NO_START)
 
     def _learn(self, mode: int, row: int, x: Array, scale: Array) -> int:
         """Find the mode that follows when `row` of `mode` breaks at x; remember all that were looked at."""
         key = self.modes[mode].key
         owners = self.modes[mode].holds.owners[row]
-        allowed = self._possible(x, scale)
-        for new_key in self._near(key, owners, allowed):
+        allowed = possible_branches(self.system, x, scale)
+        for new_key in combinations_near(self.system, key, owners, allowed):
             number = self._number(new_key)
             if number < 0:
                 continue
@@ -284,19 +244,14 @@ class ExactEngine:
                 return int(state[kernel.MODE]), when, what
             now = (begin + state[kernel.SAMPLE]) * self.h + clock[0]
             if status == kernel.STORM:
-                raise RunError(f"events storm at {now:.9g} s: {self._describe(int(state[kernel.MODE]))}")
+                key = self.modes[int(state[kernel.MODE])].key
+                raise RunError(f"events storm at {now:.9g} s: {describe_modes(self.system, key)}")
             if status == kernel.ASK:
                 old, row = int(state[kernel.MODE]), int(state[kernel.ROW])
                 if self._learn(old, row, x, scale) < 0:
-                    raise RunError(f"no mode continues at {now:.9g} s after {self._describe(old)}")
-
-    def _describe(self, mode: int) -> str:
-        words = []
-        for i in self._modal:
-            branch = self.system.branches(i)[self.modes[mode].key[i]].branch
-            names = self.system.components[i].mode_names
-            words.append(f"{self.system.names[i]} {names.get(branch.mode, branch.mode)}")  # type: ignore[arg-type]
-        return ", ".join(words)
+                    raise RunError(
+                        f"no mode continues at {now:.9g} s after {describe_modes(self.system, self.modes[old].key)}"
+                    )
 
     def _stops(self, begin: int, count: int) -> tuple[NDArray[np.int64], Array, Array]:
         """Instants of a block at which pieces of signals begin anew: interval, offset in it [s], values."""
@@ -323,26 +278,12 @@ class ExactEngine:
 
 def component_events(engine: ExactEngine, block: Block) -> Iterator[Event]:
     """Translate changes of the train's mode into changes of its components' modes."""
-    known: dict[tuple[int, int], list[tuple[str, int, int, str, str]]] = {}
+    known: dict[tuple[int, int], list[Change]] = {}
     for time, (old, new) in zip(block.change_times.tolist(), block.changes.tolist(), strict=True):
         if (old, new) not in known:
-            known[old, new] = list(_changes(engine, old, new))
+            if old < 0:
+                known[old, new] = [named_change(engine.system, -1 - old, STUCK, new)]
+            else:
+                known[old, new] = list(changes(engine.system, engine.modes[old].key, engine.modes[new].key))
         for change in known[old, new]:
             yield Event(time, *change)
-
-
-def _changes(engine: ExactEngine, old: int, new: int) -> Iterator[tuple[str, int, int, str, str]]:
-    system = engine.system
-    if old < 0:
-        yield named_change(system, -1 - old, STUCK, new)
-        return
-    for i, (a, b) in enumerate(zip(engine.modes[old].key, engine.modes[new].key, strict=True)):
-        was, now = (system.branches(i)[branch].branch.mode for branch in (a, b))
-        if was is not None and now is not None and was != now:
-            yield named_change(system, i, was, now)
-
-
-def named_change(system: System, i: int, was: int, now: int) -> tuple[str, int, int, str, str]:
-    """Component, old and new mode in numbers and in words."""
-    names = system.components[i].mode_names
-    return system.names[i], was, now, names.get(was, str(was)), names.get(now, str(now))

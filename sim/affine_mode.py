@@ -1,5 +1,7 @@
 """From a combination of branches to x' = M x: eliminate accelerations and torques, also redundant and massless ones."""
 
+from collections.abc import Sequence
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -24,7 +26,7 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
     """
     known = system.known
     pieces = [system.branches(i)[branch] for i, branch in enumerate(key)]
-    rows = _equations(system, key)
+    rows = equations(system, key)
     owners = [frozenset([i]) for i, piece in enumerate(pieces) for _ in piece.holds]
     bound = system.state_rows(np.vstack([piece.stops for piece in pieces])) if pieces else np.zeros((0, 0))
     solve, free, hidden = solve_unknowns(system, rows)
@@ -39,19 +41,38 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
         stops=bound,
         enter=_entry(system, np.vstack([bound, hidden])),
         solve=solve,
+        regular=not len(hidden) and not free.shape[1],
     )
 
 
-def _equations(system: System, key: tuple[int, ...]) -> Array:
-    """All equations of a mode, rows over (y, z): balances of the nodes, kinematics, laws of the branches."""
-    balances = np.zeros((system.node_count, system.width))
+def equations(system: System, key: tuple[int, ...], components: Sequence[int] | None = None) -> Array:
+    """All equations of a mode, rows over (y, z): balances of the nodes, kinematics, laws of the branches.
+
+    With `components`, the laws of these alone; `combined` adds the others.
+    """
+    n = system.node_count
+    balances = np.zeros((n, system.width))
     laws = [balances, _shifted(system, system.kinematics)]
-    for i, branch in enumerate(key):
-        piece = system.branches(i)[branch]
+    _add_laws(system, key, range(len(key)) if components is None else components, balances, laws)
+    return np.vstack(laws)
+
+
+def combined(system: System, some: Array, key: tuple[int, ...], others: Sequence[int]) -> Array:
+    """Add the laws of the components `others` to equations that lack them."""
+    out = some.copy()
+    laws = [out]
+    _add_laws(system, key, others, out, laws)
+    return np.vstack(laws)
+
+
+def _add_laws(
+    system: System, key: tuple[int, ...], components: Sequence[int], balances: Array, laws: list[Array]
+) -> None:
+    for i in components:
+        piece = system.branches(i)[key[i]]
         for node, torque in zip(piece.nodes, piece.torques, strict=True):
             balances[node] += torque
         laws.append(piece.equations)
-    return np.vstack(laws)
 
 
 def _shifted(system: System, rows: Array) -> Array:
@@ -116,13 +137,9 @@ def _sum(start: Array, left: Array, right: Array) -> Array:
 def _flow(system: System, solve: Array) -> Array:
     """x' = M x: coordinates move with their speeds, speeds with the solved accelerations, signals by themselves."""
     count = system.freedom
-    matrix = np.zeros((system.state_width, system.state_width))
+    matrix = system.signal_flow()
     matrix[:count, count : 2 * count] = np.eye(count)
-    matrix[count : 2 * count] = _sum(matrix[count : 2 * count], system.coordinates, solve[: system.node_count])
-    for signal, (_, swing) in zip(system.signals, system.signal_columns, strict=True):
-        column = swing - 2 * system.node_count + 2 * count
-        matrix[column, column + 1] = 1.0
-        matrix[column + 1, column] = -(signal.omega**2)
+    matrix[count : 2 * count] = _sum(np.zeros((count, len(matrix))), system.coordinates, solve[: system.node_count])
     return matrix
 
 

@@ -79,7 +79,8 @@ class Constraints:
 class Mode:
     """One combination of branches: x' = matrix x while all rows of `holds` are >= 0.
 
-    `stops` are speeds that must be zero to enter, `enter` maps x on entry, `solve` gives z = solve x.
+    `stops` are speeds that must be zero to enter, `enter` maps x on entry, `solve` gives z = solve x; `regular` modes
+    have neither shafts without inertia nor torques that are free to choose.
     """
 
     key: tuple[int, ...]
@@ -88,6 +89,7 @@ class Mode:
     stops: Array
     enter: Array
     solve: Array
+    regular: bool
 
 
 class System:
@@ -161,6 +163,15 @@ class System:
             else:
                 out[:, first] += pieces[:, 0]
         return out
+
+    def signal_flow(self) -> Array:
+        """Matrix S of the signals' own motion: x' = S x where nothing else moves; shape (state, state)."""
+        flow = np.zeros((self.state_width, self.state_width))
+        for signal, (_, swing) in zip(self.signals, self.signal_columns, strict=True):
+            column = swing - 2 * self.node_count + 2 * self.freedom
+            flow[column, column + 1] = 1.0
+            flow[column + 1, column] = -(signal.omega**2)
+        return flow
 
     # ---- coordinates and start --------------------------------------------------------------------------------
 

@@ -60,8 +60,11 @@ def simulate(
     """
     samples = _samples(duration_s, sample_rate_hz)
     if _pick(drive_train, engine) == "runge-kutta":
+        from sim.chain import fits, simulate_chain
         from sim.runge_kutta import simulate_runge_kutta
 
+        if not drive_train.affine and fits(drive_train):
+            return simulate_chain(drive_train, duration_s, sample_rate_hz)
         system = System(drive_train)
         _check_memory(samples, system.state_width, duration_s)
         return simulate_runge_kutta(system, samples, sample_rate_hz)

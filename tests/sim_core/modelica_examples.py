@@ -4,18 +4,27 @@ import math
 
 from sim.components import (
     BearingFriction,
+    Brake,
+    Clutch,
+    Constant,
     Damper,
     ElastoBacklash,
     Fixed,
     IdealGear,
+    IdealPlanetary,
     Inertia,
     LossyGear,
+    OneWayClutch,
+    Product,
+    Pulse,
+    QuadraticSpeedDependentTorque,
     Ramp,
     Sine,
     Spring,
     SpringDamper,
     Step,
     Torque,
+    TorqueStep,
 )
 from sim.drive_train import DriveTrain
 
@@ -93,3 +102,85 @@ def elastic_bearing() -> DriveTrain:
         flange_a="fixed.flange",
         flange_b="housing.flange_b",
     )
+
+
+def friction() -> DriveTrain:
+    train = DriveTrain.series(
+        torque=Torque(Product(Sine(amplitude=200, f=50 / math.pi), Step(height=-1, offset=1, startTime=0.5))),
+        inertia3=Inertia(J=1, phi=0, w=100),
+        clutch=Clutch(fn_max=160, f_normalized=Constant(1)),
+        inertia2=Inertia(J=0.05, phi=0, w=90),
+        spring=SpringDamper(c=160, d=1),
+        brake=Brake(fn_max=1600, f_normalized=Step(startTime=0.5)),
+        inertia1=Inertia(J=1, phi=0, w=90),
+    )
+    return train.branch("torque.support", fixed=Fixed()).connect("brake.support", "fixed.flange")
+
+
+def coupled_clutches() -> DriveTrain:
+    return DriveTrain.series(
+        torque=Torque(Sine(amplitude=10, f=5)),
+        J1=Inertia(J=1, phi=0, w=10),
+        clutch1=Clutch(peak=1.1, fn_max=20, f_normalized=Sine(amplitude=1, f=0.2, phase=math.pi / 2)),
+        J2=Inertia(J=1, phi=0, w=0),
+        clutch2=Clutch(peak=1.1, fn_max=20, f_normalized=Step(startTime=0.4)),
+        J3=Inertia(J=1, phi=0, w=0),
+        clutch3=Clutch(peak=1.1, fn_max=20, f_normalized=Step(startTime=0.9)),
+        J4=Inertia(J=1, phi=0, w=0),
+    )
+
+
+def simple_gear_shift() -> DriveTrain:
+    train = DriveTrain(
+        {
+            "torqueStep": TorqueStep(stepTorque=20, startTime=0.5),
+            "engine": Inertia(J=1),
+            "idealPlanetary": IdealPlanetary(ratio=75 / 50),
+            "load": Inertia(J=10, phi=0, w=0),
+            "drag": QuadraticSpeedDependentTorque(w_nominal=10.471975511966, tau_nominal=-20),
+            "clutch": Clutch(
+                cgeo=2, fn_max=100, phi_rel=0, w_rel=0, f_normalized=Ramp(height=1, duration=0.1, startTime=2)
+            ),
+            "brake": Brake(cgeo=2, fn_max=100, f_normalized=Ramp(height=-1, duration=0.1, offset=1, startTime=2)),
+        }
+    )
+    return (
+        train.connect("torqueStep.flange", "engine.flange_a")
+        .connect("drag.flange", "load.flange_b")
+        .connect("engine.flange_b", "idealPlanetary.sun", "clutch.flange_a")
+        .connect("idealPlanetary.ring", "clutch.flange_b", "brake.flange_a")
+        .connect("idealPlanetary.carrier", "load.flange_a")
+    )
+
+
+def one_way_clutch() -> DriveTrain:
+    return DriveTrain.series(
+        torque=Torque(Sine(amplitude=10, f=3)),
+        inertiaIn=Inertia(J=1, phi=0, w=-0.5),
+        oneWayClutch=OneWayClutch(
+            peak=25, fn_max=3, f_normalized=Pulse(amplitude=1, width=50, period=1.3, startTime=0.3)
+        ),
+        inertiaOut=Inertia(J=1, phi=0, w=0),
+    )
+
+
+def heat_losses() -> DriveTrain:
+    pressing = Sine(amplitude=1, f=0.2)
+    train = DriveTrain.series(
+        torque=Torque(Sine(amplitude=20, f=5)),
+        inertia1=Inertia(J=2, phi=0, w=0),
+        springDamper=SpringDamper(c=1e4, d=20),
+        inertia2=Inertia(J=2, phi=0, w=0),
+        elastoBacklash=ElastoBacklash(c=1e5, d=100, b=0.001),
+        inertia3=Inertia(J=2, phi=0, w=0),
+        bearingFriction=BearingFriction(),
+        spring3=Spring(c=1e4),
+        inertia4=Inertia(J=2, phi=0, w=0),
+        lossyGear=LossyGear(ratio=2, lossTable=[[0, 0.8, 0.8, 1, 1], [1, 0.7, 0.7, 2, 2]]),
+        clutch=Clutch(fn_max=10, phi_rel=0, w_rel=0, f_normalized=pressing),
+        inertia5=Inertia(J=2),
+        oneWayClutch=OneWayClutch(fn_max=1, phi_rel=0, w_rel=0, f_normalized=pressing),
+        inertia6=Inertia(J=2),
+        brake=Brake(fn_max=2, f_normalized=pressing),
+    )
+    return train.branch("inertia1.flange_b", damper=Damper(d=10), fixed=Fixed())
