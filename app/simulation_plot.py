@@ -41,7 +41,7 @@ def plot_measurement(result: Measurement, axis: Axis, out: Path) -> list[Path]:
     rows[3].set_ylabel(f"sound below {BAND_HZ:g} Hz [1]")
     rows[3].set_xlabel("time [s]")
     rows[3].set_title(f"crest factor of the whole record: {crest:.2f}", fontsize=9)
-    effects = ", ".join(f"{entry.name} at {entry.location or 'its place'}" for entry in axis.mechanisms)
+    effects = ", ".join(f"{entry.name} at {entry.location or 'the axis'}" for entry in axis.mechanisms)
     figure.suptitle(f"{axis.name}: {effects or 'no effect beyond the plain axis'} (simulated)")
     for row in rows:
         row.grid(alpha=0.3)

@@ -43,7 +43,7 @@ from sim.components import (
 )
 from sim.components import Torque as TorqueSource
 from sim.drive_train import DriveTrain
-from sim.errors import CompositionError, RunError, number
+from sim.errors import CompositionError, ParameterError, RunError, number
 from sim.servo import back_and_forth
 from sim.trajectory import Channels, Event, Trajectory
 
@@ -98,7 +98,7 @@ def simulate_chain(
     size = 8.0 * samples * (4 * len(places) + 1)
     if size > MEMORY_LIMIT_BYTES:
         longest = MEMORY_LIMIT_BYTES / size * duration_s
-        raise RunError(
+        raise ParameterError(
             f"duration_s: must be at most {longest:.0f} s at this rate (2 GB of results), got {duration_s:g}"
         )
     chain = _chain(train, places)

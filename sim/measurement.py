@@ -21,6 +21,7 @@ from sim.trajectory import Trajectory
 
 TELEMETRY_RATE_HZ = 2000.0
 LEVEL_OF_16_BIT = 2.0**-15
+STANDING_S = 0.5  # heard before the run begins, so that no microphone is switched on with it
 
 DEFAULT_MICROPHONE = Microphone(
     modes=(Mode(95.0, 0.05, 1.0), Mode(315.0, 0.03, 0.6), Mode(760.0, 0.02, 0.5), Mode(1650.0, 0.02, 0.4)),
@@ -96,4 +97,7 @@ def sound_of(trajectory: Trajectory, axis: Axis, microphone: Microphone, seed: i
             columns.append(trajectory[name] * axis.ratio_from(shaft))
     end = "load.w" if "load.w" in trajectory.channels else "motor.w"
     forces = np.stack(columns, axis=1) if columns else np.zeros((len(trajectory.time_s), 1))
-    return hear(forces, trajectory[end], trajectory.sample_rate_hz, microphone, seed)
+    before = round(STANDING_S * trajectory.sample_rate_hz)
+    forces = np.pad(forces, ((before, 0), (0, 0)), mode="edge")
+    speed = np.pad(trajectory[end], (before, 0))
+    return hear(forces, speed, trajectory.sample_rate_hz, microphone, seed)[before:]

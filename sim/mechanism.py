@@ -212,5 +212,5 @@ def distort_sound(samples: Samples, sample_rate_hz: float, axis: Axis, seed: int
 
 def with_mechanism(axis: Axis, mechanism: Mechanism) -> Axis:
     """The axis with one more effect. Raises ParameterError where it cannot be there."""
-    mechanism.placed(axis)
-    return replace(axis, mechanisms=(*axis.mechanisms, mechanism.entry()))
+    entry = replace(mechanism.entry(), location=mechanism.placed(axis) or None)
+    return replace(axis, mechanisms=(*axis.mechanisms, entry))
