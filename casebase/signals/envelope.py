@@ -58,8 +58,8 @@ def envelope_spectrum(envelope: BandEnvelope) -> tuple[NDArray[np.float64], NDAr
     diagnostics - a tutorial, 2011).
     """
     power = envelope.inside()
-    mean = power.mean(dtype=np.float64)
-    relative = power / np.float32(mean) - np.float32(1.0)
+    mean = power.mean()
+    relative = power / mean - np.float32(1.0) if mean > 0 else np.zeros_like(power)
     window = _hann(relative.size)
     size = fft.next_fast_len(relative.size, real=True)
     values = fft.rfft(relative * window, size)
