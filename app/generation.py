@@ -30,6 +30,7 @@ from casebase.models import Case
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import Extraction, extract
 from casebase.signals.recording import Recording
+from sim.audibility import perform_fault
 from sim.axis import Axis, read_axis
 from sim.design import DURATION_S, LABELS, Planned, plan
 from sim.errors import ParameterError
@@ -108,10 +109,15 @@ class Campaign:
 
 @dataclass(frozen=True, eq=False)
 class Generated:
-    """A simulated case before it is retained."""
+    """A simulated case before it is retained: as planned, and as it was performed so that its fault is heard.
+
+    `audibility` is the fault's part of the sound over the rest (see `sim.audibility`), None without fault.
+    """
 
     planned: Planned
     key: str
+    scenario: Scenario
+    audibility: float | None
     audio: bytes = field(repr=False)
     recording: Recording
     extraction: Extraction
@@ -133,13 +139,16 @@ def key_of(scenario: Scenario) -> str:
 
 def simulate_case(planned: Planned) -> Generated:
     """Simulate one case and take its features from what a WAV file of 16 bit keeps of it."""
-    sound, _ = planned.scenario.perform()
-    audio = _wav(sound)
+    scenario, ratio = planned.scenario, None
+    if planned.size is None:
+        audio = _wav(scenario.perform())
+    else:
+        heard = perform_fault(scenario)
+        scenario, ratio, audio = heard.scenario, heard.ratio, _wav(heard.sound)
     samples, rate = soundfile.read(io.BytesIO(audio), dtype="float32")
     recording = Recording(samples, float(rate))
-    return Generated(
-        planned, key_of(planned.scenario), audio, recording, extract(recording, condition_of(planned.scenario))
-    )
+    extraction = extract(recording, condition_of(scenario))
+    return Generated(planned, key_of(planned.scenario), scenario, ratio, audio, recording, extraction)
 
 
 def condition_of(scenario: Scenario) -> OperatingCondition:
@@ -157,7 +166,8 @@ def retain(library: CaseLibrary, generated: Sequence[Generated], batch: str) -> 
     """Keep cases in one transaction, all or none."""
     with library.transaction(ACTOR) as session:
         for case in generated:
-            scenario, entry = case.planned.scenario, case.planned.mechanism
+            scenario, entry = case.scenario, case.planned.mechanism
+            size = {} if entry is None else {**entry.parameters, "audibility": case.audibility}
             description = RecordingDescription(
                 file_name=f"{case.planned.label}-{case.key[:12]}.wav",
                 axis=scenario.axis.name,
@@ -172,7 +182,7 @@ def retain(library: CaseLibrary, generated: Sequence[Generated], batch: str) -> 
                 mechanism=None if entry is None else entry.name,
                 location=None if entry is None else entry.location,
                 severity=case.planned.size,
-                parameters={**({} if entry is None else entry.parameters), "scenario": scenario.to_mapping()},
+                parameters={**size, "scenario": scenario.to_mapping()},
                 model_version=MODEL_VERSION,
                 verified_by="simulation",
                 key=case.key,

@@ -63,25 +63,31 @@ class Scenario:
             "noise_seed": self.noise_seed,
         }
 
-    def perform(self) -> tuple[NDArray[np.float32], ChainResult]:
-        """The sound, shape (n,) at 8 kHz, and the run behind it, which begins `SETTLING_S` earlier.
+    def perform(self) -> NDArray[np.float32]:
+        """The sound, shape (n,) at 8 kHz. Raises what `simulate` raises."""
+        return self.hear(self.simulate())
+
+    def simulate(self) -> ChainResult:
+        """The run behind the sound; it begins `SETTLING_S` earlier.
 
         Raises RunError where the run left all bounds, and what the parts raise.
         """
         chain = self.specimen.chain(self.axis, self.payload_kg_m2)
-        lead = round(SETTLING_S * SAMPLE_RATE_HZ)
-        samples = lead + round(self.duration_s * SAMPLE_RATE_HZ)
+        samples = round((SETTLING_S + self.duration_s) * SAMPLE_RATE_HZ)
         servo = servo_of(self.axis, chain, samples, self.start_phase, self.middle_rad)
         run = run_chain(chain, servo, SAMPLE_RATE_HZ, samples)
         if not np.isfinite(run.force_n_m).all():
             raise RunError(
                 f"axis {self.axis.name!r} left all bounds under its servo; lower servo.speed_bandwidth_rad_s"
             )
+        return run
+
+    def hear(self, run: ChainResult) -> NDArray[np.float32]:
+        """What the scenario's microphone hears of a run, shape (n,)."""
         at_output = np.array([self.axis.ratio_from(stage.name) for stage in self.axis.stages])
-        sound = hear(
-            run.force_n_m * at_output, run.speed_rad_s[:, -1], SAMPLE_RATE_HZ, self.microphone, self.noise_seed
-        )
-        return sound[lead:], run
+        torque, speed = run.force_n_m * at_output, run.speed_rad_s[:, -1]
+        sound = hear(torque, speed, SAMPLE_RATE_HZ, self.microphone, self.noise_seed)
+        return sound[round(SETTLING_S * SAMPLE_RATE_HZ) :]
 
 
 def scenario_of(document: Mapping[str, Any]) -> Scenario:

@@ -1,11 +1,11 @@
 """What a microphone on or near the gear hears: forces in the meshes and rubbing, through the housing's modes.
 
     y = gain (h * (w_1 F_1 + w_2 F_2 + ... + rubbing |speed|^p white noise) + ambient)
-    H(s) = sum of A_n s^2 / (s^2 + 2 zeta_n omega_n s + omega_n^2)
+    H(s) = sum of A_n (s / omega_n) / (1 + 2 zeta_n s / omega_n + s^2 / omega_n^2)
 
-F_k is the torque of mesh k, felt at the output. H is an accelerance: each mode of the housing answers a force by an
-acceleration of its surface, which is what radiates (Fahy and Gardonio, Sound and Structural Vibration, chapter 3).
-Modes in phase have an antiresonance between them. Ambient noise has a spectral density of frequency^-slope.
+F_k is the torque of mesh k, felt at the output. H is a mobility: each mode of the housing answers a force by a
+velocity of its surface, and the pressure of the sound follows that velocity (Fahy and Gardonio, Sound and Structural
+Vibration, chapter 3). Modes in phase have an antiresonance between them. Ambient noise has a spectral density of frequency^-slope.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ class Microphone:
     modes
         Resonances of the housing; without any the force itself is heard.
     gain
-        Full scale per N m at the output, where a mode of amplitude 1 is far above resonance.
+        Full scale per N m at the output that excites a mode of amplitude 1 and damping ratio 0.5 at its resonance.
     mesh_weights
         How loud each mesh is, motor side first; one value stands for all.
     rubbing_n_m, rubbing_exponent
@@ -77,17 +77,16 @@ class Microphone:
     def path(self, frequency_hz: Array) -> NDArray[np.complex128]:
         """H at the given frequencies [Hz], shape (n,).
 
-        >>> flat = Microphone(modes=(Mode(100.0, 0.05, 2.0),)).path(np.array([0.0, 100.0, 1e6]))
-        >>> [round(float(abs(value)), 3) for value in flat]
-        [0.0, 20.0, 2.0]
+        >>> heard = Microphone(modes=(Mode(100.0, 0.05, 2.0),)).path(np.array([0.0, 100.0, 1e6]))
+        >>> [round(float(abs(value)), 3) for value in heard]
+        [0.0, 20.0, 0.0]
         """
         if not self.modes:
             return np.ones(len(frequency_hz), dtype=np.complex128)
-        s = 2j * np.pi * frequency_hz
         answer = np.zeros(len(frequency_hz), dtype=np.complex128)
         for mode in self.modes:
-            omega = 2 * np.pi * mode.frequency_hz
-            answer += mode.amplitude * s**2 / (s**2 + 2 * mode.damping_ratio * omega * s + omega**2)
+            s = 1j * frequency_hz / mode.frequency_hz
+            answer += mode.amplitude * s / (1 + 2 * mode.damping_ratio * s + s**2)
         return answer
 
     def with_mode(self, mode: Mode) -> Microphone:
