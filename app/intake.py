@@ -16,6 +16,10 @@ from casebase.signals.recording import Recording
 from sim.axis import Axis, read_axis
 
 
+DEMO = "demo"
+"""Kind of the artifact that names the diagnosis and the recording of the demonstration."""
+
+
 @dataclass(frozen=True)
 class Intake:
     """A recording on its way into the library, from a file that is still where it was."""

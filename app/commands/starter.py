@@ -11,7 +11,11 @@ import typer
 from app.commands.frame import frame_of
 from app.commands.generate import with_progress
 from app.generation import Campaign, simulate_case
+from app.intake import DEMO, take_in
+from app.metadata import RecordingMetadata
+from casebase.artifacts import add_artifact
 from casebase.axes import add_axis
+from casebase.library import CaseLibrary
 from sim.design import LABELS, plan
 from sim.paper import PAPER_AXIS
 
@@ -48,7 +52,20 @@ def starter(
             add_axis(session, PAPER_AXIS.name, PAPER_AXIS.to_mapping())
         campaign = Campaign(PAPER_AXIS, dict.fromkeys(LABELS, per_label))
         outcome = with_progress(frame, library, campaign, processes)
+        diagnose_demo(library, demo)
     frame.say(f"{outcome.new + outcome.known} simulated cases; a simulated recording to diagnose: {demo}")
+
+
+def diagnose_demo(library: CaseLibrary, path: Path) -> None:
+    """Diagnose the demonstration and remember which diagnosis that is: the front page shows it to anybody."""
+    known = RecordingMetadata(
+        axis=PAPER_AXIS.name, gearbox="demonstration", speed_rad_s=PAPER_AXIS.motion.load_speed_rad_s, channel=0
+    )
+    intake = take_in(path, path.name, "audio/wav", known, PAPER_AXIS)
+    with library.transaction("starter") as session:
+        row = intake.store(library, session)
+        diagnosis = library.diagnose(session, row, intake.extraction)
+        add_artifact(session, DEMO, {"diagnosis_id": diagnosis.id, "recording_id": row.id})
 
 
 def write_demo(path: Path) -> None:

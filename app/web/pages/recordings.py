@@ -12,6 +12,7 @@ from app import views
 from app.api import recordings as api
 from app.errors import NotFound
 from app.security import Role
+from app.intake import DEMO
 from app.service import Reading, Service, TheService
 from app.web import charts
 from app.web.session import SignInNeeded, Visitor
@@ -24,7 +25,6 @@ from casebase.signals.recording import Recording
 
 router = APIRouter(prefix="/recordings/{recording_id}")
 
-DEMO = "demo"
 CREST_WINDOW_S = 1.0
 PlotName = Literal["waveform", "crest", "level", "spectrum", "orders", "fold"]
 
