@@ -15,7 +15,6 @@ from casebase.signals.features import Extraction, extract
 from casebase.signals.recording import Recording
 from sim.axis import Axis, read_axis
 
-
 DEMO = "demo"
 """Kind of the artifact that names the diagnosis and the recording of the demonstration."""
 

@@ -11,8 +11,8 @@ from sqlalchemy.orm import Session
 from app import views
 from app.api import recordings as api
 from app.errors import NotFound
-from app.security import Role
 from app.intake import DEMO
+from app.security import Role
 from app.service import Reading, Service, TheService
 from app.web import charts
 from app.web.session import SignInNeeded, Visitor
