@@ -70,7 +70,7 @@ def upload(request: Request, principal: PageOperator, upload: TheUpload, service
     """Take a recording in and diagnose it."""
     check_csrf(request, upload.fields.get("csrf", ""))
     upload.only("file", "csrf", "axis", "gearbox", *NUMBERS)
-    metadata = read_metadata(json.dumps(_told(upload.fields)), RecordingMetadata)
+    metadata = read_metadata(json.dumps(told(upload.fields)), RecordingMetadata)
     file = upload.file("file")
     intake = take_in(file.path, file.name, file.media_type, metadata, known_axis(service.library, metadata.axis))
     with service.library.transaction(principal.actor) as session:
@@ -81,21 +81,21 @@ def upload(request: Request, principal: PageOperator, upload: TheUpload, service
     return RedirectResponse(f"{root_of(service)}/diagnoses/{identity}", status_code=303)
 
 
-def _told(fields: dict[str, str]) -> dict[str, object]:
+def told(fields: dict[str, str], *words: str) -> dict[str, object]:
     """Return what the form says, without what was left empty; numbers may have a decimal comma."""
-    told: dict[str, object] = {}
-    for name in ("axis", "gearbox", *NUMBERS):
+    found: dict[str, object] = {}
+    for name in ("axis", "gearbox", *words, *NUMBERS):
         text = fields.get(name, "").strip()
         if not text:
             continue
         if name in NUMBERS:
             try:
-                told[name] = float(text.replace(",", "."))
+                found[name] = float(text.replace(",", "."))
             except ValueError:
-                told[name] = text
+                found[name] = text
         else:
-            told[name] = text
-    return told
+            found[name] = text
+    return found
 
 
 @router.get("/diagnoses/{diagnosis_id}")

@@ -1,5 +1,6 @@
 """The library: cases in a table and on a map, coverage, one case with its history, several edited together."""
 
+import json
 from collections import Counter
 from typing import Annotated
 
@@ -11,12 +12,18 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from app.errors import Unprocessable
+from app.intake import known_axis, take_in
+from app.metadata import CaseMetadata, read_metadata
+from app.security import check_csrf
 from app.service import Reading, TheService
+from app.uploads import TheUpload
 from app.web.diagnosis_view import features_of
+from app.web.pages.diagnoses import told
 from app.web.pages.recordings import chart_of
 from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.svg import Point, map_chart
 from app.web.templating import Message, render
+from casebase.description import Labelling
 from casebase.library import CaseFilter
 from casebase.models import Case, StoredRecording
 from casebase.retrieval import CaseTable
@@ -86,6 +93,26 @@ def change_several(
                 raise Unprocessable(f"Unknown action {action!r}; known: retire, restore, label.")
     root = service.settings.root_path.rstrip("/")
     return RedirectResponse(f"{root}/library?done={len(chosen)}", status_code=303)
+
+
+@router.get("/library/add")
+def add_page(request: Request, principal: PageAdmin) -> Response:
+    """The form of a new case."""
+    return render(request, "add_case.html", {}, principal=principal, section=SECTION)
+
+
+@router.post("/library/add")
+def add(request: Request, principal: PageAdmin, upload: TheUpload, service: TheService) -> Response:
+    """Take a labelled recording in."""
+    check_csrf(request, upload.fields.get("csrf", ""))
+    metadata = read_metadata(json.dumps(told(upload.fields, "label", "verified_by")), CaseMetadata)
+    file = upload.file("file")
+    intake = take_in(file.path, file.name, file.media_type, metadata, known_axis(service.library, metadata.axis))
+    with service.library.transaction(principal.actor) as session:
+        row = intake.store(service.library, session)
+        labelling = Labelling(metadata.label, verified_by=metadata.verified_by)
+        case_id = service.library.retain(session, row, labelling).id
+    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/cases/{case_id}", status_code=303)
 
 
 @router.get("/library/map")
