@@ -8,11 +8,12 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.experience import Experience, Judgement, gather, novelty_of, representative
-from casebase.explanation import Evidence, feature_evidence, motion_evidence
+from casebase.experience import Experience, Judgement, gather, representative
+from casebase.explanation import Evidence, feature_evidence, motion_evidence, novelty_evidence
 from casebase.learning import Similarity
+from casebase.novelty import known_ranges
 from casebase.retrieval import CaseMatrix, CaseTable, Mask, Match
-from casebase.signals.features.vector import Extraction, QualityFlag
+from casebase.signals.features import Extraction, QualityFlag
 from casebase.voting import nearest_of_classes
 
 CLEAR_ODDS = 2.0
@@ -93,7 +94,7 @@ class Reasoner:
     def __init__(self, table: CaseTable, similarity: Similarity, similarity_version: int | None = None) -> None:
         self.table, self.similarity, self.similarity_version = table, similarity, similarity_version
         self.matrix = CaseMatrix(table, similarity.metric)
-        self.prior_matrix = CaseMatrix(table, similarity.novelty_metric)
+        self.ranges = known_ranges(table.names, table.values, table.labels)
         self._experiences: OrderedDict[bytes, Experience] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -114,7 +115,7 @@ class Reasoner:
         experience = self.experience(np.isfinite(values))
         squares = self.matrix.squared_distances(values)[None]
         nearest = nearest_of_classes(squares, self.table.labels, self.table.classes)[0]
-        return experience.judge(nearest, novelty_of(self.prior_matrix.squared_distances(values)))
+        return experience.judge(nearest, self.ranges.distance(values))
 
     def diagnose(self, extraction: Extraction) -> Diagnosis:
         """Return the diagnosis of a recording by its features."""
@@ -130,7 +131,7 @@ class Reasoner:
     def _compared(self, extraction: Extraction, judgement: Judgement) -> Diagnosis:
         values = extraction.features.values
         hypotheses = self._hypotheses(values, judgement)
-        verdict = _verdict(judgement, hypotheses)
+        verdict = verdict_of(judgement)
         best = hypotheses[0]
         label = None if verdict == "not_in_library" else best.label
         return Diagnosis(
@@ -163,8 +164,7 @@ class Reasoner:
     def _evidence(self, extraction: Extraction, label: str | None) -> tuple[Evidence, ...]:
         values, labels = extraction.features.values, self.table.labels
         if label is None:
-            nearest = next(iter(self.prior_matrix.search(values, 1)), None)
-            return (*feature_evidence(self.table, values, None, nearest), *motion_evidence(extraction))
+            return (*novelty_evidence(self.table.names, values, self.ranges), *motion_evidence(extraction))
         same = next(iter(self.matrix.search(values, 1, where=labels == label)), None)
         other = next(iter(self.matrix.search(values, 1, where=labels != label)), None)
         return (*feature_evidence(self.table, values, same, other), *motion_evidence(extraction))
@@ -183,12 +183,12 @@ class Reasoner:
         return remarks
 
 
-def _verdict(judgement: Judgement, hypotheses: Sequence[Hypothesis]) -> str:
+def verdict_of(judgement: Judgement) -> str:
+    """Return `not_in_library`, `ambiguous` or `diagnosed`."""
     if judgement.threshold is not None and judgement.novelty > judgement.threshold:
         return "not_in_library"
-    if len(hypotheses) > 1 and hypotheses[0].probability < CLEAR_ODDS * hypotheses[1].probability:
-        return "ambiguous"
-    return "diagnosed"
+    *_, second, best = [0.0, *np.sort(judgement.probabilities)]
+    return "ambiguous" if best < CLEAR_ODDS * second else "diagnosed"
 
 
 def _count(matches: Sequence[Match], label: str, origin: str) -> int:

@@ -3,25 +3,22 @@
 From it come the three numbers that a diagnosis says: a p-value per class (conformal prediction), a probability
 (votes calibrated on held-out gearboxes), and the distance beyond which a recording is like nothing in the library.
 
-Sources: Vovk, Gammerman, Shafer, Algorithmic Learning in a Random World (2005), label-conditional p-values;
-Hahn and Meeker, Statistical Intervals (1991), prediction limit of a normal sample for the logarithm of a distance.
+Source: Vovk, Gammerman, Shafer, Algorithmic Learning in a Random World (2005), label-conditional p-values.
 """
 
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
 
 from casebase.learning import Similarity
+from casebase.novelty import KnownRanges, known_ranges, novelty_limit, spread_out
 from casebase.retrieval import CaseMatrix, CaseTable, Mask
 from casebase.similarity import Floats
-from casebase.voting import balance, fitted_sharpness, log_votes, nearest_of_classes, strangeness
+from casebase.voting import NEAREST, fitted_sharpness, log_votes, nearest_of_classes, strangeness
 
 LARGEST_SAMPLE = 400
-NEW_ONCE_IN = 50
-"""One in so many recordings of known classes may be called new."""
-FEWEST_FOR_LIMIT = 5
+MOST_ALONE = 40
 LEVEL = 0.05
 """The level of the conformal test that the library should be large enough for."""
 
@@ -109,52 +106,42 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
         rows: the cases to hold out, one gearbox at a time.
         present: the features that the query has, shape (n,).
     """
-    nearest = np.full((rows.size, len(table.classes), 3), np.inf)
+    nearest = np.full((rows.size, len(table.classes), NEAREST), np.inf)
     novelty = np.full(rows.size, np.inf)
-    prior = CaseMatrix(table, similarity.novelty_metric)
-    folds: dict[bytes, CaseMatrix] = {}
-    for index, row in enumerate(rows):
-        weights = similarity.weights_without(str(table.groups[row]))
-        if weights.tobytes() not in folds:
-            folds[weights.tobytes()] = CaseMatrix(table, similarity.metric.with_weights(weights))
-        query = np.where(present, table.values[row], np.nan)
-        other = (table.groups != table.groups[row]) & (table.samples != table.samples[row])
-        squares = np.where(other, folds[weights.tobytes()].squared_distances(query), np.inf)
-        nearest[index] = nearest_of_classes(squares[None], table.labels, table.classes)[0]
-        novelty[index] = novelty_of(np.where(other, prior.squared_distances(query), np.inf))
+    held_out = _held_out_together(table)
+    for group in np.unique(held_out[rows]):
+        other = held_out != group
+        metric = similarity.metric.with_weights(similarity.weights_without(str(group)))
+        matrix, ranges = CaseMatrix(table, metric), _ranges(table, other)
+        for index in np.flatnonzero(held_out[rows] == group):
+            row = rows[index]
+            query = np.where(present, table.values[row], np.nan)
+            allowed = other & (table.samples != table.samples[row])
+            squares = np.where(allowed, matrix.squared_distances(query), np.inf)
+            nearest[index] = nearest_of_classes(squares[None], table.labels, table.classes)[0]
+            novelty[index] = ranges.distance(query) if ranges else np.inf
     truth = np.searchsorted(table.classes, table.labels[rows])
-    own_known = np.isfinite(nearest[np.arange(rows.size), truth, 0])
-    return _experience(table.classes, nearest[own_known], truth[own_known], novelty[own_known])
+    known = np.isfinite(nearest[np.arange(rows.size), truth, 0])
+    return _experience(table.classes, nearest[known], truth[known], novelty[known])
+
+
+def _held_out_together(table: CaseTable) -> NDArray[np.str_]:
+    """Return the name of what each case is held out with: its gearbox; many cases without one go in ten parts."""
+    alone = table.groups == table.ids
+    if alone.sum() <= MOST_ALONE:
+        return table.groups
+    parts = np.char.add("part ", (np.arange(len(table)) % 10).astype(str))
+    return np.where(alone, parts, table.groups)
+
+
+def _ranges(table: CaseTable, rows: Mask) -> KnownRanges | None:
+    return known_ranges(table.names, table.values[rows], table.labels[rows]) if rows.any() else None
 
 
 def _experience(classes: tuple[str, ...], nearest: Floats, truth: NDArray[np.intp], novelty: Floats) -> Experience:
     sharpness = fitted_sharpness(nearest, truth)
     wrong = log_votes(nearest, sharpness).argmax(axis=1) != truth if truth.size else np.zeros(0, bool)
-    return Experience(classes, nearest, truth, sharpness, int(wrong.sum()), novelty_limit(novelty, truth))
-
-
-def novelty_of(squares: Floats) -> float:
-    """Return the distance to what is known: root mean square of the two nearest cases."""
-    nearest = np.partition(squares, 1)[:2] if squares.size > 1 else squares
-    known = nearest[np.isfinite(nearest)]
-    return float(np.sqrt(known.mean())) if known.size else float("inf")
-
-
-def novelty_limit(novelty: Floats, truth: NDArray[np.intp]) -> float | None:
-    """Return the distance that one in NEW_ONCE_IN recordings of known classes exceeds; None if too few to say.
-
-    The logarithm of the distance is taken as normal, every class counting the same; Student's factor for the few
-    cases makes a small library careful to call anything new.
-    """
-    known = np.isfinite(novelty) & (novelty > 0)
-    if known.sum() < FEWEST_FOR_LIMIT:
-        return None
-    logs, weights = np.log(novelty[known]), balance(truth[known])
-    middle = float(weights @ logs)
-    freedom = 1 / float(weights @ weights) - 1
-    spread = float(np.sqrt(weights @ (logs - middle) ** 2 * (freedom + 1) / freedom))
-    factor = float(student.ppf(1 - 1 / NEW_ONCE_IN, freedom)) * np.sqrt(1 + 1 / (freedom + 1))
-    return float(np.exp(middle + factor * spread))
+    return Experience(classes, nearest, truth, sharpness, int(wrong.sum()), novelty_limit(novelty))
 
 
 def representative(table: CaseTable) -> NDArray[np.intp]:
@@ -162,6 +149,4 @@ def representative(table: CaseTable) -> NDArray[np.intp]:
     rows = np.flatnonzero(table.origins == "measured")
     if set(table.labels[rows].tolist()) != set(table.classes):
         rows = np.arange(len(table))
-    if rows.size <= LARGEST_SAMPLE:
-        return rows
-    return rows[np.linspace(0, rows.size - 1, LARGEST_SAMPLE).astype(np.intp)]
+    return spread_out(rows, LARGEST_SAMPLE)

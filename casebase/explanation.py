@@ -6,9 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from casebase.novelty import KnownRanges
 from casebase.retrieval import CaseTable, Match
-from casebase.signals.features import catalogue
-from casebase.signals.features.vector import EventKind, Extraction
+from casebase.signals.features import EventKind, Extraction, catalogue
 
 MOST = 5
 
@@ -53,8 +53,6 @@ def feature_evidence(
     table: CaseTable, values: NDArray[np.floating], same: Match | None, other: Match | None
 ) -> tuple[Evidence, ...]:
     """Return the features in which the recording is nearer to one case than to another, strongest first.
-
-    Without a case of the same class, those in which it is farthest from the nearest of all.
 
     Args:
         values: features of the recording, shape (n,).
@@ -110,6 +108,30 @@ def _side(table: CaseTable, match: Match, index: int) -> dict[str, object]:
     }
 
 
+def novelty_evidence(names: tuple[str, ...], values: NDArray[np.floating], ranges: KnownRanges) -> tuple[Evidence, ...]:
+    """Return the features in which the recording lies outside what its nearest class has shown, strongest first."""
+    nearest, parts = ranges.parts(values)
+    low, high = ranges.ranges[nearest]
+    order = [int(index) for index in np.argsort(-parts, kind="stable")[:MOST] if parts[index] > 0]
+    return tuple(
+        _outside(names[index], float(values[index]), (low[index], high[index]), nearest, parts[index] / parts.sum())
+        for index in order
+    )
+
+
+def _outside(name: str, value: float, span: tuple[float, float], nearest: str, share: float) -> Evidence:
+    known = catalogue().get(name)
+    unit = known.unit if known else "1"
+    sentence = (
+        f"{name} is {_number(value, unit)}; {nearest}, the nearest class, is known from "
+        f"{_number(span[0], unit)} to {_number(span[1], unit)}"
+    )
+    if known:
+        sentence += f". {known.physics}"
+    range_document = {"label": nearest, "low": _finite(span[0]), "high": _finite(span[1])}
+    return Evidence("feature", sentence, name, _finite(value), unit, other=range_document, share=float(share))
+
+
 def motion_evidence(extraction: Extraction) -> tuple[Evidence, ...]:
     """Return what the motion is and where in it the marked events lie, in seconds, hertz and degrees."""
     motion = extraction.motion
@@ -137,12 +159,12 @@ def _cyclic(extraction: Extraction, kind: EventKind, period_s: float) -> list[Ev
     events = [event for event in extraction.events if event.kind is kind]
     if not events:
         return []
-    strongest = max(events, key=lambda event: event.strength)
+    strongest = max(events, key=lambda event: event.strength_db)
     start = next(iter(extraction.motion.reversal_times_s), 0.0)
     phase_deg = (strongest.time_s - start) / period_s * 360.0 % 360.0
     what = "a bump that repeats in every cycle" if kind is EventKind.NOTCH else "a bump where the torque reverses"
     statement = (
-        f"{what}, {strongest.strength:.1f} dB above its surroundings, at {strongest.time_s:.2f} s, "
+        f"{what}, {strongest.strength_db:.1f} dB above its surroundings, at {strongest.time_s:.2f} s, "
         f"which is {phase_deg:.0f} degrees of the motion's cycle after a reversal ({len(events)} times in all)"
     )
     return [Evidence("event", statement, f"{kind.value}_phase", phase_deg, "deg")]

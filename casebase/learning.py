@@ -25,6 +25,8 @@ from casebase.voting import balance, fitted_sharpness, log_votes, nearest_of_cla
 
 FOLDS = 10
 LARGEST_SAMPLE = 160
+LARGEST_BEND = 5.0
+"""No weight moves by more than this factor, as a logarithm, from its prior."""
 SETTLED = 200
 """From so many cases on, the weights are learned again only when a tenth is new."""
 STRENGTHS = (1.0, 0.1, 0.01)
@@ -53,11 +55,6 @@ class Similarity:
     gearboxes: int
     classes: tuple[str, ...]
     reason: str
-
-    @property
-    def novelty_metric(self) -> Metric:
-        """The metric that asks whether it is like anything known: what tells known classes apart must not blind it."""
-        return self.metric.with_weights(prior_weights(self.metric.names))
 
     def weights_without(self, group: str) -> Floats:
         """Return weights that were learned without this gearbox."""
@@ -285,7 +282,8 @@ def _fit(sample: _Sample, rows: NDArray[np.bool_], prior: Floats, strength: floa
         return value + strength * float(prior[free] @ bend**2) + 0.01 * float(parameters[-1] ** 2), gradient
 
     start = np.zeros(int(free.sum()) + 1)
-    found = minimize(loss, start, jac=True, method="L-BFGS-B", options={"maxiter": 40})
+    bounds = [(-LARGEST_BEND, LARGEST_BEND)] * start.size
+    found = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 40})
     weights = np.zeros_like(prior)
     weights[free] = prior[free] * np.exp(found.x[:-1])
     return np.asarray(weights / weights.sum())

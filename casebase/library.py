@@ -14,7 +14,7 @@ from sqlalchemy.orm import Session
 from sqlalchemy.orm.exc import StaleDataError
 
 from casebase import audit
-from casebase.artifacts import active_version, similarity_for
+from casebase.artifacts import active_version, similarity_for, similarity_kind, store_similarity
 from casebase.audio_store import AudioStore
 from casebase.database import WRITING, create_engine_for, sqlite_url, strict_json, upgrade_database
 from casebase.description import Labelling, RecordingDescription, check_choice, check_label
@@ -27,8 +27,11 @@ from casebase.errors import (
     NotFoundError,
     StaleVersionError,
 )
+from casebase.evaluation import Evaluation, evaluate
+from casebase.learning import learn
 from casebase.models import (
     CASE_STATES,
+    Artifact,
     AuditEntry,
     Case,
     Extractor,
@@ -40,8 +43,7 @@ from casebase.models import (
 )
 from casebase.pages import Page, page
 from casebase.retrieval import CaseTable, load_table
-from casebase.signals.features import EXTRACTOR_VERSION
-from casebase.signals.features.vector import Extraction
+from casebase.signals.features import EXTRACTOR_VERSION, Extraction
 from casebase.signals.recording import Recording
 
 REVISABLE = ("label", "verified_by", "note", "mechanism", "location", "severity", "quarantine_reason", "state")
@@ -334,6 +336,16 @@ class CaseLibrary:
         """Diagnose a stored recording by its features and keep the diagnosis."""
         reasoner = self.reasoner(session, extraction.extractor_version)
         return store_diagnosis(session, recording, reasoner.diagnose(extraction), reasoner)
+
+    def evaluate(self, session: Session, *, group: str = "gearbox", origin: str = "both") -> Evaluation:
+        """Return the library's own cross-validation; see `casebase.evaluation.evaluate`."""
+        return evaluate(self.reasoner(session).table, group=group, origin=origin)
+
+    def learn(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> Artifact:
+        """Learn the weights again now and make them the active ones."""
+        with self._lock:
+            table = load_table(session, extractor_version, self._tables.get(extractor_version))
+        return store_similarity(session, learn(table), similarity_kind(extractor_version))
 
     def counts(self, session: Session) -> Mapping[tuple[str, str], int]:
         """Return how many searchable cases there are per label and origin."""

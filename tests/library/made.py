@@ -9,7 +9,7 @@ from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
 from casebase.models import Case, StoredRecording
 from casebase.signals.condition import OperatingCondition
-from casebase.signals.features.vector import Extraction, FeatureVector
+from casebase.signals.features import Extraction, FeatureVector
 from casebase.signals.motion import Motion
 from casebase.signals.recording import Recording
 

@@ -12,7 +12,7 @@ from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, r
 from casebase.errors import ConflictError, InvalidRequestError, NotFoundError, StaleVersionError
 from casebase.library import CaseLibrary
 from casebase.models import StoredDiagnosis
-from casebase.signals.features.vector import QualityFlag, Severity
+from casebase.signals.features import QualityFlag, Severity
 from tests.library.made import VERSION, add_case, extraction, store
 
 KINDS = {"normal": (0.0, 0.0), "notch": (8.0, 0.0), "play": (0.0, 8.0)}

@@ -1,0 +1,203 @@
+"""How well the library diagnoses recordings of gearboxes that it has never seen; and what it has never seen at all."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import norm
+
+from casebase.diagnosis import Reasoner, verdict_of
+from casebase.errors import InvalidRequestError
+from casebase.learning import learn
+from casebase.retrieval import CaseTable, Mask
+
+COVERAGE = 0.95
+GROUPS = ("gearbox", "axis", "case")
+
+
+@dataclass(frozen=True)
+class Proportion:
+    """A share with its interval.
+
+    Source: Wilson, Probable inference, JASA 22 (1927).
+    """
+
+    right: int
+    of: int
+
+    @property
+    def value(self) -> float | None:
+        """The share itself; None of nothing."""
+        return self.right / self.of if self.of else None
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Ends of the 95 % interval; 0 and 1 of nothing."""
+        if not self.of:
+            return 0.0, 1.0
+        z = float(norm.ppf(0.5 + COVERAGE / 2))
+        share, size = self.right / self.of, self.of
+        middle = (share + z * z / (2 * size)) / (1 + z * z / size)
+        half = z / (1 + z * z / size) * np.sqrt(share * (1 - share) / size + z * z / (4 * size * size))
+        return max(0.0, float(middle - half)), min(1.0, float(middle + half))
+
+    def to_document(self) -> dict[str, object]:
+        """Return it as JSON."""
+        low, high = self.interval
+        return {"value": self.value, "right": self.right, "of": self.of, "low": low, "high": high}
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What was said of one case when its group was left out of the library."""
+
+    case_id: str
+    group: str
+    truth: str
+    best: str
+    verdict: str
+    probability: float
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """The library's own cross-validation.
+
+    Args:
+        accuracy: cases whose class got most votes.
+        said: of those called `diagnosed`, how many were right.
+        called_new: cases of known classes called `not_in_library`.
+        confusion: true label -> answered label -> case ids; `not_in_library` is a column.
+        left_out: per class, how many of its cases are called new by a library without that class.
+    """
+
+    group: str
+    origin: str
+    cases: int
+    gearboxes: int
+    accuracy: Proportion
+    said: Proportion
+    called_new: Proportion
+    per_class: Mapping[str, Proportion]
+    confusion: Mapping[str, Mapping[str, tuple[str, ...]]]
+    left_out: Mapping[str, Proportion]
+    outcomes: tuple[Outcome, ...]
+
+    def to_document(self) -> dict[str, object]:
+        """Return it as JSON; `confusion` holds counts, `cells` the case ids behind them."""
+        return {
+            "group": self.group,
+            "origin": self.origin,
+            "cases": self.cases,
+            "gearboxes": self.gearboxes,
+            "accuracy": self.accuracy.to_document(),
+            "accuracy_when_diagnosed": self.said.to_document(),
+            "known_called_new": self.called_new.to_document(),
+            "per_class": {label: each.to_document() for label, each in self.per_class.items()},
+            "confusion": {
+                truth: {answer: len(ids) for answer, ids in row.items()} for truth, row in self.confusion.items()
+            },
+            "cells": {
+                truth: {answer: list(ids) for answer, ids in row.items()} for truth, row in self.confusion.items()
+            },
+            "left_out_class_called_new": {label: each.to_document() for label, each in self.left_out.items()},
+        }
+
+
+def evaluate(table: CaseTable, *, group: str = "gearbox", origin: str = "both") -> Evaluation:
+    """Leave out one gearbox at a time, learn from the others, diagnose it; then the same without its class.
+
+    Args:
+        table: the cases.
+        group: what is left out together: gearbox, axis or case.
+        origin: `measured` or `simulated` learns from such cases alone, `both` from all. Measured cases are what is
+            diagnosed wherever there are any.
+
+    Raises:
+        InvalidRequestError: if the group or origin is not known.
+    """
+    if group not in GROUPS:
+        raise InvalidRequestError(f"group must be one of {', '.join(GROUPS)}, got {group!r}")
+    if origin not in ("measured", "simulated", "both"):
+        raise InvalidRequestError(f"origin must be measured, simulated or both, got {origin!r}")
+    names = _names(table, group)
+    usable = np.ones(len(table), bool) if origin == "both" else table.origins == origin
+    measured = table.origins == "measured"
+    tested = measured if measured.any() else np.ones(len(table), bool)
+    tested &= names != ""
+    outcomes: list[Outcome] = []
+    found: dict[str, list[bool]] = {label: [] for label in table.classes}
+    for name in np.unique(names[tested]):
+        outcomes += _outcomes(table, usable & (names != name), tested & (names == name), str(name))
+        for label in table.classes:
+            inside = tested & (names == name) & (table.labels == label)
+            without = usable & (names != name) & (table.labels != label)
+            if inside.any() and without.any() and len(table.classes) > 1:
+                new = [each.verdict == "not_in_library" for each in _outcomes(table, without, inside, str(name))]
+                found[label] += new
+    return _evaluation(table, group, origin, tuple(outcomes), found)
+
+
+def _names(table: CaseTable, group: str) -> NDArray[np.str_]:
+    if group == "gearbox":
+        return table.groups
+    return table.axes if group == "axis" else table.ids
+
+
+def _outcomes(table: CaseTable, inside: Mask, tested: Mask, group: str) -> list[Outcome]:
+    """Return what a library of the cases inside says of the tested ones."""
+    inside = inside & ~np.isin(table.samples, table.samples[tested])
+    if not inside.any():
+        return []
+    known = table.take(inside)
+    reasoner = Reasoner(known, learn(known))
+    outcomes = []
+    for row in np.flatnonzero(tested):
+        judgement = reasoner.judge(table.values[row])
+        best = int(judgement.probabilities.argmax())
+        outcomes.append(
+            Outcome(
+                str(table.ids[row]),
+                group,
+                str(table.labels[row]),
+                judgement.classes[best],
+                verdict_of(judgement),
+                float(judgement.probabilities[best]),
+            )
+        )
+    return outcomes
+
+
+def _evaluation(
+    table: CaseTable, group: str, origin: str, outcomes: tuple[Outcome, ...], found: Mapping[str, list[bool]]
+) -> Evaluation:
+    right = [each.best == each.truth for each in outcomes]
+    said = [each.best == each.truth for each in outcomes if each.verdict == "diagnosed"]
+    new = [each.verdict == "not_in_library" for each in outcomes]
+    confusion: dict[str, dict[str, tuple[str, ...]]] = {}
+    for each in outcomes:
+        row = confusion.setdefault(each.truth, {})
+        answer = each.verdict if each.verdict == "not_in_library" else each.best
+        row[answer] = (*row.get(answer, ()), each.case_id)
+    per_class = {
+        label: _share([each.best == label for each in outcomes if each.truth == label]) for label in table.classes
+    }
+    gearboxes = set(table.gearboxes[(table.origins == "measured") & (table.gearboxes != "")].tolist())
+    return Evaluation(
+        group,
+        origin,
+        len(outcomes),
+        len(gearboxes),
+        _share(right),
+        _share(said),
+        _share(new),
+        per_class,
+        confusion,
+        {label: _share(answers) for label, answers in found.items()},
+        outcomes,
+    )
+
+
+def _share(answers: list[bool]) -> Proportion:
+    return Proportion(sum(answers), len(answers))

@@ -1,0 +1,138 @@
+"""Is it like anything known? How far a recording lies outside what each class has shown, and where unknown begins.
+
+Each class has a range in every feature: what its cases have shown, and half as much again in the direction in which
+the class departs from normal, because a known fault that grew is not a new one. The distance to a class is
+
+    sqrt(sum_j w_j min(e_j / s_j, LIMIT)^2),
+
+with e_j what the value lies outside the range, s_j the spread of normal recordings, and w_j how much a feature says
+about the kind of a fault (`casebase.priors`). The novelty is the distance to the nearest class. It begins where a
+recording of a known class, from a gearbox that the library has not seen, gets once in NEW_ONCE_IN.
+
+Sources of the limit: Hahn and Meeker, Statistical Intervals (1991), prediction limit of a normal sample; Wilson and
+Hilferty, The Distribution of Chi-Square, PNAS 17 (1931): the cube root of a sum of squares is nearly normal.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.stats import t as student
+
+from casebase.priors import kind_weights, repeatability
+from casebase.similarity import Floats, pooled_scales
+
+BASELINES = ("normal", "healthy")
+"""Labels of gears without a fault."""
+GROWTH = 0.5
+TAIL = 0.02
+"""Share of a class's cases that may lie outside its range at each end, once there are so many."""
+LIMIT = 7.0
+NEW_ONCE_IN = 50
+NINTH_DECILE = 1.2816
+"""Of the standard normal distribution."""
+FEWEST_FOR_LIMIT = 6
+OWN_CASES = 4.0
+LARGEST_CLASS = 2000
+
+
+@dataclass(frozen=True, eq=False)
+class KnownRanges:
+    """What the classes have shown.
+
+    Args:
+        low, high: per class, ends of the range of every feature, shape (n,); NaN where the class never had it.
+        scale: spread that a departure is held against, shape (n,).
+        weights: shape (n,), sum 1.
+    """
+
+    ranges: Mapping[str, tuple[Floats, Floats]]
+    scale: Floats
+    weights: Floats
+
+    def parts(self, values: NDArray[np.floating]) -> tuple[str, Floats]:
+        """Return the nearest class and the weighted squared departure of every feature from it, shape (n,).
+
+        Features that the recording does not have are left out and the weights brought to sum 1 again; one that the
+        class never had counts as one spread.
+        """
+        present = np.isfinite(values)
+        weights = np.where(present, self.weights, 0.0)
+        weights /= weights.sum() if weights.any() else 1.0
+        departures = {}
+        for label, (low, high) in self.ranges.items():
+            outside = np.maximum(np.maximum(low - values, values - high), 0.0) / self.scale
+            outside = np.where(np.isnan(low) & present, 1.0, outside)
+            departures[label] = weights * np.where(present, np.minimum(outside, LIMIT), 0.0) ** 2
+        nearest = min(departures, key=lambda label: (float(departures[label].sum()), label))
+        return nearest, departures[nearest]
+
+    def distance(self, values: NDArray[np.floating]) -> float:
+        """Return the distance to the nearest class."""
+        return float(np.sqrt(self.parts(values)[1].sum()))
+
+
+def known_ranges(names: tuple[str, ...], values: NDArray[np.floating], labels: NDArray[np.str_]) -> KnownRanges:
+    """Return the ranges that cases have shown.
+
+    Args:
+        values: shape (cases, n), NaN where missing.
+        labels: shape (cases,).
+    """
+    normal = np.isin(labels, BASELINES)
+    center, scale = _normal_scale(values, labels, normal)
+    ranges = {}
+    for label in np.unique(labels):
+        low, high = _quantiles(spread_out(values[labels == label], LARGEST_CLASS))
+        if normal.any() and label not in BASELINES:
+            low, high = (
+                low - GROWTH * np.fmax(center - low, 0.0),
+                high + GROWTH * np.fmax(high - center, 0.0),
+            )
+        ranges[str(label)] = (low, high)
+    return KnownRanges(ranges, np.hypot(scale, repeatability(names)), kind_weights(names))
+
+
+def _normal_scale(
+    values: NDArray[np.floating], labels: NDArray[np.str_], normal: NDArray[np.bool_]
+) -> tuple[Floats, Floats]:
+    """Return middle and spread of normal recordings; few of them are drawn towards the spread within all classes."""
+    center, pooled = pooled_scales(values, labels)
+    count = int(normal.sum())
+    if count < 3:
+        return center, pooled
+    center, own = pooled_scales(values[normal], labels[normal])
+    return center, np.sqrt((count * own**2 + OWN_CASES * pooled**2) / (count + OWN_CASES))
+
+
+def spread_out(rows: NDArray[Any], most: int) -> NDArray[Any]:
+    """Return at most so many rows, evenly spread over all."""
+    if len(rows) <= most:
+        return rows
+    return rows[np.linspace(0, len(rows) - 1, most).astype(np.intp)]
+
+
+def _quantiles(values: NDArray[np.floating]) -> tuple[Floats, Floats]:
+    low, high = np.full(values.shape[1], np.nan), np.full(values.shape[1], np.nan)
+    known = np.isfinite(values).any(axis=0)
+    low[known], high[known] = np.nanquantile(values[:, known], [TAIL, 1 - TAIL], axis=0)
+    return low, high
+
+
+def novelty_limit(distances: Floats) -> float | None:
+    """Return where the unknown begins, from cases whose gearbox was held out; None if they are too few.
+
+    The spread is taken between the median and the ninth decile, so that one odd case does not set the limit; Student's
+    factor makes a small library careful to call anything new.
+
+    Args:
+        distances: of held-out cases, shape (cases,).
+    """
+    if distances.size < FEWEST_FOR_LIMIT:
+        return None
+    middle, high = np.quantile(distances ** (2 / 3), [0.5, 0.9])
+    spread = float(high - middle) / NINTH_DECILE
+    factor = float(student.ppf(1 - 1 / NEW_ONCE_IN, distances.size - 1))
+    return float((middle + factor * spread * np.sqrt(1 + 1 / distances.size)) ** 1.5)
