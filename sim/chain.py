@@ -367,7 +367,7 @@ def _trajectory(
             sources[f"{name}.tau"], units[f"{name}.tau"] = partial(np.asarray, result.motor_torque_n_m), "N.m"
             if reference is not None:
                 sources[f"{name}.reference"], units[f"{name}.reference"] = partial(np.asarray, reference), "rad"
-    events = tuple(_events(train, places, result))
+    events = tuple(_events(places, result))
     return Trajectory(result.time_s, Channels(sources), units, events, "runge-kutta")
 
 
@@ -407,16 +407,29 @@ def _position_torque(part: TorqueRipple | Gravity, angle: Array) -> Array:
     return np.asarray(sum(line.amplitude * np.sin(line.order * angle + line.phase) for line in part.lines))
 
 
-def _events(train: DriveTrain, places: list[Place], result: ChainResult) -> Iterator[Event]:
-    """Contact and sliding as Modelica numbers them; changes within one contact are no events of their own."""
+def _events(places: list[Place], result: ChainResult) -> list[Event]:
+    """Contact and sliding as Modelica numbers them; what a component passes through in no time is left out."""
+    merged: list[Event] = []
+    for event in _all_events(places, result):
+        last = next((old for old in reversed(merged) if old.component == event.component), None)
+        if last is not None and last.time_s == event.time_s:
+            merged.remove(last)
+            changed = (last.from_mode, event.to_mode, last.from_name, event.to_name)
+            event = Event(event.time_s, event.component, *changed)
+        if event.from_mode != event.to_mode:
+            merged.append(event)
+    return merged
+
+
+def _all_events(places: list[Place], result: ChainResult) -> Iterator[Event]:
     flank = {0: 0, 1: -1, 2: -1, 3: -1, -1: 1, -2: 1, -3: 1}
     for event in result.events:
         place = places[event.index]
+        time = float(event.time_s)
         if event.what == "contact":
             before, after = flank[event.before], flank[event.after]
-            if before != after and place.mesh:
-                yield Event(event.time_s, place.mesh, before, after, CONTACT_NAMES[before], CONTACT_NAMES[after])
+            yield Event(time, place.mesh or "", before, after, CONTACT_NAMES[before], CONTACT_NAMES[after])
         elif event.what == "stick":
             name = place.frictions[0] if place.frictions else place.gear or place.inertias[0]
             names = SLIDING_NAMES[event.before], SLIDING_NAMES[event.after]
-            yield Event(event.time_s, name, event.before, event.after, *names)
+            yield Event(time, name, event.before, event.after, *names)

@@ -466,7 +466,8 @@ def _initial_modes(p: Floats, q: Ints, w: Floats) -> None:
         q[LOOP + k] = 1 if w[Y + 4 + k] * p[a + INV] >= w[Y + 5 + k] else -1
     for k in range(q[SHAFTS]):
         way = int(np.sign(w[Y + 4 + k]))
-        frictional = p[WIDTH * k + FRICTIONAL] != 0.0 and not (k == 0 and q[KIND] == PRESCRIBED)
+        frictional = p[WIDTH * k + FRICTIONAL] != 0.0 or (k < q[SHAFTS] - 1 and p[LINKS + WIDTH * k + LOSSY] != 0.0)
+        frictional = frictional and not (k == 0 and q[KIND] == PRESCRIBED)
         q[WAY + k] = way if frictional else FREE
         q[SIDE + k] = 1
 

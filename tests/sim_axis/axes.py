@@ -1,0 +1,57 @@
+"""An axis of three shafts for the tests, and the paper's chain."""
+
+from sim.axis import Axis, read_axis
+from sim.chain_model import Chain, Link, Shaft
+
+
+def axis(**motion: float) -> Axis:
+    """Two stages of 9 and 11; nothing is zero that can be something."""
+    return read_axis(
+        {
+            "name": "tested",
+            "motor": {
+                "inertia_kg_m2": 0.004,
+                "coulomb_friction_n_m": 0.3,
+                "viscous_friction_n_m_s_per_rad": 0.002,
+            },
+            "stages": [
+                {
+                    "name": "transfer",
+                    "driver_teeth": 10,
+                    "driven_teeth": 90,
+                    "inertia_kg_m2": 0.015,
+                    "stiffness_n_m_per_rad": 1800.0,
+                    "damping_n_m_s_per_rad": 0.3,
+                    "backlash_rad": 4e-5,
+                },
+                {
+                    "name": "output",
+                    "driver_teeth": 11,
+                    "driven_teeth": 121,
+                    "stiffness_n_m_per_rad": 130e3,
+                    "damping_n_m_s_per_rad": 150.0,
+                    "mesh_efficiency": 0.96,
+                    "backlash_rad": 2e-5,
+                },
+            ],
+            "load": {
+                "inertia_kg_m2": 30.0,
+                "coulomb_friction_n_m": 7.0,
+                "viscous_friction_n_m_s_per_rad": 5.0,
+            },
+            "motion": {"period_s": 2.4, "load_speed_rad_s": 2.5, "acceleration_time_s": 0.25, **motion},
+        }
+    )
+
+
+def three_shafts(**output: object) -> Chain:
+    """The same as a chain with friction, losses and gaps."""
+    shafts = (Shaft(0.004, 0.3, 0.002), Shaft(0.015), Shaft(30.0, 7.0, 5.0))
+    links = (
+        Link(9.0, 1800.0, 0.3, gap_rad=4e-5),
+        Link(11.0, 130e3, 150.0, gap_rad=2e-5, efficiency=(0.96, 0.96)),
+    )
+    chain = Chain(shafts, links)
+    from sim.chain_model import with_link
+
+    return with_link(chain, 1, **output) if output else chain
