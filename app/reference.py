@@ -99,13 +99,17 @@ def offered(app: FastAPI, path: str) -> dict[str, frozenset[str]]:
 
 
 def only_known_query(request: Request) -> None:
-    """Dependency: refuse a query parameter that nothing reads, such as a mistyped filter.
+    """Dependency: refuse a query parameter that nothing reads, such as a mistyped filter, or that is given twice.
 
     Raises:
         Unprocessable: naming it and those that are known.
     """
+    given = [name for name, _ in request.query_params.multi_items()]
+    twice = sorted({name for name in given if given.count(name) > 1})
+    if twice:
+        raise Unprocessable(f"Query parameters given more than once: {', '.join(twice)}. Give each once.")
     known = offered(request.app, path_of(request)).get(request.method, frozenset())
-    unknown = sorted(set(request.query_params) - known)
+    unknown = sorted(set(given) - known)
     if unknown:
         raise Unprocessable(
             f"Unknown query parameters: {', '.join(unknown)}. Known here: {', '.join(sorted(known)) or 'none'}."

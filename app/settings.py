@@ -39,7 +39,6 @@ class Settings(BaseSettings):
     upload_timeout_s: PositiveFloat = Field(300.0, description="until a request's body must have arrived")
     uploads_per_key: PositiveInt = Field(4, description="uploads of one key read at once; others wait")
     uploads_at_once: PositiveInt = Field(16, description="uploads of all keys read at once; others wait")
-    analyses_at_once: PositiveInt = Field(2, description="recordings decoded at once; others wait")
     page_items: PositiveInt = Field(200, description="items of a list's page, at most")
     failed_keys: str = Field("1000/minute", description="wrong keys from one address before 429")
     require_if_match: bool = Field(False, description="changes of a case need the If-Match header (428)")

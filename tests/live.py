@@ -63,9 +63,14 @@ class LiveServer:
         """Send a signal and wait for the end; return the exit code."""
         assert self.process is not None
         self.process.send_signal(number)
+        return self.ended()
+
+    def ended(self) -> int:
+        """Wait for the end; return the exit code."""
+        assert self.process is not None
+        assert self.process.stdout is not None
         code = self.process.wait(60)
-        if self.process.stdout is not None:
-            self.process.stdout.close()
+        self.process.stdout.close()
         return code
 
     def kill(self) -> None:

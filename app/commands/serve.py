@@ -1,5 +1,6 @@
 """`gearcase serve`: the service, in one process with a worker beside it."""
 
+import signal
 import socket
 from contextlib import nullcontext
 from typing import Annotated
@@ -48,11 +49,17 @@ def serve(
             timeout_graceful_shutdown=STOPPING_S,
             h11_max_incomplete_event_size=64 * 1024,
         )
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, _stopped)
         with worker_child(frame.settings) if worker else nullcontext():
             Announced(config, frame, service, first).run(sockets=[listening])
     finally:
         service.close()
         listening.close()
+
+
+def _stopped(_number: int, _frame: object) -> None:
+    """The server has stopped in good order and raises its signal again; what runs beside it is to end as well."""
 
 
 class Announced(uvicorn.Server):

@@ -141,3 +141,20 @@ def test_bad_input_is_2_and_says_so_on_stderr(data_dir: Path, words: tuple[str, 
     assert done.code == code
     assert done.stderr.strip()
     assert "Traceback" not in done.stderr
+
+
+def test_doctor_finds_what_is_missing(tmp_path: Path) -> None:
+    folder, path = tmp_path / "data", tmp_path / "x.wav"
+    path.write_bytes(sound(1))
+    empty = gearcase("doctor", "--json", data_dir=folder)
+    faults = {finding["what"] for finding in json.loads(empty.stdout) if finding["fault"]}
+    assert (empty.code, faults) == (1, {"keys", "library"})
+    gearcase("keys", "create", "--role", "admin", "--name", "me", data_dir=folder)
+    gearcase("cases", "add", path, "--label", "normal", data_dir=folder)
+    assert gearcase("doctor", "--thorough", data_dir=folder).code == 0
+    audio = next((folder / "audio").glob("??/*"))
+    audio.write_bytes(b"changed")
+    assert gearcase("doctor", data_dir=folder).code == 0
+    assert gearcase("doctor", "--thorough", data_dir=folder).code == 1
+    audio.unlink()
+    assert "missing" in gearcase("doctor", data_dir=folder).stdout
