@@ -11,6 +11,8 @@ MOST_COMBINATIONS = 200_000
 NO_START = "no mode of the drive train holds at the start; give start values that agree with its friction"
 TOLERANCE, STOP_TOLERANCE = 1e-11, 1e-9
 """Relative to the terms: a value this small is zero; a speed this small stands still."""
+REST = 1e-2
+"""Share of the fastest speed so far that every speed may have had, for judging what is rounding."""
 
 Key = tuple[int, ...]
 Change = tuple[str, int, int, str, str]
@@ -18,7 +20,9 @@ Change = tuple[str, int, int, str, str]
 
 def possible_branches(system: System, x: Array, scale: Array) -> list[list[int]]:
     """Branches of every component that the state x alone does not rule out; `scale` is how large x has been."""
-    known = system.known
+    known, speeds = system.known, slice(system.freedom, 2 * system.freedom)
+    scale = scale.copy()
+    scale[speeds] = np.maximum(scale[speeds], REST * scale[speeds].max(initial=0.0))
     possible = []
     for i in range(len(system.components)):
         allowed = []

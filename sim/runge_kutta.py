@@ -195,7 +195,7 @@ class RungeKutta:
             self._sample_within(dense, old, when)
             self.scale[: self.moving] = np.maximum(self.scale[: self.moving], np.abs(solver.y))
             if row is not None:
-                x = self._full(when, self._precisely(old, dense(old), when))
+                when, x = self._corrected(dense, old, solver.t, when, row)
                 return when, x, self.law.owners(x)[row]
         return bound, self._full(bound, solver.y), None
 
@@ -210,6 +210,23 @@ class RungeKutta:
             rtol=RELATIVE_TOLERANCE,
             atol=RELATIVE_TOLERANCE * 1e-2 * scale,  # type: ignore[arg-type]
         )
+
+    def _corrected(
+        self, dense: Callable[[float], Array], old: float, new: float, when: float, row: int
+    ) -> tuple[float, Array]:
+        """The instant of an event and the state there to the order of the steps, not of the interpolant."""
+        begin = dense(old)
+        x = self._full(when, self._precisely(old, begin, when))
+        width = 1e-3 * (new - old)
+        for _ in range(3):
+            value = self.law.margins(x)[row]
+            ahead = self.law.margins(self._full(when + width, dense(when + width)))[row]
+            behind = self.law.margins(self._full(when - width, dense(when - width)))[row]
+            if ahead == behind or abs(value) <= 1e-15 * max(abs(ahead), abs(behind)):
+                break
+            when = float(np.clip(when - value * 2 * width / (ahead - behind), old, new))
+            x = self._full(when, self._precisely(old, begin, when))
+        return when, x
 
     def _precisely(self, begin: float, moving: Array, end: float) -> Array:
         """Integrate to `end` by steps of its own: the interpolant is of lower order than the steps."""
