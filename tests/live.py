@@ -87,8 +87,8 @@ class LiveServer:
 
 
 def started(data_dir: Path, **environment: str) -> LiveServer:
-    """Start a service over a fresh data directory and make a key of each role."""
-    data_dir.mkdir(parents=True)
+    """Start a service over a data directory that has no key yet and make a key of each role."""
+    data_dir.mkdir(parents=True, exist_ok=True)
     server = LiveServer(data_dir, environment)
     server.start()
     admin = next(line.split()[-1] for line in server.printed if line.startswith("Admin key"))

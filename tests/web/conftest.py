@@ -1,0 +1,135 @@
+"""A real browser against a real service whose library was filled by the simulator."""
+
+import shutil
+from collections.abc import Callable, Iterator
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, Request, sync_playwright
+
+from tests.app.sounds import sound
+from tests.live import LiveServer, gearcase, started
+
+COOKIE = "gearcase_key"
+NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+ARGUMENTS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update")
+AXIS = """schema = "gearcase-axis/1"
+name = "bench"
+[motor]
+inertia_kg_m2 = 0.006
+coulomb_friction_n_m = 0.4
+viscous_friction_n_m_s_per_rad = 0.0022
+[[stages]]
+name = "transfer"
+driver_teeth = 12
+driven_teeth = 96
+inertia_kg_m2 = 0.02
+stiffness_n_m_per_rad = 1920
+damping_n_m_s_per_rad = 0.15
+[[stages]]
+name = "output"
+driver_teeth = 12
+driven_teeth = 150
+stiffness_n_m_per_rad = 150000
+damping_n_m_s_per_rad = 60
+transmission_error_rad = 1.5e-6
+[load]
+inertia_kg_m2 = 40
+"""
+
+
+@pytest.fixture(scope="session")
+def browser() -> Iterator[Browser]:
+    """The system's Chromium; skips with the reason where there is none."""
+    path = next((found for name in NAMES if (found := shutil.which(name))), None)
+    if path is None:
+        pytest.skip(f"no browser on the path (looked for {', '.join(NAMES)})")
+    with sync_playwright() as playwright:
+        running = playwright.chromium.launch(executable_path=path, args=list(ARGUMENTS))
+        yield running
+        running.close()
+
+
+@dataclass
+class Site:
+    """A running service with a demonstration, a described axis and a few measured recordings."""
+
+    server: LiveServer
+    recording: Path
+    diagnosis: str = ""
+    case: str = ""
+
+    @property
+    def url(self) -> str:
+        return self.server.url
+
+
+@pytest.fixture(scope="session")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    folder = tmp_path_factory.mktemp("site")
+    data_dir = folder / "data"
+    data_dir.mkdir()
+    gearcase("starter", "--per-label", "2", data_dir=data_dir)
+    recording = folder / "axis 4, monday.wav"
+    recording.write_bytes(sound(7, seconds=8.0, impacts=True))
+    server = started(data_dir)
+    found = Site(server, recording)
+    with server.client() as client:
+        client.post("/api/v1/axes", content=AXIS, headers={"Content-Type": "application/toml"}).raise_for_status()
+        for seed in (1, 2):
+            metadata = '{"axis": "bench", "gearbox": "g1", "speed_rad_s": 2.5, "label": "normal"}'
+            files = {"file": ("normal.wav", sound(seed)), "metadata": (None, metadata)}
+            found.case = client.post("/api/v1/cases", files=files).raise_for_status().json()["id"]
+        files = {"file": ("bench.wav", sound(5, impacts=True)), "metadata": (None, '{"axis": "bench"}')}
+        found.diagnosis = client.post("/api/v1/diagnoses", files=files).raise_for_status().json()["id"]
+    yield found
+    server.stop()
+
+
+@dataclass
+class Watch:
+    """What a page did that it should not have done."""
+
+    home: str
+    console: list[str] = field(default_factory=list)
+    foreign: list[str] = field(default_factory=list)
+
+    def on_console(self, message: ConsoleMessage) -> None:
+        if message.type in ("error", "warning"):
+            self.console.append(message.text)
+
+    def on_request(self, request: Request) -> None:
+        if not request.url.startswith((self.home, "data:", "blob:")):
+            self.foreign.append(request.url)
+
+    def check(self) -> None:
+        """The console is clean, with no violation of the content security policy, and nothing left the host."""
+        assert self.console == []
+        assert self.foreign == []
+
+
+Opened = Callable[..., AbstractContextManager[Page]]
+
+
+@pytest.fixture
+def opened(browser: Browser, site: Site) -> Opened:
+    """Open a page as a role and watch it."""
+
+    @contextmanager
+    def open_page(role: str | None = "admin", path: str = "/", **options: object) -> Iterator[Page]:
+        context: BrowserContext = browser.new_context(**options)  # type: ignore[arg-type]
+        if role is not None:
+            context.add_cookies([{"name": COOKIE, "value": site.server.keys[role], "url": site.url}])
+        watch = Watch(site.url)
+        page = context.new_page()
+        page.on("console", watch.on_console)
+        page.on("pageerror", lambda error: watch.console.append(str(error)))
+        page.on("request", watch.on_request)
+        page.goto(site.url + path)
+        yield page
+        watch.check()
+        context.close()
+
+    return open_page

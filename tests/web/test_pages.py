@@ -1,0 +1,135 @@
+"""Every page, for every role, in a real browser: clean console, nothing leaves the host, nobody is locked out."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.app.sounds import sound
+from tests.web.conftest import Opened, Site
+
+pytestmark = pytest.mark.browser
+
+AXE = Path(__file__).resolve().parents[2] / "node_modules" / "axe-core" / "axe.min.js"
+VIEWER_PAGES = (
+    "/diagnoses",
+    "/diagnoses/{diagnosis}",
+    "/diagnoses/{diagnosis}?axis=orders",
+    "/library",
+    "/library/map",
+    "/library/coverage",
+    "/cases/{case}",
+    "/axes",
+    "/axes/bench",
+    "/axes/bench/try",
+    "/investigations",
+)
+OPERATOR_PAGES = ("/diagnoses/new", "/investigations/new", "/jobs")
+ADMIN_PAGES = ("/library/add", "/keys", "/audit")
+EVERY_PAGE = (*VIEWER_PAGES, *OPERATOR_PAGES, *ADMIN_PAGES)
+
+
+def address(site: Site, path: str) -> str:
+    return path.format(diagnosis=site.diagnosis, case=site.case)
+
+
+@pytest.mark.parametrize("path", EVERY_PAGE)
+def test_page_is_clean_and_accessible(opened: Opened, site: Site, path: str) -> None:
+    """No error, no foreign request, and axe finds no serious fault, in light and in dark."""
+    if not AXE.exists():
+        pytest.skip("axe-core is not installed: make setup installs it")
+    for scheme in ("light", "dark"):
+        with opened("admin", address(site, path), color_scheme=scheme) as page:
+            page.wait_for_load_state("networkidle")
+            expect(page.locator("h1").first).to_be_visible()
+            page.evaluate(AXE.read_text())
+            found = page.evaluate("async () => (await axe.run()).violations")
+            serious = [one for one in found if one["impact"] in ("serious", "critical")]
+            assert [(one["id"], one["nodes"][0]["html"][:200]) for one in serious] == []
+
+
+@pytest.mark.parametrize("path", EVERY_PAGE)
+def test_page_works_without_script(opened: Opened, site: Site, path: str) -> None:
+    """Charts are drawn by the server and nothing waits for a script."""
+    with opened("admin", address(site, path), java_script_enabled=False) as page:
+        expect(page.locator("h1").first).to_be_visible()
+        if path == "/diagnoses/{diagnosis}":
+            assert page.locator("svg.chart").count() >= 4
+            expect(page.locator("audio")).to_be_visible()
+
+
+@pytest.mark.parametrize("path", EVERY_PAGE)
+def test_page_fits_a_narrow_screen(opened: Opened, site: Site, path: str) -> None:
+    """At 360 px nothing but a table scrolls sideways."""
+    with opened("admin", address(site, path), viewport={"width": 360, "height": 700}) as page:
+        page.wait_for_load_state("networkidle")
+        assert page.evaluate("document.documentElement.scrollWidth") <= 360
+
+
+@pytest.mark.parametrize(
+    ("role", "refused"), [("viewer", (*OPERATOR_PAGES, *ADMIN_PAGES)), ("operator", ADMIN_PAGES), ("admin", ())]
+)
+def test_roles_see_what_they_may_do(opened: Opened, site: Site, role: str, refused: tuple[str, ...]) -> None:
+    """A role opens its pages, is refused the others in words, and is not offered what it may not do."""
+    with site.server.client(None, headers={"Accept": "text/html"}, follow_redirects=False) as client:
+        client.cookies.set("gearcase_key", site.server.keys[role])
+        for path in EVERY_PAGE:
+            answer = client.get(address(site, path))
+            assert answer.status_code == (403 if path in refused else 200), (role, path)
+            if path in refused:
+                assert "needs the role" in answer.text
+    with opened(role, "/library") as page:
+        assert page.get_by_role("link", name="Keys").count() == (1 if role == "admin" else 0)
+        assert page.get_by_role("link", name="Add a case").count() == (1 if role == "admin" else 0)
+
+
+def test_pages_lead_to_sign_in(site: Site) -> None:
+    """Without a key every page but the demonstration leads to the sign-in page, and back afterwards."""
+    with site.server.client(None, headers={"Accept": "text/html"}, follow_redirects=False) as client:
+        for path in EVERY_PAGE:
+            answer = client.get(address(site, path))
+            assert answer.status_code == 303, path
+            assert "/sign-in?next=" in answer.headers["location"]
+        assert client.get("/").status_code == 200
+
+
+def test_forms_need_the_token(site: Site) -> None:
+    """A form that another site made a signed-in browser send is refused, and nothing changes."""
+    with site.server.client(None) as client:
+        client.cookies.set("gearcase_key", site.server.keys["admin"])
+        answer = client.post("/library/change", data={"action": "retire", "case_id": site.case})
+        assert answer.status_code == 403
+        made = client.post("/keys", data={"name": "stolen", "role": "admin", "csrf": "0" * 64})
+        assert made.status_code == 403
+    with site.server.client() as client:
+        assert client.get(f"/api/v1/cases/{site.case}").json()["state"] == "confirmed"
+        assert "stolen" not in client.get("/api/v1/keys").text
+
+
+def test_cookie_is_hidden_from_scripts(site: Site) -> None:
+    with site.server.client(None, follow_redirects=False) as client:
+        answer = client.post("/sign-in", data={"key": site.server.keys["viewer"], "next": "//elsewhere.example/"})
+    assert answer.headers["location"] == "/"
+    cookie = answer.headers["set-cookie"].lower()
+    assert "httponly" in cookie
+    assert "samesite=strict" in cookie
+
+
+def test_hostile_words_stay_words(opened: Opened, site: Site) -> None:
+    """Markup in a file name, gearbox, note or key name is shown as text, and no cell of a CSV is a formula."""
+    evil = '<img src=x onerror="document.title=1">'
+    with site.server.client() as client:
+        metadata = {"gearbox": evil, "axis": "=cmd()", "label": "normal", "notes": evil, "verified_by": evil}
+        files = {"file": (f"{evil}.wav", sound(11)), "metadata": (None, json.dumps(metadata))}
+        case = client.post("/api/v1/cases", files=files).raise_for_status().json()["id"]
+        client.post("/api/v1/keys", json={"name": "=1+1" + evil, "role": "viewer"}).raise_for_status()
+    for path in (f"/cases/{case}", "/library", "/keys", "/audit", "/axes", "/library/map"):
+        with opened("admin", path) as page:
+            assert page.title() != "1"
+            assert page.locator("img[src=x]").count() == 0
+    with site.server.client(None) as client:
+        client.cookies.set("gearcase_key", site.server.keys["admin"])
+        table = client.get("/audit.csv").text
+    assert not re.search(r'(^|,)"?=', table, re.MULTILINE)
