@@ -138,9 +138,7 @@ def _planned(
         mechanisms=(*axis.mechanisms, *((entry,) if entry else ())),
     )
     microphone = (
-        _detuned(microphones[int(random.integers(len(microphones)))], random)
-        if microphones
-        else _housing(value, random)
+        detuned(microphones[int(random.integers(len(microphones)))], random) if microphones else _housing(value, random)
     )
     scenario = Scenario(
         axis=moved,
@@ -179,6 +177,7 @@ MODES = (4, 6)
 LOWEST_MODE_HZ, HIGHEST_MODE_HZ = (60.0, 130.0), 3500.0
 MODE_DAMPING = Range("damping_ratio", 0.015, 0.08, log=True)
 DETUNING = 0.05  # of the modes of a housing of the same kind
+RUBBING_SPREAD = 0.3  # standard deviation of its logarithm
 
 
 def _housing(value: Mapping[str, float], random: np.random.Generator) -> Microphone:
@@ -212,7 +211,9 @@ def path_rms(microphone: Microphone) -> float:
     return math.sqrt(float(np.mean(np.abs(microphone.path(frequency)) ** 2)))
 
 
-def _detuned(microphone: Microphone, random: np.random.Generator) -> Microphone:
+def detuned(microphone: Microphone, random: np.random.Generator) -> Microphone:
+    """The microphone at another gearbox of the same kind: all modes higher or lower together, other rubbing."""
     together = math.exp(random.normal(0.0, DETUNING))
     modes = tuple(replace(mode, frequency_hz=mode.frequency_hz * together) for mode in microphone.modes)
-    return replace(microphone, modes=modes)
+    rubbing = microphone.rubbing_n_m * math.exp(random.normal(0.0, RUBBING_SPREAD))
+    return replace(microphone, modes=modes, rubbing_n_m=rubbing)

@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 from scipy import ndimage, optimize, signal
 
 from sim.axis import Axis
+from sim.design import OPERATION, SPECIMEN, detuned
 from sim.errors import ParameterError
 from sim.scenario import Scenario, with_motion
 from sim.sound import SAMPLE_RATE_HZ, Microphone, Mode
@@ -94,9 +95,29 @@ def fit_sound(axis: Axis, recordings: Sequence[Heard]) -> FittedSound:
     return FittedSound(microphone, misfit, measured)
 
 
-def travel_of(heard: Heard, ramp_s: float, dwell_s: float) -> float:
-    """Angle between the ends of the motion [rad], from its period and speed."""
-    return heard.speed_rad_s * max(heard.period_s / 2 - dwell_s - ramp_s, 0.2 * heard.period_s)
+def scenario_like(axis: Axis, heard: Heard, microphone: Microphone, seed: int) -> Scenario:
+    """Another normal specimen, moved and loaded as in a recording, heard by a microphone of this kind."""
+    random = np.random.default_rng(seed)
+    spread = {r.name: r.at(random.random()) for r in (*OPERATION, *SPECIMEN)}
+    moved = with_motion(
+        axis,
+        period_s=heard.period_s,
+        load_speed_rad_s=heard.speed_rad_s,
+        acceleration_time_s=min(spread["acceleration_time_s"], 0.2 * heard.period_s),
+        dwell_s=min(spread["dwell_s"], 0.05 * heard.period_s),
+    )
+    return Scenario(
+        axis=moved,
+        payload_kg_m2=heard.payload_kg_m2,
+        specimen=Specimen(
+            int(random.integers(2**31)), spread["error_factor"], spread["friction_factor"], spread["damping_factor"]
+        ),
+        microphone=detuned(microphone, random),
+        duration_s=heard.samples.size / SAMPLE_RATE_HZ,
+        start_phase=spread["start_phase"],
+        middle_rad=spread["middle_rad"],
+        noise_seed=int(random.integers(2**31)),
+    )
 
 
 def _spectra(samples: NDArray[np.float32]) -> tuple[Array, Array, Array]:

@@ -5,7 +5,8 @@
 
 F_k is the torque of mesh k, felt at the output. H is a mobility: each mode of the housing answers a force by a
 velocity of its surface, and the pressure of the sound follows that velocity (Fahy and Gardonio, Sound and Structural
-Vibration, chapter 3). Modes in phase have an antiresonance between them. Ambient noise has a spectral density of frequency^-slope.
+Vibration, chapter 3). Modes in phase have an antiresonance between them. Ambient noise has a spectral density of
+frequency^-slope.
 """
 
 from __future__ import annotations
