@@ -279,3 +279,31 @@ class DiagnosisAnswer(BaseModel):
         )
         about = {"revision": revision, "created_at": row.created_at, "created_by": row.created_by}
         return cls.model_validate({**row.document, **about})
+
+
+class ProportionDocument(BaseModel):
+    """A share with its 95 % interval (Wilson); null of nothing."""
+
+    value: float | None
+    right: int
+    of: int
+    low: float
+    high: float
+
+
+class EvaluationAnswer(BaseModel):
+    """The library's own cross-validation: what it says of each group when that group is left out."""
+
+    model_config = ConfigDict(extra="allow")
+
+    group: str
+    origin: str
+    cases: int = Field(description="cases that were diagnosed without their group")
+    gearboxes: int = Field(description="distinct measured gearboxes behind the numbers")
+    accuracy: ProportionDocument
+    accuracy_when_diagnosed: ProportionDocument
+    known_called_new: ProportionDocument
+    per_class: dict[str, ProportionDocument]
+    confusion: dict[str, dict[str, int]] = Field(description="true label -> answered label -> cases")
+    cells: dict[str, dict[str, list[str]]] = Field(description="the ids of the cases of each cell")
+    left_out_class_called_new: dict[str, ProportionDocument]

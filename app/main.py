@@ -7,7 +7,20 @@ from importlib.metadata import version
 from fastapi import APIRouter, Depends, FastAPI
 from starlette.middleware import Middleware
 
-from app.api import audit, axes, cases, diagnoses, health, investigations, jobs, keys, limits, recordings, simulations
+from app.api import (
+    audit,
+    axes,
+    cases,
+    diagnoses,
+    health,
+    investigations,
+    jobs,
+    keys,
+    library,
+    limits,
+    recordings,
+    simulations,
+)
 from app.errors import add_problem_handlers
 from app.metrics import Metrics
 from app.middleware import BodyLimit, RequestRecord, SecurityHeaders
@@ -22,6 +35,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     diagnoses.router,
     cases.router,
     recordings.router,
+    library.router,
     axes.router,
     simulations.router,
     jobs.router,

@@ -71,9 +71,9 @@ def list_jobs(jobs: TheJobs, _: Operator, limit: Annotated[int, Query(ge=1, le=2
 
 @router.get("/jobs/{job_id}/events", summary="What happens to a job, live", response_class=EventSourceResponse)
 def job_events(
+    _: Operator,  # first: who may not ask does not learn which jobs there are
     job: Existing,
     jobs: TheJobs,
-    _: Operator,
     last_event_id: Annotated[int | None, Header(alias="Last-Event-ID", ge=0)] = None,
 ) -> Iterator[ServerSentEvent]:
     """Every `progress` event has a number; a client that comes back with the last one it saw misses none.
