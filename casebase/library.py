@@ -222,7 +222,7 @@ class CaseLibrary:
             recording=recording,
             diagnosis_id=diagnosis_id,
             labelled_by=audit.actor_of(session),
-            library_version=self._next_version(session),
+            library_version=self.next_version(session),
             **fields,
         )
         session.add(case)
@@ -285,7 +285,7 @@ class CaseLibrary:
             )
         before = {name: getattr(case, name) for name in changes if getattr(case, name) != changes[name]}
         if before:
-            case.library_version = self._next_version(session)
+            case.library_version = self.next_version(session)
             for name in before:
                 setattr(case, name, changes[name])
             case.updated_at = now()
@@ -359,7 +359,8 @@ class CaseLibrary:
         """Return the counter that goes up with every change of the cases."""
         return session.scalars(select(LibraryCounter.value)).one()
 
-    def _next_version(self, session: Session) -> int:
+    def next_version(self, session: Session) -> int:
+        """Count up, so that every process sees at its next query that something changed; return the new count."""
         counter = update(LibraryCounter).values(value=LibraryCounter.value + 1)
         return session.scalars(counter.returning(LibraryCounter.value)).one()
 

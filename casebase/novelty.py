@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from casebase.priors import kind_weights, repeatability
-from casebase.similarity import Floats, pooled_scales
+from casebase.similarity import Floats, pooled_scales, robust_scales
 
 BASELINES = ("normal", "healthy")
 """Labels of gears without a fault."""
@@ -34,7 +34,7 @@ NEW_ONCE_IN = 50
 NINTH_DECILE = 1.2816
 """Of the standard normal distribution."""
 FEWEST_FOR_LIMIT = 6
-OWN_CASES = 4.0
+OWN_CASES = 8.0
 LARGEST_CLASS = 2000
 
 
@@ -103,8 +103,22 @@ def _normal_scale(
     count = int(normal.sum())
     if count < 3:
         return center, pooled
-    center, own = pooled_scales(values[normal], labels[normal])
+    center = robust_scales(values[normal])[0]
+    own = _winsorised_deviation(np.asarray(values[normal], np.float64))
     return center, np.sqrt((count * own**2 + OWN_CASES * pooled**2) / (count + OWN_CASES))
+
+
+def _winsorised_deviation(values: Floats) -> Floats:
+    """Return the standard deviation per column with values beyond three robust ones drawn in, shape (n,).
+
+    The median absolute deviation of few values alone is often far too small, and one in sixty would then cry wolf.
+    """
+    center, scale = robust_scales(values)
+    drawn = np.clip(values, center - 3 * scale, center + 3 * scale)
+    known = np.isfinite(drawn).sum(axis=0) > 1
+    deviation = scale.copy()
+    deviation[known] = np.maximum(np.nanstd(drawn[:, known], axis=0, ddof=1), scale[known] / 2)
+    return deviation
 
 
 def spread_out(rows: NDArray[Any], most: int) -> NDArray[Any]:

@@ -1,0 +1,123 @@
+"""Backup and restore of a local library: a consistent copy of the database and all audio, with checksums.
+
+A backup is a folder: `gearcase.db`, `audio/`, and `checksums.json`, which is written last. A PostgreSQL database is
+backed up by its own tools (`pg_dump`); what is copied then is the audio.
+"""
+
+import hashlib
+import json
+import shutil
+import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
+from pathlib import Path
+
+from sqlalchemy import Engine
+
+from casebase.audio_store import AudioStore, sha256_of, sync_folder
+from casebase.errors import BackupError
+
+CHECKSUMS = "checksums.json"
+DATABASE = "gearcase.db"
+SCHEMA = "gearcase-backup/1"
+
+
+def backup(engine: Engine, data_dir: Path, target: Path) -> int:
+    """Copy a running library into a new folder and return how many audio files it holds.
+
+    Raises:
+        BackupError: if the folder exists and is not empty.
+    """
+    if target.exists() and any(target.iterdir()):
+        raise BackupError(f"{target} is not empty; a backup needs a folder of its own")
+    target.mkdir(parents=True, exist_ok=True)
+    sums: dict[str, str] = {}
+    if engine.dialect.name == "sqlite":
+        _copy_database(Path(str(engine.url.database)), target / DATABASE)
+        sums[DATABASE] = sha256_of(target / DATABASE)
+    # the database first: audio that came later does no harm, audio that is missing would
+    source, copy = AudioStore(data_dir / "audio"), AudioStore(target / "audio")
+    for sha256 in source.hashes():
+        if copy.put(source.path(sha256)).sha256 != sha256:
+            raise BackupError(f"audio {sha256[:12]} is damaged in the library; restore it from an older backup")
+        sums[f"audio/{sha256}"] = sha256
+    document = {"schema": SCHEMA, "database": engine.dialect.name, "files": sums}
+    (target / CHECKSUMS).write_text(json.dumps(document, indent=1), encoding="utf-8")
+    sync_folder(target)
+    return sum(name.startswith("audio/") for name in sums)
+
+
+def _copy_database(source: Path, target: Path) -> None:
+    with closing(sqlite3.connect(source)) as live, closing(sqlite3.connect(target)) as copy:
+        live.backup(copy)
+
+
+def verify(folder: Path) -> tuple[str, ...]:
+    """Return what is wrong with a backup, nothing if it is whole."""
+    try:
+        document = json.loads((folder / CHECKSUMS).read_text(encoding="utf-8"))
+        files = dict(document["files"])
+        if document["schema"] != SCHEMA:
+            return (f"{CHECKSUMS} is not of {SCHEMA}",)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        return (f"no readable {CHECKSUMS}: this is no backup, or it was broken off ({error})",)
+    return tuple(_faults(folder, files))
+
+
+def _faults(folder: Path, files: dict[str, str]) -> Iterator[str]:
+    store = AudioStore(folder / "audio")
+    for name, expected in files.items():
+        path = folder / DATABASE if name == DATABASE else store.path_of(name.removeprefix("audio/"))
+        if not path.is_file():
+            yield f"{name} is missing"
+        elif sha256_of(path) != expected:
+            yield f"{name} differs from its checksum"
+    if (folder / DATABASE).is_file():
+        yield from _database_faults(folder / DATABASE, files)
+
+
+def _database_faults(path: Path, files: dict[str, str]) -> Iterator[str]:
+    try:
+        with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
+            result = database.execute("PRAGMA integrity_check").fetchone()[0]
+            if result != "ok":
+                yield f"the database is damaged: {result}"
+            for (sha256,) in database.execute("SELECT DISTINCT file_sha256 FROM recordings"):
+                if f"audio/{sha256}" not in files:
+                    yield f"audio/{sha256} is spoken of by the database but not in the backup"
+    except sqlite3.DatabaseError as error:
+        yield f"the database cannot be read: {error}"
+
+
+def restore(source: Path, data_dir: Path) -> int:
+    """Bring a backup back into an empty data folder and return how many audio files it holds.
+
+    Raises:
+        BackupError: if the backup is not whole, or the folder holds a library already.
+    """
+    faults = verify(source)
+    if faults:
+        raise BackupError("the backup is not whole, nothing was restored: " + "; ".join(faults[:5]))
+    if data_dir.exists() and any(data_dir.iterdir()):
+        raise BackupError(f"{data_dir} is not empty; restore into a new data folder, then use that one")
+    part = data_dir.with_name(data_dir.name + ".restoring")
+    shutil.rmtree(part, ignore_errors=True)
+    part.mkdir(parents=True)
+    store = AudioStore(part / "audio")
+    count = 0
+    for sha256 in AudioStore(source / "audio").hashes():
+        store.put(AudioStore(source / "audio").path(sha256))
+        count += 1
+    if (source / DATABASE).is_file():
+        shutil.copy(source / DATABASE, part / DATABASE)
+        _check_same(source / DATABASE, part / DATABASE)
+    if data_dir.exists():
+        data_dir.rmdir()
+    part.rename(data_dir)
+    sync_folder(data_dir.parent)
+    return count
+
+
+def _check_same(original: Path, copy: Path) -> None:
+    if hashlib.sha256(original.read_bytes()).digest() != hashlib.sha256(copy.read_bytes()).digest():
+        raise BackupError(f"{copy.name} did not arrive whole; is the disk full?")
