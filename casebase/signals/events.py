@@ -45,8 +45,8 @@ def find_events(analysis: Analysis) -> tuple[Event, ...]:
     events += [Event(float(times[i]), EventKind.IMPULSE, float(heights[i])) for i in strongest]
     folded = analysis.folded(Band.LOW)
     if folded is not None:
-        events += _repeated(analysis, folded, EventKind.PLAY, folded.both_db, folded.in_zone)
-        events += _repeated(analysis, folded, EventKind.NOTCH, folded.single_db, ~folded.in_zone)
+        events += _repeated(analysis, folded, EventKind.PLAY, folded.both_db, folded.in_zone & ~folded.in_quiet)
+        events += _repeated(analysis, folded, EventKind.NOTCH, folded.single_db, np.ones_like(folded.in_zone))
     return tuple(sorted(events, key=lambda event: (event.time_s, event.kind)))
 
 

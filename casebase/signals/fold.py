@@ -34,6 +34,7 @@ class Fold:
             NaN where never recorded.
         backward_db: the same after the other reversals, shape (m,) [dB].
         zone_s: around the reversal where braking and the new start lie [s].
+        quiet_s: around the reversal where the axis hardly moves [s].
         centres_s: times of all reversals, those just outside the record included, shape (k,) [s].
         first_direction: 0 if the first of them belongs to `forward_db`, 1 otherwise.
     """
@@ -42,6 +43,7 @@ class Fold:
     forward_db: NDArray[np.float64]
     backward_db: NDArray[np.float64]
     zone_s: tuple[float, float]
+    quiet_s: tuple[float, float]
     centres_s: NDArray[np.float64]
     first_direction: int
 
@@ -49,6 +51,12 @@ class Fold:
     def in_zone(self) -> NDArray[np.bool_]:
         """Where the stroke is around its reversal, shape (m,)."""
         start, end = self.zone_s
+        return (self.offset_s > start) & (self.offset_s < end)
+
+    @cached_property
+    def in_quiet(self) -> NDArray[np.bool_]:
+        """Where the axis hardly moves, shape (m,)."""
+        start, end = self.quiet_s
         return (self.offset_s > start) & (self.offset_s < end)
 
     @cached_property
@@ -91,7 +99,7 @@ def fold(envelope: NDArray[np.float32], motion: Motion, freedom: float) -> Fold 
         return None
     times = np.array(motion.reversal_times_s)
     duration_s = envelope.size / HOP_HZ
-    stroke_s = motion.period_s / 2 if motion.period_s else 2 * max(times[0], duration_s - times[-1])
+    stroke_s = _stroke(motion, duration_s)
     before = np.arange(np.floor(-times[0] / stroke_s - 0.5), 0) * stroke_s + times[0]
     after = np.arange(1, np.ceil((duration_s - times[-1]) / stroke_s + 0.5) + 1) * stroke_s + times[-1]
     centres = np.concatenate([before, times, after])
@@ -101,7 +109,15 @@ def fold(envelope: NDArray[np.float32], motion: Motion, freedom: float) -> Fold 
     level = float(np.median(envelope))
     forward, backward = (_height_db(rows[direction == side], level, freedom, positions) for side in (0, 1))
     offset_s = (np.arange(rows.shape[1]) - rows.shape[1] // 2) / HOP_HZ
-    return Fold(offset_s, forward, backward, motion.reversal_zone_s, centres, int(direction[0]))
+    return Fold(offset_s, forward, backward, motion.reversal_zone_s, motion.quiet_s, centres, int(direction[0]))
+
+
+def _stroke(motion: Motion, duration_s: float) -> float:
+    """Return the length of a stroke [s]: half a period; without one, the typical, or all that one reversal has."""
+    times = motion.reversal_times_s
+    if motion.period_s:
+        return motion.period_s / 2
+    return float(np.median(np.diff(times))) if len(times) > 1 else 2 * max(times[0], duration_s - times[0])
 
 
 def noise_peak_db(strokes: int, freedom: float, positions: float) -> float:

@@ -26,10 +26,16 @@ SMALLEST_DEPTH = 4.0
 Between noise and its own 2nd percentile lie 2.6 standard deviations; this asks for 5.7.
 """
 SMALLEST_DEPTH_EVEN = 2.5
-"""The same where three dips or more are spaced evenly, which noise hardly ever does [1]."""
+"""The same where most dips, three or more, are spaced evenly, which noise hardly ever does [1]."""
+
+SMALLEST_DEPTH_IRREGULAR = 8.0
+"""The same where the dips do not repeat: reversals without a period [1]."""
 
 LARGEST_UNEVENNESS = 0.06
-"""Share of the stroke by which even dips may differ from a straight line [1]."""
+"""Share of the stroke by which evenly spaced dips may be early or late [1]."""
+
+LARGEST_QUIET_SHARE = 0.4
+"""Share of the time above which the quiet part is looked at again: it may hold slow strokes [1]."""
 
 SHORTEST_DIP_S = 0.04
 LONGEST_BURST_S = 0.2
@@ -114,11 +120,11 @@ def find_motion(level_db: NDArray[np.float32], condition: OperatingCondition) ->
     if condition.steady:
         return Motion()
     dips, depth_db, clarity = find_dips(level_db)
-    heard = _regular(dips)
-    if clarity < (SMALLEST_DEPTH_EVEN if _even(dips) else SMALLEST_DEPTH):
+    heard, repeats, needed = _reversals(dips)
+    if clarity < needed:
         dips, heard = [], ()
     quiet_s = _quiet(dips, heard)
-    heard_period = 2 * _spacing(heard) if len(heard) > 1 else None
+    heard_period = 2 * _spacing(heard) if repeats and len(heard) > 1 else None
     given = tuple(t for t in condition.reversal_times_s if 0 <= t <= duration_s)
     period = condition.motion_period_s or (2 * _spacing(given) if len(given) > 1 else None)
     if period is None and not given:
@@ -142,9 +148,9 @@ def find_motion(level_db: NDArray[np.float32], condition: OperatingCondition) ->
 def find_dips(level_db: NDArray[np.float32]) -> tuple[list[Dip], float, float]:
     """Return the quiet times whole within the recording, how deep they are [dB], and depth over scatter [1].
 
-    A dip is where the loudness is more than half the depth below its plateau (70th percentile; an axis moves most
-    of the time). A short burst within it, such as a click at standstill, does not divide it, and a dip of less than
-    half the usual width is none.
+    A dip is where the loudness is below the middle between its floor and its plateau (70th percentile; an axis
+    moves most of the time). A short burst within it, such as a click at standstill, does not divide it, and a dip
+    of less than half the usual width is none.
     """
     smooth = ndimage.uniform_filter1d(level_db.astype(np.float64), SMOOTH_HOPS)
     plateau, floor = np.percentile(smooth, [70, 2])
@@ -155,7 +161,11 @@ def find_dips(level_db: NDArray[np.float32]) -> tuple[list[Dip], float, float]:
     clarity = depth / scatter if scatter > 0 else np.inf
     if depth < SMALLEST_DEPTH_DB or clarity < SMALLEST_DEPTH_EVEN:
         return [], depth, clarity
-    quiet = smooth < plateau - depth / 2
+    quiet = smooth < (plateau + floor) / 2
+    if np.mean(quiet) > LARGEST_QUIET_SHARE:
+        slow = float(np.percentile(smooth[quiet], 70))
+        if slow - floor > depth / 4:
+            quiet = smooth < (slow + floor) / 2
     burst = int(LONGEST_BURST_S * HOP_HZ)
     quiet = ndimage.binary_closing(np.pad(quiet, burst, mode="edge"), np.ones(burst, dtype=np.bool_))[burst:-burst]
     edges = np.flatnonzero(np.diff(quiet.astype(np.int8)))
@@ -166,27 +176,39 @@ def find_dips(level_db: NDArray[np.float32]) -> tuple[list[Dip], float, float]:
     return [dip for dip in runs if dip.width_s >= shortest], depth, clarity
 
 
-def _regular(dips: list[Dip]) -> tuple[float, ...]:
-    """Return the reversal times if the dips repeat, smoothed by a straight line where their spacing is even."""
+def _reversals(dips: list[Dip]) -> tuple[tuple[float, ...], bool, float]:
+    """Return the reversal times, whether they repeat, and how clear the dips must be to be believed [1]."""
     centres = np.array([dip.centre_s for dip in dips])
-    if centres.size < 3:
-        return tuple(centres.tolist())
-    spacing = np.diff(centres)
+    even = even_times(centres)
+    if even.size:
+        return tuple(even.tolist()), True, SMALLEST_DEPTH_EVEN
     pairs = centres[2:] - centres[:-2]
-    if np.max(np.abs(pairs - np.median(pairs))) > LARGEST_SCATTER * float(np.median(pairs)):
-        return ()
-    if np.max(np.abs(spacing - np.median(spacing))) > LARGEST_SCATTER * float(np.median(spacing)):
-        return tuple(centres.tolist())
-    count = np.arange(centres.size)
-    slope, first = np.polyfit(count, centres, 1)
-    return tuple((first + slope * count).tolist())
+    repeats = pairs.size == 0 or bool(np.ptp(pairs) <= LARGEST_SCATTER * float(np.median(pairs)))
+    return tuple(centres.tolist()), repeats, SMALLEST_DEPTH if repeats else SMALLEST_DEPTH_IRREGULAR
 
 
-def _even(dips: list[Dip]) -> bool:
-    if len(dips) < 3:
-        return False
-    spacing = np.diff([dip.centre_s for dip in dips])
-    return bool(np.max(np.abs(spacing - np.median(spacing))) <= LARGEST_UNEVENNESS * np.median(spacing))
+def even_times(times: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the evenly spaced times that most of the given ones lie on, shape (k,) [s]; none if there are none.
+
+    At least three, and at least seven tenths, of the times given must lie on them and as many of the places must
+    be taken; a dropout adds a time that lies on none, a loud standstill leaves a place free.
+    """
+    best = np.empty(0)
+    if times.size < 3:
+        return best
+    most, typical = 2, float(np.median(np.diff(times)))
+    for anchor in times:
+        count = np.rint((times - anchor) / typical)
+        near = np.abs(times - anchor - count * typical) <= LARGEST_UNEVENNESS * typical * (1 + np.abs(count) / 3)
+        if np.unique(count[near]).size < 3:
+            continue
+        stroke, first = np.polyfit(count[near], times[near], 1)
+        on = near & (np.abs(times - first - count * stroke) <= LARGEST_UNEVENNESS * stroke)
+        taken = np.unique(count[on])
+        places = taken[-1] - taken[0] + 1 if taken.size else np.inf
+        if taken.size > most and taken.size >= 0.7 * max(times.size, places):
+            most, best = taken.size, first + stroke * np.arange(taken[0], taken[-1] + 1)
+    return best
 
 
 def _spacing(times: tuple[float, ...]) -> float:
@@ -196,8 +218,10 @@ def _spacing(times: tuple[float, ...]) -> float:
 
 
 def _quiet(dips: list[Dip], times: tuple[float, ...]) -> tuple[float, float]:
+    """Return median start and end of the dips, relative to the reversal next to each [s]."""
     if not times:
         return Motion().quiet_s
-    starts = np.median([dip.start_s - time for dip, time in zip(dips, times, strict=True)])
-    ends = np.median([dip.end_s - time for dip, time in zip(dips, times, strict=True)])
+    next_to = [min(times, key=lambda time: abs(time - dip.centre_s)) for dip in dips]
+    starts = np.median([dip.start_s - time for dip, time in zip(dips, next_to, strict=True)])
+    ends = np.median([dip.end_s - time for dip, time in zip(dips, next_to, strict=True)])
     return float(starts), float(ends)

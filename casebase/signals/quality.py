@@ -132,13 +132,26 @@ def too_short_for_motion(analysis: Analysis) -> QualityFlag | None:
             "no reversal is heard, so features that follow the motion are missing; if the axis moves back and forth, "
             "record three cycles or more",
         )
-    if motion.cycles >= 3:
+    if motion.cycles >= 3 or (len(motion.reversal_times_s) > 2 and motion.period_s is None):
         return None
     cycles = f"{motion.cycles:.1f} cycles" if motion.period_s else "less than one cycle"
     return QualityFlag(
         name,
         Severity.NOTE if motion.cycles >= 1.5 else Severity.POOR,
         f"the recording covers {cycles} of the motion; three or more are needed to tell what repeats",
+    )
+
+
+def irregular_motion(analysis: Analysis) -> QualityFlag | None:
+    """Flag reversals that do not repeat."""
+    times = analysis.motion.reversal_times_s
+    if analysis.motion.period_s is not None or len(times) < 3:
+        return None
+    return QualityFlag(
+        "irregular_motion",
+        Severity.POOR,
+        f"{len(times)} reversals are heard, but no period; only what happens at the reversals can be compared, so move "
+        "the axis between the same two positions at the same speed",
     )
 
 
@@ -215,6 +228,7 @@ CHECKS: tuple[Callable[[Analysis], QualityFlag | None], ...] = (
     dc_offset,
     too_quiet,
     too_short_for_motion,
+    irregular_motion,
     motion_contradicts,
     bandwidth_too_low,
     unsteady_hum,

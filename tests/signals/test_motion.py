@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from casebase.signals.analysis import Analysis
 from casebase.signals.condition import UNKNOWN, OperatingCondition
 from casebase.signals.errors import ConditionError
-from casebase.signals.motion import HOP_HZ, MotionSource, find_motion
+from casebase.signals.motion import HOP_HZ, MotionSource, even_times, find_motion
 from casebase.signals.recording import Recording
 from tests.signals.synthetic import RATE_HZ, Joint, sound
 
@@ -55,11 +55,46 @@ def test_steady_noise_has_no_motion(seed: int, duration: float) -> None:
     assert motion.period_s is None
 
 
-def test_irregular_pauses_are_no_motion() -> None:
-    level = np.zeros(int(20 * HOP_HZ), dtype=np.float32)
-    for start, length in ((1.0, 0.3), (2.1, 0.5), (7.0, 0.2), (9.0, 1.4), (17.0, 0.4)):
-        level[int(start * HOP_HZ) : int((start + length) * HOP_HZ)] = -20
-    assert find_motion(level, UNKNOWN).period_s is None
+@settings(deadline=None)
+@given(stroke=st.floats(0.5, 5), count=st.integers(5, 40), lost=st.integers(0, 4), where=st.floats(0.2, 0.8))
+def test_even_times_survive_one_that_is_extra_and_one_that_is_lost(
+    stroke: float, count: int, lost: int, where: float
+) -> None:
+    rng = np.random.default_rng(count)
+    true = 1 + stroke * np.arange(count)
+    seen = true + rng.uniform(-0.02, 0.02, count) * stroke
+    extra = true[1] + where * stroke
+    kept = np.delete(seen, lost) if count > 8 else seen
+    found = even_times(np.sort(np.append(kept, extra)))
+    assert np.median(np.diff(found)) == pytest.approx(stroke, rel=0.02)
+    assert np.abs(true[:, None] - found).min(axis=0).max() < 0.06 * stroke
+
+
+def level_with_dips(duration_s: float, dips: list[tuple[float, float]], depth_db: float = 20.0) -> np.ndarray:
+    """A loudness with dips given by their middle and length [s], and half a decibel of scatter."""
+    level = np.random.default_rng(0).normal(0, 0.5, int(duration_s * HOP_HZ))
+    for middle, length in dips:
+        level[int((middle - length / 2) * HOP_HZ) : int((middle + length / 2) * HOP_HZ)] -= depth_db
+    return level.astype(np.float32)
+
+
+def test_irregular_reversals_have_no_period() -> None:
+    dips = [(1.2, 0.4), (2.4, 0.5), (7.0, 0.4), (9.0, 0.6), (17.0, 0.4)]
+    motion = find_motion(level_with_dips(20.0, dips), UNKNOWN)
+    assert motion.period_s is None
+    np.testing.assert_allclose(motion.reversal_times_s, [middle for middle, _ in dips], atol=0.02)
+    faint = find_motion(level_with_dips(20.0, dips, depth_db=1.0), UNKNOWN)
+    assert faint.reversal_times_s == ()
+
+
+def test_a_long_dwell_and_a_slow_stroke_are_told_from_a_reversal() -> None:
+    dwelling = find_motion(level_with_dips(24.0, [(k * 4.0 + 2, 2.4) for k in range(6)]), UNKNOWN)
+    assert dwelling.period_s == pytest.approx(8.0, abs=0.03)
+    level = level_with_dips(28.0, [(k * 3.5 + 1.5, 0.4) for k in range(8)], depth_db=32.0)
+    time = np.arange(level.size) / HOP_HZ
+    slow = (np.floor((time - 1.5) / 3.5) % 2 == 0) & (level > -20)
+    level[slow] -= 17
+    assert find_motion(level, UNKNOWN).period_s == pytest.approx(7.0, abs=0.03)
 
 
 def test_unequal_strokes_are_kept_as_they_are() -> None:

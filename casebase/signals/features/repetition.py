@@ -14,14 +14,14 @@ from casebase.signals.motion import HOP_HZ
 
 SOURCE = "synchronous averaging (McFadden 1986) on strokes, with a median; height over noise: casebase.signals.fold"
 SENTENCES = {
-    "play_bump": "Highest bump around the reversal that both directions have: play is crossed when the torque "
-    "reverses, where braking starts and at the new start.",
+    "play_bump": "Highest bump that both directions have while braking or starting: play is crossed when the torque "
+    "reverses, which is where braking starts, some tenths of a second before the standstill.",
+    "standstill_bump": "Highest bump that both directions have while the axis hardly moves: play at the new start, "
+    "but a healthy gear clicks faintly here, too.",
     "both_directions_bump": "Highest bump that both directions have away from the reversal: an obstacle that is "
     "met either way, or noise.",
-    "notch_bump": "Highest bump away from the reversal that one direction has alone: a notch meets the mesh at "
-    "one angle and on one flank.",
-    "one_direction_bump_at_reversal": "Highest bump around the reversal that one direction has alone: a notch that "
-    "happens to be met while braking.",
+    "notch_bump": "Highest bump that one direction has alone, anywhere: a notch meets the mesh at one angle and on "
+    "one flank.",
 }
 
 
@@ -67,12 +67,12 @@ class Repetition(FeatureFamily):
         folded = analysis.folded(band)
         if folded is None:
             return (math.nan,) * 4
-        near, far = folded.in_zone, ~folded.in_zone
+        near, quiet = folded.in_zone, folded.in_quiet
         return (
-            _highest(folded.both_db[near]),
-            _highest(folded.both_db[far]),
-            _highest(folded.single_db[far]),
-            _highest(folded.single_db[near]),
+            _highest(folded.both_db[near & ~quiet]),
+            _highest(folded.both_db[quiet]),
+            _highest(folded.both_db[~near]),
+            _highest(folded.single_db),
         )
 
 
