@@ -1,0 +1,373 @@
+"""Terms that this axis and these channels allow, one for every mechanism and place."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+import numpy as np
+
+from sim.axis import Axis
+from sim.chain_model import Chain, Dent, Line, with_link, with_shaft
+from sim.discrepancy.measurement import Array, Measurement
+from sim.discrepancy.model import has_links, ratio_after, stages_of, wave
+from sim.discrepancy.parameters import Parameter, Values
+from sim.discrepancy.terms import Term
+
+RIPPLE_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0)  # pole pairs, slots and their multiples
+HUM_HZ = (50.0, 60.0, 100.0, 120.0)
+RUNOUT = ("runout.sine_rad", "runout.cosine_rad")
+AS_NEW_FACTOR = 3.0  # more than this above as new is a finding
+
+
+def terms_of(axis: Axis, measurement: Measurement) -> tuple[Term, ...]:
+    """Every mechanism of the telemetry at every place where the description lacks it; tooth damage is scanned apart."""
+    level = float(np.sqrt(np.mean(measurement.torque**2)))
+    top = float(np.abs(measurement.speed).max())
+    out = [*_friction_terms(axis, level, top, measurement), _offset(level)]
+    out += [_motor_wave("torque_ripple", order, level) for order in RIPPLE_ORDERS]
+    out += [_hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
+    out.append(_delay("torque_delay_s", "motor", 4e-4))
+    if has_links(axis):
+        out += [term for k in range(len(stages_of(axis))) for term in _link_terms(axis, k, level)]
+        out.append(_gravity(axis, level))
+        if measurement.load_angle is not None:
+            out.append(_encoder_error(axis))
+            out.append(_delay("load_delay_s", "load", 4e-4))
+    else:
+        out.append(_direct_gravity(level))
+    return tuple(out)
+
+
+def _name(mechanism: str, location: str | None, parameter: str) -> str:
+    return f"{mechanism}@{location}.{parameter}"
+
+
+def _pair(prefix: str, step: float) -> tuple[Parameter, Parameter]:
+    return Parameter(f"{prefix}.sine", 0.0, step), Parameter(f"{prefix}.cosine", 0.0, step)
+
+
+def _pair_probe(prefix: str, step: float) -> tuple[tuple[Mapping[str, float], ...], ...]:
+    return (({f"{prefix}.sine": step}, {f"{prefix}.cosine": step}),)
+
+
+def _amplitude(prefix: str, name: str, phase: str | None = None) -> object:
+    def report(values: Values) -> dict[str, float]:
+        sine, cosine = values[f"{prefix}.sine"], values[f"{prefix}.cosine"]
+        out = {name: math.hypot(sine, cosine)}
+        if phase:
+            out[phase] = math.atan2(cosine, sine)
+        return out
+
+    return report
+
+
+# --- friction -------------------------------------------------------------------------------------------------------
+
+
+def _friction_terms(axis: Axis, level: float, top: float, m: Measurement) -> list[Term]:
+    out = []
+    n = len(stages_of(axis)) if has_links(axis) else 0
+    at_load = n > 0
+    scale = axis.ratio if at_load else 1.0
+    motor, load = axis.motor, axis.load
+    if not (motor.coulomb_friction_n_m or load.coulomb_friction_n_m):
+        out.append(_both("coulomb_friction", "torque_n_m", "coulomb_n_m", 0.05 * level, scale, n))
+    if not (motor.viscous_friction_n_m_s_per_rad or load.viscous_friction_n_m_s_per_rad):
+        step = 0.05 * level / top
+        out.append(_both("viscous_friction", "coefficient_n_m_s_per_rad", "viscous_n_m_s", step, scale * scale, n))
+    out.append(_stribeck(level, top))
+    out.append(_asymmetry(level, top))
+    out.append(_drift(n, float(m.time_s[-1])))
+    return out
+
+
+def _both(mechanism: str, parameter: str, field: str, step: float, scale: float, n: int) -> Term:
+    """Friction at the motor and, behind gears, at the load; reported as felt at the motor."""
+    prefix = f"{mechanism}@None"
+    names = [f"{prefix}.motor"] + ([f"{prefix}.load"] if n else [])
+    sizes = [step, step * scale][: len(names)]
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        for index, name in zip((0, n), names, strict=False):
+            present = getattr(chain.shafts[index], field)
+            chain = with_shaft(chain, index, **{field: present + values[name]})
+        return chain
+
+    def report(values: Values) -> dict[str, float]:
+        return {parameter: values[names[0]] + (values[names[1]] / scale if n else 0.0)}
+
+    parameters = tuple(Parameter(name, 0.0, 0.3 * size, low=0.0) for name, size in zip(names, sizes, strict=True))
+    probes = (tuple({name: size} for name, size in zip(names, sizes, strict=True)),)
+    return Term(mechanism, None if n else "motor", parameters, probes, report, apply, size=0.1 * step)
+
+
+def _stribeck(level: float, top: float) -> Term:
+    torque, speed = (_name("stribeck_friction", "motor", p) for p in ("torque_n_m", "speed_rad_s"))
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        return with_shaft(chain, 0, stribeck_n_m=values[torque], stribeck_speed_rad_s=values[speed])
+
+    def report(values: Values) -> dict[str, float]:
+        return {"torque_n_m": values[torque], "speed_rad_s": values[speed]}
+
+    step = 0.05 * level
+    parameters = (
+        Parameter(torque, 0.0, 0.3 * step, low=0.0),
+        Parameter(speed, 0.07 * top, 0.007 * top, 0.2 * top, 0.01 * top, 0.4 * top),
+    )
+    probes = tuple(({torque: step, speed: share * top},) for share in (0.03, 0.08, 0.2))
+    return Term("stribeck_friction", "motor", parameters, probes, report, apply, positive=True, size=0.1 * step)
+
+
+def _asymmetry(level: float, top: float) -> Term:
+    coulomb, viscous = (_name("friction_asymmetry", "motor", p) for p in ("coulomb", "viscous"))
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        shaft = chain.shafts[0]
+        return with_shaft(
+            chain,
+            0,
+            coulomb_n_m=shaft.coulomb_n_m + values[coulomb],
+            coulomb_backward_n_m=shaft.coulomb_n_m - values[coulomb],
+            viscous_n_m_s=shaft.viscous_n_m_s + values[viscous],
+            viscous_backward_n_m_s=shaft.viscous_n_m_s - values[viscous],
+        )
+
+    def report(values: Values) -> dict[str, float]:
+        return {"torque_n_m": values[coulomb], "coefficient_n_m_s_per_rad": values[viscous]}
+
+    step = 0.03 * level
+    parameters = (Parameter(coulomb, 0.0, step), Parameter(viscous, 0.0, step / top))
+    probes = (({viscous: step / top},), ({coulomb: step}, {viscous: step / top}))
+    return Term("friction_asymmetry", "motor", parameters, probes, report, apply, size=0.1 * step)
+
+
+def _drift(n: int, duration: float) -> Term:
+    rate = _name("friction_drift", None, "rate_per_s")
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        for index in {0, n}:
+            chain = with_shaft(chain, index, drift_per_s=values[rate])
+        return chain
+
+    step = 0.1 / duration
+    return Term(
+        "friction_drift", None, (Parameter(rate, 0.0, step),), (({rate: step},),), lambda v: {"rate_per_s": v[rate]}, apply,
+        size=0.5 * step,
+    )  # fmt: skip
+
+
+# --- torque at the motor, gravity, measurement ----------------------------------------------------------------------
+
+
+def _offset(level: float) -> Term:
+    name, step = "offset_n_m", 0.01 * level
+    return Term(
+        "torque_offset", "motor", (Parameter(name, 0.0, step),), (({name: step},),), lambda v: {"torque_n_m": v[name]},
+        replaces=(name,), size=0.5 * step,
+    )  # fmt: skip
+
+
+def _delay(name: str, location: str, size: float) -> Term:
+    parameters = (Parameter(name, 0.0, 0.2 * size, low=-0.02, high=0.02),)
+    return Term(
+        "time_delay", location, parameters, (({name: size},), ({name: -size},)), lambda v: {"delay_s": v[name]},
+        replaces=(name,), size=size,
+    )  # fmt: skip
+
+
+def _hum(frequency: float, level: float) -> Term:
+    prefix = f"electrical_hum{frequency:g}@motor"
+    step = 0.01 * level
+
+    def torque(m: Measurement, values: Values) -> Array:
+        turn = 2.0 * np.pi * frequency * m.time_s
+        return values[f"{prefix}.sine"] * np.sin(turn) + values[f"{prefix}.cosine"] * np.cos(turn)
+
+    def report(values: Values) -> dict[str, float]:
+        sine, cosine = values[f"{prefix}.sine"], values[f"{prefix}.cosine"]
+        return {"frequency_hz": frequency, "torque_n_m": math.hypot(sine, cosine), "phase_rad": math.atan2(cosine, sine)}
+
+    return Term("electrical_hum", "motor", _pair(prefix, step), _pair_probe(prefix, step), report, torque=torque)
+
+
+def _motor_wave(mechanism: str, order: float, level: float) -> Term:
+    prefix = f"{mechanism}{order:g}@motor"
+    step = 0.01 * level
+
+    def torque(m: Measurement, values: Values) -> Array:
+        return values[f"{prefix}.sine"] * np.sin(order * m.angle) + values[f"{prefix}.cosine"] * np.cos(order * m.angle)
+
+    def report(values: Values) -> dict[str, float]:
+        return {"torque_n_m": math.hypot(values[f"{prefix}.sine"], values[f"{prefix}.cosine"]), "order": order,
+            "phase_rad": math.atan2(values[f"{prefix}.cosine"], values[f"{prefix}.sine"]),
+        }
+
+    return Term(
+        mechanism, "motor", _pair(prefix, step), _pair_probe(prefix, step), report, torque=torque, size=0.3 * step
+    )
+
+
+def _gravity(axis: Axis, level: float) -> Term:
+    prefix = "gravity_imbalance@load"
+    last = len(stages_of(axis))
+    step = 0.05 * level * axis.ratio
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        sine, cosine = values[f"{prefix}.sine"], values[f"{prefix}.cosine"]
+        return with_shaft(chain, last, gravity_n_m=math.hypot(sine, cosine), gravity_phase_rad=math.atan2(cosine, sine))
+
+    report = _amplitude(prefix, "torque_n_m", "phase_rad")
+    return Term(
+        "gravity_imbalance", "load", _pair(prefix, step), _pair_probe(prefix, step), report, apply, size=0.1 * step
+    )  # type: ignore[arg-type]
+
+
+def _direct_gravity(level: float) -> Term:
+    prefix = "gravity_imbalance@load"
+    step = 0.05 * level
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        sine, cosine = values[f"{prefix}.sine"], values[f"{prefix}.cosine"]
+        return with_shaft(chain, 0, gravity_n_m=math.hypot(sine, cosine), gravity_phase_rad=math.atan2(cosine, sine))
+
+    report = _amplitude(prefix, "torque_n_m", "phase_rad")
+    return Term(
+        "gravity_imbalance", "load", _pair(prefix, step), _pair_probe(prefix, step), report, apply, size=0.1 * step
+    )  # type: ignore[arg-type]
+
+
+def _encoder_error(axis: Axis) -> Term:
+    names = ("load_encoder.error_sine_rad", "load_encoder.error_cosine_rad")
+    step = max(axis.load_encoder.error_rad, 1e-5)
+
+    def report(values: Values) -> dict[str, float]:
+        sine, cosine = values[names[0]], values[names[1]]
+        return {"amplitude_rad": math.hypot(sine, cosine), "phase_rad": math.atan2(cosine, sine)}
+
+    parameters = tuple(Parameter(name, 0.0, step) for name in names)
+    probes = (tuple({name: 3.0 * step} for name in names),)
+    return Term("encoder_error", "load", parameters, probes, report, replaces=names, size=AS_NEW_FACTOR * step)
+
+
+# --- gear stages ----------------------------------------------------------------------------------------------------
+
+
+def _link_terms(axis: Axis, k: int, level: float) -> list[Term]:
+    name = stages_of(axis)[k]
+    stage = axis.stages[k] if axis.stages else None
+    ratio = axis.ratio / ratio_after(axis, k)
+    stiffness = axis.stiffness()[k] or 0.0
+    twist = level * ratio / stiffness if stiffness else 1e-3
+    out = [_hardening(name, k, twist), _hysteresis(name, k, level * ratio, twist)]
+    if stage is None:
+        return out
+    out.append(_backlash(name, k, stage.backlash_rad, twist))
+    new = max(stage.transmission_error_rad, axis.load_encoder.error_rad / ratio_after(axis, k), 0.01 * twist)
+    out.append(_error("eccentricity", name, k, 1.0, twist, new, RUNOUT if k + 1 == len(axis.stages) else ()))
+    if stage.driven_teeth:
+        out.append(_error("mesh_error", name, k, float(stage.driven_teeth), 0.3 * twist, stage.transmission_error_rad))
+    if stage.mesh_efficiency >= 1.0:
+        out.append(_loss(name, k))
+    return out
+
+
+def _backlash(name: str, k: int, new: float, twist: float) -> Term:
+    gap = _name("backlash", name, "gap_rad")
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        return with_link(chain, k, gap_rad=values[gap])
+
+    probes = tuple(({gap: max(share * twist, 4.0 * new)},) for share in (0.1, 0.4, 1.5))
+    step = max(0.3 * new, 0.01 * twist)
+    return Term(
+        "backlash", name, (Parameter(gap, 0.0, step, low=0.0),), probes, lambda v: {"gap_rad": v[gap]}, apply,
+        positive=True, nonlinear=True, replaces=(f"stages.{name}.backlash_rad",), size=max(AS_NEW_FACTOR * new, 0.01 * twist),
+    )  # fmt: skip
+
+
+def _error(
+    mechanism: str, name: str, k: int, order: float, step: float, new: float, replaces: tuple[str, ...] = ()
+) -> Term:
+    prefix = f"{mechanism}@{name}"
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        lines = wave(k + 1, order, values[f"{prefix}.sine"], values[f"{prefix}.cosine"])
+        return with_link(chain, k, errors=chain.links[k].errors + lines)
+
+    report = _amplitude(prefix, "amplitude_rad", "phase_rad")
+    return Term(
+        mechanism, name, _pair(prefix, 0.1 * step), _pair_probe(prefix, 0.1 * step), report, apply,  # type: ignore[arg-type]
+        replaces=replaces, size=AS_NEW_FACTOR * new,
+    )  # fmt: skip
+
+
+def _loss(name: str, k: int) -> Term:
+    fraction = _name("load_dependent_loss", name, "fraction")
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        kept = 1.0 - values[fraction]
+        return with_link(chain, k, efficiency=(kept, kept))
+
+    parameters = (Parameter(fraction, 0.0, 0.005, low=0.0, high=0.6),)
+    return Term(
+        "load_dependent_loss", name, parameters, (({fraction: 0.02},),), lambda v: {"fraction": v[fraction]}, apply,
+        positive=True, size=0.003,
+    )  # fmt: skip
+
+
+def _hardening(name: str, k: int, twist: float) -> Term:
+    cubic = _name("stiffness_hardening", name, "cubic_per_rad2")
+    step = 0.05 / (2.0 * twist) ** 2
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        return with_link(chain, k, cubic_per_rad2=values[cubic])
+
+    return Term(
+        "stiffness_hardening", name, (Parameter(cubic, 0.0, step, low=0.0),), (({cubic: step},),),
+        lambda v: {"cubic_per_rad2": v[cubic]}, apply, positive=True, nonlinear=True, size=0.3 * step,
+    )  # fmt: skip
+
+
+def _hysteresis(name: str, k: int, torque: float, twist: float) -> Term:
+    level, width = (_name("hysteresis", name, p) for p in ("torque_n_m", "twist_rad"))
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        return with_link(chain, k, hysteresis_n_m=values[level], hysteresis_rad=values[width])
+
+    parameters = (
+        Parameter(level, 0.0, 0.01 * torque, low=0.0),
+        Parameter(width, 0.1 * twist, 0.02 * twist, 0.3 * twist, 0.02 * twist, 2.0 * twist),
+    )
+    probes = tuple(({level: 0.03 * torque, width: share * twist},) for share in (0.05, 0.2, 0.6))
+    return Term(
+        "hysteresis", name, parameters, probes, lambda v: {"torque_n_m": v[level], "width_rad": v[width]}, apply, positive=True,
+        nonlinear=True, size=0.005 * torque,
+    )  # fmt: skip
+
+
+def tooth_damage(
+    name: str, k: int, teeth: int, flank: int, angle_rad: float, starts: Sequence[tuple[float, float, float]], size: float
+) -> Term:
+    """A dent on one flank of the driven gear of link `k`; `starts`: angles, half widths and depths worth trying."""
+    depth, angle = (_name("tooth_damage", name, p) for p in ("depth_rad", "angle_rad"))
+    width = _name("tooth_damage", name, "half_width_rad")
+    pitch = 2.0 * math.pi / teeth
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        dent = Dent(k + 1, values[angle], values[width], values[depth], flank)
+        return with_link(chain, k, dents=(*chain.links[k].dents, dent))
+
+    def report(values: Values) -> dict[str, float]:
+        return {"depth_rad": values[depth], "angle_rad": values[angle] % (2 * math.pi), "flank": float(flank), "width_rad": values[width]}
+
+    parameters = (
+        Parameter(depth, 0.0, 1e-5, low=0.0),
+        Parameter(angle, angle_rad, 0.02 * pitch, low=angle_rad - 6 * pitch, high=angle_rad + 6 * pitch),
+        Parameter(width, 0.5 * pitch, 0.02 * pitch, 0.15 * pitch, 0.2 * pitch, 3.0 * pitch),
+    )
+    probes = tuple(({angle: a, width: w, depth: d},) for a, w, d in starts)
+    return Term(
+        "tooth_damage", name, parameters, probes, report, apply, positive=True, nonlinear=True, size=size
+    )

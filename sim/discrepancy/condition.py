@@ -1,0 +1,206 @@
+"""The gate before any physics: can these channels be what they claim, and which rows of them count?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from casebase.signals.telemetry import Telemetry
+from sim.axis import Axis
+from sim.chain_model import Array
+from sim.discrepancy.measurement import Measurement, prepare
+from sim.errors import SimulationError
+
+LEAST_SECONDS = 2.0
+SLOWEST_HZ, FASTEST_HZ = 100.0, 50_000.0
+
+
+class InvestigationError(SimulationError):
+    """The data cannot be investigated; the text says what is wrong and what would be right."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault of the measurement itself, found before any physics."""
+
+    mechanism: str
+    location: str | None
+    parameters: Mapping[str, float]
+    explanation: str
+
+
+@dataclass(frozen=True)
+class Gate:
+    """Channels ready for the fit, faults found in them, remarks for the report."""
+
+    measurement: Measurement
+    faults: tuple[Fault, ...]
+    remarks: tuple[str, ...]
+
+
+def examine(axis: Axis, telemetry: Telemetry) -> Gate:
+    """Check, repair what can be repaired (saying so), refuse what cannot.
+
+    Raises
+    ------
+    InvestigationError
+        for missing channels, a standing axis, units that are wrong by a factor, channels swapped or turned.
+    """
+    rate, torque, angle, load = _channels(telemetry)
+    valid, grid = _clock(telemetry, rate)
+    load_lost = telemetry.lost.get("load_position_rad")
+    channels = {"torque": torque, "angle": angle} | ({} if load is None else {"load": load})
+    even = {name: np.interp(grid, telemetry.time_s, values) for name, values in channels.items()}
+    valid = valid * _present(telemetry, grid)
+    held = _held(even["angle"], even["torque"], valid)
+    faults = _lost(valid, held) + _clipped(even["torque"])
+    _check_motion(even["angle"])
+    _check_load(axis, even["angle"], even.get("load"))
+    valid = np.where(held, 0.0, valid)
+    valid = valid * _unclipped(even["torque"], faults)
+    load_valid = None if load_lost is None else np.interp(grid, telemetry.time_s, (~load_lost).astype(float))
+    measurement = prepare(rate, even["torque"], even["angle"], even.get("load"), valid, load_valid)
+    _check_torque(axis, measurement)
+    remarks = tuple(f"column {name} is no known channel and was not used" for name in telemetry.ignored)
+    return Gate(measurement, tuple(faults), remarks)
+
+
+def _channels(t: Telemetry) -> tuple[float, Array, Array, Array | None]:
+    if "motor_torque_nm" not in t:
+        raise InvestigationError("telemetry: needs the channel motor_torque_nm (motor torque or force, N m or N)")
+    rate = t.sample_rate_hz
+    if not SLOWEST_HZ <= rate <= FASTEST_HZ:
+        raise InvestigationError(
+            f"time_s: {rate:.6g} samples per second cannot be right; {SLOWEST_HZ:g} to {FASTEST_HZ:g} are expected, "
+            "with time_s in seconds"
+        )
+    if t.duration_s < LEAST_SECONDS:
+        raise InvestigationError(f"telemetry: {t.duration_s:.3g} s are too short; at least {LEAST_SECONDS:g} s of motion are needed")
+    if "motor_position_rad" in t:
+        angle = t["motor_position_rad"]
+    elif "motor_speed_rad_s" in t:
+        angle = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t.time_s) * (t["motor_speed_rad_s"][1:] + t["motor_speed_rad_s"][:-1]))])
+    else:
+        raise InvestigationError("telemetry: needs motor_position_rad (or motor_speed_rad_s) beside motor_torque_nm")
+    load = t["load_position_rad"] if "load_position_rad" in t else None
+    return rate, t["motor_torque_nm"], angle, load
+
+
+def _clock(t: Telemetry, rate: float) -> tuple[Array, Array]:
+    """1 where a row of the even grid has a measured neighbour, and the grid [s]."""
+    count = round(t.duration_s * rate) + 1
+    grid = t.time_s[0] + np.arange(count) / rate
+    near = np.clip(np.searchsorted(t.time_s, grid), 1, t.rows - 1)
+    gap = t.time_s[near] - t.time_s[near - 1]
+    lost = (gap > 1.5 / rate) & (np.abs(grid - t.time_s[near]) > 0.3 / rate) & (np.abs(grid - t.time_s[near - 1]) > 0.3 / rate)
+    if lost.mean() > 0.2:
+        raise InvestigationError(f"time_s: {lost.mean():.0%} of the rows are missing; an even clock with at most 20 % gaps is needed")
+    return (~lost).astype(float), grid
+
+
+def _present(t: Telemetry, grid: Array) -> Array:
+    out = np.ones(grid.size)
+    for name in ("motor_torque_nm", "motor_position_rad"):
+        if name in t.lost:
+            out *= np.interp(grid, t.time_s, (~t.lost[name]).astype(float)) > 0.99
+    return out
+
+
+def _held(angle: Array, torque: Array, valid: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Rows that repeat the row before although the motor moves by many steps of its encoder per row."""
+    step = np.abs(np.diff(angle))
+    usual = float(np.median(step))
+    same = (step == 0.0) & (np.diff(torque) == 0.0)
+    local = np.convolve(step, np.ones(41) / 41, "same")
+    return np.concatenate([[False], same & (local > 0.2 * usual) & (local > 3.0 * _quantum(angle))]) & (valid > 0.5)
+
+
+def _quantum(values: Array) -> float:
+    steps = np.abs(np.diff(values))
+    steps = steps[steps > 0.0]
+    return float(steps.min()) if steps.size else 0.0
+
+
+def _lost(valid: Array, held: Array) -> list[Fault]:
+    missing = int((valid < 0.5).sum())
+    repeated = int(held.sum())
+    share = (missing + repeated) / valid.size
+    if share < 5e-4:
+        return []
+    text = f"{missing} rows are missing and {repeated} repeat the row before while the motor moves: {share:.2%} of all; they were left out."
+    return [Fault("lost_samples", None, {"fraction": share}, text)]
+
+
+def _clipped(torque: Array) -> list[Fault]:
+    """Rows that stay exactly at the extremes, for longer than a smooth signal would."""
+    faults = []
+    for way, edge in ((1.0, float(torque.max())), (-1.0, float(torque.min()))):
+        at = torque == edge
+        runs = int((at[1:] & at[:-1]).sum())
+        if runs >= 20 and abs(edge) > 0.3 * float(np.abs(torque).max()) and np.unique(torque).size > 50:
+            faults.append((way, edge, float(at.mean())))
+    if not faults:
+        return []
+    share = sum(f[2] for f in faults)
+    level = max(abs(f[1]) for f in faults)
+    text = f"The motor torque stays at its extreme of {level:.4g} N m in {share:.2%} of all rows: the channel is cut there."
+    return [Fault("clipping", "motor", {"torque_n_m": level, "fraction": share}, text)]
+
+
+def _unclipped(torque: Array, faults: list[Fault]) -> Array:
+    if not any(f.mechanism == "clipping" for f in faults):
+        return np.ones(torque.size)
+    return ((torque < torque.max()) & (torque > torque.min())).astype(float)
+
+
+def _check_motion(angle: Array) -> None:
+    if float(np.ptp(angle)) < 20.0 * _quantum(angle) or np.ptp(angle) == 0.0:
+        raise InvestigationError("motor_position_rad: the motor stands still; a record of the axis in motion is needed")
+
+
+def _check_load(axis: Axis, angle: Array, load: Array | None) -> None:
+    if load is None:
+        return
+    x = angle - angle.mean()
+    slope = float(x @ (load - load.mean()) / (x @ x)) * axis.ratio
+    if not math.isfinite(slope) or np.ptp(load) == 0.0:
+        raise InvestigationError("load_position_rad: the load encoder does not move while the motor does")
+    if abs(slope - 1.0) < 0.05:
+        return
+    if abs(slope + 1.0) < 0.05:
+        raise InvestigationError(
+            "load_position_rad: runs against the motor: the load encoder counts the other way round; turn its sign"
+        )
+    for factor, words in ((1e3, "in mrad"), (1e-3, "too small by 1000"), (180.0 / math.pi, "in degrees"), (1e6, "in microrad")):
+        if abs(abs(slope) / factor - 1.0) < 0.05:
+            raise InvestigationError(f"load_position_rad: moves {abs(slope):.4g} times as far as ratio and motor say, as if it were {words}; rad are needed")
+    raise InvestigationError(
+        f"load_position_rad: moves {slope:.4g} times as far as motor_position_rad over the ratio {axis.ratio:.6g} says; "
+        "are two channels swapped, is a unit not rad, or is the ratio another?"
+    )
+
+
+def _check_torque(axis: Axis, m: Measurement) -> None:
+    """The inertia that torque and acceleration show must be of the order that the description says."""
+    expected = axis.motor.inertia_kg_m2 + (axis.load.inertia_kg_m2 + sum(
+        s.inertia_kg_m2 * axis.ratio_from(s.name) ** 2 for s in axis.stages
+    )) / axis.ratio**2
+    columns = np.stack([m.slow_acceleration, np.sign(m.speed), m.speed / float(np.abs(m.speed).max()), np.ones(m.samples)], 1)
+    used = m.weight > 0.5
+    if used.sum() < 200:
+        raise InvestigationError("telemetry: too few rows in motion that count; a longer record of the axis in motion is needed")
+    found = np.linalg.lstsq(columns[used], m.torque[used], rcond=None)[0]
+    accelerating = float(np.std(m.slow_acceleration[used]) * expected)
+    if accelerating < 0.02 * float(np.std(m.torque[used])) and np.abs(found[0] / expected) < 30.0:
+        return
+    share = float(found[0]) / expected
+    if share < -0.2:
+        raise InvestigationError("motor_torque_nm: pushes against the acceleration: the sign of torque or of position is turned; turn one of them")
+    if share > 8.0 or share < 0.12:
+        raise InvestigationError(
+            f"motor_torque_nm: fits an inertia {share:.4g} times the described {expected:.4g} kg m2: "
+            "a unit is wrong (N m, rad and s are needed), channels are swapped, or this is another axis"
+        )

@@ -1,0 +1,93 @@
+"""What the extension gains on rows that the fit has not seen."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import butter, sosfiltfilt
+
+from sim.chain_model import Array
+from sim.discrepancy.fit import Fit, Problem
+
+FOLDS = 4
+CUT_HZ = 100.0
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Root mean square of what a model leaves in a channel, on held-out rows, before and after the extension."""
+
+    channel: str
+    unit: str
+    rms_before: float
+    rms_after: float
+    significant: bool
+    rms_measured: float
+
+
+def gains(problem: Problem, base: Fit, fit: Fit) -> tuple[Gain, ...]:
+    """Per channel; folds are contiguous quarters of the record, each predicted from the other three."""
+    m = problem.measurement
+    before, after = _held_out(problem, base), _held_out(problem, fit)
+    out = []
+    names = [("motor_torque_nm", "N m")] + ([("load_torque_nm", "N m")] if before[1].size else [])
+    for index, (channel, unit) in enumerate(names):
+        a, b = before[index], after[index]
+        rate = m.rate_hz / (1 if index == 0 else problem.guide_stride)
+        settle = int(0.1 * rate)
+        a, b = _audible(a, rate)[settle:], _audible(b, rate)[settle:]
+        out.append(Gain(channel, unit, _rms(a), _rms(b), _significant(a, b), _rms(m.torque) if index == 0 else 0.0))
+    return tuple(out)
+
+
+def _audible(values: Array, rate_hz: float) -> Array:
+    """Below 100 Hz, as the torque is compared in the literature (Butterworth of order 4, forth and back)."""
+    if rate_hz < 2.5 * CUT_HZ:
+        return values
+    return sosfiltfilt(butter(4, CUT_HZ, fs=rate_hz, output="sos"), values)
+
+
+def _held_out(problem: Problem, fit: Fit) -> tuple[Array, Array]:
+    m = problem.measurement
+    stride = problem.guide_stride
+    torque, guide = np.zeros(m.samples), np.zeros((m.samples + stride - 1) // stride if problem.guided else 0)
+    rows = np.concatenate([np.arange(m.samples), np.arange(guide.size) * stride])
+    for fold in range(FOLDS):
+        first, last = fold * m.samples // FOLDS, (fold + 1) * m.samples // FOLDS
+        train = (rows < first) | (rows >= last)
+        a, b = problem.raw_residuals(fit.terms, _refitted(fit, train), weighted=False)
+        torque[first:last] = a[first:last]
+        inside = (np.arange(guide.size) * stride >= first) & (np.arange(guide.size) * stride < last)
+        guide[inside] = b[inside]
+    return torque, guide
+
+
+def _refitted(fit: Fit, train: NDArray[np.bool_]) -> dict[str, float]:
+    """One Gauss-Newton step from the optimum of all rows to that of the training rows."""
+    steps = np.array([p.step for p in fit.parameters])
+    spread = np.array([p.spread for p in fit.parameters])
+    offset = np.array([fit.values[p.name] - p.expected for p in fit.parameters])
+    columns, residual = fit.jacobian[train], fit.residual[train]
+    information = columns.T @ columns + np.diag((steps / spread) ** 2 + 1e-9)
+    gradient = -columns.T @ residual - offset * steps / spread**2
+    scale = np.sqrt(np.maximum(np.diag(information), 1e-12))
+    move = np.linalg.solve(information / np.outer(scale, scale) + 1e-9 * np.eye(steps.size), gradient / scale) / scale * steps
+    return {
+        p.name: float(min(max(fit.values[p.name] + d, p.low), p.high)) for p, d in zip(fit.parameters, move, strict=True)
+    }
+
+
+def _significant(before: Array, after: Array, blocks: int = 20) -> bool:
+    """Whether the drop of the squares is beyond twice its standard error over blocks."""
+    size = before.size // blocks
+    if size == 0:
+        return False
+    drop = (before**2 - after**2)[: size * blocks].reshape(blocks, size).mean(axis=1)
+    return bool(drop.mean() > 2.0 * drop.std(ddof=1) / np.sqrt(blocks))
+
+
+def _rms(values: Array | Sequence[float]) -> float:
+    return float(np.sqrt(np.mean(np.square(values))))

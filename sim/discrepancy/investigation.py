@@ -1,0 +1,284 @@
+"""The whole way from measured channels to what the model misses; the document of it."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from casebase.signals.recording import Recording
+from casebase.signals.telemetry import Telemetry
+from sim.axis import Axis
+from sim.discrepancy.condition import Fault, Gate, InvestigationError, examine
+from sim.discrepancy.explanation import explain, next_measurement
+from sim.discrepancy.extension import extended_axis
+from sim.discrepancy.fit import Fit, Noise, Problem
+from sim.discrepancy.gain import Gain, gains
+from sim.discrepancy.selection import TEMPERATURE, Rival, Selection, calibrate, evidence, material, select
+from sim.discrepancy.sound import Heard, listen
+from sim.discrepancy.terms import Term
+from sim.discrepancy.unexplained import SHARE, Unexplained, look
+
+VERSION = "1"
+NINETY = 1.645
+Progress = Callable[[str, float], None]
+UNITS = {
+    "_rad": "rad", "_n_m": "N m", "_rad_s": "rad/s", "_per_s": "1/s", "_per_rad2": "1/rad2", "_n_m_s_per_rad": "N m s/rad",
+    "_hz": "Hz", "_s": "s", "_kg_m2": "kg m2", "_n_m_per_rad": "N m/rad",
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One number with its 90 % interval."""
+
+    name: str
+    value: float
+    unit: str
+    low: float
+    high: float
+    nominal: float | None = None
+
+
+@dataclass(frozen=True)
+class Finding:
+    """A mechanism that the description lacks and the data ask for."""
+
+    mechanism: str
+    location: str | None
+    probability: float
+    parameters: tuple[Estimate, ...]
+    indistinguishable_from: tuple[str, ...]
+    explanation: str
+
+
+@dataclass(frozen=True)
+class Investigation:
+    """What the simulation gets wrong, why, and what the extension gained; `document()` is the contract's JSON."""
+
+    axis: Axis
+    verdict: str
+    findings: tuple[Finding, ...]
+    unexplained: Unexplained | None
+    parameters: tuple[Estimate, ...]
+    gain: tuple[Gain, ...]
+    next_measurement: str
+    extended: Axis
+    provenance: Mapping[str, object]
+    rejected: tuple[tuple[str, float], ...] = ()
+    remarks: tuple[str, ...] = ()
+    selection: Selection | None = field(default=None, repr=False, compare=False)
+
+    def document(self) -> dict[str, object]:
+        """JSON of the contract: finite numbers only, the same for the same bytes."""
+        return {
+            "verdict": self.verdict,
+            "findings": [_finding_json(f) for f in self.findings],
+            "unexplained": None if self.unexplained is None else _unexplained_json(self.unexplained),
+            "parameters": [
+                {"name": e.name, "nominal": _round(e.nominal or 0.0), "estimate": _round(e.value), "low": _round(e.low),
+                 "high": _round(e.high), "unit": e.unit}
+                for e in self.parameters
+            ],
+            "gain": [
+                {"channel": g.channel, "unit": g.unit, "rms_before": _round(g.rms_before), "rms_after": _round(g.rms_after),
+                 "held_out": True, "distinguishable_from_zero": g.significant, "rms_measured": _round(g.rms_measured)}
+                for g in self.gain
+            ],
+            "next_measurement": self.next_measurement,
+            "extended_axis": self.extended.to_mapping(),
+            "rejected": [{"mechanism": name, "gain": _round(gain)} for name, gain in self.rejected],
+            "remarks": list(self.remarks),
+            "provenance": dict(self.provenance),
+        }  # fmt: skip
+
+
+def investigate(
+    axis: Axis,
+    telemetry: Telemetry | None,
+    sound: Recording | None = None,
+    progress: Progress = lambda stage, share: None,
+    sound_offset_s: float = 0.0,
+) -> Investigation:
+    """Hold measured data of an axis against its description.
+
+    Raises
+    ------
+    InvestigationError
+        for data that cannot be what they claim; the text says what would be right.
+    """
+    if telemetry is None and sound is None:
+        raise InvestigationError("nothing to investigate: give telemetry, sound or both")
+    if telemetry is None:
+        assert sound is not None
+        return _sound_alone(axis, sound, progress)
+    progress("condition of the channels", 0.02)
+    gate = examine(axis, telemetry)
+    progress("calibration of what the description has", 0.08)
+    problem = Problem(axis, gate.measurement, _first_noise(gate))
+    problem, base = calibrate(problem)
+    selection = select(problem, base, progress)
+    problem, fit = selection.problem, selection.fit
+    progress("sound", 0.78)
+    heard = listen(axis, sound, gate.measurement, sound_offset_s) if sound is not None else ()
+    progress("gain on rows not used", 0.85)
+    base = Fit((), base.parameters, base.values, problem.residual((), base.values), base.jacobian, base.cost, base.runs)
+    if fit.terms:
+        base = problem.fit((), base.values, 2)
+    gained = gains(problem, base, fit)
+    progress("what is left", 0.92)
+    rest = [u for u in look(problem, fit) if _counts(u)]
+    findings = (
+        *(_finding(selection, term) for term in fit.terms),
+        *(_fault_finding(fault) for fault in gate.faults),
+        *(_heard_finding(h) for h in heard if h.mechanism != "unnamed"),
+    )
+    verdict = "named" if findings else "unnamed" if rest else "nothing_missing"
+    progress("done", 1.0)
+    return Investigation(
+        axis, verdict, findings, rest[0] if rest else None, _estimates(problem, fit), gained,
+        next_measurement(axis, findings, rest, problem.guided), extended_axis(axis, fit, fit.terms),
+        _provenance(axis, telemetry, sound, problem),
+        tuple((r.term.key, r.gain) for r in selection.rejected[:6]), gate.remarks, selection,
+    )  # fmt: skip
+
+
+def _counts(u: Unexplained) -> bool:
+    return u.kind == "frequency" and u.score > 60.0 and u.share > SHARE
+
+
+def _first_noise(gate: Gate) -> Noise:
+    """Weights before anything is known: what of the torque is too fast for the motion, and the load's share of it."""
+    m = gate.measurement
+    fast = float(np.std(np.diff(m.torque))) / math.sqrt(2.0) + 1e-3 * float(np.std(m.torque))
+    return Noise.flat(3.0 * fast, 50.0 * fast)
+
+
+def _sound_alone(axis: Axis, sound: Recording, progress: Progress) -> Investigation:
+    progress("sound", 0.2)
+    heard = listen(axis, sound, None, 0.0)
+    findings = tuple(_heard_finding(h) for h in heard if h.mechanism != "unnamed")
+    return Investigation(
+        axis, "named" if findings else "nothing_missing", findings, None, (), (), next_measurement(axis, findings, [], False),
+        axis, _provenance(axis, None, sound, None),
+        remarks=("Sound alone: friction, stiffness, loads and delays cannot be heard; record telemetry for them.",),
+    )  # fmt: skip
+
+
+def _finding(selection: Selection, term: Term) -> Finding:
+    fit = selection.fit
+    rows = fit.residual.size
+    rivals = [r for r in selection.rivals.get(term.key, ()) if r.term.key != term.key and material(r.term, r.values)]
+    own = next((r.gain for r in selection.rivals.get(term.key, ()) if r.term.key == term.key), selection.gains[term.key])
+    scale = max(1.0, fit.misfit / rows)
+    alone = evidence(term, selection.gains[term.key] / scale, rows)
+    against = sum(_odds(r, own, scale) for r in rivals)
+    probability = 1.0 / (1.0 + math.exp(-min(alone, 50.0)) + against)
+    close = sorted({r.term.mechanism for r in rivals if _odds(r, own, scale) > 1.0 / 3.0} - {term.mechanism})[:2]
+    return Finding(
+        term.mechanism, term.location, min(max(probability, 0.01), 0.99), _term_estimates(fit, term), tuple(close),
+        explain(term.mechanism, term.location, term.report(fit.values)),
+    )  # fmt: skip
+
+
+def _odds(rival: Rival, own: float, scale: float) -> float:
+    return math.exp(min(TEMPERATURE * 0.5 * (rival.gain - own) / scale, 3.0))
+
+
+def _term_estimates(fit: Fit, term: Term) -> tuple[Estimate, ...]:
+    """Reported parameters with intervals by small changes of the fitted numbers."""
+    deviations = fit.deviations()
+    centre = term.report(fit.values)
+    scale = _inflation(fit)
+    out = []
+    for name, value in centre.items():
+        variance = 0.0
+        for p in term.parameters:
+            sd = deviations[p.name] * scale
+            moved = term.report({**fit.values, p.name: fit.values[p.name] + sd})[name]
+            variance += (moved - value) ** 2
+        half = NINETY * math.sqrt(variance)
+        out.append(Estimate(name, float(value), unit_of(name), float(value - half), float(value + half)))
+    return tuple(out)
+
+
+def _inflation(fit: Fit) -> float:
+    """Widen intervals by what the residual has beyond white noise (form of the model, slow noise)."""
+    return 2.0 * math.sqrt(max(1.0, fit.misfit / fit.residual.size))
+
+
+def _estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
+    deviations = fit.deviations()
+    scale = _inflation(fit)
+    out = []
+    for p in fit.parameters:
+        if not p.name.startswith(("motor.", "load.", "stages.")) or "backlash" in p.name:
+            continue
+        half = NINETY * deviations[p.name] * scale
+        out.append(Estimate(p.name, fit.values[p.name], unit_of(p.name), fit.values[p.name] - half, fit.values[p.name] + half, p.expected))
+    return tuple(out)
+
+
+def unit_of(name: str) -> str:
+    """Unit by the ending of a name; `1` where it has none."""
+    for ending in sorted(UNITS, key=len, reverse=True):
+        if name.endswith(ending):
+            return UNITS[ending]
+    return "1"
+
+
+def _fault_finding(fault: Fault) -> Finding:
+    estimates = tuple(Estimate(k, v, unit_of(k), v, v) for k, v in fault.parameters.items())
+    return Finding(fault.mechanism, fault.location, 0.97, estimates, (), fault.explanation)
+
+
+def _heard_finding(h: Heard) -> Finding:
+    estimates = tuple(Estimate(k, v, unit_of(k), low, high) for k, (v, low, high) in h.parameters.items())
+    return Finding(h.mechanism, h.location, h.probability, estimates, (), h.explanation)
+
+
+def _provenance(axis: Axis, telemetry: Telemetry | None, sound: Recording | None, problem: Problem | None) -> dict[str, object]:
+    digest = hashlib.sha256()
+    if telemetry is not None:
+        for name in sorted(telemetry.channels):
+            digest.update(name.encode() + telemetry.channels[name].tobytes())
+    return {
+        "method": f"guided chain {VERSION}",
+        "axis": axis.name,
+        "telemetry_sha256": digest.hexdigest() if telemetry is not None else None,
+        "sound_sha256": sound.sha256 if sound is not None else None,
+        "rows": 0 if problem is None else problem.measurement.samples,
+        "rate_hz": 0.0 if problem is None else _round(problem.measurement.rate_hz),
+    }
+
+
+def _round(value: float) -> float:
+    """Seven digits: what two runs of the same bytes agree on whatever the order of a sum."""
+    return float(f"{value:.7g}") if math.isfinite(value) else 0.0
+
+
+def _finding_json(f: Finding) -> dict[str, object]:
+    return {
+        "mechanism": f.mechanism,
+        "location": f.location,
+        "probability": round(f.probability, 4),
+        "parameters": [
+            {"name": e.name, "value": _round(e.value), "unit": e.unit, "low": _round(e.low), "high": _round(e.high)}
+            for e in f.parameters
+        ],
+        "indistinguishable_from": list(f.indistinguishable_from),
+        "explanation": f.explanation,
+    }
+
+
+def _unexplained_json(u: Unexplained) -> dict[str, object]:
+    return {
+        "kind": u.kind,
+        "channel": u.channel,
+        "share": _round(u.share),
+        "score": _round(u.score),
+        **{name: _round(value) for name, value in u.numbers.items()},
+    }

@@ -1,0 +1,134 @@
+"""Measured channels made ready: smoothed by one kernel each, differentiated, without edges."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.signal import fftconvolve
+
+Array = NDArray[np.float64]
+
+RATE_HZ = 1000.0  # of the prepared channels: four times the fastest mode that matters
+WIDE_SHARE = 0.3  # -3 dB frequency of torque and acceleration over the sample rate
+ANGLE_CUT_HZ = 150.0  # motor angle that drives the chain: far above its modes, below the encoder's noise
+LOAD_CUT_HZ = 50.0  # above this a load encoder of 20 bits says nothing about torque
+LOAD_MOTION_CUT_HZ = 10.0  # the same for the load's angle
+MOTION_CUT_HZ = 30.0  # acceleration below it is the motion's own; above, mostly the encoder's noise
+STANDSTILL_SHARE = 0.012  # of the largest speed: below, dry friction is whatever it needs to be
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """Channels over one clock after smoothing; every array has shape (n,).
+
+    `torque` and `acceleration` share one wide kernel [N m], [rad/s2]; `slow_acceleration` is nearly free of noise; `angle`, `speed` drive the chain; `load_angle`,
+    `load_speed` are None without a load encoder, `slow_...` are nearly free of noise. `weight`: 1 where the motor torque counts, 0 where it does not.
+    """
+
+    rate_hz: float
+    time_s: Array
+    torque: Array
+    acceleration: Array
+    slow_acceleration: Array
+    angle: Array
+    speed: Array
+    load_angle: Array | None
+    load_speed: Array | None
+    slow_load_angle: Array | None
+    slow_load_speed: Array | None
+    weight: Array
+    load_weight: Array
+
+    @property
+    def samples(self) -> int:
+        return int(self.time_s.size)
+
+
+def gaussian_kernel(cut_hz: float, rate_hz: float, derivative: int) -> Array:
+    """Gaussian low-pass (-3 dB at `cut_hz`) or its derivative; correlate with it. Exact on polynomials of order 2."""
+    sigma = max(math.sqrt(math.log(2.0)) / (2.0 * math.pi * cut_hz) * rate_hz, 0.5)
+    half = math.ceil(5.0 * sigma)
+    k = np.arange(-half, half + 1, dtype=np.float64)
+    g = np.exp(-0.5 * (k / sigma) ** 2)
+    g /= g.sum()
+    if derivative == 0:
+        return g
+    second = float((k * k * g).sum())
+    if derivative == 1:
+        return k * g / second * rate_hz
+    curve = (k * k - second) * g
+    return 2.0 * curve / float((k * k * curve).sum()) * rate_hz**2
+
+
+def smooth(values: Array, cut_hz: float, rate_hz: float, derivative: int, margin: int) -> Array:
+    """Correlate with `gaussian_kernel`; `margin` samples are cut from both ends, shape (n - 2 margin,)."""
+    kernel = gaussian_kernel(cut_hz, rate_hz, derivative)
+    spare = margin - kernel.size // 2
+    base = values[0] if derivative == 0 else 0.0
+    inner = fftconvolve(values - values[0], kernel[::-1], "valid") + base
+    return inner[spare : inner.size - spare]
+
+
+def prepare(
+    rate_hz: float,
+    torque: Array,
+    angle: Array,
+    load_angle: Array | None,
+    valid: Array | None = None,
+    load_valid: Array | None = None,
+) -> Measurement:
+    """Smooth evenly sampled channels of shape (n,) and thin them to about `RATE_HZ`; `valid` is 1 where a row counts."""
+    stride = max(1, round(rate_hz / RATE_HZ))
+    rate = rate_hz / stride
+    wide, cut = WIDE_SHARE * rate, min(ANGLE_CUT_HZ, 0.2 * rate)
+    load_cut, slow = min(LOAD_CUT_HZ, 0.1 * rate), min(MOTION_CUT_HZ, 0.1 * rate)
+    load_slow = min(LOAD_MOTION_CUT_HZ, 0.05 * rate)
+    margin = max(gaussian_kernel(c, rate_hz, 0).size // 2 for c in (wide, cut, load_cut, slow, load_slow))
+
+    def channel(values: Array | None, cut_hz: float, derivative: int) -> Array:
+        return smooth(np.zeros(0) if values is None else values, cut_hz, rate_hz, derivative, margin)[::stride].copy()
+
+    def load(cut_hz: float, derivative: int) -> Array | None:
+        return None if load_angle is None else channel(load_angle, cut_hz, derivative)
+
+    speed = channel(angle, cut, 1)
+    weight, load_weight = standstill_weight(speed), np.ones(speed.size)
+    if valid is not None:
+        weight = weight * _eroded(valid, margin)[::stride]
+    if load_valid is not None:
+        load_weight = load_weight * _eroded(load_valid, margin)[::stride]
+    settle = int(0.06 * rate)
+    weight[:settle] = 0.0
+    load_weight[:settle] = 0.0
+    return Measurement(
+        rate_hz=rate,
+        time_s=(margin + stride * np.arange(speed.size)) / rate_hz,
+        torque=channel(torque, wide, 0),
+        acceleration=channel(angle, wide, 2),
+        slow_acceleration=channel(angle, slow, 2),
+        angle=channel(angle, cut, 0),
+        speed=speed,
+        load_angle=load(load_cut, 0),
+        load_speed=load(load_cut, 1),
+        slow_load_angle=load(load_slow, 0),
+        slow_load_speed=load(load_slow, 1),
+        weight=weight,
+        load_weight=load_weight,
+    )
+
+
+def standstill_weight(speed: Array) -> Array:
+    """0 at standstill, 1 in motion, a smooth step between."""
+    limit = STANDSTILL_SHARE * float(np.abs(speed).max())
+    u = np.clip((np.abs(speed) / max(limit, 1e-300) - 1.0) / 2.0, 0.0, 1.0)
+    return u * u * (3.0 - 2.0 * u)
+
+
+def _eroded(valid: Array, margin: int) -> Array:
+    """1 where the whole smoothing window of a row can be trusted."""
+    bad = (valid < 0.5).astype(np.float64)
+    reach = np.convolve(bad, np.ones(2 * margin + 1), "valid")
+    return (reach < 0.5).astype(np.float64)

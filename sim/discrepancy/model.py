@@ -1,0 +1,184 @@
+"""From a description and numbers to a chain: what is known, what is off by a little, what might be missing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from sim.axis import Axis
+from sim.chain_model import Chain, Line, Link, Shaft
+from sim.discrepancy.observer import Nuisance
+from sim.discrepancy.parameters import Parameter, Values
+
+UNKNOWN_STIFFNESS_HZ = 80.0
+
+
+def _share(name: str, value: float, spread: float, low: float = 0.05, high: float = 20.0) -> Parameter:
+    return Parameter(name, value, 0.01 * value, spread * value, low * value, high * value)
+
+
+def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float) -> tuple[Parameter, ...]:
+    """What a description already has, with the spread of a data sheet, and what belongs to every measurement."""
+    out = [_share("motor.inertia_kg_m2", axis.motor.inertia_kg_m2, 0.05)]
+    if axis.motor.coulomb_friction_n_m:
+        out.append(_share("motor.coulomb_friction_n_m", axis.motor.coulomb_friction_n_m, 0.1))
+    if axis.motor.viscous_friction_n_m_s_per_rad:
+        out.append(_share("motor.viscous_friction_n_m_s_per_rad", axis.motor.viscous_friction_n_m_s_per_rad, 0.1))
+    if has_links(axis):
+        out += _link_parameters(axis)
+        out += _load_parameters(axis, load_encoder)
+    out.append(Parameter("offset_n_m", 0.0, 0.002 * level_n_m, 0.003 * level_n_m))
+    out.append(Parameter("torque_delay_s", 0.0, 1e-4, 1e-4, -0.02, 0.02))
+    return tuple(out)
+
+
+def _link_parameters(axis: Axis) -> list[Parameter]:
+    out = []
+    stiffness, damping = axis.stiffness(), axis.damping()
+    for k, stage in enumerate(stages_of(axis)):
+        where = f"stages.{stage}"
+        out.append(_share(f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k), 0.05 if stiffness[k] else 1.0))
+        damp = damping[k] if damping[k] else link_damping(axis, k)
+        out.append(Parameter(f"{where}.damping_n_m_s_per_rad", damp, 0.1 * damp, 0.4 * damp, 0.02 * damp, 30 * damp))
+        if not axis.stages:
+            continue
+        entry = axis.stages[k]
+        if k + 1 < len(axis.stages):
+            out.append(_share(f"{where}.inertia_kg_m2", entry.inertia_kg_m2, 0.05))
+        if entry.mesh_efficiency < 1.0:
+            loss = 1.0 - entry.mesh_efficiency
+            out.append(Parameter(f"{where}.mesh_efficiency", entry.mesh_efficiency, 0.002, 0.25 * loss, 0.3, 1.0))
+        if entry.backlash_rad:
+            new = entry.backlash_rad
+            out.append(Parameter(f"{where}.backlash_rad", 0.5 * new, 0.1 * new, 0.5 * new, 0.0, 1.5 * new))
+    if any(entry.mesh_efficiency < 1.0 for entry in axis.stages):
+        out.append(Parameter("loss_split", 0.5, 0.1, 0.5, 0.0, 1.0))
+    return out
+
+
+def _load_parameters(axis: Axis, load_encoder: bool) -> list[Parameter]:
+    out = [_share("load.inertia_kg_m2", axis.load.inertia_kg_m2, 0.15)]
+    if axis.load.coulomb_friction_n_m:
+        out.append(_share("load.coulomb_friction_n_m", axis.load.coulomb_friction_n_m, 0.1))
+        out.append(Parameter("friction_width.load", 1.5e-3, 3e-4, 1.5e-3, 2e-4, 2e-2))
+    if axis.load.viscous_friction_n_m_s_per_rad:
+        out.append(_share("load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad, 0.1))
+    if load_encoder and axis.stages and axis.load_encoder.error_rad:
+        new = axis.load_encoder.error_rad
+        out += [Parameter(f"runout.{part}_rad", 0.0, new, new, -3 * new, 3 * new) for part in ("sine", "cosine")]
+    if load_encoder:
+        twist = 1.0 / sum(
+            1.0 / (link_stiffness(axis, k) * ratio_after(axis, k) ** 2) for k in range(len(stages_of(axis)))
+        )
+        out.append(Parameter("load_offset_rad", 0.0, 1.0 / twist, math.inf))
+        out.append(Parameter("load_delay_s", 0.0, 1e-5, 5e-5, -0.02, 0.02))
+        new = axis.load_encoder.error_rad
+        if new:
+            for part in ("sine", "cosine"):
+                out.append(Parameter(f"load_encoder.error_{part}_rad", 0.0, 0.3 * new, new, -3 * new, 3 * new))
+    return out
+
+
+def has_links(axis: Axis) -> bool:
+    """False for an axis that moves as one body."""
+    return bool(axis.stages) or axis.stiffness()[0] is not None
+
+
+def stages_of(axis: Axis) -> tuple[str, ...]:
+    """Names of the elastic links; a direct drive with a coupling has one, called `load`."""
+    return tuple(stage.name for stage in axis.stages) or ("load",)
+
+
+def ratio_after(axis: Axis, k: int) -> float:
+    """Speed of the driven gear of link `k` over the load's."""
+    return axis.ratio_from(axis.stages[k].name) if axis.stages else 1.0
+
+
+def link_stiffness(axis: Axis, k: int) -> float:
+    """Described stiffness at the driven gear [N m/rad]; where none is given, that of a mode at 80 Hz."""
+    known = axis.stiffness()[k]
+    if known:
+        return known
+    inertia = axis.load.inertia_kg_m2
+    if axis.stages and k + 1 < len(axis.stages):
+        inertia = axis.stages[k].inertia_kg_m2
+    return inertia * (2 * math.pi * UNKNOWN_STIFFNESS_HZ) ** 2
+
+
+def link_damping(axis: Axis, k: int) -> float:
+    """Described damping at the driven gear [N m s/rad], else 2 % of critical against the load."""
+    known = axis.damping()[k]
+    return known or 0.04 * math.sqrt(link_stiffness(axis, k) * max(axis.load.inertia_kg_m2, 1e-9)) / ratio_after(
+        axis, k
+    )
+
+
+def chain_of(axis: Axis, values: Values) -> Chain:
+    """The chain of a description with some of its numbers replaced by `values`; effects come on top."""
+    get = values.get
+    motor = Shaft(
+        get("motor.inertia_kg_m2", axis.motor.inertia_kg_m2),
+        get("motor.coulomb_friction_n_m", axis.motor.coulomb_friction_n_m),
+        get("motor.viscous_friction_n_m_s_per_rad", axis.motor.viscous_friction_n_m_s_per_rad),
+        offset_n_m=-get("offset_n_m", 0.0),
+    )
+    load = (
+        Shaft(
+            get("load.inertia_kg_m2", axis.load.inertia_kg_m2)
+            + (axis.stages[-1].inertia_kg_m2 if axis.stages else 0.0),
+            get("load.coulomb_friction_n_m", axis.load.coulomb_friction_n_m),
+            get("load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad),
+        )
+        if axis.load.inertia_kg_m2 or has_links(axis)
+        else None
+    )
+    if not has_links(axis):
+        if load is not None:
+            motor = replace(
+                motor,
+                inertia_kg_m2=motor.inertia_kg_m2 + load.inertia_kg_m2,
+                coulomb_n_m=motor.coulomb_n_m + load.coulomb_n_m,
+                viscous_n_m_s=motor.viscous_n_m_s + load.viscous_n_m_s,
+            )
+        return Chain((motor,))
+    assert load is not None
+    middle = tuple(Shaft(get(f"stages.{stage.name}.inertia_kg_m2", stage.inertia_kg_m2)) for stage in axis.stages[:-1])
+    links = tuple(_link(axis, k, values) for k in range(len(stages_of(axis))))
+    return Chain((motor, *middle, load), links)
+
+
+def _link(axis: Axis, k: int, values: Values) -> Link:
+    where = f"stages.{stages_of(axis)[k]}"
+    stage = axis.stages[k] if axis.stages else None
+    efficiency = values.get(f"{where}.mesh_efficiency", stage.mesh_efficiency if stage else 1.0)
+    errors: tuple[Line, ...] = ()
+    if k + 1 == len(axis.stages):
+        errors = wave(k + 1, 1.0, values.get("runout.sine_rad", 0.0), values.get("runout.cosine_rad", 0.0))
+    return Link(
+        stage.ratio if stage else 1.0,
+        values.get(f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k)),
+        values.get(f"{where}.damping_n_m_s_per_rad", link_damping(axis, k)),
+        gap_rad=values.get(f"{where}.backlash_rad", 0.0),
+        efficiency=(efficiency, efficiency),
+        errors=errors,
+    )
+
+
+def wave(shaft: int, order: float, sine: float, cosine: float) -> tuple[Line, ...]:
+    """sine * sin(order theta) + cosine * cos(order theta) as one line; none when both are 0."""
+    if sine == 0.0 and cosine == 0.0:
+        return ()
+    return (Line(shaft, order, math.hypot(sine, cosine), math.atan2(cosine, sine)),)
+
+
+def nuisance_of(values: Values) -> Nuisance:
+    """The measurement's own numbers among `values`."""
+    get = values.get
+    return Nuisance(
+        get("torque_delay_s", 0.0),
+        get("load_delay_s", 0.0),
+        (get("load_encoder.error_sine_rad", 0.0), get("load_encoder.error_cosine_rad", 0.0)),
+        get("load_offset_rad", 0.0),
+        get("loss_split", 0.5),
+        (1e-3, get("friction_width.load", 1.5e-3)),
+    )

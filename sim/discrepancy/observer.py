@@ -1,0 +1,132 @@
+"""Predict what the motor torque of a chain must have been while motor and load moved as measured."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sim.chain_model import Array, Chain
+from sim.discrepancy.measurement import Measurement
+from sim.discrepancy.observer_kernel import motor_torque, run
+from sim.discrepancy.packing import pack, steady_twist, substeps
+
+GUIDE_RAD_S = 2.0 * np.pi * 25.0  # bandwidth of the guide: above the drive train's modes that matter
+
+
+RECENT = 6  # changes of the motor shaft alone need no new run of the rest
+
+
+@dataclass(frozen=True)
+class Nuisance:
+    """What belongs to the measurement and not to the axis.
+
+    `torque_delay_s`: the torque channel is late by this; `load_delay_s` the load encoder; `load_error_rad` sine and
+    cosine amplitude of the encoder's error once per revolution; `loss_split`: share of mesh losses on the driven side.
+    """
+
+    torque_delay_s: float = 0.0
+    load_delay_s: float = 0.0
+    load_error_rad: tuple[float, float] = (0.0, 0.0)
+    load_offset_rad: float = 0.0
+    loss_split: float = 0.5
+    friction_width: tuple[float, float] = (1e-3, 1e-3)  # of the largest speed: motor, load
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Motor torque [N m] and the guide's torque on the load [N m] (what the model lacks there), shape (n,)."""
+
+    torque: Array
+    guide: Array
+    load_angle: Array
+
+
+@dataclass
+class Observer:
+    """Runs chains along one measurement; `guide_inertia` fixes the guide's stiffness for all of them.
+
+    `noise_inertia` multiplies the fast part of the measured acceleration, which is the encoder's noise: were it the
+    fitted inertia, a fit would make the noise small by making the inertia small.
+    """
+
+    measurement: Measurement
+    guide_inertia: float
+    noise_inertia: float
+    _noise: Array | None = None
+    _recent: dict[bytes, Array] = field(default_factory=dict)
+
+    def predict(self, chain: Chain, nuisance: Nuisance) -> Prediction:
+        """Simulate `chain` along the measured motion."""
+        m = self.measurement
+        model = pack(chain)
+        motion = np.stack([m.angle, m.speed])
+        motor = np.empty(m.samples)
+        width = nuisance.friction_width[0] * float(np.abs(m.speed).max())
+        motor_torque(model[0], model[8], motion, width, 1.0 / m.rate_hz, motor)
+        motor += chain.shafts[0].inertia_kg_m2 * m.slow_acceleration
+        motor += self.noise_inertia * (m.acceleration - m.slow_acceleration)
+        out = np.zeros((3, m.samples))
+        if chain.links:
+            out = self._links(chain, model, motion, nuisance, slow=True)
+            out = out if self._noise is None else out + self._noise
+            motor = motor + out[0]
+        if nuisance.torque_delay_s:
+            motor = _delayed(motor, nuisance.torque_delay_s * m.rate_hz)
+        return Prediction(motor, out[2], out[1])
+
+    def learn_noise(self, chain: Chain, nuisance: Nuisance) -> None:
+        """Keep what the fast part of both encoders' signals, which is noise, makes of this chain."""
+        self.noise_inertia = chain.shafts[0].inertia_kg_m2
+        self._noise = None
+        if chain.links and self.measurement.load_angle is not None:
+            model, m = pack(chain), self.measurement
+            motion = np.stack([m.angle, m.speed])
+            self._noise = self._links(chain, model, motion, nuisance, False) - self._links(
+                chain, model, motion, nuisance, True
+            )
+
+    def _links(self, chain: Chain, model: tuple[Array, ...], motion: Array, nuisance: Nuisance, slow: bool) -> Array:
+        m = self.measurement
+        n = len(chain.shafts)
+        guide, gains = np.zeros((2, 1)), np.zeros(2)
+        angle, speed = (m.slow_load_angle, m.slow_load_speed) if slow else (m.load_angle, m.load_speed)
+        if angle is not None and speed is not None:
+            sine, cosine = nuisance.load_error_rad
+            error = sine * np.sin(angle) + cosine * np.cos(angle) + nuisance.load_offset_rad
+            guide = np.stack([angle - error + nuisance.load_delay_s * speed, speed])
+            gains = self.guide_inertia * np.array([GUIDE_RAD_S**2, 1.4 * GUIDE_RAD_S])
+        ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
+        top = float(np.abs(m.speed).max())
+        widths = nuisance.friction_width[1] * top / ratios
+        start = np.concatenate([*steady_twist(chain, motion[:, 0]), np.zeros(n - 1)])
+        if gains[0] > 0.0:
+            start[n - 2], start[2 * n - 3] = guide[0, 0], guide[1, 0]
+        steps = substeps(chain, m.rate_hz, gains)
+        setting = np.array([nuisance.loss_split, steps, slow])
+        inner = (
+            model[0][1:],
+            *model[1:],
+            gains,
+            widths,
+            setting,
+            start,
+            np.array(nuisance.load_error_rad),
+            guide[:, :1],
+        )
+        key = b"".join(part.tobytes() for part in inner) + repr(nuisance.load_delay_s).encode()
+        out = self._recent.get(key)
+        if out is None:
+            out = np.zeros((3, m.samples))
+            step = 1.0 / m.rate_hz
+            run(*model, motion, guide, gains, widths, nuisance.loss_split, step, steps, start, out)
+            self._recent[key] = out
+            if len(self._recent) > RECENT:
+                self._recent.pop(next(iter(self._recent)), None)
+        return out
+
+
+def _delayed(values: Array, samples: float) -> Array:
+    """Shift by a fraction of a sample or a few of them (cubic through four neighbours would gain nothing here)."""
+    grid = np.arange(values.size, dtype=np.float64)
+    return np.interp(grid - samples, grid, values) if abs(samples) > 1.0 else values - samples * np.gradient(values)

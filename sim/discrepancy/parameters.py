@@ -1,0 +1,29 @@
+"""Numbers that a fit may choose."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+Values = Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of the model: where the fit starts, how uncertain it is, how far it may go.
+
+    `step` is the change used for a sensitivity; `spread` the standard deviation of what is known beforehand.
+    """
+
+    name: str
+    start: float
+    step: float
+    spread: float = math.inf
+    low: float = -math.inf
+    high: float = math.inf
+    centre: float | None = None
+
+    @property
+    def expected(self) -> float:
+        return self.start if self.centre is None else self.centre

@@ -1,0 +1,225 @@
+"""Which terms the data ask for: screened by simulated sensitivity, refitted by simulation, added and taken away."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from sim.chain_model import Array, ChainError
+from sim.discrepancy.catalogue import terms_of, tooth_damage
+from sim.discrepancy.fit import WORKERS, Fit, Problem
+from sim.discrepancy.model import link_stiffness
+from sim.discrepancy.scan import Place, scan
+from sim.discrepancy.terms import Term
+
+Progress = Callable[[str, float], None]
+SHORTLIST = 5
+MOST_TRIES = 6
+REFIT_ROUNDS = 3
+MOST_TERMS = 4
+WORTH_TRYING = 12.0  # drop of the whitened sum of squares that a screened term must promise
+TEMPERATURE = 0.3  # model errors make the residual less informative than its whitened length says
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A term that was refitted in place of another or on top of the rest, and what it gained."""
+
+    term: Term
+    gain: float
+    values: Mapping[str, float]
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The last fit; per accepted term what it gains over the fit without it, and its rivals when it came in."""
+
+    problem: Problem
+    base: Fit
+    fit: Fit
+    gains: Mapping[str, float]
+    rivals: Mapping[str, tuple[Rival, ...]]
+    rejected: tuple[Rival, ...]
+
+
+def calibrate(problem: Problem, iterations: int = 5) -> tuple[Problem, Fit]:
+    """Fit what the description has, first with plain weights, then whitened by the residual's own noise."""
+    fit = problem.fit(iterations=iterations)
+    return rewhiten(problem, fit, 3)
+
+
+def rewhiten(problem: Problem, fit: Fit, iterations: int) -> tuple[Problem, Fit]:
+    """Take the noise from the residual of `fit`, fit again."""
+    problem.learn_noise(fit)
+    problem = problem.with_noise(problem.noise_of(fit))
+    return problem, problem.fit(fit.terms, fit.values, iterations)
+
+
+def penalty(term: Term, rows: int) -> float:
+    """Nats that a term must pay: half a log of the rows for each number, and for the places it was looked for."""
+    looks = 8.0 if term.mechanism == "tooth_damage" else math.log(max(len(term.probes), 1) + 1.0)
+    return 0.5 * len(term.parameters) * math.log(rows) + looks
+
+
+def evidence(term: Term, gain: float, rows: int) -> float:
+    """Tempered log odds that the term belongs to the model."""
+    return TEMPERATURE * (0.5 * gain - penalty(term, rows))
+
+
+def material(term: Term, values: Mapping[str, float]) -> bool:
+    """Whether the fitted size matters in practice and exceeds what is as new."""
+    reported = list(term.report(values).values())
+    return bool(abs(reported[0]) > term.size) if term.size else True
+
+
+def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
+    """Forward selection with refits, backward elimination after every step."""
+    fit = base
+    gains: dict[str, float] = {}
+    rivals: dict[str, tuple[Rival, ...]] = {}
+    rejected: tuple[Rival, ...] = ()
+    for step in range(MOST_TERMS):
+        progress(f"candidates, round {step + 1}", 0.25 + 0.12 * step)
+        tried = try_terms(problem, fit)
+        rows = fit.residual.size
+        fitting = [r for r in tried if evidence(r.term, r.gain, rows) > 0.0 and material(r.term, r.values)]
+        if not fitting:
+            rejected = tuple(tried)
+            break
+        best = fitting[0]
+        terms = (*fit.terms, best.term)
+        fit = problem.fit(terms, best.values, 4)
+        problem, fit = rewhiten(problem, fit, 3)
+        rivals[best.term.key] = tuple(tried[:SHORTLIST])
+        rejected = tuple(r for r in tried if r is not best)
+        problem, fit, gains = prune(problem, fit)
+        if best.term.key not in gains:
+            break
+    if not gains:
+        problem, fit, gains = prune(problem, fit)
+    return Selection(problem, base, fit, gains, rivals, rejected)
+
+
+def prune(problem: Problem, fit: Fit) -> tuple[Problem, Fit, dict[str, float]]:
+    """Take away every term that the others have made needless; gains of those that stay."""
+    while fit.terms:
+        gains = {}
+        without = {}
+        for term in fit.terms:
+            rest = tuple(t for t in fit.terms if t is not term)
+            less = problem.fit(rest, fit.values, 2, frozen=fit)
+            gains[term.key] = less.cost - fit.cost
+            without[term.key] = less
+        rows = fit.residual.size
+        weak = [t for t in fit.terms if evidence(t, gains[t.key], rows) <= 0.0 or not material(t, fit.values)]
+        if not weak:
+            return problem, fit, gains
+        weakest = min(weak, key=lambda t: gains[t.key])
+        fit = problem.fit(without[weakest.key].terms, without[weakest.key].values, 3)
+    return problem, fit, {}
+
+
+def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
+    """Candidates by what they gain once refitted, best first."""
+    present = {term.key for term in fit.terms}
+    candidates = [t for t in (*terms_of(problem.axis, problem.measurement), *damage_terms(problem, fit)) if t.key not in present]
+    screened = screen(problem, fit, candidates)
+    if not screened or screened[0][0] < WORTH_TRYING:
+        return []
+    best: dict[str, Rival] = {}
+    tries: dict[str, int] = {}
+    for gain, term, start in screened:
+        if gain < max(WORTH_TRYING, 0.12 * screened[0][0]) or sum(tries.values()) >= MOST_TRIES:
+            break
+        if tries.get(term.key, 0) >= (3 if term.key == screened[0][1].key else 1):
+            continue
+        tries[term.key] = tries.get(term.key, 0) + 1
+        try:
+            frozen = None if term.nonlinear else fit
+            refit = problem.fit((*fit.terms, term), {**fit.values, **start}, REFIT_ROUNDS, frozen=frozen)
+        except ChainError:
+            continue
+        rival = Rival(term, fit.cost - refit.cost, refit.values)
+        if term.key not in best or rival.gain > best[term.key].gain:
+            best[term.key] = rival
+    return sorted(best.values(), key=lambda r: (-r.gain, r.term.key))
+
+
+def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[float, Term, Mapping[str, float]]]:
+    """What each start of each term promises in the linear picture, with the rest of the model free to follow."""
+    steps = np.array([p.step / p.spread for p in fit.parameters])
+    offset = np.array([(fit.values[p.name] - p.expected) / p.spread for p in fit.parameters])
+    basis, _ = np.linalg.qr(np.vstack([fit.jacobian, np.diag(steps)]))
+    residual = np.concatenate([fit.residual, offset])
+    residual = residual - basis @ (basis.T @ residual)
+
+    def promise(job: tuple[Term, tuple[Mapping[str, float], ...]]) -> tuple[float, Term, Mapping[str, float]]:
+        term, group = job
+        defaults = {p.name: p.start for p in term.parameters if p.name not in fit.values}
+        columns = []
+        for jump in group:
+            try:
+                changed = problem.residual((*fit.terms, term), {**fit.values, **defaults, **jump})
+            except ChainError:
+                return 0.0, term, {}
+            columns.append(changed - fit.residual)
+        block = np.vstack([np.stack(columns, axis=1), np.zeros((steps.size, len(columns)))])
+        block = block - basis @ (basis.T @ block)
+        share = np.linalg.lstsq(block, -residual, rcond=None)[0]
+        gain = float(residual @ residual - np.sum((residual + block @ share) ** 2))
+        if term.positive and share[0] <= 0.0:
+            return 0.0, term, {}
+        return gain, term, {**defaults, **_start(term, group, share)}
+
+    jobs = [(term, group) for term in terms for group in term.probes]
+    with ThreadPoolExecutor(WORKERS) as pool:
+        out = list(pool.map(promise, jobs))
+    return sorted(out, key=lambda o: (-o[0], o[1].key))
+
+
+def _start(term: Term, group: tuple[Mapping[str, float], ...], share: Array) -> dict[str, float]:
+    """Jump as far as the linear picture says, but of what cannot be linear no further than the probe."""
+    limits = {p.name: p for p in term.parameters}
+    out: dict[str, float] = {}
+    for jump, part in zip(group, share, strict=True):
+        for index, (name, value) in enumerate(jump.items()):
+            scaled = value * (float(np.clip(part, 0.1, 1.5)) if term.positive else float(part))
+            out[name] = scaled if index == len(jump) - 1 or not term.positive else value
+        if term.positive and len(jump) > 1 and term.mechanism != "tooth_damage":
+            first = next(iter(jump))
+            out = {**jump, first: jump[first] * float(np.clip(part, 0.1, 3.0))}
+    return {name: min(max(v, limits[name].low), limits[name].high) for name, v in out.items()}
+
+
+def damage_terms(problem: Problem, fit: Fit) -> list[Term]:
+    """Tooth damage where the scan along the wheels proposes it."""
+    axis = problem.axis
+    teeth = {k: s.driven_teeth for k, s in enumerate(axis.stages) if s.driven_teeth}
+    if not teeth:
+        return []
+    places = sorted(scan(problem, fit, teeth), key=lambda p: -p.gain)
+    if not places:
+        return []
+    first = places[0]
+    others = [p for p in places if (p.link, p.flank) != (first.link, first.flank) and p.gain > 0.5 * first.gain]
+    return [_damage_term(problem, place) for place in (first, *others[:1])]
+
+
+def _damage_term(problem: Problem, place: Place) -> Term:
+    stage = problem.axis.stages[place.link]
+    pitch = 2.0 * math.pi / (stage.driven_teeth or 1)
+    level = float(np.sqrt(np.mean(problem.measurement.torque**2)))
+    ratio = problem.axis.ratio / problem.axis.ratio_from(stage.name)
+    twist = level * ratio / link_stiffness(problem.axis, place.link)
+    starts = [
+        (place.angle_rad + shift * pitch, width * pitch, depth)
+        for shift in (-1.0, 0.0, 1.0, 2.0)
+        for width in (0.5, 0.9)
+        for depth in (0.05 * twist, 0.3 * twist)
+    ]
+    size = max(3.0 * stage.backlash_rad, 0.03 * twist)
+    return tooth_damage(stage.name, place.link, stage.driven_teeth or 1, place.flank, place.angle_rad, starts, size)

@@ -1,0 +1,49 @@
+"""What might be missing: one term is one mechanism at one place, with the numbers that a fit may choose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.axis import Axis
+from sim.chain_model import Chain
+from sim.discrepancy.measurement import Measurement
+from sim.discrepancy.parameters import Parameter, Values
+
+Array = NDArray[np.float64]
+Apply = Callable[[Chain, Values], Chain]
+AddTorque = Callable[[Measurement, Values], Array]
+Report = Callable[[Values], Mapping[str, float]]
+
+
+def unchanged(chain: Chain, values: Values) -> Chain:
+    return chain
+
+
+@dataclass(frozen=True)
+class Term:
+    """`apply` changes the chain; `torque` is what to add to the predicted motor torque outside the chain [N m].
+
+    `probes`: starts worth trying; each is a group of columns, a column being the values to jump to. `report` turns
+    the fitted numbers into the parameters of the mechanism; `positive`: the first number cannot be below 0; `nonlinear`: the rest of
+    the model moves far when it comes in.
+    """
+
+    mechanism: str
+    location: str | None
+    parameters: tuple[Parameter, ...]
+    probes: tuple[tuple[Mapping[str, float], ...], ...]
+    report: Report
+    apply: Apply = unchanged
+    torque: AddTorque | None = None
+    positive: bool = False
+    nonlinear: bool = False
+    replaces: tuple[str, ...] = ()
+    size: float = 0.0  # below this it does not matter in practice
+
+    @property
+    def key(self) -> str:
+        return f"{self.mechanism}@{self.location}"

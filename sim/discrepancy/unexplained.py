@@ -1,0 +1,100 @@
+"""Does the residual of the best explanation still live somewhere: a frequency, an order, an angle, a speed, a time?"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+
+from sim.chain_model import Array
+from sim.discrepancy.fit import Fit, Problem
+from sim.discrepancy.scan import torque_sign
+
+BAND_HZ = 0.6
+BINS = 48
+SHARE = 0.06  # of the residual's energy: less is how a model's form differs from any real axis
+
+
+@dataclass(frozen=True)
+class Unexplained:
+    """Where the residual lives; `share` of its whitened energy above the noise, `score` in standard deviations."""
+
+    kind: str
+    channel: str
+    share: float
+    score: float
+    numbers: Mapping[str, float]
+
+
+def look(problem: Problem, fit: Fit) -> list[Unexplained]:
+    """All places, strongest first."""
+    m = problem.measurement
+    n = m.samples
+    out = []
+    torque, guide = fit.residual[:n], fit.residual[n:]
+    out.append(_frequency("motor_torque_nm", torque, m.rate_hz))
+    if guide.size:
+        stride = problem.guide_stride
+        rate = m.rate_hz / stride
+        out.append(_frequency("load_position_rad", guide, rate))
+        out += _bins(problem, "load_position_rad", guide, stride)
+    out += _bins(problem, "motor_torque_nm", torque, 1)
+    return sorted(out, key=lambda u: -u.score)
+
+
+def _frequency(channel: str, values: Array, rate_hz: float) -> Unexplained:
+    """Strongest band of fixed frequency in a whitened series."""
+    power = np.abs(np.fft.rfft(values)) ** 2 / values.size
+    spacing = rate_hz / values.size
+    width = max(3, round(BAND_HZ / spacing))
+    energy = np.convolve(2.0 * power, np.ones(width), "valid")
+    typical = float(np.median(energy))
+    first = max(1, round(2.0 / spacing))
+    last = min(energy.size, int(0.42 * rate_hz / spacing))
+    if last <= first:
+        return Unexplained("frequency", channel, 0.0, 0.0, {})
+    at = first + int(np.argmax(energy[first:last]))
+    excess = float(energy[at] - typical)
+    inside = power[at : at + width]
+    centre = float((inside * (at + np.arange(width))).sum() / inside.sum() * spacing)
+    score = excess / (typical * math.sqrt(1.0 / width) + 1e-300)
+    return Unexplained("frequency", channel, excess / float(values @ values), score, {"frequency_hz": centre})
+
+
+def _bins(problem: Problem, channel: str, values: Array, stride: int) -> list[Unexplained]:
+    """Means of the residual over angle of each shaft, speed and time, by bins."""
+    m = problem.measurement
+    chain = problem.chain((), {})
+    speed = m.speed[::stride][: values.size]
+    way = np.where(speed >= 0.0, 0, 1)
+    out = []
+    ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
+    names = ["motor", *(stage.name for stage in problem.axis.stages)] if problem.axis.stages else ["motor", "load"]
+    for ratio, name in zip(ratios, names, strict=False):
+        turn = (m.angle[::stride][: values.size] / ratio) % (2.0 * math.pi)
+        out.append(_binned("angle", channel, values, turn, 2.0 * math.pi, way, {f"angle_{name}_rad": 1.0}))
+    out.append(_binned("speed", channel, values, np.abs(speed), float(np.abs(speed).max()) * 1.0001, way, {"speed_rad_s": 1.0}))
+    time = m.time_s[::stride][: values.size]
+    out.append(_binned("time", channel, values, time, float(time[-1]) * 1.0001, np.zeros_like(way), {"time_s": 1.0}))
+    return out
+
+
+def _binned(kind: str, channel: str, values: Array, where: Array, span: float, way: Array, numbers: Mapping[str, float]) -> Unexplained:
+    index = np.minimum((where / span * BINS).astype(np.int64), BINS - 1) + BINS * way
+    count = np.bincount(index, minlength=2 * BINS).astype(float)
+    total = np.bincount(index, values, 2 * BINS)
+    used = count > 10
+    energy = np.where(used, total**2 / np.maximum(count, 1.0), 0.0)
+    level = float(values @ values) / values.size
+    degrees = int(used.sum())
+    excess = float(energy.sum()) - degrees * level
+    score = excess / (level * math.sqrt(2.0 * max(degrees, 1)))
+    at = int(np.argmax(energy))
+    centre = (at % BINS + 0.5) / BINS * span
+    found = {name: centre for name in numbers} | ({"direction": 1.0 if at < BINS else -1.0} if way.any() else {})
+    return Unexplained(kind, channel, excess / float(values @ values), score, found)
+
+
+__all__ = ["SHARE", "Unexplained", "look", "torque_sign"]
