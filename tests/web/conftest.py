@@ -6,6 +6,7 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import httpx
 import pytest
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, Request, sync_playwright
 
@@ -86,6 +87,16 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         found.diagnosis = client.post("/api/v1/diagnoses", files=files).raise_for_status().json()["id"]
     yield found
     server.stop()
+
+
+@contextmanager
+def browsing(site: Site, role: str | None) -> Iterator[httpx.Client]:
+    """What a browser sends, without a browser: asks for HTML, has the cookie, follows nothing."""
+    with site.server.client(None, follow_redirects=False) as client:
+        client.headers["Accept"] = "text/html"
+        if role is not None:
+            client.cookies.set(COOKIE, site.server.keys[role])
+        yield client
 
 
 @dataclass

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 from playwright.sync_api import expect
 
-from tests.web.conftest import Opened, Site
+from tests.web.conftest import Opened, Site, browsing
 
 pytestmark = pytest.mark.browser
 
@@ -98,8 +98,7 @@ def test_hundred_thousand_points_draw_within_a_frame_or_six(opened: Opened, site
 
 
 def test_error_is_a_sentence_with_the_way_out(opened: Opened, site: Site) -> None:
-    with site.server.client(None, headers={"Accept": "text/html"}) as client:
-        client.cookies.set("gearcase_key", site.server.keys["viewer"])
+    with browsing(site, "viewer") as client:
         answer = client.get("/diagnoses/none")
         assert answer.status_code == 404
         assert "no diagnosis has the id" in answer.text
@@ -108,8 +107,7 @@ def test_error_is_a_sentence_with_the_way_out(opened: Opened, site: Site) -> Non
 
 def test_report_is_one_file(site: Site) -> None:
     """The report names no address to fetch anything from, and the PDF is one."""
-    with site.server.client(None) as client:
-        client.cookies.set("gearcase_key", site.server.keys["viewer"])
+    with browsing(site, "viewer") as client:
         page = client.get(f"/diagnoses/{site.diagnosis}/report.html").text
         assert "<script" not in page
         assert "src=" not in page

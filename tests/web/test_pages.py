@@ -8,7 +8,7 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.app.sounds import sound
-from tests.web.conftest import Opened, Site
+from tests.web.conftest import Opened, Site, browsing
 
 pytestmark = pytest.mark.browser
 
@@ -73,8 +73,7 @@ def test_page_fits_a_narrow_screen(opened: Opened, site: Site, path: str) -> Non
 )
 def test_roles_see_what_they_may_do(opened: Opened, site: Site, role: str, refused: tuple[str, ...]) -> None:
     """A role opens its pages, is refused the others in words, and is not offered what it may not do."""
-    with site.server.client(None, headers={"Accept": "text/html"}, follow_redirects=False) as client:
-        client.cookies.set("gearcase_key", site.server.keys[role])
+    with browsing(site, role) as client:
         for path in EVERY_PAGE:
             answer = client.get(address(site, path))
             assert answer.status_code == (403 if path in refused else 200), (role, path)
@@ -87,7 +86,7 @@ def test_roles_see_what_they_may_do(opened: Opened, site: Site, role: str, refus
 
 def test_pages_lead_to_sign_in(site: Site) -> None:
     """Without a key every page but the demonstration leads to the sign-in page, and back afterwards."""
-    with site.server.client(None, headers={"Accept": "text/html"}, follow_redirects=False) as client:
+    with browsing(site, None) as client:
         for path in EVERY_PAGE:
             answer = client.get(address(site, path))
             assert answer.status_code == 303, path
@@ -97,8 +96,7 @@ def test_pages_lead_to_sign_in(site: Site) -> None:
 
 def test_forms_need_the_token(site: Site) -> None:
     """A form that another site made a signed-in browser send is refused, and nothing changes."""
-    with site.server.client(None) as client:
-        client.cookies.set("gearcase_key", site.server.keys["admin"])
+    with browsing(site, "admin") as client:
         answer = client.post("/library/change", data={"action": "retire", "case_id": site.case})
         assert answer.status_code == 403
         made = client.post("/keys", data={"name": "stolen", "role": "admin", "csrf": "0" * 64})
@@ -109,7 +107,7 @@ def test_forms_need_the_token(site: Site) -> None:
 
 
 def test_cookie_is_hidden_from_scripts(site: Site) -> None:
-    with site.server.client(None, follow_redirects=False) as client:
+    with browsing(site, None) as client:
         answer = client.post("/sign-in", data={"key": site.server.keys["viewer"], "next": "//elsewhere.example/"})
     assert answer.headers["location"] == "/"
     cookie = answer.headers["set-cookie"].lower()
@@ -129,7 +127,6 @@ def test_hostile_words_stay_words(opened: Opened, site: Site) -> None:
         with opened("admin", path) as page:
             assert page.title() != "1"
             assert page.locator("img[src=x]").count() == 0
-    with site.server.client(None) as client:
-        client.cookies.set("gearcase_key", site.server.keys["admin"])
+    with browsing(site, "admin") as client:
         table = client.get("/audit.csv").text
     assert not re.search(r'(^|,)"?=', table, re.MULTILINE)

@@ -6,7 +6,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import RedirectResponse, Response
 
-from app.intake import known_axis, take_in
+from app.intake import take_in
 from app.metadata import RecordingMetadata, read_metadata
 from app.security import Principal, check_csrf
 from app.service import Reading, Service, TheService
@@ -72,7 +72,7 @@ def upload(request: Request, principal: PageOperator, upload: TheUpload, service
     upload.only("file", "csrf", "axis", "gearbox", *NUMBERS)
     metadata = read_metadata(json.dumps(told(upload.fields)), RecordingMetadata)
     file = upload.file("file")
-    intake = take_in(file.path, file.name, file.media_type, metadata, known_axis(service.library, metadata.axis))
+    intake = take_in(service.library, file.path, file.name, file.media_type, metadata)
     with service.library.transaction(principal.actor) as session:
         row = intake.store(service.library, session)
         diagnosis = service.library.diagnose(session, row, intake.extraction)

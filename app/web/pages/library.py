@@ -12,7 +12,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from app.errors import Unprocessable
-from app.intake import known_axis, take_in
+from app.intake import take_in
 from app.metadata import CaseMetadata, read_metadata
 from app.security import check_csrf
 from app.service import Reading, TheService
@@ -107,7 +107,7 @@ def add(request: Request, principal: PageAdmin, upload: TheUpload, service: TheS
     check_csrf(request, upload.fields.get("csrf", ""))
     metadata = read_metadata(json.dumps(told(upload.fields, "label", "verified_by")), CaseMetadata)
     file = upload.file("file")
-    intake = take_in(file.path, file.name, file.media_type, metadata, known_axis(service.library, metadata.axis))
+    intake = take_in(service.library, file.path, file.name, file.media_type, metadata)
     with service.library.transaction(principal.actor) as session:
         row = intake.store(service.library, session)
         labelling = Labelling(metadata.label, verified_by=metadata.verified_by)

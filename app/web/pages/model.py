@@ -132,8 +132,7 @@ def simulate(axis: Axis, values: dict[str, float], row: StoredRecording | None, 
         ),
         duration_s=SHOWN_S,
     )
-    samples, _ = scenario.perform()
-    return Recording(samples=samples, sample_rate_hz=SAMPLE_RATE_HZ, channel=0, channels=1)
+    return Recording(samples=scenario.perform(), sample_rate_hz=SAMPLE_RATE_HZ, channel=0, channels=1)
 
 
 def _spectra(sounds: list[tuple[str, Recording]]) -> Chart:
