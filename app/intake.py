@@ -1,11 +1,13 @@
 """A recording comes in: decoded in the limited worker, its features taken, what was said of it kept."""
 
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from sqlalchemy.orm import Session
 
 from app.metadata import RecordingMetadata
+from casebase.audio_store import StoredBytes
 from casebase.axes import find_axis
 from casebase.description import RecordingDescription
 from casebase.library import CaseLibrary
@@ -19,17 +21,21 @@ DEMO = "demo"
 """Kind of the artifact that names the diagnosis and the recording of the demonstration."""
 
 
+KEEPERS = ThreadPoolExecutor(4, thread_name_prefix="keeper")
+"""Waiting for the disk takes no processor: bytes are made durable while features are computed."""
+
+
 @dataclass(frozen=True)
 class Intake:
-    """A recording on its way into the library, from a file that is still where it was."""
+    """A recording on its way into the library: its bytes are on disk, its rows are not yet there."""
 
-    path: Path
+    stored: StoredBytes
     recording: Recording
     extraction: Extraction
     description: RecordingDescription
 
     def store(self, library: CaseLibrary, session: Session) -> StoredRecording:
-        return library.store_recording(session, self.path, self.recording, self.extraction, self.description)
+        return library.store_recording(session, self.stored, self.recording, self.extraction, self.description)
 
 
 def shaft_orders(axis: Axis) -> tuple[float, ...]:
@@ -53,16 +59,32 @@ def known_axis(library: CaseLibrary, name: str | None) -> Axis | None:
     return None if row is None else read_axis(row.document)
 
 
-def take_in(path: Path, name: str, media_type: str, metadata: RecordingMetadata, axis: Axis | None = None) -> Intake:
-    """Decode a file and take its features.
+def take_in(
+    library: CaseLibrary,
+    path: Path,
+    name: str,
+    media_type: str,
+    metadata: RecordingMetadata,
+    axis: Axis | None = None,
+) -> Intake:
+    """Decode a file, take its features and, meanwhile, keep its bytes.
+
+    Args:
+        axis: its description; by default the library's for the name in the metadata, where it has one.
 
     Raises:
         SignalError: what the file or its description has wrong, as `read_recording` and `extract` say.
     """
+    axis = axis or known_axis(library, metadata.axis)
     condition = metadata.condition(
         shaft_orders=shaft_orders(axis) if axis else (), mesh_orders=mesh_orders(axis) if axis else ()
     )
     recording = replace(read_recording(path, channel=metadata.channel), unit=metadata.unit)
+    keeping = KEEPERS.submit(library.audio.put, path)
+    try:
+        extraction = extract(recording, condition)
+    finally:
+        stored = keeping.result()
     extra = metadata.model_dump(
         mode="json", include={"robot", "temperature_degc", "notes", "verified_by"}, exclude_none=True
     )
@@ -75,4 +97,4 @@ def take_in(path: Path, name: str, media_type: str, metadata: RecordingMetadata,
         recorded_at=metadata.recorded_at,
         extra=extra,
     )
-    return Intake(path, recording, extract(recording, condition), description)
+    return Intake(stored, recording, extraction, description)

@@ -6,7 +6,6 @@ from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
-from matplotlib.figure import Figure
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 from scipy import signal
@@ -134,6 +133,8 @@ def crest(recording: Recording, window_s: float) -> CrestFactor:
 
 def spectrogram_png(recording: Recording, columns: int, *, dark: bool = False) -> bytes:
     """Return the spectrogram as a PNG with labelled axes, 80 dB below the loudest point downwards left out."""
+    from matplotlib.figure import Figure  # a second to import, which only the first picture need wait for
+
     frequency, _, level = _spectrogram(recording, columns)
     ink, paper = ("#e6e6e6", "#14181d") if dark else ("#1c2126", "#ffffff")
     figure = Figure(figsize=(9, 3.6), dpi=110, facecolor=paper, layout="constrained")

@@ -15,7 +15,7 @@ from sqlalchemy.orm.exc import StaleDataError
 
 from casebase import audit
 from casebase.artifacts import active_version, similarity_for, similarity_kind, store_similarity
-from casebase.audio_store import AudioStore
+from casebase.audio_store import AudioStore, StoredBytes
 from casebase.database import WRITING, create_engine_for, sqlite_url, strict_json, upgrade_database
 from casebase.description import Labelling, RecordingDescription, check_choice, check_label
 from casebase.diagnoses import get_diagnosis, labelling_from, store_diagnosis
@@ -112,7 +112,7 @@ class CaseLibrary:
     def store_recording(
         self,
         session: Session,
-        source: Path | bytes,
+        source: Path | bytes | StoredBytes,
         recording: Recording,
         extraction: Extraction,
         description: RecordingDescription,
@@ -120,12 +120,12 @@ class CaseLibrary:
         """Keep a recording: audio on disk first, then its rows. The same again is the one that is there.
 
         Args:
-            source: the file as it came, bytes or path.
+            source: the file as it came, bytes or path, or what `audio.put` of it has said already.
             recording: what was decoded from it.
             extraction: its features.
             description: how it was taken.
         """
-        stored = self.audio.put(source)
+        stored = source if isinstance(source, StoredBytes) else self.audio.put(source)
         document = description.to_document()
         fingerprint = _fingerprint(stored.sha256, recording.channel, document)
         existing = session.scalar(select(StoredRecording).where(StoredRecording.fingerprint == fingerprint))

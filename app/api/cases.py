@@ -21,7 +21,7 @@ from app.documents import (
 )
 from app.errors import IfMatchRequired, Stale, validation_problem
 from app.idempotency import Made, Once, OnlyOnce
-from app.intake import known_axis, take_in
+from app.intake import take_in
 from app.metadata import CaseMetadata, read_metadata
 from app.security import Admin, Viewer
 from app.service import Reading, Service, TheService
@@ -78,7 +78,7 @@ def _from_recording(once: Once, request: Request, upload: Upload) -> Response:
     kept = once.replay(*content)
     if kept is not None:
         return kept
-    intake = take_in(file.path, file.name, file.media_type, metadata, known_axis(service.library, metadata.axis))
+    intake = take_in(service.library, file.path, file.name, file.media_type, metadata)
     labelling = Labelling(metadata.label, verified_by=metadata.verified_by, note=metadata.notes)
 
     def work(session: Session) -> Made:

@@ -9,7 +9,7 @@ from sqlalchemy.orm import Session
 from app.accept import chosen
 from app.documents import Cursor, DiagnosisAnswer, DiagnosisChange, Filter, Identifier, Limit, PageOf, page_of
 from app.idempotency import Made, OnlyOnce
-from app.intake import known_axis, take_in
+from app.intake import take_in
 from app.metadata import RecordingMetadata, read_metadata
 from app.report import CONTENT_SECURITY_POLICY, report_page
 from app.security import Operator, Viewer
@@ -36,7 +36,7 @@ def diagnose(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request) -
     kept = once.replay(*content)
     if kept is not None:
         return kept
-    intake = take_in(file.path, file.name, file.media_type, metadata, known_axis(service.library, metadata.axis))
+    intake = take_in(service.library, file.path, file.name, file.media_type, metadata)
 
     def work(session: Session) -> Made:
         row = intake.store(service.library, session)

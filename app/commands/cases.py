@@ -66,7 +66,7 @@ def add(
 
 def _add(library: CaseLibrary, path: Path, metadata: CaseMetadata, axis: Axis | None) -> dict[str, Any]:
     try:
-        intake = take_in(path, path.name, "application/octet-stream", metadata, axis)
+        intake = take_in(library, path, path.name, "application/octet-stream", metadata, axis)
         with library.transaction(ACTOR) as session:
             row = intake.store(library, session)
             case = library.retain(session, row, Labelling(metadata.label, verified_by=metadata.verified_by))

@@ -54,7 +54,7 @@ def diagnose(
 
 def _entry(library: CaseLibrary, path: Path, metadata: RecordingMetadata, axis: Axis | None) -> dict[str, Any]:
     try:
-        intake = take_in(path, path.name, "application/octet-stream", metadata, axis)
+        intake = take_in(library, path, path.name, "application/octet-stream", metadata, axis)
     except (SignalError, OSError) as error:
         return {"file": str(path), "error": sentence(error)}
     with library.transaction(ACTOR) as session:

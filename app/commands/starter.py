@@ -61,7 +61,7 @@ def diagnose_demo(library: CaseLibrary, path: Path) -> None:
     known = RecordingMetadata(
         axis=PAPER_AXIS.name, gearbox="demonstration", speed_rad_s=PAPER_AXIS.motion.load_speed_rad_s, channel=0
     )
-    intake = take_in(path, path.name, "audio/wav", known, PAPER_AXIS)
+    intake = take_in(library, path, path.name, "audio/wav", known, PAPER_AXIS)
     with library.transaction("starter") as session:
         row = intake.store(library, session)
         diagnosis = library.diagnose(session, row, intake.extraction)
