@@ -17,8 +17,8 @@ from typing import Any
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from tests.hidden_effects.bank import BANK_SEED, Entry, full_bank
-from tests.hidden_effects.product import ROOT, investigate
-from tests.hidden_effects.scoring import Scored, judge, tables
+from tests.hidden_effects.product import ROOT, investigate, investigate_folder
+from tests.hidden_effects.scoring import Scored, complete, judge, tables
 
 KEPT = ("verdict", "findings", "unexplained", "parameters", "gain")
 
@@ -70,6 +70,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--group", help="only this group, such as null or mechanics")
     parser.add_argument("--effect", help="only scenarios that hide this, such as backlash")
     parser.add_argument("--peers", action="store_true", help="also PySINDy and i.i.d. BIC on the same runs")
+    parser.add_argument("--folder", type=Path, help="instead: recordings with an answers.json, by the same rule")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "hidden_effects", help="where results are kept")
     return parser.parse_args()
 
@@ -95,20 +96,39 @@ def _run(todo: Sequence[Entry], options: argparse.Namespace, file: Path) -> None
             result = future.result()
             kept.write(json.dumps(result) + "\n")
             kept.flush()
-            judgement = judge(result["answer"], result["document"])
-            hidden = "+".join(h["mechanism"] for h in result["answer"]["hidden"]) or result["answer"]["group"]
-            mark = {"right": "ok   ", "failed": "FAIL "}.get(judgement.outcome, "  -  ")
-            progress.console.print(
-                f"{mark}{result['answer']['id']:>10s} {hidden:36s} {result['answer']['level']:8s}"
-                f" {judgement.outcome:12s} {', '.join(judgement.wrong_names):24s} {result['seconds']:5.1f} s",
-                highlight=False,
-            )
+            progress.console.print(_line(result), highlight=False)
             progress.advance(task)
+
+
+def _line(result: dict[str, Any]) -> str:
+    """Return one run as a line."""
+    answer, judgement = result["answer"], judge(result["answer"], result["document"])
+    hidden = "+".join(h["mechanism"] for h in answer["hidden"]) or answer["group"]
+    mark = {"right": "ok   ", "failed": "FAIL "}.get(judgement.outcome, "  -  ")
+    said = ", ".join(judgement.wrong_names)
+    off = ", ".join(f"{c.name} off by {c.error:.3g}" for c in judgement.sizes if not c.within)
+    return (
+        f"{mark}{answer['id']:>10s} {hidden:36s} {answer['level']:8s} {judgement.outcome:12s}"
+        f" {result['seconds']:5.1f} s {said} {off}"
+    )
+
+
+def _run_folder(folder: Path) -> None:
+    """Run recordings that come with an answers.json."""
+    results = []
+    for given in json.loads((folder / "answers.json").read_text()):
+        said = investigate_folder(folder / given["id"])
+        results.append({"answer": complete(given), "document": said.document, "seconds": said.seconds})
+        print(_line(results[-1]), said.failure or "")
+    print(tables(_judged(results), [r["seconds"] for r in results]))
 
 
 def main() -> None:
     """Run what is wanted and not yet done, then print the tables."""
     options = _arguments()
+    if options.folder:
+        _run_folder(options.folder)
+        return
     options.out.mkdir(parents=True, exist_ok=True)
     file = options.out / f"{_state_of_product()}.jsonl"
     done = _read(file)

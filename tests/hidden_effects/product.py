@@ -53,16 +53,22 @@ def investigate(scenario: Scenario) -> Answer:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         write(scenario, folder)
-        arguments = ["investigate", "--axis", str(folder / "axis.toml"), "--json"]
-        for option, file in (("--telemetry", "telemetry.csv"), ("--sound", "sound.wav")):
-            if (folder / file).exists():
-                arguments += [option, str(folder / file)]
-        start = time.perf_counter()
+        return investigate_folder(folder)
+
+
+def investigate_folder(folder: Path) -> Answer:
+    """Let the product investigate axis.toml with telemetry.csv and sound.wav, whichever the folder holds."""
+    arguments = ["investigate", "--axis", str(folder / "axis.toml"), "--json"]
+    for option, file in (("--telemetry", "telemetry.csv"), ("--sound", "sound.wav")):
+        if (folder / file).exists():
+            arguments += [option, str(folder / file)]
+    start = time.perf_counter()
+    with tempfile.TemporaryDirectory() as own:
         try:
             done = subprocess.run(
                 [*COMMAND, *arguments],
                 cwd=ROOT,
-                env=_environment(folder),
+                env=_environment(Path(own)),
                 capture_output=True,
                 text=True,
                 timeout=TIME_LIMIT_S,
@@ -70,7 +76,7 @@ def investigate(scenario: Scenario) -> Answer:
             )
         except subprocess.TimeoutExpired:
             return Answer(None, f"took longer than {TIME_LIMIT_S} s", float(TIME_LIMIT_S))
-        seconds = time.perf_counter() - start
+    seconds = time.perf_counter() - start
     if done.returncode not in (0, 3):
         return Answer(None, f"exit code {done.returncode}: {done.stderr.strip()[-800:]}", seconds)
     return Answer(json.loads(done.stdout), None, seconds)

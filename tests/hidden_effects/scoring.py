@@ -16,12 +16,7 @@ from typing import Any
 SAID = 0.5
 SIZE_TOLERANCE = 0.15
 ANGLE_TOLERANCE_RAD = math.radians(2.0)
-STRENGTHS = (
-    ("at least the noise", 0.95, math.inf),
-    ("half", 0.42, 0.95),
-    ("third", 0.29, 0.42),
-    ("quarter", 0.0, 0.29),
-)
+STRENGTHS = (("at least the noise", 0.95), ("half", 0.42), ("third", 0.29), ("quarter", 0.0))
 JSON = Mapping[str, Any]
 
 
@@ -66,6 +61,20 @@ def _agrees(finding: JSON, hidden: JSON) -> bool:
     if finding["mechanism"] != hidden["mechanism"]:
         return _names(finding, hidden)
     return hidden["location"] is None or finding.get("location") == hidden["location"]
+
+
+def complete(given: JSON) -> dict[str, Any]:
+    """Return an answer as given in an answers.json (id, answer, size) with all that `judge` wants."""
+    renamed = {"viscous_at_motor_n_m_s_per_rad": "coefficient_n_m_s_per_rad"}
+    size = {renamed.get(name, name): value for name, value in given["size"].items()}
+    hidden = [
+        {"mechanism": mechanism, "location": place, "true_location": place, "size": size, "strength": math.inf}
+        for mechanism, place in given["answer"]
+    ]
+    named = any(h["mechanism"] != "unnamed" for h in hidden)
+    verdict = "named" if named else ("unnamed" if hidden else "nothing_missing")
+    whole = {"hidden": hidden, "size": size, "verdict": verdict, "may_be_unnamed": False, "level": "-"}
+    return {"group": "mechanics" if hidden else "null", **whole, "id": given["id"]}
 
 
 def judge(answer: JSON, document: JSON | None) -> Judgement:
@@ -162,7 +171,7 @@ def strength_of(answer: JSON) -> float:
 
 def _class_of(answer: JSON) -> str:
     strength = strength_of(answer)
-    return next(name for name, low, high in STRENGTHS if low <= strength < high)
+    return next(name for name, low in STRENGTHS if strength >= low)
 
 
 def wilson(right: int, total: int) -> tuple[float, float]:
@@ -241,7 +250,7 @@ def _outcome_lines(scored: Sequence[Scored]) -> list[str]:
         said[what].update(judgement.wrong_names)
     head = f"{'hidden':40s} {'size':18s} " + " ".join(f"{name:>11s}" for name in names)
     lines = ["", head]
-    order = {name: place for place, (name, _, _) in enumerate(STRENGTHS)}
+    order = {name: place for place, (name, _) in enumerate(STRENGTHS)}
     for (what, size), counts in sorted(table.items(), key=lambda item: (item[0][0], order.get(item[0][1], 9))):
         lines.append(f"{what:40s} {size:18s} " + " ".join(f"{counts[name] or '':>11}" for name in names))
     confusions = [f"  {what}: {dict(counts)}" for what, counts in sorted(said.items()) if counts]

@@ -14,7 +14,7 @@ import pytest
 
 from tests.hidden_effects.bank import CALIBRATION_SEEDS, QUICK_BANK, full_bank
 from tests.hidden_effects.generator import EFFECTS, LEVELS, Scenario, draw_recipe, generate, write
-from tests.hidden_effects.generator.effects import Draw, Effect
+from tests.hidden_effects.generator.effect import Draw, Effect
 from tests.hidden_effects.generator.joint import KINDS, Joint, draw_joint
 from tests.hidden_effects.generator.kernel import SERVO_RATE_HZ, TELEMETRY_RATE_HZ
 from tests.hidden_effects.generator.motion import SETTLE_S, Motion, _move, draw_motion

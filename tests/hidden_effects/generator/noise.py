@@ -69,7 +69,7 @@ def draw_noise(rng: np.random.Generator, joint: Joint, style: str, seconds: floa
 
 def motor_encoder(rng: np.random.Generator, angle: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return what a 17-bit motor encoder reads [rad]: its own error once per turn, and steps."""
-    read = angle + 2e-5 * np.cos(angle + rng.uniform(0, 2 * np.pi))
+    read = angle + 4e-6 * np.cos(angle + rng.uniform(0, 2 * np.pi))
     return np.round(read / MOTOR_ENCODER_STEP) * MOTOR_ENCODER_STEP
 
 

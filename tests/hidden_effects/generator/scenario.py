@@ -12,12 +12,15 @@ from numpy.typing import NDArray
 
 from tests.hidden_effects.generator import microphone as mic
 from tests.hidden_effects.generator import noise as noises
-from tests.hidden_effects.generator.effects import EFFECTS, Draw, Effect
+from tests.hidden_effects.generator import recording
+from tests.hidden_effects.generator.effect import Draw, Effect
+from tests.hidden_effects.generator.effects import EFFECTS
 from tests.hidden_effects.generator.joint import Joint, believed, describe, draw_joint
 from tests.hidden_effects.generator.kernel import SERVO_RATE_HZ, TELEMETRY_RATE_HZ
 from tests.hidden_effects.generator.motion import SETTLE_S, Motion, draw_motion
-from tests.hidden_effects.generator.plant import Plant, Run, build_plant, simulate
+from tests.hidden_effects.generator.plant import Plant, build_plant, simulate
 from tests.hidden_effects.generator.recipe import LEVELS, Recipe, draw_recipe
+from tests.hidden_effects.generator.recording import Placed
 from tests.hidden_effects.generator.strength import Gauge, full_amplitude
 
 SOUND_RATE_HZ = mic.SOUND_RATE_HZ
@@ -91,19 +94,6 @@ class Scenario:
         }
 
 
-@dataclass(frozen=True)
-class _Placed:
-    """An effect with its amplitude."""
-
-    effect: Effect
-    amplitude: float
-    strength: float
-
-    def hidden(self) -> Hidden:
-        e = self.effect
-        return Hidden(e.mechanism, e.scored_location, e.location, e.size(self.amplitude), self.strength, e.where)
-
-
 def generate(seed: int, recipe: Recipe | None = None, *, seconds: float = 30.0) -> Scenario:
     """Return the scenario of a seed; without a recipe, it is drawn by the seed as well. The same seed, the same data.
 
@@ -124,10 +114,10 @@ def generate(seed: int, recipe: Recipe | None = None, *, seconds: float = 30.0) 
     for one in placed:
         plant = one.effect.act(plant, one.amplitude)
     run = simulate(plant, motion, seconds, disturbance=noise.load_torque)
-    telemetry = _telemetry(rng, recipe, joint, motion, run, noise, placed) if recipe.telemetry else None
-    sound = _sound(rng, microphone, joint, healthy, run, placed) if recipe.sound else None
+    telemetry = recording.telemetry(rng, recipe, joint, motion, run, noise, placed) if recipe.telemetry else None
+    sound = recording.sound(rng, microphone, joint, healthy, run, placed) if recipe.sound else None
     if telemetry is not None:
-        telemetry = _spoil(rng, telemetry, placed)
+        telemetry = recording.spoil(rng, telemetry, placed)
     wrong = recipe.group == "wrong parameters"
     sheet = believed(
         rng, joint, spread=0.08 if wrong else 0.02, payload=float(rng.choice([-1, 1]) * rng.uniform(0.15, 0.25)) * wrong
@@ -148,20 +138,25 @@ def generate(seed: int, recipe: Recipe | None = None, *, seconds: float = 30.0) 
         axis=axis,
         telemetry=telemetry,
         sound=sound,
-        hidden=tuple(one.hidden() for one in placed),
+        hidden=tuple(_hidden(one) for one in placed),
         verdict="named" if named else ("unnamed" if placed else "nothing_missing"),
         may_be_unnamed=any(one.effect.mechanism == "structural_resonance" for one in placed),
     )
 
 
+def _hidden(one: Placed) -> Hidden:
+    e = one.effect
+    return Hidden(e.mechanism, e.scored_location, e.location, e.size(one.amplitude), one.strength, e.where)
+
+
 def _place(
     rng: np.random.Generator, recipe: Recipe, joint: Joint, motion: Motion, gauge: Gauge, inside: int
-) -> tuple[list[_Placed], Joint, Recipe]:
+) -> tuple[list[Placed], Joint, Recipe]:
     """Draw places and amplitudes; where an effect cannot reach its level it is drawn again, at last at a lower one."""
-    placed: list[_Placed] = []
+    placed: list[Placed] = []
     lowest = recipe.level
     for name in recipe.effects:
-        tried: list[tuple[_Placed, str, Joint]] = []
+        tried: list[tuple[Placed, str, Joint]] = []
         for _ in range(4):
             effect = EFFECTS[name](Draw(rng, joint, motion, recipe.load_encoder, recipe.telemetry, recipe.sound))
             prepared = effect.prepare(joint)
@@ -179,7 +174,7 @@ def _place(
     return placed, joint, replace(recipe, level=lowest)
 
 
-def _sized(gauge: Gauge, plant: Plant, effect: Effect, wanted: str) -> tuple[_Placed, str] | None:
+def _sized(gauge: Gauge, plant: Plant, effect: Effect, wanted: str) -> tuple[Placed, str] | None:
     """Give an effect its amplitude: a level times its full size; the wanted level, or the next that can be reached."""
     if effect.where != "plant":
         return _sized_outside(gauge, effect, LEVELS[wanted]), wanted
@@ -189,128 +184,18 @@ def _sized(gauge: Gauge, plant: Plant, effect: Effect, wanted: str) -> tuple[_Pl
         amplitude = min(LEVELS[level] * full, effect.cap)
         reached = strength(amplitude)
         if reached >= 0.6 * LEVELS[level]:
-            return _Placed(effect, amplitude, reached), level
+            return Placed(effect, amplitude, reached), level
     return None
 
 
-def _sized_outside(gauge: Gauge, effect: Effect, level: float) -> _Placed:
+def _sized_outside(gauge: Gauge, effect: Effect, level: float) -> Placed:
     """Give an effect of sensors, recording or sound its amplitude."""
     if effect.where in ("torque offset", "torque hum"):
-        return _Placed(effect, level * gauge.noise.torque_rms, level)
+        return Placed(effect, level * gauge.noise.torque_rms, level)
     if effect.where == "load encoder":
         amplitude = level * effect.floor
-        return _Placed(effect, amplitude, float(amplitude / np.sqrt(2) / gauge.noise.twist_rms))
-    return _Placed(effect, min(level * effect.guess, effect.cap), level)
-
-
-def _telemetry(
-    rng: np.random.Generator,
-    recipe: Recipe,
-    joint: Joint,
-    motion: Motion,
-    run: Run,
-    noise: noises.Noise,
-    placed: list[_Placed],
-) -> dict[str, NDArray[np.float64]]:
-    """Return what encoders and drive report, without recording faults."""
-    samples = len(run.motor_torque)
-    start, every = round(SETTLE_S * SERVO_RATE_HZ), SERVO_RATE_HZ // TELEMETRY_RATE_HZ
-    telemetry = {"time_s": np.arange(samples) / TELEMETRY_RATE_HZ}
-    if recipe.reference:
-        telemetry["reference_position_rad"] = motion.course[0, start::every][:samples] * joint.ratio
-    telemetry["motor_torque_nm"] = run.motor_torque + noise.measured_torque
-    telemetry["motor_position_rad"] = noises.motor_encoder(rng, run.motor_angle)
-    if recipe.speed_channel:
-        telemetry["motor_speed_rad_s"] = run.motor_speed + 1e-4 * joint.top_speed * joint.ratio * (
-            rng.standard_normal(samples)
-        )
-    if recipe.load_encoder:
-        added = next(
-            ((one.amplitude, one.effect.detail[0]) for one in placed if one.effect.where == "load encoder"),
-            (0.0, 0.0),
-        )
-        telemetry["load_position_rad"] = noises.load_encoder(
-            rng, run.load_angle, joint.encoder_error, added, noise.load_encoder_rms
-        )
-    return telemetry
-
-
-def _spoil(
-    rng: np.random.Generator, telemetry: dict[str, NDArray[np.float64]], placed: list[_Placed]
-) -> dict[str, NDArray[np.float64]]:
-    """Add recording faults in the order in which a recorder would: delay, hum, offset, clipping, lost rows."""
-    time, torque = telemetry["time_s"], telemetry["motor_torque_nm"]
-    order = ("delay", "torque hum", "torque offset", "torque clipped", "lost")
-    for one in sorted((p for p in placed if p.effect.where in order), key=lambda p: order.index(p.effect.where)):
-        where, size = one.effect.where, one.amplitude
-        if where == "delay":
-            late = "load_position_rad" if one.effect.detail[0] else "motor_torque_nm"
-            telemetry[late] = np.interp(time - size, time, telemetry[late])
-            torque = telemetry["motor_torque_nm"]
-        elif where == "torque hum":
-            phases = rng.uniform(0, 2 * np.pi, 3)
-            torque = torque + size * mic.hum(one.effect.detail[0], len(time), TELEMETRY_RATE_HZ, phases)
-        elif where == "torque offset":
-            torque = torque + size * one.effect.detail[0]
-        elif where == "torque clipped":
-            limit = np.quantile(np.abs(torque), 1 - size)
-            torque = np.clip(torque, -limit, limit)
-        telemetry["motor_torque_nm"] = torque
-        if where == "lost":
-            telemetry = _lose(rng, telemetry, size, hold=bool(one.effect.detail[0]))
-    return telemetry
-
-
-def _lose(
-    rng: np.random.Generator, telemetry: dict[str, NDArray[np.float64]], part: float, *, hold: bool
-) -> dict[str, NDArray[np.float64]]:
-    """Lose a part of the rows in short runs: they are missing, or hold the last value."""
-    samples = len(telemetry["time_s"])
-    lost = np.zeros(samples, dtype=bool)
-    while lost.mean() < part:
-        start = int(rng.integers(1, samples - 20))
-        lost[start : start + int(rng.integers(1, 9))] = True
-    if not hold:
-        return {name: values[~lost] for name, values in telemetry.items()}
-    last = np.maximum.accumulate(np.where(lost, 0, np.arange(samples)))
-    return {name: values if name == "time_s" else values[last] for name, values in telemetry.items()}
-
-
-def _mesh_orders(joint: Joint) -> tuple[float, ...]:
-    """Return the tooth contacts per turn of the motor of each stage."""
-    turns, orders = 1.0, []
-    for stage in joint.stages:
-        orders.append(turns * stage.driver_teeth)
-        turns /= stage.ratio
-    return tuple(orders)
-
-
-def _sound(
-    rng: np.random.Generator,
-    microphone: mic.Microphone,
-    joint: Joint,
-    healthy: Run,
-    run: Run,
-    placed: list[_Placed],
-) -> NDArray[np.float64]:
-    """Return what the microphone hears, within -1 to 1; a gearbox in good order has about the rms `loudness`."""
-    shaken = mic.of_gears(microphone, run.force) / np.max(np.abs(mic.of_gears(microphone, healthy.force)))
-    running = mic.of_running(rng, microphone, run.motor_angle, _mesh_orders(joint))
-    heard = microphone.shaking * shaken + running
-    heard += microphone.noise_ratio * mic.background(rng, microphone, len(heard))
-    for one in placed:
-        if one.effect.where == "sound bearing":
-            heard += one.amplitude * mic.of_bearing(rng, microphone, run.motor_angle, one.effect.detail[0])
-        elif one.effect.where == "sound hum":
-            phases = rng.uniform(0, 2 * np.pi, 3)
-            heard += one.amplitude * mic.hum(one.effect.detail[0], len(heard), SOUND_RATE_HZ, phases)
-    heard *= microphone.loudness
-    heard *= min(1.0, 0.9 / np.max(np.abs(heard)))
-    for one in placed:
-        if one.effect.where == "sound clipped":
-            limit = np.quantile(np.abs(heard), 1 - one.amplitude)
-            heard = np.clip(heard, -limit, limit)
-    return heard
+        return Placed(effect, amplitude, float(amplitude / np.sqrt(2) / gauge.noise.twist_rms))
+    return Placed(effect, min(level * effect.guess, effect.cap), level)
 
 
 def write(scenario: Scenario, folder: Path) -> None:

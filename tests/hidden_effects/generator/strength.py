@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from tests.hidden_effects.generator.effects import Effect
+from tests.hidden_effects.generator.effect import Effect
 from tests.hidden_effects.generator.joint import Joint
 from tests.hidden_effects.generator.microphone import Microphone, of_gears
 from tests.hidden_effects.generator.motion import Motion
