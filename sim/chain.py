@@ -49,6 +49,7 @@ from sim.trajectory import Channels, Event, Trajectory
 
 MEMORY_LIMIT_BYTES = 2_000_000_000  # of one result: 43 minutes of three shafts at 8 kHz
 MIN_RATE_OF_SERVO_HZ = 1000.0
+CONTACT, STICK = 0, 1  # kinds in the engine's log
 
 
 @dataclass
@@ -407,29 +408,32 @@ def _position_torque(part: TorqueRipple | Gravity, angle: Array) -> Array:
     return np.asarray(sum(line.amplitude * np.sin(line.order * angle + line.phase) for line in part.lines))
 
 
-def _events(places: list[Place], result: ChainResult) -> list[Event]:
+def _events(places: list[Place], result: ChainResult) -> Iterator[Event]:
     """Contact and sliding as Modelica numbers them; what a component passes through in no time is left out."""
-    merged: list[Event] = []
+    kept: list[Event | None] = []
+    latest: dict[str, int] = {}
     for event in _all_events(places, result):
-        last = next((old for old in reversed(merged) if old.component == event.component), None)
-        if last is not None and last.time_s == event.time_s:
-            merged.remove(last)
+        position = latest.get(event.component)
+        last = None if position is None else kept[position]
+        if position is not None and last is not None and last.time_s == event.time_s:
+            kept[position] = None
             changed = (last.from_mode, event.to_mode, last.from_name, event.to_name)
             event = Event(event.time_s, event.component, *changed)
         if event.from_mode != event.to_mode:
-            merged.append(event)
-    return merged
+            latest[event.component] = len(kept)
+            kept.append(event)
+    return (event for event in kept if event is not None)
 
 
 def _all_events(places: list[Place], result: ChainResult) -> Iterator[Event]:
-    flank = {0: 0, 1: -1, 2: -1, 3: -1, -1: 1, -2: 1, -3: 1}
-    for event in result.events:
-        place = places[event.index]
-        time = float(event.time_s)
-        if event.what == "contact":
-            before, after = flank[event.before], flank[event.after]
-            yield Event(time, place.mesh or "", before, after, CONTACT_NAMES[before], CONTACT_NAMES[after])
-        elif event.what == "stick":
-            name = place.frictions[0] if place.frictions else place.gear or place.inertias[0]
-            names = SLIDING_NAMES[event.before], SLIDING_NAMES[event.after]
-            yield Event(time, name, event.before, event.after, *names)
+    """Of the modes within a contact only its beginning and end count."""
+    meshes = [place.mesh or "" for place in places]
+    sliding = [place.frictions[0] if place.frictions else place.gear or place.inertias[0] for place in places]
+    for time, what, index, before, after in result.log.tolist():
+        if what == CONTACT:
+            old, new = (0 if abs(mode) < 0.5 else -1 if mode > 0 else 1 for mode in (before, after))
+            if old != new:
+                yield Event(time, meshes[int(index)], old, new, CONTACT_NAMES[old], CONTACT_NAMES[new])
+        elif what == STICK:
+            old, new = int(before), int(after)
+            yield Event(time, sliding[int(index)], old, new, SLIDING_NAMES[old], SLIDING_NAMES[new])

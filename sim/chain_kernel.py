@@ -254,7 +254,7 @@ def _advance(t: float, h: float, u: float, du: float, p: Floats, q: Ints, w: Flo
                 w[STAGE + i] = w[Y + i] + sixth * (w[TOTAL + i] + w[RATE + i])
 
 
-@_jit
+@_inline
 def _copy(to: int, row: int, size: int, w: Floats) -> None:
     for i in range(size):
         w[to + i] = w[row + i]
@@ -370,7 +370,7 @@ def _earliest(t: float, h: float, u: float, du: float, p: Floats, q: Ints, w: Fl
     return tau, first
 
 
-@_jit
+@_inline
 def _step(
     t: float, h: float, u: float, du: float, tolerance: float, log: Matrix, count: int, p: Floats, q: Ints, w: Floats
 ) -> tuple[int, int]:
@@ -517,8 +517,11 @@ def run(
         if not last:
             _load_knot(motion, external, i, p, q)
         if q[KIND] == SERVO:
+            before = p[DRIVE]
             integral = _command(servo, reference, i, p, w, integral)
-        if i == 0 or q[KIND] == SERVO:
+            if q[WAY] != 0:
+                w[K1 + 4] += (p[DRIVE] - before) * p[J]
+        if i == 0 or (q[KIND] == SERVO and q[WAY] == 0):
             count = _settle(t, u, grid[3], log, count, p, q, w)
         for k in range(angle.shape[1]):
             angle[i, k] = w[Y + shaft0 + k]
