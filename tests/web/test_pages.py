@@ -20,6 +20,7 @@ VIEWER_PAGES = (
     "/library",
     "/library/map",
     "/library/coverage",
+    "/library/evaluation",
     "/cases/{case}",
     "/axes",
     "/axes/bench",
@@ -27,7 +28,7 @@ VIEWER_PAGES = (
     "/investigations",
 )
 OPERATOR_PAGES = ("/diagnoses/new", "/investigations/new", "/jobs")
-ADMIN_PAGES = ("/library/add", "/keys", "/audit")
+ADMIN_PAGES = ("/library/add", "/library/exchange", "/keys", "/audit")
 EVERY_PAGE = (*VIEWER_PAGES, *OPERATOR_PAGES, *ADMIN_PAGES)
 
 

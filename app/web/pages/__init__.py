@@ -4,7 +4,7 @@ from fastapi import APIRouter, FastAPI
 from fastapi.staticfiles import StaticFiles
 
 from app.web.errors import PageErrors, sign_in_first
-from app.web.pages import admin, axes, diagnoses, investigations, jobs, library, model, recordings, session
+from app.web.pages import admin, axes, care, diagnoses, investigations, jobs, library, model, recordings, session
 from app.web.session import SignInNeeded
 from app.web.templating import STATIC
 
@@ -13,6 +13,7 @@ PAGES: tuple[APIRouter, ...] = (
     diagnoses.router,
     recordings.router,
     library.router,
+    care.router,
     axes.router,
     model.router,
     investigations.router,
