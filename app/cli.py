@@ -19,8 +19,9 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("starter", "app.commands.starter", "Fill an empty library with cases of the paper's axis."),
     ("jobs", "app.commands.jobs", "List, follow, cancel, resume and adopt jobs."),
     ("simulate", "app.commands.simulate", "Simulate an axis: telemetry and sound."),
+    ("investigate", "app.commands.investigate", "Say what the simulation of an axis gets wrong."),
     ("evaluate", "app.commands.evaluate", "Cross-validate the library over its gearboxes."),
-    ("backup", "app.commands.backup", "Write everything into one file."),
+    ("backup", "app.commands.backup", "Write everything into a folder, with checksums."),
     ("restore", "app.commands.restore", "Bring a backup back into an empty data directory."),
     ("doctor", "app.commands.doctor", "Check this installation and say what to do."),
 )

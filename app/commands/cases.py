@@ -12,6 +12,7 @@ from app.commands.frame import ACTOR, frame_of
 from app.documents import CaseAnswer
 from app.intake import take_in
 from app.metadata import CaseMetadata
+from casebase.bundle import export_cases, import_cases
 from casebase.description import Labelling
 from casebase.errors import LibraryError
 from casebase.library import CaseFilter, CaseLibrary
@@ -114,3 +115,37 @@ def _first(library: CaseLibrary, wanted: CaseFilter, limit: int) -> list[CaseAns
             if cursor is None:
                 break
     return found
+
+
+@cases.command("export")
+def export(
+    context: typer.Context,
+    out: Annotated[Path, typer.Argument(metavar="OUT.zip")],
+    label: str | None = None,
+    origin: str | None = None,
+    axis: str | None = None,
+    gearbox: str | None = None,
+) -> None:
+    """Write cases with their recordings into a bundle that another library imports."""
+    frame = frame_of(context)
+    if out.exists():
+        raise FileExistsError(f"{out} exists already; choose another name")
+    wanted = CaseFilter(label=label, origin=origin, axis=axis, gearbox=gearbox)
+    with frame.library() as library, library.reading() as session, frame.words.status("writing"):
+        count = export_cases(library, session, out, wanted)
+    frame.print(f"{out}: {count} cases")
+
+
+@cases.command("import")
+def import_(context: typer.Context, source: Annotated[Path, typer.Argument(metavar="IN.zip")]) -> None:
+    """Take the cases of a bundle into the library; those that are here already stay as they are."""
+    frame = frame_of(context)
+    with frame.library() as library, frame.progress() as progress:
+        task = progress.add_task("importing")
+        done = import_cases(
+            library, source, ACTOR, progress=lambda now, total: progress.update(task, completed=now, total=total)
+        )
+    frame.print(f"{source}: {len(done.case_ids)} new cases, {done.known} were here already")
+    for name, reason in done.refused.items():
+        frame.say(f"{name} refused: {reason}")
+    raise typer.Exit(BAD_INPUT if done.refused else 0)

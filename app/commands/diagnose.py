@@ -42,7 +42,7 @@ def diagnose(
     )
     described = read_axis(axis) if axis else None
     entries = []
-    with frame.library() as library, frame.progress() as progress:
+    with frame.current_library() as library, frame.progress() as progress:
         for path in progress.track(files, description="diagnosing"):
             entries.append(_entry(library, path, metadata, described))
     if json:

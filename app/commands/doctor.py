@@ -7,7 +7,7 @@ from dataclasses import asdict, dataclass
 from typing import Annotated
 
 import typer
-from sqlalchemy import exists, func, select
+from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from app.api.health import FREE_BYTES
@@ -17,10 +17,10 @@ from app.keys import Role
 from casebase.audio_store import sha256_of
 from casebase.errors import NotFoundError
 from casebase.library import CaseLibrary
-from casebase.models import ApiKey, Case, FeatureRow, StoredRecording
+from casebase.models import ApiKey, StoredRecording
+from casebase.renewal import count_outdated
 from casebase.signals.decode import warm_up
 from casebase.signals.errors import DecoderUnavailableError
-from casebase.signals.features import EXTRACTOR_VERSION
 
 
 @dataclass(frozen=True)
@@ -84,12 +84,9 @@ def _cases(library: CaseLibrary, session: Session) -> Iterator[Finding]:
 
 
 def _features(_: CaseLibrary, session: Session) -> Iterator[Finding]:
-    current = exists().where(
-        FeatureRow.recording_id == Case.recording_id, FeatureRow.extractor_version == EXTRACTOR_VERSION
-    )
-    old = session.scalar(select(func.count()).select_from(Case).where(Case.state != "retired", ~current)) or 0
+    old = count_outdated(session)
     fault = "Restart `gearcase serve`: it takes their features again." if old else None
-    yield Finding("features", f"{old} cases have only features of an older extractor", fault)
+    yield Finding("features", f"{old} recordings have only features of an older extractor", fault)
 
 
 def _decoder(_: CaseLibrary, __: Session) -> Iterator[Finding]:

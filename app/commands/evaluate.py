@@ -23,7 +23,7 @@ def evaluate(
 ) -> None:
     """Leave out one gearbox at a time, learn from the others and diagnose it."""
     frame = frame_of(context)
-    with frame.library() as library, library.reading() as session, frame.words.status("cross-validating"):
+    with frame.current_library() as library, frame.words.status("cross-validating"), library.reading() as session:
         found = library.evaluate(session, group=group, origin=origin)
     if json:
         frame.print_json(found.to_document())

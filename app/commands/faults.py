@@ -5,20 +5,20 @@ from pydantic import ValidationError
 from sqlalchemy.exc import OperationalError
 
 from app.cli import BAD_INPUT, FAILURE
-from casebase.errors import BackupError, LibraryError
+from casebase.errors import LibraryError
 from casebase.signals.errors import DecoderUnavailableError, SignalError
 from sim.errors import RunError, SimulationError
 
 CODES: dict[type[Exception], int] = {
     StatusProblem: BAD_INPUT,
     ValidationError: BAD_INPUT,
-    BackupError: FAILURE,
     LibraryError: BAD_INPUT,
     DecoderUnavailableError: FAILURE,
     SignalError: BAD_INPUT,
     RunError: FAILURE,
     SimulationError: BAD_INPUT,
     FileNotFoundError: BAD_INPUT,
+    FileExistsError: BAD_INPUT,
     OSError: FAILURE,
     OperationalError: FAILURE,
 }

@@ -14,6 +14,7 @@ from rich.progress import Progress
 from app.finite import finite
 from app.settings import Settings, settings_of
 from casebase.library import CaseLibrary
+from casebase.renewal import count_outdated, renew
 
 ACTOR = "command line"
 
@@ -54,6 +55,27 @@ class Frame:
             yield library
         finally:
             library.close()
+
+    @contextmanager
+    def current_library(self) -> Iterator[CaseLibrary]:
+        """The local library with all its features by the present extractor."""
+        with self.library() as library:
+            self.renew(library)
+            yield library
+
+    def renew(self, library: CaseLibrary) -> None:
+        """Take the features again of what an older extractor has left, so that no case is missed."""
+        with library.reading() as session:
+            if not count_outdated(session):
+                return
+        with self.progress() as progress:
+            task = progress.add_task("extracting features again")
+            renewed = renew(
+                library, ACTOR, progress=lambda done, total: progress.update(task, completed=done, total=total)
+            )
+        self.say(f"features of {renewed.recordings} recordings taken again by the present extractor")
+        for recording, reason in renewed.failed.items():
+            self.say(f"recording {recording} keeps its old features and is not searched: {reason}")
 
 
 def frame_of(context: typer.Context) -> Frame:

@@ -37,6 +37,7 @@ def serve(
     listening = _listen(host, port)
     service = Service.open(frame.settings, Metrics())
     try:
+        frame.renew(service.library)
         first = _first_key(service)
         configure_logs()
         config = uvicorn.Config(
@@ -112,4 +113,6 @@ def _emptiness(service: Service) -> list[str]:
     return [
         "The library is empty, so every answer will be 'not_in_library'. Fill it with your own recordings:",
         f"  gearcase --data-dir {folder} cases add FILE... --label normal",
+        "or with simulated cases of an example axis:",
+        f"  gearcase --data-dir {folder} starter",
     ]

@@ -158,3 +158,43 @@ def test_doctor_finds_what_is_missing(tmp_path: Path) -> None:
     assert gearcase("doctor", "--thorough", data_dir=folder).code == 1
     audio.unlink()
     assert "missing" in gearcase("doctor", data_dir=folder).stdout
+
+
+def listed(data_dir: Path) -> list[dict[str, object]]:
+    cases = json.loads(gearcase("cases", "list", "--json", data_dir=data_dir).stdout)
+    return sorted(
+        ({"label": case["label"], **case["recording"]} for case in cases), key=lambda case: case["file_sha256"]
+    )
+
+
+def test_exported_cases_are_imported_once(data_dir: Path, tmp_path: Path) -> None:
+    bundle, other = tmp_path / "cases.zip", tmp_path / "other"
+    assert "6 cases" in gearcase("cases", "export", bundle, data_dir=data_dir).stdout
+    assert gearcase("cases", "export", bundle, data_dir=data_dir).code == 2
+    assert "6 new cases" in gearcase("cases", "import", bundle, data_dir=other).stdout
+    assert "0 new cases, 6 were here" in gearcase("cases", "import", bundle, data_dir=other).stdout
+    same = ("label", "file_sha256", "samples_sha256", "gearbox", "file_name", "speed_rad_s")
+    assert [[case[key] for key in same] for case in listed(other)] == [
+        [case[key] for key in same] for case in listed(data_dir)
+    ]
+
+
+def test_backup_comes_back_whole(data_dir: Path, tmp_path: Path) -> None:
+    folder, copy = tmp_path / "backup", tmp_path / "copy"
+    assert gearcase("backup", folder, data_dir=data_dir).code == 0
+    assert gearcase("restore", folder, data_dir=data_dir).code == 2  # not empty
+    assert gearcase("restore", folder, data_dir=copy).code == 0
+    assert listed(copy) == listed(data_dir)
+    words = ("diagnose", data_dir.parent / "notch0.wav", "--gearbox", "g1", "--json")
+    here, there = (json.loads(gearcase(*words, data_dir=each).stdout)[0] for each in (data_dir, copy))
+    assert here["hypotheses"] == there["hypotheses"]
+
+
+def test_damaged_backup_changes_nothing(data_dir: Path, tmp_path: Path) -> None:
+    folder, copy = tmp_path / "backup", tmp_path / "copy"
+    gearcase("backup", folder, data_dir=data_dir)
+    next((folder / "audio").glob("??/*")).write_bytes(b"damaged")
+    done = gearcase("restore", folder, data_dir=copy)
+    assert done.code == 2
+    assert "not whole" in done.stderr
+    assert not copy.exists()

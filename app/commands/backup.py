@@ -1,0 +1,27 @@
+"""`gearcase backup OUT`: database and recordings of a running installation, with checksums."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.commands.frame import frame_of
+from casebase import backup as backups
+from casebase.errors import BackupError
+
+
+def register(app: typer.Typer) -> None:
+    app.command("backup")(backup)
+
+
+def backup(
+    context: typer.Context, out: Annotated[Path, typer.Argument(metavar="OUT", help="a folder to be made")]
+) -> None:
+    """Write everything into a folder, with checksums, and read it back to be sure; the service may run on."""
+    frame = frame_of(context)
+    with frame.library() as library, frame.words.status("copying"):
+        count = backups.backup(library.engine, library.data_dir, out)
+        faults = backups.verify(out)
+    if faults:
+        raise BackupError("the backup does not read back as it was written: " + "; ".join(faults[:5]))
+    frame.print(f"{out}: database and {count} recordings, read back and compared")

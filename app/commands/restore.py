@@ -1,0 +1,23 @@
+"""`gearcase restore IN`: a backup into an empty data directory."""
+
+from pathlib import Path
+from typing import Annotated
+
+import typer
+
+from app.commands.frame import frame_of
+from casebase import backup as backups
+
+
+def register(app: typer.Typer) -> None:
+    app.command("restore")(restore)
+
+
+def restore(
+    context: typer.Context, source: Annotated[Path, typer.Argument(metavar="IN", help="what `backup` has written")]
+) -> None:
+    """Bring a backup back into an empty data directory; a backup that is not whole changes nothing."""
+    frame = frame_of(context)
+    with frame.words.status("restoring"):
+        count = backups.restore(source, frame.settings.data_dir)
+    frame.print(f"{frame.settings.data_dir}: database and {count} recordings")
