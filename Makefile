@@ -9,7 +9,7 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
-.PHONY: setup run test check bench challenge lock clean
+.PHONY: setup run test check bench challenge screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)
 
@@ -30,6 +30,7 @@ $(BENCH_STAMP): $(STAMP) requirements-bench.lock
 	touch $(BENCH_STAMP)
 
 run: setup
+	$(BIN)/gearcase --data-dir $(DATA_DIR) starter
 	$(BIN)/gearcase --data-dir $(DATA_DIR) serve --host $(HOST) --port $(PORT)
 
 test: setup check
@@ -53,6 +54,9 @@ bench: $(BENCH_STAMP)
 
 challenge: setup
 	$(BIN)/python -m tests.hidden_effects
+
+screenshots: setup
+	$(BIN)/python -m docs.screenshots
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis node_modules
