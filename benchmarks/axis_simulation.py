@@ -1,0 +1,76 @@
+"""A robot axis of three shafts with a notch and play, 30 s: engine 2, its sound, its inverse, batches on all cores."""
+
+import os
+import time
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from benchmarks import Row, best_seconds
+from sim.axis import Axis
+from sim.batch import simulate_many
+from sim.chain import chain_of, simulate_chain
+from sim.chain_model import PrescribedMotion
+from sim.chain_run import run_chain
+from sim.measurement import built, measure
+from sim.mechanism import with_mechanism
+from sim.mechanisms import Backlash, ToothDamage
+from sim.paper import PAPER_AXIS
+
+SECONDS, RATE_HZ, TELEMETRY_HZ = 30.0, 8000.0, 2000.0
+RUNS_PER_CORE = 4
+
+
+def faulty_axis() -> Axis:
+    """The paper's axis with both of its faults at the output gear."""
+    with_play = with_mechanism(PAPER_AXIS, Backlash("output", {"gap_rad": 1e-3}))
+    return with_mechanism(with_play, ToothDamage("output", {"angle_rad": 1.1, "depth_rad": 1e-3}))
+
+
+def run() -> list[Row]:
+    """Measure single runs, then the inverse simulation, then batches."""
+    axis = faulty_axis()
+    train = built(axis)
+    calls = {
+        "mechanisms and sound, 8 kHz": partial(measure, axis, SECONDS),
+        "mechanisms alone, 8 kHz": partial(simulate_chain, train, SECONDS, RATE_HZ),
+        "a tenth of the time": partial(measure, axis, SECONDS / 10),
+        "motor angle given, 2 kHz": _inverse(axis),
+    }
+    for call in calls.values():
+        call()
+    best = best_seconds(calls, rounds=7)
+    whole = best["mechanisms and sound, 8 kHz"]
+    rows = [
+        Row(name, seconds, note=f"{length / seconds:.0f} x real time{goal}")
+        for (name, seconds), length, goal in zip(
+            best.items(),
+            (SECONDS, SECONDS, SECONDS / 10, SECONDS),
+            (" (target 200)", "", "", " (target 20 ms)"),
+            strict=True,
+        )
+    ]
+    rows[2] = replace(
+        rows[2], ratio=10 * best["a tenth of the time"] / whole, against="a tenth of 30 s (cost is linear)"
+    )
+    return [*rows, _batch(axis, whole)]
+
+
+def _inverse(axis: Axis) -> partial[object]:
+    """The simulation that an investigation repeats: motor angle given, its torque and the load's angle wanted."""
+    samples = round(SECONDS * TELEMETRY_HZ)
+    angle = measure(axis, SECONDS).telemetry["motor_position_rad"][:samples]
+    motion = PrescribedMotion.from_samples(np.round(angle, 5), TELEMETRY_HZ)
+    return partial(run_chain, chain_of(built(axis).remove("drive")), motion, TELEMETRY_HZ, samples, light=True)
+
+
+def _batch(axis: Axis, single: float) -> Row:
+    cores = os.cpu_count() or 1
+    count = RUNS_PER_CORE * cores
+    axes = [replace(axis, load=replace(axis.load, inertia_kg_m2=20.0 + i)) for i in range(count)]
+    start = time.perf_counter()
+    for _ in simulate_many(axes, SECONDS):
+        pass
+    each = (time.perf_counter() - start) * cores / count
+    return Row(f"batch of {count} on {cores} cores, per run and core", each, each / single, "one run", "target 1.2")
