@@ -67,5 +67,8 @@ def kurtosis(samples: NDArray[np.float32]) -> float:
     """
     centred = samples - samples.mean()
     square = centred * centred
-    variance = float(square.mean())
-    return float(square @ square) / square.size / variance**2 if variance > 0 else math.nan
+    variance = square.mean()
+    if variance == 0:
+        return math.nan
+    square /= variance
+    return float((square @ square) / square.size)

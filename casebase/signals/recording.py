@@ -1,7 +1,9 @@
 """Recording: one channel of sound or vibration as it was decoded."""
 
 import hashlib
+import math
 from dataclasses import dataclass, replace
+from fractions import Fraction
 from functools import cached_property
 
 import numpy as np
@@ -9,6 +11,10 @@ import soxr
 from numpy.typing import NDArray
 
 from casebase.signals.errors import BrokenAudioError
+
+EXTENSION_S = 0.02
+LARGEST = 1e12
+"""Largest magnitude of a sample [unit]; its square must not leave float32."""
 
 SHORTEST_S = 0.05
 """Shortest recording of which anything can be said [s]."""
@@ -26,7 +32,8 @@ class Recording:
         unit: UCUM code of the samples; "1" for an uncalibrated microphone.
 
     Raises:
-        BrokenAudioError: if there are no samples, a sample is not finite, or the rate is not positive.
+        BrokenAudioError: if there are no samples, a sample is not finite or beyond 1e12, or the rate is not
+            positive.
     """
 
     samples: NDArray[np.float32]
@@ -43,9 +50,11 @@ class Recording:
             )
         if not np.isfinite(self.sample_rate_hz) or self.sample_rate_hz <= 0:
             raise BrokenAudioError(f"the sample rate must be positive, got {self.sample_rate_hz} Hz")
-        if not np.isfinite(samples).all():
-            bad = int(np.count_nonzero(~np.isfinite(samples)))
-            raise BrokenAudioError(f"{bad} of {samples.size} samples are not finite numbers; export them again")
+        if not (samples.min() >= -LARGEST and samples.max() <= LARGEST):
+            bad = int(np.count_nonzero(~(np.abs(samples) <= LARGEST)))
+            raise BrokenAudioError(
+                f"{bad} of {samples.size} samples are not finite numbers of at most {LARGEST:g}; export them again"
+            )
         samples.flags.writeable = False
         object.__setattr__(self, "samples", samples)
 
@@ -62,8 +71,17 @@ class Recording:
         return digest.hexdigest()
 
     def resampled(self, rate_hz: float) -> "Recording":
-        """Return the recording at another sample rate [Hz], band-limited by soxr."""
+        """Return the recording at another sample rate [Hz], band-limited by soxr.
+
+        The record is mirrored at both ends first, for soxr takes the outside as silence, and a signal that does not
+        start from zero would start with an impulse.
+        """
         if rate_hz == self.sample_rate_hz:
             return self
-        samples = soxr.resample(self.samples, self.sample_rate_hz, rate_hz, quality="HQ")
-        return replace(self, samples=samples, sample_rate_hz=float(rate_hz))
+        step = Fraction(rate_hz / self.sample_rate_hz).limit_denominator(200_000).denominator
+        lead = step * math.ceil(EXTENSION_S * self.sample_rate_hz / step)
+        extended = np.pad(self.samples, lead, mode="symmetric")
+        resampled = soxr.resample(extended, self.sample_rate_hz, rate_hz, quality="HQ")
+        first = round(lead * rate_hz / self.sample_rate_hz)
+        count = max(1, round(self.samples.size * rate_hz / self.sample_rate_hz))
+        return replace(self, samples=resampled[first : first + count], sample_rate_hz=float(rate_hz))

@@ -90,12 +90,12 @@ def test_the_same_recording_gives_the_same_bytes() -> None:
     assert vector(NOTCH).tobytes() == vector(NOTCH.copy()).tobytes()
 
 
-@settings(deadline=None, max_examples=12)
+@settings(deadline=None, max_examples=16)
 @given(
     seed=st.integers(0, 10**6),
     count=st.integers(400, 30000),
     rate_hz=st.sampled_from([5120.0, 8000.0, 12800.0, 48000.0]),
-    kind=st.sampled_from(["noise", "tone", "steps", "one impulse", "mostly zero"]),
+    kind=st.sampled_from(["noise", "tone", "steps", "one impulse", "mostly zero", "huge", "tiny"]),
 )
 def test_anything_that_is_a_recording_has_features_or_a_reason(
     seed: int, count: int, rate_hz: float, kind: str
@@ -107,6 +107,8 @@ def test_anything_that_is_a_recording_has_features_or_a_reason(
         "steps": np.repeat(rng.normal(size=count // 50 + 1), 50)[:count],
         "one impulse": np.eye(1, count, count // 3)[0],
         "mostly zero": np.where(np.arange(count) < 50, 1.0, 0.0) * rng.normal(size=count),
+        "huge": 1e11 * rng.normal(size=count),
+        "tiny": 1e-30 * rng.normal(size=count),
     }[kind]
     if count / rate_hz < 0.05:
         with pytest.raises(BrokenAudioError, match="at least 50 ms"):

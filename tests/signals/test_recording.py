@@ -25,6 +25,22 @@ def test_a_tone_stays_the_same_tone_at_another_rate(frequency_hz: float, rate_hz
     assert there.sample_rate_hz == 8000.0
     inside = slice(400, min(there.samples.size, 8000) - 400)
     np.testing.assert_allclose(there.samples[inside], expected.samples[inside], atol=2e-3)
+    assert there.duration_s == pytest.approx(tone(frequency_hz, rate_hz).duration_s, abs=1 / 8000)
+
+
+@settings(deadline=None, max_examples=25)
+@given(
+    rate_hz=st.sampled_from([2000.0, 5120.0, 12345.6, 16000.0, 44100.0, 47999.0, 96000.0]),
+    frequency_hz=st.floats(0.1, 40),
+    phase=st.floats(0, 6.3),
+)
+def test_resampling_makes_no_impulse_at_the_edges(rate_hz: float, frequency_hz: float, phase: float) -> None:
+    """A smooth signal on a large offset, so at full level when the recording starts."""
+    time = np.arange(int(0.5 * rate_hz)) / rate_hz
+    samples = (0.7 + 0.2 * np.cos(2 * np.pi * frequency_hz * time + phase)).astype(np.float32)
+    there = Recording(samples, rate_hz).resampled(8000.0).samples
+    exact = 0.7 + 0.2 * np.cos(2 * np.pi * frequency_hz * np.arange(there.size) / 8000 + phase)
+    assert np.abs(there - exact).max() < 0.01
 
 
 def test_the_hash_follows_samples_and_rate_alone() -> None:
@@ -44,6 +60,7 @@ def test_the_hash_follows_samples_and_rate_alone() -> None:
         (np.zeros(0), 8000.0, "shape"),
         (np.zeros((2, 3)), 8000.0, "shape"),
         (np.array([0.0, np.nan]), 8000.0, "1 of 2"),
+        (np.array([0.0, 1e20]), 8000.0, "1 of 2"),
         (np.zeros(9), 0.0, "positive"),
         (np.zeros(9), np.nan, "positive"),
     ],
