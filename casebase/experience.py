@@ -54,9 +54,12 @@ class Experience:
     threshold: float | None
 
     @property
-    def error_rate(self) -> float:
-        """Expected share of wrong votes, by Laplace's rule of succession: never zero."""
-        return (self.errors + 1) / (self.truth.size + 2)
+    def doubt(self) -> float:
+        """Error rate that as many cases without any error still allow, by Laplace's rule of succession.
+
+        The errors that were made are in the sharpness of the votes already.
+        """
+        return 1 / (self.truth.size + 2)
 
     def judge(self, nearest: Floats, novelty: float) -> Judgement:
         """Return probabilities and p-values for one query.
@@ -76,11 +79,11 @@ class Experience:
         )
 
     def _probabilities(self, shares: Floats) -> Floats:
-        """Return shares of votes mixed with ignorance, so that none promises more than the error rate allows."""
+        """Return shares of votes mixed with ignorance, so that a small library never is certain."""
         count = len(self.classes)
         if count == 1:
-            return np.array([1 - self.error_rate])
-        ignorance = min(1.0, self.error_rate * count / (count - 1))
+            return np.array([1 - self.doubt])
+        ignorance = min(1.0, self.doubt * count / (count - 1))
         return np.asarray((1 - ignorance) * shares + ignorance / count)
 
     def _p_values(self, strange: Floats) -> Floats:

@@ -16,12 +16,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
-from scipy.special import logsumexp
 
 from casebase.priors import prior_weights
 from casebase.retrieval import CaseTable
 from casebase.similarity import Floats, Metric, pooled_scales
-from casebase.voting import balance, fitted_sharpness, log_votes, nearest_of_classes
+from casebase.voting import balance, fitted_sharpness, log_sum_exp, log_votes, nearest_of_classes
 
 FOLDS = 10
 LARGEST_SAMPLE = 160
@@ -115,12 +114,11 @@ class _Sample:
 
 def learn(table: CaseTable) -> Similarity:
     """Learn weights from a table of cases; deterministic."""
-    prior = prior_weights(table.names)
-    center, scale = pooled_scales(table.values, table.labels)
-    metric = Metric(table.names, center, scale, prior)
     small = too_small(table)
     if small is not None:
-        return _similarity(table, metric, (), None, None, None, f"physical priors: {small}")
+        return unlearned(table, small)
+    metric = unlearned(table, "to start from").metric
+    prior = metric.weights
     sample = _sampled(table, metric)
     count = int(sample.folds.max()) + 1
     trials = [_trial(sample, prior, strength, count) for strength in (None, *STRENGTHS)]
@@ -140,6 +138,13 @@ def learn(table: CaseTable) -> Similarity:
         float(share @ losses[np.isfinite(losses)]),
         "physical priors scored best" if strength is None else f"learned, drawn to the priors by {strength}",
     )
+
+
+def unlearned(table: CaseTable, reason: str) -> Similarity:
+    """Return the physical priors as they are."""
+    center, scale = pooled_scales(table.values, table.labels)
+    metric = Metric(table.names, center, scale, prior_weights(table.names))
+    return _similarity(table, metric, (), None, None, None, f"physical priors: {reason}")
 
 
 def too_small(table: CaseTable) -> str | None:
@@ -269,8 +274,7 @@ def _fit(sample: _Sample, rows: NDArray[np.bool_], prior: Floats, strength: floa
         squares = (flat @ weights.astype(np.float32)).reshape(truth.size, -1).astype(np.float64)
         exponent = np.where(allowed, -sharp * squares - log_size, -np.inf)[usable]
         mine = np.where(own[usable], exponent, -np.inf)
-        all_sum = logsumexp(exponent, axis=1, keepdims=True)
-        own_sum = logsumexp(mine, axis=1, keepdims=True)
+        all_sum, own_sum = log_sum_exp(exponent)[:, None], log_sum_exp(mine)[:, None]
         pull = np.zeros_like(squares)
         pull[usable] = shares[usable, None] * (np.exp(mine - own_sum) - np.exp(exponent - all_sum))
         slope = pull.astype(np.float32).ravel() @ flat
@@ -283,7 +287,7 @@ def _fit(sample: _Sample, rows: NDArray[np.bool_], prior: Floats, strength: floa
 
     start = np.zeros(int(free.sum()) + 1)
     bounds = [(-LARGEST_BEND, LARGEST_BEND)] * start.size
-    found = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 40})
+    found = minimize(loss, start, jac=True, method="L-BFGS-B", bounds=bounds, options={"maxiter": 30})
     weights = np.zeros_like(prior)
     weights[free] = prior[free] * np.exp(found.x[:-1])
     return np.asarray(weights / weights.sum())

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from scipy.stats import t as student
 
 from casebase.priors import kind_weights, repeatability
-from casebase.similarity import Floats, pooled_scales, robust_scales
+from casebase.similarity import Floats, column_quantiles, pooled_scales, robust_scales
 
 BASELINES = ("normal", "healthy")
 """Labels of gears without a fault."""
@@ -85,7 +85,8 @@ def known_ranges(names: tuple[str, ...], values: NDArray[np.floating], labels: N
     center, scale = _normal_scale(values, labels, normal)
     ranges = {}
     for label in np.unique(labels):
-        low, high = _quantiles(spread_out(values[labels == label], LARGEST_CLASS))
+        shown = np.asarray(spread_out(values[labels == label], LARGEST_CLASS), np.float64)
+        low, high = column_quantiles(shown, (TAIL, 1 - TAIL))
         if normal.any() and label not in BASELINES:
             low, high = (
                 low - GROWTH * np.fmax(center - low, 0.0),
@@ -126,13 +127,6 @@ def spread_out(rows: NDArray[Any], most: int) -> NDArray[Any]:
     if len(rows) <= most:
         return rows
     return rows[np.linspace(0, len(rows) - 1, most).astype(np.intp)]
-
-
-def _quantiles(values: NDArray[np.floating]) -> tuple[Floats, Floats]:
-    low, high = np.full(values.shape[1], np.nan), np.full(values.shape[1], np.nan)
-    known = np.isfinite(values).any(axis=0)
-    low[known], high[known] = np.nanquantile(values[:, known], [TAIL, 1 - TAIL], axis=0)
-    return low, high
 
 
 def novelty_limit(distances: Floats) -> float | None:

@@ -80,22 +80,34 @@ def robust_scales(values: NDArray[np.floating]) -> tuple[Floats, Floats]:
     Source: Rousseeuw and Croux, Alternatives to the Median Absolute Deviation, JASA 88 (1993).
     """
     values = np.asarray(values, dtype=np.float64)
-    center, scale = np.zeros(values.shape[1]), np.ones(values.shape[1])
-    for column in range(values.shape[1]):
-        known = values[np.isfinite(values[:, column]), column]
-        if known.size:
-            center[column] = np.median(known)
-            scale[column] = _spread(known, center[column])
-    return center, scale
+    known = np.isfinite(values).any(axis=0)
+    (center,) = column_quantiles(values, (0.5,))
+    deviations = values - center
+    scale = NORMAL_CONSISTENT * column_quantiles(np.abs(deviations), (0.5,))[0]
+    smallest = SMALLEST_SCALE * np.maximum(1.0, np.abs(np.where(known, center, 0.0)))
+    flat = known & ~(scale > smallest)
+    if flat.any():
+        scale[flat] = np.nanstd(values[:, flat], axis=0)
+    return np.where(known, center, 0.0), np.where(known & (scale > smallest), scale, 1.0)
 
 
-def _spread(known: Floats, middle: float) -> float:
-    smallest = SMALLEST_SCALE * max(1.0, abs(middle))
-    deviation = NORMAL_CONSISTENT * float(np.median(np.abs(known - middle)))
-    if deviation > smallest:
-        return deviation
-    deviation = float(np.std(known))
-    return deviation if deviation > smallest else 1.0
+def column_quantiles(values: NDArray[np.floating], shares: tuple[float, ...]) -> Floats:
+    """Return quantiles of every column by linear interpolation, NaN left out (and NaN of nothing), shape (shares, n).
+
+    As `numpy.nanquantile`, which takes a hundred times as long on the small tables that are usual here.
+    """
+    if not len(values):
+        return np.full((len(shares), values.shape[1]), np.nan)
+    ordered = np.sort(values, axis=0)
+    last = np.isfinite(values).sum(axis=0) - 1
+    columns = np.arange(values.shape[1])
+    quantiles = np.empty((len(shares), values.shape[1]))
+    for index, share in enumerate(shares):
+        place = np.maximum(share * last, 0.0)
+        below = np.floor(place).astype(np.intp)
+        low, high = ordered[below, columns], ordered[np.minimum(below + 1, np.maximum(last, 0)), columns]
+        quantiles[index] = low + (place - below) * (high - low)
+    return quantiles
 
 
 def pooled_scales(values: NDArray[np.floating], labels: NDArray[np.str_]) -> tuple[Floats, Floats]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from casebase.library import CaseLibrary
 from casebase.retrieval import CaseMatrix, CaseTable, load_table
-from casebase.similarity import LIMIT, Metric, robust_scales
+from casebase.similarity import LIMIT, Metric, column_quantiles, robust_scales
 from tests.library.made import VERSION, add_case, store
 
 
@@ -111,6 +111,15 @@ def test_close_cases_far_from_the_origin_are_told_apart() -> None:
     found = CaseMatrix(table, metric_of(1)).search(query, 3)
     truth = np.abs(table.values[:, 0].astype(np.float64) - query[0])
     np.testing.assert_allclose([m.distance for m in found], np.sort(truth)[:3], atol=1e-7)
+
+
+def test_column_quantiles_are_those_of_numpy() -> None:
+    generator = np.random.default_rng(4)
+    values = generator.normal(size=(23, 40))
+    values[generator.random(values.shape) < 0.3] = np.nan
+    shares = (0.0, 0.02, 0.5, 0.9, 1.0)
+    np.testing.assert_allclose(column_quantiles(values, shares), np.nanquantile(values, shares, axis=0))
+    assert np.isnan(column_quantiles(np.full((3, 1), np.nan), (0.5,))).all()
 
 
 def test_robust_scale_ignores_an_outlier_and_never_is_zero() -> None:

@@ -1,0 +1,155 @@
+"""Evaluate: what is counted, with which interval, and what must not leak."""
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from casebase.errors import InvalidRequestError
+from casebase.evaluation import Proportion, evaluate
+from casebase.learning import learn
+from casebase.retrieval import CaseTable
+from casebase.similarity import Metric
+from casebase.voting import fitted_sharpness, log_votes, nearest_of_classes
+
+SIZE = 10
+
+
+def made_table(seed: int, gearboxes: int = 5, shift: float = 8.0, classes: int = 3) -> CaseTable:
+    """Return two cases per class and gearbox; class c > 0 is marked in feature c; feature 9 knows the gearbox."""
+    generator = np.random.default_rng(seed)
+    values, labels, serials = [], [], []
+    for gearbox in range(gearboxes):
+        for kind in [*range(classes)] * 2:
+            row = generator.normal(size=SIZE)
+            row[kind] += shift * (kind > 0)
+            row[9] = 20.0 * gearbox + 0.01 * row[9]
+            values.append(row)
+            labels.append(("normal", "notch", "play")[kind])
+            serials.append(f"g{gearbox}")
+    return table_of(np.array(values), labels, serials)
+
+
+def table_of(values: NDArray[np.float64], labels: list[str], gearboxes: list[str]) -> CaseTable:
+    """Return a table of measured cases."""
+    ids = np.array([f"{row:032x}" for row in range(len(labels))])
+    axes, origins = np.array(["a"] * len(labels)), np.array(["measured"] * len(labels))
+    names = tuple(f"f{column}" for column in range(values.shape[1]))
+    columns = (np.array(labels), origins, axes, np.array(gearboxes), ids)
+    return CaseTable(1, "made", names, ids, *columns, values.astype(np.float32))
+
+
+@pytest.mark.parametrize(("right", "of"), [(0, 10), (5, 10), (10, 10), (29, 30)])
+def test_wilson_interval_solves_its_equation(right: int, of: int) -> None:
+    low, high = Proportion(right, of).interval
+    for bound in (low, high):
+        if 0 < bound < 1:
+            deviation = abs(right / of - bound) / np.sqrt(bound * (1 - bound) / of)
+            assert deviation == pytest.approx(1.959964, abs=1e-5)
+    assert low <= right / of <= high
+
+
+def test_nothing_counted_is_no_number() -> None:
+    assert Proportion(0, 0).value is None
+    assert Proportion(0, 0).interval == (0.0, 1.0)
+
+
+def test_classes_far_apart_are_found_in_unseen_gearboxes() -> None:
+    result = evaluate(made_table(1))
+    assert result.accuracy.value is not None
+    assert result.accuracy.value >= 0.9
+    assert result.gearboxes == 5
+    assert result.cases == 30
+    document = result.to_document()
+    assert sum(sum(row.values()) for row in document["confusion"].values()) == 30  # type: ignore[attr-defined]
+
+
+def test_classes_that_do_not_differ_are_not_found() -> None:
+    shares = [evaluate(made_table(seed, shift=0.0)).accuracy.value for seed in range(3)]
+    assert 0.12 < np.mean([share for share in shares if share is not None]) < 0.52
+
+
+def test_a_gearbox_never_votes_for_itself() -> None:
+    """Labels that are drawn per gearbox can be recited by anyone who has seen the gearbox, and by nobody else."""
+    generator = np.random.default_rng(3)
+    values = np.repeat(generator.normal(size=(12, SIZE)) * 50, 3, axis=0) + generator.normal(size=(36, SIZE)) * 0.01
+    labels = np.repeat(generator.permutation(["normal", "notch"] * 6), 3).tolist()
+    table = table_of(values, labels, [f"g{row // 3}" for row in range(36)])
+    by_gearbox, by_case = evaluate(table), evaluate(table, group="case")
+    assert by_case.accuracy.value == 1.0
+    assert by_gearbox.accuracy.value is not None
+    assert by_gearbox.accuracy.value < 0.85
+
+
+def test_a_class_left_out_is_called_new_more_often_than_known_ones() -> None:
+    result = evaluate(made_table(2, shift=12.0))
+    assert result.called_new.value is not None
+    assert result.called_new.value <= 0.1
+    for share in result.left_out.values():
+        if share.of:
+            assert share.value is not None
+    assert (result.left_out["notch"].value or 0) >= 0.8
+
+
+def test_simulated_cases_are_learned_from_but_not_tested_where_there_are_measured_ones() -> None:
+    table = made_table(4)
+    origins = table.origins.astype("U9")
+    origins[np.isin(table.gearboxes, ["g0", "g1"])] = "simulated"
+    mixed = CaseTable(1, "made", table.names, table.ids, table.labels, origins, *table.text[3:], table.values)
+    for origin in ("measured", "simulated", "both"):
+        assert evaluate(mixed, origin=origin).cases == 18
+
+
+def test_unknown_groups_are_refused() -> None:
+    with pytest.raises(InvalidRequestError, match="one of gearbox"):
+        evaluate(made_table(1), group="colour")
+    with pytest.raises(InvalidRequestError, match="measured, simulated"):
+        evaluate(made_table(1), origin="guessed")
+
+
+def test_learning_finds_the_features_that_matter() -> None:
+    """With twenty noisy features and a large library the two that carry the classes get most of the weight."""
+    generator = np.random.default_rng(0)
+    labels = ["normal", "notch", "play"] * 40
+    values = generator.normal(size=(120, 20))
+    for row, label in enumerate(labels):
+        values[row, 0] += 3.0 * (label == "notch")
+        values[row, 1] += 3.0 * (label == "play")
+    similarity = learn(table_of(values, labels, [f"g{row // 12}" for row in range(120)]))
+    weights = similarity.metric.weights
+    assert similarity.strength is not None
+    assert set(np.argsort(weights)[-2:]) == {0, 1}
+    assert similarity.score is not None
+    assert similarity.score > 0.8
+
+
+def test_learning_is_deterministic_and_survives_storage() -> None:
+    table = made_table(6)
+    first, second = learn(table), learn(table)
+    np.testing.assert_array_equal(first.metric.weights, second.metric.weights)
+    again = type(first).from_document(first.to_document(), table.names)
+    assert again.to_document() == first.to_document()
+    assert isinstance(again.metric, Metric)
+
+
+def test_probabilities_are_calibrated_on_unseen_gearboxes() -> None:
+    """Over many small libraries, recordings said with a mean probability are right that often, within 0.1."""
+    said, right = [], []
+    for seed in range(4):
+        outcomes = evaluate(made_table(seed, shift=3.0)).outcomes
+        said += [each.probability for each in outcomes]
+        right += [each.best == each.truth for each in outcomes]
+    assert np.mean(said) == pytest.approx(np.mean(right), abs=0.1)
+
+
+def test_votes_of_a_class_do_not_grow_with_its_size() -> None:
+    squares = np.array([[1.0] * 50 + [1.0]])
+    labels = np.array(["normal"] * 50 + ["notch"])
+    nearest = nearest_of_classes(squares, labels, ("normal", "notch"))
+    np.testing.assert_allclose(np.exp(log_votes(nearest, 3.0)), [[0.5, 0.5]])
+
+
+def test_useless_votes_are_given_no_sharpness() -> None:
+    generator = np.random.default_rng(1)
+    nearest = np.sort(generator.random((200, 2, 3)), axis=-1)
+    sharpness = fitted_sharpness(nearest, generator.integers(0, 2, 200))
+    assert np.exp(log_votes(nearest, sharpness)).max() < 0.7
