@@ -26,6 +26,7 @@ Ints = list[int]
 Matrix = NDArray[np.float64]
 
 TWO_PI = 2.0 * math.pi
+# range() with a step divides, which costs more than the loop: hence while
 # p; J and ETA1 hold the reciprocals
 WIDTH, LINKS, DRIVE, EXT, ROWS = 16, 64, 112, 120, 128
 (J, COULOMB_F, COULOMB_B, VISCOUS_F, VISCOUS_B, STRIBECK, STRIBECK_W, STRIBECK_EXP, DRIFT, GRAVITY, PHASE,
@@ -55,7 +56,7 @@ _inline = njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"}, no
 @_inline
 def _sincos(x: float) -> tuple[float, float]:
     """Sine and cosine together, to 1e-15 for |x| < 1e6 (reduction of Cody and Waite, then Taylor to order 15)."""
-    k = math.floor(x * 0.6366197723675814 + 0.5)
+    k = (x * 0.6366197723675814 + 6755399441055744.0) - 6755399441055744.0  # to the nearest whole number
     r = ((x - k * 1.5707963267341256) - k * 6.077100506303966e-11) - k * 2.0222662487959506e-21
     q = r * r
     s = q * (1.6059043836821613e-10 - q * 7.647163731819816e-13) - 2.505210838544172e-8
@@ -65,11 +66,8 @@ def _sincos(x: float) -> tuple[float, float]:
     c = q * (q * c + 2.48015873015873e-5) - 1.388888888888889e-3
     c = 1.0 + q * (q * (q * c + 4.1666666666666664e-2) - 0.5)
     n = int(k)
-    if n & 1:
-        s, c = c, -s
-    if n & 2:
-        return -s, -c
-    return s, c
+    sign = 1.0 - (n & 2)
+    return sign * (c if n & 1 else s), sign * (-s if n & 1 else c)
 
 
 @_jit
@@ -77,7 +75,8 @@ def _dent(k: int, side: float, p: Floats, q: Ints, w: Floats) -> tuple[float, fl
     """Missing material [rad at the driven gear] on one flank of link k, and its rate."""
     depth = 0.0
     rate = 0.0
-    for j in range(q[DENTS + k], q[DENTS + k + 1], ROW):
+    j = q[DENTS + k]
+    while j < q[DENTS + k + 1]:
         if p[j + 4] == side:
             shaft = int(p[j])
             r = w[STAGE + shaft] - p[j + 1]
@@ -87,6 +86,7 @@ def _dent(k: int, side: float, p: Floats, q: Ints, w: Floats) -> tuple[float, fl
                 cube = p[j + 3] * room * room * room
                 depth += cube * room
                 rate -= 8.0 * cube * u * w[STAGE + 4 + shaft] * p[j + 2]
+        j += ROW
     return depth, rate
 
 
@@ -158,13 +158,17 @@ def _link(k: int, p: Floats, q: Ints, w: Floats) -> float:
     a = LINKS + WIDTH * k
     x = w[STAGE + k] * p[a + INV] - w[STAGE + k + 1]
     xd = w[STAGE + 4 + k] * p[a + INV] - w[STAGE + 5 + k]
-    for j in range(q[LINES + k], q[LINES + k + 1], ROW):
+    j = q[LINES + k]
+    while j < q[LINES + k + 1]:
         s, c = _sincos(p[j + 1] * w[STAGE + int(p[j])] + p[j + 3])
         x -= p[j + 2] * s
         xd -= p[j + 2] * p[j + 1] * w[STAGE + 4 + int(p[j])] * c
+        j += ROW
     stiffness = p[a + C]
-    for j in range(q[WAVES + k], q[WAVES + k + 1], ROW):
+    j = q[WAVES + k]
+    while j < q[WAVES + k + 1]:
         stiffness += p[a + C] * p[j + 2] * _sincos(p[j + 1] * w[STAGE + int(p[j])] + p[j + 3])[1]
+        j += ROW
     force = _contact(k, x, xd, stiffness, p, q, w)
     if p[a + HYST] != 0.0:
         z = w[STAGE + 8 + k]
@@ -227,9 +231,11 @@ def _rates(t: float, u: float, p: Floats, q: Ints, w: Floats) -> None:
             net += _drive_torque(t, u, p)
         if p[s + GRAVITY] != 0.0:
             net -= p[s + GRAVITY] * _sincos(w[STAGE + k] + p[s + PHASE])[0]
-        for j in range(q[RIPPLES], q[RIPPLES + 1], ROW):
+        j = q[RIPPLES]
+        while j < q[RIPPLES + 1]:
             if int(p[j + 4]) == k:
                 net += p[j + 2] * _sincos(p[j + 1] * w[STAGE + int(p[j])] + p[j + 3])[0]
+            j += ROW
         w[RATE + 4 + k] = _shaft(k, net, n - 1, t, p, q, w)
 
 
@@ -345,14 +351,14 @@ def _locate(m: int, t: float, h: float, value: float, u: float, du: float, p: Fl
             at_a = w[MARGIN + m]
             at_b *= 0.5 if last == 1 else 1.0
             last = 1
-        if b - a <= 1e-12 * h or abs(w[MARGIN + m]) <= 1e-14 * abs(value):
+        if b - a <= 1e-12 * h or abs(w[MARGIN + m]) <= 1e-12 * abs(value):
             break
     return tau
 
 
 @_jit
 def _earliest(t: float, h: float, u: float, du: float, p: Floats, q: Ints, w: Floats) -> tuple[float, int]:
-    """(length, margin) of the first that runs out within a step whose end values are in AT_END."""
+    """(length, margin) of the first that runs out within a step whose end values are in AT_END; STAGE is left there."""
     tau = h
     first = -1
     for m in range(MARGINS):
@@ -388,7 +394,6 @@ def _step(
         _copy(AT_END, MARGIN, MARGINS, w)
         tau, m = _earliest(t, left, u, part, p, q, w)
         if tau > 0.0:
-            _advance(t, tau, u, part * tau / left, p, q, w)
             _copy(Y, STAGE, STATES, w)
             t += tau
             u += part * tau / left
@@ -408,9 +413,11 @@ def _motor_torque(acceleration: float, u: float, width: float, t: float, p: Floa
     torque = acceleration / p[J] - p[OFFSET] - p[EXT] - u * p[EXT + 1]
     torque += p[GRAVITY] * math.sin(w[Y + 0] + p[PHASE])
     torque += ahead * _friction(0, speed, 1, t, p) + (1.0 - ahead) * _friction(0, speed, -1, t, p)
-    for j in range(q[RIPPLES], q[RIPPLES + 1], ROW):
+    j = q[RIPPLES]
+    while j < q[RIPPLES + 1]:
         if int(p[j + 4]) == 0:
             torque -= p[j + 2] * math.sin(p[j + 1] * w[Y + int(p[j])] + p[j + 3])
+        j += ROW
     if q[SHAFTS] == 1:
         return float(torque)
     load = w[FORCE + 0] * p[LINKS + INV]
@@ -457,8 +464,10 @@ def _initial_modes(p: Floats, q: Ints, w: Floats) -> None:
     for k in range(q[SHAFTS] - 1):
         a = LINKS + WIDTH * k
         x = w[Y + k] * p[a + INV] - w[Y + k + 1]
-        for j in range(q[LINES + k], q[LINES + k + 1], ROW):
+        j = q[LINES + k]
+        while j < q[LINES + k + 1]:
             x -= p[j + 2] * math.sin(p[j + 1] * w[Y + int(p[j])] + p[j + 3])
+            j += ROW
         ahead = x - p[a + HALF] - _dent(k, 1.0, p, q, w)[0]
         back = -x - p[a + HALF] - _dent(k, -1.0, p, q, w)[0]
         mode = NORMAL if ahead > 0.0 else (-NORMAL if back > 0.0 else GAP)
