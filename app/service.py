@@ -3,7 +3,6 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
-from threading import Lock
 from typing import Annotated
 
 from fastapi import Depends, Request
@@ -12,6 +11,7 @@ from limits.storage import MemoryStorage
 from limits.strategies import MovingWindowRateLimiter
 from sqlalchemy.orm import Session
 
+from app.evaluations import Evaluations
 from app.job_kinds import open_jobs
 from app.jobs import Jobs
 from app.metrics import Metrics
@@ -28,8 +28,6 @@ class Service:
     library: CaseLibrary
     metrics: Metrics
     limiter: MovingWindowRateLimiter = field(default_factory=lambda: MovingWindowRateLimiter(MemoryStorage()))
-    _evaluations: dict[tuple[int, str, str], Evaluation] = field(default_factory=dict, repr=False)
-    _evaluating: Lock = field(default_factory=Lock, repr=False)
 
     @classmethod
     def open(cls, settings: Settings, metrics: Metrics) -> "Service":
@@ -37,14 +35,16 @@ class Service:
         return cls(settings, CaseLibrary.open(settings.data_dir, settings.database_url), metrics)
 
     def evaluation(self, session: Session, group: str, origin: str) -> Evaluation:
-        """The library's cross-validation, computed once for each state of the library."""
-        with self._evaluating:
-            key = (self.library.version(session), group, origin)
-            if key not in self._evaluations:
-                for old in [each for each in self._evaluations if each[0] != key[0]]:
-                    del self._evaluations[old]
-                self._evaluations[key] = self.library.evaluate(session, group=group, origin=origin)
-            return self._evaluations[key]
+        """The library's cross-validation as it is now.
+
+        Raises:
+            Unavailable: if it is not ready yet.
+        """
+        return self.evaluations.get(self.library.version(session), group, origin)
+
+    @cached_property
+    def evaluations(self) -> Evaluations:
+        return Evaluations(self.library)
 
     @cached_property
     def jobs(self) -> Jobs:

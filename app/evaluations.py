@@ -1,0 +1,50 @@
+"""Cross-validations of the library: computed once for each state of it, beside the requests that ask."""
+
+from concurrent.futures import Future
+from threading import Lock, Thread
+
+from app.errors import Unavailable
+from casebase.errors import LibraryError
+from casebase.evaluation import Evaluation
+from casebase.library import CaseLibrary
+
+WAIT_S = 25.0
+
+
+class Evaluations:
+    """The evaluations of one library. A large one takes minutes: who asks for it waits a while, then is told so."""
+
+    def __init__(self, library: CaseLibrary) -> None:
+        self._library = library
+        self._lock = Lock()
+        self._found: dict[tuple[int, str, str], Future[Evaluation]] = {}
+
+    def get(self, version: int, group: str, origin: str) -> Evaluation:
+        """Return the evaluation of the library at this version.
+
+        Raises:
+            Unavailable: if it is not ready yet.
+        """
+        key = (version, group, origin)
+        with self._lock:
+            if key not in self._found:
+                self._found = {kept: found for kept, found in self._found.items() if kept[0] == version}
+                self._found[key] = Future()
+                Thread(target=self._compute, args=(key, self._found[key]), daemon=True).start()
+            found = self._found[key]
+        try:
+            return found.result(WAIT_S)
+        except TimeoutError:
+            raise Unavailable(
+                "The cross-validation of this library takes longer than a request may; ask again in a minute.",
+                headers={"Retry-After": "60"},
+            ) from None
+
+    def _compute(self, key: tuple[int, str, str], found: Future[Evaluation]) -> None:
+        try:
+            with self._library.reading() as session:
+                found.set_result(self._library.evaluate(session, group=key[1], origin=key[2]))
+        except LibraryError as error:
+            found.set_exception(error)
+        finally:
+            found.cancel()  # does nothing to what is done; a fault of ours must not keep anybody waiting
