@@ -15,6 +15,7 @@ from casebase.models import Case, Extractor, FeatureRow, LibraryCounter, StoredR
 from casebase.similarity import Floats, Metric
 
 BLOCK = 256
+EPSILON = float(np.finfo(np.float32).eps)
 Mask = NDArray[np.bool_]
 
 
@@ -147,8 +148,9 @@ class CaseMatrix:
         self.table, self.metric = table, metric
         scaled = metric.scaled(table.values)
         self.missing = np.isnan(scaled)
-        root = np.sqrt(metric.weights)
-        self.matrix = np.where(self.missing, 0.0, scaled * root).astype(np.float32)
+        self._root = np.sqrt(metric.weights)
+        self._gappy = bool(self.missing.any())
+        self.matrix = np.where(self.missing, 0.0, scaled * self._root).astype(np.float32)
         self._offsets: dict[bytes, NDArray[np.float32]] = {}
 
     def search(self, query: NDArray[np.floating], k: int, *, where: Mask | None = None) -> tuple[Match, ...]:
@@ -159,30 +161,67 @@ class CaseMatrix:
             k: how many at most.
             where: shape (cases,), the cases that may be found; all by default.
         """
-        point, factor = self._point(query)
-        squares = self._squares(point, np.isfinite(query))
+        rows, sums, parts = self._nearest(query, k, where)
+        return tuple(
+            self._match(int(row), part, float(total)) for row, part, total in zip(rows, parts, sums, strict=True)
+        )
+
+    def nearest_rows(
+        self, query: NDArray[np.floating], k: int, *, where: Mask | None = None
+    ) -> tuple[NDArray[np.intp], Floats]:
+        """Return the rows of the k nearest cases and their distances, without saying why; else as `search`."""
+        rows, sums, _ = self._nearest(query, k, where)
+        return rows, np.sqrt(sums)
+
+    def nearest_of_many(self, queries: NDArray[np.floating], k: int) -> tuple[NDArray[np.intp], Floats]:
+        """Return rows and distances of the k nearest cases of many queries, shape (queries, min(k, cases)) each.
+
+        Args:
+            queries: shape (queries, n), no feature missing.
+        """
+        points = self.metric.scaled(queries) * np.sqrt(self.metric.weights)
+        present = np.ones(points.shape[1], dtype=bool)
+        squares = (-2.0 * points).astype(np.float32) @ self.matrix.T
+        squares += self._offset(present)
+        found = []
+        for point, line in zip(points, squares, strict=True):
+            rows = self._candidates(line, k, point)
+            sums = self._parts(point, present, rows).sum(axis=1)
+            order = np.argsort(sums, kind="stable")[:k]
+            found.append((rows[order], np.sqrt(sums[order])))
+        return np.stack([rows for rows, _ in found]), np.stack([distances for _, distances in found])
+
+    def _nearest(
+        self, query: NDArray[np.floating], k: int, where: Mask | None
+    ) -> tuple[NDArray[np.intp], Floats, Floats]:
+        """Return rows, squared distances and their parts, nearest first."""
+        present = np.isfinite(query)
+        point, factor = self._point(query, present)
+        squares = self._squares(point, present)
         if where is not None:
             squares = np.where(where, squares, np.float32(np.inf))
         rows = self._candidates(squares, k, point)
         if where is not None:
             rows = rows[where[rows]]
-        parts = self._parts(point, np.isfinite(query), rows) * factor
-        sums = np.array([math.fsum(row) for row in parts])
+        parts = self._parts(point, present, rows) * factor
+        sums = parts.sum(axis=1)
         order = np.argsort(sums, kind="stable")[:k]
-        return tuple(self._match(int(rows[each]), parts[each], float(sums[each])) for each in order)
+        return rows[order], sums[order], parts[order]
 
     def squared_distances(self, query: NDArray[np.floating]) -> Floats:
         """Return the squared distance to every case, shape (cases,), to float32 accuracy."""
-        point, factor = self._point(query)
-        squares = self._squares(point, np.isfinite(query)).astype(np.float64) + float(point @ point)
+        present = np.isfinite(query)
+        point, factor = self._point(query, present)
+        squares = self._squares(point, present).astype(np.float64) + float(point @ point)
         return np.maximum(squares * factor, 0.0)
 
-    def _point(self, query: NDArray[np.floating]) -> tuple[Floats, float]:
+    def _point(self, query: NDArray[np.floating], present: Mask) -> tuple[Floats, float]:
         """Return the query times the roots of the weights, zero where missing, and what brings weights to 1."""
-        present = np.isfinite(query)
+        point = self.metric.scaled(query) * self._root
+        if present.all():
+            return point, 1.0
         weight = float(self.metric.weights[present].sum())
-        point = np.where(present, self.metric.scaled(query) * np.sqrt(self.metric.weights), 0.0)
-        return point, (1.0 / weight if weight > 0 else 0.0)
+        return np.where(present, point, 0.0), (1.0 / weight if weight > 0 else 0.0)
 
     def _squares(self, point: Floats, present: Mask) -> NDArray[np.float32]:
         squares: NDArray[np.float32] = self.matrix @ (-2.0 * point).astype(np.float32)
@@ -213,13 +252,18 @@ class CaseMatrix:
         else:
             bound = float(np.partition(squares, k - 1)[k - 1])
         size = float(point @ point) + abs(bound)
-        rounding = 4.0 * np.finfo(np.float32).eps * math.sqrt(point.size) * (2.0 * size + 1.0)
+        rounding = 4.0 * EPSILON * math.sqrt(point.size) * (2.0 * size + 1.0)
         return np.flatnonzero(squares <= bound + rounding)
 
     def _parts(self, point: Floats, present: Mask, rows: NDArray[np.intp]) -> Floats:
-        parts = (self.matrix[rows].astype(np.float64) - point.astype(np.float32)) ** 2
-        parts += self.missing[rows] * self.metric.weights
-        return np.asarray(parts * present)
+        parts = self.matrix[rows].astype(np.float64)
+        parts -= point.astype(np.float32)
+        parts *= parts
+        if self._gappy:
+            parts += self.missing[rows] * self.metric.weights
+        if not present.all():
+            parts *= present
+        return parts
 
     def _match(self, row: int, parts: Floats, square: float) -> Match:
         distance = math.sqrt(square)

@@ -73,8 +73,10 @@ def test_large_and_small_tables_select_alike(seed: int) -> None:
     query = generator.normal(size=8)
     table, metric = table_of(values), metric_of(8)
     found = [match.case_id for match in CaseMatrix(table, metric).search(query, 7)]
+    many = CaseMatrix(table, metric).nearest_of_many(np.stack([query, -query]), 7)[0]
     nearest = np.argsort(((table.values.astype(np.float64) - query) ** 2).sum(axis=1))[:7]
     assert found == [str(table.ids[row]) for row in nearest]
+    assert many[0].tolist() == nearest.tolist()
 
 
 def test_contributions_add_up_to_the_distance_exactly() -> None:

@@ -1,0 +1,103 @@
+"""Exact search for the ten nearest cases, beside NumPy's bare product, scikit-learn, faiss and cbrkit."""
+
+from collections.abc import Callable
+
+import numpy as np
+from numpy.typing import NDArray
+
+from benchmarks import Row, best_seconds
+from casebase.retrieval import CaseMatrix, CaseTable
+from casebase.signals.features import catalogue
+from casebase.similarity import Metric
+
+SIZES = (1_000, 10_000, 100_000)
+NEAREST = 10
+TOGETHER = 32
+SLOWEST_PEER = 10_000
+BARE = "bare product"
+Vectors = NDArray[np.float32]
+
+
+def made_matrix(values: Vectors) -> CaseMatrix:
+    """Return our matrix of these vectors, under a metric that weighs all alike."""
+    count, size = values.shape
+    names = tuple(f"f{column}" for column in range(size))
+    ids, word = np.array([f"{row:032x}" for row in range(count)]), np.array(["x"] * count)
+    table = CaseTable(1, "made", names, ids, word, word, word, word, ids, values)
+    return CaseMatrix(table, Metric(names, np.zeros(size), np.ones(size), np.full(size, 1 / size)))
+
+
+def scikit_learn(values: Vectors) -> Callable[[Vectors], list[int]]:
+    """Return scikit-learn's brute force."""
+    from sklearn.neighbors import NearestNeighbors
+
+    model = NearestNeighbors(n_neighbors=NEAREST, algorithm="brute").fit(values)
+    return lambda query: model.kneighbors(query[None], return_distance=False)[0].tolist()
+
+
+def faiss_flat(values: Vectors) -> Callable[[Vectors], list[int]]:
+    """Return faiss's exact index."""
+    import faiss
+
+    index = faiss.IndexFlatL2(values.shape[1])
+    index.add(values)
+    return lambda query: index.search(query[None], NEAREST)[1][0].tolist()
+
+
+def cbrkit_linear(values: Vectors) -> Callable[[Vectors], list[int]]:
+    """Return cbrkit's retrieval with the negative squared distance as similarity."""
+    import cbrkit
+
+    casebase = dict(enumerate(values))
+
+    def similarity(case: Vectors, query: Vectors) -> float:
+        difference = case - query
+        return -float(difference @ difference)
+
+    retriever = cbrkit.retrieval.build(similarity, limit=NEAREST)
+    return lambda query: list(cbrkit.retrieval.apply(casebase, query, retriever).ranking)
+
+
+def compared(count: int, size: int) -> list[Row]:
+    """Return the rows of one size; raises RuntimeError if anybody finds other cases than the others."""
+    generator = np.random.default_rng(count)
+    values = generator.normal(size=(count, size)).astype(np.float32)
+    query = generator.normal(size=size).astype(np.float32)
+    queries = generator.normal(size=(TOGETHER, size)).astype(np.float32)
+    matrix = made_matrix(values)
+    finders: dict[str, Callable[[Vectors], list[int]]] = {
+        "gearcase": lambda point: matrix.nearest_rows(point, NEAREST)[0].tolist(),
+        "scikit-learn brute force": scikit_learn(values),
+        "faiss flat": faiss_flat(values),
+    }
+    if count <= SLOWEST_PEER:
+        finders["cbrkit"] = cbrkit_linear(values)
+    found = {name: sorted(find(query)) for name, find in finders.items()}
+    if len({tuple(rows) for rows in found.values()}) != 1:
+        raise RuntimeError(f"not all found the same cases: {found}")
+    calls: dict[str, Callable[[], object]] = {BARE: lambda: values @ query}
+    calls |= {name: lambda find=find: find(query) for name, find in finders.items()}
+    calls[f"gearcase, {TOGETHER} queries in one call, each"] = lambda: matrix.nearest_of_many(queries, NEAREST)
+    best = best_seconds(calls, rounds=40 if count < SIZES[-1] else 15)
+    many = next(name for name in best if "in one call" in name)
+    best[many] /= TOGETHER
+    return [_row(count, name, seconds, best) for name, seconds in best.items()]
+
+
+def _row(count: int, name: str, seconds: float, best: dict[str, float]) -> Row:
+    note = ""
+    if name.startswith("gearcase"):
+        note = f"{best['scikit-learn brute force'] / seconds:.1f} x as fast as scikit-learn"
+    return Row(f"{count} cases: {name}", seconds, seconds / best[BARE], BARE, note)
+
+
+def run() -> list[Row]:
+    """Measure every size at the real number of features."""
+    size = len(catalogue())
+    return [row for count in SIZES for row in compared(count, size)]
+
+
+if __name__ == "__main__":
+    from benchmarks import table
+
+    print(table(__doc__, run()))
