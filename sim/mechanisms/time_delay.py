@@ -14,7 +14,7 @@ class TimeDelay(Measurement):
     """The channels of one shaft come late."""
 
     name: ClassVar[str] = "time_delay"
-    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", 0.0, 1.0, 2e-3),)
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", -1.0, 1.0, 2e-3),)
     size: ClassVar[str] = "delay_s"
     signature: ClassVar[Signature] = Signature("recording", grows_with="speed")
     equations: ClassVar[str] = "measured(t) = true(t - delay)"
