@@ -18,8 +18,8 @@ from sim.scenario import Scenario
 from sim.sound import SAMPLE_RATE_HZ, Microphone
 
 BAND_HZ = (12.0, 200.0)  # the paper's low-pass, and above what a microphone turns into sound
-JUST_HEARD = 4.0  # over the RMS of the rest: noise of this band itself peaks at 4.4 in 10 s
-PLAINLY_HEARD = 16.0
+JUST_HEARD = 3.0  # over the RMS of the rest; noise of this band itself peaks at 4.4 in 10 s, but not at one place
+WELL_HEARD = 6.0  # what would drown is brought between the two
 QUIETEST = 1 / 30  # how far noise is lowered at most
 
 
@@ -47,7 +47,7 @@ def perform_fault(scenario: Scenario) -> Heard:
     ratio = _ratio(scenario, run, rest)
     if ratio < JUST_HEARD:
         random = np.random.default_rng(scenario.noise_seed)
-        wanted = JUST_HEARD * (PLAINLY_HEARD / JUST_HEARD) ** random.random()
+        wanted = JUST_HEARD * (WELL_HEARD / JUST_HEARD) ** random.random()
         scenario = replace(scenario, microphone=_nearer(scenario.microphone, max(ratio / wanted, QUIETEST)))
         ratio = _ratio(scenario, run, rest)
     return Heard(scenario.hear(run), scenario, ratio)

@@ -24,7 +24,7 @@ from sim.errors import ParameterError
 
 Array = NDArray[np.float64]
 SAMPLE_RATE_HZ = 8000.0  # the paper's
-LOWEST_NOISE_HZ = 5.0  # below, a microphone hears nothing and ambient noise no longer rises
+LOWEST_NOISE_HZ = 5.0  # below, ambient noise no longer rises
 
 
 @dataclass(frozen=True)
@@ -52,6 +52,9 @@ class Microphone:
         Resonances of the housing; without any the force itself is heard.
     gain
         Full scale per N m at the output that excites a mode of amplitude 1 and damping ratio 0.5 at its resonance.
+    lowest_hz
+        Below it nothing is heard [Hz], fourth order: two for a housing that is small against the wavelength, two for
+        the microphone. What an arm swings with is felt, not heard.
     mesh_weights
         How loud each mesh is, motor side first; one value stands for all.
     rubbing_n_m, rubbing_exponent
@@ -63,6 +66,7 @@ class Microphone:
 
     modes: tuple[Mode, ...] = ()
     gain: float = 1.0
+    lowest_hz: float = 30.0
     mesh_weights: tuple[float, ...] = (1.0,)
     rubbing_n_m: float = 0.0
     rubbing_exponent: float = 1.0
@@ -70,25 +74,27 @@ class Microphone:
     ambient_slope: float = 1.0
 
     def __post_init__(self) -> None:
-        for name in ("rubbing_n_m", "ambient_n_m", "gain"):
+        for name in ("rubbing_n_m", "ambient_n_m", "gain", "lowest_hz"):
             value = getattr(self, name)
             if not (math.isfinite(value) and value >= 0):
                 raise ParameterError(f"microphone.{name}: must be >= 0, got {value}")
 
     def path(self, frequency_hz: Array) -> NDArray[np.complex128]:
-        """H at the given frequencies [Hz], shape (n,).
+        """H and the microphone's high-pass at the given frequencies [Hz], shape (n,).
 
         >>> heard = Microphone(modes=(Mode(100.0, 0.05, 2.0),)).path(np.array([0.0, 100.0, 1e6]))
-        >>> [round(float(abs(value)), 3) for value in heard]
-        [0.0, 20.0, 0.0]
+        >>> [round(float(abs(value)), 2) for value in heard]
+        [0.0, 19.84, 0.0]
         """
+        ratio = 1j * frequency_hz / self.lowest_hz
+        high_pass = (ratio**2 / (1 + math.sqrt(2) * ratio + ratio**2)) ** 2
         if not self.modes:
-            return np.ones(len(frequency_hz), dtype=np.complex128)
+            return np.asarray(high_pass)
         answer = np.zeros(len(frequency_hz), dtype=np.complex128)
         for mode in self.modes:
             s = 1j * frequency_hz / mode.frequency_hz
             answer += mode.amplitude * s / (1 + 2 * mode.damping_ratio * s + s**2)
-        return answer
+        return answer * high_pass
 
     def with_mode(self, mode: Mode) -> Microphone:
         """The microphone with one more resonance."""

@@ -5,7 +5,7 @@ import sys
 import time
 from pathlib import Path
 
-from app.jobs import Json, JobKind, Report, run_worker, stop_on_signals
+from app.jobs import JobKind, Json, Report, run_worker, stop_on_signals
 
 
 def plan(parameters: dict[str, Json]) -> list[dict[str, Json]]:

@@ -1,0 +1,76 @@
+"""Plans fill the space, grow without changing, and repeat; faults in them are heard."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.audibility import JUST_HEARD, perform_fault
+from sim.design import DEPTH_RAD, GAP_RAD, plan
+from sim.errors import ParameterError
+from sim.paper import PAPER_AXIS
+from sim.scenario import scenario_of
+from sim.specimen import Specimen
+
+
+def test_a_longer_plan_contains_the_shorter_one() -> None:
+    short, long = plan(PAPER_AXIS, {"play": 5}, 3), plan(PAPER_AXIS, {"play": 12}, 3)
+    assert long[:5] == short
+
+
+def test_seeds_make_different_plans() -> None:
+    assert plan(PAPER_AXIS, {"notch": 3}, 0) != plan(PAPER_AXIS, {"notch": 3}, 1)
+
+
+def test_sizes_fill_their_range_evenly() -> None:
+    for label, span in (("play", GAP_RAD), ("notch", DEPTH_RAD)):
+        sizes = [each.size for each in plan(PAPER_AXIS, {label: 64}) if each.size is not None]
+        place = np.log(np.array(sizes) / span.low) / np.log(span.high / span.low)
+        counts, _ = np.histogram(place, bins=8, range=(0.0, 1.0))
+        assert counts.sum() == 64
+        assert counts.min() >= 6, "every eighth of the range holds about eight of 64 points"
+
+
+def test_normal_cases_have_no_fault_and_both_flanks_are_notched() -> None:
+    planned = plan(PAPER_AXIS, {"normal": 4, "notch": 32})
+    assert all(each.mechanism is None for each in planned[:4])
+    flanks = [each.mechanism.parameters["flank"] for each in planned[4:] if each.mechanism]
+    assert 10 < sum(flank > 0 for flank in flanks) < 22
+
+
+def test_an_unknown_label_is_refused_with_the_nearest() -> None:
+    with pytest.raises(ParameterError, match="notch"):
+        plan(PAPER_AXIS, {"notsh": 1})
+
+
+def test_a_scenario_survives_json_and_sounds_the_same() -> None:
+    scenario = plan(PAPER_AXIS, {"notch": 1}, duration_s=1.0)[0].scenario
+    again = scenario_of(json.loads(json.dumps(scenario.to_mapping())))
+    np.testing.assert_array_equal(scenario.perform(), again.perform())
+
+
+def test_a_notch_is_passed_by_its_flank_only() -> None:
+    """Damage on the flank that carries no torque while moving one way is silent that way: the other flank hears it."""
+    planned = plan(PAPER_AXIS, {"notch": 1}, duration_s=2.0)[0]
+    entry = planned.mechanism
+    assert entry is not None
+    base = replace(planned.scenario, axis=replace(planned.scenario.axis, mechanisms=()), specimen=Specimen(5, 0.0))
+    healthy = base.simulate().force_n_m[:, -1]
+    ways = []
+    for flank in (1.0, -1.0):
+        damaged = replace(entry, parameters={**entry.parameters, "flank": flank, "depth_rad": 3e-4})
+        run = replace(base, axis=replace(base.axis, mechanisms=(damaged,))).simulate()
+        hit = np.abs(run.force_n_m[:, -1] - healthy)
+        first = int(np.argmax(hit > 0.2 * hit.max()))
+        ways.append(np.sign(healthy[first]))
+    assert ways == [1.0, -1.0]
+
+
+def test_a_planned_fault_is_heard() -> None:
+    for label in ("play", "notch"):
+        planned = plan(PAPER_AXIS, {label: 2}, 5, duration_s=4.0)[1]
+        heard = perform_fault(planned.scenario)
+        assert heard.ratio > 0.5 * JUST_HEARD
+        louder = replace(planned.scenario, microphone=replace(planned.scenario.microphone, rubbing_n_m=1e3))
+        assert perform_fault(louder).scenario.microphone.rubbing_n_m < 1e3, "what would drown is heard from nearer"

@@ -1,0 +1,73 @@
+"""Generated cases: into the library once, with their origin, however often and by whomever they are generated."""
+
+from pathlib import Path
+
+import pytest
+from sqlalchemy import func, select
+
+from app.generation import Campaign, generate, key_of, simulations
+from app.settings import Settings
+from casebase.library import CaseFilter, CaseLibrary
+from casebase.models import Case
+from casebase.severity import PARAMETERS
+from sim.errors import ParameterError
+from sim.paper import PAPER_AXIS
+from sim.scenario import MODEL_VERSION, scenario_of
+
+COUNTS = {"normal": 2, "play": 1, "notch": 1}
+CAMPAIGN = Campaign(PAPER_AXIS, COUNTS, seed=4, duration_s=3.0)
+
+
+def _count(library: CaseLibrary) -> int:
+    with library.reading() as session:
+        return session.scalars(select(func.count()).select_from(Case)).one()
+
+
+def test_generated_twice_is_there_once(tmp_path: Path) -> None:
+    library = CaseLibrary.open(tmp_path)
+    done: list[int] = []
+    first = generate(library, CAMPAIGN, processes=1, batch="a", advance=done.append)
+    assert (first.new, first.known, sum(done), _count(library)) == (4, 0, 4, 4)
+    again = generate(library, CAMPAIGN, processes=1, batch="b", advance=done.append)
+    assert (again.new, again.known, sum(done), _count(library)) == (0, 4, 8, 4)
+    with library.reading() as session:
+        cases = library.cases(session, CaseFilter(origin="simulated")).items
+    library.close()
+    assert sorted(case.label for case in cases) == ["normal", "normal", "notch", "play"]
+    for case in cases:
+        assert (case.origin, case.model_version) == ("simulated", MODEL_VERSION)
+        assert case.recording.axis == PAPER_AXIS.name
+        mechanism = {"normal": None, "play": "backlash", "notch": "tooth_damage"}[case.label]
+        assert case.mechanism == mechanism
+        if case.label != "normal":
+            assert case.severity == case.parameters[PARAMETERS[case.label]]
+        assert scenario_of(case.parameters["scenario"]).duration_s == 3.0  # type: ignore[arg-type]
+
+
+def test_a_task_of_the_job_can_be_repeated(tmp_path: Path) -> None:
+    kind = simulations(Settings(data_dir=tmp_path))
+    parameters = CAMPAIGN.to_document()
+    tasks = kind.plan(parameters)
+    results = [kind.run(task, lambda _stage, _fraction: None) for task in (*tasks, tasks[0])]
+    assert results == [{"new": 4, "known": 0}, {"new": 0, "known": 4}]
+    assert kind.finish(parameters, results[:1]) == {"new": 4, "known": 0, "counts": COUNTS}
+    library = CaseLibrary.open(tmp_path)
+    assert _count(library) == 4
+    library.close()
+
+
+def test_keys_depend_on_everything_that_is_heard() -> None:
+    plain = {key_of(each.scenario) for each in CAMPAIGN.planned()}
+    assert len(plain) == 4
+    other = Campaign(PAPER_AXIS, COUNTS, seed=4, duration_s=4.0)
+    assert plain.isdisjoint(key_of(each.scenario) for each in other.planned())
+    assert plain == {key_of(each.scenario) for each in Campaign.from_document(CAMPAIGN.to_document()).planned()}
+
+
+def test_wrong_campaigns_are_refused() -> None:
+    with pytest.raises(ParameterError, match="cases can be generated at a time"):
+        Campaign(PAPER_AXIS, {"normal": 0})
+    with pytest.raises(ParameterError, match="duration_s: must be 1 to 120 s"):
+        Campaign(PAPER_AXIS, {"normal": 1}, duration_s=0.1)
+    with pytest.raises(ParameterError, match="cannot be generated"):
+        Campaign(PAPER_AXIS, {"rust": 1})
