@@ -38,6 +38,7 @@ LONGEST_STEP_S = 0.02
 CHECKS = 8
 """Points within a step at which inequalities are looked at."""
 MOST_EVENTS_AT_ONCE = 50
+MOST_STEPS = 2000
 
 
 @dataclass
@@ -185,8 +186,14 @@ class RungeKutta:
     def _segment(self, time: float, x: Array, bound: float) -> tuple[float, Array, frozenset[int] | None]:
         """Integrate until an inequality breaks or `bound`: time, state there, and whose inequality."""
         solver = self._solver(time, x, bound)
+        steps = 0
         while solver.status == "running":
             message = solver.step()
+            steps += 1
+            if steps > MOST_STEPS and solver.t - time < steps * 1e-9:
+                raise RunError(
+                    f"the motion at {solver.t:.9g} s needs steps below a nanosecond; is a torque not continuous?"
+                )
             if message is not None:
                 raise RunError(f"the step size vanished at {solver.t:.9g} s: {message}")
             dense = solver.dense_output()

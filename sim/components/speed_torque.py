@@ -77,12 +77,17 @@ class InverseSpeedDependentTorque(SpeedDependentTorque):
         return False
 
     def branches(self, v: Variables) -> tuple[Branch, ...]:
-        w = v.now(v.w("flange") - v.w("support"))
-        if abs(w) < self.w0:
-            tau = self.tau_nominal * (self.w_nominal if self.TorqueDirection else w) / self.w0
-        else:
-            tau = self.tau_nominal * self.w_nominal / (abs(w) if self.TorqueDirection else w)
-        return (driving(v, tau * v.one),)
+        row = v.w("flange") - v.w("support")
+        w, limit = v.now(row), self.w0 * v.one
+        size = max(abs(w), self.w0)
+        slow = self.tau_nominal * (self.w_nominal if self.TorqueDirection else w) / self.w0
+        fast = self.tau_nominal * self.w_nominal / size
+        backward = fast if self.TorqueDirection else -fast
+        return (
+            driving(v, slow * v.one, (limit - row, limit + row)),
+            driving(v, fast * v.one, (row - limit,)),
+            driving(v, backward * v.one, (-row - limit,)),
+        )
 
 
 @dataclass(frozen=True)

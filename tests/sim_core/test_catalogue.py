@@ -1,0 +1,131 @@
+"""What every component and every signal of the catalogue must keep to."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from sim.affine_system import System
+from sim.component import Component, Signal
+from sim.components import (
+    COMPONENTS,
+    Accelerate,
+    BearingFriction,
+    Brake,
+    Clutch,
+    Constant,
+    ConstantSpeed,
+    ConstantTorque,
+    Damper,
+    ElastoBacklash,
+    ElastoBacklash2,
+    Fixed,
+    IdealGear,
+    IdealPlanetary,
+    Inertia,
+    InverseSpeedDependentTorque,
+    LinearSpeedDependentTorque,
+    LossyGear,
+    OneWayClutch,
+    Position,
+    Product,
+    Pulse,
+    QuadraticSpeedDependentTorque,
+    Ramp,
+    Sampled,
+    SignTorque,
+    Sine,
+    Speed,
+    Spring,
+    SpringDamper,
+    Step,
+    Torque,
+    Torque2,
+    TorqueStep,
+)
+from sim.drive_train import DriveTrain
+from sim.solver import simulate
+
+SINE = Sine(amplitude=2.0, f=3.0)
+SPECIMENS: dict[type[Component], Component] = {
+    Inertia: Inertia(J=2),
+    Spring: Spring(c=100),
+    Damper: Damper(d=1),
+    SpringDamper: SpringDamper(c=100, d=1),
+    ElastoBacklash: ElastoBacklash(c=100, d=1, b=0.01),
+    ElastoBacklash2: ElastoBacklash2(c=100, d=1, b=0.01),
+    IdealGear: IdealGear(ratio=-3),
+    IdealPlanetary: IdealPlanetary(ratio=1.5),
+    LossyGear: LossyGear(ratio=3, lossTable=[[0, 0.9, 0.8, 0.1, 0.2]]),
+    BearingFriction: BearingFriction(tau_pos=[[0, 0.1], [1, 0.2]], peak=1.2),
+    Brake: Brake(fn_max=1),
+    Clutch: Clutch(fn_max=1, f_normalized=SINE),
+    OneWayClutch: OneWayClutch(fn_max=1),
+    Fixed: Fixed(),
+    Torque: Torque(SINE),
+    Torque2: Torque2(SINE),
+    ConstantTorque: ConstantTorque(1),
+    TorqueStep: TorqueStep(1, startTime=0.1),
+    LinearSpeedDependentTorque: LinearSpeedDependentTorque(-1, 10),
+    QuadraticSpeedDependentTorque: QuadraticSpeedDependentTorque(-1, 10),
+    InverseSpeedDependentTorque: InverseSpeedDependentTorque(-1, 0.5, TorqueDirection=False, w0=0.5),
+    SignTorque: SignTorque(-1),
+    Position: Position(SINE),
+    Speed: Speed(SINE),
+    ConstantSpeed: ConstantSpeed(1),
+    Accelerate: Accelerate(SINE),
+}
+
+
+@pytest.mark.parametrize("kind", COMPONENTS, ids=lambda kind: kind.__name__)
+def test_a_component_keeps_to_its_contract(kind: type[Component]) -> None:
+    """It simulates between two driven shafts, its channels have units, its flange torques sum to the inertia's."""
+    part = SPECIMENS[kind]
+    train = DriveTrain.series(torque=Torque(SINE), left=Inertia(J=1), part=part)
+    through = [flange for flange in part.flanges if flange not in part.grounded]
+    for i, flange in enumerate(through[1:]):
+        train = train.add(f"right{i}", Inertia(J=1), flange_a=f"part.{flange}")
+    result = simulate(train, 0.5, 200.0, engine=None if part.affine else "runge-kutta")
+    assert kind.__doc__
+    for name in (name for name in result.channels if name.startswith("part.")):
+        assert result.units[name]
+        assert np.all(np.isfinite(result[name]))
+
+
+@pytest.mark.parametrize("kind", COMPONENTS, ids=lambda kind: kind.__name__)
+def test_torques_of_a_component_are_in_balance(kind: type[Component]) -> None:
+    """No component makes angular momentum: with its support, the torques into a massless component sum to zero.
+
+    A gear has its support for that; an inertia stores, a brake or bearing has its support.
+    """
+    part = SPECIMENS[kind]
+    if kind in (Inertia, Fixed) or not part.affine:
+        pytest.skip("stores momentum, or is the ground, or has no constant rows")
+    system = System(DriveTrain({"part": part, "wall": Fixed()}, (("part." + part.flanges[-1], "wall.flange"),)))
+    for piece in system.branches(0):
+        total = sum(piece.branch.torques.values())
+        if set(part.flanges) <= set(piece.branch.torques):
+            np.testing.assert_allclose(total, 0, atol=1e-12)
+
+
+SIGNALS: list[Signal] = [
+    Constant(3.0),
+    Sine(2.0, 3.0, phase=0.4, offset=1.0, startTime=0.31),
+    Step(2.0, 1.0, 0.5),
+    Ramp(3.0, 0.7, -1.0, 0.2),
+    Pulse(2.0, 0.3, 40, 1.0, 0.1),
+    Sampled(np.array([0.0, 2.0, -1.0, 4.0]), 3.0, startTime=0.2),
+    Product(Sine(2.0, 3.0, offset=0.5), Step(-1.0, 1.0, 0.6)),
+]
+
+
+@pytest.mark.parametrize("signal", SIGNALS, ids=lambda signal: type(signal).__name__)
+def test_a_signal_obeys_its_own_equation_between_breakpoints(signal: Signal) -> None:
+    """Continued from the start of a piece by swing'' = -omega^2 swing, it is the signal to the piece's end."""
+    edges = [0.0, *signal.breakpoints(0.0, 2.0), 2.0]
+    for begin, end in pairwise(edges):
+        times = np.linspace(begin, end, 20, endpoint=False)
+        level, swing, rate = signal.pieces(np.array([begin]))[0]
+        elapsed, omega = times - begin, signal.omega
+        turned = swing * np.cos(omega * elapsed) + (np.sin(omega * elapsed) * rate / omega if omega else rate * elapsed)
+        np.testing.assert_allclose(signal(times), level + turned, atol=1e-12)
