@@ -8,13 +8,14 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from sim.axis import Axis
-from sim.chain_model import Chain, Dent, Line, with_link, with_shaft
+from sim.chain_model import Chain, Dent, with_link, with_shaft
 from sim.discrepancy.measurement import Array, Measurement
 from sim.discrepancy.model import has_links, ratio_after, stages_of, wave
 from sim.discrepancy.parameters import Parameter, Values
-from sim.discrepancy.terms import Term
+from sim.discrepancy.terms import Report, Term
 
 RIPPLE_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0)  # pole pairs, slots and their multiples
+LEAST_TURN = 0.5  # rad of the load over which weight shows
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
 RUNOUT = ("runout.sine_rad", "runout.cosine_rad")
 AS_NEW_FACTOR = 3.0  # more than this above as new is a finding
@@ -25,16 +26,18 @@ def terms_of(axis: Axis, measurement: Measurement) -> tuple[Term, ...]:
     level = float(np.sqrt(np.mean(measurement.torque**2)))
     top = float(np.abs(measurement.speed).max())
     out = [*_friction_terms(axis, level, top, measurement), _offset(level)]
-    out += [_motor_wave("torque_ripple", order, level) for order in RIPPLE_ORDERS]
+    travel = float(np.ptp(measurement.angle))
+    out += [_motor_wave("torque_ripple", order, level) for order in RIPPLE_ORDERS if travel * order > 4.0 * math.pi]
     out += [_hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
     out.append(_delay("torque_delay_s", "motor", 4e-4))
     if has_links(axis):
         out += [term for k in range(len(stages_of(axis))) for term in _link_terms(axis, k, level)]
-        out.append(_gravity(axis, level))
+        if travel / axis.ratio > LEAST_TURN:
+            out.append(_gravity(axis, level))
         if measurement.load_angle is not None:
             out.append(_encoder_error(axis))
             out.append(_delay("load_delay_s", "load", 4e-4))
-    else:
+    elif travel > LEAST_TURN:
         out.append(_direct_gravity(level))
     return tuple(out)
 
@@ -51,7 +54,7 @@ def _pair_probe(prefix: str, step: float) -> tuple[tuple[Mapping[str, float], ..
     return (({f"{prefix}.sine": step}, {f"{prefix}.cosine": step}),)
 
 
-def _amplitude(prefix: str, name: str, phase: str | None = None) -> object:
+def _amplitude(prefix: str, name: str, phase: str | None = None) -> Report:
     def report(values: Values) -> dict[str, float]:
         sine, cosine = values[f"{prefix}.sine"], values[f"{prefix}.cosine"]
         out = {name: math.hypot(sine, cosine)}
@@ -187,9 +190,15 @@ def _hum(frequency: float, level: float) -> Term:
 
     def report(values: Values) -> dict[str, float]:
         sine, cosine = values[f"{prefix}.sine"], values[f"{prefix}.cosine"]
-        return {"frequency_hz": frequency, "torque_n_m": math.hypot(sine, cosine), "phase_rad": math.atan2(cosine, sine)}
+        return {
+            "torque_n_m": math.hypot(sine, cosine),
+            "frequency_hz": frequency,
+            "phase_rad": math.atan2(cosine, sine),
+        }
 
-    return Term("electrical_hum", "motor", _pair(prefix, step), _pair_probe(prefix, step), report, torque=torque)
+    return Term(
+        "electrical_hum", "motor", _pair(prefix, step), _pair_probe(prefix, step), report, torque=torque, size=step
+    )
 
 
 def _motor_wave(mechanism: str, order: float, level: float) -> Term:
@@ -200,7 +209,9 @@ def _motor_wave(mechanism: str, order: float, level: float) -> Term:
         return values[f"{prefix}.sine"] * np.sin(order * m.angle) + values[f"{prefix}.cosine"] * np.cos(order * m.angle)
 
     def report(values: Values) -> dict[str, float]:
-        return {"torque_n_m": math.hypot(values[f"{prefix}.sine"], values[f"{prefix}.cosine"]), "order": order,
+        return {
+            "torque_n_m": math.hypot(values[f"{prefix}.sine"], values[f"{prefix}.cosine"]),
+            "order": order,
             "phase_rad": math.atan2(values[f"{prefix}.cosine"], values[f"{prefix}.sine"]),
         }
 
@@ -221,7 +232,7 @@ def _gravity(axis: Axis, level: float) -> Term:
     report = _amplitude(prefix, "torque_n_m", "phase_rad")
     return Term(
         "gravity_imbalance", "load", _pair(prefix, step), _pair_probe(prefix, step), report, apply, size=0.1 * step
-    )  # type: ignore[arg-type]
+    )
 
 
 def _direct_gravity(level: float) -> Term:
@@ -235,7 +246,7 @@ def _direct_gravity(level: float) -> Term:
     report = _amplitude(prefix, "torque_n_m", "phase_rad")
     return Term(
         "gravity_imbalance", "load", _pair(prefix, step), _pair_probe(prefix, step), report, apply, size=0.1 * step
-    )  # type: ignore[arg-type]
+    )
 
 
 def _encoder_error(axis: Axis) -> Term:
@@ -298,7 +309,7 @@ def _error(
 
     report = _amplitude(prefix, "amplitude_rad", "phase_rad")
     return Term(
-        mechanism, name, _pair(prefix, 0.1 * step), _pair_probe(prefix, 0.1 * step), report, apply,  # type: ignore[arg-type]
+        mechanism, name, _pair(prefix, 0.1 * step), _pair_probe(prefix, 0.1 * step), report, apply,
         replaces=replaces, size=AS_NEW_FACTOR * new,
     )  # fmt: skip
 
@@ -348,7 +359,13 @@ def _hysteresis(name: str, k: int, torque: float, twist: float) -> Term:
 
 
 def tooth_damage(
-    name: str, k: int, teeth: int, flank: int, angle_rad: float, starts: Sequence[tuple[float, float, float]], size: float
+    name: str,
+    k: int,
+    teeth: int,
+    flank: int,
+    angle_rad: float,
+    starts: Sequence[tuple[float, float, float]],
+    size: float,
 ) -> Term:
     """A dent on one flank of the driven gear of link `k`; `starts`: angles, half widths and depths worth trying."""
     depth, angle = (_name("tooth_damage", name, p) for p in ("depth_rad", "angle_rad"))
@@ -360,7 +377,12 @@ def tooth_damage(
         return with_link(chain, k, dents=(*chain.links[k].dents, dent))
 
     def report(values: Values) -> dict[str, float]:
-        return {"depth_rad": values[depth], "angle_rad": values[angle] % (2 * math.pi), "flank": float(flank), "width_rad": values[width]}
+        return {
+            "depth_rad": values[depth],
+            "angle_rad": values[angle] % (2 * math.pi),
+            "flank": float(flank),
+            "width_rad": values[width],
+        }
 
     parameters = (
         Parameter(depth, 0.0, 1e-5, low=0.0),
@@ -368,6 +390,4 @@ def tooth_damage(
         Parameter(width, 0.5 * pitch, 0.02 * pitch, 0.15 * pitch, 0.2 * pitch, 3.0 * pitch),
     )
     probes = tuple(({angle: a, width: w, depth: d},) for a, w, d in starts)
-    return Term(
-        "tooth_damage", name, parameters, probes, report, apply, positive=True, nonlinear=True, size=size
-    )
+    return Term("tooth_damage", name, parameters, probes, report, apply, positive=True, nonlinear=True, size=size)

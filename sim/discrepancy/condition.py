@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis
@@ -78,11 +79,15 @@ def _channels(t: Telemetry) -> tuple[float, Array, Array, Array | None]:
             "with time_s in seconds"
         )
     if t.duration_s < LEAST_SECONDS:
-        raise InvestigationError(f"telemetry: {t.duration_s:.3g} s are too short; at least {LEAST_SECONDS:g} s of motion are needed")
+        raise InvestigationError(
+            f"telemetry: {t.duration_s:.3g} s are too short; at least {LEAST_SECONDS:g} s of motion are needed"
+        )
     if "motor_position_rad" in t:
         angle = t["motor_position_rad"]
     elif "motor_speed_rad_s" in t:
-        angle = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t.time_s) * (t["motor_speed_rad_s"][1:] + t["motor_speed_rad_s"][:-1]))])
+        angle = np.concatenate(
+            [[0.0], np.cumsum(0.5 * np.diff(t.time_s) * (t["motor_speed_rad_s"][1:] + t["motor_speed_rad_s"][:-1]))]
+        )
     else:
         raise InvestigationError("telemetry: needs motor_position_rad (or motor_speed_rad_s) beside motor_torque_nm")
     load = t["load_position_rad"] if "load_position_rad" in t else None
@@ -95,9 +100,15 @@ def _clock(t: Telemetry, rate: float) -> tuple[Array, Array]:
     grid = t.time_s[0] + np.arange(count) / rate
     near = np.clip(np.searchsorted(t.time_s, grid), 1, t.rows - 1)
     gap = t.time_s[near] - t.time_s[near - 1]
-    lost = (gap > 1.5 / rate) & (np.abs(grid - t.time_s[near]) > 0.3 / rate) & (np.abs(grid - t.time_s[near - 1]) > 0.3 / rate)
+    lost = (
+        (gap > 1.5 / rate)
+        & (np.abs(grid - t.time_s[near]) > 0.3 / rate)
+        & (np.abs(grid - t.time_s[near - 1]) > 0.3 / rate)
+    )
     if lost.mean() > 0.2:
-        raise InvestigationError(f"time_s: {lost.mean():.0%} of the rows are missing; an even clock with at most 20 % gaps is needed")
+        raise InvestigationError(
+            f"time_s: {lost.mean():.0%} of the rows are missing; an even clock with at most 20 % gaps is needed"
+        )
     return (~lost).astype(float), grid
 
 
@@ -109,13 +120,16 @@ def _present(t: Telemetry, grid: Array) -> Array:
     return out
 
 
-def _held(angle: Array, torque: Array, valid: Array) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def _held(angle: Array, torque: Array, valid: Array) -> NDArray[np.bool_]:
     """Rows that repeat the row before although the motor moves by many steps of its encoder per row."""
     step = np.abs(np.diff(angle))
     usual = float(np.median(step))
-    same = (step == 0.0) & (np.diff(torque) == 0.0)
+    jump = np.abs(np.diff(torque))
+    same = (step < 1e-4 * usual) & (jump <= 1e-4 * float(np.median(jump)))
     local = np.convolve(step, np.ones(41) / 41, "same")
-    return np.concatenate([[False], same & (local > 0.2 * usual) & (local > 3.0 * _quantum(angle))]) & (valid > 0.5)
+    moving = (local > 0.2 * usual) & (local > 3.0 * _quantum(angle))
+    held: NDArray[np.bool_] = np.concatenate([[False], same & moving])
+    return held & (valid > 0.5)
 
 
 def _quantum(values: Array) -> float:
@@ -124,7 +138,7 @@ def _quantum(values: Array) -> float:
     return float(steps.min()) if steps.size else 0.0
 
 
-def _lost(valid: Array, held: Array) -> list[Fault]:
+def _lost(valid: Array, held: NDArray[np.bool_]) -> list[Fault]:
     missing = int((valid < 0.5).sum())
     repeated = int(held.sum())
     share = (missing + repeated) / valid.size
@@ -174,9 +188,16 @@ def _check_load(axis: Axis, angle: Array, load: Array | None) -> None:
         raise InvestigationError(
             "load_position_rad: runs against the motor: the load encoder counts the other way round; turn its sign"
         )
-    for factor, words in ((1e3, "in mrad"), (1e-3, "too small by 1000"), (180.0 / math.pi, "in degrees"), (1e6, "in microrad")):
+    for factor, words in (
+        (1e3, "in mrad"),
+        (1e-3, "too small by 1000"),
+        (180.0 / math.pi, "in degrees"),
+        (1e6, "in microrad"),
+    ):
         if abs(abs(slope) / factor - 1.0) < 0.05:
-            raise InvestigationError(f"load_position_rad: moves {abs(slope):.4g} times as far as ratio and motor say, as if it were {words}; rad are needed")
+            raise InvestigationError(
+                f"load_position_rad: moves {abs(slope):.4g} times as far as ratio and motor say, as if it were {words}; rad are needed"
+            )
     raise InvestigationError(
         f"load_position_rad: moves {slope:.4g} times as far as motor_position_rad over the ratio {axis.ratio:.6g} says; "
         "are two channels swapped, is a unit not rad, or is the ratio another?"
@@ -185,20 +206,28 @@ def _check_load(axis: Axis, angle: Array, load: Array | None) -> None:
 
 def _check_torque(axis: Axis, m: Measurement) -> None:
     """The inertia that torque and acceleration show must be of the order that the description says."""
-    expected = axis.motor.inertia_kg_m2 + (axis.load.inertia_kg_m2 + sum(
-        s.inertia_kg_m2 * axis.ratio_from(s.name) ** 2 for s in axis.stages
-    )) / axis.ratio**2
-    columns = np.stack([m.slow_acceleration, np.sign(m.speed), m.speed / float(np.abs(m.speed).max()), np.ones(m.samples)], 1)
+    expected = (
+        axis.motor.inertia_kg_m2
+        + (axis.load.inertia_kg_m2 + sum(s.inertia_kg_m2 * axis.ratio_from(s.name) ** 2 for s in axis.stages))
+        / axis.ratio**2
+    )
+    columns = np.stack(
+        [m.slow_acceleration, np.sign(m.speed), m.speed / float(np.abs(m.speed).max()), np.ones(m.samples)], 1
+    )
     used = m.weight > 0.5
     if used.sum() < 200:
-        raise InvestigationError("telemetry: too few rows in motion that count; a longer record of the axis in motion is needed")
+        raise InvestigationError(
+            "telemetry: too few rows in motion that count; a longer record of the axis in motion is needed"
+        )
     found = np.linalg.lstsq(columns[used], m.torque[used], rcond=None)[0]
     accelerating = float(np.std(m.slow_acceleration[used]) * expected)
     if accelerating < 0.02 * float(np.std(m.torque[used])) and np.abs(found[0] / expected) < 30.0:
         return
     share = float(found[0]) / expected
     if share < -0.2:
-        raise InvestigationError("motor_torque_nm: pushes against the acceleration: the sign of torque or of position is turned; turn one of them")
+        raise InvestigationError(
+            "motor_torque_nm: pushes against the acceleration: the sign of torque or of position is turned; turn one of them"
+        )
     if share > 8.0 or share < 0.12:
         raise InvestigationError(
             f"motor_torque_nm: fits an inertia {share:.4g} times the described {expected:.4g} kg m2: "

@@ -22,7 +22,9 @@ def extended_axis(axis: Axis, fit: Fit, findings: Sequence[Term]) -> Axis:
         inertia_kg_m2=get("motor.inertia_kg_m2", axis.motor.inertia_kg_m2),
         coulomb_friction_n_m=get("motor.coulomb_friction_n_m", axis.motor.coulomb_friction_n_m)
         + get("coulomb_friction@None.motor", 0.0),
-        viscous_friction_n_m_s_per_rad=get("motor.viscous_friction_n_m_s_per_rad", axis.motor.viscous_friction_n_m_s_per_rad)
+        viscous_friction_n_m_s_per_rad=get(
+            "motor.viscous_friction_n_m_s_per_rad", axis.motor.viscous_friction_n_m_s_per_rad
+        )
         + get("viscous_friction@None.motor", 0.0),
     )
     load = replace(
@@ -30,7 +32,9 @@ def extended_axis(axis: Axis, fit: Fit, findings: Sequence[Term]) -> Axis:
         inertia_kg_m2=get("load.inertia_kg_m2", axis.load.inertia_kg_m2),
         coulomb_friction_n_m=get("load.coulomb_friction_n_m", axis.load.coulomb_friction_n_m)
         + get("coulomb_friction@None.load", 0.0),
-        viscous_friction_n_m_s_per_rad=get("load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad)
+        viscous_friction_n_m_s_per_rad=get(
+            "load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad
+        )
         + get("viscous_friction@None.load", 0.0),
     )
     stages = tuple(_stage(axis, k, values) for k in range(len(axis.stages)))

@@ -126,7 +126,8 @@ class Problem:
         return self.whiten(torque, guide)
 
     def whiten(self, torque: Array, guide: Array) -> Array:
-        return np.concatenate([lfilter(self.noise.torque, 1.0, torque), lfilter(self.noise.guide, 1.0, guide)])
+        first = lfilter(self.noise.torque, np.ones(1), torque)
+        return np.concatenate([first, lfilter(self.noise.guide, np.ones(1), guide)]) if guide.size else first
 
     def columns(
         self,
@@ -226,9 +227,11 @@ def floor_filter(values: Array, weight: Array, order: int, block: int) -> Array:
     block = max(64, min(block, values.size // 8))
     window = np.hanning(block)
     starts = range(0, values.size - block + 1, block // 2)
-    used = [s for s in starts if weight[s : s + block].min() > 0.99] or [
-        s for s in starts if weight[s : s + block].mean() > 0.6
-    ] or list(starts)
+    used = (
+        [s for s in starts if weight[s : s + block].min() > 0.99]
+        or [s for s in starts if weight[s : s + block].mean() > 0.6]
+        or list(starts)
+    )
     power = np.array([np.abs(np.fft.rfft(values[s : s + block] * window)) ** 2 for s in used]) / np.sum(window**2)
     floor = np.quantile(power, 0.25, axis=0) / -math.log(0.75)
     half = 4

@@ -13,7 +13,7 @@ from sim.chain_model import Array
 from sim.discrepancy.fit import Fit, Problem
 
 FOLDS = 4
-CUT_HZ = 100.0
+CUT_HZ = 40.0
 
 
 @dataclass(frozen=True)
@@ -38,16 +38,16 @@ def gains(problem: Problem, base: Fit, fit: Fit) -> tuple[Gain, ...]:
         a, b = before[index], after[index]
         rate = m.rate_hz / (1 if index == 0 else problem.guide_stride)
         settle = int(0.1 * rate)
-        a, b = _audible(a, rate)[settle:], _audible(b, rate)[settle:]
+        a, b = _motion_band(a, rate)[settle:], _motion_band(b, rate)[settle:]
         out.append(Gain(channel, unit, _rms(a), _rms(b), _significant(a, b), _rms(m.torque) if index == 0 else 0.0))
     return tuple(out)
 
 
-def _audible(values: Array, rate_hz: float) -> Array:
-    """Below 100 Hz, as the torque is compared in the literature (Butterworth of order 4, forth and back)."""
+def _motion_band(values: Array, rate_hz: float) -> Array:
+    """Below 40 Hz (Butterworth of order 4, forth and back): what 100 Hz and a decimation to 100 Hz leave in the literature."""
     if rate_hz < 2.5 * CUT_HZ:
         return values
-    return sosfiltfilt(butter(4, CUT_HZ, fs=rate_hz, output="sos"), values)
+    return np.asarray(sosfiltfilt(butter(4, CUT_HZ, fs=rate_hz, output="sos"), values))
 
 
 def _held_out(problem: Problem, fit: Fit) -> tuple[Array, Array]:
@@ -74,9 +74,14 @@ def _refitted(fit: Fit, train: NDArray[np.bool_]) -> dict[str, float]:
     information = columns.T @ columns + np.diag((steps / spread) ** 2 + 1e-9)
     gradient = -columns.T @ residual - offset * steps / spread**2
     scale = np.sqrt(np.maximum(np.diag(information), 1e-12))
-    move = np.linalg.solve(information / np.outer(scale, scale) + 1e-9 * np.eye(steps.size), gradient / scale) / scale * steps
+    move = (
+        np.linalg.solve(information / np.outer(scale, scale) + 1e-9 * np.eye(steps.size), gradient / scale)
+        / scale
+        * steps
+    )
     return {
-        p.name: float(min(max(fit.values[p.name] + d, p.low), p.high)) for p, d in zip(fit.parameters, move, strict=True)
+        p.name: float(min(max(fit.values[p.name] + d, p.low), p.high))
+        for p, d in zip(fit.parameters, move, strict=True)
     }
 
 

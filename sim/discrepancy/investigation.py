@@ -172,7 +172,9 @@ def _finding(selection: Selection, term: Term) -> Finding:
     fit = selection.fit
     rows = fit.residual.size
     rivals = [r for r in selection.rivals.get(term.key, ()) if r.term.key != term.key and material(r.term, r.values)]
-    own = next((r.gain for r in selection.rivals.get(term.key, ()) if r.term.key == term.key), selection.gains[term.key])
+    own = next(
+        (r.gain for r in selection.rivals.get(term.key, ()) if r.term.key == term.key), selection.gains[term.key]
+    )
     scale = max(1.0, fit.misfit / rows)
     alone = evidence(term, selection.gains[term.key] / scale, rows)
     against = sum(_odds(r, own, scale) for r in rivals)
@@ -218,7 +220,16 @@ def _estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
         if not p.name.startswith(("motor.", "load.", "stages.")) or "backlash" in p.name:
             continue
         half = NINETY * deviations[p.name] * scale
-        out.append(Estimate(p.name, fit.values[p.name], unit_of(p.name), fit.values[p.name] - half, fit.values[p.name] + half, p.expected))
+        out.append(
+            Estimate(
+                p.name,
+                fit.values[p.name],
+                unit_of(p.name),
+                fit.values[p.name] - half,
+                fit.values[p.name] + half,
+                p.expected,
+            )
+        )
     return tuple(out)
 
 
@@ -240,7 +251,9 @@ def _heard_finding(h: Heard) -> Finding:
     return Finding(h.mechanism, h.location, h.probability, estimates, (), h.explanation)
 
 
-def _provenance(axis: Axis, telemetry: Telemetry | None, sound: Recording | None, problem: Problem | None) -> dict[str, object]:
+def _provenance(
+    axis: Axis, telemetry: Telemetry | None, sound: Recording | None, problem: Problem | None
+) -> dict[str, object]:
     digest = hashlib.sha256()
     if telemetry is not None:
         for name in sorted(telemetry.channels):

@@ -58,9 +58,9 @@ def gaussian_kernel(cut_hz: float, rate_hz: float, derivative: int) -> Array:
         return g
     second = float((k * k * g).sum())
     if derivative == 1:
-        return k * g / second * rate_hz
+        return np.asarray(k * g / second * rate_hz)
     curve = (k * k - second) * g
-    return 2.0 * curve / float((k * k * curve).sum()) * rate_hz**2
+    return np.asarray(2.0 * curve / float((k * k * curve).sum()) * rate_hz**2)
 
 
 def smooth(values: Array, cut_hz: float, rate_hz: float, derivative: int, margin: int) -> Array:

@@ -13,7 +13,7 @@ from sim.discrepancy.parameters import Parameter, Values
 UNKNOWN_STIFFNESS_HZ = 80.0
 
 
-def _share(name: str, value: float, spread: float, low: float = 0.05, high: float = 20.0) -> Parameter:
+def _share(name: str, value: float, spread: float, low: float = 0.4, high: float = 2.5) -> Parameter:
     return Parameter(name, value, 0.01 * value, spread * value, low * value, high * value)
 
 
@@ -34,11 +34,11 @@ def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float) -> tuple[P
 
 def _link_parameters(axis: Axis) -> list[Parameter]:
     out = []
-    stiffness, damping = axis.stiffness(), axis.damping()
+    stiffness = axis.stiffness()
     for k, stage in enumerate(stages_of(axis)):
         where = f"stages.{stage}"
         out.append(_share(f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k), 0.05 if stiffness[k] else 1.0))
-        damp = damping[k] if damping[k] else link_damping(axis, k)
+        damp = link_damping(axis, k)
         out.append(Parameter(f"{where}.damping_n_m_s_per_rad", damp, 0.1 * damp, 0.4 * damp, 0.02 * damp, 30 * damp))
         if not axis.stages:
             continue

@@ -9,7 +9,7 @@ import numpy as np
 from sim.chain_model import Array, Chain
 from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.observer_kernel import motor_torque, run
-from sim.discrepancy.packing import pack, steady_twist, substeps
+from sim.discrepancy.packing import Packed, pack, steady_twist, substeps
 
 GUIDE_RAD_S = 2.0 * np.pi * 25.0  # bandwidth of the guide: above the drive train's modes that matter
 
@@ -73,7 +73,9 @@ class Observer:
             motor = motor + out[0]
         if nuisance.torque_delay_s:
             motor = _delayed(motor, nuisance.torque_delay_s * m.rate_hz)
-        return Prediction(motor, out[2], out[1])
+        # per inertia of the load: a chain must not look better for being lighter
+        share = self.guide_inertia / chain.shafts[-1].inertia_kg_m2
+        return Prediction(motor, out[2] * share, out[1])
 
     def learn_noise(self, chain: Chain, nuisance: Nuisance) -> None:
         """Keep what the fast part of both encoders' signals, which is noise, makes of this chain."""
@@ -86,7 +88,7 @@ class Observer:
                 chain, model, motion, nuisance, True
             )
 
-    def _links(self, chain: Chain, model: tuple[Array, ...], motion: Array, nuisance: Nuisance, slow: bool) -> Array:
+    def _links(self, chain: Chain, model: Packed, motion: Array, nuisance: Nuisance, slow: bool) -> Array:
         m = self.measurement
         n = len(chain.shafts)
         guide, gains = np.zeros((2, 1)), np.zeros(2)

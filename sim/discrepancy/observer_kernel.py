@@ -6,6 +6,8 @@ branch of ElastoBacklash, and a spring and damper pull the load towards its enco
 the load torque that the model lacks, so that an error of the model stays where and when it acts.
 """
 
+# mypy: disable-error-code="no-untyped-def"
+
 from __future__ import annotations
 
 import math

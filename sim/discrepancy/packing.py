@@ -10,10 +10,11 @@ from numpy.typing import NDArray
 
 from sim.chain_model import BACKLASH_NONE_RAD, Array, Chain, Line, Link, Shaft
 
+Packed = tuple[Array | NDArray[np.int64], ...]
 LARGEST_PHASE = 1.0  # fastest rate times step, per Runge-Kutta step of order 4
 
 
-def pack(chain: Chain) -> tuple[Array | NDArray[np.int64], ...]:
+def pack(chain: Chain) -> Packed:
     """Arrays in the order that `observer_kernel.run` takes them."""
     n = len(chain.shafts)
     shafts = np.array([_shaft(shaft) for shaft in chain.shafts])
@@ -59,7 +60,7 @@ def _rows(groups: Sequence[Sequence[tuple[float, ...]]], width: int) -> tuple[Ar
     return np.array(rows, dtype=np.float64).reshape(-1, width), counts.astype(np.int64)
 
 
-def substeps(chain: Chain, rate_hz: float, guide: Sequence[float]) -> int:
+def substeps(chain: Chain, rate_hz: float, guide: Array) -> int:
     """Steps per sample for which the fastest mode times the step stays below `LARGEST_PHASE`."""
     rates = [0.0]
     for k, link in enumerate(chain.links):

@@ -71,7 +71,7 @@ def scan(problem: Problem, fit: Fit, teeth: dict[int, int]) -> list[Place]:
     torque, guide = problem.raw_residuals(fit.terms, fit.values)
     stride = problem.guide_stride
     count = torque.size // stride * stride
-    frequency = np.fft.rfftfreq(count, 1.0 / m.rate_hz)
+    frequency = np.asarray(np.fft.rfftfreq(count, 1.0 / m.rate_hz), dtype=np.float64)
     inertia = problem.observer.guide_inertia
     gains = (inertia * GUIDE_RAD_S**2, 1.4 * inertia * GUIDE_RAD_S) if problem.guided else (0.0, 0.0)
     to_torque, to_guide = displacement_response(chain, frequency, gains)

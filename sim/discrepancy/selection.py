@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -18,10 +18,11 @@ from sim.discrepancy.terms import Term
 
 Progress = Callable[[str, float], None]
 SHORTLIST = 5
-MOST_TRIES = 6
+MOST_TRIES = 5
 REFIT_ROUNDS = 3
 MOST_TERMS = 4
-WORTH_TRYING = 12.0  # drop of the whitened sum of squares that a screened term must promise
+ENOUGH = 2.5  # tempered nats that a term must bring
+WORTH_TRYING = 40.0  # drop of the whitened sum of squares that a screened term must promise
 TEMPERATURE = 0.3  # model errors make the residual less informative than its whitened length says
 
 
@@ -86,13 +87,13 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         progress(f"candidates, round {step + 1}", 0.25 + 0.12 * step)
         tried = try_terms(problem, fit)
         rows = fit.residual.size
-        fitting = [r for r in tried if evidence(r.term, r.gain, rows) > 0.0 and material(r.term, r.values)]
+        fitting = [r for r in tried if evidence(r.term, r.gain, rows) > ENOUGH and material(r.term, r.values)]
         if not fitting:
             rejected = tuple(tried)
             break
         best = fitting[0]
         terms = (*fit.terms, best.term)
-        fit = problem.fit(terms, best.values, 4)
+        fit = problem.fit(terms, best.values, 2)
         problem, fit = rewhiten(problem, fit, 3)
         rivals[best.term.key] = tuple(tried[:SHORTLIST])
         rejected = tuple(r for r in tried if r is not best)
@@ -115,7 +116,7 @@ def prune(problem: Problem, fit: Fit) -> tuple[Problem, Fit, dict[str, float]]:
             gains[term.key] = less.cost - fit.cost
             without[term.key] = less
         rows = fit.residual.size
-        weak = [t for t in fit.terms if evidence(t, gains[t.key], rows) <= 0.0 or not material(t, fit.values)]
+        weak = [t for t in fit.terms if evidence(t, gains[t.key], rows) <= ENOUGH or not material(t, fit.values)]
         if not weak:
             return problem, fit, gains
         weakest = min(weak, key=lambda t: gains[t.key])
@@ -126,27 +127,37 @@ def prune(problem: Problem, fit: Fit) -> tuple[Problem, Fit, dict[str, float]]:
 def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
     """Candidates by what they gain once refitted, best first."""
     present = {term.key for term in fit.terms}
-    candidates = [t for t in (*terms_of(problem.axis, problem.measurement), *damage_terms(problem, fit)) if t.key not in present]
+    candidates = [
+        t for t in (*terms_of(problem.axis, problem.measurement), *damage_terms(problem, fit)) if t.key not in present
+    ]
     screened = screen(problem, fit, candidates)
     if not screened or screened[0][0] < WORTH_TRYING:
         return []
     best: dict[str, Rival] = {}
     tries: dict[str, int] = {}
     for gain, term, start in screened:
-        if gain < max(WORTH_TRYING, 0.12 * screened[0][0]) or sum(tries.values()) >= MOST_TRIES:
+        if gain < max(WORTH_TRYING, 0.2 * screened[0][0]) or sum(tries.values()) >= MOST_TRIES:
             break
         if tries.get(term.key, 0) >= (3 if term.key == screened[0][1].key else 1):
             continue
         tries[term.key] = tries.get(term.key, 0) + 1
         try:
-            frozen = None if term.nonlinear else fit
-            refit = problem.fit((*fit.terms, term), {**fit.values, **start}, REFIT_ROUNDS, frozen=frozen)
+            refit = refitted(problem, fit, term, {**fit.values, **start})
         except ChainError:
             continue
         rival = Rival(term, fit.cost - refit.cost, refit.values)
         if term.key not in best or rival.gain > best[term.key].gain:
             best[term.key] = rival
     return sorted(best.values(), key=lambda r: (-r.gain, r.term.key))
+
+
+def refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit:
+    """The model with one more term; all sensitivities anew only where the term moves the others far."""
+    terms = (*fit.terms, term)
+    if not term.nonlinear:
+        return problem.fit(terms, start, REFIT_ROUNDS, frozen=fit)
+    first = problem.fit(terms, start, 1)
+    return problem.fit(terms, first.values, REFIT_ROUNDS, frozen=first)
 
 
 def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[float, Term, Mapping[str, float]]]:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.axis import Axis
 from sim.chain_model import Chain
 from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.parameters import Parameter, Values

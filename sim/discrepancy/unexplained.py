@@ -75,13 +75,17 @@ def _bins(problem: Problem, channel: str, values: Array, stride: int) -> list[Un
     for ratio, name in zip(ratios, names, strict=False):
         turn = (m.angle[::stride][: values.size] / ratio) % (2.0 * math.pi)
         out.append(_binned("angle", channel, values, turn, 2.0 * math.pi, way, {f"angle_{name}_rad": 1.0}))
-    out.append(_binned("speed", channel, values, np.abs(speed), float(np.abs(speed).max()) * 1.0001, way, {"speed_rad_s": 1.0}))
+    out.append(
+        _binned("speed", channel, values, np.abs(speed), float(np.abs(speed).max()) * 1.0001, way, {"speed_rad_s": 1.0})
+    )
     time = m.time_s[::stride][: values.size]
     out.append(_binned("time", channel, values, time, float(time[-1]) * 1.0001, np.zeros_like(way), {"time_s": 1.0}))
     return out
 
 
-def _binned(kind: str, channel: str, values: Array, where: Array, span: float, way: Array, numbers: Mapping[str, float]) -> Unexplained:
+def _binned(
+    kind: str, channel: str, values: Array, where: Array, span: float, way: Array, numbers: Mapping[str, float]
+) -> Unexplained:
     index = np.minimum((where / span * BINS).astype(np.int64), BINS - 1) + BINS * way
     count = np.bincount(index, minlength=2 * BINS).astype(float)
     total = np.bincount(index, values, 2 * BINS)
@@ -93,7 +97,7 @@ def _binned(kind: str, channel: str, values: Array, where: Array, span: float, w
     score = excess / (level * math.sqrt(2.0 * max(degrees, 1)))
     at = int(np.argmax(energy))
     centre = (at % BINS + 0.5) / BINS * span
-    found = {name: centre for name in numbers} | ({"direction": 1.0 if at < BINS else -1.0} if way.any() else {})
+    found = dict.fromkeys(numbers, centre) | ({"direction": 1.0 if at < BINS else -1.0} if way.any() else {})
     return Unexplained(kind, channel, excess / float(values @ values), score, found)
 
 

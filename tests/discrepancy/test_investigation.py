@@ -1,0 +1,98 @@
+"""One body whose equation is closed: what is missing is named, what is there is calibrated, silence otherwise."""
+
+import json
+import math
+
+import numpy as np
+import pytest
+
+from sim.axis import Axis, read_axis
+from sim.discrepancy.investigation import investigate
+from sim.discrepancy.report import html_report
+from tests.discrepancy.telemetry_of import one_body, swing
+
+
+def axis(coulomb: float = 1.0, viscous: float = 0.02, inertia: float = 0.3) -> Axis:
+    motor = {"inertia_kg_m2": inertia, "coulomb_friction_n_m": coulomb, "viscous_friction_n_m_s_per_rad": viscous}
+    return read_axis({"name": "bench", "motor": motor, "load": {"inertia_kg_m2": 0.0}})
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_nothing_is_found_where_nothing_is_missing(seed: int) -> None:
+    result = investigate(axis(), one_body(0.3, 1.0, 0.02, seed))
+    assert (result.verdict, result.findings, result.unexplained) == ("nothing_missing", (), None)
+
+
+def test_wrong_numbers_are_parameters_and_no_findings() -> None:
+    result = investigate(axis(inertia=0.27, coulomb=1.15), one_body(0.3, 1.0, 0.02, 4))
+    assert result.verdict == "nothing_missing"
+    found = {e.name: e.value for e in result.parameters}
+    assert found["motor.inertia_kg_m2"] == pytest.approx(0.3, rel=0.01)
+    assert found["motor.coulomb_friction_n_m"] == pytest.approx(1.0, rel=0.03)
+
+
+def test_missing_friction_is_named_with_its_size() -> None:
+    result = investigate(axis(coulomb=0.0, viscous=0.0), one_body(0.3, 1.0, 0.02, 5))
+    found = {f.mechanism: f for f in result.findings}
+    assert set(found) == {"coulomb_friction", "viscous_friction"}
+    assert found["coulomb_friction"].parameters[0].value == pytest.approx(1.0, rel=0.05)
+    assert found["viscous_friction"].parameters[0].value == pytest.approx(0.02, rel=0.05)
+    assert result.gain[0].rms_after < 0.2 * result.gain[0].rms_before
+
+
+def test_friction_that_rises_at_low_speed_is_named() -> None:
+    _, _, speed, _ = swing()
+    rise = 0.6 * np.exp(-((speed / 6.0) ** 2)) * np.tanh(speed / 0.01)
+    result = investigate(axis(), one_body(0.3, 1.0, 0.02, 6, extra=rise))
+    assert [f.mechanism for f in result.findings] == ["stribeck_friction"]
+    torque, limit = result.findings[0].parameters[:2]
+    assert torque.value == pytest.approx(0.6, rel=0.15)
+    assert limit.value == pytest.approx(6.0, rel=0.15)
+
+
+def test_friction_that_differs_by_direction_is_named() -> None:
+    _, _, speed, _ = swing()
+    result = investigate(axis(), one_body(0.3, 1.0, 0.02, 7, extra=0.006 * np.abs(speed)))
+    assert [f.mechanism for f in result.findings] == ["friction_asymmetry"]
+
+
+def test_what_has_a_fixed_frequency_and_no_name_is_unnamed() -> None:
+    t, _, _, _ = swing()
+    result = investigate(axis(), one_body(0.3, 1.0, 0.02, 8, extra=0.25 * np.sin(2 * math.pi * 17.3 * t)))
+    assert result.verdict == "unnamed"
+    assert result.unexplained is not None
+    assert result.unexplained.numbers["frequency_hz"] == pytest.approx(17.3, abs=0.2)
+
+
+def test_the_extended_axis_leaves_nothing_to_find() -> None:
+    telemetry = one_body(0.3, 1.0, 0.02, 5)
+    first = investigate(axis(coulomb=0.0, viscous=0.0), telemetry)
+    again = investigate(read_axis(first.document()["extended_axis"]), telemetry)  # type: ignore[arg-type]
+    assert again.verdict == "nothing_missing"
+
+
+def test_the_same_bytes_give_the_same_document_of_finite_numbers() -> None:
+    telemetry = one_body(0.3, 1.0, 0.02, 5)
+    one, two = (investigate(axis(coulomb=0.0), telemetry).document() for _ in range(2))
+    text = json.dumps(one, allow_nan=False)
+    assert text == json.dumps(two, allow_nan=False)
+    needed = (
+        "verdict",
+        "findings",
+        "unexplained",
+        "parameters",
+        "gain",
+        "next_measurement",
+        "extended_axis",
+        "provenance",
+    )
+    assert all(name in one for name in needed)
+
+
+def test_the_report_is_one_file_that_loads_nothing() -> None:
+    page = html_report(investigate(axis(coulomb=0.0), one_body(0.3, 1.0, 0.02, 5)))
+    assert "<svg" in page
+    assert "coulomb_friction" in page
+    assert "<script" not in page
+    assert 'src="http' not in page
+    assert 'href="http' not in page

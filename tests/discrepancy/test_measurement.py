@@ -1,0 +1,35 @@
+import numpy as np
+import pytest
+
+from sim.discrepancy.measurement import gaussian_kernel, prepare
+
+
+@pytest.mark.parametrize("derivative", [0, 1, 2])
+def test_kernels_are_exact_on_a_parabola(derivative: int) -> None:
+    rate, t0 = 500.0, 1.7
+    kernel = gaussian_kernel(40.0, rate, derivative)
+    half = kernel.size // 2
+    t = t0 + np.arange(-half, half + 1) / rate
+    line = 2.0 + 3.0 * t
+    parabola = line + 0.5 * 7.0 * t * t
+    if derivative == 0:
+        assert kernel @ line == pytest.approx(2.0 + 3.0 * t0, rel=1e-12)
+    elif derivative == 1:
+        assert kernel @ parabola == pytest.approx(3.0 + 7.0 * t0, rel=1e-9)
+    else:
+        assert kernel @ parabola == pytest.approx(7.0, rel=1e-9)
+
+
+def test_the_low_pass_halves_the_power_at_its_cut() -> None:
+    kernel = gaussian_kernel(25.0, 2000.0, 0)
+    k = np.arange(kernel.size) - kernel.size // 2
+    response = np.sum(kernel * np.cos(2 * np.pi * 25.0 / 2000.0 * k))
+    assert response**2 == pytest.approx(0.5, abs=1e-3)
+
+
+def test_standstill_does_not_count() -> None:
+    t = np.arange(4000) / 1000.0
+    angle = np.where(t < 2.0, 30.0 * t, 60.0)
+    prepared = prepare(1000.0, np.zeros(t.size), angle, None)
+    assert prepared.weight[prepared.time_s > 2.2].max() == 0.0
+    assert prepared.weight[(prepared.time_s > 0.5) & (prepared.time_s < 1.8)].min() == 1.0

@@ -1,0 +1,47 @@
+"""The guided chain against closed forms and against the other engine."""
+
+import numpy as np
+import pytest
+
+from sim.chain_model import Chain, Link, Shaft
+from sim.discrepancy.measurement import prepare
+from sim.discrepancy.observer import Nuisance, Observer
+from tests.discrepancy.telemetry_of import RATE_HZ, swing
+
+
+def test_one_inertia_needs_its_acceleration_and_friction() -> None:
+    t, angle, _, _ = swing()
+    m = prepare(RATE_HZ, np.zeros(t.size), angle, None)
+    observer = Observer(m, 1.0, 0.3)
+    found = observer.predict(Chain((Shaft(0.3, 1.5, 0.02),)), Nuisance()).torque
+    moving = np.abs(m.speed) > 5.0
+    expected = 0.3 * m.acceleration + 1.5 * np.sign(m.speed) + 0.02 * m.speed
+    assert np.abs(found - expected)[moving].max() < 2e-3
+
+
+def test_the_guide_needs_no_torque_where_the_chain_moves_as_measured() -> None:
+    """A stiff chain whose load follows the motor with the elastic lag of its inertia."""
+    t, angle, _, acceleration = swing()
+    inertia, stiffness, ratio = 2.0, 4e5, 10.0
+    load = angle / ratio - inertia * acceleration / ratio / stiffness
+    m = prepare(RATE_HZ, np.zeros(t.size), angle, load)
+    observer = Observer(m, inertia, 0.01)
+    chain = Chain((Shaft(0.01), Shaft(inertia)), (Link(ratio, stiffness, 60.0),))
+    right = observer.predict(chain, Nuisance())
+    wrong = observer.predict(Chain((Shaft(0.01), Shaft(1.2 * inertia)), chain.links), Nuisance())
+    inner = slice(500, -500)
+    assert np.sqrt(np.mean(right.guide[inner] ** 2)) < 0.1 * np.sqrt(np.mean(wrong.guide[inner] ** 2))
+    expected = 0.01 * m.slow_acceleration + inertia * m.slow_acceleration / ratio**2
+    assert np.abs(right.torque - expected)[inner].max() < 0.03 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("delay", [0.4e-3, 3e-3])
+def test_a_late_torque_channel_is_predicted_late(delay: float) -> None:
+    t, angle, _, _ = swing()
+    m = prepare(RATE_HZ, np.zeros(t.size), angle, None)
+    observer = Observer(m, 1.0, 0.3)
+    chain = Chain((Shaft(0.3, 0.0, 0.02),))
+    early = observer.predict(chain, Nuisance()).torque
+    late = observer.predict(chain, Nuisance(torque_delay_s=delay)).torque
+    shifted = np.interp(m.time_s - delay, m.time_s, early)
+    assert np.abs(late - shifted)[50:-50].max() < 2e-3 * np.abs(early).max()
