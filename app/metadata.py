@@ -32,7 +32,7 @@ def _text(longest: int, control: str) -> StringConstraints:
 Word = Annotated[str, _text(200, CONTROL)]
 Text = Annotated[str, _text(4000, CONTROL_BUT_BREAKS)]
 Label = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_.-]{0,99}$")]
-Positive = Annotated[FiniteFloat, Field(gt=0, lt=1e9)]
+Positive = Annotated[FiniteFloat, Field(ge=1e-9, le=1e9)]
 SCHEMA = "gearcase-recording/1"
 
 
@@ -56,8 +56,10 @@ class RecordingMetadata(BaseModel):
     channel: StrictInt | None = Field(None, ge=0, le=63, description="which channel to use, counted from 0")
     speed_rad_s: Positive | None = Field(None, description="largest speed of the output [rad/s]")
     payload_kg_m2: Positive | None = Field(None, description="inertia carried by the output [kg m2]")
-    motion_period_s: Positive | None = Field(None, description="one full cycle of back and forth [s]")
-    reversal_times_s: tuple[FiniteFloat, ...] | None = Field(
+    motion_period_s: Annotated[FiniteFloat, Field(ge=0.05, le=600)] | None = Field(
+        None, description="one full cycle of back and forth [s]"
+    )
+    reversal_times_s: tuple[Annotated[FiniteFloat, Field(ge=-600, le=600)], ...] | None = Field(
         None, max_length=10_000, description="standstills from the recording's start, in any order [s]"
     )
     steady: StrictBool | None = Field(None, description="true: constant speed; false: back and forth")

@@ -110,6 +110,8 @@ def test_metadata_larger_than_its_limit(admin: httpx.Client) -> None:
         ({"label": "notch", "recorded_at": "2026-11-20T14:03:00"}, "recorded_at"),
         ({"label": "notch", "speed_rad_s": "fast"}, "speed_rad_s"),
         ({"label": "notch", "speed_rad_s": -1}, "speed_rad_s"),
+        ({"label": "notch", "motion_period_s": 3e8}, "motion_period_s"),
+        ({"label": "notch", "gearbox": "a\0b"}, "gearbox"),
         ({"label": "", "gearbox": "g"}, "label"),
         ({"gearbox": "g"}, "label"),
         ({"label": "notch", "channel": 5}, "channel"),
