@@ -1,0 +1,370 @@
+"""Diagnosis of measured recordings from gearboxes the library has not seen, beside three usual ways.
+
+Needs the measured data (GEARCASE_SHARED, default `../shared` beside the checkout). Every share of right answers is
+followed by its 95 % Wilson interval. The recordings tested are never in the library, nor are others of their gearbox.
+"""
+
+import csv
+import itertools
+import os
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import soundfile
+from numpy.typing import NDArray
+from scipy import signal
+
+from benchmarks import Row
+from casebase.diagnosis import Reasoner, verdict_of
+from casebase.evaluation import Proportion, evaluate
+from casebase.learning import learn
+from casebase.retrieval import CaseTable
+from casebase.signals.condition import OperatingCondition
+from casebase.signals.features import EXTRACTOR_VERSION, Extraction, extract
+from casebase.signals.recording import Recording
+
+SHARED = Path(os.environ.get("GEARCASE_SHARED", Path(__file__).resolve().parents[1].parent / "shared")) / "data"
+Samples = NDArray[np.float32]
+Answers = Sequence[tuple[str, str]]
+
+
+@dataclass(frozen=True, eq=False)
+class Sound:
+    """One labelled recording."""
+
+    name: str
+    samples: Samples
+    rate_hz: float
+    label: str
+    group: str
+    condition: OperatingCondition
+
+    def extraction(self) -> Extraction:
+        """Return its features."""
+        return extract(Recording(self.samples, self.rate_hz), self.condition)
+
+
+def axis_sounds(folder: Path = SHARED / "axis_recordings") -> list[Sound]:
+    """Return the recordings of the manifest."""
+    with (folder / "manifest.csv").open(encoding="utf-8") as file:
+        return [_axis_sound(folder, row) for row in csv.DictReader(file)]
+
+
+def _axis_sound(folder: Path, row: dict[str, str]) -> Sound:
+    samples, rate = soundfile.read(folder / row["file"], dtype="float32")
+    condition = OperatingCondition(speed_rad_s=float(row["speed_rad_s"]), payload_kg_m2=float(row["payload_kg_m2"]))
+    return Sound(row["file"], samples, float(rate), row["label"], row["gearbox"], condition)
+
+
+def table_of(sounds: Sequence[Sound]) -> CaseTable:
+    """Return the sounds as a table of measured cases."""
+    extractions = [sound.extraction() for sound in sounds]
+    ids = np.array([f"{row:032x}" for row in range(len(sounds))])
+    labels, groups = np.array([each.label for each in sounds]), np.array([each.group for each in sounds])
+    origins = np.array(["measured"] * len(sounds))
+    values = np.array([each.features.values for each in extractions], dtype=np.float32)
+    names = extractions[0].features.names
+    return CaseTable(1, EXTRACTOR_VERSION, names, ids, labels, origins, origins, groups, ids, values)
+
+
+@cache
+def axis_table() -> CaseTable:
+    """Return the table of the axis recordings as they are."""
+    return table_of(axis_sounds())
+
+
+def answers(table: CaseTable, tested: CaseTable, distinct: bool = True) -> list[tuple[str, str, str]]:
+    """Return truth, best label and verdict of tested cases, each by the cases of other gearboxes."""
+    found = []
+    for group in np.unique(tested.gearboxes):
+        known = table.take(table.gearboxes != group) if distinct else table
+        reasoner = Reasoner(known, learn(known))
+        for row in np.flatnonzero(tested.gearboxes == group):
+            judgement = reasoner.judge(tested.values[row])
+            best = judgement.classes[int(judgement.probabilities.argmax())]
+            found.append((str(tested.labels[row]), best, verdict_of(judgement)))
+        if not distinct:
+            continue
+    return found
+
+
+def said(right: int, of: int) -> str:
+    """Return a share with its interval."""
+    low, high = Proportion(right, of).interval
+    return f"{right / of:.3f} [{low:.2f}, {high:.2f}] of {of}"
+
+
+def row_of(name: str, work: Callable[[], list[tuple[str, str, str]]]) -> Row:
+    """Return accuracy, and how many were called new."""
+    start = time.perf_counter()
+    found = work()
+    right = sum(truth == best for truth, best, _ in found)
+    new = sum(verdict == "not_in_library" for *_, verdict in found)
+    seconds = (time.perf_counter() - start) / len(found)
+    return Row(name, seconds, note=f"right {said(right, len(found))}; called new {new / len(found):.3f}")
+
+
+def cross_validation() -> list[Row]:
+    """Leave one gearbox out; leave one class out."""
+    start = time.perf_counter()
+    table = axis_table()
+    read = (time.perf_counter() - start) / len(table)
+    start = time.perf_counter()
+    result = evaluate(table)
+    seconds = (time.perf_counter() - start) / len(table)
+    rows = [
+        Row("features of one recording", read),
+        Row(f"gearcase, {result.gearboxes} gearboxes", seconds, note=f"right {_share(result.accuracy)}"),
+        Row("  known, called new", seconds, note=_share(result.called_new)),
+    ]
+    rows += [
+        Row(f"  {label} not in the library, called new", seconds, note=_share(share))
+        for label, share in result.left_out.items()
+        if label != "normal"
+    ]
+    return rows
+
+
+def _share(share: Proportion) -> str:
+    return said(share.right, share.of)
+
+
+# -- the usual ways, on the same recordings
+
+
+def paper_features(sound: Sound) -> list[float]:
+    """Return FFT band levels and crest factor after a 200 Hz low-pass: the paper's features, plain."""
+    low = signal.sosfiltfilt(signal.butter(4, 200, fs=sound.rate_hz, output="sos"), sound.samples)
+    frequency, power = signal.welch(low, sound.rate_hz, nperseg=4096)
+    edges = np.linspace(0, 200, 11)
+    bands = [
+        10 * np.log10(power[(frequency >= a) & (frequency < b)].sum() + 1e-20) for a, b in itertools.pairwise(edges)
+    ]
+    crest = float(np.abs(low).max() / np.sqrt(np.mean(low**2)))
+    return [*bands, crest]
+
+
+def peers() -> list[Row]:
+    """Return the accuracy of the usual ways, one gearbox left out at a time."""
+    from aeon.classification.convolution_based import MiniRocketClassifier
+    from sklearn.ensemble import RandomForestClassifier
+    from sklearn.neighbors import KNeighborsClassifier
+    from sklearn.pipeline import make_pipeline
+    from sklearn.preprocessing import StandardScaler
+
+    sounds, table = axis_sounds(), axis_table()
+    paper = np.array([paper_features(sound) for sound in sounds])
+    ours = np.nan_to_num(table.values)
+    waves = np.stack([signal.resample_poly(sound.samples, 1, 8)[:20_000] for sound in sounds])[:, None, :]
+    ways: dict[str, tuple[Callable[[], object], NDArray[np.floating]]] = {
+        "the paper's features, unweighted 3-NN": (
+            lambda: make_pipeline(StandardScaler(), KNeighborsClassifier(3)),
+            paper,
+        ),
+        "the paper's features, random forest": (lambda: RandomForestClassifier(500, random_state=0), paper),
+        "our features, random forest": (lambda: RandomForestClassifier(500, random_state=0), ours),
+        "MiniRocket on the sound": (lambda: MiniRocketClassifier(random_state=0), waves),
+    }
+    return [_peer(name, make, data, table) for name, (make, data) in ways.items()]
+
+
+def _peer(name: str, make: Callable[[], object], data: NDArray[np.floating], table: CaseTable) -> Row:
+    start = time.perf_counter()
+    right = 0
+    for group in np.unique(table.gearboxes):
+        inside = table.gearboxes != group
+        model = make()
+        model.fit(data[inside], table.labels[inside])  # type: ignore[attr-defined]
+        right += int((model.predict(data[~inside]) == table.labels[~inside]).sum())  # type: ignore[attr-defined]
+    return Row(name, (time.perf_counter() - start) / len(table), note=f"right {said(right, len(table))}")
+
+
+# -- robustness: the library as it is, the recordings tested made worse
+
+
+def shortened(seconds: float) -> Callable[[Sound], Sound]:
+    """Return what keeps the first seconds."""
+    return lambda sound: replace(sound, samples=sound.samples[: int(seconds * sound.rate_hz)])
+
+
+def noisy(ratio_db: float) -> Callable[[Sound], Sound]:
+    """Return what adds white noise at a signal-to-noise ratio [dB]."""
+
+    def worse(sound: Sound) -> Sound:
+        generator = np.random.default_rng(len(sound.samples))
+        size = float(np.sqrt(np.mean(sound.samples**2))) * 10 ** (-ratio_db / 20)
+        noise = generator.normal(scale=size, size=sound.samples.size)
+        return replace(sound, samples=(sound.samples + noise).astype(np.float32))
+
+    return worse
+
+
+def heard_from(low_hz: float, high_hz: float) -> Callable[[Sound], Sound]:
+    """Return what a microphone of this band would have heard."""
+
+    def worse(sound: Sound) -> Sound:
+        sos = signal.butter(2, (low_hz, high_hz), "bandpass", fs=sound.rate_hz, output="sos")
+        return replace(sound, samples=signal.sosfilt(sos, sound.samples).astype(np.float32))
+
+    return worse
+
+
+CONDITIONS: tuple[tuple[str, Callable[[Sound], Sound]], ...] = (
+    *((f"first {seconds} s", shortened(seconds)) for seconds in (5, 7.5, 10, 15, 20)),
+    *((f"white noise, signal to noise {ratio} dB", noisy(ratio)) for ratio in (20, 10, 5, 0)),
+    *(
+        (f"microphone from {low} to {high} Hz", heard_from(low, high))
+        for low, high in ((20, 3500), (80, 3500), (20, 400), (20, 1000))
+    ),
+)
+
+
+def robustness() -> list[Row]:
+    """Return the accuracy on recordings made worse."""
+    sounds = axis_sounds()
+    rows = []
+    for name, worse in CONDITIONS:
+        tested = table_of([worse(sound) for sound in sounds])
+        rows.append(row_of(name, lambda tested=tested: answers(axis_table(), tested)))
+    return rows
+
+
+def units() -> list[Row]:
+    """Return the accuracy with one to four gearboxes in the library, over all choices of them."""
+    table = axis_table()
+    serials = np.unique(table.gearboxes)
+    return [
+        row_of(f"{count} gearboxes in the library", lambda count=count: list(_with_units(table, serials, count)))
+        for count in range(1, serials.size)
+    ]
+
+
+def _with_units(table: CaseTable, serials: NDArray[np.str_], count: int) -> Iterator[tuple[str, str, str]]:
+    for chosen in itertools.combinations(serials, count):
+        inside = np.isin(table.gearboxes, chosen)
+        yield from answers(table.take(inside), table.take(~inside), distinct=False)
+
+
+# -- other machines
+
+
+def spectraquest_sounds(seconds: float = 2.0) -> list[tuple[int, int, Sound]]:
+    """Return load, channel and windows of the SpectraQuest recordings; the load stands for the gearbox."""
+    found = []
+    for path in sorted((SHARED / "spectraquest").glob("*.wav")):
+        samples, rate = soundfile.read(path, dtype="float32")
+        load = int(path.stem[-2:])
+        label = "normal" if path.stem.startswith("healthy") else "notch"
+        size = int(seconds * rate)
+        for start in range(0, len(samples) - size + 1, size):
+            for channel in range(samples.shape[1]):
+                part = samples[start : start + size, channel]
+                condition = OperatingCondition(steady=True)
+                name = f"{path.stem}/{channel}/{start}"
+                found.append((load, channel, Sound(name, part, float(rate), label, f"load{load}", condition)))
+    return found
+
+
+def spectraquest() -> list[Row]:
+    """Train on loads 0 to 20, test on 30 to 50; train on one sensor, test on another.
+
+    One assembly per class: class and assembly cannot be told apart in these data.
+    """
+    sounds = spectraquest_sounds()
+    table = table_of([sound for *_, sound in sounds])
+    light = np.array([load <= 20 for load, *_ in sounds])
+    channel = np.array([number for _, number, _ in sounds])
+
+    def within() -> list[tuple[str, str, str]]:
+        return [
+            answer
+            for number in range(4)
+            for answer in answers(
+                table.take(light & (channel == number)), table.take(~light & (channel == number)), distinct=False
+            )
+        ]
+
+    def across() -> list[tuple[str, str, str]]:
+        return [
+            answer
+            for here, there in itertools.permutations(range(4), 2)
+            for answer in answers(
+                table.take(light & (channel == here)), table.take(~light & (channel == there)), distinct=False
+            )
+        ]
+
+    return [
+        row_of("spectraquest, loads 0-20 -> 30-50, same sensor (class = assembly)", within),
+        row_of("spectraquest, loads 0-20 -> 30-50, other sensor (class = assembly)", across),
+    ]
+
+
+def seu(window_s: float = 0.1) -> list[Row]:
+    """Five classes split by time, three channels of the planetary gear, beside 1-NN on 16 log band energies."""
+    parts: list[tuple[bool, int, Sound]] = []
+    for path in sorted((SHARED / "seu").glob("*.wav")):
+        samples, rate = soundfile.read(path, dtype="float32")
+        size = int(window_s * rate)
+        for index, start in enumerate(range(0, len(samples) - size + 1, size)):
+            for channel in (1, 2, 3):
+                sound = Sound(
+                    f"{path.stem}/{start}",
+                    samples[start : start + size, channel],
+                    float(rate),
+                    path.stem,
+                    f"part{index}",
+                    OperatingCondition(steady=True),
+                )
+                parts.append((start < len(samples) // 2, channel, sound))
+    early = np.array([first for first, *_ in parts])
+    channel = np.array([number for _, number, _ in parts])
+    table = table_of([sound for *_, sound in parts])
+    start_time = time.perf_counter()
+    votes: list[NDArray[np.float64]] = []
+    for number in (1, 2, 3):
+        known, tested = table.take(early & (channel == number)), table.take(~early & (channel == number))
+        reasoner = Reasoner(known, learn(known))
+        votes.append(np.log([reasoner.judge(values).probabilities for values in tested.values]))
+    truth = table.labels[~early & (channel == 1)]
+    best = np.array(known.classes)[sum(votes).argmax(axis=1)]
+    seconds = (time.perf_counter() - start_time) / truth.size
+    note = f"right {said(int((best == truth).sum()), truth.size)}"
+    return [
+        Row(f"seu, 5 classes split by time, windows of {window_s} s", seconds, note=note),
+        _seu_baseline([(first, number, sound) for first, number, sound in parts]),
+    ]
+
+
+def _seu_baseline(parts: Sequence[tuple[bool, int, Sound]]) -> Row:
+    from sklearn.neighbors import KNeighborsClassifier
+
+    energies = []
+    for _, _, sound in parts:
+        power = np.abs(np.fft.rfft(sound.samples * np.hanning(sound.samples.size))) ** 2
+        energies.append([np.log(band.sum() + 1e-20) for band in np.array_split(power, 16)])
+    stacked = np.array(energies).reshape(-1, 3 * 16)
+    labels = np.array([sound.label for *_, sound in parts])[::3]
+    early = np.array([first for first, *_ in parts])[::3]
+    start = time.perf_counter()
+    found = KNeighborsClassifier(1).fit(stacked[early], labels[early]).predict(stacked[~early])
+    right = int((found == labels[~early]).sum())
+    seconds = (time.perf_counter() - start) / int((~early).sum())
+    return Row("  1-NN on 16 log band energies", seconds, note=f"right {said(right, int((~early).sum()))}")
+
+
+def run() -> list[Row]:
+    """Return all rows; raises FileNotFoundError where the measured data are not."""
+    if not SHARED.exists():
+        raise FileNotFoundError("the measured data are not here; set GEARCASE_SHARED to the folder that holds them")
+    return [*cross_validation(), *peers(), *robustness(), *units(), *spectraquest(), *seu()]
+
+
+if __name__ == "__main__":
+    from benchmarks import table as shown
+
+    for part in (cross_validation, peers, robustness, units, spectraquest, seu):
+        print(shown(part.__doc__ or part.__name__, part()), flush=True)
