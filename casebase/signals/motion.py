@@ -59,6 +59,7 @@ class Motion:
         reversal_times_s: standstills from the start of the recording, ascending [s].
         source: given with the recording, or found in the sound.
         quiet_s: start and end of the quiet time around a reversal, relative to it [s].
+        slow_s: start and end of the time around a reversal in which it is quieter than on the way [s].
         cycles: how many periods the recording covers; 0 without a period.
         depth_db: how far the loudness falls at a reversal [dB].
         period_in_sound_s: the period found in the sound, also where another was given [s].
@@ -68,6 +69,7 @@ class Motion:
     reversal_times_s: tuple[float, ...] = ()
     source: MotionSource = MotionSource.NONE
     quiet_s: tuple[float, float] = (-0.2, 0.2)
+    slow_s: tuple[float, float] = (-0.4, 0.4)
     cycles: float = 0.0
     depth_db: float = 0.0
     period_in_sound_s: float | None = None
@@ -76,12 +78,12 @@ class Motion:
     def reversal_zone_s(self) -> tuple[float, float]:
         """Around a reversal, from where braking may start to where the new start may end [s].
 
-        The quiet time and, on either side, three quarters of its length (0.2 to 0.5 s): loudness has fallen by
-        half of its depth only when most of the speed is gone, so braking starts well before.
+        The quiet time and, on either side, three quarters of its length (0.2 to 0.5 s); or, if that is longer, the
+        slow time and a tenth of a second: loudness falls only after braking has begun.
         """
         start, end = self.quiet_s
         margin = min(0.5, max(0.2, 0.75 * (end - start)))
-        return start - margin, end + margin
+        return min(start - margin, self.slow_s[0] - 0.1), max(end + margin, self.slow_s[1] + 0.1)
 
 
 @dataclass(frozen=True)
@@ -139,6 +141,7 @@ def find_motion(level_db: NDArray[np.float32], condition: OperatingCondition) ->
         reversal_times_s=times,
         source=source,
         quiet_s=quiet_s,
+        slow_s=_slow(level_db, heard) if heard else Motion().slow_s,
         cycles=duration_s / period if period else 0.0,
         depth_db=depth_db if heard else 0.0,
         period_in_sound_s=heard_period,
@@ -190,8 +193,8 @@ def _reversals(dips: list[Dip]) -> tuple[tuple[float, ...], bool, float]:
 def even_times(times: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the evenly spaced times that most of the given ones lie on, shape (k,) [s]; none if there are none.
 
-    At least three, and at least seven tenths, of the times given must lie on them and as many of the places must
-    be taken; a dropout adds a time that lies on none, a loud standstill leaves a place free.
+    Three that all lie on them are enough; else at least four and seven tenths of the times given must, and as many
+    of the places must be taken; a dropout adds a time that lies on none, a loud standstill leaves a place free.
     """
     best = np.empty(0)
     if times.size < 3:
@@ -206,7 +209,8 @@ def even_times(times: NDArray[np.float64]) -> NDArray[np.float64]:
         on = near & (np.abs(times - first - count * stroke) <= LARGEST_UNEVENNESS * stroke)
         taken = np.unique(count[on])
         places = taken[-1] - taken[0] + 1 if taken.size else np.inf
-        if taken.size > most and taken.size >= 0.7 * max(times.size, places):
+        enough = taken.size >= (3 if taken.size == times.size else 4)
+        if enough and taken.size > most and taken.size >= 0.7 * max(times.size, places):
             most, best = taken.size, first + stroke * np.arange(taken[0], taken[-1] + 1)
     return best
 
@@ -225,3 +229,22 @@ def _quiet(dips: list[Dip], times: tuple[float, ...]) -> tuple[float, float]:
     starts = np.median([dip.start_s - time for dip, time in zip(dips, next_to, strict=True)])
     ends = np.median([dip.end_s - time for dip, time in zip(dips, next_to, strict=True)])
     return float(starts), float(ends)
+
+
+def _slow(level_db: NDArray[np.float32], times: tuple[float, ...]) -> tuple[float, float]:
+    """Return from when to when, around a reversal, the median level is below that of the way [s].
+
+    Below means by a decibel or a tenth of the depth. Looked at is up to a third of a stroke, 1 s at most, on either
+    side.
+    """
+    reach_s = min(1.0, _spacing(times) / 3) if len(times) > 1 else 1.0
+    reach = round(reach_s * HOP_HZ)
+    smooth = ndimage.uniform_filter1d(level_db.astype(np.float64), SMOOTH_HOPS)
+    index = np.rint(np.array(times) * HOP_HZ).astype(np.intp)[:, None] + np.arange(-reach, reach + 1)
+    course = np.median(smooth[np.clip(index, 0, smooth.size - 1)], axis=0)
+    way = float(np.percentile(course, 80))
+    full = np.flatnonzero(course >= way - max(1.0, 0.1 * (way - float(course.min())))) - reach
+    before, after = full[full < 0], full[full > 0]
+    start = before[-1] / HOP_HZ if before.size else -reach_s
+    end = after[0] / HOP_HZ if after.size else reach_s
+    return float(start), float(end)

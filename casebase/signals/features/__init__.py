@@ -35,7 +35,7 @@ __all__ = [
     "extract",
 ]
 
-EXTRACTOR_VERSION = "2"
+EXTRACTOR_VERSION = "3"
 """Changes whenever a feature is added, removed or computed differently; vectors of two versions never mix."""
 
 FEATURES: tuple[FeatureFamily, ...] = (
