@@ -5,7 +5,7 @@ import sys
 
 from benchmarks import table
 
-MODULES: tuple[str, ...] = ("features", "simulation", "axis_simulation")
+MODULES: tuple[str, ...] = ("features", "simulation", "axis_simulation", "service")
 """One line per benchmark."""
 
 

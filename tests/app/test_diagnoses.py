@@ -1,7 +1,10 @@
 """A diagnosis over HTTP, from the recording to the corrected case."""
 
 import json
+import os
 import re
+import shutil
+import subprocess
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -43,6 +46,21 @@ def test_one_curl(operator: httpx.Client) -> None:
     answer = operator.post(DIAGNOSES, files={"file": sound(7, impacts=True)})
     assert answer.status_code == 201
     assert operator.get(answer.headers["location"]).json() == answer.json()
+
+
+def test_curl_of_the_readme(server: LiveServer, tmp_path: Path) -> None:
+    if shutil.which("curl") is None:
+        pytest.skip("no curl here")
+    readme = (Path(__file__).parents[2] / "README.md").read_text("utf-8")
+    command = re.search(r"^ +(curl .*?/api/v1/diagnoses)$", readme, re.MULTILINE | re.DOTALL)
+    assert command
+    (tmp_path / "recording.wav").write_bytes(sound(7, impacts=True))
+    words = command.group(1).replace("http://127.0.0.1:8000", server.url)
+    environment = {**os.environ, "GEARCASE_KEY": server.keys["operator"]}
+    done = subprocess.run(
+        ["sh", "-c", f"{words} --silent --fail"], cwd=tmp_path, env=environment, capture_output=True, check=True
+    )
+    assert json.loads(done.stdout)["verdict"] in ("diagnosed", "ambiguous", "not_in_library")
 
 
 def test_answer_is_the_contract(operator: httpx.Client) -> None:
