@@ -96,7 +96,7 @@ def _run(todo: Sequence[Entry], options: argparse.Namespace, file: Path) -> None
             result = future.result()
             kept.write(json.dumps(result) + "\n")
             kept.flush()
-            progress.console.print(_line(result), highlight=False)
+            progress.console.print(_line(result), highlight=False, soft_wrap=True)
             progress.advance(task)
 
 
@@ -141,6 +141,9 @@ def main() -> None:
     results = [done[entry.seed] for entry in bank]
     print()
     print(tables(_judged(results), [r["seconds"] for r in results]))
+    for result in results:
+        if result["failure"]:
+            print(f"\n{result['answer']['id']} failed: {result['failure']}")
     if options.peers:
         from tests.hidden_effects.peers import side_by_side
 
