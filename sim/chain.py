@@ -1,15 +1,9 @@
-"""Engine 2 for a `DriveTrain`: finds the shafts in series, simulates them as a `Chain`, gives back a `Trajectory`.
-
-Signs: a chain counts the torque on the driven shaft, Modelica the torque into the component; a mesh's `tau` and
-`mode` are those of Modelica, so flank 1 (driver pushes forward) has tau < 0 and mode -1.
-"""
+"""Engine 2 for a `DriveTrain`: finds the shafts in series, simulates them as a `Chain`, gives back a `Trajectory`."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -19,21 +13,21 @@ from sim.chain_components import (
     GearMesh,
     Gravity,
     MeshLine,
-    OneFlange,
     ServoDrive,
     ShaftFriction,
     TorqueRipple,
 )
-from sim.chain_model import Array, Chain, ChainResult, Dent, Drive, Line, Link, Servo, Shaft, Torque
+from sim.chain_model import Array, Chain, Dent, Drive, Line, Link, Servo, Shaft, Torque
+from sim.chain_places import Place, places_of
 from sim.chain_run import run_chain
-from sim.component import CONTACT_NAMES, SLIDING_NAMES, Component
+from sim.chain_trajectory import trajectory_of
+from sim.component import Component
 from sim.components import (
     BearingFriction,
     Constant,
     ConstantTorque,
     Damper,
     ElastoBacklash,
-    Fixed,
     IdealGear,
     Inertia,
     LossyGear,
@@ -45,22 +39,10 @@ from sim.components import Torque as TorqueSource
 from sim.drive_train import DriveTrain
 from sim.errors import CompositionError, ParameterError, RunError, number
 from sim.servo import back_and_forth
-from sim.trajectory import Channels, Event, Trajectory
+from sim.trajectory import Trajectory
 
 MEMORY_LIMIT_BYTES = 2_000_000_000  # of one result: 43 minutes of three shafts at 8 kHz
 MIN_RATE_OF_SERVO_HZ = 1000.0
-CONTACT, STICK = 0, 1  # kinds in the engine's log
-
-
-@dataclass
-class Place:
-    """One shaft of the train, and the link that follows it."""
-
-    inertias: list[str] = field(default_factory=list)
-    frictions: list[str] = field(default_factory=list)
-    torques: list[str] = field(default_factory=list)
-    gear: str | None = None
-    mesh: str | None = None
 
 
 def fits(train: DriveTrain) -> bool:
@@ -80,7 +62,7 @@ def chain_of(train: DriveTrain) -> Chain:
     CompositionError
         naming the component that has no place in such a chain.
     """
-    return _chain(train, _places(train))
+    return _chain(train, places_of(train))
 
 
 def chain_of_axis(axis: Axis) -> Chain:
@@ -95,7 +77,7 @@ def simulate_chain(
     number("duration_s", duration_s, "s", above=0)
     number("sample_rate_hz", sample_rate_hz, "Hz", above=0)
     samples = round(duration_s * sample_rate_hz) + 1
-    places = _places(train)
+    places = places_of(train)
     size = 8.0 * samples * (4 * len(places) + 1)
     if size > MEMORY_LIMIT_BYTES:
         longest = MEMORY_LIMIT_BYTES / size * duration_s
@@ -105,86 +87,7 @@ def simulate_chain(
     chain = _chain(train, places)
     drive, reference = _drive(train, places, samples, sample_rate_hz)
     result = run_chain(chain, drive, sample_rate_hz, samples, start=_start(train, places, chain), watch=watch)
-    return _trajectory(train, places, chain, result, reference)
-
-
-def _places(train: DriveTrain) -> list[Place]:
-    """Walk from the shaft that no mesh drives to the last one."""
-    node = {flange: i for i, flanges in enumerate(train.nodes()) for flange in flanges}
-    for name, part in train.components.items():
-        if isinstance(part, Inertia | BearingFriction | ShaftFriction):
-            node = _merged(node, f"{name}.flange_a", f"{name}.flange_b")
-    through = {
-        name: part
-        for name, part in train.components.items()
-        if isinstance(part, IdealGear | LossyGear | ElastoBacklash | SpringDamper)
-    }
-    driven = {node[f"{name}.flange_b"] for name in through}
-    shafts = [node[f"{name}.flange_a"] for name, part in train.components.items() if isinstance(part, Inertia)]
-    first = [shaft for shaft in dict.fromkeys(shafts) if shaft not in driven]
-    if len(first) != 1:
-        raise CompositionError(f"shafts in series need one first shaft, found {len(first)}")
-    places: list[Place] = []
-    used: set[str] = set()
-    here = first[0]
-    while True:
-        place, onward = _place(train, node, here, through)
-        places.append(place)
-        used.update(place.inertias, place.frictions, place.torques, filter(None, (place.gear, place.mesh)))
-        if onward is None:
-            break
-        here = onward
-    grounds = {name for name, part in train.components.items() if isinstance(part, Fixed)}
-    left = sorted(set(train.components) - used - grounds)
-    if left:
-        raise CompositionError(f"{left[0]}: has no place in shafts in series (motor, gears, load)")
-    return places
-
-
-def _merged(node: Mapping[str, int], one: str, other: str) -> dict[str, int]:
-    keep, drop = node[one], node[other]
-    return {flange: keep if at == drop else at for flange, at in node.items()}
-
-
-def _place(
-    train: DriveTrain, node: Mapping[str, int], here: int, through: Mapping[str, Component]
-) -> tuple[Place, int | None]:
-    place = Place()
-    for name, part in train.components.items():
-        if isinstance(part, Inertia) and node[f"{name}.flange_a"] == here:
-            place.inertias.append(name)
-        elif _brakes(train, node, name) == here:
-            place.frictions.append(name)
-        elif isinstance(part, OneFlange | TorqueSource | ConstantTorque) and node[f"{name}.flange"] == here:
-            place.torques.append(name)
-    after = [name for name in through if node[f"{name}.flange_a"] == here]
-    if not place.inertias:
-        raise CompositionError("shafts in series: every shaft between two meshes needs an Inertia")
-    if len(after) > 1:
-        raise CompositionError(f"shafts in series: {after[0]} and {after[1]} are driven by the same shaft")
-    if not after:
-        return place, None
-    part = through[after[0]]
-    if isinstance(part, IdealGear | LossyGear):
-        place.gear = after[0]
-        middle = node[f"{place.gear}.flange_b"]
-        after = [name for name in through if node[f"{name}.flange_a"] == middle]
-        if len(after) != 1 or isinstance(through[after[0]], IdealGear | LossyGear):
-            raise CompositionError(f"{place.gear}: an ElastoBacklash or SpringDamper must follow it")
-    place.mesh = after[0]
-    return place, node[f"{place.mesh}.flange_b"]
-
-
-def _brakes(train: DriveTrain, node: Mapping[str, int], name: str) -> int | None:
-    """The shaft that a friction, or a damper to the ground, brakes."""
-    part = train[name]
-    if isinstance(part, BearingFriction | ShaftFriction):
-        return node[f"{name}.flange_a"]
-    if not isinstance(part, Damper):
-        return None
-    fixed = {node[f"{other}.flange"] for other, ground in train.components.items() if isinstance(ground, Fixed)}
-    a, b = node[f"{name}.flange_a"], node[f"{name}.flange_b"]
-    return b if a in fixed else a if b in fixed else None
+    return trajectory_of(train, places, chain, result, reference)
 
 
 def _chain(train: DriveTrain, places: list[Place]) -> Chain:
@@ -354,86 +257,3 @@ def _start(train: DriveTrain, places: list[Place], chain: Chain) -> Array:
             if relative is not None and not given:
                 state[row] += relative
     return state
-
-
-def _trajectory(
-    train: DriveTrain, places: list[Place], chain: Chain, result: ChainResult, reference: Array | None
-) -> Trajectory:
-    sources: dict[str, Callable[[], Array]] = {}
-    units: dict[str, str] = {}
-    for name, unit, source in _sources(train, places, chain, result):
-        sources[name], units[name] = source, unit
-    for name in places[0].torques:
-        if isinstance(train[name], ServoDrive | TorqueSource):
-            sources[f"{name}.tau"], units[f"{name}.tau"] = partial(np.asarray, result.motor_torque_n_m), "N.m"
-            if reference is not None:
-                sources[f"{name}.reference"], units[f"{name}.reference"] = partial(np.asarray, reference), "rad"
-    events = tuple(_events(places, result))
-    return Trajectory(result.time_s, Channels(sources), units, events, "runge-kutta")
-
-
-def _sources(
-    train: DriveTrain, places: list[Place], chain: Chain, result: ChainResult
-) -> Iterator[tuple[str, str, Callable[[], Array]]]:
-    angle, speed, acceleration = result.angle_rad, result.speed_rad_s, result.acceleration_rad_s2
-    for k, place in enumerate(places):
-        for name in place.inertias:
-            yield f"{name}.phi", "rad", partial(_column, angle, k)
-            yield f"{name}.w", "rad/s", partial(_column, speed, k)
-            yield f"{name}.a", "rad/s2", partial(_column, acceleration, k)
-        for name in place.torques:
-            part = train[name]
-            if isinstance(part, TorqueRipple | Gravity):
-                yield f"{name}.tau", "N.m", partial(_position_torque, part, angle[:, k])
-        if place.gear:
-            yield f"{place.gear}.w_a", "rad/s", partial(_column, speed, k)
-        if place.mesh:
-            ratio = chain.links[k].ratio
-            yield f"{place.mesh}.tau", "N.m", partial(np.negative, result.force_n_m[:, k])
-            yield f"{place.mesh}.phi_rel", "rad", partial(_relative, angle, k, ratio)
-            yield f"{place.mesh}.w_rel", "rad/s", partial(_relative, speed, k, ratio)
-
-
-def _column(values: Array, k: int) -> Array:
-    return values[:, k]
-
-
-def _relative(values: Array, k: int, ratio: float) -> Array:
-    return np.asarray(values[:, k + 1] - values[:, k] / ratio)
-
-
-def _position_torque(part: TorqueRipple | Gravity, angle: Array) -> Array:
-    if isinstance(part, Gravity):
-        return np.asarray(-part.torque * np.sin(angle + part.phase))
-    return np.asarray(sum(line.amplitude * np.sin(line.order * angle + line.phase) for line in part.lines))
-
-
-def _events(places: list[Place], result: ChainResult) -> Iterator[Event]:
-    """Contact and sliding as Modelica numbers them; what a component passes through in no time is left out."""
-    kept: list[Event | None] = []
-    latest: dict[str, int] = {}
-    for event in _all_events(places, result):
-        position = latest.get(event.component)
-        last = None if position is None else kept[position]
-        if position is not None and last is not None and last.time_s == event.time_s:
-            kept[position] = None
-            changed = (last.from_mode, event.to_mode, last.from_name, event.to_name)
-            event = Event(event.time_s, event.component, *changed)
-        if event.from_mode != event.to_mode:
-            latest[event.component] = len(kept)
-            kept.append(event)
-    return (event for event in kept if event is not None)
-
-
-def _all_events(places: list[Place], result: ChainResult) -> Iterator[Event]:
-    """Of the modes within a contact only its beginning and end count."""
-    meshes = [place.mesh or "" for place in places]
-    sliding = [place.frictions[0] if place.frictions else place.gear or place.inertias[0] for place in places]
-    for time, what, index, before, after in result.log.tolist():
-        if what == CONTACT:
-            old, new = (0 if abs(mode) < 0.5 else -1 if mode > 0 else 1 for mode in (before, after))
-            if old != new:
-                yield Event(time, meshes[int(index)], old, new, CONTACT_NAMES[old], CONTACT_NAMES[new])
-        elif what == STICK:
-            old, new = int(before), int(after)
-            yield Event(time, sliding[int(index)], old, new, SLIDING_NAMES[old], SLIDING_NAMES[new])
