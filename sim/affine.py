@@ -49,6 +49,11 @@ class Block:
     change_times: Array
     changes: NDArray[np.int64]
 
+    @property
+    def visited(self) -> set[int]:
+        """Numbers of all modes of the block."""
+        return {int(self.modes[0]), *self.changes[self.changes[:, 0] >= 0, 1].tolist()}
+
 
 class _Tables:
     """Arrays of all modes known so far, for the compiled loop; they grow as modes are met."""
@@ -96,6 +101,7 @@ class ExactEngine:
         self._numbers: dict[tuple[int, ...], int] = {}
         self._impossible: set[tuple[int, ...]] = set()
         self._tables = _Tables(system.state_width, 8)
+        self._begun: tuple[int, Array, list[tuple[int, int]]] | None = None
 
     # ---- modes ------------------------------------------------------------------------------------------------
 
@@ -197,8 +203,10 @@ class ExactEngine:
         RunError
             when no mode continues, or events storm without time passing.
         """
-        x = self.system.start()
-        mode, x, away = self.begin(x)
+        if self._begun is None:
+            self._begun = self.begin(self.system.start())
+        mode, x, away = self._begun
+        x = x.copy()
         scale = np.abs(x)
         times, changes = [0.0] * len(away), [[-1 - i, to] for i, to in away]
         done = 0

@@ -133,16 +133,16 @@ def _engine(drive_train: DriveTrain, sample_rate_hz: float) -> ExactEngine:
 def _trajectory(engine: ExactEngine, block: Block, sample_rate_hz: float) -> Trajectory:
     time = (block.first + np.arange(len(block.states))) / sample_rate_hz
     events = tuple(component_events(engine, block))
-    reader = _Reader(engine, block.states, block.modes, time)
+    reader = _Reader(engine, block, time)
     return Trajectory(time, Channels(reader.sources), reader.units, events, "exact")
 
 
 class _Reader:
     """Turns states and modes into named channels, each when it is asked for."""
 
-    def __init__(self, engine: ExactEngine, moving: Array, modes: NDArray[np.int32], time_s: Array) -> None:
-        self._engine, self._moving, self._modes, self._time = engine, moving, modes, time_s
-        self._solves = {int(i): engine.modes[i].solve for i in np.unique(modes)}
+    def __init__(self, engine: ExactEngine, block: Block, time_s: Array) -> None:
+        self._engine, self._moving, self._modes, self._time = engine, block.states, block.modes, time_s
+        self._solves = {i: engine.modes[i].solve for i in block.visited}
         system = engine.system
         self.units = channel_units(system)
         self.sources: dict[str, Callable[[], Array]] = {
