@@ -12,6 +12,7 @@ from casebase.diagnosis import Diagnosis, Reasoner
 from casebase.errors import ConflictError, InvalidRequestError, NotFoundError, StaleVersionError
 from casebase.models import DIAGNOSIS_STATES, StoredDiagnosis, StoredRecording, new_id, now
 from casebase.pages import Page, page
+from casebase.severity import Severity
 
 
 @dataclass(frozen=True)
@@ -30,12 +31,14 @@ def store_diagnosis(
     recording: StoredRecording,
     diagnosis: Diagnosis,
     reasoner: Reasoner,
+    severity: Severity | None = None,
 ) -> StoredDiagnosis:
     """Keep a diagnosis as the document that it is shown as."""
     identity = new_id()
     document = {
         "id": identity,
         **diagnosis.to_document(),
+        "severity": None if severity is None else severity.to_document(),
         "recording": recording_document(recording),
         "provenance": provenance(reasoner),
     }

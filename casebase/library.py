@@ -43,6 +43,7 @@ from casebase.models import (
 )
 from casebase.pages import Page, page
 from casebase.retrieval import CaseTable, load_table
+from casebase.severity import severity_of
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction
 from casebase.signals.recording import Recording
 
@@ -335,7 +336,9 @@ class CaseLibrary:
     def diagnose(self, session: Session, recording: StoredRecording, extraction: Extraction) -> StoredDiagnosis:
         """Diagnose a stored recording by its features and keep the diagnosis."""
         reasoner = self.reasoner(session, extraction.extractor_version)
-        return store_diagnosis(session, recording, reasoner.diagnose(extraction), reasoner)
+        diagnosis, values = reasoner.diagnose(extraction), extraction.features.values
+        severity = severity_of(session, reasoner.table, diagnosis.label, values) if diagnosis.label else None
+        return store_diagnosis(session, recording, diagnosis, reasoner, severity)
 
     def evaluate(self, session: Session, *, group: str = "gearbox", origin: str = "both") -> Evaluation:
         """Return the library's own cross-validation; see `casebase.evaluation.evaluate`."""

@@ -63,7 +63,7 @@ def severity_of(session: Session, table: CaseTable, label: str, values: NDArray[
     statement = select(Case.id, Case.severity).where(
         Case.label == label, Case.origin == "simulated", Case.severity.is_not(None), Case.state == "confirmed"
     )
-    size_of = dict(session.execute(statement).tuples().all())
+    size_of = {case_id: size for case_id, size in session.execute(statement)}  # noqa: C416
     rows = np.array([row for row, key in enumerate(table.ids) if str(key) in size_of], dtype=np.intp)
     if rows.size < FEWEST:
         return None
