@@ -1,9 +1,11 @@
 """Which combinations of branches may follow: ruled out by the state alone, then tried by how many components change."""
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 from itertools import combinations, product
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.affine_system import Array, System
 
@@ -18,38 +20,71 @@ Key = tuple[int, ...]
 Change = tuple[str, int, int, str, str]
 
 
+@dataclass(frozen=True)
+class Guard:
+    """What the state alone says about the branches of one component, all rows stacked.
+
+    `rows` must not be negative (inequalities, and speeds that must be zero, twice); `of_signals` are those rows that
+    depend on signals alone, with their derivatives, shape (4, m, state).
+    """
+
+    branches: int
+    rows: Array
+    sizes: Array
+    loose: Array
+    branch: NDArray[np.int64]
+    of_signals: Array
+    signal_branch: NDArray[np.int64]
+
+    @classmethod
+    def of(cls, system: System, i: int) -> "Guard":
+        rows, loose, branch = [np.zeros((0, system.width))], [np.zeros(0)], [np.zeros(0, np.int64)]
+        for number, piece in enumerate(system.branches(i)):
+            by_state = piece.holds[~piece.holds[:, system.known :].any(axis=1)]
+            rows += [by_state, piece.stops, -piece.stops]
+            loose += [np.full(len(by_state), TOLERANCE), np.full(2 * len(piece.stops), STOP_TOLERANCE)]
+            branch.append(np.full(len(by_state) + 2 * len(piece.stops), number))
+        stacked, owner = system.state_rows(np.vstack(rows)), np.concatenate(branch)
+        alone = (stacked != 0).any(axis=1) & (stacked[:, : 2 * system.freedom] == 0).all(axis=1)
+        derivatives, flow = [stacked[alone]], system.signal_flow()
+        for _ in range(3):
+            derivatives.append(derivatives[-1] @ flow)
+        return cls(
+            len(system.branches(i)),
+            stacked,
+            np.abs(stacked),
+            np.concatenate(loose),
+            owner,
+            np.array(derivatives),
+            owner[alone],
+        )
+
+    def allowed(self, x: Array, scale: Array) -> list[int]:
+        """Branches that are not ruled out at x."""
+        out = set(self.branch[self.rows @ x < -self.loose * (self.sizes @ scale)].tolist())
+        if len(self.signal_branch):
+            values, sizes = self.of_signals @ x, np.abs(self.of_signals) @ scale
+            values[np.abs(values) <= TOLERANCE * sizes] = 0.0
+            first = np.take_along_axis(values, np.argmax(values != 0, axis=0)[None], axis=0)[0]
+            out.update(self.signal_branch[first < 0].tolist())
+        return [branch for branch in range(self.branches) if branch not in out]
+
+
 def possible_branches(system: System, x: Array, scale: Array) -> list[list[int]]:
     """Branches of every component that the state x alone does not rule out; `scale` is how large x has been."""
-    known, speeds = system.known, slice(system.freedom, 2 * system.freedom)
+    speeds = slice(system.freedom, 2 * system.freedom)
     scale = scale.copy()
     scale[speeds] = np.maximum(scale[speeds], REST * scale[speeds].max(initial=0.0))
     possible = []
-    for i in range(len(system.components)):
-        allowed = []
-        for branch, piece in enumerate(system.branches(i)):
-            by_state = piece.holds[~piece.holds[:, known:].any(axis=1)]
-            rows = system.state_rows(np.vstack([by_state, piece.stops, -piece.stops]))
-            loose = np.full(len(rows), TOLERANCE)
-            loose[len(by_state) :] = STOP_TOLERANCE
-            if np.all(rows @ x >= -loose * (np.abs(rows) @ scale)) and _signals_allow(system, rows, x, scale):
-                allowed.append(branch)
-        possible.append(allowed)
+    for i, count in enumerate(system.branch_counts):
+        if count == 1:
+            possible.append([0])
+            continue
+        guard = system.guards.get(i) or Guard.of(system, i)
+        if system.static[i] is not None:
+            system.guards[i] = guard
+        possible.append(guard.allowed(x, scale))
     return possible
-
-
-def _signals_allow(system: System, rows: Array, x: Array, scale: Array) -> bool:
-    """Whether rows of signals alone that are zero now do not become negative at once."""
-    of_signals = rows[(rows != 0).any(axis=1) & (rows[:, : 2 * system.freedom] == 0).all(axis=1)]
-    flow = system.signal_flow()
-    open_rows = np.ones(len(of_signals), dtype=np.bool_)
-    for _ in range(4):
-        value, size = of_signals @ x, np.abs(of_signals) @ scale
-        zero = np.abs(value) <= TOLERANCE * size
-        if np.any(open_rows & ~zero & (value < 0)):
-            return False
-        open_rows &= zero
-        of_signals = of_signals @ flow
-    return True
 
 
 def combinations_near(system: System, key: Key, first: frozenset[int], allowed: list[list[int]]) -> Iterator[Key]:

@@ -8,6 +8,7 @@ that no digits are lost between large angles.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +17,9 @@ from sim.component import Branch, Component, Row, Signal, Variables
 from sim.components import Inertia
 from sim.drive_train import DriveTrain
 from sim.errors import CompositionError, RunError
+
+if TYPE_CHECKING:
+    from sim.affine_search import Guard
 
 Array = NDArray[np.float64]
 ZERO = 1e-10
@@ -118,6 +122,7 @@ class System:
             first, number = first + component.unknowns, number + count
         self._choose_coordinates()
         self.static = [self._pieces(i) if part.affine else None for i, part in enumerate(self.components)]
+        self.guards: dict[int, Guard] = {}
         self.branch_counts = [len(self.branches(i)) for i in range(len(self.components))]
 
     # ---- layout -----------------------------------------------------------------------------------------------
