@@ -3,7 +3,8 @@
 The weights are those under which held-out cases are nearest to their own class: neighbourhood component analysis
 with a diagonal matrix, where a case's neighbours are always cases of other gearboxes, each class counts the same, and
 the logarithm of every weight is drawn towards its physical prior. How strongly it is drawn is chosen by
-cross-validation over gearboxes, the stronger one when in doubt; a library too small for that keeps the priors.
+cross-validation over gearboxes, the stronger one when in doubt; a library too small for that keeps the priors. Where
+the priors do not serve (another kind of machine), even weights are tried as a start as well.
 
 Source: Goldberger, Roweis, Hinton, Salakhutdinov, Neighbourhood Components Analysis, NIPS 17 (2004).
 """
@@ -17,13 +18,14 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
-from casebase.priors import prior_weights
+from casebase.priors import even_weights, prior_weights
 from casebase.retrieval import CaseTable
 from casebase.similarity import Floats, Metric, pooled_scales
 from casebase.voting import balance, fitted_sharpness, log_sum_exp, log_votes, nearest_of_classes
 
 FOLDS = 10
 LARGEST_SAMPLE = 160
+LARGEST_LOSS = 10.0
 LARGEST_BEND = 5.0
 """No weight moves by more than this factor, as a logarithm, from its prior."""
 SETTLED = 200
@@ -110,6 +112,24 @@ class _Sample:
     labels: NDArray[np.str_]
     classes: tuple[str, ...]
     folds: NDArray[np.intp]
+    kinds: NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class _Trial:
+    """Weights learned in one way without each fold, and how the cases of the fold fared under them."""
+
+    start: str
+    prior: Floats
+    strength: float | None
+    losses: Floats
+    right: NDArray[np.bool_]
+    weights: tuple[Floats, ...]
+
+    @property
+    def reason(self) -> str:
+        start = "physical priors" if self.start == "physics" else "even weights"
+        return f"{start} scored best" if self.strength is None else f"learned, drawn to {start} by {self.strength}"
 
 
 def learn(table: CaseTable) -> Similarity:
@@ -120,23 +140,22 @@ def learn(table: CaseTable) -> Similarity:
     metric = unlearned(table, "to start from").metric
     prior = metric.weights
     sample = _sampled(table, metric)
-    count = int(sample.folds.max()) + 1
-    trials = [_trial(sample, prior, strength, count) for strength in (None, *STRENGTHS)]
+    trials = [_trial(sample, "physics", prior, strength) for strength in (None, *STRENGTHS)]
+    if not any(trial.right.all() for trial in trials):
+        even = even_weights(table.names)
+        trials += [_trial(sample, "even", even, strength) for strength in (None, *STRENGTHS)]
     chosen = _chosen(trials)
-    strength = (None, *STRENGTHS)[chosen]
-    losses, right, weights = trials[chosen]
-    held_out = tuple((groups, weights[fold]) for fold, groups in enumerate(_groups_of_folds(table, count)))
     everything = np.ones(sample.truth.size, dtype=bool)
-    final = metric.with_weights(_fit(sample, everything, prior, strength))
-    share = balance(sample.truth[np.isfinite(losses)])
+    final = metric.with_weights(_fit(sample, everything, chosen.prior, chosen.strength))
+    share = balance(sample.truth)
     return _similarity(
         table,
         final,
-        held_out,
-        strength,
-        float(share @ right[np.isfinite(losses)]),
-        float(share @ losses[np.isfinite(losses)]),
-        "physical priors scored best" if strength is None else f"learned, drawn to the priors by {strength}",
+        tuple(zip(_groups_of_folds(table, sample.kinds), chosen.weights, strict=True)),
+        chosen.strength,
+        min(1.0, float(share @ chosen.right)),
+        float(share @ chosen.losses),
+        chosen.reason,
     )
 
 
@@ -185,12 +204,10 @@ def _gearboxes(table: CaseTable) -> list[str]:
     return sorted({str(name) for name in table.gearboxes if name})
 
 
-def _groups_of_folds(table: CaseTable, count: int) -> list[frozenset[str]]:
+def _groups_of_folds(table: CaseTable, kinds: NDArray[np.intp]) -> list[frozenset[str]]:
     known = _gearboxes(table)
-    groups: list[set[str]] = [set() for _ in range(count)]
-    for group in sorted({str(name) for name in table.groups}):
-        groups[fold_of(group, known) % count].add(group)
-    return [frozenset(each) for each in groups]
+    groups = {str(name): fold_of(str(name), known) for name in np.unique(table.groups)}
+    return [frozenset(name for name, fold in groups.items() if fold == kind) for kind in kinds.tolist()]
 
 
 def _sampled(table: CaseTable, metric: Metric) -> _Sample:
@@ -203,9 +220,9 @@ def _sampled(table: CaseTable, metric: Metric) -> _Sample:
     same = (table.groups[:, None] == table.groups) | (table.samples[:, None] == table.samples)
     known = _gearboxes(table)
     folds = np.array([fold_of(str(group), known) for group in table.groups])
-    _, folds = np.unique(folds, return_inverse=True)
+    kinds, folds = np.unique(folds, return_inverse=True)
     truth = np.searchsorted(table.classes, table.labels)
-    return _Sample(differences, ~same, truth, table.labels, table.classes, folds)
+    return _Sample(differences, ~same, truth, table.labels, table.classes, folds, kinds)
 
 
 def _representative(table: CaseTable) -> NDArray[np.intp]:
@@ -222,11 +239,11 @@ def _representative(table: CaseTable) -> NDArray[np.intp]:
     return np.sort(np.array([row for *_, row in sorted(keys)[:LARGEST_SAMPLE]]))
 
 
-def _trial(sample: _Sample, prior: Floats, strength: float | None, count: int) -> tuple[Floats, Floats, list[Floats]]:
-    """Return loss and success of every case under weights learned without its fold, and those weights."""
-    losses, right = np.full(sample.truth.size, np.nan), np.zeros(sample.truth.size)
+def _trial(sample: _Sample, start: str, prior: Floats, strength: float | None) -> _Trial:
+    """Learn in one way without each fold in turn."""
+    losses, right = np.zeros(sample.truth.size), np.zeros(sample.truth.size, dtype=bool)
     weights = []
-    for fold in range(count):
+    for fold in range(sample.kinds.size):
         inside = sample.folds == fold
         weights.append(_fit(sample, ~inside, prior, strength))
         squares = np.where(sample.allowed, sample.differences @ weights[-1].astype(np.float32), np.inf)
@@ -234,18 +251,16 @@ def _trial(sample: _Sample, prior: Floats, strength: float | None, count: int) -
         sharpness = fitted_sharpness(nearest[~inside], sample.truth[~inside])
         shares = log_votes(nearest[inside], sharpness)
         truth = sample.truth[inside]
-        losses[inside] = -np.maximum(np.take_along_axis(shares, truth[:, None], axis=1)[:, 0], -10.0)
+        losses[inside] = -np.maximum(np.take_along_axis(shares, truth[:, None], axis=1)[:, 0], -LARGEST_LOSS)
         right[inside] = shares.argmax(axis=1) == truth
-    return losses, right, weights
+    return _Trial(start, prior, strength, losses, right, tuple(weights))
 
 
-def _chosen(trials: list[tuple[Floats, Floats, list[Floats]]]) -> int:
-    """Return the first trial whose loss is within one standard error of the best; the first is the strongest."""
-    means = [float(np.nanmean(losses)) for losses, _, _ in trials]
-    best = int(np.argmin(means))
-    spread = trials[best][0]
-    error = float(np.nanstd(spread) / np.sqrt(max(np.isfinite(spread).sum(), 1)))
-    return next(index for index, mean in enumerate(means) if mean <= means[best] + error)
+def _chosen(trials: Sequence[_Trial]) -> _Trial:
+    """Return the first trial whose loss is within one standard error of the best; the first is the most careful."""
+    best = min(trials, key=lambda trial: float(trial.losses.mean()))
+    error = float(best.losses.std() / np.sqrt(best.losses.size))
+    return next(trial for trial in trials if trial.losses.mean() <= best.losses.mean() + error)
 
 
 def _fit(sample: _Sample, rows: NDArray[np.bool_], prior: Floats, strength: float | None) -> Floats:

@@ -63,6 +63,12 @@ def prior_of(name: str) -> tuple[float, str]:
     return 1.0, "nothing is known of it beforehand"
 
 
+def even_weights(names: tuple[str, ...]) -> Floats:
+    """Return the same weight for every feature that may be compared at all, shape (n,), sum 1."""
+    weights = np.array([float(prior_of(name)[0] > 0) for name in names])
+    return np.asarray(weights / weights.sum())
+
+
 def kind_weights(names: tuple[str, ...]) -> Floats:
     """Return how much every feature says about the kind of a fault, shape (n,), sum 1."""
     weights = np.array([weight * KIND.get(why, 1.0) for weight, why in map(prior_of, names)])

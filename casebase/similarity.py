@@ -40,7 +40,8 @@ class Metric:
         sizes = {len(self.names), self.center.size, self.scale.size, self.weights.size}
         if len(sizes) != 1:
             raise ArtifactError(f"a metric needs center, scale and weight for each of {len(self.names)} features")
-        if not (np.all(self.scale > 0) and np.all(self.weights >= 0) and self.weights.sum() > 0):
+        above_zero = self.weights.sum() > 0 or not self.names  # an empty library knows no features yet
+        if not (np.all(self.scale > 0) and np.all(self.weights >= 0) and above_zero):
             raise ArtifactError("scales must be positive and weights not negative, some above zero")
 
     def scaled(self, values: NDArray[np.floating]) -> Floats:

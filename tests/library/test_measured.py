@@ -1,0 +1,108 @@
+"""Measured recordings of gearboxes that the library has never seen; skipped where the data are not."""
+
+import csv
+from pathlib import Path
+
+import pytest
+
+from casebase.description import Labelling, RecordingDescription
+from casebase.diagnosis import Reasoner
+from casebase.evaluation import Evaluation, evaluate
+from casebase.learning import learn
+from casebase.library import CaseFilter, CaseLibrary
+from casebase.models import StoredDiagnosis
+from casebase.retrieval import CaseTable, load_table
+from casebase.signals.condition import OperatingCondition
+from casebase.signals.decode import read_recording
+from casebase.signals.features import EXTRACTOR_VERSION, extract
+from tests.shared_data import shared
+
+HELD_OUT = "g02"
+
+
+@pytest.fixture(scope="module")
+def filled(tmp_path_factory: pytest.TempPathFactory) -> CaseLibrary:
+    """A library of all recordings of the manifest."""
+    folder = shared("data", "axis_recordings")
+    library = CaseLibrary.open(tmp_path_factory.mktemp("measured"))
+    with (folder / "manifest.csv").open(encoding="utf-8") as file:
+        for row in csv.DictReader(file):
+            take(library, folder, row)
+    return library
+
+
+def take(library: CaseLibrary, folder: Path, row: dict[str, str]) -> None:
+    """Decode, extract, store and retain one recording."""
+    recording = read_recording(folder / row["file"])
+    condition = OperatingCondition(speed_rad_s=float(row["speed_rad_s"]), payload_kg_m2=float(row["payload_kg_m2"]))
+    description = RecordingDescription(row["file"], axis="axis-a", gearbox=row["gearbox"], condition=condition)
+    with library.transaction("admin") as session:
+        stored = library.store_recording(
+            session, folder / row["file"], recording, extract(recording, condition), description
+        )
+        library.retain(session, stored, Labelling(row["label"], verified_by="made so"))
+
+
+@pytest.fixture(scope="module")
+def table(filled: CaseLibrary) -> CaseTable:
+    """All cases."""
+    with filled.reading() as session:
+        return load_table(session, EXTRACTOR_VERSION)
+
+
+@pytest.fixture(scope="module")
+def evaluation(table: CaseTable) -> Evaluation:
+    """The library's cross-validation."""
+    return evaluate(table)
+
+
+def test_gearboxes_never_seen_are_diagnosed(evaluation: Evaluation) -> None:
+    assert evaluation.gearboxes == 5
+    assert evaluation.cases == 30
+    assert evaluation.accuracy.value is not None
+    assert evaluation.accuracy.value >= 0.95
+
+
+def test_a_fault_that_is_not_in_the_library_is_called_new_and_known_ones_are_not(evaluation: Evaluation) -> None:
+    assert (evaluation.called_new.value or 0.0) <= 0.05
+    for label in ("notch", "play"):
+        share = evaluation.left_out[label].value
+        assert share is not None
+        assert share >= 0.9
+
+
+def test_one_other_gearbox_is_enough_for_most(table: CaseTable) -> None:
+    known, tested = table.take(table.gearboxes == "g00"), table.take(table.gearboxes != "g00")
+    similarity = learn(known)
+    assert similarity.reason.startswith("physical priors")
+    reasoner = Reasoner(known, similarity)
+    judgements = [reasoner.judge(values) for values in tested.values]
+    best = [each.classes[int(each.probabilities.argmax())] for each in judgements]
+    assert sum(said == truth for said, truth in zip(best, tested.labels, strict=True)) >= 0.85 * len(tested)
+
+
+def test_a_diagnosis_of_a_real_recording_says_why(filled: CaseLibrary) -> None:
+    """Retire all cases of one gearbox, diagnose its recordings, and bring the cases back."""
+    with filled.transaction("admin") as session:
+        cases = list(filled.cases(session, CaseFilter(gearbox=HELD_OUT)).items)
+        for case in cases:
+            filled.retire(session, case.id)
+    found = [diagnose_again(filled, case.recording_id) for case in cases]
+    assert [each.label for each in found] == [case.label for case in cases]
+    for each in found:
+        units = {str(item["unit"]) for item in each.document["evidence"]}  # type: ignore[attr-defined]
+        assert {"dB", "s"} <= units
+        gearboxes = each.document["provenance"]["gearboxes"]  # type: ignore[index]
+        assert gearboxes == 4
+    with filled.transaction("admin") as session:
+        for case in cases:
+            filled.restore(session, case.id)
+
+
+def diagnose_again(library: CaseLibrary, recording_id: str) -> StoredDiagnosis:
+    """Read a stored recording's audio and diagnose it."""
+    with library.transaction("operator") as session:
+        row = library.recording(session, recording_id)
+        recording = read_recording(library.audio_path(row))
+        condition = OperatingCondition(speed_rad_s=row.speed_rad_s, payload_kg_m2=row.payload_kg_m2)
+        return library.diagnose(session, row, extract(recording, condition))
