@@ -15,6 +15,7 @@ from sim.discrepancy.parameters import Parameter, Values
 from sim.discrepancy.terms import Report, Term
 
 RIPPLE_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0)  # pole pairs, slots and their multiples
+CONTACT_RATIO = 1.15  # pitches over which one pair of teeth carries
 LEAST_TURN = 0.5  # rad of the load over which weight shows
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
 RUNOUT = ("runout.sine_rad", "runout.cosine_rad")
@@ -140,10 +141,13 @@ def _asymmetry(level: float, top: float) -> Term:
     def report(values: Values) -> dict[str, float]:
         return {"torque_n_m": values[coulomb], "coefficient_n_m_s_per_rad": values[viscous]}
 
+    def magnitude(values: Values) -> float:
+        return max(abs(values[coulomb] + share * top * values[viscous]) for share in (0.3, 1.0))
+
     step = 0.03 * level
     parameters = (Parameter(coulomb, 0.0, step), Parameter(viscous, 0.0, step / top))
     probes = (({viscous: step / top},), ({coulomb: step}, {viscous: step / top}))
-    return Term("friction_asymmetry", "motor", parameters, probes, report, apply, size=0.1 * step)
+    return Term("friction_asymmetry", "motor", parameters, probes, report, apply, size=0.1 * step, magnitude=magnitude)
 
 
 def _drift(n: int, duration: float) -> Term:
@@ -156,8 +160,8 @@ def _drift(n: int, duration: float) -> Term:
 
     step = 0.1 / duration
     return Term(
-        "friction_drift", None, (Parameter(rate, 0.0, step),), (({rate: step},),), lambda v: {"rate_per_s": v[rate]}, apply,
-        size=0.5 * step,
+        "friction_drift", None, (Parameter(rate, 0.0, step),), (({rate: step},),), lambda v: {"rate_per_s": v[rate]},
+        apply, size=0.5 * step,
     )  # fmt: skip
 
 
@@ -294,7 +298,8 @@ def _backlash(name: str, k: int, new: float, twist: float) -> Term:
     step = max(0.3 * new, 0.01 * twist)
     return Term(
         "backlash", name, (Parameter(gap, 0.0, step, low=0.0),), probes, lambda v: {"gap_rad": v[gap]}, apply,
-        positive=True, nonlinear=True, replaces=(f"stages.{name}.backlash_rad",), size=max(AS_NEW_FACTOR * new, 0.01 * twist),
+        positive=True, nonlinear=True, replaces=(f"stages.{name}.backlash_rad",),
+        size=max(AS_NEW_FACTOR * new, 0.01 * twist),
     )  # fmt: skip
 
 
@@ -353,41 +358,34 @@ def _hysteresis(name: str, k: int, torque: float, twist: float) -> Term:
     )
     probes = tuple(({level: 0.03 * torque, width: share * twist},) for share in (0.05, 0.2, 0.6))
     return Term(
-        "hysteresis", name, parameters, probes, lambda v: {"torque_n_m": v[level], "width_rad": v[width]}, apply, positive=True,
-        nonlinear=True, size=0.005 * torque,
+        "hysteresis", name, parameters, probes, lambda v: {"torque_n_m": v[level], "width_rad": v[width]},
+        apply, positive=True, nonlinear=True, size=0.005 * torque,
     )  # fmt: skip
 
 
 def tooth_damage(
-    name: str,
-    k: int,
-    teeth: int,
-    flank: int,
-    angle_rad: float,
-    starts: Sequence[tuple[float, float, float]],
-    size: float,
+    name: str, k: int, teeth: int, flank: int, angle_rad: float, starts: Sequence[tuple[float, float]], size: float
 ) -> Term:
-    """A dent on one flank of the driven gear of link `k`; `starts`: angles, half widths and depths worth trying."""
+    """A dent on one flank of the driven gear of link `k`; `starts`: angles and depths worth trying.
+
+    Its width is that of one tooth's contact, a contact ratio of pitches: while contact is lost, width and depth
+    could not both be told from the data.
+    """
     depth, angle = (_name("tooth_damage", name, p) for p in ("depth_rad", "angle_rad"))
-    width = _name("tooth_damage", name, "half_width_rad")
     pitch = 2.0 * math.pi / teeth
+    width = 0.5 * CONTACT_RATIO * pitch
 
     def apply(chain: Chain, values: Values) -> Chain:
-        dent = Dent(k + 1, values[angle], values[width], values[depth], flank)
+        dent = Dent(k + 1, values[angle], width, values[depth], flank)
         return with_link(chain, k, dents=(*chain.links[k].dents, dent))
 
     def report(values: Values) -> dict[str, float]:
-        return {
-            "depth_rad": values[depth],
-            "angle_rad": values[angle] % (2 * math.pi),
-            "flank": float(flank),
-            "width_rad": values[width],
-        }
+        turned = values[angle] % (2 * math.pi)
+        return {"depth_rad": values[depth], "angle_rad": turned, "flank": float(flank), "width_rad": width}
 
     parameters = (
         Parameter(depth, 0.0, 1e-5, low=0.0),
         Parameter(angle, angle_rad, 0.02 * pitch, low=angle_rad - 6 * pitch, high=angle_rad + 6 * pitch),
-        Parameter(width, 0.5 * pitch, 0.02 * pitch, 0.15 * pitch, 0.2 * pitch, 3.0 * pitch),
     )
-    probes = tuple(({angle: a, width: w, depth: d},) for a, w, d in starts)
+    probes = tuple(({angle: a, depth: d},) for a, d in starts)
     return Term("tooth_damage", name, parameters, probes, report, apply, positive=True, nonlinear=True, size=size)

@@ -90,8 +90,7 @@ def _channels(t: Telemetry) -> tuple[float, Array, Array, Array | None]:
         )
     else:
         raise InvestigationError("telemetry: needs motor_position_rad (or motor_speed_rad_s) beside motor_torque_nm")
-    load = t["load_position_rad"] if "load_position_rad" in t else None
-    return rate, t["motor_torque_nm"], angle, load
+    return rate, t["motor_torque_nm"], angle, t.channels.get("load_position_rad")
 
 
 def _clock(t: Telemetry, rate: float) -> tuple[Array, Array]:
@@ -144,7 +143,10 @@ def _lost(valid: Array, held: NDArray[np.bool_]) -> list[Fault]:
     share = (missing + repeated) / valid.size
     if share < 5e-4:
         return []
-    text = f"{missing} rows are missing and {repeated} repeat the row before while the motor moves: {share:.2%} of all; they were left out."
+    text = (
+        f"{missing} rows are missing and {repeated} repeat the row before "
+        f"while the motor moves: {share:.2%} of all; they were left out."
+    )
     return [Fault("lost_samples", None, {"fraction": share}, text)]
 
 
@@ -160,14 +162,16 @@ def _clipped(torque: Array) -> list[Fault]:
         return []
     share = sum(f[2] for f in faults)
     level = max(abs(f[1]) for f in faults)
-    text = f"The motor torque stays at its extreme of {level:.4g} N m in {share:.2%} of all rows: the channel is cut there."
+    text = f"The motor torque stays at its extreme of {level:.4g} N m in {share:.2%} of all rows: "
+    text += "the channel is cut there."
     return [Fault("clipping", "motor", {"torque_n_m": level, "fraction": share}, text)]
 
 
 def _unclipped(torque: Array, faults: list[Fault]) -> Array:
     if not any(f.mechanism == "clipping" for f in faults):
         return np.ones(torque.size)
-    return ((torque < torque.max()) & (torque > torque.min())).astype(float)
+    inside: Array = np.asarray((torque < torque.max()) & (torque > torque.min()), dtype=np.float64)
+    return inside
 
 
 def _check_motion(angle: Array) -> None:
@@ -196,10 +200,12 @@ def _check_load(axis: Axis, angle: Array, load: Array | None) -> None:
     ):
         if abs(abs(slope) / factor - 1.0) < 0.05:
             raise InvestigationError(
-                f"load_position_rad: moves {abs(slope):.4g} times as far as ratio and motor say, as if it were {words}; rad are needed"
+                f"load_position_rad: moves {abs(slope):.4g} times as far as ratio and motor say, "
+                f"as if it were {words}; rad are needed"
             )
     raise InvestigationError(
-        f"load_position_rad: moves {slope:.4g} times as far as motor_position_rad over the ratio {axis.ratio:.6g} says; "
+        f"load_position_rad: moves {slope:.4g} times as far as motor_position_rad over "
+        f"the ratio {axis.ratio:.6g} says; "
         "are two channels swapped, is a unit not rad, or is the ratio another?"
     )
 
@@ -226,7 +232,8 @@ def _check_torque(axis: Axis, m: Measurement) -> None:
     share = float(found[0]) / expected
     if share < -0.2:
         raise InvestigationError(
-            "motor_torque_nm: pushes against the acceleration: the sign of torque or of position is turned; turn one of them"
+            "motor_torque_nm: pushes against the acceleration: the sign of torque or of position is turned; "
+            "turn one of them"
         )
     if share > 8.0 or share < 0.12:
         raise InvestigationError(

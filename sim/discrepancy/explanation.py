@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 """What a finding means and what to measure next, in sentences that a technician can act on."""
 
 from __future__ import annotations

@@ -44,7 +44,7 @@ def gains(problem: Problem, base: Fit, fit: Fit) -> tuple[Gain, ...]:
 
 
 def _motion_band(values: Array, rate_hz: float) -> Array:
-    """Below 40 Hz (Butterworth of order 4, forth and back): what 100 Hz and a decimation to 100 Hz leave in the literature."""
+    """Below 40 Hz (Butterworth of order 4, forth and back): what decimation to 100 Hz leaves in the literature."""
     if rate_hz < 2.5 * CUT_HZ:
         return values
     return np.asarray(sosfiltfilt(butter(4, CUT_HZ, fs=rate_hz, output="sos"), values))

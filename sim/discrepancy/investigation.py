@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -17,7 +17,7 @@ from sim.discrepancy.explanation import explain, next_measurement
 from sim.discrepancy.extension import extended_axis
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.gain import Gain, gains
-from sim.discrepancy.selection import TEMPERATURE, Rival, Selection, calibrate, evidence, material, select
+from sim.discrepancy.selection import TEMPERATURE, Rival, Selection, calibrate, evidence, material, polish, select
 from sim.discrepancy.sound import Heard, listen
 from sim.discrepancy.terms import Term
 from sim.discrepancy.unexplained import SHARE, Unexplained, look
@@ -26,8 +26,8 @@ VERSION = "1"
 NINETY = 1.645
 Progress = Callable[[str, float], None]
 UNITS = {
-    "_rad": "rad", "_n_m": "N m", "_rad_s": "rad/s", "_per_s": "1/s", "_per_rad2": "1/rad2", "_n_m_s_per_rad": "N m s/rad",
-    "_hz": "Hz", "_s": "s", "_kg_m2": "kg m2", "_n_m_per_rad": "N m/rad",
+    "_rad": "rad", "_n_m": "N m", "_rad_s": "rad/s", "_per_s": "1/s", "_per_rad2": "1/rad2",
+    "_n_m_s_per_rad": "N m s/rad", "_hz": "Hz", "_s": "s", "_kg_m2": "kg m2", "_n_m_per_rad": "N m/rad",
 }  # fmt: skip
 
 
@@ -84,7 +84,8 @@ class Investigation:
                 for e in self.parameters
             ],
             "gain": [
-                {"channel": g.channel, "unit": g.unit, "rms_before": _round(g.rms_before), "rms_after": _round(g.rms_after),
+                {"channel": g.channel, "unit": g.unit, "rms_before": _round(g.rms_before),
+                 "rms_after": _round(g.rms_after),
                  "held_out": True, "distinguishable_from_zero": g.significant, "rms_measured": _round(g.rms_measured)}
                 for g in self.gain
             ],
@@ -128,9 +129,12 @@ def investigate(
     base = Fit((), base.parameters, base.values, problem.residual((), base.values), base.jacobian, base.cost, base.runs)
     if fit.terms:
         base = problem.fit((), base.values, 2)
-    gained = gains(problem, base, fit)
-    progress("what is left", 0.92)
     rest = [u for u in look(problem, fit) if _counts(u)]
+    _, base = polish(problem, base)
+    problem, fit = polish(problem, fit)
+    gained = gains(problem, base, fit)
+    selection = replace(selection, problem=problem, base=base, fit=fit)
+    progress("what is left", 0.92)
     findings = (
         *(_finding(selection, term) for term in fit.terms),
         *(_fault_finding(fault) for fault in gate.faults),
@@ -162,8 +166,8 @@ def _sound_alone(axis: Axis, sound: Recording, progress: Progress) -> Investigat
     heard = listen(axis, sound, None, 0.0)
     findings = tuple(_heard_finding(h) for h in heard if h.mechanism != "unnamed")
     return Investigation(
-        axis, "named" if findings else "nothing_missing", findings, None, (), (), next_measurement(axis, findings, [], False),
-        axis, _provenance(axis, None, sound, None),
+        axis, "named" if findings else "nothing_missing", findings, None, (), (),
+        next_measurement(axis, findings, [], False), axis, _provenance(axis, None, sound, None),
         remarks=("Sound alone: friction, stiffness, loads and delays cannot be heard; record telemetry for them.",),
     )  # fmt: skip
 

@@ -24,8 +24,9 @@ STANDSTILL_SHARE = 0.012  # of the largest speed: below, dry friction is whateve
 class Measurement:
     """Channels over one clock after smoothing; every array has shape (n,).
 
-    `torque` and `acceleration` share one wide kernel [N m], [rad/s2]; `slow_acceleration` is nearly free of noise; `angle`, `speed` drive the chain; `load_angle`,
-    `load_speed` are None without a load encoder, `slow_...` are nearly free of noise. `weight`: 1 where the motor torque counts, 0 where it does not.
+    `torque` and `acceleration` share one wide kernel [N m], [rad/s2]; `slow_acceleration` is nearly free of noise;
+    `angle`, `speed` drive the chain; `load_angle`, `load_speed` are None without a load encoder, `slow_...` are nearly
+    free of noise. `weight`: 1 where the motor torque counts, 0 where it does not.
     """
 
     rate_hz: float
@@ -48,19 +49,21 @@ class Measurement:
 
 
 def gaussian_kernel(cut_hz: float, rate_hz: float, derivative: int) -> Array:
-    """Gaussian low-pass (-3 dB at `cut_hz`) or its derivative; correlate with it. Exact on polynomials of order 2."""
-    sigma = max(math.sqrt(math.log(2.0)) / (2.0 * math.pi * cut_hz) * rate_hz, 0.5)
-    half = math.ceil(5.0 * sigma)
+    """Flat low-pass (-3 dB at `cut_hz`) or its derivative, to be correlated with; exact on polynomials of order 3.
+
+    A Gaussian times an even polynomial whose second moment is zero: a plain Gaussian would bend a curve inwards by
+    half its variance times the curvature, which for a load encoder is as much as the elastic twist itself.
+    """
+    sigma = max(1.47 / (2.0 * math.pi * cut_hz) * rate_hz, 0.6)
+    half = math.ceil(5.5 * sigma)
     k = np.arange(-half, half + 1, dtype=np.float64)
     g = np.exp(-0.5 * (k / sigma) ** 2)
-    g /= g.sum()
-    if derivative == 0:
-        return g
-    second = float((k * k * g).sum())
-    if derivative == 1:
-        return np.asarray(k * g / second * rate_hz)
-    curve = (k * k - second) * g
-    return np.asarray(2.0 * curve / float((k * k * curve).sum()) * rate_hz**2)
+    u = k / sigma
+    powers = range(derivative % 2, derivative + 3, 2)
+    parts = np.array([g * u**power for power in powers])
+    moments = np.array([[(part * u**power).sum() for part in parts] for power in powers])
+    wanted = [math.factorial(derivative) if power == derivative else 0.0 for power in powers]
+    return np.asarray(np.linalg.solve(moments, wanted) @ parts * (rate_hz / sigma) ** derivative)
 
 
 def smooth(values: Array, cut_hz: float, rate_hz: float, derivative: int, margin: int) -> Array:
@@ -80,7 +83,7 @@ def prepare(
     valid: Array | None = None,
     load_valid: Array | None = None,
 ) -> Measurement:
-    """Smooth evenly sampled channels of shape (n,) and thin them to about `RATE_HZ`; `valid` is 1 where a row counts."""
+    """Smooth evenly sampled channels of shape (n,), thin them to about `RATE_HZ`; `valid` is 1 where a row counts."""
     stride = max(1, round(rate_hz / RATE_HZ))
     rate = rate_hz / stride
     wide, cut = WIDE_SHARE * rate, min(ANGLE_CUT_HZ, 0.2 * rate)

@@ -1,3 +1,4 @@
+# ruff: noqa: E501
 """One HTML file that shows an investigation step by step; plots are inline SVG, nothing is loaded from elsewhere."""
 
 from __future__ import annotations

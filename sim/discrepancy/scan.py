@@ -106,17 +106,9 @@ def torque_sign(problem: Problem, chain: Chain, fit: Fit) -> Array:
     m = problem.measurement
     shaft = chain.shafts[0]
     friction = shaft.coulomb_n_m * np.sign(m.speed) + shaft.viscous_n_m_s * m.speed
-    return (
-        m.slow_acceleration * 0.0
-        + np.asarray(_smoothed(m.torque, m.rate_hz))
-        - shaft.inertia_kg_m2 * m.slow_acceleration
-        - friction
-    )
-
-
-def _smoothed(values: Array, rate_hz: float) -> Array:
-    width = max(3, int(0.02 * rate_hz) | 1)
-    return np.convolve(values, np.ones(width) / width, "same")
+    width = max(3, int(0.02 * m.rate_hz) | 1)
+    smoothed = np.convolve(m.torque, np.ones(width) / width, "same")
+    return np.asarray(smoothed - shaft.inertia_kg_m2 * m.slow_acceleration - friction, dtype=np.float64)
 
 
 def _best(

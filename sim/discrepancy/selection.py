@@ -11,13 +11,15 @@ import numpy as np
 
 from sim.chain_model import Array, ChainError
 from sim.discrepancy.catalogue import terms_of, tooth_damage
-from sim.discrepancy.fit import WORKERS, Fit, Problem
+from sim.discrepancy.fit import WORKERS, Fit, Noise, Problem
+from sim.discrepancy.measurement import gaussian_kernel
 from sim.discrepancy.model import link_stiffness
 from sim.discrepancy.scan import Place, scan
 from sim.discrepancy.terms import Term
 
 Progress = Callable[[str, float], None]
 SHORTLIST = 5
+MOTION_BAND_HZ = 40.0
 MOST_TRIES = 5
 REFIT_ROUNDS = 3
 MOST_TERMS = 4
@@ -60,6 +62,21 @@ def rewhiten(problem: Problem, fit: Fit, iterations: int) -> tuple[Problem, Fit]
     return problem, problem.fit(fit.terms, fit.values, iterations)
 
 
+def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
+    """Last fit of one stiff body by plain least squares in the band of its motion.
+
+    Whitened rows weigh most what is fast, where a body's model is least true to its form; the least squares of the
+    band in which torque is predicted are what its numbers are for.
+    """
+    if problem.guided:
+        return problem, fit
+    torque, _ = problem.raw_residuals(fit.terms, fit.values)
+    kernel = gaussian_kernel(MOTION_BAND_HZ, problem.measurement.rate_hz, 0)
+    left = float(np.std(np.convolve(torque, kernel, "same")))
+    plain = problem.with_noise(Noise(kernel / max(left, 1e-300), np.ones(1)))
+    return plain, plain.fit(fit.terms, fit.values, 3)
+
+
 def penalty(term: Term, rows: int) -> float:
     """Nats that a term must pay: half a log of the rows for each number, and for the places it was looked for."""
     looks = 8.0 if term.mechanism == "tooth_damage" else math.log(max(len(term.probes), 1) + 1.0)
@@ -73,8 +90,8 @@ def evidence(term: Term, gain: float, rows: int) -> float:
 
 def material(term: Term, values: Mapping[str, float]) -> bool:
     """Whether the fitted size matters in practice and exceeds what is as new."""
-    reported = list(term.report(values).values())
-    return bool(abs(reported[0]) > term.size) if term.size else True
+    value = term.magnitude(values) if term.magnitude else next(iter(term.report(values).values()))
+    return bool(abs(value) > term.size)
 
 
 def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
@@ -227,10 +244,9 @@ def _damage_term(problem: Problem, place: Place) -> Term:
     ratio = problem.axis.ratio / problem.axis.ratio_from(stage.name)
     twist = level * ratio / link_stiffness(problem.axis, place.link)
     starts = [
-        (place.angle_rad + shift * pitch, width * pitch, depth)
-        for shift in (-1.0, 0.0, 1.0, 2.0)
-        for width in (0.5, 0.9)
-        for depth in (0.05 * twist, 0.3 * twist)
+        (place.angle_rad + shift * pitch, depth)
+        for shift in (-1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0)
+        for depth in (0.05 * twist, 0.2 * twist, 0.6 * twist)
     ]
     size = max(3.0 * stage.backlash_rad, 0.03 * twist)
     return tooth_damage(stage.name, place.link, stage.driven_teeth or 1, place.flank, place.angle_rad, starts, size)

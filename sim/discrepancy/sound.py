@@ -66,7 +66,8 @@ def _hum(values: Array, rate_hz: float) -> list[Heard]:
             at = int(np.argmin(np.abs(frequency - k * mains)))
             above.append(float(level[max(at - 1, 0) : at + 2].max() - floor[at]))
         if above[0] > HUM_DB and sum(a > HUM_DB for a in above) >= 1 and above[0] >= max(above) - 40.0:
-            text = f"A hum of {mains:g} Hz stands {above[0]:.0f} dB over the sound: supply or earthing of the recording, not the gear."
+            text = f"A hum of {mains:g} Hz stands {above[0]:.0f} dB over the sound: "
+            text += "supply or earthing of the recording, not the gear."
             return [Heard("electrical_hum", None, 0.9, {"frequency_hz": (mains, mains - 0.5, mains + 0.5)}, text)]
     return []
 
@@ -88,7 +89,7 @@ def _bearing(axis: Axis, values: Array, rate_hz: float, m: Measurement, offset_s
         score = sum(math.log(max(h / LINE, 1.0)) for h in found)
         if count >= 2 and order > LOWEST_ORDER and found[0] > LINE and score > best[0]:
             best = (score, order, count)
-    if best[2] < 2:
+    if best[2] < 2 or _fixed_line(values, rate_hz) > float(heights[orders < 4.0 * HIGHEST_ORDER].max()):
         return []
     order = _refined(orders, heights, best[1], spacing)
     half = max(1.5 * spacing, 0.004 * order)
@@ -119,6 +120,17 @@ def _envelope_orders(values: Array, rate_hz: float, m: Measurement, offset_s: fl
         power = np.abs(np.fft.rfft(along * np.hanning(grid.size))) ** 2
         total = np.maximum(total, power / np.maximum(medfilt(power, 401), 1e-300))
     return np.arange(total.size) * PER_TURN / grid.size, total
+
+
+def _fixed_line(values: Array, rate_hz: float) -> float:
+    """Height of the strongest line of the envelope over time: what is fixed in Hz is no order."""
+    sos = butter(4, (0.08 * 0.5 * rate_hz, 0.45 * rate_hz), "bandpass", fs=rate_hz, output="sos")
+    envelope = np.abs(hilbert(sosfiltfilt(sos, values)))
+    power = np.abs(np.fft.rfft((envelope - envelope.mean()) * np.hanning(values.size))) ** 2
+    spacing = rate_hz / values.size
+    part = power[: int(100.0 / spacing)]
+    ratio = part / np.maximum(medfilt(part, 401), 1e-300)
+    return float(ratio[int(4.0 / spacing) :].max())
 
 
 def _height(heights: Array, at: float, reach: int) -> float:

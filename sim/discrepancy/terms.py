@@ -27,8 +27,8 @@ class Term:
     """`apply` changes the chain; `torque` is what to add to the predicted motor torque outside the chain [N m].
 
     `probes`: starts worth trying; each is a group of columns, a column being the values to jump to. `report` turns
-    the fitted numbers into the parameters of the mechanism; `positive`: the first number cannot be below 0; `nonlinear`: the rest of
-    the model moves far when it comes in.
+    the fitted numbers into the parameters of the mechanism; `positive`: the first number cannot be below 0;
+    `nonlinear`: the rest of the model moves far when it comes in.
     """
 
     mechanism: str
@@ -42,6 +42,7 @@ class Term:
     nonlinear: bool = False
     replaces: tuple[str, ...] = ()
     size: float = 0.0  # below this it does not matter in practice
+    magnitude: Callable[[Values], float] | None = None  # what is held against `size`; default the first number reported
 
     @property
     def key(self) -> str:

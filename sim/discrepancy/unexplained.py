@@ -13,6 +13,7 @@ from sim.discrepancy.fit import Fit, Problem
 from sim.discrepancy.scan import torque_sign
 
 BAND_HZ = 0.6
+HIGHEST_HZ = 120.0  # above, teeth and their aliases
 BINS = 48
 SHARE = 0.06  # of the residual's energy: less is how a model's form differs from any real axis
 
@@ -52,7 +53,7 @@ def _frequency(channel: str, values: Array, rate_hz: float) -> Unexplained:
     energy = np.convolve(2.0 * power, np.ones(width), "valid")
     typical = float(np.median(energy))
     first = max(1, round(2.0 / spacing))
-    last = min(energy.size, int(0.42 * rate_hz / spacing))
+    last = min(energy.size, int(min(0.42 * rate_hz, HIGHEST_HZ) / spacing))
     if last <= first:
         return Unexplained("frequency", channel, 0.0, 0.0, {})
     at = first + int(np.argmax(energy[first:last]))

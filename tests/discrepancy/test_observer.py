@@ -27,6 +27,7 @@ def test_the_guide_needs_no_torque_where_the_chain_moves_as_measured() -> None:
     m = prepare(RATE_HZ, np.zeros(t.size), angle, load)
     observer = Observer(m, inertia, 0.01)
     chain = Chain((Shaft(0.01), Shaft(inertia)), (Link(ratio, stiffness, 60.0),))
+    observer.learn_noise(chain, Nuisance())
     right = observer.predict(chain, Nuisance())
     wrong = observer.predict(Chain((Shaft(0.01), Shaft(1.2 * inertia)), chain.links), Nuisance())
     inner = slice(500, -500)
