@@ -73,6 +73,10 @@ class LiveServer:
         self.process.stdout.close()
         return code
 
+    @property
+    def running(self) -> bool:
+        return self.process is not None and self.process.poll() is None
+
     def kill(self) -> None:
         """End it as a power cut would."""
         self.stop(signal.SIGKILL)

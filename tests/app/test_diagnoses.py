@@ -173,15 +173,3 @@ def test_example_of_the_shared_data(operator: httpx.Client, tmp_path: Path) -> N
     answer = diagnose(operator, path.read_bytes(), name=path.name, speed_rad_s=2.5, payload_kg_m2=40)
     assert answer.status_code == 201
     assert answer.json()["recording"]["duration_s"] == 20.0
-
-
-def test_empty_library_knows_nothing_and_says_so(tmp_path: Path) -> None:
-    server = started(tmp_path / "data")
-    try:
-        with server.client("operator") as client:
-            answer = diagnose(client, sound(1))
-        assert answer.status_code == 201
-        assert answer.json()["verdict"] == "not_in_library"
-        assert answer.json()["remarks"]
-    finally:
-        server.stop()

@@ -1,4 +1,4 @@
-"""The library's cross-validation over HTTP and by command: the same numbers, which change with the library."""
+"""A library from empty to cross-validated; and what an installation may set stricter."""
 
 import json
 from collections.abc import Iterator
@@ -14,7 +14,8 @@ EVALUATION = "/api/v1/library/evaluation"
 
 @pytest.fixture(scope="module")
 def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
-    server = started(tmp_path_factory.mktemp("library") / "data")
+    environment = {"GEARCASE_REQUIRE_IF_MATCH": "true", "GEARCASE_FAILED_KEYS": "5/minute"}
+    server = started(tmp_path_factory.mktemp("library") / "data", **environment)
     yield server
     server.stop()
 
@@ -23,6 +24,14 @@ def add(client: httpx.Client, seed: int, label: str, gearbox: str) -> None:
     content = sound(seed, impacts=label == "notch")
     data = {"metadata": json.dumps({"label": label, "gearbox": gearbox})}
     client.post("/api/v1/cases", files={"file": ("x.wav", content)}, data=data).raise_for_status()
+
+
+def test_empty_library_knows_nothing_and_says_so(server: LiveServer) -> None:
+    with server.client("operator") as client:
+        answer = client.post("/api/v1/diagnoses", files={"file": ("x.wav", sound(1))})
+    assert answer.status_code == 201
+    assert answer.json()["verdict"] == "not_in_library"
+    assert answer.json()["remarks"]
 
 
 def test_evaluation_follows_the_library(server: LiveServer) -> None:
@@ -46,3 +55,23 @@ def test_evaluation_follows_the_library(server: LiveServer) -> None:
 def test_unknown_group(server: LiveServer) -> None:
     with server.client("viewer") as viewer:
         assert viewer.get(EVALUATION, params={"group": "colour"}).status_code == 422
+
+
+def test_change_without_etag_where_one_is_required(server: LiveServer) -> None:
+    with server.client() as admin:
+        add(admin, 500, "normal", "etag")
+        case = admin.get("/api/v1/cases", params={"gearbox": "etag"}).json()["items"][0]
+        path = f"/api/v1/cases/{case['id']}"
+        answer = admin.patch(path, json={"note": "x"})
+        assert answer.status_code == 428
+        assert "If-Match" in answer.json()["detail"]
+        assert admin.patch(path, json={"note": "x"}, headers={"If-Match": "*"}).status_code == 200
+
+
+def test_wrong_keys_are_limited_and_a_valid_one_still_works(server: LiveServer) -> None:
+    with server.client() as admin, server.client(None) as guess:
+        wrong = [{"Authorization": f"Bearer gearcase_{number}"} for number in range(7)]
+        answers = [guess.get("/api/v1/cases", headers=headers) for headers in wrong]
+        assert [answer.status_code for answer in answers] == [401] * 5 + [429] * 2
+        assert int(answers[-1].headers["retry-after"]) > 0
+        assert admin.get("/api/v1/cases").status_code == 200
