@@ -111,6 +111,7 @@ class System:
         self.components: list[Component] = list(train.components.values())
         node_of = self._number_nodes()
         self._lay_out()
+        self._bent: dict[int, tuple[_Piece, ...]] = {}
         self.point = np.zeros(self.known)
         first = self.known + self.node_count
         self.rows: list[_Rows] = []
@@ -250,10 +251,24 @@ class System:
 
     # ---- rows of the branches ---------------------------------------------------------------------------------
 
+    @property
+    def point(self) -> Array:
+        """Known variables of now, shape (known,), for components that are not affine."""
+        return self._point
+
+    @point.setter
+    def point(self, known: Array) -> None:
+        self._point = known
+        self._bent.clear()
+
     def branches(self, i: int) -> "tuple[_Piece, ...]":
         """All branches of component i, at `point` if it is not affine."""
         static = self.static[i]
-        return self._pieces(i) if static is None else static
+        if static is not None:
+            return static
+        if i not in self._bent:
+            self._bent[i] = self._pieces(i)
+        return self._bent[i]
 
     def _pieces(self, i: int) -> "tuple[_Piece, ...]":
         part, v = self.components[i], self.rows[i]

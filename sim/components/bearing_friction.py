@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 from sim.component import Branch, Component, Row, Variables
@@ -32,7 +33,7 @@ class BearingFriction(Component):
         object.__setattr__(self, "tau_pos", speed_table("BearingFriction.tau_pos", self.tau_pos, 2).rows)
         check_peak("BearingFriction", self.peak)
 
-    @property
+    @cached_property
     def table(self) -> SpeedTable:
         return SpeedTable(self.tau_pos)  # type: ignore[arg-type]
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 from sim.component import FORWARD, STUCK, Branch, Component, Row, Signal, Start, Variables
@@ -46,7 +47,7 @@ class Pressed(Component):
         check_peak(name, self.peak)
         object.__setattr__(self, "mu_pos", speed_table(f"{name}.mu_pos", self.mu_pos, 2).rows)
 
-    @property
+    @cached_property
     def table(self) -> SpeedTable:
         return SpeedTable(self.mu_pos)  # type: ignore[arg-type]
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import ClassVar
 
 from sim.component import BACKWARD, FORWARD, FREE, STUCK, Branch, Component, Row, Variables
@@ -51,14 +52,17 @@ class LossyGear(Component):
                     raise ParameterError(f"LossyGear.lossTable[{i}][{j}]: must be > 0 and <= 1, got {row[j]:g}")
         object.__setattr__(self, "lossTable", table.rows)
 
-    @property
+    @cached_property
     def table(self) -> SpeedTable:
         return SpeedTable(self.lossTable)  # type: ignore[arg-type]
 
+    @cached_property
+    def _one_efficiency(self) -> bool:
+        return len({row[1:3] for row in self.table.rows}) == 1
+
     @property
     def affine(self) -> bool:
-        efficiencies = {row[1:3] for row in self.table.rows}
-        return len(efficiencies) == 1 and self.table.straight
+        return self._one_efficiency and self.table.straight
 
     @property
     def unknowns(self) -> int:

@@ -1,6 +1,7 @@
 """Tables over speed: straight between rows, and through the last two rows beyond them (Modelica's CombiTable1D)."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,9 +15,13 @@ class SpeedTable:
 
     rows: tuple[tuple[float, ...], ...]
 
+    @cached_property
+    def _table(self) -> NDArray[np.float64]:
+        return np.array(self.rows)
+
     def at(self, w: float) -> NDArray[np.float64]:
         """Values at the speed |w|, shape (columns - 1,)."""
-        table = np.array(self.rows)
+        table = self._table
         if len(table) == 1:
             return table[0, 1:].copy()
         i = int(np.clip(np.searchsorted(table[:, 0], abs(w), side="right") - 1, 0, len(table) - 2))
@@ -28,7 +33,7 @@ class SpeedTable:
         """Change of each value per rad/s in the first piece, shape (columns - 1,)."""
         return self.at(1.0) - self.at(0.0) if self.straight else np.zeros(len(self.rows[0]) - 1)
 
-    @property
+    @cached_property
     def straight(self) -> bool:
         """Whether all rows lie on one straight line, in every column."""
         table = np.array(self.rows)
@@ -37,7 +42,7 @@ class SpeedTable:
         first = table[0] + np.outer((table[:, 0] - table[0, 0]) / (table[1, 0] - table[0, 0]), table[1] - table[0])
         return bool(np.allclose(first, table, rtol=1e-13, atol=0))
 
-    @property
+    @cached_property
     def constant(self) -> bool:
         """Whether no value depends on the speed."""
         return all(row[1:] == self.rows[0][1:] for row in self.rows)
