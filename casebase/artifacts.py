@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 
 from sqlalchemy import func, select, update
+from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from casebase import audit
@@ -89,7 +90,12 @@ def similarity_for(session: Session, table: CaseTable) -> tuple[Similarity, int 
     learned = learn(table)
     if audit.ACTOR not in session.info:
         return learned, None
-    return learned, store_similarity(session, learned, kind).version
+    try:
+        with session.begin_nested():
+            return learned, store_similarity(session, learned, kind).version
+    except IntegrityError:
+        # another worker learned from the same cases at the same time, and got the same
+        return learned, active_version(session, table.extractor_version)
 
 
 def store_similarity(session: Session, similarity: Similarity, kind: str) -> Artifact:

@@ -1,7 +1,6 @@
 """CaseLibrary: retain, revise, retire, restore; the rows are the truth, the audio lies beside them."""
 
 import hashlib
-import threading
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -50,6 +49,9 @@ from casebase.signals.recording import Recording
 REVISABLE = ("label", "verified_by", "note", "mechanism", "location", "severity", "quarantine_reason", "state")
 
 
+CHANGED = "library_changed"
+
+
 @dataclass(frozen=True)
 class CaseFilter:
     """Which cases to list; absent means any. Retired ones are left out unless asked for."""
@@ -74,7 +76,6 @@ class CaseLibrary:
         self.engine = engine
         self.data_dir = data_dir
         self.audio = AudioStore(data_dir / "audio")
-        self._lock = threading.Lock()
         self._tables: dict[str, CaseTable] = {}
         self._reasoners: dict[str, tuple[int | None, Reasoner]] = {}
 
@@ -321,17 +322,24 @@ class CaseLibrary:
 
     def reasoner(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> Reasoner:
         """Return what diagnoses, for the library as it is now; the same one until something changes."""
-        with self._lock:
-            table = load_table(session, extractor_version, self._tables.get(extractor_version))
-            self._tables[extractor_version] = table
-            basis = active_version(session, extractor_version)
-            kept = self._reasoners.get(extractor_version)
-            if kept is not None and kept[1].table is table and kept[0] == basis:
-                return kept[1]
-            similarity, version = similarity_for(session, table)
-            reasoner = Reasoner(table, similarity, version)
+        table = self.table(session, extractor_version)
+        basis = active_version(session, extractor_version)
+        kept = self._reasoners.get(extractor_version)
+        if kept is not None and kept[1].table is table and kept[0] == basis:
+            return kept[1]
+        similarity, version = similarity_for(session, table)
+        reasoner = Reasoner(table, similarity, version)
+        if CHANGED not in session.info:
             self._reasoners[extractor_version] = (basis if version is None else version, reasoner)
-            return reasoner
+        return reasoner
+
+    def table(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> CaseTable:
+        """Return all searchable cases as they are now; only what changed is read."""
+        table = load_table(session, extractor_version, self._tables.get(extractor_version))
+        if CHANGED not in session.info:
+            # what this session changed may yet be rolled back, and must not be remembered
+            self._tables[extractor_version] = table
+        return table
 
     def diagnose(self, session: Session, recording: StoredRecording, extraction: Extraction) -> StoredDiagnosis:
         """Diagnose a stored recording by its features and keep the diagnosis."""
@@ -342,13 +350,12 @@ class CaseLibrary:
 
     def evaluate(self, session: Session, *, group: str = "gearbox", origin: str = "both") -> Evaluation:
         """Return the library's own cross-validation; see `casebase.evaluation.evaluate`."""
-        return evaluate(self.reasoner(session).table, group=group, origin=origin)
+        return evaluate(self.table(session), group=group, origin=origin)
 
     def learn(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> Artifact:
         """Learn the weights again now and make them the active ones."""
-        with self._lock:
-            table = load_table(session, extractor_version, self._tables.get(extractor_version))
-        return store_similarity(session, learn(table), similarity_kind(extractor_version))
+        learned = learn(self.table(session, extractor_version))
+        return store_similarity(session, learned, similarity_kind(extractor_version))
 
     def counts(self, session: Session) -> Mapping[tuple[str, str], int]:
         """Return how many searchable cases there are per label and origin."""
@@ -364,6 +371,7 @@ class CaseLibrary:
 
     def next_version(self, session: Session) -> int:
         """Count up, so that every process sees at its next query that something changed; return the new count."""
+        session.info[CHANGED] = True
         counter = update(LibraryCounter).values(value=LibraryCounter.value + 1)
         return session.scalars(counter.returning(LibraryCounter.value)).one()
 

@@ -2,6 +2,7 @@
 
 import json
 import math
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -174,3 +175,31 @@ def test_another_process_is_seen_at_the_next_query(library: CaseLibrary) -> None
         add_case(other, session, [1.0] * SIZE, "normal", seed=1234)
     with library.reading() as session:
         assert len(library.reasoner(session, VERSION).table) == len(before.table) + 1
+
+
+def test_what_is_rolled_back_is_not_remembered(library: CaseLibrary) -> None:
+    fill(library)
+
+    def retained_and_broken_off() -> None:
+        with library.transaction("bert") as session:
+            add_case(library, session, [9.0] * SIZE, "phantom", seed=4321)
+            assert "phantom" in library.reasoner(session, VERSION).table.classes
+            raise InvalidRequestError("broken off")
+
+    with pytest.raises(InvalidRequestError, match="broken off"):
+        retained_and_broken_off()
+    with library.transaction("bert") as session:
+        add_case(library, session, [0.5] * SIZE, "normal", seed=4322)
+    with library.reading() as session:
+        table = library.reasoner(session, VERSION).table
+    assert "phantom" not in table.classes
+    assert len(table) == 25
+
+
+def test_many_at_once_are_all_diagnosed(library: CaseLibrary) -> None:
+    fill(library)
+    rows = [features(np.random.default_rng(seed), "play") for seed in range(12)]
+    with ThreadPoolExecutor(6) as pool:
+        found = list(pool.map(lambda each: diagnose(library, each[1], seed=500 + each[0]), enumerate(rows)))
+    assert {each.document["provenance"]["similarity_version"] for each in found} <= {1, None}  # type: ignore[index]
+    assert len({each.id for each in found}) == 12
