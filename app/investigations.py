@@ -164,7 +164,7 @@ def _committed(library: CaseLibrary, investigation_id: str) -> StoredInvestigati
 def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report) -> tuple[dict[str, object], str]:
     # only a worker pays for importing what investigates
     from sim.discrepancy.investigation import investigate
-    from sim.discrepancy.report import report_html
+    from sim.discrepancy.report import html_report
 
     telemetry, sound = _path(library, row, "telemetry"), _path(library, row, "sound")
     offset = row.inputs.get("sound_offset_s", 0.0)
@@ -176,7 +176,7 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
         progress=report,
     )
     document: dict[str, object] = json.loads(json.dumps(found.document(), allow_nan=False))
-    return document, report_html(found)
+    return document, html_report(found)
 
 
 def _path(library: CaseLibrary, row: StoredInvestigation, name: str) -> Path | None:

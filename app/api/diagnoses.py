@@ -11,10 +11,11 @@ from app.documents import Cursor, DiagnosisAnswer, DiagnosisChange, Filter, Iden
 from app.idempotency import Made, OnlyOnce
 from app.intake import take_in
 from app.metadata import RecordingMetadata, read_metadata
-from app.report import CONTENT_SECURITY_POLICY, report_page
 from app.security import Operator, Viewer
 from app.service import Reading, TheService
 from app.uploads import TheUpload, multipart_body
+from app.web.diagnosis_view import view_of
+from app.web.report import diagnosis_html, report_policy
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
 
 router = APIRouter(tags=["diagnoses"])
@@ -80,8 +81,8 @@ def report(_: Viewer, session: Reading, service: TheService, diagnosis_id: Ident
     answer = DiagnosisAnswer.of(row)
     if chosen(request.headers.get("accept"), (HTML, JSON)) == JSON:
         return Response(answer.model_dump_json(), media_type=JSON, headers={"Vary": "Accept"})
-    page = report_page(service, session, row, answer)
-    return HTMLResponse(page, headers={"Vary": "Accept", "Content-Security-Policy": CONTENT_SECURITY_POLICY})
+    page = diagnosis_html(view_of(session, service, row), service.settings.time_zone)
+    return HTMLResponse(page, headers={"Vary": "Accept", "Content-Security-Policy": report_policy()})
 
 
 @router.patch("/diagnoses/{diagnosis_id}")

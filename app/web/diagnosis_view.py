@@ -11,17 +11,20 @@ from markupsafe import Markup
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from app import views
 from app.service import Service
 from app.web import charts as draw
 from app.web.charts import Chart
-from app.web.pages.recordings import CREST_WINDOW_S, analysed, decoded, event_times, order_markers
+from app.web.recorded import CREST_WINDOW_S, analysed, decoded, event_times, order_markers
 from app.web.templating import percent, quantity
 from app.web.trend import FEATURE, same_state, trend, when
 from app.web.words import Verdict, name_of, verdict_of
 from casebase.models import Case, Extractor, FeatureRow, StoredDiagnosis, StoredRecording
 from casebase.signals.crest import root_mean_square
 from casebase.signals.features import EXTRACTOR_VERSION
+from casebase.signals.recording import Recording
 
+COLUMNS = 800
 PEAKS = 400
 SHOWN_PARTS = 8
 
@@ -55,6 +58,11 @@ class DiagnosisView:
     trend: Chart | None
     rms: float
     peaks: str
+    sound: Recording
+
+    def spectrogram(self) -> bytes:
+        """Draw the spectrogram as PNG."""
+        return views.spectrogram_png(self.sound, COLUMNS)
 
     def context(self) -> dict[str, object]:
         """Return it for a template."""
@@ -107,6 +115,7 @@ def view_of(session: Session, service: Service, row: StoredDiagnosis, *, orders:
         trend=trend_of(session, row.recording),
         rms=root_mean_square(recording.samples),
         peaks="[" + ",".join(f"{v:.4g}" for v in peaks) + "]",
+        sound=recording,
     )
 
 

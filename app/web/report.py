@@ -1,10 +1,12 @@
 """A diagnosis on paper and as one file that needs no network: the words and plots of its page."""
 
+import base64
+import hashlib
 import io
 import textwrap
+from functools import cache
 
 from markupsafe import Markup
-from matplotlib.backends.backend_pdf import PdfPages
 from matplotlib.figure import Figure
 
 from app.web.charts import Chart
@@ -16,9 +18,17 @@ COLOURS = ("#0a6480", "#b45309")
 STYLES = ("-", "--")
 
 
+@cache
 def style_sheet() -> Markup:
     """Return the style sheet of the pages, to stand inside a file."""
     return Markup((STATIC / "gearcase.css").read_text())  # noqa: S704  our own file
+
+
+@cache
+def report_policy() -> str:
+    """Return the content security policy of a report: its own style sheet, known by its hash, and its own pictures."""
+    digest = base64.b64encode(hashlib.sha256(style_sheet().encode()).digest()).decode()
+    return f"default-src 'none'; img-src data:; style-src 'sha256-{digest}'; base-uri 'none'; frame-ancestors 'none'"
 
 
 def diagnosis_html(view: DiagnosisView, zone: str) -> str:
@@ -27,13 +37,15 @@ def diagnosis_html(view: DiagnosisView, zone: str) -> str:
         **view.context(),
         "style": style_sheet(),
         "at": lambda value: instant(value, zone),
-        "zone": zone,
+        "spectrogram": base64.b64encode(view.spectrogram()).decode(),
     }
     return ENVIRONMENT.get_template("report.html").render(context)
 
 
 def diagnosis_pdf(view: DiagnosisView, zone: str) -> bytes:
     """Return the report as PDF, A4: verdict and neighbours on the first page, plots on the second."""
+    from matplotlib.backends.backend_pdf import PdfPages  # costs a start of the service nothing
+
     target = io.BytesIO()
     with PdfPages(target, metadata={"Title": view.verdict.headline, "Creator": "Gearcase"}) as pages:
         pages.savefig(_first_page(view, zone))

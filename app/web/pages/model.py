@@ -15,7 +15,7 @@ from sqlalchemy.orm import Session
 
 from app.service import Reading, TheService
 from app.web.charts import Chart
-from app.web.pages.recordings import analysed, decoded
+from app.web.recorded import analysed, decoded
 from app.web.session import PageViewer
 from app.web.svg import Series
 from app.web.templating import render

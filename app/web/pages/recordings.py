@@ -1,6 +1,6 @@
 """Plots and sound of a recording, for pages; the demo recording is open to anybody."""
 
-from dataclasses import replace
+import math
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Header, Query, Request, Response
@@ -15,17 +15,12 @@ from app.intake import DEMO
 from app.security import Role
 from app.service import Reading, Service, TheService
 from app.web import charts
+from app.web.recorded import CREST_WINDOW_S, analysed, decoded, event_times, order_markers
 from app.web.session import SignInNeeded, Visitor
-from app.web.svg import Marker
-from casebase.description import condition_of
-from casebase.models import Artifact, FeatureRow, StoredRecording
-from casebase.signals.analysis import Analysis
-from casebase.signals.features import EXTRACTOR_VERSION
-from casebase.signals.recording import Recording
+from casebase.models import Artifact, StoredRecording
 
 router = APIRouter(prefix="/recordings/{recording_id}")
 
-CREST_WINDOW_S = 1.0
 PlotName = Literal["waveform", "crest", "level", "spectrum", "orders", "fold"]
 
 
@@ -48,31 +43,6 @@ def allowed(session: Session, principal: Visitor, request: Request, recording_id
     demo = demo_ids(session)
     if demo is None or demo[1] != recording_id:
         raise SignInNeeded(request.url.path)
-
-
-def decoded(service: Service, row: StoredRecording) -> Recording:
-    """Return the samples of a stored recording."""
-    return replace(views.decoded(service.library.audio_path(row), row.channel), unit=row.unit)
-
-
-def analysed(recording: Recording, row: StoredRecording) -> Analysis:
-    """Return its analysis under the condition that was told."""
-    return Analysis(recording, condition_of(row.description))
-
-
-def event_times(session: Session, row: StoredRecording) -> tuple[float, ...]:
-    """Return when something stood out [s]: impulses, notch and play, not reversals."""
-    stored = session.get(FeatureRow, (row.id, EXTRACTOR_VERSION))
-    events = stored.events if stored else []
-    return tuple(float(e["time_s"]) for e in events if isinstance(e, dict) and e.get("kind") != "reversal")
-
-
-def order_markers(analysis: Analysis) -> tuple[Marker, ...]:
-    """Return where meshes lie at the largest speed [Hz]; nothing without axis and speed."""
-    speed, orders = analysis.condition.speed_rad_s, analysis.condition.mesh_orders
-    if not speed:
-        return ()
-    return tuple(Marker(order * speed / 6.283185307, f"mesh {order:g}×") for order in orders)
 
 
 def chart_of(
@@ -100,7 +70,7 @@ def chart_of(
     if name == "orders" and not speed:
         raise NotFound("Orders need the speed of the axis; it was not told with this recording.")
     return charts.spectrum(
-        recording, order_markers(analysis), speed / 6.283185307 if name == "orders" and speed else None
+        recording, order_markers(analysis), speed / (2 * math.pi) if name == "orders" and speed else None
     )
 
 

@@ -1,0 +1,42 @@
+"""What the pages take from a stored recording: its samples, its analysis, what stood out, where its meshes lie."""
+
+import math
+from dataclasses import replace
+
+from sqlalchemy.orm import Session
+
+from app import views
+from app.service import Service
+from app.web.svg import Marker
+from casebase.description import condition_of
+from casebase.models import FeatureRow, StoredRecording
+from casebase.signals.analysis import Analysis
+from casebase.signals.features import EXTRACTOR_VERSION
+from casebase.signals.recording import Recording
+
+CREST_WINDOW_S = 1.0
+
+
+def decoded(service: Service, row: StoredRecording) -> Recording:
+    """Return the samples of a stored recording."""
+    return replace(views.decoded(service.library.audio_path(row), row.channel), unit=row.unit)
+
+
+def analysed(recording: Recording, row: StoredRecording) -> Analysis:
+    """Return its analysis under the condition that was told."""
+    return Analysis(recording, condition_of(row.description))
+
+
+def event_times(session: Session, row: StoredRecording) -> tuple[float, ...]:
+    """Return when something stood out [s]: impulses, notch and play, not reversals."""
+    stored = session.get(FeatureRow, (row.id, EXTRACTOR_VERSION))
+    events = stored.events if stored else []
+    return tuple(float(e["time_s"]) for e in events if isinstance(e, dict) and e.get("kind") != "reversal")
+
+
+def order_markers(analysis: Analysis) -> tuple[Marker, ...]:
+    """Return where meshes lie at the largest speed [Hz]; nothing without axis and speed."""
+    speed, orders = analysis.condition.speed_rad_s, analysis.condition.mesh_orders
+    if not speed:
+        return ()
+    return tuple(Marker(order * speed / (2 * math.pi), f"mesh {order:g}×") for order in orders)
