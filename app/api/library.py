@@ -3,10 +3,49 @@
 from typing import Literal
 
 from fastapi import APIRouter
+from pydantic import BaseModel
 
 from app.documents import EvaluationAnswer
 from app.security import Viewer
 from app.service import Reading, TheService
+from casebase.review import review
+
+
+class FindingAnswer(BaseModel):
+    """A case to look at."""
+
+    case_id: str
+    label: str
+    origin: Literal["measured", "simulated"]
+    reason: str
+    other_id: str | None
+
+
+class HoleAnswer(BaseModel):
+    """What has no case, and how many would fill it."""
+
+    label: str
+    reason: str
+    cases: int
+
+
+class PlanAnswer(BaseModel):
+    """Cases to generate, by label."""
+
+    counts: dict[str, int]
+
+
+class ReviewAnswer(BaseModel):
+    """What a look through the library found."""
+
+    cases: int
+    redundant: list[FindingAnswer]
+    contradictory: list[FindingAnswer]
+    suspect: list[FindingAnswer]
+    far: list[FindingAnswer]
+    uncovered: list[HoleAnswer]
+    plan: PlanAnswer
+
 
 router = APIRouter(prefix="/library", tags=["library"])
 
@@ -21,3 +60,12 @@ def evaluation(
 ) -> EvaluationAnswer:
     """Leave out one gearbox at a time, learn from the others and diagnose it; kept until the library changes."""
     return EvaluationAnswer.model_validate(service.evaluation(session, group, origin).to_document())
+
+
+@router.get("/review")
+def get_review(_: Viewer, session: Reading, service: TheService) -> ReviewAnswer:
+    """Redundant, contradictory, suspect and far cases, and what is missing.
+
+    `plan` holds the counts that `POST /simulations` takes.
+    """
+    return ReviewAnswer.model_validate(review(session, service.library.reasoner(session)).to_document())

@@ -1,4 +1,4 @@
-"""`gearcase cases add | list | export | import`."""
+"""`gearcase cases add | list | export | import | review`."""
 
 from pathlib import Path
 from typing import Annotated, Any
@@ -9,6 +9,7 @@ from rich.table import Table
 from app.cli import BAD_INPUT
 from app.commands.faults import sentence
 from app.commands.frame import ACTOR, frame_of
+from app.commands.review import review
 from app.documents import CaseAnswer
 from app.intake import take_in
 from app.metadata import CaseMetadata
@@ -24,6 +25,7 @@ Json = Annotated[bool, typer.Option("--json", help="one JSON document on stdout"
 
 
 def register(app: typer.Typer) -> None:
+    cases.command("review")(review)
     app.add_typer(cases, name="cases")
 
 

@@ -1,0 +1,51 @@
+"""`gearcase cases review`: what to look at in the library; edits on request, undoable."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import typer
+from rich.table import Table
+
+from app.commands.frame import ACTOR, frame_of
+from casebase import review as care
+
+SHOWN = 10
+
+
+def review(
+    context: typer.Context,
+    apply: Annotated[
+        str | None, typer.Option(metavar="KIND", help="retire what is 'redundant' or quarantine what is 'far'")
+    ] = None,
+    undo: Annotated[int | None, typer.Option(metavar="VERSION", help="take back an edit of a review")] = None,
+    json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
+) -> None:
+    """Redundant, contradictory, suspect and far cases, and what is missing. Changes nothing unless told to."""
+    frame = frame_of(context)
+    with frame.library() as library:
+        if undo is not None:
+            with library.transaction(ACTOR) as session:
+                frame.say(f"{care.undo(library, session, undo)} cases are as they were")
+            return
+        with library.reading() as session:
+            found = care.review(session, library.reasoner(session))
+        version = None
+        if apply is not None:
+            with library.transaction(ACTOR) as session:
+                version = care.apply(library, session, found, apply).version
+    if json:
+        frame.print_json({**found.to_document(), "edit": version})
+        return
+    table = Table("what", "case", "label", "origin", "reason")
+    for name in ("contradictory", "suspect", "far", "redundant"):
+        listed: tuple[care.Finding, ...] = getattr(found, name)
+        for each in listed[:SHOWN]:
+            table.add_row(name, each.case_id, each.label, each.origin, each.reason)
+        if len(listed) > SHOWN:
+            table.add_row(name, f"and {len(listed) - SHOWN} more", "", "", "")
+    for hole in found.uncovered:
+        table.add_row("uncovered", "", hole.label, "", f"{hole.reason}: generate {hole.cases}")
+    frame.results.print(table)
+    if version is not None:
+        frame.say(f"done; take it back with: cases review --undo {version}")

@@ -1,0 +1,211 @@
+"""Care of the library: what is redundant, contradictory, suspect, far from reality or missing. Reports first.
+
+All distances are those that diagnosis uses; a case is never held against its own gearbox or its own samples.
+Edits are made on request, kept as an artifact and undone as a whole.
+
+Sources: Smyth and McKenna, Competence models and the maintenance problem, Computational Intelligence 17 (2001), for
+redundancy by coverage; Wilson, Asymptotic properties of nearest neighbor rules (1972), for suspect labels.
+"""
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from casebase.artifacts import add_artifact
+from casebase.diagnosis import Reasoner
+from casebase.errors import InvalidRequestError, NotFoundError
+from casebase.library import CaseLibrary
+from casebase.models import Artifact, Case, StoredRecording
+from casebase.similarity import Floats
+
+KIND = "review"
+LARGEST = 4000  # cases looked at; beyond, the newest
+NEIGHBOURS, AGREEING = 5, 4
+SAME = 0.25  # of the typical distance to the nearest case of the label: as good as the same case
+FAR = 3.0  # times the typical distance between measured cases of a label: not the same world
+FEWEST = 20  # simulated cases that a label should have at least
+CELLS = 3  # payload and speed are looked at in so many ranges each
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One case to look at: what about it, in a sentence, and which case speaks against it."""
+
+    case_id: str
+    label: str
+    origin: str
+    reason: str
+    other_id: str | None = None
+
+
+@dataclass(frozen=True)
+class Hole:
+    """Operating conditions under which a label has no case, and how many would fill them."""
+
+    label: str
+    reason: str
+    cases: int
+
+
+@dataclass(frozen=True)
+class Review:
+    """What was found, worst first within each kind; `plan` is what `generate` and `POST /simulations` take."""
+
+    cases: int
+    redundant: tuple[Finding, ...]
+    contradictory: tuple[Finding, ...]
+    suspect: tuple[Finding, ...]
+    far: tuple[Finding, ...]
+    uncovered: tuple[Hole, ...]
+
+    @property
+    def plan(self) -> dict[str, int]:
+        counts: Counter[str] = Counter()
+        for hole in self.uncovered:
+            counts[hole.label] += hole.cases
+        return dict(counts)
+
+    def to_document(self) -> dict[str, object]:
+        """Return it as JSON."""
+        return {**asdict(self), "plan": {"counts": self.plan}}
+
+
+def review(session: Session, reasoner: Reasoner) -> Review:
+    """Look through the library; changes nothing."""
+    table = reasoner.table
+    rows = np.arange(len(table))[-LARGEST:]
+    table = table.take(rows)
+    if len(table) < 2:
+        return Review(len(table), (), (), (), (), _holes(session))
+    apart = _distances(reasoner, rows)
+    foreign = (table.groups[:, None] != table.groups) & (table.samples[:, None] != table.samples)
+    apart = np.where(foreign, apart, np.inf)
+    same = table.labels[:, None] == table.labels
+    own = np.where(same, apart, np.inf).min(axis=1)
+    known = own[np.isfinite(own)]
+    typical = float(np.median(known)) if known.size else math.inf
+    order = np.argsort(apart, axis=1)[:, :NEIGHBOURS]
+
+    def finding(row: int, reason: str, other: int | None = None) -> Finding:
+        other_id = None if other is None else str(table.ids[other])
+        return Finding(str(table.ids[row]), str(table.labels[row]), str(table.origins[row]), reason, other_id)
+
+    contradictory, suspect, redundant = [], [], []
+    dropped: set[int] = set()
+    for row in range(len(table)):
+        near = [int(each) for each in order[row] if np.isfinite(apart[row, each])]
+        if not near:
+            continue
+        first, labels = near[0], Counter(str(table.labels[each]) for each in near)
+        if not same[row, first] and apart[row, first] < typical * SAME and row < first:
+            reason = f"as good as the same recording as a case of {table.labels[first]}"
+            contradictory.append(finding(row, reason, first))
+        label, count = labels.most_common(1)[0]
+        if label != table.labels[row] and len(near) == NEIGHBOURS and count >= AGREEING:
+            suspect.append(finding(row, f"{count} of its {NEIGHBOURS} nearest cases are {label}", first))
+        twin = row > first and first not in dropped and table.origins[row] == table.origins[first]
+        if same[row, first] and twin and len(labels) == 1 and apart[row, first] < typical * SAME:
+            dropped.add(row)
+            redundant.append(finding(row, "adds nothing to a case that is there and agrees with all around", first))
+    far = tuple(finding(row, reason) for row, reason in _far(table.labels, table.origins, apart))
+    return Review(len(table), tuple(redundant), tuple(contradictory), tuple(suspect), far, _holes(session))
+
+
+def _distances(reasoner: Reasoner, rows: NDArray[np.intp]) -> Floats:
+    squares = [reasoner.matrix.squared_distances(reasoner.table.values[row])[rows] for row in rows]
+    return np.asarray(np.sqrt(np.maximum(np.array(squares, dtype=np.float64), 0.0)))
+
+
+def _far(labels: NDArray[np.str_], origins: NDArray[np.str_], apart: Floats) -> list[tuple[int, str]]:
+    """Simulated cases that are far from every measured case of their label, where there are three or more."""
+    out = []
+    for label in sorted({str(each) for each in labels}):
+        measured = np.flatnonzero((labels == label) & (origins == "measured"))
+        simulated = np.flatnonzero((labels == label) & (origins == "simulated"))
+        if measured.size < 3 or simulated.size == 0:
+            continue
+        among = apart[np.ix_(measured, measured)].min(axis=1)
+        among = among[np.isfinite(among)]
+        if among.size == 0:
+            continue
+        limit = FAR * float(np.median(among))
+        nearest = apart[np.ix_(simulated, measured)].min(axis=1)
+        for row, distance in sorted(zip(simulated, nearest, strict=True), key=lambda each: -each[1]):
+            if math.isfinite(distance) and distance > limit:
+                reason = f"its nearest measured case of {label} is {distance:.2f} away; those lie within {limit:.2f}"
+                out.append((int(row), reason))
+    return out
+
+
+def _holes(session: Session) -> tuple[Hole, ...]:
+    """Labels with few simulated cases, and ranges of payload and speed that measured cases have and they have not."""
+    statement = select(Case.label, Case.origin, StoredRecording.payload_kg_m2, StoredRecording.speed_rad_s).join(
+        StoredRecording, Case.recording_id == StoredRecording.id
+    )
+    statement = statement.where(Case.state == "confirmed", Case.quarantine_reason.is_(None))
+    rows = session.execute(statement).all()
+    holes = []
+    cells = _cells([(payload, speed) for _, _, payload, speed in rows if payload and speed])
+    for label in sorted({label for label, *_ in rows}):
+        simulated = [(p, s) for each, origin, p, s in rows if each == label and origin == "simulated"]
+        if len(simulated) < FEWEST:
+            reason = f"{len(simulated)} simulated cases; {FEWEST} give the features their spread"
+            holes.append(Hole(label, reason, FEWEST - len(simulated)))
+        elif cells is not None:
+            full = {_cell(cells, p, s) for p, s in simulated if p and s}
+            wanted = {_cell(cells, p, s) for _, origin, p, s in rows if origin == "measured" and p and s}
+            empty = wanted - full
+            if empty:
+                holes.append(Hole(label, f"no case in {len(empty)} ranges of payload and speed", 4 * len(empty)))
+    return tuple(holes)
+
+
+def _cells(points: Sequence[tuple[float, float]]) -> tuple[Floats, Floats] | None:
+    if len(points) < 2:
+        return None
+    both = np.array(points)
+    low, high = both.min(axis=0), both.max(axis=0)
+    edges = [np.linspace(a, b, CELLS + 1)[1:-1] for a, b in zip(low, high, strict=True)]
+    return edges[0], edges[1]
+
+
+def _cell(cells: tuple[Floats, Floats], payload: float, speed: float) -> tuple[int, int]:
+    return int(np.searchsorted(cells[0], payload)), int(np.searchsorted(cells[1], speed))
+
+
+def apply(library: CaseLibrary, session: Session, found: Review, kind: str) -> Artifact:
+    """Retire redundant cases (`kind` redundant) or quarantine far ones (far); undone by `undo` with its version.
+
+    Raises InvalidRequestError where there is nothing of that kind to do.
+    """
+    findings = {"redundant": found.redundant, "far": found.far}.get(kind)
+    if findings is None:
+        raise InvalidRequestError(f"edits are 'redundant' (retired) or 'far' (quarantined), got {kind!r}")
+    if not findings:
+        raise InvalidRequestError(f"the review found nothing {kind}: there is nothing to change")
+    edits = []
+    for each in findings:
+        case = library.case(session, each.case_id)
+        before: dict[str, object] = {"state": case.state, "quarantine_reason": case.quarantine_reason}
+        change: dict[str, object] = {"state": "retired"} if kind == "redundant" else {"quarantine_reason": each.reason}
+        library.revise(session, each.case_id, change)
+        edits.append({"case_id": each.case_id, "before": before})
+    return add_artifact(session, KIND, {"kind": kind, "edits": edits}, score_detail={"edits": len(edits)})
+
+
+def undo(library: CaseLibrary, session: Session, version: int) -> int:
+    """Take back the edits of a version; how many cases that were. Raises NotFoundError."""
+    row = session.get(Artifact, (KIND, version))
+    if row is None:
+        raise NotFoundError(f"no edit of a review has the version {version}")
+    edits = row.content["edits"]
+    assert isinstance(edits, list)
+    for edit in edits:
+        library.revise(session, edit["case_id"], edit["before"])
+    return len(edits)
