@@ -299,25 +299,45 @@ def _suspicious(x, y, scale, dt, derivatives, rows):
 
 
 @_jit
-def _near(y, moving, rows, x, derivatives):
-    """Whether any inequality of a chunk is negative or, between samples, could be (against its second difference)."""
+def _safe(y, moving, rows, x, derivatives):
+    """How many leading samples of a chunk keep all inequalities, also between samples (by the second difference)."""
+    safe = CHUNK
     for r in range(rows):
         older = 0.0
         for j in range(x.shape[0]):
             older += derivatives[0, r, j] * x[j]
         base = CHUNK * (moving + r)
-        low = older
         step = y[base] - older
         bend = 0.0
-        for s in range(CHUNK):
-            low = min(low, y[base + s])
+        low = older
         for s in range(1, CHUNK):
             new = y[base + s] - y[base + s - 1]
             bend = max(bend, abs(new - step))
             step = new
+        for s in range(CHUNK):
+            low = min(low, y[base + s])
         if low < bend:
-            return True
-    return False
+            if older < bend:
+                return 0
+            s = 0
+            while s < safe and y[base + s] >= bend:
+                s += 1
+            safe = s
+    return safe
+
+
+@_jit
+def _turn_signals(x, moving, step, count, spare):
+    """Advance the signals alone by `count` steps; they do not depend on the motion."""
+    n = x.shape[0]
+    for _ in range(count):
+        for i in range(moving, n - 1):
+            total = 0.0
+            for j in range(moving, n):
+                total += step[i, j] * x[j]
+            spare[i] = total
+        for i in range(moving, n - 1):
+            x[i] = spare[i]
 
 
 @_jit
@@ -383,19 +403,23 @@ def advance(
                 line = product[j]
                 for k in range(used):
                     y[k] += line[k] * xj
-            if not _near(y, moving, rows, x, derivatives[mode]):
+            safe = _safe(y, moving, rows, x, derivatives[mode])
+            if safe > 0:
                 base = i * moving
-                for k in range(CHUNK * moving):
+                for k in range(safe * moving):
                     flat[base + k] = y[k]
+                if safe == CHUNK:
+                    for j in range(moving, n - 1):
+                        x[j] = y[CHUNK * (moving + rows) + j - moving]
+                else:
+                    _turn_signals(x, moving, steps[mode], safe, spare)
                 for j in range(moving):
-                    x[j] = y[(CHUNK - 1) * moving + j]
+                    x[j] = y[(safe - 1) * moving + j]
+                for j in range(n):
                     scale[j] = max(scale[j], abs(x[j]))
-                for j in range(moving, n - 1):
-                    x[j] = y[CHUNK * (moving + rows) + j - moving]
-                    scale[j] = max(scale[j], abs(x[j]))
-                for k in range(CHUNK):
+                for k in range(safe):
                     modes[i + k] = mode
-                i += CHUNK
+                i += safe
                 continue
         if not check:
             events = 0
