@@ -56,7 +56,7 @@ def place(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Place]:
     if request.param == "sqlite":
         url = jobs_url("sqlite:///library.sqlite", tmp_path)
     else:
-        url = jobs_url(request.getfixturevalue("postgres_url"), tmp_path)
+        url = jobs_url(request.getfixturevalue("postgres_database_url"), tmp_path)
     with ExitStack() as stack:
         jobs = Jobs(url, ["count"])
         stack.callback(jobs.close)

@@ -1,0 +1,123 @@
+"""A campaign of generated cases over durable jobs: `python -m benchmarks.generation [CASES] [--postgres]`.
+
+Prints the share of the time that is simulation and features, the speed of two workers over one, and whether every
+case is there once after one of two workers was killed in the middle.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from sqlalchemy import func, select
+
+from app.generation import KIND, Campaign, simulate_case
+from app.job_kinds import open_jobs
+from app.settings import Settings
+from casebase.library import CaseLibrary
+from casebase.models import Case
+from sim.paper import PAPER_AXIS
+
+SAMPLE = 12  # cases timed alone, to know what simulation and features cost
+
+
+def campaign(cases: int) -> Campaign:
+    """Cases of 10 s, a third of each label."""
+    third = cases // 3
+    return Campaign(PAPER_AXIS, {"normal": cases - 2 * third, "play": third, "notch": third}, seed=7, duration_s=10.0)
+
+
+def cost_per_case(wanted: Campaign) -> float:
+    """Time of simulation and features of one case on one core without anything else [s]."""
+    planned = wanted.planned()
+    chosen = planned[:: max(1, len(planned) // SAMPLE)]
+    simulate_case(chosen[0])
+    started = time.perf_counter()
+    for each in chosen:
+        simulate_case(each)
+    return (time.perf_counter() - started) / len(chosen)
+
+
+@contextmanager
+def workers(settings: Settings, count: int) -> Iterator[list[subprocess.Popen[bytes]]]:
+    """Worker processes of an installation."""
+    environment = {**os.environ, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    if settings.database_url:
+        environment["GEARCASE_DATABASE_URL"] = settings.database_url
+    command = [sys.executable, "-m", "app", "--data-dir", str(settings.data_dir), "worker"]
+    running = [subprocess.Popen(command, env=environment, stderr=subprocess.DEVNULL) for _ in range(count)]
+    try:
+        yield running
+    finally:
+        for process in running:
+            process.terminate()
+        for process in running:
+            process.wait()
+
+
+def run(settings: Settings, wanted: Campaign, count: int, *, kill: bool = False) -> float:
+    """Time from the first finished task to the end of the job [s]; every case is checked to be there once."""
+    library = CaseLibrary.open(settings.data_dir, settings.database_url)
+    with open_jobs(settings) as jobs, workers(settings, count) as running:
+        job = jobs.submit(KIND, wanted.to_document())
+        started, first = 0.0, 0
+        for event in jobs.events(job):
+            if event is None:
+                continue
+            if event.progress.done and not started:
+                started, first = time.perf_counter(), event.progress.done
+            if kill and event.progress.fraction > 0.4:
+                kill = False
+                running[0].kill()
+                running[0].wait()
+                with workers(settings, 1) as heirs:
+                    running.extend(heirs)
+                    for _ in jobs.events(job, after=event.number):
+                        pass
+        took, total = time.perf_counter() - started, len(wanted.batches())
+        ended = jobs.get(job)
+    with library.reading() as session:
+        there, different = session.execute(select(func.count(), func.count(Case.key.distinct()))).one()
+    library.close()
+    expected = sum(wanted.counts.values())
+    if (ended.state, there, different) != ("done", expected, expected):
+        raise SystemExit(f"{ended.state}: {there} cases, {different} different, {expected} expected: {ended.error}")
+    return took * total / max(total - first, 1)
+
+
+def main() -> None:
+    """Run and print."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("cases", type=int, nargs="?", default=1000)
+    parser.add_argument("--postgres", action="store_true", help="two workers on PostgreSQL, one killed")
+    chosen = parser.parse_args()
+    wanted = campaign(chosen.cases)
+    cost = cost_per_case(wanted)
+    print(f"simulation and features of a case of 10 s: {cost * 1000:.0f} ms")
+    with tempfile.TemporaryDirectory() as folder:
+        one = run(Settings(data_dir=Path(folder)), wanted, 1)
+    print(f"one worker: {one:.1f} s, {cost * chosen.cases / one:.0%} of it simulation and features")
+    with tempfile.TemporaryDirectory() as folder:
+        two = run(Settings(data_dir=Path(folder)), wanted, 2)
+    print(f"two workers: {two:.1f} s, {one / two:.2f} times one")
+    with tempfile.TemporaryDirectory() as folder:
+        killed = run(Settings(data_dir=Path(folder)), wanted, 2, kill=True)
+    print(f"two workers, one killed: {killed:.1f} s, {chosen.cases} cases, none twice")
+    if chosen.postgres:
+        from tests import postgres
+
+        with postgres.running_server() as url, tempfile.TemporaryDirectory() as folder:
+            database = postgres.create_database(url, "gearcase_generation")
+            took = run(Settings(data_dir=Path(folder), database_url=database), wanted, 2, kill=True)
+        print(f"two workers on PostgreSQL, one killed: {took:.1f} s, {chosen.cases} cases, none twice")
+
+
+if __name__ == "__main__":
+    main()
