@@ -5,7 +5,7 @@ import sys
 
 from benchmarks import table
 
-MODULES: tuple[str, ...] = ("features", "simulation", "axis_simulation", "service")
+MODULES: tuple[str, ...] = ("features", "simulation", "axis_simulation", "service", "retrieval", "diagnosis")
 """One line per benchmark."""
 
 

@@ -8,9 +8,16 @@ from numpy.typing import NDArray
 
 from casebase.novelty import KnownRanges
 from casebase.retrieval import CaseTable, Match
-from casebase.signals.features import EventKind, Extraction, catalogue
+from casebase.signals.features import EventKind, Extraction, MotionSource, catalogue
 
 MOST = 5
+SOURCES = {
+    MotionSource.GIVEN: "as given with the recording",
+    MotionSource.SOUND: "as found in the sound",
+    MotionSource.NONE: "from nowhere",
+}
+WORTH_SAYING_DB = 3.0
+"""Weaker bumps are what noise makes."""
 
 
 @dataclass(frozen=True)
@@ -79,7 +86,7 @@ def _feature(
     name = table.names[index]
     known = catalogue().get(name)
     unit = known.unit if known else "1"
-    parts = [f"{name} is {_number(values[index], unit)}"]
+    parts = [f"{name.replace('_', ' ')} is {_number(values[index], unit)}"]
     for match in (same, other):
         if match is not None:
             value = table.values[match.row, index]
@@ -123,7 +130,7 @@ def _outside(name: str, value: float, span: tuple[float, float], nearest: str, s
     known = catalogue().get(name)
     unit = known.unit if known else "1"
     sentence = (
-        f"{name} is {_number(value, unit)}; {nearest}, the nearest class, is known from "
+        f"{name.replace('_', ' ')} is {_number(value, unit)}; {nearest}, the nearest class, is known from "
         f"{_number(span[0], unit)} to {_number(span[1], unit)}"
     )
     if known:
@@ -141,8 +148,7 @@ def motion_evidence(extraction: Extraction) -> tuple[Evidence, ...]:
     found = [
         Evidence(
             "motion",
-            f"the motion repeats every {motion.period_s:.3f} s ({frequency:.3f} Hz), {motion.source.value} "
-            f"{'with the recording' if motion.source.value == 'given' else 'in the sound'}; "
+            f"the motion repeats every {motion.period_s:.3f} s ({frequency:.3f} Hz), {SOURCES[motion.source]}; "
             f"{motion.cycles:.1f} cycles were heard",
             "motion_period",
             motion.period_s,
@@ -156,7 +162,7 @@ def motion_evidence(extraction: Extraction) -> tuple[Evidence, ...]:
 
 def _cyclic(extraction: Extraction, kind: EventKind, period_s: float) -> list[Evidence]:
     """Return where in the cycle the strongest events of a kind lie."""
-    events = [event for event in extraction.events if event.kind is kind]
+    events = [event for event in extraction.events if event.kind is kind and event.strength_db >= WORTH_SAYING_DB]
     if not events:
         return []
     strongest = max(events, key=lambda event: event.strength_db)
