@@ -9,13 +9,13 @@ import numpy as np
 
 from sim.axis import Axis
 from sim.chain_model import Chain, Dent, with_link, with_shaft
+from sim.discrepancy.entries import DENT_SHARE
 from sim.discrepancy.measurement import Array, Measurement
 from sim.discrepancy.model import has_links, ratio_after, stages_of, wave
 from sim.discrepancy.parameters import Parameter, Values
 from sim.discrepancy.terms import Report, Term
 
 RIPPLE_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0)  # pole pairs, slots and their multiples
-CONTACT_RATIO = 1.15  # pitches over which one pair of teeth carries
 LEAST_TURN = 0.5  # rad of the load over which weight shows
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
 RUNOUT = ("runout.sine_rad", "runout.cosine_rad")
@@ -364,16 +364,23 @@ def _hysteresis(name: str, k: int, torque: float, twist: float) -> Term:
 
 
 def tooth_damage(
-    name: str, k: int, teeth: int, flank: int, angle_rad: float, starts: Sequence[tuple[float, float]], size: float
+    name: str,
+    k: int,
+    teeth: int,
+    flank: int,
+    angle_rad: float,
+    starts: Sequence[tuple[float, float]],
+    size: float,
+    deepest: float,
 ) -> Term:
     """A dent on one flank of the driven gear of link `k`; `starts`: angles and depths worth trying.
 
-    Its width is that of one tooth's contact, a contact ratio of pitches: while contact is lost, width and depth
-    could not both be told from the data.
+    A half sine over one pitch, the window in which that tooth carries: while contact is lost, width and depth could
+    not both be told from the data. `deepest`: a dent as deep as the working twist is never touched at its bottom.
     """
     depth, angle = (_name("tooth_damage", name, p) for p in ("depth_rad", "angle_rad"))
     pitch = 2.0 * math.pi / teeth
-    width = 0.5 * CONTACT_RATIO * pitch
+    width = 0.5 * pitch
 
     def apply(chain: Chain, values: Values) -> Chain:
         dent = Dent(k + 1, values[angle], width, values[depth], flank)
@@ -381,10 +388,10 @@ def tooth_damage(
 
     def report(values: Values) -> dict[str, float]:
         turned = values[angle] % (2 * math.pi)
-        return {"depth_rad": values[depth], "angle_rad": turned, "flank": float(flank), "width_rad": width}
+        return {"depth_rad": values[depth], "angle_rad": turned, "flank": float(flank), "width_rad": width / DENT_SHARE}
 
     parameters = (
-        Parameter(depth, 0.0, 1e-5, low=0.0),
+        Parameter(depth, 0.0, 0.003 * deepest, low=0.0, high=deepest),
         Parameter(angle, angle_rad, 0.02 * pitch, low=angle_rad - 6 * pitch, high=angle_rad + 6 * pitch),
     )
     probes = tuple(({angle: a, depth: d},) for a, d in starts)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import math
+
 from sim.axis import Axis, MechanismEntry
 from sim.chain_model import Chain, Dent, Line, with_link, with_shaft
+
+DENT_SHARE = 0.6  # half width of the half sine over that of the simulator's dent of the same width at half depth
 
 
 def with_entries(chain: Chain, axis: Axis) -> Chain:
@@ -26,7 +30,8 @@ def _with_entry(chain: Chain, axis: Axis, k: int, entry: MechanismEntry) -> Chai
             line = Line(k + 1, order, p["amplitude_rad"], p.get("phase_rad", 0.0))
             return with_link(chain, k, errors=(*chain.links[k].errors, line))
         case "tooth_damage":
-            width = p.get("width_rad", 0.0) or 0.04
+            pitch = 2.0 * math.pi / float((axis.stages[k].driven_teeth if axis.stages else None) or 100)
+            width = DENT_SHARE * p["width_rad"] if p.get("width_rad") else 0.5 * pitch
             dent = Dent(k + 1, p["angle_rad"], width, p["depth_rad"], int(p.get("flank", 1.0)))
             return with_link(chain, k, dents=(*chain.links[k].dents, dent))
         case "gravity_imbalance":

@@ -53,8 +53,8 @@ def _dent(dents, first, last, side, angles, speeds):
             r -= TWO_PI * math.floor(r / TWO_PI + 0.5)
             u = r / dents[j, 2]
             if abs(u) < 1.0:
-                depth += 0.5 * dents[j, 3] * (1.0 + math.cos(math.pi * u))
-                rate -= 0.5 * dents[j, 3] * math.pi * math.sin(math.pi * u) * speeds[shaft] / dents[j, 2]
+                depth += dents[j, 3] * math.cos(0.5 * math.pi * u)
+                rate -= 0.5 * dents[j, 3] * math.pi * math.sin(0.5 * math.pi * u) * speeds[shaft] / dents[j, 2]
     return depth, rate
 
 
