@@ -101,8 +101,9 @@ def plan(
         Paths fitted to the place, one per gearbox heard; each case takes one of them, slightly detuned. Without any,
         every case has a housing of its own drawn from all that is usual.
 
-    Raises ParameterError for a label that stands for no mechanism.
+    Raises ParameterError for a label that stands for no mechanism, AxisError for an axis that makes no sound.
     """
+    Specimen(0).chain(axis, axis.load.inertia_kg_m2)
     for label in counts:
         if label not in LABELS:
             raise ParameterError(f"label: {label!r} cannot be generated{near_match(label, LABELS)}")

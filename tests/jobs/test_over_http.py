@@ -55,6 +55,7 @@ def _events(client: httpx.Client, url: str, after: int | None = None) -> list[Ev
     with client.stream("GET", url, headers=headers, timeout=PATIENCE_S) as answer:
         assert answer.headers["content-type"].startswith("text/event-stream")
         kind, number = "", None
+        document: dict[str, object] = {}
         for line in answer.iter_lines():
             name, _, value = line.partition(": ")
             if name == "event":
@@ -62,7 +63,9 @@ def _events(client: httpx.Client, url: str, after: int | None = None) -> list[Ev
             elif name == "id":
                 number = int(value)
             elif name == "data":
-                out.append((kind, number, json.loads(value)))
+                document = json.loads(value)
+            elif not line and kind:
+                out.append((kind, number, document))
                 kind, number = "", None
     return out
 
