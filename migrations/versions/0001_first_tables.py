@@ -200,9 +200,7 @@ def create_tables() -> None:
         Column("version", sa.Integer(), nullable=False),
         Column("created_at", UtcDateTime(), nullable=False),
         Column("created_by", sa.String(length=200), nullable=False),
-        sa.ForeignKeyConstraint(
-            ["recording_id"], ["recordings.id"], name=op.f("fk_diagnoses_recording_id_recordings")
-        ),
+        sa.ForeignKeyConstraint(["recording_id"], ["recordings.id"], name=op.f("fk_diagnoses_recording_id_recordings")),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_diagnoses")),
     )
     op.create_index(op.f("ix_diagnoses_recording_id"), "diagnoses", ["recording_id"], unique=False)
@@ -253,12 +251,8 @@ def create_tables() -> None:
         Column("library_version", sa.Integer(), nullable=False),
         Column("created_at", UtcDateTime(), nullable=False),
         Column("updated_at", UtcDateTime(), nullable=False),
-        sa.ForeignKeyConstraint(
-            ["diagnosis_id"], ["diagnoses.id"], name=op.f("fk_cases_diagnosis_id_diagnoses")
-        ),
-        sa.ForeignKeyConstraint(
-            ["recording_id"], ["recordings.id"], name=op.f("fk_cases_recording_id_recordings")
-        ),
+        sa.ForeignKeyConstraint(["diagnosis_id"], ["diagnoses.id"], name=op.f("fk_cases_diagnosis_id_diagnoses")),
+        sa.ForeignKeyConstraint(["recording_id"], ["recordings.id"], name=op.f("fk_cases_recording_id_recordings")),
         sa.PrimaryKeyConstraint("id", name=op.f("pk_cases")),
         sa.UniqueConstraint("key", name=op.f("uq_cases_key")),
     )
