@@ -23,6 +23,7 @@ from sim.affine_search import (
     first_combinations,
     named_change,
     possible_branches,
+    sizes,
 )
 from sim.affine_system import Array, Mode, System
 from sim.component import STUCK
@@ -160,7 +161,7 @@ class ExactEngine:
 
     def begin(self, x: Array) -> tuple[int, Array, list[tuple[int, int]]]:
         """Return the mode at the start, the state in it, and (component, mode) of those that break away at once."""
-        scale = np.abs(x)
+        scale = sizes(self.system, x)
         allowed = possible_branches(self.system, x, scale)
         for key in first_combinations(self.system, allowed):
             number = self._number(key)
@@ -207,7 +208,7 @@ class ExactEngine:
             self._begun = self.begin(self.system.start())
         mode, x, away = self._begun
         x = x.copy()
-        scale = np.abs(x)
+        scale = sizes(self.system, x)
         times, changes = [0.0] * len(away), [[-1 - i, to] for i, to in away]
         done = 0
         while done < samples:

@@ -18,11 +18,15 @@ DERIVATIVES = 5
 """How many derivatives decide whether a branch holds at an instant where its inequality is just zero."""
 CHUNK = 8
 """Samples per matrix product on the fast path."""
+CANCELLED = 1e-13
+"""What is left of terms that cancel, relative to them."""
 TOLERANCE = 1e-11
 """A value below this, relative to the terms it is the sum of, is zero."""
 INSTANT = 1e-15
 """What happens within this time [s] happens at once."""
 STOP_TOLERANCE = 1e-9
+STANDSTILL = 1e-15
+"""A speed below this [rad/s] is zero, however small all speeds have been."""
 MAX_EVENTS = 2000
 """Events within one sample interval from which on it is called a storm."""
 
@@ -58,6 +62,23 @@ def exponential(matrix, h):
 
 
 @_jit
+def differentiate(matrix, holds, derivatives):
+    """Rows of the time derivatives of inequalities; a coefficient that cancels to rounding is exactly zero."""
+    rows, n = holds.shape
+    derivatives[0, :rows, :] = holds
+    for k in range(1, DERIVATIVES):
+        for r in range(rows):
+            for j in range(n):
+                total = 0.0
+                size = 0.0
+                for i in range(n):
+                    part = derivatives[k - 1, r, i] * matrix[i, j]
+                    total += part
+                    size += abs(part)
+                derivatives[k, r, j] = total if abs(total) > CANCELLED * size else 0.0
+
+
+@_jit
 def prepare(matrix, holds, h, moving, derivatives, product, step):
     """Fill the tables of a mode: derivatives of its inequalities, the step matrix, the product of a chunk.
 
@@ -65,10 +86,7 @@ def prepare(matrix, holds, h, moving, derivatives, product, step):
     after these steps, then the signals after the last.
     """
     n, rows = matrix.shape[0], holds.shape[0]
-    current = holds.copy()
-    for k in range(DERIVATIVES):
-        derivatives[k, :rows, :] = current
-        current = np.dot(current, matrix)
+    differentiate(matrix, holds, derivatives)
     step[:, :] = exponential(matrix, h)
     power = np.eye(n)
     for c in range(CHUNK):
@@ -119,7 +137,7 @@ def resting(x, scale, stops, rows):
         for j in range(x.shape[0]):
             value += stops[r, j] * x[j]
             size += abs(stops[r, j]) * scale[j]
-        if abs(value) > STOP_TOLERANCE * size:
+        if abs(value) > STOP_TOLERANCE * size + STANDSTILL:
             return False
     return True
 
@@ -220,7 +238,7 @@ def _zero(derivatives, r, scale):
     for j in range(scale.shape[0]):
         size += abs(derivatives[0, r, j]) * scale[j]
         growth += abs(derivatives[1, r, j]) * scale[j]
-    return 1e-15 * size + INSTANT * growth
+    return CANCELLED * size + INSTANT * growth
 
 
 @_jit

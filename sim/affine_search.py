@@ -13,11 +13,23 @@ MOST_COMBINATIONS = 200_000
 NO_START = "no mode of the drive train holds at the start; give start values that agree with its friction"
 TOLERANCE, STOP_TOLERANCE = 1e-11, 1e-9
 """Relative to the terms: a value this small is zero; a speed this small stands still."""
+STANDSTILL = 1e-15
+"""A speed below this [rad/s] may be zero, however small all speeds have been."""
+MOTION = 1e-3
+"""Angles [rad] and speeds [rad/s] of this size are taken to occur; what is rounding beside them is rounding."""
 REST = 1e-2
 """Share of the fastest speed so far that every speed may have had, for judging what is rounding."""
 
 Key = tuple[int, ...]
 Change = tuple[str, int, int, str, str]
+
+
+def sizes(system: System, x: Array) -> Array:
+    """How large each state may be taken to have been, at least `MOTION`, for judging what is rounding."""
+    out = np.abs(x)
+    moving = slice(0, 2 * system.freedom)
+    out[moving] = np.maximum(out[moving], MOTION)
+    return out
 
 
 @dataclass(frozen=True)
@@ -61,7 +73,7 @@ class Guard:
 
     def allowed(self, x: Array, scale: Array) -> list[int]:
         """Branches that are not ruled out at x."""
-        out = set(self.branch[self.rows @ x < -self.loose * (self.sizes @ scale)].tolist())
+        out = set(self.branch[self.rows @ x < -self.loose * (self.sizes @ scale) - STANDSTILL].tolist())
         if len(self.signal_branch):
             values, sizes = self.of_signals @ x, np.abs(self.of_signals) @ scale
             values[np.abs(values) <= TOLERANCE * sizes] = 0.0

@@ -27,6 +27,7 @@ from sim.affine_search import (
     first_combinations,
     named_change,
     possible_branches,
+    sizes,
 )
 from sim.affine_system import Array, Mode, System
 from sim.component import STUCK
@@ -133,7 +134,7 @@ class RungeKutta:
 
     def _begin(self) -> Array:
         x = self.system.start()
-        self.scale = np.abs(x)
+        self.scale = sizes(self.system, x)
         self._set_pieces(0.0)
         self._at(x)
         allowed = possible_branches(self.system, x, self.scale)
@@ -352,10 +353,7 @@ def first_broken(mode: Mode, x: Array, scale: Array) -> int:
 
     rows = np.ascontiguousarray(mode.holds.rows)
     derivatives = np.zeros((kernel.DERIVATIVES, len(rows), len(x)))
-    current = rows
-    for k in range(kernel.DERIVATIVES):
-        derivatives[k] = current
-        current = current @ mode.matrix
+    kernel.differentiate(np.ascontiguousarray(mode.matrix), rows, derivatives)
     return int(kernel.holding(x, scale, derivatives, mode.holds.strict, len(rows)))
 
 
