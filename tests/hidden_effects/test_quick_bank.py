@@ -11,6 +11,7 @@ from tests.hidden_effects.scoring import judge
 RECORDING_S = 20.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("entry", QUICK_BANK, ids=lambda e: f"{e.group}-{'+'.join(e.effects)}-{e.seed}")
 def test_what_was_hidden_is_found_with_its_place_and_size_and_nothing_else(entry: Entry) -> None:
     if not has_investigate():
