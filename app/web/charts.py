@@ -61,7 +61,7 @@ class Chart:
 
 
 def _on(x: NDArray[np.float64], series: Series) -> NDArray[np.float64]:
-    return series.y if series.x is x else np.interp(x, series.x, series.y)
+    return series.y if series.x is x else np.interp(x, series.x, series.y, left=np.nan, right=np.nan)
 
 
 def _finite(values: NDArray[np.float64]) -> list[float | None]:

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
 from markupsafe import Markup
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -15,13 +14,14 @@ from app import views
 from app.service import Service
 from app.web import charts as draw
 from app.web.charts import Chart
-from app.web.recorded import CREST_WINDOW_S, analysed, decoded, event_times, order_markers
+from app.web.features import features_of
+from app.web.overlay import laid_over
+from app.web.recorded import CREST_WINDOW_S, PlotName, analysed, decoded, event_times, order_markers
 from app.web.templating import percent, quantity
 from app.web.trend import FEATURE, same_state, trend, when
 from app.web.words import Verdict, name_of, verdict_of
-from casebase.models import Case, Extractor, FeatureRow, StoredDiagnosis, StoredRecording
+from casebase.models import Case, StoredDiagnosis, StoredRecording
 from casebase.signals.crest import root_mean_square
-from casebase.signals.features import EXTRACTOR_VERSION
 from casebase.signals.recording import Recording
 
 COLUMNS = 800
@@ -87,8 +87,10 @@ class DiagnosisView:
         }
 
 
-def view_of(session: Session, service: Service, row: StoredDiagnosis, *, orders: bool = False) -> DiagnosisView:
-    """Gather a diagnosis with its plots."""
+def view_of(
+    session: Session, service: Service, row: StoredDiagnosis, *, orders: bool = False, overlay: Case | None = None
+) -> DiagnosisView:
+    """Gather a diagnosis with its plots, a case laid over them if asked for."""
     document: Mapping[str, Any] = row.document
     recording = decoded(service, row.recording)
     analysis = analysed(recording, row.recording)
@@ -102,6 +104,11 @@ def view_of(session: Session, service: Service, row: StoredDiagnosis, *, orders:
         level=draw.level_trace(recording, CREST_WINDOW_S),
         fold=folded[0] if folded else None,
     )
+    if overlay is not None:
+        for name, chart in vars(drawn).items():
+            plot: PlotName = "orders" if name == "spectrum" and order_hz else name  # type: ignore[assignment]
+            if chart is not None:
+                setattr(drawn, name, laid_over(chart, plot, session, service, row.recording, overlay))
     peaks = draw.waveform(recording, analysis, (), PEAKS).series[0].y
     return DiagnosisView(
         diagnosis=row,
@@ -174,17 +181,6 @@ def _largest(parts: Sequence[tuple[str, float]]) -> list[tuple[str, float]]:
     rest = sum(part for _, part in parts[SHOWN_PARTS:])
     others = [(f"{len(parts) - SHOWN_PARTS} others together", rest)] if len(parts) > SHOWN_PARTS else []
     return [*parts[:SHOWN_PARTS], *others]
-
-
-def features_of(session: Session, recording_id: str) -> dict[str, float | None]:
-    """Return the stored features of a recording by name; empty where they are of an older extractor."""
-    stored = session.get(FeatureRow, (recording_id, EXTRACTOR_VERSION))
-    extractor = session.get(Extractor, EXTRACTOR_VERSION)
-    if stored is None or extractor is None:
-        return dict.fromkeys((FEATURE, "crest_factor_low_pass_200_hz_whole_record", "rms", "peak"))
-    missing = np.unpackbits(np.frombuffer(stored.missing, np.uint8), count=len(extractor.names))
-    values = zip(extractor.names, stored.finite.tolist(), missing.tolist(), strict=True)
-    return {str(name): None if gone else value for name, value, gone in values}
 
 
 def trend_of(session: Session, row: StoredRecording) -> Chart | None:

@@ -2,11 +2,14 @@
 
 import math
 from dataclasses import replace
+from typing import Literal
 
 from sqlalchemy.orm import Session
 
 from app import views
+from app.errors import NotFound
 from app.service import Service
+from app.web import charts
 from app.web.svg import Marker
 from casebase.description import condition_of
 from casebase.models import FeatureRow, StoredRecording
@@ -14,6 +17,7 @@ from casebase.signals.analysis import Analysis
 from casebase.signals.features import EXTRACTOR_VERSION
 from casebase.signals.recording import Recording
 
+PlotName = Literal["waveform", "crest", "level", "spectrum", "orders", "fold"]
 CREST_WINDOW_S = 1.0
 
 
@@ -40,3 +44,32 @@ def order_markers(analysis: Analysis) -> tuple[Marker, ...]:
     if not speed:
         return ()
     return tuple(Marker(order * speed / (2 * math.pi), f"mesh {order:g}×") for order in orders)
+
+
+def chart_of(
+    name: PlotName, session: Session, service: Service, row: StoredRecording, points: int = charts.SHOWN_POINTS
+) -> charts.Chart:
+    """Return one chart of a recording.
+
+    Raises:
+        NotFound: if this recording does not have it.
+    """
+    recording = decoded(service, row)
+    if name == "crest":
+        return charts.crest_trace(recording, CREST_WINDOW_S)
+    if name == "level":
+        return charts.level_trace(recording, CREST_WINDOW_S)
+    analysis = analysed(recording, row)
+    if name == "waveform":
+        return charts.waveform(recording, analysis, event_times(session, row), points)
+    if name == "fold":
+        folded = charts.fold_charts(analysis)
+        if folded is None:
+            raise NotFound("No motion was told or heard in this recording, so there is nothing to fold.")
+        return folded[0]
+    speed = row.speed_rad_s
+    if name == "orders" and not speed:
+        raise NotFound("Orders need the speed of the axis; it was not told with this recording.")
+    return charts.spectrum(
+        recording, order_markers(analysis), speed / (2 * math.pi) if name == "orders" and speed else None
+    )

@@ -1,6 +1,6 @@
 """A diagnosis in the words of whoever stands at the robot: what it is, how sure, what to do next."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
@@ -66,9 +66,15 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
     if kind == "ambiguous":
         names = " or ".join(name_of(h["label"]) for h in hypotheses[:2])
         summary = f"The nearest cases do not agree. {_sure(document)}{also}"
-        return Verdict(f"Undecided: {names}", summary, label, CHECKS.get(label, OTHER_CHECKS))
+        return Verdict(f"Undecided: {names}", summary, None, _between(h["label"] for h in hypotheses[:2]))
     headline = "No fault indicated" if label == "normal" else f"Fault likely: {name_of(label)}"
     return Verdict(headline, f"{_sure(document)}{also}", label, CHECKS.get(label, OTHER_CHECKS))
+
+
+def _between(labels: Iterable[str]) -> tuple[str, ...]:
+    """What tells two faults apart is what each of them asks for; that nothing is to be done cannot be said yet."""
+    checks = [check for label in labels if label != "normal" for check in CHECKS.get(label, OTHER_CHECKS)]
+    return tuple(dict.fromkeys((UNKNOWN_CHECKS[0], *checks)))
 
 
 def _sure(document: Mapping[str, Any]) -> str:

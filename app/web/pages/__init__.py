@@ -4,7 +4,19 @@ from fastapi import APIRouter, FastAPI
 from fastapi.staticfiles import StaticFiles
 
 from app.web.errors import PageErrors, sign_in_first
-from app.web.pages import admin, axes, care, diagnoses, investigations, jobs, library, model, recordings, session
+from app.web.pages import (
+    admin,
+    axes,
+    care,
+    diagnoses,
+    investigations,
+    jobs,
+    library,
+    model,
+    recordings,
+    review,
+    session,
+)
 from app.web.session import SignInNeeded
 from app.web.templating import STATIC
 
@@ -14,6 +26,7 @@ PAGES: tuple[APIRouter, ...] = (
     recordings.router,
     library.router,
     care.router,
+    review.router,
     axes.router,
     model.router,
     investigations.router,

@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 from app.errors import Unprocessable
 from app.service import Reading, TheService
 from app.web.charts import Chart
-from app.web.diagnosis_view import features_of
+from app.web.features import features_of
 from app.web.session import FromOurPage, PageOperator, PageViewer
 from app.web.templating import render
 from app.web.trend import FEATURE, trend, when

@@ -3,7 +3,7 @@
 import json
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Form, Request
+from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import RedirectResponse, Response
 
 from app.intake import take_in
@@ -106,14 +106,15 @@ def one(
     principal: Visitor,
     diagnosis_id: str,
     axis: Literal["hz", "orders"] = "hz",
+    overlay: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
     """One diagnosis with all that speaks for it."""
     demo = demo_ids(session)
     is_demo = demo is not None and demo[0] == diagnosis_id
-    if principal is None and not is_demo:
+    if principal is None and (overlay or not is_demo):
         raise SignInNeeded(request.url.path)
     row = get_diagnosis(session, diagnosis_id)
-    return shown(request, session, service, principal, row, demo=is_demo, orders=axis == "orders")
+    return shown(request, session, service, principal, row, demo=is_demo, orders=axis == "orders", overlay=overlay)
 
 
 def shown(
@@ -125,8 +126,10 @@ def shown(
     *,
     demo: bool = False,
     orders: bool = False,
+    overlay: str = "",
 ) -> Response:
-    """Return the page of a diagnosis."""
+    """Return the page of a diagnosis, a case laid over its plots if asked for."""
+    case = service.library.case(session, overlay) if overlay else None
     metadata = {
         name: getattr(row.recording, name)
         for name in ("axis", "gearbox", "speed_rad_s", "payload_kg_m2")
@@ -140,9 +143,9 @@ def shown(
         f"  {base}/api/v1/diagnoses\n\n"
         f'curl -H "Authorization: Bearer $GEARCASE_KEY" {base}/api/v1/diagnoses/{row.id}'
     )
-    context = view_of(session, service, row, orders=orders).context()
+    context = view_of(session, service, row, orders=orders, overlay=case).context()
     labels = sorted({label for label, _ in service.library.counts(session)})
-    context |= {"demo": demo, "orders": orders, "curl": curl, "labels": labels}
+    context |= {"demo": demo, "orders": orders, "curl": curl, "labels": labels, "overlay": case}
     notices = (Message("Taken over.", ""),) if request.query_params.get("done") else ()
     return render(request, "diagnosis.html", context, principal=principal, section="/diagnoses", messages=notices)
 

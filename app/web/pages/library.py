@@ -17,9 +17,9 @@ from app.metadata import CaseMetadata, read_metadata
 from app.security import check_csrf
 from app.service import Reading, TheService
 from app.uploads import TheUpload
-from app.web.diagnosis_view import features_of
+from app.web.features import features_of
 from app.web.pages.diagnoses import told
-from app.web.pages.recordings import chart_of
+from app.web.recorded import chart_of
 from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.svg import Point, map_chart
 from app.web.templating import Message, render
@@ -120,11 +120,19 @@ def library_map(
     request: Request, session: Reading, service: TheService, principal: PageViewer, recording: str = ""
 ) -> Response:
     """Every case as a point, alike ones near each other, with one recording among them if asked for."""
+    asked = service.library.recording(session, recording) if recording else None
     table = service.library.reasoner(session).table
     query = features_of(session, recording) if recording else {}
     points, drawn, explained = placed(table, query, service.settings.root_path.rstrip("/"))
     chart = map_chart("Map of the library", points, drawn) if points else None
-    context = {"chart": chart, "count": len(points), "all": len(table), "explained": explained, "labels": table.classes}
+    context = {
+        "chart": chart,
+        "count": len(points),
+        "all": len(table),
+        "explained": explained,
+        "labels": table.classes,
+        "query": asked,
+    }
     return render(request, "map.html", context, principal=principal, section=SECTION)
 
 

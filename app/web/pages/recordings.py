@@ -1,6 +1,5 @@
 """Plots and sound of a recording, for pages; the demo recording is open to anybody."""
 
-import math
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Header, Query, Request, Response
@@ -10,18 +9,16 @@ from sqlalchemy.orm import Session
 
 from app import views
 from app.api import recordings as api
-from app.errors import NotFound
 from app.intake import DEMO
 from app.security import Role
-from app.service import Reading, Service, TheService
+from app.service import Reading, TheService
 from app.web import charts
-from app.web.recorded import CREST_WINDOW_S, analysed, decoded, event_times, order_markers
+from app.web.overlay import laid_over
+from app.web.recorded import PlotName, chart_of, decoded
 from app.web.session import SignInNeeded, Visitor
-from casebase.models import Artifact, StoredRecording
+from casebase.models import Artifact
 
 router = APIRouter(prefix="/recordings/{recording_id}")
-
-PlotName = Literal["waveform", "crest", "level", "spectrum", "orders", "fold"]
 
 
 def demo_ids(session: Session) -> tuple[str, str] | None:
@@ -45,35 +42,6 @@ def allowed(session: Session, principal: Visitor, request: Request, recording_id
         raise SignInNeeded(request.url.path)
 
 
-def chart_of(
-    name: PlotName, session: Session, service: Service, row: StoredRecording, points: int = charts.SHOWN_POINTS
-) -> charts.Chart:
-    """Return one chart of a recording.
-
-    Raises:
-        NotFound: if this recording does not have it.
-    """
-    recording = decoded(service, row)
-    if name == "crest":
-        return charts.crest_trace(recording, CREST_WINDOW_S)
-    if name == "level":
-        return charts.level_trace(recording, CREST_WINDOW_S)
-    analysis = analysed(recording, row)
-    if name == "waveform":
-        return charts.waveform(recording, analysis, event_times(session, row), points)
-    if name == "fold":
-        folded = charts.fold_charts(analysis)
-        if folded is None:
-            raise NotFound("No motion was told or heard in this recording, so there is nothing to fold.")
-        return folded[0]
-    speed = row.speed_rad_s
-    if name == "orders" and not speed:
-        raise NotFound("Orders need the speed of the axis; it was not told with this recording.")
-    return charts.spectrum(
-        recording, order_markers(analysis), speed / (2 * math.pi) if name == "orders" and speed else None
-    )
-
-
 @router.get("/plots/{name}")
 def plot(
     request: Request,
@@ -83,11 +51,17 @@ def plot(
     recording_id: str,
     name: PlotName,
     points: Annotated[int, Query(ge=100, le=400_000)] = charts.SHOWN_POINTS,
+    overlay: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
-    """Numbers of one plot, for the interactive drawing."""
+    """Numbers of one plot, for the interactive drawing, with a case laid over it if asked for."""
     allowed(session, principal, request, recording_id)
+    if overlay and principal is None:
+        raise SignInNeeded(request.url.path)
     row = service.library.recording(session, recording_id)
-    return JSONResponse(chart_of(name, session, service, row, points).document(), headers=api.UNCHANGING)
+    chart = chart_of(name, session, service, row, points)
+    if overlay:
+        chart = laid_over(chart, name, session, service, row, service.library.case(session, overlay))
+    return JSONResponse(chart.document(), headers=api.UNCHANGING)
 
 
 @router.get("/sound")

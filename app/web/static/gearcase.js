@@ -222,6 +222,13 @@ addEventListener("input", (event) => {
   if (output) output.textContent = event.target.value;
 });
 
+/* what was folded away stays folded away */
+for (const element of all("details[data-remember]")) {
+  const name = `gearcase-${element.dataset.remember}`;
+  if (localStorage.getItem(name) === "closed") element.open = false;
+  element.addEventListener("toggle", () => localStorage.setItem(name, element.open ? "open" : "closed"));
+}
+
 /* bulk selection */
 all("[data-select-all]").forEach((box) =>
   box.addEventListener("change", () => all("input[name=case_id]", box.closest("form")).forEach((item) => (item.checked = box.checked))),

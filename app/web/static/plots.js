@@ -3,8 +3,8 @@
 "use strict";
 
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
-const COLOURS = ["--plot-1", "--plot-2", "--plot-3"];
-const DASHES = [undefined, [6, 3], [2, 3]];
+const COLOURS = ["--plot-1", "--plot-2", "--plot-3", "--plot-4"];
+const DASHES = [undefined, [6, 3], [2, 3], [8, 3, 2, 3]];
 const cursors = new Map();
 const plots = [];
 
@@ -75,8 +75,8 @@ function draw(element, data) {
       { label: data.x_label, value: (_u, v) => number(v) },
       ...data.series.map((one, k) => ({
         label: one.name,
-        stroke: style(COLOURS[k % 3]),
-        dash: DASHES[k % 3],
+        stroke: style(COLOURS[k % 4]),
+        dash: DASHES[k % 4],
         width: 1.25,
         points: { show: false },
         value: (_u, v) => number(v),

@@ -1,0 +1,107 @@
+"""What is wrong or missing in the library: the review, its edits and how to take them back, cases to simulate."""
+
+from typing import Annotated, Literal
+
+from fastapi import APIRouter, Form, Request
+from fastapi.responses import RedirectResponse, Response
+from pydantic import Field
+from sqlalchemy import select
+
+from app.api.simulations import SimulationRequest, campaign_of
+from app.errors import Unprocessable
+from app.generation import KIND as GENERATION
+from app.service import Reading, TheJobs, TheService
+from app.web.session import FromOurPage, PageAdmin, PageViewer
+from app.web.templating import Message, render
+from casebase import review as care
+from casebase.axes import list_axes
+from casebase.models import Artifact
+from sim.design import LABELS
+
+router = APIRouter(prefix="/library")
+SECTION = "/library"
+SHOWN = 50
+MOST_AT_ONCE = 1000
+KINDS = (
+    ("contradictory", "Contradictions", "Two cases that sound the same and are labelled differently."),
+    ("suspect", "Suspect labels", "Cases whose neighbours are nearly all labelled otherwise."),
+    ("far", "Far from reality", "Simulated cases that lie far from every measured case of their label."),
+    ("redundant", "Redundant", "Cases that add nothing to another one that is there."),
+)
+
+
+@router.get("/review")
+def review(
+    request: Request, session: Reading, service: TheService, principal: PageViewer, edit: int = 0, undone: int = 0
+) -> Response:
+    """The findings, worst first within each kind; edits are offered to admins and can be taken back as a whole."""
+    found = care.review(session, service.library.reasoner(session))
+    context = {
+        "review": found,
+        "kinds": [(kind, title, words, getattr(found, kind)) for kind, title, words in KINDS],
+        "shown": SHOWN,
+        "edits": session.scalars(
+            select(Artifact).where(Artifact.kind == care.KIND).order_by(Artifact.version.desc()).limit(10)
+        ).all(),
+        "axes": [row.name for row in list_axes(session)],
+    }
+    messages = []
+    if edit:
+        messages.append(Message(f"Edit {edit} is done. It can be taken back below."))
+    if undone:
+        messages.append(Message(f"Edit {undone} is taken back."))
+    return render(request, "review.html", context, principal=principal, section=SECTION, messages=tuple(messages))
+
+
+@router.post("/review", dependencies=[FromOurPage])
+def edit(service: TheService, principal: PageAdmin, kind: Annotated[Literal["redundant", "far"], Form()]) -> Response:
+    """Retire what is redundant or quarantine what is far, all together."""
+    with service.library.transaction(principal.actor) as session:
+        found = care.review(session, service.library.reasoner(session))
+        version = care.apply(service.library, session, found, kind).version
+    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/library/review?edit={version}", status_code=303)
+
+
+@router.post("/review/undo", dependencies=[FromOurPage])
+def undo(service: TheService, principal: PageAdmin, version: Annotated[int, Form(ge=1)]) -> Response:
+    """Take back the edits of a version."""
+    with service.library.transaction(principal.actor) as session:
+        care.undo(service.library, session, version)
+    root = service.settings.root_path.rstrip("/")
+    return RedirectResponse(f"{root}/library/review?undone={version}", status_code=303)
+
+
+@router.get("/simulate")
+def simulate_page(
+    request: Request, session: Reading, principal: PageAdmin, axis: str = "", label: str = ""
+) -> Response:
+    """How many cases of which label the simulator is to make for an axis."""
+    wanted = {one: _count(request.query_params.get(one), 20 if label in ("", one) else 0) for one in LABELS}
+    context = {
+        "axes": [row.name for row in list_axes(session)],
+        "axis": axis,
+        "counts": wanted,
+        "most": MOST_AT_ONCE,
+        "not_simulated": label if label and label not in LABELS else "",
+    }
+    return render(request, "simulate.html", context, principal=principal, section=SECTION)
+
+
+def _count(text: str | None, otherwise: int) -> int:
+    return min(int(text), MOST_AT_ONCE) if text and text.isascii() and text.isdigit() else otherwise
+
+
+@router.post("/simulate", dependencies=[FromOurPage])
+def simulate(
+    service: TheService,
+    jobs: TheJobs,
+    principal: PageAdmin,
+    axis: Annotated[str, Form()],
+    count: Annotated[list[Annotated[int, Field(ge=0, le=MOST_AT_ONCE)]], Form()],
+) -> Response:
+    """Queue it and lead to the job; counts are in the order of the labels."""
+    if len(count) != len(LABELS) or not any(count):
+        raise Unprocessable(f"Say how many cases of each label: {', '.join(LABELS)}; at least one of one of them.")
+    wanted = SimulationRequest(axis=axis, counts=dict(zip(LABELS, count, strict=True)))
+    job_id = jobs.submit(GENERATION, campaign_of(service, wanted).to_document(), submitted_by=principal.actor)
+    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/jobs/{job_id}", status_code=303)
