@@ -19,6 +19,9 @@ from casebase.voting import NEAREST, fitted_sharpness, log_votes, nearest_of_cla
 
 LARGEST_SAMPLE = 400
 MOST_ALONE = 40
+UNKNOWN_GEARBOX = 1.5
+"""Where gearboxes were not noted, cases of the same one make the library look better than it is on another; the
+unknown then begins so many times as far out."""
 LEVEL = 0.05
 """The level of the conformal test that the library should be large enough for."""
 
@@ -125,7 +128,9 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
             novelty[index] = ranges.distance(query) if ranges else np.inf
     truth = np.searchsorted(table.classes, table.labels[rows])
     known = np.isfinite(nearest[np.arange(rows.size), truth, 0])
-    return _experience(table.classes, nearest[known], truth[known], novelty[known])
+    alone = float(np.mean(table.groups[rows] == table.ids[rows])) if rows.size else 0.0
+    caution = UNKNOWN_GEARBOX if alone > 0.5 else 1.0
+    return _experience(table.classes, nearest[known], truth[known], novelty[known], caution)
 
 
 def _held_out_together(table: CaseTable) -> NDArray[np.str_]:
@@ -141,10 +146,14 @@ def _ranges(table: CaseTable, rows: Mask) -> KnownRanges | None:
     return known_ranges(table.names, table.values[rows], table.labels[rows]) if rows.any() else None
 
 
-def _experience(classes: tuple[str, ...], nearest: Floats, truth: NDArray[np.intp], novelty: Floats) -> Experience:
+def _experience(
+    classes: tuple[str, ...], nearest: Floats, truth: NDArray[np.intp], novelty: Floats, caution: float
+) -> Experience:
     sharpness = fitted_sharpness(nearest, truth)
+    limit = novelty_limit(novelty)
+    limit = None if limit is None else caution * limit
     wrong = log_votes(nearest, sharpness).argmax(axis=1) != truth if truth.size else np.zeros(0, bool)
-    return Experience(classes, nearest, truth, sharpness, int(wrong.sum()), novelty_limit(novelty))
+    return Experience(classes, nearest, truth, sharpness, int(wrong.sum()), limit)
 
 
 def representative(table: CaseTable) -> NDArray[np.intp]:
