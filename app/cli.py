@@ -28,7 +28,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
 )
 """Verb, module with `register(app)`, one line of help. A new verb is one line here."""
 
-DATA_DIR = "--data-dir"
+DATA_DIR, JSON = "--data-dir", "--json"
 DONE, FAILURE, BAD_INPUT, FAULT_FOUND = 0, 1, 2, 3
 EPILOG = "Exit codes: 0 done, 1 failure, 2 usage or bad input, 3 fault found with --fail-on fault."
 
@@ -40,7 +40,7 @@ def main() -> None:
 
 def run(arguments: list[str]) -> int:
     """Run one command and return its exit code; domain errors become one sentence on stderr."""
-    arguments = data_dir_first(arguments)
+    arguments = json_last(data_dir_first(arguments))
     try:
         build(verb_of(arguments))(args=arguments, prog_name="gearcase", standalone_mode=True)
     except SystemExit as end:
@@ -71,6 +71,13 @@ def data_dir_first(arguments: list[str]) -> list[str]:
         else:
             rest.append(word)
     return front + rest
+
+
+def json_last(arguments: list[str]) -> list[str]:
+    """Move `--json` to the end, where the verb reads it, so that it may stand before the verb."""
+    words = arguments[: arguments.index("--")] if "--" in arguments else arguments
+    rest = [word for word in words if word != JSON]
+    return [*rest, *[JSON] * (len(rest) < len(words)), *arguments[len(words) :]]
 
 
 def verb_of(arguments: list[str]) -> str | None:

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from app.commands.frame import frame_of
+from app.commands.frame import Json, frame_of
 from casebase import backup as backups
 from casebase.errors import BackupError
 
@@ -15,7 +15,9 @@ def register(app: typer.Typer) -> None:
 
 
 def backup(
-    context: typer.Context, out: Annotated[Path, typer.Argument(metavar="OUT", help="a folder to be made")]
+    context: typer.Context,
+    out: Annotated[Path, typer.Argument(metavar="OUT", help="a folder to be made")],
+    json: Json = False,
 ) -> None:
     """Write everything into a folder, with checksums, and read it back to be sure; the service may run on."""
     frame = frame_of(context)
@@ -24,4 +26,7 @@ def backup(
         faults = backups.verify(out)
     if faults:
         raise BackupError("the backup does not read back as it was written: " + "; ".join(faults[:5]))
-    frame.print(f"{out}: database and {count} recordings, read back and compared")
+    if json:
+        frame.print_json({"folder": str(out), "recordings": count, "verified": True})
+    else:
+        frame.print(f"{out}: database and {count} recordings, read back and compared")

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from app.cli import BAD_INPUT
 from app.commands.faults import sentence
-from app.commands.frame import ACTOR, frame_of
+from app.commands.frame import ACTOR, Json, frame_of
 from app.commands.review import review
 from app.documents import CaseAnswer
 from app.intake import take_in
@@ -21,7 +21,6 @@ from casebase.signals.errors import SignalError
 from sim.axis import Axis, read_axis
 
 cases = typer.Typer(help="Add, list, export and import cases.", no_args_is_help=True)
-Json = Annotated[bool, typer.Option("--json", help="one JSON document on stdout")]
 
 
 def register(app: typer.Typer) -> None:
@@ -127,6 +126,7 @@ def export(
     origin: str | None = None,
     axis: str | None = None,
     gearbox: str | None = None,
+    json: Json = False,
 ) -> None:
     """Write cases with their recordings into a bundle that another library imports."""
     frame = frame_of(context)
@@ -135,11 +135,16 @@ def export(
     wanted = CaseFilter(label=label, origin=origin, axis=axis, gearbox=gearbox)
     with frame.library() as library, library.reading() as session, frame.words.status("writing"):
         count = export_cases(library, session, out, wanted)
-    frame.print(f"{out}: {count} cases")
+    if json:
+        frame.print_json({"file": str(out), "cases": count})
+    else:
+        frame.print(f"{out}: {count} cases")
 
 
 @cases.command("import")
-def import_(context: typer.Context, source: Annotated[Path, typer.Argument(metavar="IN.zip")]) -> None:
+def import_(
+    context: typer.Context, source: Annotated[Path, typer.Argument(metavar="IN.zip")], json: Json = False
+) -> None:
     """Take the cases of a bundle into the library; those that are here already stay as they are."""
     frame = frame_of(context)
     with frame.library() as library, frame.progress() as progress:
@@ -147,7 +152,10 @@ def import_(context: typer.Context, source: Annotated[Path, typer.Argument(metav
         done = import_cases(
             library, source, ACTOR, progress=lambda now, total: progress.update(task, completed=now, total=total)
         )
-    frame.print(f"{source}: {len(done.case_ids)} new cases, {done.known} were here already")
+    if json:
+        frame.print_json({"new": list(done.case_ids), "known": done.known, "refused": dict(done.refused)})
+    else:
+        frame.print(f"{source}: {len(done.case_ids)} new cases, {done.known} were here already")
     for name, reason in done.refused.items():
         frame.say(f"{name} refused: {reason}")
     raise typer.Exit(BAD_INPUT if done.refused else 0)

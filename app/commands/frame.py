@@ -6,6 +6,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
+from typing import Annotated
 
 import typer
 from rich.console import Console
@@ -76,6 +77,9 @@ class Frame:
         self.say(f"features of {renewed.recordings} recordings taken again by the present extractor")
         for recording, reason in renewed.failed.items():
             self.say(f"recording {recording} keeps its old features and is not searched: {reason}")
+
+
+Json = Annotated[bool, typer.Option("--json", help="one JSON document on stdout")]
 
 
 def frame_of(context: typer.Context) -> Frame:

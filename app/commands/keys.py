@@ -5,7 +5,7 @@ from typing import Annotated
 import typer
 from rich.table import Table
 
-from app.commands.frame import ACTOR, frame_of
+from app.commands.frame import ACTOR, Json, frame_of
 from app.documents import KeyAnswer
 from app.keys import Role, create_key, list_keys, revoke_key
 
@@ -21,13 +21,17 @@ def create(
     context: typer.Context,
     role: Annotated[Role, typer.Option(help="viewer reads, operator diagnoses, admin changes the library")],
     name: Annotated[str, typer.Option(help="whose key it is")],
+    json: Json = False,
 ) -> None:
     """Print a new key, alone on stdout, this once."""
     frame = frame_of(context)
     with frame.library() as library, library.transaction(ACTOR) as session:
         row, key = create_key(session, name=name, role=role)
     frame.say(f"key {row.id} of {name}, role {role.value}; it is shown this once:")
-    typer.echo(key)
+    if json:
+        frame.print_json({"id": row.id, "name": row.name, "role": role.value, "key": key})
+    else:
+        typer.echo(key)
 
 
 @keys.command("list")

@@ -5,7 +5,7 @@ from typing import Annotated
 
 import typer
 
-from app.commands.frame import frame_of
+from app.commands.frame import Json, frame_of
 from casebase import backup as backups
 
 
@@ -14,10 +14,15 @@ def register(app: typer.Typer) -> None:
 
 
 def restore(
-    context: typer.Context, source: Annotated[Path, typer.Argument(metavar="IN", help="what `backup` has written")]
+    context: typer.Context,
+    source: Annotated[Path, typer.Argument(metavar="IN", help="what `backup` has written")],
+    json: Json = False,
 ) -> None:
     """Bring a backup back into an empty data directory; a backup that is not whole changes nothing."""
     frame = frame_of(context)
     with frame.words.status("restoring"):
         count = backups.restore(source, frame.settings.data_dir)
-    frame.print(f"{frame.settings.data_dir}: database and {count} recordings")
+    if json:
+        frame.print_json({"data_dir": str(frame.settings.data_dir), "recordings": count})
+    else:
+        frame.print(f"{frame.settings.data_dir}: database and {count} recordings")
