@@ -179,17 +179,21 @@ class CaseMatrix:
         Args:
             queries: shape (queries, n), no feature missing.
         """
-        points = self.metric.scaled(queries) * np.sqrt(self.metric.weights)
+        points = self.metric.scaled(queries) * self._root
         present = np.ones(points.shape[1], dtype=bool)
         squares = (-2.0 * points).astype(np.float32) @ self.matrix.T
         squares += self._offset(present)
-        found = []
-        for point, line in zip(points, squares, strict=True):
-            rows = self._candidates(line, k, point)
-            sums = self._parts(point, present, rows).sum(axis=1)
-            order = np.argsort(sums, kind="stable")[:k]
-            found.append((rows[order], np.sqrt(sums[order])))
-        return np.stack([rows for rows, _ in found]), np.stack([distances for _, distances in found])
+        k = min(k, squares.shape[1])
+        bounds = np.partition(_block_minima(squares, k), k - 1, axis=1)[:, k - 1]
+        bounds = bounds + self._rounding(np.einsum("ij,ij->i", points, points) + np.abs(bounds))
+        asked, rows = np.nonzero(squares <= bounds[:, None])
+        differences = self.matrix[rows].astype(np.float64) - points.astype(np.float32)[asked]
+        sums = np.einsum("ij,ij->i", differences, differences)
+        if self._gappy:
+            sums += self.missing[rows] @ self.metric.weights
+        order = np.lexsort((rows, sums, asked))
+        first = np.searchsorted(asked, np.arange(len(points)))[:, None] + np.arange(k)
+        return rows[order[first]], np.sqrt(sums[order[first]])
 
     def _nearest(
         self, query: NDArray[np.floating], k: int, where: Mask | None
@@ -245,15 +249,12 @@ class CaseMatrix:
         """Return rows, in order, among which are the k nearest whatever float32 rounded off."""
         if squares.size <= k:
             return np.arange(squares.size)
-        if squares.size >= 4 * BLOCK and squares.size >= BLOCK * k:
-            whole = squares.size - squares.size % BLOCK
-            lowest = squares[:whole].reshape(-1, BLOCK).min(axis=1)
-            bound = float(np.partition(lowest, k - 1)[k - 1])
-        else:
-            bound = float(np.partition(squares, k - 1)[k - 1])
-        size = float(point @ point) + abs(bound)
-        rounding = 4.0 * EPSILON * math.sqrt(point.size) * (2.0 * size + 1.0)
-        return np.flatnonzero(squares <= bound + rounding)
+        bound = float(np.partition(_block_minima(squares[None], k)[0], k - 1)[k - 1])
+        return np.flatnonzero(squares <= bound + self._rounding(float(point @ point) + abs(bound)))
+
+    def _rounding(self, size: Any) -> Any:
+        """Return what float32 may have rounded off a squared distance among terms of this size."""
+        return 4.0 * EPSILON * math.sqrt(len(self.metric.names)) * (2.0 * size + 1.0)
 
     def _parts(self, point: Floats, present: Mask, rows: NDArray[np.intp]) -> Floats:
         parts = self.matrix[rows].astype(np.float64)
@@ -277,3 +278,16 @@ class CaseMatrix:
             contributions=contributions,
             row=row,
         )
+
+
+def _block_minima(squares: NDArray[np.float32], k: int) -> NDArray[np.float32]:
+    """Return minima over blocks, the k-th smallest of which bounds the k-th smallest of all; few are left as they are.
+
+    Args:
+        squares: shape (queries, cases).
+    """
+    count = squares.shape[1]
+    if count < BLOCK * max(k, 4):
+        return squares
+    whole = count - count % BLOCK
+    return np.asarray(squares[:, :whole].reshape(len(squares), -1, BLOCK).min(axis=2))
