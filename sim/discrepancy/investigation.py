@@ -24,6 +24,7 @@ from sim.discrepancy.unexplained import SHARE, Unexplained, look
 
 VERSION = "1"
 NINETY = 1.645
+FAR = 4.0  # mean square of the whitened residual: 1 is noise
 Progress = Callable[[str, float], None]
 UNITS = {
     "_rad": "rad", "_n_m": "N m", "_rad_s": "rad/s", "_per_s": "1/s", "_per_rad2": "1/rad2",
@@ -129,7 +130,7 @@ def investigate(
     base = Fit((), base.parameters, base.values, problem.residual((), base.values), base.jacobian, base.cost, base.runs)
     if fit.terms:
         base = problem.fit((), base.values, 2)
-    rest = [u for u in look(problem, fit) if _counts(u)]
+    rest = _left(problem, fit)
     _, base = polish(problem, base)
     problem, fit = polish(problem, fit)
     gained = gains(problem, base, fit)
@@ -148,6 +149,13 @@ def investigate(
         _provenance(axis, telemetry, sound, problem),
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]), gate.remarks, selection,
     )  # fmt: skip
+
+
+def _left(problem: Problem, fit: Fit) -> list[Unexplained]:
+    """What stands out of the residual; where all of it is far above its noise, its strongest place."""
+    places = look(problem, fit)
+    far = fit.misfit > FAR * fit.residual.size
+    return [u for u in places if _counts(u)] or (places[:1] if far else [])
 
 
 def _counts(u: Unexplained) -> bool:

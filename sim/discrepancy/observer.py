@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from threading import Lock
 
 import numpy as np
 
 from sim.chain_model import Array, Chain
-from sim.discrepancy.measurement import Measurement
+from sim.discrepancy.measurement import LOAD_MOTION_CUT_HZ, Measurement
 from sim.discrepancy.observer_kernel import motor_torque, run
 from sim.discrepancy.packing import Packed, pack, steady_twist, substeps
 
@@ -54,6 +55,8 @@ class Observer:
     guide_inertia: float
     noise_inertia: float
     _noise: Array | None = None
+    _loudness: float = 0.0
+    _lock: Lock = field(default_factory=Lock)
     _recent: dict[bytes, Array] = field(default_factory=dict)
 
     def predict(self, chain: Chain, nuisance: Nuisance) -> Prediction:
@@ -73,9 +76,18 @@ class Observer:
             motor = motor + out[0]
         if nuisance.torque_delay_s:
             motor = _delayed(motor, nuisance.torque_delay_s * m.rate_hz)
-        # per inertia of the load: a chain must not look better for being lighter
-        share = self.guide_inertia / chain.shafts[-1].inertia_kg_m2
-        return Prediction(motor, out[2] * share, out[1])
+        return Prediction(motor, out[2] * self._even(chain), out[1])
+
+    def _even(self, chain: Chain) -> float:
+        """Factor that makes the encoder's noise equally loud in the guide's torque for every chain.
+
+        The Jacobian of the data's likelihood: without it a fit would make the load light, as noise hardly moves it.
+        """
+        if not chain.links:
+            return 1.0
+        if self._loudness == 0.0:
+            self._loudness = loudness(chain, self.guide_inertia)
+        return self._loudness / loudness(chain, self.guide_inertia)
 
     def learn_noise(self, chain: Chain, nuisance: Nuisance) -> None:
         """Keep what the fast part of both encoders' signals, which is noise, makes of this chain."""
@@ -122,10 +134,24 @@ class Observer:
             out = np.zeros((3, m.samples))
             step = 1.0 / m.rate_hz
             run(*model, motion, guide, gains, widths, nuisance.loss_split, step, steps, start, out)
-            self._recent[key] = out
-            if len(self._recent) > RECENT:
-                self._recent.pop(next(iter(self._recent)), None)
+            with self._lock:
+                self._recent[key] = out
+                if len(self._recent) > RECENT:
+                    del self._recent[next(iter(self._recent))]
         return out
+
+
+def loudness(chain: Chain, inertia: float) -> float:
+    """Geometric mean over the load's frequencies of |guide torque per error of the load encoder| [N m/rad]."""
+    s = 2j * np.pi * np.linspace(1.0, LOAD_MOTION_CUT_HZ, 12)
+    stiffness = np.full(s.size, np.inf, dtype=complex)
+    for k, link in enumerate(chain.links):
+        spring = link.stiffness_n_m_per_rad + link.damping_n_m_s_per_rad * s
+        shaft = chain.shafts[k + 1]
+        behind = 1.0 / (stiffness * link.ratio**2) if k else 0.0
+        stiffness = 1.0 / (1.0 / spring + behind) + shaft.inertia_kg_m2 * s**2 + shaft.viscous_n_m_s * s
+    guide = inertia * (GUIDE_RAD_S**2 + 1.4 * GUIDE_RAD_S * s)
+    return float(np.exp(np.mean(np.log(np.abs(guide * stiffness / (guide + stiffness))))))
 
 
 def _delayed(values: Array, samples: float) -> Array:
