@@ -164,26 +164,49 @@ def _entry(system: System, rows: Array) -> Array:
 
 
 def _eliminate(rows: Array, free: Array, strict: NDArray[np.bool_], owners: list[frozenset[int]]) -> Constraints:
-    """Drop what is free to choose from rows . x + free . choice >= 0, and rows that always hold."""
-    for _ in range(free.shape[1]):
-        size = np.abs(free).max(axis=0)
+    """Drop what is free to choose from rows . x + free . choice >= 0, and rows that always hold.
+
+    Fourier-Motzkin elimination; a row made of more than k + 1 of the first ones after k steps follows from others
+    (Chernikov), as does a multiple of another row.
+    """
+    origins = [frozenset([i]) for i in range(len(rows))]
+    for step in range(1, free.shape[1] + 1):
+        size = np.abs(free).max(axis=0, initial=0.0)
         if not size.any():
             break
         column = int(np.argmax(size))
         share = free[:, column]
         plus, minus, rest = (np.flatnonzero(test) for test in _signs(share))
-        pairs = [(i, j) for i in plus for j in minus]
-        new_rows = [rows[i] * -share[j] + rows[j] * share[i] for i, j in pairs]
-        new_free = [free[i] * -share[j] + free[j] * share[i] for i, j in pairs]
-        rows = np.vstack([rows[rest], *new_rows]) if len(rest) or pairs else rows[:0]
-        free = np.vstack([free[rest], *new_free]) if len(rest) or pairs else free[:0]
+        pairs = [(i, j) for i in plus for j in minus if len(origins[i] | origins[j]) <= step + 1]
+        mixed = np.array([[-share[j], share[i]] for i, j in pairs]).reshape(-1, 2)
+        first, second = [i for i, _ in pairs], [j for _, j in pairs]
+        rows = np.vstack([rows[rest], mixed[:, :1] * rows[first] + mixed[:, 1:] * rows[second]])
+        free = np.vstack([free[rest], mixed[:, :1] * free[first] + mixed[:, 1:] * free[second]])
         free[:, column] = 0
         owners = [owners[i] for i in rest] + [owners[i] | owners[j] for i, j in pairs]
+        origins = [origins[i] for i in rest] + [origins[i] | origins[j] for i, j in pairs]
         strict = np.array([*strict[rest], *([False] * len(pairs))], dtype=np.bool_)
+        one = _distinct(np.hstack([rows, free]), strict)
+        rows, free, strict = rows[one], free[one], strict[one]
+        owners, origins = [owners[i] for i in one], [origins[i] for i in one]
     size = np.abs(rows[:, :-1]).max(axis=1, initial=0)
     kept = (size > 1e-13 * np.maximum(1.0, np.abs(rows[:, -1]))) | (rows[:, -1] < 0) | strict
     rows = np.where(np.abs(rows) < 1e-15 * np.abs(rows).max(axis=1, initial=1e-300, keepdims=True), 0.0, rows)
     return Constraints(rows[kept], strict[kept], tuple(owner for owner, keep in zip(owners, kept, strict=True) if keep))
+
+
+def _distinct(rows: Array, strict: NDArray[np.bool_]) -> list[int]:
+    """Numbers of rows that are no multiple of an earlier one; strict ones all stay."""
+    scale = np.maximum(np.abs(rows).max(axis=1, initial=0.0, keepdims=True), 1e-300)
+    rounded = np.round(rows / scale, 11) + 0.0
+    seen: set[bytes] = set()
+    out = []
+    for i, row in enumerate(rounded):
+        key = row.tobytes()
+        if strict[i] or key not in seen:
+            out.append(i)
+        seen.add(key)
+    return out
 
 
 def _signs(share: Array) -> tuple[Array, Array, Array]:

@@ -58,7 +58,7 @@ def random_train(seed: int) -> DriveTrain:
     return DriveTrain.series(**parts)
 
 
-@pytest.mark.parametrize("seed", range(60))
+@pytest.mark.parametrize("seed", [*range(30), 51])
 def test_a_random_train_runs_and_is_the_same_at_another_rate(seed: int) -> None:
     train = random_train(seed)
     fine, coarse = simulate(train, 0.6, 1000.0), simulate(train, 0.6, 125.0)
