@@ -61,10 +61,16 @@ class Site:
     recording: Path
     diagnosis: str = ""
     case: str = ""
+    recorded: str = ""
 
     @property
     def url(self) -> str:
         return self.server.url
+
+
+def parts(name: str, content: bytes, metadata: bytes) -> dict[str, tuple[str | None, bytes]]:
+    """The parts of a multipart request: a file and what is known of it."""
+    return {"file": (name, content), "metadata": (None, metadata)}
 
 
 @pytest.fixture(scope="session")
@@ -80,11 +86,12 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     with server.client() as client:
         client.post("/api/v1/axes", content=AXIS, headers={"Content-Type": "application/toml"}).raise_for_status()
         for seed in (1, 2):
-            metadata = '{"axis": "bench", "gearbox": "g1", "speed_rad_s": 2.5, "label": "normal"}'
-            files = {"file": ("normal.wav", sound(seed)), "metadata": (None, metadata)}
+            metadata = b'{"axis": "bench", "gearbox": "g1", "speed_rad_s": 2.5, "label": "normal"}'
+            files = parts("normal.wav", sound(seed), metadata)
             found.case = client.post("/api/v1/cases", files=files).raise_for_status().json()["id"]
-        files = {"file": ("bench.wav", sound(5, impacts=True)), "metadata": (None, '{"axis": "bench"}')}
-        found.diagnosis = client.post("/api/v1/diagnoses", files=files).raise_for_status().json()["id"]
+        files = parts("bench.wav", sound(5, impacts=True), b'{"axis": "bench"}')
+        diagnosed = client.post("/api/v1/diagnoses", files=files).raise_for_status().json()
+        found.diagnosis, found.recorded = diagnosed["id"], diagnosed["recording"]["id"]
     yield found
     server.stop()
 
@@ -122,6 +129,7 @@ class Watch:
 
 
 Opened = Callable[..., AbstractContextManager[Page]]
+Tab = Callable[[str], AbstractContextManager[Page]]
 
 
 @pytest.fixture
@@ -133,14 +141,40 @@ def opened(browser: Browser, site: Site) -> Opened:
         context: BrowserContext = browser.new_context(**options)  # type: ignore[arg-type]
         if role is not None:
             context.add_cookies([{"name": COOKIE, "value": site.server.keys[role], "url": site.url}])
-        watch = Watch(site.url)
-        page = context.new_page()
-        page.on("console", watch.on_console)
-        page.on("pageerror", lambda error: watch.console.append(str(error)))
-        page.on("request", watch.on_request)
-        page.goto(site.url + path)
-        yield page
-        watch.check()
+        with watched(context, site, path) as page:
+            yield page
         context.close()
 
     return open_page
+
+
+@contextmanager
+def watched(context: BrowserContext, site: Site, path: str) -> Iterator[Page]:
+    """A page of its own that is closed after having done nothing that it should not."""
+    watch = Watch(site.url)
+    page = context.new_page()
+    page.on("console", watch.on_console)
+    page.on("pageerror", lambda error: watch.console.append(str(error)))
+    page.on("request", watch.on_request)
+    page.goto(site.url + path)
+    yield page
+    watch.check()
+    page.close()
+
+
+def tabs(browser: Browser, site: Site, **options: object) -> Iterator[Tab]:
+    """One browser context of an admin whose pages share a cache, for tests that only look."""
+    context: BrowserContext = browser.new_context(**options)  # type: ignore[arg-type]
+    context.add_cookies([{"name": COOKIE, "value": site.server.keys["admin"], "url": site.url}])
+    yield lambda path: watched(context, site, path)
+    context.close()
+
+
+@pytest.fixture(scope="session")
+def tab(browser: Browser, site: Site) -> Iterator[Tab]:
+    yield from tabs(browser, site, reduced_motion="reduce")
+
+
+@pytest.fixture(scope="session")
+def plain(browser: Browser, site: Site) -> Iterator[Tab]:
+    yield from tabs(browser, site, java_script_enabled=False)

@@ -8,17 +8,23 @@ import pytest
 from playwright.sync_api import expect
 
 from tests.app.sounds import sound
-from tests.web.conftest import Opened, Site, browsing
+from tests.web.conftest import Opened, Site, Tab, browsing, parts
 
 pytestmark = pytest.mark.browser
 
 AXE = Path(__file__).resolve().parents[2] / "node_modules" / "axe-core" / "axe.min.js"
+SERIOUS = """async (options) => (await axe.run(options)).violations
+    .filter((one) => ["serious", "critical"].includes(one.impact))
+    .map((one) => [one.id, one.nodes[0].html.slice(0, 200)])"""
+RULES = {"light": {}, "dark": {"runOnly": ["color-contrast", "link-in-text-block"]}}
+"""What axe looks at: everything in light; in dark what a change of colours can break."""
 VIEWER_PAGES = (
     "/diagnoses",
     "/diagnoses/{diagnosis}",
-    "/diagnoses/{diagnosis}?axis=orders",
+    "/diagnoses/{diagnosis}?axis=orders&overlay={case}",
     "/library",
-    "/library/map",
+    "/library/map?recording={recording}",
+    "/library/review",
     "/library/coverage",
     "/library/evaluation",
     "/cases/{case}",
@@ -28,45 +34,39 @@ VIEWER_PAGES = (
     "/investigations",
 )
 OPERATOR_PAGES = ("/diagnoses/new", "/investigations/new", "/jobs")
-ADMIN_PAGES = ("/library/add", "/library/exchange", "/keys", "/audit")
+ADMIN_PAGES = ("/library/add", "/library/exchange", "/library/simulate", "/keys", "/audit")
 EVERY_PAGE = (*VIEWER_PAGES, *OPERATOR_PAGES, *ADMIN_PAGES)
 
 
 def address(site: Site, path: str) -> str:
-    return path.format(diagnosis=site.diagnosis, case=site.case)
+    return path.format(diagnosis=site.diagnosis, case=site.case, recording=site.recorded)
 
 
 @pytest.mark.parametrize("path", EVERY_PAGE)
-def test_page_is_clean_and_accessible(opened: Opened, site: Site, path: str) -> None:
-    """No error, no foreign request, and axe finds no serious fault, in light and in dark."""
+def test_page_is_clean_and_accessible_and_fits(tab: Tab, site: Site, path: str) -> None:
+    """No error, no foreign request, axe finds no serious fault in light and in dark, and 360 px are enough."""
     if not AXE.exists():
         pytest.skip("axe-core is not installed: make setup installs it")
-    for scheme in ("light", "dark"):
-        with opened("admin", address(site, path), color_scheme=scheme) as page:
-            page.wait_for_load_state("networkidle")
-            expect(page.locator("h1").first).to_be_visible()
-            page.evaluate(AXE.read_text())
-            found = page.evaluate("async () => (await axe.run()).violations")
-            serious = [one for one in found if one["impact"] in ("serious", "critical")]
-            assert [(one["id"], one["nodes"][0]["html"][:200]) for one in serious] == []
+    with tab(address(site, path)) as page:
+        page.wait_for_load_state("networkidle")
+        expect(page.locator("h1").first).to_be_visible()
+        page.evaluate(AXE.read_text())
+        for scheme in ("light", "dark"):
+            page.emulate_media(color_scheme=scheme)
+            found = page.evaluate(SERIOUS, RULES[scheme])
+            assert found == [], scheme
+        page.set_viewport_size({"width": 360, "height": 700})
+        assert page.evaluate("document.documentElement.scrollWidth") <= 360
 
 
 @pytest.mark.parametrize("path", EVERY_PAGE)
-def test_page_works_without_script(opened: Opened, site: Site, path: str) -> None:
+def test_page_works_without_script(plain: Tab, site: Site, path: str) -> None:
     """Charts are drawn by the server and nothing waits for a script."""
-    with opened("admin", address(site, path), java_script_enabled=False) as page:
+    with plain(address(site, path)) as page:
         expect(page.locator("h1").first).to_be_visible()
-        if path == "/diagnoses/{diagnosis}":
+        if path.startswith("/diagnoses/{diagnosis}"):
             assert page.locator("svg.chart").count() >= 4
             expect(page.locator("audio")).to_be_visible()
-
-
-@pytest.mark.parametrize("path", EVERY_PAGE)
-def test_page_fits_a_narrow_screen(opened: Opened, site: Site, path: str) -> None:
-    """At 360 px nothing but a table scrolls sideways."""
-    with opened("admin", address(site, path), viewport={"width": 360, "height": 700}) as page:
-        page.wait_for_load_state("networkidle")
-        assert page.evaluate("document.documentElement.scrollWidth") <= 360
 
 
 @pytest.mark.parametrize(
@@ -121,7 +121,7 @@ def test_hostile_words_stay_words(opened: Opened, site: Site) -> None:
     evil = '<img src=x onerror="document.title=1">'
     with site.server.client() as client:
         metadata = {"gearbox": evil, "axis": "=cmd()", "label": "normal", "notes": evil, "verified_by": evil}
-        files = {"file": (f"{evil}.wav", sound(11)), "metadata": (None, json.dumps(metadata))}
+        files = parts(f"{evil}.wav", sound(11), json.dumps(metadata).encode())
         case = client.post("/api/v1/cases", files=files).raise_for_status().json()["id"]
         client.post("/api/v1/keys", json={"name": "=1+1" + evil, "role": "viewer"}).raise_for_status()
     for path in (f"/cases/{case}", "/library", "/keys", "/audit", "/axes", "/library/map"):
