@@ -22,6 +22,11 @@ class SignInNeeded(Exception):
         return f"next={quote(self.path, safe='')}"
 
 
+def below_root(request: Request) -> str:
+    """Return the path of a request below the path under which a proxy serves us."""
+    return str(request.scope["path"].removeprefix(request.scope.get("root_path", "")))
+
+
 def visitor(request: Request) -> Principal | None:
     """Return who is signed in by cookie, or None."""
     key = request.cookies.get(COOKIE)
@@ -46,7 +51,7 @@ class PageRequires:
 
     def __call__(self, request: Request, principal: Visitor) -> Principal:
         if principal is None:
-            path = request.url.path if request.method == "GET" else "/"
+            path = below_root(request) if request.method == "GET" else "/"
             raise SignInNeeded(path)
         if not principal.role.may(self.role):
             raise Forbidden(f"This page needs the role {self.role}; you are signed in with the role {principal.role}.")

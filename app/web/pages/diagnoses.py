@@ -14,7 +14,7 @@ from app.uploads import TheUpload
 from app.web.diagnosis_view import view_of
 from app.web.pages.recordings import demo_ids
 from app.web.report import diagnosis_html, diagnosis_pdf
-from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer, SignInNeeded, Visitor
+from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer, SignInNeeded, Visitor, below_root
 from app.web.templating import Message, render
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
 from casebase.models import StoredDiagnosis
@@ -112,7 +112,7 @@ def one(
     demo = demo_ids(session)
     is_demo = demo is not None and demo[0] == diagnosis_id
     if principal is None and (overlay or not is_demo):
-        raise SignInNeeded(request.url.path)
+        raise SignInNeeded(below_root(request))
     row = get_diagnosis(session, diagnosis_id)
     return shown(request, session, service, principal, row, demo=is_demo, orders=axis == "orders", overlay=overlay)
 

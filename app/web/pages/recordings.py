@@ -15,7 +15,7 @@ from app.service import Reading, TheService
 from app.web import charts
 from app.web.overlay import laid_over
 from app.web.recorded import PlotName, chart_of, decoded
-from app.web.session import SignInNeeded, Visitor
+from app.web.session import SignInNeeded, Visitor, below_root
 from casebase.models import Artifact
 
 router = APIRouter(prefix="/recordings/{recording_id}")
@@ -39,7 +39,7 @@ def allowed(session: Session, principal: Visitor, request: Request, recording_id
         return
     demo = demo_ids(session)
     if demo is None or demo[1] != recording_id:
-        raise SignInNeeded(request.url.path)
+        raise SignInNeeded(below_root(request))
 
 
 @router.get("/plots/{name}")
@@ -56,7 +56,7 @@ def plot(
     """Numbers of one plot, for the interactive drawing, with a case laid over it if asked for."""
     allowed(session, principal, request, recording_id)
     if overlay and principal is None:
-        raise SignInNeeded(request.url.path)
+        raise SignInNeeded(below_root(request))
     row = service.library.recording(session, recording_id)
     chart = chart_of(name, session, service, row, points)
     if overlay:
