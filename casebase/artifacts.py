@@ -20,9 +20,14 @@ def add_artifact(
     *,
     score: float | None = None,
     score_detail: Mapping[str, object] | None = None,
+    after: int | None = None,
 ) -> Artifact:
-    """Store the next version of a kind and make it the active one."""
-    newest = session.scalar(select(func.max(Artifact.version)).where(Artifact.kind == kind)) or 0
+    """Store the next version of a kind and make it the active one.
+
+    Args:
+        after: the version that was the newest when the work began; IntegrityError if another one came in between.
+    """
+    newest = newest_version(session, kind) if after is None else after
     _deactivate(session, kind)
     row = Artifact(
         kind=kind,
@@ -37,6 +42,11 @@ def add_artifact(
     session.flush()
     audit.record(session, "artifact.learned", ("artifact", kind), after={"version": row.version, "score": score})
     return row
+
+
+def newest_version(session: Session, kind: str) -> int:
+    """Return the highest version of a kind, 0 if there is none."""
+    return session.scalar(select(func.max(Artifact.version)).where(Artifact.kind == kind)) or 0
 
 
 def active_artifact(session: Session, kind: str) -> Artifact | None:
@@ -82,31 +92,27 @@ def similarity_for(session: Session, table: CaseTable) -> tuple[Similarity, int 
     A version that somebody went back to stays. In a session for reading nothing is stored, and the version is None.
     """
     kind = similarity_kind(table.extractor_version)
-    active = active_artifact(session, kind)
+    newest, active = newest_version(session, kind), active_artifact(session, kind)
     if active is not None:
         known = Similarity.from_document(active.content, table.names)
-        if known.fits(table) or _went_back(session, active):
+        if known.fits(table) or active.version != newest:
             return known, active.version
     learned = learn(table)
     if audit.ACTOR not in session.info:
         return learned, None
     try:
         with session.begin_nested():
-            return learned, store_similarity(session, learned, kind).version
+            return learned, store_similarity(session, learned, kind, after=newest).version
     except IntegrityError:
         # another worker learned from the same cases at the same time, and got the same
         return learned, active_version(session, table.extractor_version)
 
 
-def store_similarity(session: Session, similarity: Similarity, kind: str) -> Artifact:
-    """Keep learned weights with their score as the active version."""
+def store_similarity(session: Session, similarity: Similarity, kind: str, *, after: int | None = None) -> Artifact:
+    """Keep learned weights with their score as the active version; `after` as in `add_artifact`."""
     detail = {"log_loss": similarity.log_loss, "cases": similarity.cases, "gearboxes": similarity.gearboxes}
-    return add_artifact(session, kind, similarity.to_document(), score=similarity.score, score_detail=detail)
-
-
-def _went_back(session: Session, active: Artifact) -> bool:
-    newest = session.scalar(select(func.max(Artifact.version)).where(Artifact.kind == active.kind))
-    return newest != active.version
+    document = similarity.to_document()
+    return add_artifact(session, kind, document, score=similarity.score, score_detail=detail, after=after)
 
 
 def _deactivate(session: Session, kind: str) -> None:
