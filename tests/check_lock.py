@@ -31,17 +31,13 @@ def faults(lock: Path, extras: tuple[str, ...]) -> list[str]:
         if version is None:
             found.append(f"{lock.name}: {requirement.name} is missing; run `make lock`")
         elif version not in requirement.specifier:
-            found.append(
-                f"{lock.name}: {requirement.name} {version} is not {requirement.specifier}; run `make lock`"
-            )
+            found.append(f"{lock.name}: {requirement.name} {version} is not {requirement.specifier}; run `make lock`")
     return found
 
 
 def main() -> int:
     """Check both lock files."""
-    found = faults(ROOT / "requirements.lock", ("test",)) + faults(
-        ROOT / "requirements-bench.lock", ("test", "bench")
-    )
+    found = faults(ROOT / "requirements.lock", ("test",)) + faults(ROOT / "requirements-bench.lock", ("test", "bench"))
     print("\n".join(found) or "lock files in step with pyproject.toml")
     return 1 if found else 0
 

@@ -15,7 +15,5 @@ def shared(*parts: str) -> Path:
     """
     path = SHARED.joinpath(*parts)
     if not path.exists():
-        pytest.skip(
-            f"measured data not here: {'/'.join(parts)} (set GEARCASE_SHARED to the folder that holds it)"
-        )
+        pytest.skip(f"measured data not here: {'/'.join(parts)} (set GEARCASE_SHARED to the folder that holds it)")
     return path
