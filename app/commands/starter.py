@@ -13,7 +13,7 @@ from app.commands.generate import with_progress
 from app.generation import Campaign, simulate_case
 from app.intake import DEMO, take_in
 from app.metadata import RecordingMetadata
-from casebase.artifacts import add_artifact
+from casebase.artifacts import active_artifact, add_artifact
 from casebase.axes import add_axis
 from casebase.library import CaseLibrary
 from sim.design import LABELS, plan
@@ -21,7 +21,6 @@ from sim.paper import PAPER_AXIS
 
 PER_LABEL = 30
 DEMO_SEED = 1  # no case of the starter library comes from it
-DEMO_SIZE_RAD = 8e-4  # a notch that is heard, not one that jumps at you
 DEMO_NAME = "demo-simulated-notch.wav"
 
 
@@ -43,17 +42,20 @@ def starter(
     with frame.library() as library:
         with library.reading() as session:
             counts = library.counts(session)
-        measured = any(origin == "measured" for _, origin in counts)
-        if measured or sum(counts.values()) >= per_label * len(LABELS):
+            shown = active_artifact(session, DEMO)
+        if any(origin == "measured" for _, origin in counts):
             return
-        frame.say(f"simulating a starter library for {PAPER_AXIS.name}: {per_label} cases each of {', '.join(LABELS)}")
-        write_demo(demo)
-        with library.transaction("starter") as session:
-            add_axis(session, PAPER_AXIS.name, PAPER_AXIS.to_mapping())
-        campaign = Campaign(PAPER_AXIS, dict.fromkeys(LABELS, per_label))
-        outcome = with_progress(frame, library, campaign, processes)
-        diagnose_demo(library, demo)
-    frame.say(f"{outcome.new + outcome.known} simulated cases; a simulated recording to diagnose: {demo}")
+        if sum(counts.values()) < per_label * len(LABELS):
+            frame.say(f"simulating a starter library for {PAPER_AXIS.name}: {per_label} each of {', '.join(LABELS)}")
+            with library.transaction("starter") as session:
+                add_axis(session, PAPER_AXIS.name, PAPER_AXIS.to_mapping())
+            campaign = Campaign(PAPER_AXIS, dict.fromkeys(LABELS, per_label))
+            outcome = with_progress(frame, library, campaign, processes)
+            frame.say(f"{outcome.new + outcome.known} simulated cases")
+        if shown is None:
+            write_demo(demo)
+            diagnose_demo(library, demo)
+            frame.say(f"a simulated recording to diagnose: {demo}")
 
 
 def diagnose_demo(library: CaseLibrary, path: Path) -> None:
@@ -70,6 +72,6 @@ def diagnose_demo(library: CaseLibrary, path: Path) -> None:
 
 def write_demo(path: Path) -> None:
     """Write a recording of a notched output gear."""
-    planned = plan(PAPER_AXIS, {"notch": 16}, DEMO_SEED, duration_s=20.0)
-    nearest = min(planned, key=lambda each: abs((each.size or 0.0) - DEMO_SIZE_RAD))
-    path.write_bytes(simulate_case(nearest).audio)
+    planned = plan(PAPER_AXIS, {"notch": 6}, DEMO_SEED, duration_s=20.0)
+    plainest = max(planned, key=lambda each: each.size or 0.0)
+    path.write_bytes(simulate_case(plainest).audio)
