@@ -6,12 +6,16 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from hypothesis import settings
 
 from casebase.database import create_engine_for, sqlite_url, upgrade_database
 from tests import postgres
 from tests.live import live_server
 
 __all__ = ["live_server"]
+
+settings.register_profile("repeatable", derandomize=True)
+settings.load_profile("repeatable")
 
 TEMPLATE = "gearcase_template"
 _numbers = itertools.count()

@@ -230,7 +230,7 @@ def map_chart(title: str, points: Sequence[Point], query: Point | None = None, *
     def place(point: Point) -> tuple[float, float]:
         return 20 + (point.x - x0) / (x1 - x0) * inner, size - 20 - (point.y - y0) / (y1 - y0) * inner
 
-    parts = [f'<svg class="chart map" viewBox="0 0 {size:.0f} {size:.0f}" role="img" aria-label="{escape(title)}">']
+    parts = [f'<svg class="chart map" viewBox="0 0 {size:.0f} {size:.0f}" role="group" aria-label="{escape(title)}">']
     for point in points:
         outline = shape_path(point.label, *place(point), 5.0)
         parts.append(

@@ -200,9 +200,7 @@ def test_damaged_backup_changes_nothing(data_dir: Path, tmp_path: Path) -> None:
     assert not copy.exists()
 
 
-@pytest.mark.parametrize(
-    "words", [("--json", "cases", "list"), ("cases", "list", "--json"), ("cases", "--json", "list")]
-)
+@pytest.mark.parametrize("words", ["--json cases list", "cases --json list", "cases list --json"])
 def test_json_stands_anywhere(tmp_path: Path, words: str) -> None:
     """Programs put the switch before or after the verb; stdout is one document either way."""
     assert json.loads(gearcase(*words.split(), data_dir=tmp_path).stdout) == []
