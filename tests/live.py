@@ -84,6 +84,16 @@ class LiveServer:
     def log(self) -> str:
         return (self.data_dir.parent / "service.log").read_text()
 
+    def logged(self, words: str) -> str:
+        """The log line with these words; the service may write it after the answer has gone out."""
+        deadline = time.monotonic() + START_S
+        while time.monotonic() < deadline:
+            for line in self.log().splitlines(keepends=True):
+                if words in line and line.endswith("\n"):
+                    return line
+            time.sleep(0.02)
+        raise AssertionError(f"{words!r} is not in the log: {self.log()[-3000:]}")
+
     def client(self, role: str | None = "admin", **options: object) -> httpx.Client:
         """A client with the key of a role, or with none; close it after use."""
         headers = {"Authorization": f"Bearer {self.keys[role]}"} if role else {}

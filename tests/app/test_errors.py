@@ -186,7 +186,7 @@ def test_key_is_checked_before_the_body_is_read(live_server: LiveServer) -> None
 def test_request_id_is_kept_and_logged_without_keys(live_server: LiveServer, admin: httpx.Client) -> None:
     answer = admin.get("/api/v1/limits", headers={"X-Request-ID": "my-own-id.7"})
     assert answer.headers["x-request-id"] == "my-own-id.7"
-    entry = next(json.loads(line) for line in live_server.log().splitlines() if "my-own-id.7" in line)
+    entry = json.loads(live_server.logged("my-own-id.7"))
     assert (entry["status"], entry["path"]) == (200, "/api/v1/limits")
     assert not any(key in live_server.log() for key in live_server.keys.values())
 
