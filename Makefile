@@ -19,6 +19,7 @@ $(STAMP): requirements.lock pyproject.toml
 	$(PIP) install --require-hashes -r requirements.lock
 	$(PIP) install --no-deps --no-build-isolation --editable .
 	$(BIN)/python -m sim
+	$(BIN)/python -m casebase
 	touch $(STAMP)
 
 $(ASSETS): package-lock.json package.json app/web/assets.py | $(STAMP)

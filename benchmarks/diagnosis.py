@@ -19,10 +19,10 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from benchmarks import Row
+from casebase.case_table import CaseTable
 from casebase.diagnosis import Reasoner, verdict_of
 from casebase.evaluation import Proportion, evaluate
 from casebase.learning import learn
-from casebase.retrieval import CaseTable
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction, extract
 from casebase.signals.recording import Recording

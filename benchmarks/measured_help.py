@@ -1,14 +1,17 @@
-"""What simulated cases are worth on measured recordings: `python -m benchmarks.measured_help FOLDER [CASES]`.
+"""What simulated cases are worth on measured recordings: `python -m benchmarks.measured_help [FOLDER] [CASES]`.
 
 FOLDER holds axis.toml, manifest.csv (file, label, gearbox, payload_kg_m2, speed_rad_s) and the recordings. One
-gearbox at a time is held out; no simulated case has heard anything of it, and none has heard a fault.
+gearbox at a time is held out; no simulated case has heard anything of it, and none has heard a fault. The learning
+curve, over how many measured cases of each class the library has, is drawn into docs/figures.
 """
 
 from __future__ import annotations
 
 import csv
+import os
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -19,9 +22,11 @@ from numpy.typing import NDArray
 
 from app.generation import simulate_case
 from app.intake import mesh_orders, shaft_orders
+from benchmarks import Row
+from casebase.case_table import CaseTable
 from casebase.diagnosis import Reasoner
+from casebase.evaluation import Proportion
 from casebase.learning import learn
-from casebase.retrieval import CaseTable
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.decode import read_recording
 from casebase.signals.features import EXTRACTOR_VERSION, catalogue, extract
@@ -29,7 +34,10 @@ from sim.axis import Axis, read_axis
 from sim.design import LABELS, Planned, plan
 from sim.fitting import Heard, fit_sound
 
-DURATION_S = 15.0
+SHARED = Path(os.environ.get("GEARCASE_SHARED", Path(__file__).resolve().parents[1].parent / "shared"))
+FIGURE = Path("docs/figures/measured_help.png")
+CASES, DURATION_S = 40, 15.0  # simulated cases of each label, and how long each is
+EACH = (1, 2, 3, 5)  # measured cases of each class in the learning curve
 DRAWS = 3  # of which measured cases the library has, in the learning curve
 
 
@@ -113,40 +121,124 @@ def few(known: Vectors, each: int, seed: int) -> Vectors:
     return known.take(np.concatenate(rows))
 
 
-def main(folder: Path, cases: int) -> None:
-    """Measure and print."""
+@dataclass(frozen=True, eq=False)
+class Material:
+    """What is compared: measured cases, simulated ones of usual housings, and ones fitted to the normal recordings
+    of one gearbox each, whose name they bear."""
+
+    known: Vectors
+    generic: Vectors
+    fitted: Vectors
+
+
+def material(folder: Path, cases: int) -> Material:
+    """Read the measured recordings and simulate `cases` of every label of either kind."""
     axis = read_axis(folder / "axis.toml")
     known, normal = measured(folder, axis)
-    names = sorted(set(known.gearboxes.tolist()))
-    unfitted = plan(axis, dict.fromkeys(LABELS, cases), 0, duration_s=DURATION_S)
-    generic = simulated(unfitted, ["-"] * len(unfitted))
+    usual = plan(axis, dict.fromkeys(LABELS, cases), 0, duration_s=DURATION_S)
     planned, sources = [], []
-    for number, name in enumerate(names):
-        microphone = fit_sound(axis, normal[name]).microphone
-        counts = dict.fromkeys(LABELS, max(4, cases // len(names)))
-        more = plan(axis, counts, 100 + number, microphones=[microphone], duration_s=DURATION_S)
+    for number, (name, heard) in enumerate(sorted(normal.items())):
+        counts = dict.fromkeys(LABELS, max(4, cases // len(normal)))
+        microphones = [fit_sound(axis, heard).microphone]
+        more = plan(axis, counts, 100 + number, microphones=microphones, duration_s=DURATION_S)
         planned += more
         sources += [name] * len(more)
-    fitted = simulated(planned, sources)
-    total = known.labels.size
-    kinds = ("simulated alone", "fitted to siblings' normal recordings, with these", "measured", "measured and fitted")
-    scores = dict.fromkeys(kinds, 0)
-    curve = {(each, kind): 0 for each in (1, 2, 4) for kind in ("measured", "both")}
-    for name in names:
-        queries, others = known.take(known.gearboxes == name), known.take(known.gearboxes != name)
-        own = fitted.take(fitted.gearboxes != name)
-        siblings = others.take(others.labels == "normal")
-        for key, parts in zip(scores, ([generic], [own, siblings], [others], [others, own]), strict=True):
-            scores[key] += right(parts, queries)
-        for each, kind in curve:
+    return Material(known, simulated(usual, ["-"] * len(usual)), simulated(planned, sources))
+
+
+def scores(given: Material) -> dict[str, int]:
+    """How many recordings are diagnosed right by what kind of library, the recording's own gearbox held out."""
+    found: dict[str, int] = {}
+    for queries, others, own in held_out(given):
+        kinds = {
+            "simulated cases alone, usual housings": [given.generic],
+            "fitted to siblings' normal recordings, and these": [own, others.take(others.labels == "normal")],
+            "measured": [others],
+            "measured and fitted": [others, own],
+        }
+        for kind, parts in kinds.items():
+            found[kind] = found.get(kind, 0) + right(parts, queries)
+    return found
+
+
+def learning_curve(given: Material) -> dict[str, list[float]]:
+    """Share diagnosed right with `EACH` measured cases of each class, alone and with simulated cases fitted."""
+    found = {kind: [0.0] * len(EACH) for kind in ("measured", "measured and fitted")}
+    tries = given.known.labels.size * DRAWS
+    for queries, others, own in held_out(given):
+        for place, each in enumerate(EACH):
             for seed in range(DRAWS):
-                parts = [few(others, each, seed), *([own] if kind == "both" else [])]
-                curve[each, kind] += right(parts, queries)
-    for key, value in scores.items():
-        print(f"{key:55s} {value}/{total} = {value / total:.2f}")
-    for (each, kind), value in curve.items():
-        print(f"{each} measured per class, {kind:10s} {value / total / DRAWS:.2f}")
+                part = few(others, each, seed)
+                found["measured"][place] += right([part], queries) / tries
+                found["measured and fitted"][place] += right([part, own], queries) / tries
+    return found
+
+
+def held_out(given: Material) -> Iterator[tuple[Vectors, Vectors, Vectors]]:
+    """Gearbox by gearbox: its recordings, those of the others, and the cases fitted to the others."""
+    for name in sorted(set(given.known.gearboxes.tolist())):
+        own = given.known.gearboxes == name
+        yield given.known.take(own), given.known.take(~own), given.fitted.take(given.fitted.gearboxes != name)
+
+
+def draw(curve: dict[str, list[float]], path: Path) -> None:
+    """Plot the learning curve."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(6, 3.5), layout="constrained")
+    FigureCanvasAgg(figure)
+    area = figure.subplots()
+    for (kind, shares), style in zip(curve.items(), ("o--", "s-"), strict=True):
+        area.plot(EACH, shares, style, label=kind)
+    area.axhline(1 / 3, color="0.6", lw=0.8)
+    area.annotate("chance", (EACH[0], 1 / 3), fontsize=8, va="bottom")
+    area.set(xlabel="measured cases of each class", ylabel="diagnosed right [1]", ylim=(0.3, 1.02), xticks=EACH)
+    area.grid(alpha=0.3)
+    area.legend()
+    path.parent.mkdir(parents=True, exist_ok=True)
+    figure.savefig(path, dpi=80)
+
+
+def rows(folder: Path, cases: int, figure: Path) -> Iterator[Row]:
+    """Measure, draw, and say what was found; the time of a row is what it took on top of those before."""
+    started = time.perf_counter()
+    given = material(folder, cases)
+    yield Row(
+        f"{given.known.labels.size} recordings read, 2 x 3 x {cases} cases simulated", time.perf_counter() - started
+    )
+    started = time.perf_counter()
+    found = scores(given)
+    took = (time.perf_counter() - started) / len(found)
+    for kind, count in found.items():
+        share = Proportion(count, given.known.labels.size)
+        low, high = share.interval
+        yield Row(kind, took, note=f"{share.right}/{share.of} = {share.value:.2f} ({low:.2f} to {high:.2f})")
+    started = time.perf_counter()
+    curve = learning_curve(given)
+    draw(curve, figure)
+    took = (time.perf_counter() - started) / (len(curve) * len(EACH))
+    for kind, shares in curve.items():
+        for each, value in zip(EACH, shares, strict=True):
+            yield Row(f"{each} measured of each class: {kind}", took, note=f"{value:.2f}")
+
+
+def run() -> list[Row]:
+    """All rows; one that says so where the measured data are not here."""
+    folder = SHARED / "data" / "axis_recordings"
+    if not folder.exists():
+        return [Row("skipped", 0.0, note="the measured data are not here: set GEARCASE_SHARED to their folder")]
+    return list(rows(folder, CASES, FIGURE))
+
+
+def main(folder: Path, cases: int) -> None:
+    """Measure and print."""
+    from benchmarks import table
+
+    for row in rows(folder, cases, FIGURE):
+        print(table("", [row]).strip("\n"), flush=True)
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), int(sys.argv[2]) if len(sys.argv) > 2 else 40)
+    chosen = Path(sys.argv[1]) if len(sys.argv) > 1 else SHARED / "data" / "axis_recordings"
+    main(chosen, int(sys.argv[2]) if len(sys.argv) > 2 else CASES)

@@ -7,10 +7,10 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from casebase import audit
+from casebase.case_table import CaseTable
 from casebase.errors import NotFoundError
 from casebase.learning import Similarity, learn
 from casebase.models import Artifact
-from casebase.retrieval import CaseTable
 
 
 def add_artifact(

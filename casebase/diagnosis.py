@@ -8,13 +8,14 @@ from dataclasses import asdict, dataclass, field
 import numpy as np
 from numpy.typing import NDArray
 
+from casebase.case_table import CaseTable, Mask
 from casebase.experience import Experience, Judgement, gather, representative
 from casebase.explanation import Evidence, feature_evidence, motion_evidence, novelty_evidence
 from casebase.learning import Similarity
 from casebase.novelty import known_ranges
-from casebase.retrieval import CaseMatrix, CaseTable, Mask, Match
+from casebase.retrieval import CaseMatrix, Match, NearestByClass
 from casebase.signals.features import Extraction, QualityFlag
-from casebase.voting import nearest_of_classes
+from casebase.voting import NEAREST
 
 CLEAR_ODDS = 2.0
 """The best hypothesis must be so many times as probable as the next one, else the verdict is `ambiguous`."""
@@ -112,10 +113,11 @@ class Reasoner:
 
     def judge(self, values: NDArray[np.floating]) -> Judgement:
         """Return probabilities, p-values and novelty of a vector of features, shape (n,)."""
+        return self._judged(values, self.matrix.nearest_by_class(values, NEAREST))
+
+    def _judged(self, values: NDArray[np.floating], near: NearestByClass) -> Judgement:
         experience = self.experience(np.isfinite(values))
-        squares = self.matrix.squared_distances(values)[None]
-        nearest = nearest_of_classes(squares, self.table.labels, self.table.classes)[0]
-        return experience.judge(nearest, self.ranges.distance(values))
+        return experience.judge(near.voting(NEAREST), self.ranges.distance(values))
 
     def diagnose(self, extraction: Extraction) -> Diagnosis:
         """Return the diagnosis of a recording by its features."""
@@ -126,11 +128,13 @@ class Reasoner:
         if not len(self.table) or not np.isfinite(values).any():
             remark = "the library has no case to compare with: add labelled recordings or generate cases"
             return Diagnosis("not_in_library", quality=extraction.quality, remarks=(remark,))
-        return self._compared(extraction, self.judge(values))
+        return self._compared(extraction)
 
-    def _compared(self, extraction: Extraction, judgement: Judgement) -> Diagnosis:
+    def _compared(self, extraction: Extraction) -> Diagnosis:
         values = extraction.features.values
-        hypotheses = self._hypotheses(values, judgement)
+        near = self.matrix.nearest_by_class(values, max(NEIGHBOURS, NEAREST * len(self.table.classes)))
+        judgement = self._judged(values, near)
+        hypotheses = _hypotheses(near, judgement)
         verdict = verdict_of(judgement)
         best = hypotheses[0]
         label = None if verdict == "not_in_library" else best.label
@@ -139,35 +143,19 @@ class Reasoner:
             label=label,
             probability=None if label is None else best.probability,
             hypotheses=hypotheses,
-            neighbours=self.matrix.search(values, NEIGHBOURS),
-            evidence=self._evidence(extraction, label),
+            neighbours=near.overall(NEIGHBOURS),
+            evidence=self._evidence(extraction, near, label),
             quality=extraction.quality,
             novelty=judgement.novelty,
             threshold=judgement.threshold,
             remarks=tuple(self._remarks(judgement)),
         )
 
-    def _hypotheses(self, values: NDArray[np.floating], judgement: Judgement) -> tuple[Hypothesis, ...]:
-        near = self.matrix.search(values, 3 * len(judgement.classes))
-        found = [
-            Hypothesis(
-                label=label,
-                probability=float(judgement.probabilities[index]),
-                p_value=float(judgement.p_values[index]),
-                measured=_count(near, label, "measured"),
-                simulated=_count(near, label, "simulated"),
-            )
-            for index, label in enumerate(judgement.classes)
-        ]
-        return tuple(sorted(found, key=lambda each: (-each.probability, -each.p_value, each.label)))
-
-    def _evidence(self, extraction: Extraction, label: str | None) -> tuple[Evidence, ...]:
-        values, labels = extraction.features.values, self.table.labels
+    def _evidence(self, extraction: Extraction, near: NearestByClass, label: str | None) -> tuple[Evidence, ...]:
+        values, motion = extraction.features.values, motion_evidence(extraction)
         if label is None:
-            return (*novelty_evidence(self.table.names, values, self.ranges), *motion_evidence(extraction))
-        same = next(iter(self.matrix.search(values, 1, where=labels == label)), None)
-        other = next(iter(self.matrix.search(values, 1, where=labels != label)), None)
-        return (*feature_evidence(self.table, values, same, other), *motion_evidence(extraction))
+            return (*novelty_evidence(self.table.names, values, self.ranges), *motion)
+        return (*feature_evidence(self.table, values, near.of(label), near.other_than(label)), *motion)
 
     def _remarks(self, judgement: Judgement) -> list[str]:
         remarks = []
@@ -181,6 +169,21 @@ class Reasoner:
         if judgement.threshold is None:
             remarks.append("too few cases to say where the unknown begins")
         return remarks
+
+
+def _hypotheses(near: NearestByClass, judgement: Judgement) -> tuple[Hypothesis, ...]:
+    matches = near.overall(NEAREST * len(judgement.classes))
+    found = [
+        Hypothesis(
+            label=label,
+            probability=float(judgement.probabilities[index]),
+            p_value=float(judgement.p_values[index]),
+            measured=_count(matches, label, "measured"),
+            simulated=_count(matches, label, "simulated"),
+        )
+        for index, label in enumerate(judgement.classes)
+    ]
+    return tuple(sorted(found, key=lambda each: (-each.probability, -each.p_value, each.label)))
 
 
 def verdict_of(judgement: Judgement) -> str:

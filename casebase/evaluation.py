@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import norm
 
+from casebase.case_table import CaseTable, Mask
 from casebase.diagnosis import Reasoner, verdict_of
 from casebase.errors import InvalidRequestError
 from casebase.learning import learn, unlearned
-from casebase.retrieval import CaseTable, Mask
 
 COVERAGE = 0.95
 MOST_GROUPS = 20

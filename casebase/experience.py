@@ -11,11 +11,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from casebase.case_table import CaseTable, Mask
 from casebase.learning import Similarity
 from casebase.novelty import KnownRanges, known_ranges, novelty_limit, spread_out
-from casebase.retrieval import CaseMatrix, CaseTable, Mask
+from casebase.retrieval import CaseMatrix
 from casebase.similarity import Floats
-from casebase.voting import NEAREST, fitted_sharpness, log_votes, nearest_of_classes, strangeness
+from casebase.voting import NEAREST, fitted_sharpness, log_votes, strangeness
 
 LARGEST_SAMPLE = 400
 MOST_ALONE = 40
@@ -123,8 +124,7 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
             row = rows[index]
             query = np.where(present, table.values[row], np.nan)
             allowed = other & (table.samples != table.samples[row])
-            squares = np.where(allowed, matrix.squared_distances(query), np.inf)
-            nearest[index] = nearest_of_classes(squares[None], table.labels, table.classes)[0]
+            nearest[index] = matrix.nearest_by_class(query, NEAREST, where=allowed).voting(NEAREST)
             novelty[index] = ranges.distance(query) if ranges else np.inf
     truth = np.searchsorted(table.classes, table.labels[rows])
     known = np.isfinite(nearest[np.arange(rows.size), truth, 0])

@@ -6,8 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from casebase.case_table import CaseTable
 from casebase.novelty import KnownRanges
-from casebase.retrieval import CaseTable, Match
+from casebase.retrieval import Match
 from casebase.signals.features import EventKind, Extraction, MotionSource, catalogue
 
 MOST = 5

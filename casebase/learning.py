@@ -18,8 +18,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import minimize
 
+from casebase.case_table import CaseTable
 from casebase.priors import even_weights, prior_weights
-from casebase.retrieval import CaseTable
 from casebase.similarity import Floats, Metric, pooled_scales
 from casebase.voting import balance, fitted_sharpness, log_sum_exp, log_votes, nearest_of_classes
 

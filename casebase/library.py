@@ -15,6 +15,7 @@ from sqlalchemy.orm.exc import StaleDataError
 from casebase import audit
 from casebase.artifacts import active_version, similarity_for, similarity_kind, store_similarity
 from casebase.audio_store import AudioStore, StoredBytes
+from casebase.case_table import CaseTable, load_table
 from casebase.database import WRITING, create_engine_for, sqlite_url, strict_json, upgrade_database
 from casebase.description import Labelling, RecordingDescription, check_choice, check_label
 from casebase.diagnoses import get_diagnosis, labelling_from, store_diagnosis
@@ -41,7 +42,6 @@ from casebase.models import (
     now,
 )
 from casebase.pages import Page, page
-from casebase.retrieval import CaseTable, load_table
 from casebase.severity import severity_of
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction
 from casebase.signals.recording import Recording

@@ -1,139 +1,133 @@
-"""Retrieve: exact search over one float32 matrix in memory; the rows of the database are the truth."""
+"""Retrieve: exact search over one matrix in memory, compiled; the rows of the database are the truth."""
 
+import functools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Any
+from types import ModuleType
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import Select, select
-from sqlalchemy.orm import Session
 
-from casebase.models import Case, Extractor, FeatureRow, LibraryCounter, StoredRecording
-from casebase.similarity import Floats, Metric
+from casebase.case_table import CaseTable, Mask
+from casebase.similarity import LIMIT, Floats, Metric
 
-BLOCK = 256
-EPSILON = float(np.finfo(np.float32).eps)
-Mask = NDArray[np.bool_]
+LARGEST_CODE = 32000
+"""Differences of codes fit 16 bits."""
+LARGEST_DISTANCE = 46340
+"""The square of a coded distance fits 32 bits."""
+LANES = 16
+VIEWS_KEPT = 4
 
 
-@dataclass(frozen=True)
-class Match:
-    """A case found, and why it is near: the contributions add up to the distance."""
+@functools.cache
+def kernel() -> ModuleType:
+    """Return the compiled functions; the first call imports numba."""
+    from casebase import search_kernel
 
-    case_id: str
-    label: str
-    origin: str
-    distance: float
-    contributions: Mapping[str, float]
-    row: int
+    return search_kernel
 
 
 @dataclass(frozen=True, eq=False)
-class CaseTable:
-    """All searchable cases at one version of the library, in order of id; arrays have shape (cases,).
+class _View:
+    """The matrix as a query with certain features sees it; see `search_kernel.nearest` for the arrays.
 
     Args:
-        version: the library's counter.
-        values: features, shape (cases, n), float32, NaN where missing.
-        groups: the gearbox; where it is unknown, and for simulated cases, the case itself.
+        factor: what brings the weights of these features to sum 1 in a squared distance.
     """
 
-    version: int
-    extractor_version: str
-    names: tuple[str, ...]
-    ids: NDArray[np.str_]
-    labels: NDArray[np.str_]
-    origins: NDArray[np.str_]
-    axes: NDArray[np.str_]
-    gearboxes: NDArray[np.str_]
-    samples: NDArray[np.str_]
-    values: NDArray[np.float32]
+    present: Mask
+    codes: NDArray[np.int16]
+    extra: Floats
+    scaling: Floats
+    factor: float
 
-    def __len__(self) -> int:
-        return int(self.ids.size)
 
-    @cached_property
-    def groups(self) -> NDArray[np.str_]:
-        own = (self.gearboxes == "") | (self.origins == "simulated")
-        return np.where(own, self.ids, self.gearboxes)
+class _Query:
+    """Features asked for, shape (n,), and the matrix as they see it."""
 
-    @cached_property
-    def classes(self) -> tuple[str, ...]:
-        """Labels in the library, sorted."""
-        return tuple(sorted({str(label) for label in self.labels}))
+    def __init__(self, values: Floats, view: _View, metric: Metric) -> None:
+        self.values, self.view, self.metric = values, view, metric
+
+    @functools.cached_property
+    def point(self) -> NDArray[np.float32]:
+        """The query times the roots of the weights, zero where missing, shape (n,)."""
+        point = self.metric.scaled(self.values) * self.view.scaling[2]
+        return np.where(self.view.present, point, 0.0).astype(np.float32)
+
+
+class Match:
+    """A case found, and why it is near: the contributions add up to the distance.
+
+    Args:
+        distance: from the query.
+        row: of the case in the table.
+    """
+
+    def __init__(self, matrix: "CaseMatrix", query: _Query, row: int, distance: float) -> None:
+        self._matrix, self._query = matrix, query
+        self.row, self.distance = row, distance
 
     @property
-    def text(self) -> tuple[NDArray[np.str_], ...]:
-        """The columns of words, in the order of the fields."""
-        return (self.ids, self.labels, self.origins, self.axes, self.gearboxes, self.samples)
+    def case_id(self) -> str:
+        """Id of the case."""
+        return str(self._matrix.table.ids[self.row])
 
-    def take(self, rows: NDArray[np.intp] | Mask) -> "CaseTable":
-        """Return some of the cases."""
-        return self.with_columns(self.version, [column[rows] for column in self.text], self.values[rows])
+    @property
+    def label(self) -> str:
+        """Label of the case."""
+        return str(self._matrix.table.labels[self.row])
 
-    def with_columns(self, version: int, text: Sequence[NDArray[np.str_]], values: NDArray[np.float32]) -> "CaseTable":
-        """Return a table of the same features with other cases."""
-        ids, labels, origins, axes, gearboxes, samples = text
-        return CaseTable(
-            version, self.extractor_version, self.names, ids, labels, origins, axes, gearboxes, samples, values
-        )
+    @property
+    def origin(self) -> str:
+        """Measured or simulated."""
+        return str(self._matrix.table.origins[self.row])
 
-
-def load_table(session: Session, extractor_version: str, known: CaseTable | None = None) -> CaseTable:
-    """Return the searchable cases now: `known` itself if nothing changed, else only what changed is read."""
-    version = session.scalars(select(LibraryCounter.value)).one()
-    if known is not None and known.version == version and known.extractor_version == extractor_version:
-        return known
-    if known is None or known.extractor_version != extractor_version or not len(known):
-        return _read(session, extractor_version, version, since=-1)
-    changed = _read(session, extractor_version, version, since=known.version)
-    touched = session.scalars(select(Case.id).where(Case.library_version > known.version)).all()
-    return _merged(known.take(~np.isin(known.ids, np.array(touched, dtype="U32"))), changed)
+    @functools.cached_property
+    def contributions(self) -> Mapping[str, float]:
+        """What every feature adds to the distance."""
+        shares = self._matrix.shares(self._query, self.row, self.distance)
+        return dict(zip(self._matrix.table.names, shares.tolist(), strict=True))
 
 
-def _read(session: Session, extractor_version: str, version: int, since: int) -> CaseTable:
-    extractor = session.get(Extractor, extractor_version)
-    names = () if extractor is None else tuple(str(name) for name in extractor.names)
-    rows = session.execute(_statement(extractor_version, since)).all()
-    columns = list(zip(*rows, strict=True)) if rows else [()] * 8
-    text = [np.array([word or "" for word in column], dtype=np.str_) for column in columns[:6]]
-    values = np.empty((len(rows), len(names)), dtype=np.float32)
-    if rows:
-        values[:] = np.stack(columns[6])
-        bits = np.frombuffer(b"".join(columns[7]), dtype=np.uint8).reshape(len(rows), -1)
-        values[np.unpackbits(bits, axis=1, count=len(names)).astype(bool)] = np.nan
-    ids, labels, origins, axes, gearboxes, samples = text
-    return CaseTable(version, extractor_version, names, ids, labels, origins, axes, gearboxes, samples, values)
+@dataclass(frozen=True, eq=False)
+class NearestByClass:
+    """The nearest cases of every class to one query.
 
+    Args:
+        rows: nearest first, shape (classes, k), -1 where a class has fewer.
+        distances: shape (classes, k), infinite there.
+    """
 
-def _statement(extractor_version: str, since: int) -> Select[*tuple[Any, ...]]:
-    columns = (
-        Case.id,
-        Case.label,
-        Case.origin,
-        StoredRecording.axis,
-        StoredRecording.gearbox,
-        StoredRecording.samples_sha256,
-        FeatureRow.finite,
-        FeatureRow.missing,
-    )
-    searchable = (Case.state == "confirmed") & Case.quarantine_reason.is_(None)
-    return (
-        select(*columns)
-        .join(StoredRecording, StoredRecording.id == Case.recording_id)
-        .join(FeatureRow, FeatureRow.recording_id == Case.recording_id)
-        .where(searchable, FeatureRow.extractor_version == extractor_version, Case.library_version > since)
-        .order_by(Case.id)
-    )
+    matrix: "CaseMatrix"
+    query: _Query
+    rows: NDArray[np.int64]
+    distances: Floats
 
+    def voting(self, k: int) -> Floats:
+        """Return the squared distances of the k nearest of every class, shape (classes, k), infinite where fewer."""
+        squares = self.distances[:, :k] ** 2
+        return np.pad(squares, ((0, 0), (0, k - squares.shape[1])), constant_values=np.inf)
 
-def _merged(kept: CaseTable, changed: CaseTable) -> CaseTable:
-    order = np.argsort(np.concatenate([kept.ids, changed.ids]), kind="stable")
-    text = [np.concatenate(pair)[order] for pair in zip(kept.text, changed.text, strict=True)]
-    return kept.with_columns(changed.version, text, np.concatenate([kept.values, changed.values])[order])
+    def overall(self, k: int) -> tuple[Match, ...]:
+        """Return the nearest of all classes, at most as many as were looked for in each."""
+        return self._matches(np.ones(len(self.rows), dtype=np.bool_), min(k, self.rows.shape[1]))
+
+    def of(self, label: str) -> Match | None:
+        """Return the nearest case of a class."""
+        return next(iter(self._matches(self._is(label), 1)), None)
+
+    def other_than(self, label: str) -> Match | None:
+        """Return the nearest case of any other class."""
+        return next(iter(self._matches(~self._is(label), 1)), None)
+
+    def _is(self, label: str) -> Mask:
+        return np.array([each == label for each in self.matrix.table.classes])
+
+    def _matches(self, classes: Mask, k: int) -> tuple[Match, ...]:
+        rows, distances = self.rows[classes].ravel(), self.distances[classes].ravel()
+        order = np.lexsort((rows, distances))[: min(k, np.count_nonzero(rows >= 0))]
+        return tuple(Match(self.matrix, self.query, int(rows[i]), float(distances[i])) for i in order)
 
 
 class CaseMatrix:
@@ -148,10 +142,18 @@ class CaseMatrix:
         self.table, self.metric = table, metric
         scaled = metric.scaled(table.values)
         self.missing = np.isnan(scaled)
-        self._root = np.sqrt(metric.weights)
+        root = np.sqrt(metric.weights)
+        self.matrix = np.where(self.missing, 0.0, scaled * root).astype(np.float32)
+        count, size = self.matrix.shape
+        largest = float(root.max(initial=0.0))
+        self.step = (2 * LIMIT + 0.5) * max(largest / LARGEST_CODE, 1 / LARGEST_DISTANCE)
+        self._codes = np.zeros((count, -(-size // LANES) * LANES), np.int16)
+        self._codes[:, :size] = np.rint(self.matrix / np.float32(self.step))
+        off = self.matrix - self._codes[:, :size] * np.float32(self.step)
+        self.reach = math.sqrt(float(np.einsum("ij,ij->i", off, off).max(initial=0.0))) * 1.001 + self.step
         self._gappy = bool(self.missing.any())
-        self.matrix = np.where(self.missing, 0.0, scaled * self._root).astype(np.float32)
-        self._offsets: dict[bytes, NDArray[np.float32]] = {}
+        self._all = np.zeros(count, np.int16)
+        self._views: dict[bytes, _View] = {}
 
     def search(self, query: NDArray[np.floating], k: int, *, where: Mask | None = None) -> tuple[Match, ...]:
         """Return the k nearest cases, nearest first, equal ones by id.
@@ -161,133 +163,90 @@ class CaseMatrix:
             k: how many at most.
             where: shape (cases,), the cases that may be found; all by default.
         """
-        rows, sums, parts = self._nearest(query, k, where)
-        return tuple(
-            self._match(int(row), part, float(total)) for row, part, total in zip(rows, parts, sums, strict=True)
-        )
+        asked = self._asked(query)
+        rows, distances = self._found(asked, k, where)
+        pairs = zip(rows.tolist(), distances.tolist(), strict=True)
+        return tuple([Match(self, asked, row, distance) for row, distance in pairs])
 
     def nearest_rows(
         self, query: NDArray[np.floating], k: int, *, where: Mask | None = None
-    ) -> tuple[NDArray[np.intp], Floats]:
+    ) -> tuple[NDArray[np.int64], Floats]:
         """Return the rows of the k nearest cases and their distances, without saying why; else as `search`."""
-        rows, sums, _ = self._nearest(query, k, where)
-        return rows, np.sqrt(sums)
+        return self._found(self._asked(query), k, where)
 
-    def nearest_of_many(self, queries: NDArray[np.floating], k: int) -> tuple[NDArray[np.intp], Floats]:
-        """Return rows and distances of the k nearest cases of many queries, shape (queries, min(k, cases)) each.
-
-        Args:
-            queries: shape (queries, n), no feature missing.
-        """
-        points = self.metric.scaled(queries) * self._root
-        present = np.ones(points.shape[1], dtype=bool)
-        squares = (-2.0 * points).astype(np.float32) @ self.matrix.T
-        squares += self._offset(present)
-        k = min(k, squares.shape[1])
-        bounds = np.partition(_block_minima(squares, k), k - 1, axis=1)[:, k - 1]
-        bounds = bounds + self._rounding(np.einsum("ij,ij->i", points, points) + np.abs(bounds))
-        asked, rows = np.nonzero(squares <= bounds[:, None])
-        differences = self.matrix[rows].astype(np.float64) - points.astype(np.float32)[asked]
-        sums = np.einsum("ij,ij->i", differences, differences)
-        if self._gappy:
-            sums += self.missing[rows] @ self.metric.weights
-        order = np.lexsort((rows, sums, asked))
-        first = np.searchsorted(asked, np.arange(len(points)))[:, None] + np.arange(k)
-        return rows[order[first]], np.sqrt(sums[order[first]])
-
-    def _nearest(
-        self, query: NDArray[np.floating], k: int, where: Mask | None
-    ) -> tuple[NDArray[np.intp], Floats, Floats]:
-        """Return rows, squared distances and their parts, nearest first."""
-        present = np.isfinite(query)
-        point, factor = self._point(query, present)
-        squares = self._squares(point, present)
+    def nearest_by_class(self, query: NDArray[np.floating], k: int, *, where: Mask | None = None) -> NearestByClass:
+        """Return the k nearest cases of every class; else as `search`."""
+        groups = self.table.class_numbers
         if where is not None:
-            squares = np.where(where, squares, np.float32(np.inf))
-        rows = self._candidates(squares, k, point)
-        if where is not None:
-            rows = rows[where[rows]]
-        parts = self._parts(point, present, rows) * factor
-        sums = parts.sum(axis=1)
-        order = np.argsort(sums, kind="stable")[:k]
-        return rows[order], sums[order], parts[order]
+            groups = np.where(where, groups, np.int16(-1))
+        asked = self._asked(query)
+        return NearestByClass(self, asked, *self._nearest(asked, groups, len(self.table.classes), k))
 
     def squared_distances(self, query: NDArray[np.floating]) -> Floats:
-        """Return the squared distance to every case, shape (cases,), to float32 accuracy."""
-        present = np.isfinite(query)
-        point, factor = self._point(query, present)
-        squares = self._squares(point, present).astype(np.float64) + float(point @ point)
-        return np.maximum(squares * factor, 0.0)
+        """Return the squared distance to every case, shape (cases,)."""
+        asked = self._asked(query)
+        apart = self.matrix - asked.point
+        apart *= asked.view.present
+        squares = np.einsum("ij,ij->i", apart, apart) + asked.view.extra
+        return np.asarray(squares * asked.view.factor, dtype=np.float64)
 
-    def _point(self, query: NDArray[np.floating], present: Mask) -> tuple[Floats, float]:
-        """Return the query times the roots of the weights, zero where missing, and what brings weights to 1."""
-        point = self.metric.scaled(query) * self._root
-        if present.all():
-            return point, 1.0
-        weight = float(self.metric.weights[present].sum())
-        return np.where(present, point, 0.0), (1.0 / weight if weight > 0 else 0.0)
-
-    def _squares(self, point: Floats, present: Mask) -> NDArray[np.float32]:
-        squares: NDArray[np.float32] = self.matrix @ (-2.0 * point).astype(np.float32)
-        squares += self._offset(present)
-        return squares
-
-    def _offset(self, present: Mask) -> NDArray[np.float32]:
-        """Return |x|^2 plus what missing features are expected to add, over the features present in the query."""
-        key = present.tobytes()
-        offset = self._offsets.get(key)
-        if offset is None:
-            lengths = np.einsum("ij,ij,j->i", self.matrix, self.matrix, present.astype(np.float32))
-            expected = self.missing @ (self.metric.weights * present)
-            offset = (lengths + expected).astype(np.float32)
-            if len(self._offsets) > 16:
-                self._offsets.clear()
-            self._offsets[key] = offset
-        return offset
-
-    def _candidates(self, squares: NDArray[np.float32], k: int, point: Floats) -> NDArray[np.intp]:
-        """Return rows, in order, among which are the k nearest whatever float32 rounded off."""
-        if squares.size <= k:
-            return np.arange(squares.size)
-        bound = float(np.partition(_block_minima(squares[None], k)[0], k - 1)[k - 1])
-        return np.flatnonzero(squares <= bound + self._rounding(float(point @ point) + abs(bound)))
-
-    def _rounding(self, size: Any) -> Any:
-        """Return what float32 may have rounded off a squared distance among terms of this size."""
-        return 4.0 * EPSILON * math.sqrt(len(self.metric.names)) * (2.0 * size + 1.0)
-
-    def _parts(self, point: Floats, present: Mask, rows: NDArray[np.intp]) -> Floats:
-        parts = self.matrix[rows].astype(np.float64)
-        parts -= point.astype(np.float32)
-        parts *= parts
+    def shares(self, asked: _Query, row: int, distance: float) -> Floats:
+        """Return what every feature adds to the distance of a case, shape (n,)."""
+        apart = self.matrix[row] - asked.point.astype(np.float64)
+        parts = apart * apart
         if self._gappy:
-            parts += self.missing[rows] * self.metric.weights
-        if not present.all():
-            parts *= present
-        return parts
+            parts += self.missing[row] * self.metric.weights
+        return np.asarray(parts * asked.view.present * (asked.view.factor / distance if distance > 0 else 0.0))
 
-    def _match(self, row: int, parts: Floats, square: float) -> Match:
-        distance = math.sqrt(square)
-        shares = parts / distance if distance > 0 else np.zeros_like(parts)
-        contributions = dict(zip(self.table.names, shares.tolist(), strict=True))
-        return Match(
-            case_id=str(self.table.ids[row]),
-            label=str(self.table.labels[row]),
-            origin=str(self.table.origins[row]),
-            distance=math.fsum(contributions.values()),
-            contributions=contributions,
-            row=row,
+    def _found(self, asked: _Query, k: int, where: Mask | None) -> tuple[NDArray[np.int64], Floats]:
+        groups = self._all if where is None else where.astype(np.int16) - np.int16(1)
+        rows, distances = self._nearest(asked, groups, 1, k)
+        found = rows[0] if rows[0, -1] >= 0 else rows[0, rows[0] >= 0]
+        return found, distances[0, : found.size]
+
+    def _nearest(
+        self, asked: _Query, groups: NDArray[np.int16], count: int, k: int
+    ) -> tuple[NDArray[np.int64], Floats]:
+        view = asked.view
+        k = max(1, min(k, len(self.table)))
+        rows, distances = kernel().nearest(
+            view.codes,
+            self.matrix,
+            view.extra,
+            view.scaling,
+            asked.values,
+            groups,
+            count,
+            k,
+            self.step,
+            self.reach,
+            view.factor,
         )
+        return rows, distances
 
+    def _asked(self, query: NDArray[np.floating]) -> _Query:
+        values = np.array(query, dtype=np.float64)
+        return _Query(values, self._view(values), self.metric)
 
-def _block_minima(squares: NDArray[np.float32], k: int) -> NDArray[np.float32]:
-    """Return minima over blocks, the k-th smallest of which bounds the k-th smallest of all; few are left as they are.
+    def _view(self, query: Floats) -> _View:
+        present = np.isfinite(query)
+        key = present.tobytes()
+        view = self._views.get(key)
+        if view is None:
+            view = self._made_view(present)
+            if len(self._views) >= VIEWS_KEPT:
+                self._views.clear()
+            self._views[key] = view
+        return view
 
-    Args:
-        squares: shape (queries, cases).
-    """
-    count = squares.shape[1]
-    if count < BLOCK * max(k, 4):
-        return squares
-    whole = count - count % BLOCK
-    return np.asarray(squares[:, :whole].reshape(len(squares), -1, BLOCK).min(axis=2))
+    def _made_view(self, present: Mask) -> _View:
+        metric, size = self.metric, present.size
+        weights = np.where(present, metric.weights, 0.0)
+        codes = self._codes
+        if not present.all():
+            codes = codes.copy()
+            codes[:, :size][:, ~present] = 0
+        extra = self.missing @ weights if self._gappy else np.zeros(len(self.table))
+        scaling = np.stack([metric.center, metric.scale, np.sqrt(weights), np.full(size, LIMIT)])
+        total = float(weights.sum())
+        return _View(present, codes, extra, scaling, 1 / total if total > 0 else 0.0)

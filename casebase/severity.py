@@ -15,8 +15,8 @@ from scipy.stats import rankdata
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from casebase.case_table import CaseTable
 from casebase.models import Case
-from casebase.retrieval import CaseTable
 from casebase.signals.features import catalogue
 from casebase.similarity import Floats, robust_scales
 

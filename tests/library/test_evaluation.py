@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from casebase.case_table import CaseTable
 from casebase.errors import InvalidRequestError
 from casebase.evaluation import Proportion, evaluate
 from casebase.learning import learn
-from casebase.retrieval import CaseTable
 from casebase.similarity import Metric
 from casebase.voting import fitted_sharpness, log_votes, nearest_of_classes
 

@@ -11,8 +11,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from casebase.case_table import CaseTable, load_table
 from casebase.library import CaseLibrary
-from casebase.retrieval import CaseMatrix, CaseTable, load_table
+from casebase.retrieval import CaseMatrix
 from casebase.similarity import LIMIT, Metric, column_quantiles, robust_scales
 from tests.library.made import VERSION, add_case, store
 
@@ -73,10 +74,8 @@ def test_large_and_small_tables_select_alike(seed: int) -> None:
     query = generator.normal(size=8)
     table, metric = table_of(values), metric_of(8)
     found = [match.case_id for match in CaseMatrix(table, metric).search(query, 7)]
-    many = CaseMatrix(table, metric).nearest_of_many(np.stack([query, -query]), 7)[0]
     nearest = np.argsort(((table.values.astype(np.float64) - query) ** 2).sum(axis=1))[:7]
     assert found == [str(table.ids[row]) for row in nearest]
-    assert many[0].tolist() == nearest.tolist()
 
 
 def test_contributions_add_up_to_the_distance_exactly() -> None:
@@ -85,8 +84,26 @@ def test_contributions_add_up_to_the_distance_exactly() -> None:
     values[generator.random(values.shape) < 0.1] = np.nan
     matrix = CaseMatrix(table_of(values), metric_of(40, generator.random(40)))
     for match in matrix.search(generator.normal(size=40), 50):
-        assert match.distance == math.fsum(match.contributions.values())
+        assert match.distance == pytest.approx(math.fsum(match.contributions.values()), rel=1e-12)
         assert min(match.contributions.values()) >= 0
+
+
+def test_nearest_of_every_class_are_those_of_a_search_among_it() -> None:
+    generator = np.random.default_rng(8)
+    values, query = generator.normal(size=(400, 12)), generator.normal(size=12)
+    values[generator.random(values.shape) < 0.1] = np.nan
+    query[3] = math.nan
+    table = table_of(values, generator.choice(["normal", "notch", "play"], 400).tolist())
+    matrix = CaseMatrix(table, metric_of(12, generator.random(12)))
+    near = matrix.nearest_by_class(query, 9)
+    for label, rows in zip(table.classes, near.rows, strict=True):
+        alone = matrix.search(query, 9, where=table.labels == label)
+        assert rows.tolist() == [match.row for match in alone]
+    assert [match.row for match in near.overall(9)] == [match.row for match in matrix.search(query, 9)]
+    others = matrix.search(query, 1, where=table.labels != "play")
+    assert [near.other_than("play")] != [None]
+    assert near.other_than("play").row == others[0].row  # type: ignore[union-attr]
+    assert near.of("none such") is None
 
 
 def test_ties_go_by_id() -> None:

@@ -23,10 +23,10 @@ from app.web.recorded import chart_of
 from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.svg import Point, map_chart
 from app.web.templating import Message, render
+from casebase.case_table import CaseTable
 from casebase.description import Labelling
 from casebase.library import CaseFilter
 from casebase.models import Case, StoredRecording
-from casebase.retrieval import CaseTable
 from casebase.signals.features import catalogue
 
 router = APIRouter()

@@ -1,0 +1,125 @@
+"""CaseTable: all searchable cases at one version of the library, read from the database, which is the truth."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy import Select, select
+from sqlalchemy.orm import Session
+
+from casebase.models import Case, Extractor, FeatureRow, LibraryCounter, StoredRecording
+
+Mask = NDArray[np.bool_]
+
+
+@dataclass(frozen=True, eq=False)
+class CaseTable:
+    """All searchable cases at one version of the library, in order of id; arrays have shape (cases,).
+
+    Args:
+        version: the library's counter.
+        values: features, shape (cases, n), float32, NaN where missing.
+        groups: the gearbox; where it is unknown, and for simulated cases, the case itself.
+    """
+
+    version: int
+    extractor_version: str
+    names: tuple[str, ...]
+    ids: NDArray[np.str_]
+    labels: NDArray[np.str_]
+    origins: NDArray[np.str_]
+    axes: NDArray[np.str_]
+    gearboxes: NDArray[np.str_]
+    samples: NDArray[np.str_]
+    values: NDArray[np.float32]
+
+    def __len__(self) -> int:
+        return int(self.ids.size)
+
+    @cached_property
+    def groups(self) -> NDArray[np.str_]:
+        own = (self.gearboxes == "") | (self.origins == "simulated")
+        return np.where(own, self.ids, self.gearboxes)
+
+    @cached_property
+    def classes(self) -> tuple[str, ...]:
+        """Labels in the library, sorted."""
+        return tuple(sorted({str(label) for label in self.labels}))
+
+    @cached_property
+    def class_numbers(self) -> NDArray[np.int16]:
+        """Place of every case's label among the classes."""
+        return np.searchsorted(self.classes, self.labels).astype(np.int16)
+
+    @property
+    def text(self) -> tuple[NDArray[np.str_], ...]:
+        """The columns of words, in the order of the fields."""
+        return (self.ids, self.labels, self.origins, self.axes, self.gearboxes, self.samples)
+
+    def take(self, rows: NDArray[np.intp] | Mask) -> "CaseTable":
+        """Return some of the cases."""
+        return self.with_columns(self.version, [column[rows] for column in self.text], self.values[rows])
+
+    def with_columns(self, version: int, text: Sequence[NDArray[np.str_]], values: NDArray[np.float32]) -> "CaseTable":
+        """Return a table of the same features with other cases."""
+        ids, labels, origins, axes, gearboxes, samples = text
+        return CaseTable(
+            version, self.extractor_version, self.names, ids, labels, origins, axes, gearboxes, samples, values
+        )
+
+
+def load_table(session: Session, extractor_version: str, known: CaseTable | None = None) -> CaseTable:
+    """Return the searchable cases now: `known` itself if nothing changed, else only what changed is read."""
+    version = session.scalars(select(LibraryCounter.value)).one()
+    if known is not None and known.version == version and known.extractor_version == extractor_version:
+        return known
+    if known is None or known.extractor_version != extractor_version or not len(known):
+        return _read(session, extractor_version, version, since=-1)
+    changed = _read(session, extractor_version, version, since=known.version)
+    touched = session.scalars(select(Case.id).where(Case.library_version > known.version)).all()
+    return _merged(known.take(~np.isin(known.ids, np.array(touched, dtype="U32"))), changed)
+
+
+def _read(session: Session, extractor_version: str, version: int, since: int) -> CaseTable:
+    extractor = session.get(Extractor, extractor_version)
+    names = () if extractor is None else tuple(str(name) for name in extractor.names)
+    rows = session.execute(_statement(extractor_version, since)).all()
+    columns = list(zip(*rows, strict=True)) if rows else [()] * 8
+    text = [np.array([word or "" for word in column], dtype=np.str_) for column in columns[:6]]
+    values = np.empty((len(rows), len(names)), dtype=np.float32)
+    if rows:
+        values[:] = np.stack(columns[6])
+        bits = np.frombuffer(b"".join(columns[7]), dtype=np.uint8).reshape(len(rows), -1)
+        values[np.unpackbits(bits, axis=1, count=len(names)).astype(bool)] = np.nan
+    ids, labels, origins, axes, gearboxes, samples = text
+    return CaseTable(version, extractor_version, names, ids, labels, origins, axes, gearboxes, samples, values)
+
+
+def _statement(extractor_version: str, since: int) -> Select[*tuple[Any, ...]]:
+    columns = (
+        Case.id,
+        Case.label,
+        Case.origin,
+        StoredRecording.axis,
+        StoredRecording.gearbox,
+        StoredRecording.samples_sha256,
+        FeatureRow.finite,
+        FeatureRow.missing,
+    )
+    searchable = (Case.state == "confirmed") & Case.quarantine_reason.is_(None)
+    return (
+        select(*columns)
+        .join(StoredRecording, StoredRecording.id == Case.recording_id)
+        .join(FeatureRow, FeatureRow.recording_id == Case.recording_id)
+        .where(searchable, FeatureRow.extractor_version == extractor_version, Case.library_version > since)
+        .order_by(Case.id)
+    )
+
+
+def _merged(kept: CaseTable, changed: CaseTable) -> CaseTable:
+    order = np.argsort(np.concatenate([kept.ids, changed.ids]), kind="stable")
+    text = [np.concatenate(pair)[order] for pair in zip(kept.text, changed.text, strict=True)]
+    return kept.with_columns(changed.version, text, np.concatenate([kept.values, changed.values])[order])
