@@ -32,8 +32,9 @@ from casebase.signals.features import Extraction, extract
 from casebase.signals.recording import Recording
 from sim.audibility import perform_fault
 from sim.axis import Axis, read_axis
-from sim.design import DURATION_S, LABELS, Planned, plan
+from sim.design import DURATION_S, Planned, plan
 from sim.errors import ParameterError
+from sim.mechanisms import MECHANISMS
 from sim.scenario import MODEL_VERSION, Scenario
 from sim.sound import SAMPLE_RATE_HZ, Microphone, microphone_of
 
@@ -140,11 +141,13 @@ def key_of(scenario: Scenario) -> str:
 def simulate_case(planned: Planned) -> Generated:
     """Simulate one case and take its features from what a WAV file of 16 bit keeps of it."""
     scenario, ratio = planned.scenario, None
-    if planned.size is None:
-        audio = _wav(scenario.perform())
+    if planned.mechanism is None or MECHANISMS[planned.mechanism.name].kind == "measurement":
+        sound = scenario.perform()
     else:
         heard = perform_fault(scenario)
-        scenario, ratio, audio = heard.scenario, heard.ratio, _wav(heard.sound)
+        scenario, ratio, sound = heard.scenario, heard.ratio, heard.sound
+    scenario, sound = scenario.with_head_room(sound)
+    audio = _wav(sound)
     samples, rate = soundfile.read(io.BytesIO(audio), dtype="float32")
     recording = Recording(samples, float(rate))
     extraction = extract(recording, condition_of(scenario))
@@ -290,12 +293,7 @@ def _grouped(results: Iterator[Generated], size: int) -> Iterator[list[Generated
 
 
 def _wav(sound: NDArray[np.float32]) -> bytes:
-    """WAV of 16 bit; a microphone's converter clips, and so does this."""
+    """WAV of 16 bit."""
     memory = io.BytesIO()
-    soundfile.write(memory, np.clip(sound, -1.0, 1.0), int(SAMPLE_RATE_HZ), subtype="PCM_16", format="WAV")
+    soundfile.write(memory, sound, int(SAMPLE_RATE_HZ), subtype="PCM_16", format="WAV")
     return memory.getvalue()
-
-
-def labels_for(per_label: int, labels: Sequence[str] | None = None) -> dict[str, int]:
-    """Counts for some labels, or for all that can be generated."""
-    return dict.fromkeys(labels or LABELS, per_label)

@@ -44,21 +44,28 @@ def perform_fault(scenario: Scenario) -> Heard:
     """Perform a scenario whose last mechanism is a fault, so that it can be heard."""
     healthy = replace(scenario, axis=replace(scenario.axis, mechanisms=scenario.axis.mechanisms[:-1]))
     run, rest = scenario.simulate(), healthy.simulate()
-    ratio = _ratio(scenario, run, rest)
+    peak = _peak(scenario, run, rest)
+    ratio = peak * scenario.microphone.gain / _rest(healthy, rest)
     if ratio < JUST_HEARD:
         random = np.random.default_rng(scenario.noise_seed)
         wanted = JUST_HEARD * (WELL_HEARD / JUST_HEARD) ** random.random()
-        scenario = replace(scenario, microphone=_nearer(scenario.microphone, max(ratio / wanted, QUIETEST)))
-        ratio = _ratio(scenario, run, rest)
+        nearer = _nearer(scenario.microphone, max(ratio / wanted, QUIETEST))
+        scenario, healthy = replace(scenario, microphone=nearer), replace(healthy, microphone=nearer)
+        ratio = peak * nearer.gain / _rest(healthy, rest)
     return Heard(scenario.hear(run), scenario, ratio)
 
 
-def _ratio(scenario: Scenario, run: ChainResult, rest: ChainResult) -> float:
-    silent = replace(scenario, microphone=replace(scenario.microphone, rubbing_n_m=0.0, ambient_n_m=0.0))
-    fault = _in_band(silent.hear(run) - silent.hear(rest))
-    other = _in_band(scenario.hear(rest))
+def _peak(scenario: Scenario, run: ChainResult, rest: ChainResult) -> float:
+    """Largest value within the band of what the fault adds, at gain 1: without noise, sound is linear in the force."""
+    meshes = rest.force_n_m.shape[1]
+    added = replace(run, force_n_m=run.force_n_m[:, :meshes] - rest.force_n_m)
+    silent = replace(scenario.microphone, rubbing_n_m=0.0, ambient_n_m=0.0, gain=1.0)
     edge = round(0.1 * SAMPLE_RATE_HZ)
-    return float(np.abs(fault[edge:-edge]).max() / math.sqrt(float(np.mean(other**2))))
+    return float(np.abs(_in_band(replace(scenario, microphone=silent).hear(added))[edge:-edge]).max())
+
+
+def _rest(healthy: Scenario, rest: ChainResult) -> float:
+    return math.sqrt(float(np.mean(_in_band(healthy.hear(rest)) ** 2)))
 
 
 def _in_band(sound: NDArray[np.float32]) -> NDArray[np.float64]:

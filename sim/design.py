@@ -16,6 +16,8 @@ from scipy.stats import qmc
 
 from sim.axis import Axis, MechanismEntry, Motion
 from sim.errors import ParameterError, near_match
+from sim.mechanism import Parameter
+from sim.mechanisms import MECHANISMS
 from sim.scenario import Scenario
 from sim.sound import SAMPLE_RATE_HZ, Microphone, Mode
 from sim.specimen import Specimen
@@ -69,7 +71,16 @@ DEPTH_RAD = Range("depth_rad", 1e-4, 2e-3, log=True)
 VISITED = 0.4  # of the travel to either side of its middle: a tooth that is passed at full speed
 
 LABELS: Mapping[str, str | None] = {"normal": None, "play": "backlash", "notch": "tooth_damage"}
-"""Which mechanism a label stands for."""
+"""Which mechanism a label stands for; every other mechanism that is heard is its own label."""
+
+USUAL = 4.0  # sizes of other mechanisms lie between their default over this and times this
+DETAIL = 1.5  # the same for their other parameters
+
+
+def labels() -> tuple[str, ...]:
+    """All labels that can be generated: those of `LABELS`, then mechanisms by name."""
+    silent = {"torque_offset", "encoder_error", "time_delay", "lost_samples"}  # of telemetry alone
+    return (*LABELS, *(name for name in MECHANISMS if name not in {*LABELS.values(), *silent}))
 
 
 @dataclass(frozen=True)
@@ -82,6 +93,7 @@ class Planned:
 
     @property
     def mechanism(self) -> MechanismEntry | None:
+        """The fault; None for normal."""
         return self.scenario.axis.mechanisms[-1] if self.size is not None else None
 
 
@@ -105,8 +117,8 @@ def plan(
     """
     Specimen(0).chain(axis, axis.load.inertia_kg_m2)
     for label in counts:
-        if label not in LABELS:
-            raise ParameterError(f"label: {label!r} cannot be generated{near_match(label, LABELS)}")
+        if label not in labels():
+            raise ParameterError(f"label: {label!r} cannot be generated{near_match(label, labels())}")
     out = []
     for number, (label, count) in enumerate(counts.items()):
         names = [r.name for r in (*OPERATION, *SPECIMEN, *MICROPHONE, *FAULT)]
@@ -153,25 +165,37 @@ def _planned(
         middle_rad=value["middle_rad"],
         noise_seed=int(random.integers(2**31)),
     )
-    size = None if entry is None else entry.parameters["gap_rad" if label == "play" else "depth_rad"]
+    size = None if entry is None else entry.parameters[MECHANISMS[entry.name].size]
     return Planned(label, scenario, size)
 
 
 def _fault(
     axis: Axis, label: str, draw: Mapping[str, float], middle_rad: float, travel_rad: float
 ) -> MechanismEntry | None:
-    location = axis.stages[-1].name
-    if label == "play":
-        return MechanismEntry("backlash", location, {"gap_rad": GAP_RAD.at(draw["size"])})
-    if label == "notch":
+    name = LABELS.get(label, label)
+    if name is None:
+        return None
+    kind = MECHANISMS[name]
+    values = {each.name: _usual(each, draw["place"], each.name == kind.size, draw["size"]) for each in kind.parameters}
+    if name == "backlash":
+        values = {"gap_rad": GAP_RAD.at(draw["size"])}
+    if name == "tooth_damage":
         angle = middle_rad + (2 * draw["place"] - 1) * VISITED * travel_rad
         flank = 1.0 if draw["flank"] < 0.5 else -1.0
-        return MechanismEntry(
-            "tooth_damage",
-            location,
-            {"angle_rad": angle, "depth_rad": DEPTH_RAD.at(draw["size"]), "flank": flank},
-        )
-    return None
+        values = {"angle_rad": angle, "depth_rad": DEPTH_RAD.at(draw["size"]), "flank": flank}
+    if name == "electrical_hum":
+        values["sound"] = 0.1 * draw["size"]
+    return kind(kind(None).placed(axis) or None, values).entry()
+
+
+def _usual(parameter: Parameter, place: float, is_size: bool, size: float) -> float:
+    """A value of a mechanism without a range of its own here: about its default."""
+    if parameter.periodic:
+        return parameter.low + place * (parameter.high - parameter.low)
+    if parameter.choices:
+        return parameter.choices[int(place * len(parameter.choices))]
+    spread = USUAL ** (2 * size - 1) if is_size else DETAIL ** (2 * place - 1)
+    return float(np.clip(parameter.default * spread, parameter.low, parameter.high))
 
 
 MODES = (4, 6)

@@ -13,15 +13,17 @@ from sim.axis import Axis, read_axis
 from sim.chain_model import Chain, ChainResult, Servo
 from sim.chain_run import run_chain
 from sim.errors import RunError
+from sim.mechanism import distort_sound
 from sim.servo import back_and_forth
 from sim.sound import SAMPLE_RATE_HZ, Microphone, hear, microphone_of
 from sim.specimen import Specimen
 
-MODEL_VERSION = "1"  # raise when the same scenario would sound otherwise
+MODEL_VERSION = "2"  # raise when the same scenario would sound otherwise
 SPEED_BANDWIDTH_RAD_S = 80.0
 POSITION_GAIN_PER_S = 15.0
 INTEGRAL_TIME_S = 0.1
 UNLIMITED = 1e9
+LOUDEST = 0.5  # of full scale: 6 dB of head-room, as usual for sound whose loudest moment is not known beforehand
 SETTLING_S = 0.5  # simulated before the recording begins: no microphone is switched on together with the axis
 
 
@@ -83,11 +85,19 @@ class Scenario:
         return run
 
     def hear(self, run: ChainResult) -> NDArray[np.float32]:
-        """What the scenario's microphone hears of a run, shape (n,)."""
+        """What the scenario's microphone hears of a run, shape (n,), and what its recorder makes of that."""
         at_output = np.array([self.axis.ratio_from(stage.name) for stage in self.axis.stages])
-        torque, speed = run.force_n_m * at_output, run.speed_rad_s[:, -1]
+        meshes = len(at_output)  # behind the output, more may hang on a spring
+        torque, speed = run.force_n_m[:, :meshes] * at_output, run.speed_rad_s[:, meshes]
         sound = hear(torque, speed, SAMPLE_RATE_HZ, self.microphone, self.noise_seed)
-        return sound[round(SETTLING_S * SAMPLE_RATE_HZ) :]
+        sound = sound[round(SETTLING_S * SAMPLE_RATE_HZ) :]
+        return distort_sound(sound, SAMPLE_RATE_HZ, self.axis, self.noise_seed)
+
+    def with_head_room(self, sound: NDArray[np.float32]) -> tuple[Scenario, NDArray[np.float32]]:
+        """The scenario and its sound at the gain that a recordist sets: the loudest moment at most `LOUDEST`."""
+        factor = LOUDEST / max(float(np.abs(sound).max(initial=0.0)), LOUDEST)
+        microphone = replace(self.microphone, gain=self.microphone.gain * factor)
+        return replace(self, microphone=microphone), sound * np.float32(factor)
 
 
 def scenario_of(document: Mapping[str, Any]) -> Scenario:

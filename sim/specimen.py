@@ -8,14 +8,17 @@ of either wheel, and sidebands where run-out modulates the engagement.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import TypeVar
 
 import numpy as np
 
-from sim.axis import Axis, MechanismEntry, Stage
-from sim.chain_model import Chain, Dent, Line, Link, Shaft
-from sim.errors import AxisError, ParameterError, near_match
+from sim.axis import Axis, Load, Motor, Stage
+from sim.chain import chain_of_axis
+from sim.chain_model import Chain, Line
+from sim.errors import AxisError
+
+End = TypeVar("End", Motor, Load)
 
 HARMONIC_LEVELS = (1.0, 0.3, 0.12)  # of tooth engagement; a parabola-like error falls as 1/k^2
 RUN_OUT = (0.5, 2.0)  # amplitude of run-out over that of engagement
@@ -39,81 +42,41 @@ class Specimen:
     def chain(self, axis: Axis, payload_kg_m2: float) -> Chain:
         """The specimen as shafts in series, with the axis's own mechanisms.
 
-        Raises AxisError where the axis has no gear or a stage without stiffness.
+        Raises AxisError where the axis has no gear or a stage without stiffness, and what its mechanisms raise.
         """
         if not axis.stages:
             raise AxisError("stages: sound is made by gears, and this axis has none")
         random = np.random.default_rng(self.seed)
-        stiffness, damping = axis.stiffness(), axis.damping()
-        links = []
-        for index, stage in enumerate(axis.stages):
-            c, d = stiffness[index], damping[index]
+        stages, errors = [], []
+        for index, (stage, c, d) in enumerate(zip(axis.stages, axis.stiffness(), axis.damping(), strict=True)):
             if c is None:
                 raise AxisError(f"stages[{index}].stiffness_n_m_per_rad: missing; a rigid mesh makes no sound")
-            links.append(
-                Link(
-                    ratio=stage.ratio,
+            stages.append(
+                replace(
+                    stage,
                     stiffness_n_m_per_rad=c,
-                    damping_n_m_s_per_rad=(d if d is not None else _default_damping(axis, index, c)) * self.damping,
-                    gap_rad=stage.backlash_rad * random.uniform(*AS_NEW),
-                    efficiency=(stage.mesh_efficiency, stage.mesh_efficiency),
-                    errors=_errors(stage, index, self.error, random),
+                    damping_n_m_s_per_rad=(_default_damping(axis, index, c) if d is None else d) * self.damping,
+                    backlash_rad=stage.backlash_rad * random.uniform(*AS_NEW),
                 )
             )
-        chain = Chain(_shafts(axis, payload_kg_m2, self.friction), tuple(links))
-        for entry in axis.mechanisms:
-            chain = with_fault(chain, axis, entry)
-        return chain
+            errors.append(_errors(stage, index, self.error, random))
+        built = replace(
+            axis,
+            motor=_rubbing(axis.motor, self.friction),
+            load=replace(_rubbing(axis.load, self.friction), inertia_kg_m2=payload_kg_m2),
+            stages=tuple(stages),
+        )
+        chain = chain_of_axis(built)
+        links = [replace(link, errors=(*lines, *link.errors)) for link, lines in zip(chain.links, errors, strict=False)]
+        return replace(chain, links=(*links, *chain.links[len(links) :]))
 
 
-def with_fault(chain: Chain, axis: Axis, entry: MechanismEntry) -> Chain:
-    """The chain with a mechanism of the contract that sits in a mesh: backlash or tooth damage.
-
-    Raises ParameterError where the mechanism or its place is none of these.
-    """
-    names = [stage.name for stage in axis.stages]
-    where = entry.location or names[-1]
-    if where not in names:
-        raise ParameterError(f"location: {where!r} has no mesh{near_match(where, names)}")
-    index = names.index(where)
-    if entry.name not in _FAULTS:
-        raise ParameterError(f"mechanism: {entry.name!r} cannot be generated{near_match(entry.name, _FAULTS)}")
-    links = list(chain.links)
-    links[index] = _FAULTS[entry.name](links[index], index, axis.stages[index], entry.parameters)
-    return replace(chain, links=tuple(links))
-
-
-def _backlash(link: Link, _index: int, _stage: Stage, parameters: Mapping[str, float]) -> Link:
-    return replace(link, gap_rad=parameters["gap_rad"])
-
-
-def _tooth_damage(link: Link, index: int, stage: Stage, parameters: Mapping[str, float]) -> Link:
-    _, driven = _teeth(stage)
-    dent = Dent(
-        shaft=index + 1,
-        angle_rad=parameters["angle_rad"],
-        half_width_rad=2 * math.pi / driven,
-        depth_rad=parameters["depth_rad"],
-        flank=int(parameters.get("flank", 1)),
+def _rubbing(end: End, factor: float) -> End:
+    return replace(
+        end,
+        coulomb_friction_n_m=end.coulomb_friction_n_m * factor,
+        viscous_friction_n_m_s_per_rad=end.viscous_friction_n_m_s_per_rad * factor,
     )
-    return replace(link, dents=(*link.dents, dent))
-
-
-_FAULTS = {"backlash": _backlash, "tooth_damage": _tooth_damage}
-
-
-def _shafts(axis: Axis, payload_kg_m2: float, friction: float) -> tuple[Shaft, ...]:
-    motor, load = axis.motor, axis.load
-    first = Shaft(
-        motor.inertia_kg_m2, motor.coulomb_friction_n_m * friction, motor.viscous_friction_n_m_s_per_rad * friction
-    )
-    between = [Shaft(stage.inertia_kg_m2) for stage in axis.stages[:-1]]
-    last = Shaft(
-        axis.stages[-1].inertia_kg_m2 + payload_kg_m2,
-        load.coulomb_friction_n_m * friction,
-        load.viscous_friction_n_m_s_per_rad * friction,
-    )
-    return (first, *between, last)
 
 
 def _teeth(stage: Stage) -> tuple[int, int]:

@@ -14,19 +14,19 @@ from app.security import Admin
 from app.service import Service
 from casebase.axes import get_axis
 from sim.axis import Axis, read_axis
-from sim.design import DURATION_S, LABELS
+from sim.design import DURATION_S, LABELS, labels
 
 router = APIRouter(tags=["simulations"])
 
 Count = Annotated[int, Field(ge=0, le=10_000)]
-LABEL_NAMES = ", ".join(LABELS)
+LABEL_NAMES = ", ".join(labels())
 
 
 class SimulationRequest(Question):
     """What is to be generated."""
 
     axis: dict[str, object] | str = Field(description="an axis description, or the name of a stored one")
-    per_label: Count = Field(100, description="cases of each label")
+    per_label: Count = Field(100, description=f"cases of each of {', '.join(LABELS)}")
     counts: dict[str, Count] | None = Field(
         None, description=f"cases by label instead; labels are {LABEL_NAMES}", examples=[{"normal": 50, "play": 100}]
     )

@@ -12,7 +12,7 @@ from app.commands.frame import Frame, frame_of
 from app.generation import Campaign, Outcome, fitted_microphones, generate
 from casebase.library import CaseLibrary
 from sim.axis import read_axis
-from sim.design import DURATION_S, LABELS
+from sim.design import DURATION_S, LABELS, labels
 
 
 def register(app: typer.Typer) -> None:
@@ -23,7 +23,9 @@ def generate_cases(
     context: typer.Context,
     axis: Annotated[Path, typer.Option(metavar="AXIS.toml", help="description of the axis")],
     per_label: Annotated[int, typer.Option(min=1, max=10_000, metavar="N", help="cases of each label")],
-    label: Annotated[list[str] | None, typer.Option(help=f"only these of {', '.join(LABELS)}; may be repeated")] = None,
+    label: Annotated[
+        list[str] | None, typer.Option(help=f"these instead of {', '.join(LABELS)}; of {', '.join(labels())}")
+    ] = None,
     seed: Annotated[int, typer.Option(min=0, help="the same seed gives the same cases")] = 0,
     duration: Annotated[float, typer.Option(help="of each recording [s]")] = DURATION_S,
     generic: Annotated[bool, typer.Option(help="do not use the sound fitted to the place")] = False,

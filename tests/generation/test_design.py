@@ -7,10 +7,11 @@ import numpy as np
 import pytest
 
 from sim.audibility import JUST_HEARD, perform_fault
-from sim.design import DEPTH_RAD, GAP_RAD, plan
+from sim.design import DEPTH_RAD, GAP_RAD, LABELS, labels, plan
 from sim.errors import ParameterError
+from sim.mechanisms import MECHANISMS
 from sim.paper import PAPER_AXIS
-from sim.scenario import scenario_of
+from sim.scenario import LOUDEST, scenario_of
 from sim.specimen import Specimen
 
 
@@ -74,3 +75,27 @@ def test_a_planned_fault_is_heard() -> None:
         assert heard.ratio > 0.5 * JUST_HEARD
         louder = replace(planned.scenario, microphone=replace(planned.scenario.microphone, rubbing_n_m=1e3))
         assert perform_fault(louder).scenario.microphone.rubbing_n_m < 1e3, "what would drown is heard from nearer"
+
+
+@pytest.mark.parametrize("label", [name for name in labels() if name not in LABELS])
+def test_every_other_mechanism_that_is_heard_can_be_planned_and_changes_the_sound(label: str) -> None:
+    planned = plan(PAPER_AXIS, {label: 1}, duration_s=1.0)[0]
+    entry, scenario = planned.mechanism, planned.scenario
+    assert entry is not None
+    assert (entry.name, planned.size) == (label, entry.parameters[MECHANISMS[label].size])
+    healthy = replace(scenario, axis=replace(scenario.axis, mechanisms=()))
+    assert not np.array_equal(scenario.perform(), healthy.perform())
+
+
+def test_what_no_microphone_hears_is_not_planned() -> None:
+    with pytest.raises(ParameterError, match="cannot be generated"):
+        plan(PAPER_AXIS, {"encoder_error": 1})
+
+
+def test_the_loudest_moment_keeps_head_room_and_the_gain_says_so() -> None:
+    scenario = plan(PAPER_AXIS, {"normal": 1}, duration_s=1.0)[0].scenario
+    loud = replace(scenario, microphone=replace(scenario.microphone, gain=100 * scenario.microphone.gain))
+    set_by_hand, sound = loud.with_head_room(loud.perform())
+    assert np.abs(sound).max() == pytest.approx(LOUDEST)
+    np.testing.assert_allclose(set_by_hand.perform(), sound, rtol=1e-4, atol=1e-6)
+    assert scenario.with_head_room(0.1 * sound)[0] == scenario
