@@ -165,6 +165,7 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
     # only a worker pays for importing what investigates
     from sim.discrepancy.investigation import investigate
     from sim.discrepancy.report import html_report
+    from sim.discrepancy.story import story
 
     telemetry, sound = _path(library, row, "telemetry"), _path(library, row, "sound")
     offset = row.inputs.get("sound_offset_s", 0.0)
@@ -175,7 +176,8 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
         sound_offset_s=float(offset) if isinstance(offset, int | float) else 0.0,
         progress=report,
     )
-    document: dict[str, object] = json.loads(json.dumps(found.document(), allow_nan=False))
+    told = {**found.document(), "story": story(found)}
+    document: dict[str, object] = json.loads(json.dumps(told, allow_nan=False))
     return document, html_report(found)
 
 

@@ -1,7 +1,7 @@
 """What the pages plot: one description per chart, drawn as SVG at once and sent as JSON to the interactive plot."""
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 from markupsafe import Markup
@@ -20,7 +20,7 @@ SHOWN_POINTS = 6000
 
 @dataclass(frozen=True)
 class Chart:
-    """Lines over one pair of axes with bands, markers and events."""
+    """Lines over one pair of axes with bands, markers and events; charts with the same cursor are read together."""
 
     title: str
     series: tuple[Series, ...]
@@ -29,7 +29,8 @@ class Chart:
     bands: tuple[Band, ...] = ()
     markers: tuple[Marker, ...] = ()
     events: tuple[float, ...] = ()
-    y_range: tuple[float, float] | None = field(default=None)
+    y_range: tuple[float, float] | None = None
+    cursor: str = ""
 
     def svg(self, width: float = 640.0, height: float = 220.0) -> Markup:
         """Draw it."""
@@ -90,6 +91,7 @@ def waveform(recording: Recording, analysis: Analysis, events: tuple[float, ...]
         f"sound, 0 to peak [{recording.unit}]",
         markers=reversals,
         events=events,
+        cursor="time",
     )
 
 
@@ -99,7 +101,9 @@ def crest_trace(recording: Recording, window_s: float) -> Chart:
     times = np.array(found.time_s)
     values = np.array([np.nan if v is None else v for v in found.crest_factor])
     name = f"crest factor, {found.window_s:g} s windows"
-    return Chart("Crest factor over time", (Series(name, times, values),), "time [s]", "crest factor [1]")
+    return Chart(
+        "Crest factor over time", (Series(name, times, values),), "time [s]", "crest factor [1]", cursor="time"
+    )
 
 
 def level_trace(recording: Recording, window_s: float) -> Chart:
@@ -111,6 +115,7 @@ def level_trace(recording: Recording, window_s: float) -> Chart:
         (Series("RMS", times, np.array(found.rms)), Series("peak", times, np.array(found.peak))),
         "time [s]",
         f"level [{recording.unit}]",
+        cursor="time",
     )
 
 

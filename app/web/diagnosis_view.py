@@ -14,12 +14,21 @@ from app import views
 from app.service import Service
 from app.web import charts as draw
 from app.web.charts import Chart
+from app.web.evidence import Evidence, evidence_of
 from app.web.features import features_of
 from app.web.overlay import laid_over
-from app.web.recorded import CREST_WINDOW_S, PlotName, analysed, decoded, event_times, order_markers
-from app.web.templating import percent, quantity
+from app.web.recorded import (
+    CREST_WINDOW_S,
+    PlotName,
+    analysed,
+    decoded,
+    event_times,
+    order_markers,
+    strongest_events,
+)
+from app.web.templating import quantity
 from app.web.trend import FEATURE, same_state, trend, when
-from app.web.words import Verdict, name_of, verdict_of
+from app.web.words import Verdict, certainty, size_of, verdict_of
 from casebase.models import Case, StoredDiagnosis, StoredRecording
 from casebase.signals.crest import root_mean_square
 from casebase.signals.recording import Recording
@@ -53,6 +62,7 @@ class DiagnosisView:
     facts: tuple[tuple[str, object, str], ...]
     neighbours: tuple[Neighbour, ...]
     features: Mapping[str, float | None]
+    evidence: Evidence
     charts: SimpleNamespace
     polar: Markup | None
     trend: Chart | None
@@ -76,7 +86,7 @@ class DiagnosisView:
             "usable": document["verdict"] != "unusable",
             "neighbours": self.neighbours,
             "features": self.features,
-            "evidence": document["evidence"],
+            "evidence": self.evidence,
             "remarks": document.get("remarks", ()),
             "charts": self.charts,
             "polar": self.polar,
@@ -117,6 +127,11 @@ def view_of(
         facts=tuple(facts_of(document)),
         neighbours=tuple(_neighbours(session, document["neighbours"])),
         features=features_of(session, row.recording.id),
+        evidence=evidence_of(
+            document,
+            {name for name, chart in vars(drawn).items() if chart is not None},
+            strongest_events(session, row.recording),
+        ),
         charts=drawn,
         polar=folded[1] if folded else None,
         trend=trend_of(session, row.recording),
@@ -129,28 +144,20 @@ def view_of(
 def facts_of(document: Mapping[str, Any]) -> list[tuple[str, object, str]]:
     """Return the few numbers beside the verdict: name, value, note."""
     found: list[tuple[str, object, str]] = []
-    provenance = document["provenance"]
-    gearboxes = provenance.get("gearboxes", 0)
-    if document["probability"] is not None:
-        calibrated = gearboxes >= 2
-        note = f"calibrated on {gearboxes} gearboxes" if calibrated else "a score: fewer than two gearboxes are known"
-        found.append(("Probability" if calibrated else "Score", percent(document["probability"]), note))
-    for estimate in document.get("severity", {}).get("estimates", ()) if document.get("severity") else ():
-        low, high = quantity(estimate["low"]), quantity(estimate["high"], estimate["unit"])
-        name = f"Severity: {estimate['name'].replace('_', ' ')}"
-        found.append((name, quantity(estimate["value"], estimate["unit"]), f"90 % interval {low} to {high}"))
+    sure, size = certainty(document), size_of(document)
+    if sure:
+        found.append(sure)
+    if size:
+        name, value, interval, cases = size
+        found.append((name, value, f"90 % interval {interval}, from {cases} simulated cases"))
     for item in document["evidence"]:
-        if item["kind"] == "event" and item["value"] is not None:
-            where = quantity(item["value"], "°", 3)
-            found.append(("Angle in the motion's cycle", where, item["quantity"].replace("_", " ")))
+        if item["quantity"] == f"{document['label']}_phase" and item["value"] is not None:
+            found.append(("Angle", quantity(item["value"], "°"), "of the motion's cycle, after a reversal"))
     novelty = document["novelty"]
     if novelty["distance"] is not None:
         limit = novelty["threshold"]
         note = f"new beyond {limit:.2f}" if limit is not None else "too few cases to set a limit"
-        found.append(("Distance to the known", quantity(novelty["distance"]), note))
-    rejected = [name_of(h["label"]) for h in document["hypotheses"] if h["p_value"] <= 0.05]
-    if rejected:
-        found.append(("Rejected", ", ".join(rejected), "p-value at most 0.05"))
+        found.append(("Distance to known kinds", quantity(novelty["distance"], digits=2), note))
     return found
 
 

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import replace
-from typing import Literal
+from typing import Any, Literal
 
 from sqlalchemy.orm import Session
 
@@ -31,11 +31,20 @@ def analysed(recording: Recording, row: StoredRecording) -> Analysis:
     return Analysis(recording, condition_of(row.description))
 
 
+def _events(session: Session, row: StoredRecording) -> list[dict[str, Any]]:
+    stored = session.get(FeatureRow, (row.id, EXTRACTOR_VERSION))
+    return [event for event in (stored.events if stored else []) if isinstance(event, dict)]
+
+
 def event_times(session: Session, row: StoredRecording) -> tuple[float, ...]:
     """Return when something stood out [s]: impulses, notch and play, not reversals."""
-    stored = session.get(FeatureRow, (row.id, EXTRACTOR_VERSION))
-    events = stored.events if stored else []
-    return tuple(float(e["time_s"]) for e in events if isinstance(e, dict) and e.get("kind") != "reversal")
+    return tuple(float(event["time_s"]) for event in _events(session, row) if event["kind"] != "reversal")
+
+
+def strongest_events(session: Session, row: StoredRecording) -> dict[str, float]:
+    """Return when the strongest event of each kind happens [s]."""
+    ordered = sorted(_events(session, row), key=lambda event: event["strength_db"])
+    return {str(event["kind"]): float(event["time_s"]) for event in ordered}
 
 
 def order_markers(analysis: Analysis) -> tuple[Marker, ...]:

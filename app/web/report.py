@@ -11,6 +11,7 @@ from matplotlib.figure import Figure
 
 from app.web.charts import Chart
 from app.web.diagnosis_view import DiagnosisView
+from app.web.evidence import Compared
 from app.web.templating import ENVIRONMENT, STATIC, instant
 
 A4_INCHES = (8.27, 11.69)
@@ -70,7 +71,8 @@ def _first_page(view: DiagnosisView, zone: str) -> Figure:
         for near in view.neighbours
     ]
     lines.append(("What speaks for it", 13, "bold"))
-    lines += [(f"•  {item['statement']}", 9, "normal") for item in view.context()["evidence"][:6]]  # type: ignore[index]
+    lines += [(f"•  {_told(row)}", 9, "normal") for row in view.evidence.compared[:4]]
+    lines += [(f"•  {item.sentence}", 9, "normal") for item in view.evidence.seen[:3]]
     lines.append(("An aid for people who maintain gearboxes; no safety function, no remaining life.", 8, "normal"))
     height = 0.95
     for text, size, weight in lines:
@@ -79,6 +81,11 @@ def _first_page(view: DiagnosisView, zone: str) -> Figure:
             height -= size * 1.45 / 72 / A4_INCHES[1]
         height -= 0.006 + (0.01 if weight == "bold" else 0.0)
     return figure
+
+
+def _told(row: Compared) -> str:
+    sides = "; ".join(f"{_plain(value)} {words}" for words, value in row.sides)
+    return f"{row.name[:1].upper()}{row.name[1:]}: {_plain(row.here)} here; {sides}."
 
 
 def _plain(value: object) -> str:

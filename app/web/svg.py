@@ -14,6 +14,8 @@ from markupsafe import Markup, escape
 from numpy.typing import NDArray
 
 LEFT, RIGHT, TOP, BOTTOM = 58.0, 20.0, 10.0, 40.0
+FEW, MARKER_ROWS = 24, 3
+"""Up to this many values are drawn as dots besides; markers have their words in this many rows."""
 
 
 @dataclass(frozen=True)
@@ -137,13 +139,14 @@ def line_chart(
     for number, one in enumerate(series, start=1):
         x, y = extremes(one, int(inner_w))
         keep = np.isfinite(y) & (x >= x0) & (x <= x1)
-        points = " ".join(f"{px(float(a)):.1f},{py(float(b)):.1f}" for a, b in zip(x[keep], y[keep], strict=True))
-        parts.append(
-            f'<polyline class="series s{number}" points="{points}"><title>{escape(one.name)}</title></polyline>'
-        )
-    for marker in markers:
-        if x0 <= marker.x <= x1:
-            parts.append(_marker(px(marker.x), marker.text, height))
+        line = _line([(px(float(a)), py(float(b))) if k else None for a, b, k in zip(x, y, keep, strict=True)])
+        parts.append(f'<path class="series s{number}" d="{line}"><title>{escape(one.name)}</title></path>')
+        if x.size <= FEW:
+            parts += [
+                f'<circle class="dot s{number}" cx="{px(float(a)):.1f}" cy="{py(float(b)):.1f}" r="3"/>'
+                for a, b in zip(x[keep], y[keep], strict=True)
+            ]
+    parts += _markers([(px(marker.x), marker.text) for marker in markers if x0 <= marker.x <= x1], width, height)
     for event in events:
         if x0 <= event <= x1:
             x_px = px(event)
@@ -162,11 +165,33 @@ def _frame(title: str, x_axis: Axis, y_axis: Axis, width: float, height: float) 
     )
 
 
-def _marker(x: float, text: str, height: float) -> str:
-    return (
-        f'<path class="marker" d="M{x:.1f} {TOP}V{height - BOTTOM}"/>'
-        f'<text x="{x + 3:.1f}" y="{TOP + 10}">{escape(text)}</text>'
+def _line(points: Sequence[tuple[float, float] | None]) -> str:
+    """Return the path through points, broken where there is none.
+
+    >>> _line([(0.0, 1.0), (1.0, 2.0), None, (3.0, 4.0)])
+    'M0.0 1.0L1.0 2.0M3.0 4.0'
+    """
+    before = (None, *points)
+    return "".join(
+        f"{'L' if last else 'M'}{point[0]:.1f} {point[1]:.1f}"
+        for last, point in zip(before, points, strict=False)
+        if point
     )
+
+
+def _markers(places: Sequence[tuple[float, str]], width: float, height: float) -> list[str]:
+    """Draw vertical lines; words that would run into each other go into a row of their own."""
+    parts: list[str] = []
+    ends = [0.0] * MARKER_ROWS
+    for x, text in sorted(places):
+        parts.append(f'<path class="marker" d="M{x:.1f} {TOP}V{height - BOTTOM}"/>')
+        if text:
+            wide = 6.0 * len(text)
+            left = min(x + 3, width - RIGHT - wide)
+            row = next((k for k, end in enumerate(ends) if end <= left), 0)
+            ends[row] = left + wide
+            parts.append(f'<text x="{left:.1f}" y="{TOP + 10 + 13 * row:.1f}">{escape(text)}</text>')
+    return parts
 
 
 def polar_chart(

@@ -1,5 +1,6 @@
 """Templates, what every page is given, and how numbers, times and labels are written."""
 
+import re
 import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -29,6 +30,10 @@ NAVIGATION = (
     ("/audit", "Audit", "7", "admin"),
 )
 MINUS = "\N{MINUS SIGN}"
+RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
+SQUARE = re.compile(r"(?<=[a-z])2\b")
+LONGEST = 7
+"""From this power of ten on a number is written with one."""
 
 
 @dataclass(frozen=True)
@@ -44,20 +49,52 @@ def quantity(value: float | None, unit: str = "", digits: int = 3) -> Markup:
 
     >>> quantity(0.00091, "rad")
     Markup('0.00091\\xa0rad')
+    >>> quantity(1920.0, "kg m2"), quantity(2.5e-7)
+    (Markup('1920\\xa0kg m²'), Markup('2.5 × 10⁻⁷'))
     """
     if value is None:
         return Markup("–")
     text = f"{value:.{digits}g}"
     if "e" in text:
         mantissa, exponent = text.split("e")
-        text = f"{mantissa} × 10^{int(exponent)}"
+        plain = 0 < int(exponent) < LONGEST
+        text = f"{float(text):.0f}" if plain else f"{mantissa} × 10{str(int(exponent)).translate(RAISED)}"
     text = text.replace("-", MINUS)
-    return escape(text) + (Markup("\N{NO-BREAK SPACE}") + escape(unit) if unit and unit != "1" else Markup(""))
+    if not unit or unit == "1":
+        return escape(text)
+    return Markup("{}{}{}").format(text, "" if unit == "°" else "\N{NO-BREAK SPACE}", SQUARE.sub("²", unit))
 
 
 def percent(value: float | None, digits: int = 0) -> str:
     """Write a ratio in per cent."""
     return "–" if value is None else f"{100 * value:.{digits}f}\N{NO-BREAK SPACE}%"
+
+
+def feature_words(name: str) -> str:
+    """Return the name of a feature as words.
+
+    >>> feature_words("notch_bump_12_200_hz")
+    'notch bump, 12 to 200 Hz'
+    >>> feature_words("crest_factor_low_pass_200_hz_largest_of_1_s_windows")
+    'crest factor below 200 Hz, largest of 1 s windows'
+    """
+    text = name.replace("_low_pass_200_hz", " below 200 Hz").replace("_whole_record", ", whole record")
+    text = re.sub(r"_(mean|largest)_of_", r", \1 of ", text)
+    return re.sub(r"_(\d+)_(\d+)_hz$", r", \1 to \2 Hz", text).replace("_", " ")
+
+
+UNIT_ENDINGS = ("_n_m_s_per_rad", "_n_m_per_rad", "_kg_m2", "_rad_s", "_n_m", "_nm", "_rad", "_hz", "_s")
+
+
+def parameter_words(name: str) -> str:
+    """Return the name of a parameter as words; its unit stands beside its value.
+
+    >>> parameter_words("stages.output.stiffness_n_m_per_rad")
+    'output: stiffness'
+    """
+    ending = next((one for one in UNIT_ENDINGS if name.endswith(one)), "")
+    *place, last = name.removesuffix(ending).removeprefix("stages.").split(".")
+    return ": ".join([*place, last]).replace("_", " ")
 
 
 def shape(label: str | None) -> Markup:
@@ -106,7 +143,9 @@ def _environment() -> Environment:
     )
     environment.filters.update(
         changes=changes,
+        feature_words=feature_words,
         quantity=quantity,
+        parameter_words=parameter_words,
         percent=percent,
         label_badge=label_badge,
         origin_badge=origin_badge,

@@ -4,6 +4,10 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from markupsafe import Markup
+
+from app.web.templating import percent, quantity
+
 NAMES = {
     "normal": "no fault indicated",
     "notch": "notch (local tooth damage)",
@@ -22,6 +26,11 @@ CHECKS = {
         "Record again with another payload: play shows where the torque reverses.",
     ),
 }
+SIZES = {"depth_rad": ("Depth", "deep"), "gap_rad": ("Free travel", "wide")}
+"""What the size of a fault is called beside the verdict, and in it."""
+CALIBRATED_FROM = 2
+"""How many gearboxes must be known before a score is called a probability."""
+REJECTED_AT = 0.05
 OTHER_CHECKS = ("Compare with the nearest cases below, then open or exclude the place they name.",)
 UNKNOWN_CHECKS = (
     "Record the axis again to rule out a disturbance.",
@@ -48,8 +57,31 @@ def name_of(label: str | None) -> str:
     return NAMES.get(label or "", (label or "unknown").replace("_", " "))
 
 
-def _percent(value: object) -> str:
-    return f"{100 * float(value):.0f} %" if isinstance(value, float | int) else "unknown"
+def certainty(document: Mapping[str, Any]) -> tuple[str, str, str] | None:
+    """Return what the probability of a diagnosis may be called, its value and why; None where there is none."""
+    if document["probability"] is None:
+        return None
+    gearboxes = document["provenance"].get("gearboxes", 0)
+    value = percent(document["probability"])
+    if gearboxes >= CALIBRATED_FROM:
+        return "Probability", value, f"calibrated on {gearboxes} gearboxes"
+    known = "no gearbox was" if gearboxes == 0 else "one gearbox was"
+    return "Score", value, f"not a probability: {known} measured"
+
+
+def size_of(document: Mapping[str, Any]) -> tuple[str, Markup, Markup, int] | None:
+    """Return name, value, interval [mrad] and number of cases behind the size of a fault; None where it has none."""
+    severity = document["severity"]
+    if severity is None:
+        return None
+    value, low, high = (1e3 * severity[name] for name in ("value", "low", "high"))
+    interval = Markup("{} to {}").format(quantity(low, digits=2), quantity(high, "mrad", 2))
+    return SIZES[severity["parameter"]][0], quantity(value, "mrad", 2), interval, severity["cases"]
+
+
+def rejected(document: Mapping[str, Any]) -> list[str]:
+    """Return the labels that the recording speaks against, at a p-value of at most 0.05."""
+    return [h["label"] for h in document["hypotheses"] if h["p_value"] <= REJECTED_AT]
 
 
 def verdict_of(document: Mapping[str, Any]) -> Verdict:
@@ -61,14 +93,17 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
         return Verdict("The recording cannot be used", f"{reason[:1].upper()}{reason[1:]}.", None, ("Record again.",))
     if kind == "not_in_library":
         return Verdict("Unlike anything in the library", _novelty(document), None, UNKNOWN_CHECKS)
-    others = ", ".join(f"{name_of(h['label'])} {_percent(h['probability'])}" for h in hypotheses[1:3])
-    also = f" Also possible: {others}." if others else ""
+    out = rejected(document)
+    others = [f"{name_of(h['label'])} {percent(h['probability'])}" for h in hypotheses[1:] if h["label"] not in out]
+    also = f" Also possible: {', '.join(others[:2])}." if others else ""
+    if out:
+        also += f" Rejected: {', '.join(map(name_of, out))}."
     if kind == "ambiguous":
         names = " or ".join(name_of(h["label"]) for h in hypotheses[:2])
-        summary = f"The nearest cases do not agree. {_sure(document)}{also}"
+        summary = f"The nearest cases do not agree. {_support(document)}{also}"
         return Verdict(f"Undecided: {names}", summary, None, _between(h["label"] for h in hypotheses[:2]))
     headline = "No fault indicated" if label == "normal" else f"Fault likely: {name_of(label)}"
-    return Verdict(headline, f"{_sure(document)}{also}", label, CHECKS.get(label, OTHER_CHECKS))
+    return Verdict(headline, f"{_size(document)}{_support(document)}{also}", label, CHECKS.get(label, OTHER_CHECKS))
 
 
 def _between(labels: Iterable[str]) -> tuple[str, ...]:
@@ -77,10 +112,20 @@ def _between(labels: Iterable[str]) -> tuple[str, ...]:
     return tuple(dict.fromkeys((UNKNOWN_CHECKS[0], *checks)))
 
 
-def _sure(document: Mapping[str, Any]) -> str:
+def _size(document: Mapping[str, Any]) -> str:
+    found = size_of(document)
+    if found is None:
+        return ""
+    how = SIZES[document["severity"]["parameter"]][1]
+    return f"About {found[1]} {how} (90 % interval {found[2]}). "
+
+
+def _support(document: Mapping[str, Any]) -> str:
+    sure = certainty(document)
     support = document["hypotheses"][0]["support"] if document["hypotheses"] else {"measured": 0, "simulated": 0}
+    beginning = f"{sure[0]} {sure[1]}. " if sure else ""
     return (
-        f"Probability {_percent(document['probability'])}. Among the nearest cases, {support['measured']} measured and "
+        f"{beginning}Among the nearest cases, {support['measured']} measured and "
         f"{support['simulated']} simulated speak for it."
     )
 
@@ -119,4 +164,4 @@ def finding_words(finding: Mapping[str, Any]) -> str:
     """Say how sure a finding is, and what else it could be."""
     others = [str(name).replace("_", " ") for name in finding.get("indistinguishable_from", ())]
     rest = f"; this data cannot tell it from {' or '.join(others)}" if others else ""
-    return f"{_percent(finding['probability'])} probable{rest}"
+    return f"{percent(finding['probability'])} probable{rest}"

@@ -16,7 +16,7 @@ from app.web.charts import Chart
 from app.web.features import features_of
 from app.web.session import FromOurPage, PageOperator, PageViewer
 from app.web.templating import render
-from app.web.trend import FEATURE, trend, when
+from app.web.trend import BASELINE, FEATURE, trend, when
 from casebase.axes import axis_history, get_axis, list_axes
 from casebase.models import MaintenanceMark, StoredRecording
 
@@ -46,6 +46,7 @@ def axis(request: Request, session: Reading, principal: PageViewer, name: str) -
         "toml": tomli_w.dumps(dict(history[-1].document)) if history else None,
         "trends": trends(session, name, all_marks),
         "marks": all_marks,
+        "baseline": BASELINE,
     }
     return render(request, "axis.html", context, principal=principal, section=SECTION)
 

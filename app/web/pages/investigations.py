@@ -3,16 +3,18 @@
 from typing import Any
 
 from fastapi import APIRouter, Request
-from fastapi.responses import HTMLResponse, RedirectResponse, Response
+from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
 from sqlalchemy import select
 
 from app.api.investigations import REPORT_POLICY, axis_of
+from app.api.recordings import UNCHANGING
 from app.errors import Unprocessable
 from app.investigations import KIND, Measured, accept, document_of, get_investigation, submit
 from app.security import check_csrf
 from app.service import Reading, TheJobs, TheService
 from app.uploads import TheUpload
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
+from app.web.story import Part, candidates_of, panel_of, panels_of
 from app.web.templating import render
 from app.web.words import finding_words, investigation_headline
 from casebase.axes import list_axes
@@ -74,8 +76,18 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "document": document,
         "headline": investigation_headline(document) if document else None,
         "findings": [(finding, finding_words(finding)) for finding in document.get("findings", ())],
+        "overlay": panels_of(document, "overlay"),
+        "residual": panels_of(document, "residual"),
+        "candidates": candidates_of(document),
     }
     return render(request, "investigation.html", context, principal=principal, section=SECTION)
+
+
+@router.get("/{investigation_id}/panels/{part}/{number}")
+def panel(session: Reading, _: PageViewer, investigation_id: str, part: Part, number: int) -> Response:
+    """Numbers of one panel, for the interactive drawing."""
+    document = document_of(get_investigation(session, investigation_id))
+    return JSONResponse(panel_of(document, part, number).document(), headers=UNCHANGING)
 
 
 @router.get("/{investigation_id}/report.html")

@@ -4,7 +4,6 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Header, Query, Request, Response
 from fastapi.responses import JSONResponse
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app import views
@@ -16,17 +15,15 @@ from app.web import charts
 from app.web.overlay import laid_over
 from app.web.recorded import PlotName, chart_of, decoded
 from app.web.session import SignInNeeded, Visitor, below_root
-from casebase.models import Artifact
+from casebase.artifacts import active_artifact
 
 router = APIRouter(prefix="/recordings/{recording_id}")
 
 
 def demo_ids(session: Session) -> tuple[str, str] | None:
     """Return diagnosis and recording of the demonstration that came with the starter library, if there is one."""
-    row = session.scalars(select(Artifact).where(Artifact.kind == DEMO, Artifact.active)).first()
-    if row is None:
-        return None
-    return str(row.content["diagnosis_id"]), str(row.content["recording_id"])
+    row = active_artifact(session, DEMO)
+    return None if row is None else (str(row.content["diagnosis_id"]), str(row.content["recording_id"]))
 
 
 def allowed(session: Session, principal: Visitor, request: Request, recording_id: str) -> None:

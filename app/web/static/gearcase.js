@@ -1,11 +1,18 @@
 // What a page gains with JavaScript. Everything here has a way without it: forms post, links lead, charts are drawn.
 "use strict";
-import { playhead, start } from "./plots.js";
+import { playhead, start, style } from "./plots.js";
 
 const one = (selector, root = document) => root.querySelector(selector);
 const all = (selector, root = document) => [...root.querySelectorAll(selector)];
 
 /* theme */
+function drawnBesides() {
+  // pictures of the server follow a theme that was chosen here, not only that of the system
+  const chosen = document.documentElement.dataset.theme;
+  if (chosen) all("picture > source").forEach((source) => (source.media = chosen === "dark" ? "all" : "not all"));
+}
+drawnBesides();
+addEventListener("gearcase:theme", drawnBesides);
 one("[data-theme-toggle]")?.addEventListener("click", () => {
   const dark = document.documentElement.dataset.theme
     ? document.documentElement.dataset.theme === "dark"
@@ -156,19 +163,19 @@ all("[data-copy]").forEach((button) =>
 const player = one("[data-audio]");
 if (player && window.WaveSurfer) {
   const nonce = one("meta[name=csp-nonce]")?.content;
-  const colours = getComputedStyle(document.documentElement);
+  const colours = () => ({ waveColor: style("--line-strong"), progressColor: style("--accent"), cursorColor: style("--ink") });
   const wave = WaveSurfer.create({
     container: player,
     url: player.dataset.audio,
     peaks: player.dataset.peaks ? [JSON.parse(player.dataset.peaks)] : undefined,
     duration: player.dataset.seconds ? Number(player.dataset.seconds) : undefined,
     height: 64,
-    waveColor: colours.getPropertyValue("--line-strong"),
-    progressColor: colours.getPropertyValue("--accent"),
-    cursorColor: colours.getPropertyValue("--ink"),
+    normalize: true,
+    ...colours(),
     cspNonce: nonce,
   });
-  one("noscript + audio, audio[data-plain]")?.remove();
+  addEventListener("gearcase:theme", () => wave.setOptions(colours()));
+  one("audio[data-plain]")?.remove();
   const button = one("[data-play]");
   const clock = one("[data-clock]");
   button.hidden = false;
@@ -198,7 +205,13 @@ if (player && window.WaveSurfer) {
       });
     });
   }
-  all("[data-seek]").forEach((element) => element.addEventListener("click", () => { wave.setTime(Number(element.dataset.seek)); wave.play(); }));
+  for (const element of all("[data-seek]")) {
+    element.hidden = false;
+    element.addEventListener("click", () => {
+      wave.setTime(Number(element.dataset.seek));
+      wave.play();
+    });
+  }
 }
 
 /* live progress of a job */

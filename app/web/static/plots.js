@@ -2,9 +2,19 @@
 // Plots with the same data-cursor share one cursor; colours come from the style sheet and follow the theme.
 "use strict";
 
-const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+const probe = document.createElement("span");
+probe.hidden = true;
+document.body.append(probe);
+
+// a colour of the style sheet as it is in the theme of now, for canvases
+export function style(name) {
+  probe.style.color = `var(${name})`;
+  return getComputedStyle(probe).color;
+}
+
 const COLOURS = ["--plot-1", "--plot-2", "--plot-3", "--plot-4"];
 const DASHES = [undefined, [6, 3], [2, 3], [8, 3, 2, 3]];
+const FEW = 24; // so few values are drawn as dots besides
 const cursors = new Map();
 const plots = [];
 
@@ -23,6 +33,8 @@ function annotate(data) {
     const { ctx } = u;
     ctx.save();
     ctx.font = `${11 * devicePixelRatio}px system-ui, sans-serif`;
+    ctx.textAlign = "left";
+    ctx.textBaseline = "alphabetic";
     for (const band of data.bands ?? []) {
       const top = u.valToPos(band.high, "y", true);
       const bottom = u.valToPos(band.low, "y", true);
@@ -31,14 +43,20 @@ function annotate(data) {
     }
     ctx.strokeStyle = ctx.fillStyle = style("--ink-faint");
     ctx.setLineDash([4 * devicePixelRatio, 4 * devicePixelRatio]);
-    for (const marker of data.markers ?? []) {
+    const rows = [-Infinity, -Infinity, -Infinity]; // where the words of each row end
+    for (const marker of [...(data.markers ?? [])].sort((a, b) => a.x - b.x)) {
       const x = u.valToPos(marker.x, "x", true);
       if (x < u.bbox.left || x > u.bbox.left + u.bbox.width) continue;
       ctx.beginPath();
       ctx.moveTo(x, u.bbox.top);
       ctx.lineTo(x, u.bbox.top + u.bbox.height);
       ctx.stroke();
-      ctx.fillText(marker.text, x + 4 * devicePixelRatio, u.bbox.top + 12 * devicePixelRatio);
+      if (!marker.text) continue;
+      const wide = ctx.measureText(marker.text).width;
+      const left = Math.min(x + 4 * devicePixelRatio, u.bbox.left + u.bbox.width - wide);
+      const row = Math.max(0, rows.findIndex((end) => end < left));
+      rows[row] = left + wide + 6 * devicePixelRatio;
+      ctx.fillText(marker.text, left, u.bbox.top + (12 + 13 * row) * devicePixelRatio);
     }
     ctx.fillStyle = style("--notch");
     for (const event of data.events ?? []) {
@@ -78,7 +96,7 @@ function draw(element, data) {
         stroke: style(COLOURS[k % 4]),
         dash: DASHES[k % 4],
         width: 1.25,
-        points: { show: false },
+        points: { show: data.x.length <= FEW, size: 6, fill: style(COLOURS[k % 4]) },
         value: (_u, v) => number(v),
       })),
     ],
@@ -120,7 +138,7 @@ export function start() {
     width = innerWidth;
     for (const { element, plot } of plots) plot.setSize({ width: Math.max(element.clientWidth, 240), height: plot.height });
   });
-  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
+  for (const query of ["(prefers-color-scheme: dark)", "print"]) matchMedia(query).addEventListener("change", redraw);
   addEventListener("gearcase:theme", redraw);
 }
 

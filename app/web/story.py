@@ -1,0 +1,49 @@
+"""The panels and candidates of an investigation, as charts and rows of a page."""
+
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal
+
+import numpy as np
+
+from app.errors import NotFound
+from app.web.charts import Chart
+from app.web.svg import Band, Marker, Series
+
+Part = Literal["overlay", "residual"]
+
+
+def panels_of(document: Mapping[str, Any], part: Part) -> list[Chart]:
+    """Return the charts of one part; none where only sound was heard, or where an older version investigated."""
+    return [_chart(panel) for panel in document.get("story", {}).get(part, ())]
+
+
+def panel_of(document: Mapping[str, Any], part: Part, number: int) -> Chart:
+    """Return one chart.
+
+    Raises:
+        NotFound: if the part has fewer.
+    """
+    panels = panels_of(document, part)
+    if not 0 <= number < len(panels):
+        raise NotFound(f"This investigation has {len(panels)} panels of its {part}.")
+    return panels[number]
+
+
+def candidates_of(document: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
+    """Return what was weighed and rejected: mechanism, location, probability and why."""
+    candidates: Sequence[Mapping[str, Any]] = document.get("story", {}).get("candidates", ())
+    return candidates
+
+
+def _chart(panel: Mapping[str, Any]) -> Chart:
+    x = np.array(panel["x"], dtype=np.float64)
+    noise = panel["noise"]
+    return Chart(
+        panel["title"],
+        tuple(Series(line["name"], x, np.array(line["y"], dtype=np.float64)) for line in panel["lines"]),
+        panel["x_label"],
+        panel["y_label"],
+        bands=(Band("noise floor", *noise),) if noise else (),
+        markers=tuple(Marker(marker["x"], marker["text"]) for marker in panel["markers"]),
+        cursor=panel["cursor"],
+    )
