@@ -62,6 +62,7 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
         running = service or Service.open(settings, metrics)
         app.state.service, app.state.gate = running, Gate(settings)
         warm_up()
+        running.learner.start()
         yield
         if service is None:
             running.close()

@@ -14,6 +14,7 @@ from sqlalchemy.orm import Session
 from app.evaluations import Evaluations
 from app.job_kinds import open_jobs
 from app.jobs import Jobs
+from app.learner import Learner
 from app.metrics import Metrics
 from app.settings import Settings
 from casebase.evaluation import Evaluation
@@ -47,11 +48,16 @@ class Service:
         return Evaluations(self.library)
 
     @cached_property
+    def learner(self) -> Learner:
+        return Learner(self.library)
+
+    @cached_property
     def jobs(self) -> Jobs:
         """The jobs of this installation, opened when first asked for."""
         return open_jobs(self.settings)
 
     def close(self) -> None:
+        self.learner.close()
         if "jobs" in self.__dict__:
             self.jobs.close()
         self.library.close()

@@ -3,13 +3,12 @@
 from collections.abc import Mapping, Sequence
 
 from sqlalchemy import func, select, update
-from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
 from casebase import audit
 from casebase.case_table import CaseTable
 from casebase.errors import NotFoundError
-from casebase.learning import Similarity, learn
+from casebase.learning import Similarity, too_small, unlearned
 from casebase.models import Artifact
 
 
@@ -86,26 +85,20 @@ def active_version(session: Session, extractor_version: str) -> int | None:
     return session.scalar(select(Artifact.version).where(Artifact.kind == kind, Artifact.active))
 
 
-def similarity_for(session: Session, table: CaseTable) -> tuple[Similarity, int | None]:
-    """Return the weights to use now and their version; they are learned again when the library outgrew them.
+def similarity_for(session: Session, table: CaseTable) -> tuple[Similarity, int | None, bool]:
+    """Return the weights to use now, their version, and whether the library outgrew them.
 
-    A version that somebody went back to stays. In a session for reading nothing is stored, and the version is None.
+    Nothing is learned here: what was learned before serves until something newer is there, physical priors until
+    anything is. A version that somebody went back to stays, and is not outgrown.
     """
     kind = similarity_kind(table.extractor_version)
-    newest, active = newest_version(session, kind), active_artifact(session, kind)
-    if active is not None:
-        known = Similarity.from_document(active.content, table.names)
-        if known.fits(table) or active.version != newest:
-            return known, active.version
-    learned = learn(table)
-    if audit.ACTOR not in session.info:
-        return learned, None
-    try:
-        with session.begin_nested():
-            return learned, store_similarity(session, learned, kind, after=newest).version
-    except IntegrityError:
-        # another worker learned from the same cases at the same time, and got the same
-        return learned, active_version(session, table.extractor_version)
+    active = active_artifact(session, kind)
+    if active is None:
+        small = too_small(table)
+        return unlearned(table, small or "nothing was learned from this library yet"), None, small is None
+    known = Similarity.from_document(active.content, table.names)
+    outgrown = not known.fits(table) and active.version == newest_version(session, kind)
+    return known, active.version, outgrown
 
 
 def store_similarity(session: Session, similarity: Similarity, kind: str, *, after: int | None = None) -> Artifact:

@@ -55,6 +55,11 @@ class CaseTable:
         return np.searchsorted(self.classes, self.labels).astype(np.int16)
 
     @property
+    def gearboxes_known(self) -> list[str]:
+        """Names of the gearboxes that measured cases come from, sorted."""
+        return sorted(set(self.gearboxes[(self.origins == "measured") & (self.gearboxes != "")].tolist()))
+
+    @property
     def text(self) -> tuple[NDArray[np.str_], ...]:
         """The columns of words, in the order of the fields."""
         return (self.ids, self.labels, self.origins, self.axes, self.gearboxes, self.samples)

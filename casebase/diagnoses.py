@@ -91,7 +91,7 @@ def provenance(reasoner: Reasoner) -> dict[str, object]:
             "measured": int((table.origins == "measured").sum()),
             "simulated": int((table.origins == "simulated").sum()),
         },
-        "gearboxes": similarity.gearboxes,
+        "gearboxes": len(table.gearboxes_known),
         "given_at": now().isoformat(),
     }
 

@@ -90,10 +90,21 @@ def _neighbour(match: Match) -> dict[str, object]:
 
 
 class Reasoner:
-    """A table of cases and what was learned from it, ready to diagnose; safe to share between threads."""
+    """A table of cases and what was learned, ready to diagnose; safe to share between threads.
 
-    def __init__(self, table: CaseTable, similarity: Similarity, similarity_version: int | None = None) -> None:
+    Args:
+        outgrown: whether the weights were learned from a library that has changed much since.
+    """
+
+    def __init__(
+        self,
+        table: CaseTable,
+        similarity: Similarity,
+        similarity_version: int | None = None,
+        outgrown: bool = False,
+    ) -> None:
         self.table, self.similarity, self.similarity_version = table, similarity, similarity_version
+        self.outgrown = outgrown
         self.matrix = CaseMatrix(table, similarity.metric)
         self.ranges = known_ranges(table.names, table.values, table.labels)
         self._experiences: OrderedDict[bytes, Experience] = OrderedDict()
@@ -164,7 +175,9 @@ class Reasoner:
             remarks.append(
                 f"p-values of {', '.join(small)} cannot fall to 0.05: that takes 19 cases held out by gearbox"
             )
-        if self.similarity.gearboxes < 2:
+        if self.outgrown:
+            remarks.append("the library changed since feature weights were learned from it; they will be learned again")
+        if len(self.table.gearboxes_known) < 2:
             remarks.append("fewer than two gearboxes are known, so probabilities are not calibrated across gearboxes")
         if judgement.threshold is None:
             remarks.append("too few cases to say where the unknown begins")

@@ -1,7 +1,7 @@
 """How well the library diagnoses recordings of gearboxes that it has never seen; and what it has never seen at all."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,11 +10,12 @@ from scipy.stats import norm
 from casebase.case_table import CaseTable, Mask
 from casebase.diagnosis import Reasoner, verdict_of
 from casebase.errors import InvalidRequestError
-from casebase.learning import learn, unlearned
+from casebase.experience import representative, where_unknown_begins
+from casebase.learning import FOLDS, Similarity, fold_numbers, learn, unlearned
+from casebase.novelty import known_ranges, spread_out
 
 COVERAGE = 0.95
-MOST_GROUPS = 20
-FOLDS = 10
+MOST_TESTED = 400
 GROUPS = ("gearbox", "axis", "case")
 
 
@@ -108,13 +109,17 @@ class Evaluation:
         }
 
 
-def evaluate(table: CaseTable, *, group: str = "gearbox", origin: str = "both") -> Evaluation:
-    """Leave out one gearbox at a time, learn from the others, diagnose it; then the same without its class.
+def evaluate(
+    table: CaseTable, *, group: str = "gearbox", origin: str = "both", learned: Similarity | None = None
+) -> Evaluation:
+    """Leave out one gearbox at a time and diagnose it by what was learned without it; then the same without its class.
 
-    More than MOST_GROUPS gearboxes are left out in FOLDS parts.
+    More than FOLDS gearboxes are left out in the folds of learning, so that what was learned without each is at hand;
+    how strongly weights are drawn to their priors was chosen once, with all gearboxes in view.
 
     Args:
         table: the cases.
+        learned: what was learned from these cases; learned here if it is not given.
         group: what is left out together: gearbox, axis or case.
         origin: `measured` or `simulated` learns from such cases alone, `both` from all. Measured cases are what is
             diagnosed wherever there are any.
@@ -126,27 +131,39 @@ def evaluate(table: CaseTable, *, group: str = "gearbox", origin: str = "both") 
         raise InvalidRequestError(f"group must be one of {', '.join(GROUPS)}, got {group!r}")
     if origin not in ("measured", "simulated", "both"):
         raise InvalidRequestError(f"origin must be measured, simulated or both, got {origin!r}")
-    names = _names(table, group)
     usable = np.ones(len(table), bool) if origin == "both" else table.origins == origin
-    measured = table.origins == "measured"
-    tested = measured if measured.any() else np.ones(len(table), bool)
-    tested &= names != ""
+    names, tested = _names(table, group), _tested(table, group)
+    if group == "axis" or not usable.any():
+        learned = None
+    elif learned is None or not usable.all():
+        learned = learn(table.take(usable))
     outcomes: list[Outcome] = []
     found: dict[str, list[bool]] = {label: [] for label in table.classes}
-    for held_out in _held_out(names, tested):
-        outcomes += _outcomes(table, usable & ~held_out, tested & held_out, names)
+    for held_out in _held_out(table, group, tested):
+        inside = usable & ~held_out & ~np.isin(table.samples, table.samples[tested & held_out])
+        outcomes += _outcomes(table, inside, tested & held_out, names, learned)
         for label in table.classes:
-            inside = tested & held_out & (table.labels == label)
-            without = usable & ~held_out & (table.labels != label)
-            if inside.any() and without.any() and len(table.classes) > 1:
-                found[label] += _called_new(table, without, inside)
+            found[label] += _called_new(table, inside & (table.labels != label), tested & held_out, label)
     return _evaluation(table, group, origin, tuple(outcomes), found)
 
 
-def _held_out(names: NDArray[np.str_], tested: Mask) -> list[Mask]:
-    """Return what is left out together: one group at a time, or a tenth of the groups where they are many."""
+def _tested(table: CaseTable, group: str) -> Mask:
+    """Return what is diagnosed: measured cases where there are any, at most MOST_TESTED, evenly spread."""
+    measured = table.origins == "measured"
+    wanted = (measured if measured.any() else np.ones(len(table), bool)) & (_names(table, group) != "")
+    tested = np.zeros(len(table), bool)
+    tested[spread_out(np.flatnonzero(wanted), MOST_TESTED)] = True
+    return tested
+
+
+def _held_out(table: CaseTable, group: str, tested: Mask) -> list[Mask]:
+    """Return what is left out together: one gearbox or axis at a time, the folds of learning where they are many."""
+    names = _names(table, group)
     groups = np.unique(names[tested])
-    count = groups.size if groups.size <= MOST_GROUPS else FOLDS
+    if group == "gearbox" and groups.size > FOLDS:
+        folds = fold_numbers(table)
+        return [folds == fold for fold in np.unique(folds[tested])]
+    count = min(groups.size, FOLDS)
     return [np.isin(names, groups[start::count]) for start in range(count)]
 
 
@@ -156,13 +173,14 @@ def _names(table: CaseTable, group: str) -> NDArray[np.str_]:
     return table.axes if group == "axis" else table.ids
 
 
-def _outcomes(table: CaseTable, inside: Mask, tested: Mask, names: NDArray[np.str_]) -> list[Outcome]:
-    """Return what a library of the cases inside says of the tested ones."""
-    inside = inside & ~np.isin(table.samples, table.samples[tested])
+def _outcomes(
+    table: CaseTable, inside: Mask, tested: Mask, names: NDArray[np.str_], learned: Similarity | None
+) -> list[Outcome]:
+    """Return what a library of the cases inside says of the tested ones, by weights learned without these."""
     if not inside.any():
         return []
     known = table.take(inside)
-    reasoner = Reasoner(known, learn(known))
+    reasoner = Reasoner(known, learn(known) if learned is None else _without(known, learned, table.groups[tested]))
     outcomes = []
     for row in np.flatnonzero(tested):
         judgement = reasoner.judge(table.values[row])
@@ -180,13 +198,32 @@ def _outcomes(table: CaseTable, inside: Mask, tested: Mask, names: NDArray[np.st
     return outcomes
 
 
-def _called_new(table: CaseTable, inside: Mask, tested: Mask) -> list[bool]:
-    """Return whether a library of the cases inside calls the tested ones new; weights that tell classes apart have
-    no say in that, so none are learned."""
-    known = table.take(inside & ~np.isin(table.samples, table.samples[tested]))
-    reasoner = Reasoner(known, unlearned(known, "only what is new is asked"))
-    judgements = [reasoner.judge(values) for values in table.values[tested]]
-    return [verdict_of(judgement) == "not_in_library" for judgement in judgements]
+def _without(known: CaseTable, learned: Similarity, groups: NDArray[np.str_]) -> Similarity:
+    """Return the weights of the fold that held these gearboxes out, over scales that have not seen them either."""
+    fresh = unlearned(known, "scales alone are wanted")
+    weights = learned.weights_without(str(groups[0]))
+    return replace(learned, metric=fresh.metric.with_weights(weights), classes=known.classes)
+
+
+def _called_new(table: CaseTable, inside: Mask, tested: Mask, label: str) -> list[bool]:
+    """Return whether a library of the cases inside, which has no such class, calls the tested ones of it new.
+
+    Weights that tell classes apart have no say in that, so none are learned.
+    """
+    tested = tested & (table.labels == label)
+    if not tested.any() or not inside.any():
+        return []
+    known = table.take(inside)
+    ranges = known_ranges(known.names, known.values, known.labels)
+    limits: dict[bytes, float | None] = {}
+    answers = []
+    for values in table.values[tested]:
+        present = np.isfinite(values)
+        if present.tobytes() not in limits:
+            limits[present.tobytes()] = where_unknown_begins(known, present, representative(known))
+        limit = limits[present.tobytes()]
+        answers.append(limit is not None and ranges.distance(values) > limit)
+    return answers
 
 
 def _evaluation(
@@ -203,12 +240,11 @@ def _evaluation(
     per_class = {
         label: _share([each.best == label for each in outcomes if each.truth == label]) for label in table.classes
     }
-    gearboxes = set(table.gearboxes[(table.origins == "measured") & (table.gearboxes != "")].tolist())
     return Evaluation(
         group,
         origin,
         len(outcomes),
-        len(gearboxes),
+        len(table.gearboxes_known),
         _share(right),
         _share(said),
         _share(new),

@@ -19,7 +19,8 @@ from casebase.similarity import Floats
 from casebase.voting import NEAREST, fitted_sharpness, log_votes, strangeness
 
 LARGEST_SAMPLE = 400
-MOST_ALONE = 40
+MOST_PARTS = 20
+PARTS = 10
 UNKNOWN_GEARBOX = 1.5
 """Where gearboxes were not noted, cases of the same one make the library look better than it is on another; the
 unknown then begins so many times as far out."""
@@ -46,7 +47,6 @@ class Experience:
     Args:
         nearest: squared distances to the nearest cases of every class, gearbox held out, shape (rows, classes, k).
         truth: class of every row.
-        errors: how many rows got most votes for a wrong class.
         threshold: the novelty limit; None if the library is too small to set one.
     """
 
@@ -54,7 +54,6 @@ class Experience:
     nearest: Floats
     truth: NDArray[np.intp]
     sharpness: float
-    errors: int
     threshold: float | None
 
     @property
@@ -114,46 +113,51 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
         present: the features that the query has, shape (n,).
     """
     nearest = np.full((rows.size, len(table.classes), NEAREST), np.inf)
-    novelty = np.full(rows.size, np.inf)
     held_out = _held_out_together(table)
-    for group in np.unique(held_out[rows]):
-        other = held_out != group
-        metric = similarity.metric.with_weights(similarity.weights_without(str(group)))
-        matrix, ranges = CaseMatrix(table, metric), _ranges(table, other)
-        for index in np.flatnonzero(held_out[rows] == group):
-            row = rows[index]
-            query = np.where(present, table.values[row], np.nan)
-            allowed = other & (table.samples != table.samples[row])
-            nearest[index] = matrix.nearest_by_class(query, NEAREST, where=allowed).voting(NEAREST)
-            novelty[index] = ranges.distance(query) if ranges else np.inf
+    matrices: dict[bytes, CaseMatrix] = {}
+    for index, row in enumerate(rows):
+        weights = similarity.weights_without(str(table.groups[row]))
+        matrix = matrices.get(weights.tobytes())
+        if matrix is None:
+            matrix = matrices[weights.tobytes()] = CaseMatrix(table, similarity.metric.with_weights(weights))
+        query = np.where(present, table.values[row], np.nan)
+        allowed = (held_out != held_out[row]) & (table.samples != table.samples[row])
+        nearest[index] = matrix.nearest_by_class(query, NEAREST, where=allowed).voting(NEAREST)
     truth = np.searchsorted(table.classes, table.labels[rows])
     known = np.isfinite(nearest[np.arange(rows.size), truth, 0])
+    sharpness = fitted_sharpness(nearest[known], truth[known])
+    limit = where_unknown_begins(table, present, rows)
+    return Experience(table.classes, nearest[known], truth[known], sharpness, limit)
+
+
+def where_unknown_begins(table: CaseTable, present: Mask, rows: NDArray[np.intp]) -> float | None:
+    """Return the novelty limit from how far cases lie from what all other gearboxes have shown; arguments as `gather`.
+
+    Cases of a class that no other gearbox has say nothing. None if the cases are too few.
+    """
+    held_out = _held_out_together(table)
+    shared = [label for label in table.classes if np.unique(held_out[table.labels == label]).size > 1]
+    rows = rows[np.isin(table.labels[rows], shared)]
+    novelty = np.full(rows.size, np.inf)
+    for group in np.unique(held_out[rows]):
+        ranges = _ranges(table, held_out != group)
+        for index in np.flatnonzero(held_out[rows] == group):
+            query = np.where(present, table.values[rows[index]], np.nan)
+            novelty[index] = ranges.distance(query) if ranges else np.inf
+    limit = novelty_limit(novelty)
     alone = float(np.mean(table.groups[rows] == table.ids[rows])) if rows.size else 0.0
     caution = UNKNOWN_GEARBOX if alone > 0.5 else 1.0
-    return _experience(table.classes, nearest[known], truth[known], novelty[known], caution)
+    return None if limit is None else caution * limit
 
 
-def _held_out_together(table: CaseTable) -> NDArray[np.str_]:
-    """Return the name of what each case is held out with: its gearbox; many cases without one go in ten parts."""
-    alone = table.groups == table.ids
-    if alone.sum() <= MOST_ALONE:
-        return table.groups
-    parts = np.char.add("part ", (np.arange(len(table)) % 10).astype(str))
-    return np.where(alone, parts, table.groups)
+def _held_out_together(table: CaseTable) -> NDArray[np.intp]:
+    """Return the part that each case is held out with: its gearbox, or a tenth of the gearboxes where they are many."""
+    groups, part = np.unique(table.groups, return_inverse=True)
+    return part if groups.size <= MOST_PARTS else part % PARTS
 
 
 def _ranges(table: CaseTable, rows: Mask) -> KnownRanges | None:
     return known_ranges(table.names, table.values[rows], table.labels[rows]) if rows.any() else None
-
-
-def _experience(
-    classes: tuple[str, ...], nearest: Floats, truth: NDArray[np.intp], novelty: Floats, caution: float
-) -> Experience:
-    sharpness = fitted_sharpness(nearest, truth)
-    limit = novelty_limit(novelty)
-    limit = None if limit is None else caution * limit
-    wrong = log_votes(nearest, sharpness).argmax(axis=1) != truth if truth.size else np.zeros(0, bool)
-    return Experience(classes, nearest, truth, sharpness, int(wrong.sum()), limit)
 
 
 def representative(table: CaseTable) -> NDArray[np.intp]:

@@ -28,8 +28,8 @@ LARGEST_SAMPLE = 160
 LARGEST_LOSS = 10.0
 LARGEST_BEND = 5.0
 """No weight moves by more than this factor, as a logarithm, from its prior."""
-SETTLED = 200
-"""From so many cases on, the weights are learned again only when a tenth is new."""
+OUTGROWN = 0.05
+"""Weights are learned again when the number of cases changed by more than this share, or the classes did."""
 STRENGTHS = (1.0, 0.1, 0.01)
 """How strongly the logarithms of the weights are drawn to the priors, strongest first."""
 
@@ -98,8 +98,7 @@ class Similarity:
 
     def fits(self, table: CaseTable) -> bool:
         """Whether the library is still about the one that this was learned from."""
-        grown = abs(len(table) - self.cases)
-        return self.classes == table.classes and grown <= (0 if self.cases < SETTLED else self.cases // 10)
+        return self.classes == table.classes and abs(len(table) - self.cases) <= OUTGROWN * self.cases
 
 
 @dataclass(frozen=True, eq=False)
@@ -140,10 +139,9 @@ def learn(table: CaseTable) -> Similarity:
     metric = unlearned(table, "to start from").metric
     prior = metric.weights
     sample = _sampled(table, metric)
-    trials = [_trial(sample, "physics", prior, strength) for strength in (None, *STRENGTHS)]
+    trials = _trials(sample, "physics", prior)
     if not any(trial.right.all() for trial in trials):
-        even = even_weights(table.names)
-        trials += [_trial(sample, "even", even, strength) for strength in (None, *STRENGTHS)]
+        trials += _trials(sample, "even", even_weights(table.names))
     chosen = _chosen(trials)
     everything = np.ones(sample.truth.size, dtype=bool)
     final = metric.with_weights(_fit(sample, everything, chosen.prior, chosen.strength))
@@ -187,40 +185,37 @@ def _similarity(
     log_loss: float | None,
     reason: str,
 ) -> Similarity:
-    measured = table.gearboxes[(table.origins == "measured") & (table.gearboxes != "")]
-    return Similarity(
-        metric, folds, strength, score, log_loss, len(table), len(set(measured.tolist())), table.classes, reason
-    )
+    gearboxes = len(table.gearboxes_known)
+    return Similarity(metric, folds, strength, score, log_loss, len(table), gearboxes, table.classes, reason)
 
 
-def fold_of(group: str, groups: list[str]) -> int:
-    """Return the fold of a gearbox: the known gearboxes in turn, whatever else by its hash."""
-    if group in groups:
-        return groups.index(group) % FOLDS
-    return int(hashlib.sha256(group.encode()).hexdigest()[:8], 16) % min(FOLDS, 5)
+def fold_numbers(table: CaseTable) -> NDArray[np.intp]:
+    """Return the fold that every case is held out with: known gearboxes in turn, whatever else by its hash."""
+    known = sorted({str(name) for name in table.gearboxes if name})
+    places = {name: place % FOLDS for place, name in enumerate(known)}
+    groups, group = np.unique(table.groups, return_inverse=True)
+    return np.array([places.get(name, _hashed(name)) for name in groups.tolist()], dtype=np.intp)[group]
 
 
-def _gearboxes(table: CaseTable) -> list[str]:
-    return sorted({str(name) for name in table.gearboxes if name})
+def _hashed(name: str) -> int:
+    return int(hashlib.sha256(name.encode()).hexdigest()[:8], 16) % min(FOLDS, 5)
 
 
 def _groups_of_folds(table: CaseTable, kinds: NDArray[np.intp]) -> list[frozenset[str]]:
-    known = _gearboxes(table)
-    groups = {str(name): fold_of(str(name), known) for name in np.unique(table.groups)}
-    return [frozenset(name for name, fold in groups.items() if fold == kind) for kind in kinds.tolist()]
+    folds = fold_numbers(table)
+    return [frozenset(np.unique(table.groups[folds == kind]).tolist()) for kind in kinds]
 
 
 def _sampled(table: CaseTable, metric: Metric) -> _Sample:
-    table = table.take(_representative(table))
+    folds, rows = fold_numbers(table), _representative(table)
+    table = table.take(rows)
     scaled = metric.scaled(table.values)
     missing = np.isnan(scaled)
     filled = np.where(missing, 0.0, scaled).astype(np.float32)
     differences = (filled[:, None, :] - filled[None, :, :]) ** 2
     differences += missing[:, None, :].astype(np.float32) + missing[None, :, :].astype(np.float32)
     same = (table.groups[:, None] == table.groups) | (table.samples[:, None] == table.samples)
-    known = _gearboxes(table)
-    folds = np.array([fold_of(str(group), known) for group in table.groups])
-    kinds, folds = np.unique(folds, return_inverse=True)
+    kinds, folds = np.unique(folds[rows], return_inverse=True)
     truth = np.searchsorted(table.classes, table.labels)
     return _Sample(differences, ~same, truth, table.labels, table.classes, folds, kinds)
 
@@ -237,6 +232,16 @@ def _representative(table: CaseTable) -> NDArray[np.intp]:
         turn[kind] = turn.get(kind, -1) + 1
         keys.append((turn[kind], simulated, row))
     return np.sort(np.array([row for *_, row in sorted(keys)[:LARGEST_SAMPLE]]))
+
+
+def _trials(sample: _Sample, start: str, prior: Floats) -> list[_Trial]:
+    """Learn ever more freely, until that no longer helps."""
+    trials = [_trial(sample, start, prior, None)]
+    for strength in STRENGTHS:
+        trials.append(_trial(sample, start, prior, strength))
+        if trials[-1].losses.mean() >= trials[-2].losses.mean():
+            break
+    return trials
 
 
 def _trial(sample: _Sample, start: str, prior: Floats, strength: float | None) -> _Trial:

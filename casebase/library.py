@@ -5,6 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
 from pathlib import Path
+from threading import Event
 
 import numpy as np
 from sqlalchemy import Engine, Select, func, select, update
@@ -13,7 +14,7 @@ from sqlalchemy.orm import Session
 from sqlalchemy.orm.exc import StaleDataError
 
 from casebase import audit
-from casebase.artifacts import active_version, similarity_for, similarity_kind, store_similarity
+from casebase.artifacts import active_version, newest_version, similarity_for, similarity_kind, store_similarity
 from casebase.audio_store import AudioStore, StoredBytes
 from casebase.case_table import CaseTable, load_table
 from casebase.database import WRITING, create_engine_for, sqlite_url, strict_json, upgrade_database
@@ -76,6 +77,8 @@ class CaseLibrary:
         self.engine = engine
         self.data_dir = data_dir
         self.audio = AudioStore(data_dir / "audio")
+        self.touched = Event()
+        """Set whenever cases changed or what was learned proved outgrown: then `keep_learned` may have work."""
         self._tables: dict[str, CaseTable] = {}
         self._reasoners: dict[str, tuple[int | None, Reasoner]] = {}
 
@@ -96,6 +99,8 @@ class CaseLibrary:
             try:
                 yield session
                 session.commit()
+                if CHANGED in session.info:
+                    self.touched.set()
             except StaleDataError as error:
                 raise StaleVersionError("somebody changed it at the same time; read it again") from error
 
@@ -327,11 +332,29 @@ class CaseLibrary:
         kept = self._reasoners.get(extractor_version)
         if kept is not None and kept[1].table is table and kept[0] == basis:
             return kept[1]
-        similarity, version = similarity_for(session, table)
-        reasoner = Reasoner(table, similarity, version)
+        reasoner = Reasoner(table, *similarity_for(session, table))
         if CHANGED not in session.info:
-            self._reasoners[extractor_version] = (basis if version is None else version, reasoner)
+            self._reasoners[extractor_version] = (basis, reasoner)
         return reasoner
+
+    def keep_learned(self, actor: str, extractor_version: str = EXTRACTOR_VERSION) -> bool:
+        """Learn again if the library outgrew what was learned; return whether it did.
+
+        Nothing is locked while it learns. If somebody else stores something newer meanwhile, that stays.
+        """
+        with self.reading() as session:
+            table = self.table(session, extractor_version)
+            kind = similarity_kind(extractor_version)
+            newest, (_, _, outgrown) = newest_version(session, kind), similarity_for(session, table)
+        if not outgrown:
+            return False
+        learned = learn(table)
+        try:
+            with self.transaction(actor) as session:
+                store_similarity(session, learned, kind, after=newest)
+        except IntegrityError:
+            return False
+        return True
 
     def table(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> CaseTable:
         """Return all searchable cases as they are now; only what changed is read."""
@@ -344,13 +367,17 @@ class CaseLibrary:
     def diagnose(self, session: Session, recording: StoredRecording, extraction: Extraction) -> StoredDiagnosis:
         """Diagnose a stored recording by its features and keep the diagnosis."""
         reasoner = self.reasoner(session, extraction.extractor_version)
+        if reasoner.outgrown:
+            self.touched.set()
         diagnosis, values = reasoner.diagnose(extraction), extraction.features.values
         severity = severity_of(session, reasoner.table, diagnosis.label, values) if diagnosis.label else None
         return store_diagnosis(session, recording, diagnosis, reasoner, severity)
 
     def evaluate(self, session: Session, *, group: str = "gearbox", origin: str = "both") -> Evaluation:
         """Return the library's own cross-validation; see `casebase.evaluation.evaluate`."""
-        return evaluate(self.table(session), group=group, origin=origin)
+        table = self.table(session)
+        learned, version, _ = similarity_for(session, table)
+        return evaluate(table, group=group, origin=origin, learned=learned if version and learned.fits(table) else None)
 
     def learn(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> Artifact:
         """Learn the weights again now and make them the active ones."""

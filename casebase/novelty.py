@@ -35,7 +35,7 @@ NINTH_DECILE = 1.2816
 """Of the standard normal distribution."""
 FEWEST_FOR_LIMIT = 6
 OWN_CASES = 8.0
-LARGEST_CLASS = 2000
+LARGEST_CLASS = 500
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,11 +81,15 @@ def known_ranges(names: tuple[str, ...], values: NDArray[np.floating], labels: N
         values: shape (cases, n), NaN where missing.
         labels: shape (cases,).
     """
+    classes = np.unique(labels)
+    shares = [spread_out(np.flatnonzero(labels == label), LARGEST_CLASS) for label in classes]
+    rows = np.concatenate(shares) if shares else np.empty(0, np.intp)
+    values, labels = np.asarray(values[rows], np.float64), labels[rows]
     normal = np.isin(labels, BASELINES)
     center, scale = _normal_scale(values, labels, normal)
     ranges = {}
-    for label in np.unique(labels):
-        shown = np.asarray(spread_out(values[labels == label], LARGEST_CLASS), np.float64)
+    for label in classes:
+        shown = values[labels == label]
         low, high = column_quantiles(shown, (TAIL, 1 - TAIL))
         if normal.any() and label not in BASELINES:
             low, high = (

@@ -3,6 +3,8 @@
 A feature that no line here speaks of counts 1. The sentences are the reason; they are shown with the weights.
 """
 
+import functools
+
 import numpy as np
 
 from casebase.signals.features import catalogue
@@ -49,6 +51,7 @@ REPEATABILITY_DB = 0.5
 """Two recordings of the same thing differ by so much in a level above its surroundings."""
 
 
+@functools.lru_cache
 def prior_weights(names: tuple[str, ...]) -> Floats:
     """Return the weight of every feature before learning, shape (n,), sum 1."""
     weights = np.array([prior_of(name)[0] for name in names])
@@ -63,18 +66,21 @@ def prior_of(name: str) -> tuple[float, str]:
     return 1.0, "nothing is known of it beforehand"
 
 
+@functools.lru_cache
 def even_weights(names: tuple[str, ...]) -> Floats:
     """Return the same weight for every feature that may be compared at all, shape (n,), sum 1."""
     weights = np.array([float(prior_of(name)[0] > 0) for name in names])
     return np.asarray(weights / weights.sum())
 
 
+@functools.lru_cache
 def kind_weights(names: tuple[str, ...]) -> Floats:
     """Return how much every feature says about the kind of a fault, shape (n,), sum 1."""
     weights = np.array([weight * KIND.get(why, 1.0) for weight, why in map(prior_of, names)])
     return np.asarray(weights / weights.sum())
 
 
+@functools.lru_cache
 def repeatability(names: tuple[str, ...]) -> Floats:
     """Return what every feature differs by between recordings of the same thing, shape (n,); 0 where unknown."""
     known = catalogue()

@@ -43,6 +43,7 @@ def diagnose(
     described = read_axis(axis) if axis else None
     entries = []
     with frame.current_library() as library, frame.progress() as progress:
+        library.keep_learned(ACTOR)
         for path in progress.track(files, description="diagnosing"):
             entries.append(_entry(library, path, metadata, described))
     if json:

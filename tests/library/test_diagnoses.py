@@ -122,12 +122,14 @@ def test_the_very_same_recording_is_its_own_neighbour_at_distance_zero(library: 
 
 def test_weights_are_learned_scored_and_rolled_back(library: CaseLibrary) -> None:
     fill(library)
-    diagnose(library, [0.0] * SIZE)
+    assert library.keep_learned("anna", VERSION)
+    assert not library.keep_learned("anna", VERSION)
     kind = similarity_kind(VERSION)
-    fill_more = features(np.random.default_rng(1), "normal")
     with library.transaction("anna") as session:
-        add_case(library, session, fill_more, "normal", seed=4242, gearbox="g9")
-    diagnose(library, [0.0] * SIZE, seed=2)
+        for seed in (4242, 4243):
+            values = features(np.random.default_rng(seed), "normal")
+            add_case(library, session, values, "normal", seed=seed, gearbox="g9")
+    assert library.keep_learned("anna", VERSION)
     with library.transaction("anna") as session:
         versions = list_artifacts(session, kind)
         assert [row.version for row in versions] == [2, 1]
@@ -141,6 +143,27 @@ def test_weights_are_learned_scored_and_rolled_back(library: CaseLibrary) -> Non
         assert active.version == 1
         with pytest.raises(NotFoundError):
             activate(session, kind, 99)
+
+
+def test_an_outgrown_library_answers_by_what_was_learned_and_finds_new_cases(library: CaseLibrary) -> None:
+    """Learning takes long; a request must not wait for it, and must not be told of a library that was."""
+    fill(library)
+    library.keep_learned("anna", VERSION)
+    library.touched.clear()
+    values = features(np.random.default_rng(5), "notch")
+    with library.transaction("anna") as session:
+        case = add_case(library, session, values, "pitting", seed=4244, gearbox="g9")
+    assert library.touched.is_set()
+    library.touched.clear()
+    found = diagnose(library, values, seed=4245).document
+    assert library.touched.is_set()
+    assert found["neighbours"][0]["case_id"] == case.id  # type: ignore[index]
+    assert found["provenance"]["similarity_version"] == 1  # type: ignore[index]
+    assert any("will be learned again" in remark for remark in found["remarks"])  # type: ignore[attr-defined]
+    assert library.keep_learned("learning", VERSION)
+    again = diagnose(library, values, seed=4246).document
+    assert again["provenance"]["similarity_version"] == 2  # type: ignore[index]
+    assert not any("will be learned again" in remark for remark in again["remarks"])  # type: ignore[attr-defined]
 
 
 def test_a_person_has_the_last_word(library: CaseLibrary) -> None:
