@@ -5,7 +5,16 @@ import sys
 
 from benchmarks import table
 
-MODULES: tuple[str, ...] = ("features", "simulation", "axis_simulation", "service", "retrieval", "diagnosis")
+MODULES: tuple[str, ...] = (
+    "features",
+    "simulation",
+    "axis_simulation",
+    "service",
+    "pages",
+    "retrieval",
+    "diagnosis",
+    "measured_help",
+)
 """One line per benchmark."""
 
 

@@ -6,7 +6,7 @@ is lost.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -123,13 +123,7 @@ def line_chart(
         return TOP + (1.0 - (min(max(y, y0), y1) - y0) / (y1 - y0)) * inner_h
 
     parts = [_frame(title, x_axis, y_axis, width, height)]
-    for value in ticks(y0, y1, 7):
-        parts.append(f'<path class="grid-line" d="M{LEFT:.1f} {py(value):.1f}H{width - RIGHT:.1f}"/>')
-        parts.append(f'<text x="{LEFT - 7:.1f}" y="{py(value) + 4:.1f}" text-anchor="end">{_tick_text(value)}</text>')
-    for value in ticks(x0, x1, 8):
-        parts.append(
-            f'<text x="{px(value):.1f}" y="{height - BOTTOM + 16:.1f}" text-anchor="middle">{_tick_text(value)}</text>'
-        )
+    parts += _marks(ticks(x0, x1, 8), px, ticks(y0, y1, 7), py, width, height)
     for band in bands:
         top, bottom = py(band.high), py(band.low)
         parts.append(
@@ -155,14 +149,32 @@ def line_chart(
     return Markup("".join(parts))  # noqa: S704  every text above is escaped
 
 
-def _frame(title: str, x_axis: Axis, y_axis: Axis, width: float, height: float) -> str:
+def _frame(title: str, x_axis: Axis, y_axis: Axis, width: float, height: float, role: str = "img") -> str:
     middle = TOP + (height - TOP - BOTTOM) / 2
     return (
-        f'<svg class="chart" viewBox="0 0 {width:.0f} {height:.0f}" role="img" aria-label="{escape(title)}">'
+        f'<svg class="chart" viewBox="0 0 {width:.0f} {height:.0f}" role="{role}" aria-label="{escape(title)}">'
         f'<text x="{LEFT + (width - LEFT - RIGHT) / 2:.1f}" y="{height - 6:.1f}" text-anchor="middle">'
         f"{escape(x_axis.label)}</text>"
         f'<text transform="translate(13 {middle:.1f}) rotate(-90)" text-anchor="middle">{escape(y_axis.label)}</text>'
     )
+
+
+def _marks(
+    xs: Sequence[float],
+    px: Callable[[float], float],
+    ys: Sequence[float],
+    py: Callable[[float], float],
+    width: float,
+    height: float,
+) -> list[str]:
+    """Draw the numbers of both axes, and a line across at those of y."""
+    parts: list[str] = []
+    for value in ys:
+        parts.append(f'<path class="grid-line" d="M{LEFT:.1f} {py(value):.1f}H{width - RIGHT:.1f}"/>')
+        parts.append(f'<text x="{LEFT - 7:.1f}" y="{py(value) + 4:.1f}" text-anchor="end">{_tick_text(value)}</text>')
+    low = height - BOTTOM + 16
+    parts += [f'<text x="{px(x):.1f}" y="{low:.1f}" text-anchor="middle">{_tick_text(x)}</text>' for x in xs]
+    return parts
 
 
 def _line(points: Sequence[tuple[float, float] | None]) -> str:
@@ -245,25 +257,39 @@ class Point:
     text: str
 
 
-def map_chart(title: str, points: Sequence[Point], query: Point | None = None, *, size: float = 460.0) -> Markup:
+def map_chart(
+    title: str,
+    points: Sequence[Point],
+    query: Point | None = None,
+    axes: tuple[str, str] = ("", ""),
+    *,
+    width: float = 720.0,
+    height: float = 460.0,
+) -> Markup:
     """Draw cases as shapes by label (circle, diamond, triangle, square), hollow where simulated, and the query."""
     everything = [*points, *([query] if query else [])]
     x0, x1 = _limits([np.array([p.x for p in everything])], None)
     y0, y1 = _limits([np.array([p.y for p in everything])], None)
-    inner = size - 40
+    edge = 12.0
+    wide, high = width - LEFT - RIGHT - 2 * edge, height - TOP - BOTTOM - 2 * edge
 
-    def place(point: Point) -> tuple[float, float]:
-        return 20 + (point.x - x0) / (x1 - x0) * inner, size - 20 - (point.y - y0) / (y1 - y0) * inner
+    def px(x: float) -> float:
+        return LEFT + edge + (x - x0) / (x1 - x0) * wide
 
-    parts = [f'<svg class="chart map" viewBox="0 0 {size:.0f} {size:.0f}" role="group" aria-label="{escape(title)}">']
+    def py(y: float) -> float:
+        return TOP + edge + (1 - (y - y0) / (y1 - y0)) * high
+
+    parts = [_frame(title, Axis(axes[0]), Axis(axes[1]), width, height, role="group")]
+    parts += _marks(ticks(x0, x1, 8), px, ticks(y0, y1, 7), py, width, height)
+    parts.append(f'<path class="axis" d="M{LEFT} {TOP}V{height - BOTTOM}H{width - RIGHT}"/>')
     for point in points:
-        outline = shape_path(point.label, *place(point), 5.0)
+        outline = shape_path(point.label, px(point.x), py(point.y), 5.0)
         parts.append(
             f'<a href="{escape(point.href)}"><title>{escape(point.text)}</title>'
             f'<path class="point {shape_name(point.label)} {escape(point.origin)}" d="{outline}"/></a>'
         )
     if query is not None:
-        x, y = place(query)
+        x, y = px(query.x), py(query.y)
         parts.append(
             f'<circle class="point query" cx="{x:.1f}" cy="{y:.1f}" r="7"><title>{escape(query.text)}</title></circle>'
         )

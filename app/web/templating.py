@@ -5,6 +5,7 @@ import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from functools import lru_cache
 from importlib.metadata import version
 from pathlib import Path
 from zoneinfo import ZoneInfo
@@ -29,7 +30,7 @@ NAVIGATION = (
     ("/keys", "Keys", "6", "admin"),
     ("/audit", "Audit", "7", "admin"),
 )
-MINUS = "\N{MINUS SIGN}"
+MINUS, NO_BREAK = "\N{MINUS SIGN}", "\N{NO-BREAK SPACE}"
 RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
 SQUARE = re.compile(r"(?<=[a-z])2\b")
 LONGEST = 7
@@ -62,7 +63,7 @@ def quantity(value: float | None, unit: str = "", digits: int = 3) -> Markup:
     text = text.replace("-", MINUS)
     if not unit or unit == "1":
         return escape(text)
-    return Markup("{}{}{}").format(text, "" if unit == "°" else "\N{NO-BREAK SPACE}", SQUARE.sub("²", unit))
+    return escape(f"{text}{'' if unit == '°' else NO_BREAK}{SQUARE.sub('²', unit)}")
 
 
 def percent(value: float | None, digits: int = 0) -> str:
@@ -97,6 +98,7 @@ def parameter_words(name: str) -> str:
     return ": ".join([*place, last]).replace("_", " ")
 
 
+@lru_cache(maxsize=256)
 def shape(label: str | None) -> Markup:
     """Draw the shape that belongs to a label, so that colour never speaks alone."""
     outline = shape_path(label or "", 8.0, 8.0, 6.0)
@@ -105,11 +107,13 @@ def shape(label: str | None) -> Markup:
     ).format(outline)
 
 
+@lru_cache(maxsize=256)
 def label_badge(label: str | None) -> Markup:
     """Write a label with its shape."""
     return Markup('<span class="label {}">{}{}</span>').format(shape_name(label or ""), shape(label), label or "none")
 
 
+@lru_cache(maxsize=256)
 def origin_badge(origin: str) -> Markup:
     """Write where a case comes from."""
     return Markup('<span class="badge {}">{}</span>').format(origin, origin)

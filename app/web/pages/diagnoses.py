@@ -11,6 +11,7 @@ from app.metadata import RecordingMetadata, read_metadata
 from app.security import Principal, check_csrf
 from app.service import Reading, Service, TheService
 from app.uploads import TheUpload
+from app.web.counted import counts_of
 from app.web.diagnosis_view import view_of
 from app.web.pages.recordings import demo_ids
 from app.web.report import diagnosis_html, diagnosis_pdf
@@ -144,7 +145,7 @@ def shown(
         f'curl -H "Authorization: Bearer $GEARCASE_KEY" {base}/api/v1/diagnoses/{row.id}'
     )
     context = view_of(session, service, row, orders=orders, overlay=case).context()
-    labels = sorted({label for label, _ in service.library.counts(session)})
+    labels = sorted({label for label, _ in counts_of(service.library, session)})
     context |= {"demo": demo, "orders": orders, "curl": curl, "labels": labels, "overlay": case}
     notices = (Message("Taken over.", ""),) if request.query_params.get("done") else ()
     return render(request, "diagnosis.html", context, principal=principal, section="/diagnoses", messages=notices)

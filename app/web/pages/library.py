@@ -4,10 +4,8 @@ import json
 from collections import Counter
 from typing import Annotated
 
-import numpy as np
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import RedirectResponse, Response
-from numpy.typing import NDArray
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
@@ -17,13 +15,14 @@ from app.metadata import CaseMetadata, read_metadata
 from app.security import check_csrf
 from app.service import Reading, TheService
 from app.uploads import TheUpload
+from app.web.counted import counted, counts_of
 from app.web.features import features_of
+from app.web.map import projected
 from app.web.pages.diagnoses import told
 from app.web.recorded import chart_of
 from app.web.session import FromOurPage, PageAdmin, PageViewer
-from app.web.svg import Point, map_chart
+from app.web.svg import map_chart
 from app.web.templating import Message, render
-from casebase.case_table import CaseTable
 from casebase.description import Labelling
 from casebase.library import CaseFilter
 from casebase.models import Case, StoredRecording
@@ -31,7 +30,6 @@ from casebase.signals.features import catalogue
 
 router = APIRouter()
 SECTION = "/library"
-SHOWN_ON_MAP = 1500
 AXES_AND_LABELS = 400
 
 
@@ -53,7 +51,7 @@ def cases(
     wanted = CaseFilter(label or None, origin or None, axis or None, gearbox or None, state or None)
     page = service.library.cases(session, wanted, limit=100, cursor=cursor)
     chosen = {"label": label, "origin": origin, "axis": axis, "gearbox": gearbox, "state": state}
-    counts = service.library.counts(session)
+    counts = counts_of(service.library, session)
     context = {
         "rows": page.items,
         "next_cursor": page.next_cursor,
@@ -121,59 +119,25 @@ def library_map(
 ) -> Response:
     """Every case as a point, alike ones near each other, with one recording among them if asked for."""
     asked = service.library.recording(session, recording) if recording else None
-    table = service.library.reasoner(session).table
-    query = features_of(session, recording) if recording else {}
-    points, drawn, explained = placed(table, query, service.settings.root_path.rstrip("/"))
-    chart = map_chart("Map of the library", points, drawn) if points else None
+    library = service.library
+    projection = counted(library, session, "map", lambda: projected(library.table(session)))
+    root = service.settings.root_path.rstrip("/")
+    points = projection.points(root) if projection else []
+    query = projection.place(features_of(session, recording)) if projection and recording else None
     context = {
-        "chart": chart,
+        "chart": map_chart("Map of the library", points, query, projection.titles) if projection else None,
         "count": len(points),
-        "all": len(table),
-        "explained": explained,
-        "labels": table.classes,
+        "all": len(projection.table) if projection else 0,
+        "labels": projection.table.classes if projection else (),
         "query": asked,
     }
     return render(request, "map.html", context, principal=principal, section=SECTION)
 
 
-def placed(table: CaseTable, query: dict[str, float | None], root: str) -> tuple[list[Point], Point | None, float]:
-    """Return the cases by their first two principal components, the query among them, and the share explained.
-
-    Features are scaled by median and median absolute deviation; a missing value counts as the median.
-    """
-    if len(table) < 3:
-        return [], None, 0.0
-    known = catalogue()
-    compared = np.array([name not in known or known[name].compared for name in table.names])
-    values = table.values[:, compared].astype(np.float64)
-    names = [name for name, used in zip(table.names, compared, strict=True) if used]
-    middle = np.nan_to_num(np.nanmedian(values, axis=0))
-    spread = np.nan_to_num(np.nanmedian(np.abs(values - middle), axis=0))
-    used = spread > 0
-    scaled = np.clip(np.nan_to_num((values - middle)[:, used] / spread[used]), -8, 8)
-    centre = scaled.mean(axis=0)
-    _, singular, axes = np.linalg.svd(scaled - centre, full_matrices=False)
-    places = (scaled - centre) @ axes[:2].T
-    step = -(-len(table) // SHOWN_ON_MAP)
-    points = [_point(table, places, row, root) for row in range(0, len(table), step)]
-    explained = float(np.sum(singular[:2] ** 2) / np.sum(singular**2))
-    if not query:
-        return points, None, explained
-    vector = np.array([np.nan if query.get(name) is None else query[name] for name in names], dtype=np.float64)
-    at = (np.clip(np.nan_to_num((vector - middle)[used] / spread[used]), -8, 8) - centre) @ axes[:2].T
-    return points, Point(float(at[0]), float(at[1]), "query", "measured", "", "the recording asked for"), explained
-
-
-def _point(table: CaseTable, places: NDArray[np.float64], row: int, root: str) -> Point:
-    label, origin = str(table.labels[row]), str(table.origins[row])
-    text = f"{label}, {origin}, gearbox {table.gearboxes[row] or 'not told'}"
-    return Point(float(places[row, 0]), float(places[row, 1]), label, origin, f"{root}/cases/{table.ids[row]}", text)
-
-
 @router.get("/library/coverage")
-def coverage(request: Request, session: Reading, principal: PageViewer) -> Response:
+def coverage(request: Request, session: Reading, service: TheService, principal: PageViewer) -> Response:
     """How many cases there are of every label, per axis and origin, and where there are none."""
-    context = {"rows": covered(session), "columns": ("measured", "simulated")}
+    context = {"rows": counted(service.library, session, "coverage", lambda: covered(session))}
     return render(request, "coverage.html", context, principal=principal, section=SECTION)
 
 
