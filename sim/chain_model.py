@@ -25,7 +25,6 @@ BACKLASH_NONE_RAD = 1e-10  # a total gap up to this is a plain spring and damper
 CONTACT_LAWS = {"linear": 1.0, "elasto": 2.0, "elasto2": 3.0}
 MAX_SHAFTS = 4
 MAX_STEPS = 200_000_000
-LOG_ROWS = 20_000
 
 
 class ChainError(ParameterError):

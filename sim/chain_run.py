@@ -53,17 +53,22 @@ def run_chain(
     tolerance = 1e-12 * max([1.0, *(link.stiffness_n_m_per_rad for link in chain.links)])
     grid = np.zeros(5) if watch is None else watch
     grid[:4] = sample_rate_hz, substeps, width, tolerance
-    log = np.empty((0 if light else LOG_ROWS, 5))
     angle = np.empty((samples, 1 if light else n))
     speed = np.empty((samples, 0 if light else n))
     acceleration = np.empty((samples, 0 if light else n))
     force = np.empty((samples, 0 if light else len(chain.links)))
     torque = np.empty(samples)
-    count, unresolved = chain_kernel.run(
-        p, q, motion, external, servo, reference, grid, state, log, angle, speed, acceleration, force, torque
-    )
+    log = np.empty((0 if light else LOG_ROWS, 5))
+    while True:
+        count, unresolved = chain_kernel.run(
+            p.copy(), q.copy(), motion, external, servo, reference, grid, state,
+            log, angle, speed, acceleration, force, torque,
+        )  # fmt: skip
+        if light or count <= len(log):
+            break
+        log = np.empty((count, 5))
     return ChainResult(
-        sample_rate_hz, angle, speed, acceleration, force, torque, count, unresolved, log[: min(count, len(log))]
+        sample_rate_hz, angle, speed, acceleration, force, torque, count, unresolved, log[: 0 if light else count]
     )
 
 

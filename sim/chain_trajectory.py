@@ -6,7 +6,7 @@ Signs: a chain counts the torque on the driven shaft, Modelica the torque into t
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 import numpy as np
@@ -76,30 +76,36 @@ def _position_torque(part: TorqueRipple | Gravity, angle: Array) -> Array:
 
 def _events(places: list[Place], result: ChainResult) -> Iterator[Event]:
     """Contact and sliding as Modelica numbers them; what a component passes through in no time is left out."""
-    kept: list[Event | None] = []
+    kept: list[tuple[float, str, int, int, Mapping[int, str]] | None] = []
     latest: dict[str, int] = {}
-    for event in _all_events(places, result):
-        position = latest.get(event.component)
+    for time, component, before, after, names in _all_events(places, result):
+        position = latest.get(component)
         last = None if position is None else kept[position]
-        if position is not None and last is not None and last.time_s == event.time_s:
+        if position is not None and last is not None and last[0] == time:
             kept[position] = None
-            changed = (last.from_mode, event.to_mode, last.from_name, event.to_name)
-            event = Event(event.time_s, event.component, *changed)
-        if event.from_mode != event.to_mode:
-            latest[event.component] = len(kept)
-            kept.append(event)
-    return (event for event in kept if event is not None)
+            before = last[2]
+        if before != after:
+            latest[component] = len(kept)
+            kept.append((time, component, before, after, names))
+    for one in kept:
+        if one is not None:
+            time, component, before, after, names = one
+            yield Event(time, component, before, after, names[before], names[after])
 
 
-def _all_events(places: list[Place], result: ChainResult) -> Iterator[Event]:
-    """Of the modes within a contact only its beginning and end count."""
+def _all_events(places: list[Place], result: ChainResult) -> Iterator[tuple[float, str, int, int, Mapping[int, str]]]:
+    """Time, component, old and new mode, names of modes; of the modes within a contact only beginning and end count."""
     meshes = [place.mesh or "" for place in places]
     sliding = [place.frictions[0] if place.frictions else place.gear or place.inertias[0] for place in places]
-    for time, what, index, before, after in result.log.tolist():
-        if what == CONTACT:
-            old, new = (0 if abs(mode) < 0.5 else -1 if mode > 0 else 1 for mode in (before, after))
-            if old != new:
-                yield Event(time, meshes[int(index)], old, new, CONTACT_NAMES[old], CONTACT_NAMES[new])
-        elif what == STICK:
-            old, new = int(before), int(after)
-            yield Event(time, sliding[int(index)], old, new, SLIDING_NAMES[old], SLIDING_NAMES[new])
+    log = result.log
+    contact, stick = log[:, 1] == CONTACT, log[:, 1] == STICK
+    modes = np.where(contact[:, None], -np.sign(log[:, 3:5]), log[:, 3:5]).astype(np.int64)
+    wanted = stick | (contact & (modes[:, 0] != modes[:, 1]))
+    rows = zip(
+        log[wanted, 0].tolist(), stick[wanted].tolist(), log[wanted, 2].tolist(), modes[wanted].tolist(), strict=True
+    )
+    for time, slides, index, (before, after) in rows:
+        if slides:
+            yield time, sliding[int(index)], before, after, SLIDING_NAMES
+        else:
+            yield time, meshes[int(index)], before, after, CONTACT_NAMES

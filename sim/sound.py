@@ -14,6 +14,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -86,15 +87,21 @@ class Microphone:
         >>> [round(float(abs(value)), 2) for value in heard]
         [0.0, 19.84, 0.0]
         """
-        ratio = 1j * frequency_hz / self.lowest_hz
-        high_pass = (ratio**2 / (1 + math.sqrt(2) * ratio + ratio**2)) ** 2
+        ratio = frequency_hz / self.lowest_hz
+        square = ratio * ratio
+        weight = square / (1 + square * square)
+        high_pass = weight * (square - 1) + 1j * (weight * (math.sqrt(2) * ratio))
+        high_pass *= high_pass
         if not self.modes:
             return np.asarray(high_pass)
-        answer = np.zeros(len(frequency_hz), dtype=np.complex128)
+        real, imaginary = np.zeros((2, len(frequency_hz)))
         for mode in self.modes:
-            s = 1j * frequency_hz / mode.frequency_hz
-            answer += mode.amplitude * s / (1 + 2 * mode.damping_ratio * s + s**2)
-        return answer * high_pass
+            s = frequency_hz / mode.frequency_hz
+            rest, loss = 1 - s * s, 2 * mode.damping_ratio * s
+            s *= mode.amplitude / (rest * rest + loss * loss)
+            real += s * loss
+            imaginary += s * rest
+        return np.asarray((real + 1j * imaginary) * high_pass)
 
     def with_mode(self, mode: Mode) -> Microphone:
         """The microphone with one more resonance."""
@@ -137,12 +144,27 @@ def hear(
     top = float(np.abs(speed_rad_s).max(initial=0.0))
     if top > 0:
         level = (np.abs(speed_rad_s) / top) ** microphone.rubbing_exponent
-        force += microphone.rubbing_n_m * level * random.standard_normal(n)
+        force += microphone.rubbing_n_m * level * random.standard_normal(n, dtype=np.float32)
     size = fft.next_fast_len(n + int(sample_rate_hz / 2), real=True)
+    path, noise = _path_and_noise(replace(microphone, gain=1.0), size, sample_rate_hz)
+    spectrum = fft.rfft(force.astype(np.float32), size)
+    spectrum *= path
+    ambient = random.standard_normal(2 * len(noise), dtype=np.float32).view(np.complex64)
+    ambient *= noise
+    spectrum += ambient
+    heard: NDArray[np.float32] = fft.irfft(spectrum, size)[:n]
+    heard *= np.float32(microphone.gain)
+    return heard
+
+
+@lru_cache(maxsize=4)
+def _path_and_noise(
+    microphone: Microphone, size: int, sample_rate_hz: float
+) -> tuple[NDArray[np.complex64], NDArray[np.float32]]:
+    """H and the spread of each part of the ambient noise's spectrum, shape (size // 2 + 1,); kept for runs alike."""
     frequency = fft.rfftfreq(size, 1 / sample_rate_hz)
     shape = np.maximum(frequency, LOWEST_NOISE_HZ) ** (-0.5 * microphone.ambient_slope)
-    shape *= microphone.ambient_n_m / math.sqrt(float(np.mean(shape**2)))
-    spectrum = microphone.path(frequency) * fft.rfft(force, size)
-    spectrum += shape * fft.rfft(random.standard_normal(size), size)
-    heard: Array = fft.irfft(spectrum, size)[:n]
-    return (microphone.gain * heard).astype(np.float32)
+    shape *= microphone.ambient_n_m * math.sqrt(0.5 * size / float(np.mean(shape**2)))
+    path, noise = microphone.path(frequency).astype(np.complex64), shape.astype(np.float32)
+    path.flags.writeable = noise.flags.writeable = False
+    return path, noise
