@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -18,7 +18,8 @@ from sim.discrepancy.extension import extended_axis
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.gain import Gain, gains
 from sim.discrepancy.selection import TEMPERATURE, Rival, Selection, calibrate, evidence, material, polish, select
-from sim.discrepancy.sound import Heard, listen
+from sim.discrepancy.sound import Listening, beside, listen, listen_alone
+from sim.discrepancy.sound_evidence import Heard
 from sim.discrepancy.terms import Term
 from sim.discrepancy.unexplained import SHARE, Unexplained, look
 
@@ -72,6 +73,7 @@ class Investigation:
     rejected: tuple[tuple[str, float], ...] = ()
     remarks: tuple[str, ...] = ()
     selection: Selection | None = field(default=None, repr=False, compare=False)
+    listening: Listening | None = field(default=None, repr=False, compare=False)
 
     def document(self) -> dict[str, object]:
         """JSON of the contract: finite numbers only, the same for the same bytes."""
@@ -101,22 +103,28 @@ class Investigation:
 def investigate(
     axis: Axis,
     telemetry: Telemetry | None,
-    sound: Recording | None = None,
+    sound: Recording | Sequence[Recording] | None = None,
     progress: Progress = lambda stage, share: None,
     sound_offset_s: float = 0.0,
 ) -> Investigation:
     """Hold measured data of an axis against its description.
+
+    Several recordings of the same axis can be given without telemetry; their evidence is taken together.
 
     Raises
     ------
     InvestigationError
         for data that cannot be what they claim; the text says what would be right.
     """
-    if telemetry is None and sound is None:
+    sounds = (sound,) if isinstance(sound, Recording) else tuple(sound or ())
+    if telemetry is None and not sounds:
         raise InvestigationError("nothing to investigate: give telemetry, sound or both")
     if telemetry is None:
-        assert sound is not None
-        return _sound_alone(axis, sound, progress)
+        return _sound_alone(axis, sounds, progress)
+    if len(sounds) > 1:
+        raise InvestigationError(
+            f"sound: {len(sounds)} recordings beside one telemetry; give the one that starts with it"
+        )
     progress("condition of the channels", 0.02)
     gate = examine(axis, telemetry)
     progress("calibration of what the description has", 0.08)
@@ -125,7 +133,8 @@ def investigate(
     selection = select(problem, base, progress)
     problem, fit = selection.problem, selection.fit
     progress("sound", 0.78)
-    heard = listen(axis, sound, gate.measurement, sound_offset_s) if sound is not None else ()
+    heard = listen(axis, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
+    named = [term.mechanism for term in fit.terms] + [fault.mechanism for fault in gate.faults]
     progress("gain on rows not used", 0.85)
     base = Fit((), base.parameters, base.values, problem.residual((), base.values), base.jacobian, base.cost, base.runs)
     if fit.terms:
@@ -139,14 +148,14 @@ def investigate(
     findings = (
         *(_finding(selection, term) for term in fit.terms),
         *(_fault_finding(fault) for fault in gate.faults),
-        *(_heard_finding(h) for h in heard if h.mechanism != "unnamed"),
+        *(_heard_finding(h) for h in beside(named, heard, problem.guided)),
     )
     verdict = "named" if findings else "unnamed" if rest else "nothing_missing"
     progress("done", 1.0)
     return Investigation(
         axis, verdict, findings, rest[0] if rest else None, _estimates(problem, fit), gained,
         next_measurement(axis, findings, rest, problem.guided), extended_axis(axis, fit, fit.terms),
-        _provenance(axis, telemetry, sound, problem),
+        _provenance(axis, telemetry, sounds, problem),
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]), gate.remarks, selection,
     )  # fmt: skip
 
@@ -169,14 +178,14 @@ def _first_noise(gate: Gate) -> Noise:
     return Noise.flat(3.0 * fast, 50.0 * fast)
 
 
-def _sound_alone(axis: Axis, sound: Recording, progress: Progress) -> Investigation:
+def _sound_alone(axis: Axis, sounds: Sequence[Recording], progress: Progress) -> Investigation:
     progress("sound", 0.2)
-    heard = listen(axis, sound, None, 0.0)
-    findings = tuple(_heard_finding(h) for h in heard if h.mechanism != "unnamed")
+    listened = listen_alone(axis, sounds)
+    findings = tuple(_heard_finding(h) for h in listened.heard)
+    progress("done", 1.0)
     return Investigation(
-        axis, "named" if findings else "nothing_missing", findings, None, (), (),
-        next_measurement(axis, findings, [], False), axis, _provenance(axis, None, sound, None),
-        remarks=("Sound alone: friction, stiffness, loads and delays cannot be heard; record telemetry for them.",),
+        axis, "named" if findings else "nothing_missing", findings, None, (), (), listened.next_measurement, axis,
+        _provenance(axis, None, sounds, None), remarks=listened.remarks, listening=listened,
     )  # fmt: skip
 
 
@@ -260,11 +269,11 @@ def _fault_finding(fault: Fault) -> Finding:
 
 def _heard_finding(h: Heard) -> Finding:
     estimates = tuple(Estimate(k, v, unit_of(k), low, high) for k, (v, low, high) in h.parameters.items())
-    return Finding(h.mechanism, h.location, h.probability, estimates, (), h.explanation)
+    return Finding(h.mechanism, h.location, h.probability, estimates, h.indistinguishable_from, h.explanation)
 
 
 def _provenance(
-    axis: Axis, telemetry: Telemetry | None, sound: Recording | None, problem: Problem | None
+    axis: Axis, telemetry: Telemetry | None, sounds: Sequence[Recording], problem: Problem | None
 ) -> dict[str, object]:
     digest = hashlib.sha256()
     if telemetry is not None:
@@ -274,7 +283,7 @@ def _provenance(
         "method": f"guided chain {VERSION}",
         "axis": axis.name,
         "telemetry_sha256": digest.hexdigest() if telemetry is not None else None,
-        "sound_sha256": sound.sha256 if sound is not None else None,
+        "sound_sha256": "+".join(sound.sha256 for sound in sounds) or None,
         "rows": 0 if problem is None else problem.measurement.samples,
         "rate_hz": 0.0 if problem is None else _round(problem.measurement.rate_hz),
     }

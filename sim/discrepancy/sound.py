@@ -1,175 +1,123 @@
-"""What the sound says: orders of bearings, hum of the mains, a recording that is cut at its extremes."""
+"""What sound says of an axis: alone, beside telemetry, or as several recordings of the same axis."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import butter, hilbert, medfilt, sosfiltfilt, welch
 
 from casebase.signals.recording import Recording
 from sim.axis import Axis
-from sim.chain_model import Array
 from sim.discrepancy.measurement import Measurement
+from sim.discrepancy.sound_course import LEAST_CRUISES, Course, course_of
+from sim.discrepancy.sound_evidence import Heard
+from sim.discrepancy.sound_gears import bearing_defect, play, tooth_damage
+from sim.discrepancy.sound_lines import mesh_orders
+from sim.discrepancy.sound_path import bearing_along_path
+from sim.discrepancy.sound_recording import recording_faults
 
-PER_TURN = 128  # samples of the envelope per revolution of the motor
-LOWEST_ORDER, HIGHEST_ORDER = 1.2, 30.0  # below, what stands still in Hz at constant speed looks like an order
-LINE = 40.0  # power of a line over the local median: of 10,000 exponential bins the largest is near 10 ln 2 = 14
-HUM_DB = 22.0
-HARMONICS = 5
+SAID = 0.5
+SURE = 0.9  # of what telemetry does not show, though it could
+LEAST_S = 4.0
+GEAR = frozenset({"tooth_damage", "backlash"})
 
 
-@dataclass(frozen=True)
-class Heard:
-    """A finding from sound; `parameters`: name to value, low, high."""
+@dataclass(frozen=True, eq=False)
+class Listening:
+    """Findings, candidates that were rejected with their probability, what is out of reach, what to measure next."""
 
-    mechanism: str
-    location: str | None
-    probability: float
-    parameters: Mapping[str, tuple[float, float, float]]
-    explanation: str
+    heard: tuple[Heard, ...]
+    rejected: tuple[tuple[str, float], ...]
+    remarks: tuple[str, ...]
+    next_measurement: str
+    courses: tuple[Course, ...]
 
 
 def listen(axis: Axis, sound: Recording, measurement: Measurement | None, offset_s: float) -> tuple[Heard, ...]:
-    """Findings of one recording; orders need the motor's angle of the same motion."""
+    """Findings of one recording; with telemetry, angles are those of its encoders."""
+    if measurement is None:
+        return listen_alone(axis, [sound]).heard
     values = np.asarray(sound.samples, dtype=np.float64)
-    out = [*_clipping(values), *_hum(values, sound.sample_rate_hz)]
-    if measurement is not None and values.size > 4 * sound.sample_rate_hz:
-        out += _bearing(axis, values, sound.sample_rate_hz, measurement, offset_s)
+    course = course_of(axis, sound, measurement, offset_s)
+    out = recording_faults(values, sound.sample_rate_hz, course.moving)
+    if sound.duration_s > LEAST_S:
+        out += bearing_along_path(axis, values, sound.sample_rate_hz, measurement, offset_s)
+        out += [h for h in (*tooth_damage(axis, [course]), *play(axis, [course])) if h.probability >= SURE]
     return tuple(out)
 
 
-def _clipping(values: Array) -> list[Heard]:
-    edge = float(np.abs(values).max())
-    if edge == 0.0:
-        return []
-    at = np.abs(values) >= edge * (1.0 - 1e-4)
-    runs = int((at[1:] & at[:-1]).sum())
-    if runs < 20:
-        return []
-    share = float(at.mean())
-    text = f"The sound stays at its extreme in {share:.2%} of all samples: the recording is cut there; lower the gain."
-    return [Heard("clipping", None, 0.95, {"fraction": (share, share, share)}, text)]
+def listen_alone(axis: Axis, sounds: Sequence[Recording]) -> Listening:
+    """Findings of one or more recordings of the same axis, made without telemetry."""
+    courses = tuple(course_of(axis, sound, None, 0.0) for sound in sounds)
+    faults: dict[str, Heard] = {}
+    for sound, course in zip(sounds, courses, strict=True):
+        for fault in recording_faults(np.asarray(sound.samples, np.float64), sound.sample_rate_hz, course.moving):
+            faults.setdefault(fault.mechanism, fault)
+    machine = [*tooth_damage(axis, courses), *play(axis, courses), *bearing_defect(axis, courses)]
+    heard = tuple(h for h in (*machine, *faults.values()) if h.probability >= SAID)
+    rejected = tuple((h.mechanism, h.probability) for h in machine if h.probability < SAID)
+    return Listening(heard, rejected, _remarks(axis, courses), _next(axis, heard, courses), courses)
 
 
-def _hum(values: Array, rate_hz: float) -> list[Heard]:
-    """At least two multiples of a mains frequency that stand out as lines of constant frequency."""
-    size = int(min(2 * rate_hz, values.size // 4))
-    frequency, power = welch(values, rate_hz, nperseg=size)
-    level = 10.0 * np.log10(power + 1e-300)
-    floor = medfilt(level, 41)
-    for mains in (50.0, 60.0):
-        above = []
-        for k in (1, 2, 3, 4, 6):
-            at = int(np.argmin(np.abs(frequency - k * mains)))
-            above.append(float(level[max(at - 1, 0) : at + 2].max() - floor[at]))
-        if above[0] > HUM_DB and sum(a > HUM_DB for a in above) >= 1 and above[0] >= max(above) - 40.0:
-            text = f"A hum of {mains:g} Hz stands {above[0]:.0f} dB over the sound: "
-            text += "supply or earthing of the recording, not the gear."
-            return [Heard("electrical_hum", None, 0.9, {"frequency_hz": (mains, mains - 0.5, mains + 0.5)}, text)]
-    return []
+def beside(named: Sequence[str], heard: Sequence[Heard], load_encoder: bool) -> tuple[Heard, ...]:
+    """What sound adds to mechanisms that telemetry has named: no name twice, and no gear fault against an encoder.
+
+    With a load encoder telemetry shows damaged teeth and play below what can be heard; without one, sound may name
+    them where telemetry found nothing else that it could have taken for them.
+    """
+    blind = not load_encoder and not set(named)
+    return tuple(h for h in heard if h.mechanism not in named and (h.mechanism not in GEAR or blind))
 
 
-def _bearing(axis: Axis, values: Array, rate_hz: float, m: Measurement, offset_s: float) -> list[Heard]:
-    """Lines of the envelope over the motor's path at one order and its multiples that no gear explains."""
-    orders, heights = _envelope_orders(values, rate_hz, m, offset_s)
-    if orders.size == 0:
-        return []
-    spacing = float(orders[1])
-    best = (0.0, 0.0, 0)
-    grid = np.flatnonzero((orders > 0.4) & (orders < HIGHEST_ORDER) & (heights > LINE))
-    for index in grid:
-        order = _centre(orders, heights, int(index), spacing)
-        if _of_gears(axis, order, spacing):
-            continue
-        found = [_height(heights, k * order / spacing, 1 + k // 2) for k in range(1, HARMONICS + 1)]
-        count = sum(h > LINE for h in found)
-        score = sum(math.log(max(h / LINE, 1.0)) for h in found)
-        if count >= 2 and order > LOWEST_ORDER and found[0] > LINE and score > best[0]:
-            best = (score, order, count)
-    if best[2] < 2 or _fixed_line(values, rate_hz) > float(heights[orders < 4.0 * HIGHEST_ORDER].max()):
-        return []
-    order = _refined(orders, heights, best[1], spacing)
-    half = max(1.5 * spacing, 0.004 * order)
-    text = (
-        f"Impacts come {order:.2f} times per revolution of the motor, with {best[2]} multiples and a little slip: "
-        "no gear has this order; a rolling bearing does."
-    )
-    return [Heard("bearing_defect", None, 0.95, {"order": (order, order - half, order + half)}, text)]
+def _remarks(axis: Axis, courses: Sequence[Course]) -> tuple[str, ...]:
+    out = [
+        "Sound alone: friction, stiffness, loads, offsets and delays cannot be heard, nor how deep a notch or how wide "
+        "play is; record telemetry for them.",
+        "Whine of the teeth and the housing's own tones are in every recording; whether they are louder than as new "
+        "(mesh_error, eccentricity, structural_resonance) needs telemetry, or a recording from when the axis was new.",
+    ]
+    if not any(course.analysis.motion.reversal_times_s for course in courses):
+        out.append("No standstill is heard, so neither damaged teeth nor play can be told from other impacts.")
+    elif not any(course.repeats for course in courses):
+        out.append("The motion does not repeat, so a damaged tooth cannot be told from other impacts.")
+    if not mesh_orders(axis):
+        out.append("The description gives no tooth numbers, so that bearings cannot be told from teeth.")
+    elif not any(course.speed for course in courses):
+        out.append(
+            "No tooth of this axis is heard as a line, so the speed is unknown and bearings were not looked for."
+        )
+    return tuple(out)
 
 
-def _envelope_orders(values: Array, rate_hz: float, m: Measurement, offset_s: float) -> tuple[Array, Array]:
-    """Orders per motor revolution and the envelope's power over its local median, best of three bands."""
-    time = np.arange(values.size) / rate_hz + offset_s
-    inside = (time >= m.time_s[0]) & (time <= m.time_s[-1])
-    speed = np.abs(np.interp(time[inside], m.time_s, m.speed))
-    path = np.cumsum(speed) / rate_hz / (2.0 * math.pi)
-    if path.size < rate_hz or path[-1] < 20.0:
-        return np.zeros(0), np.zeros(0)
-    grid = np.arange(0.0, path[-1], 1.0 / PER_TURN)
-    total = np.zeros(grid.size // 2 + 1)
-    nyquist = 0.5 * rate_hz
-    for low, high in ((0.08, 0.25), (0.25, 0.5), (0.5, 0.9)):
-        sos = butter(4, (low * nyquist, high * nyquist), "bandpass", fs=rate_hz, output="sos")
-        envelope = np.abs(hilbert(sosfiltfilt(sos, values)))
-        width = int(0.25 * rate_hz) | 1
-        envelope = envelope / (np.convolve(envelope, np.ones(width) / width, "same") + 1e-12) - 1.0
-        along = np.interp(grid, path, np.minimum(envelope[inside], 12.0))
-        power = np.abs(np.fft.rfft(along * np.hanning(grid.size))) ** 2
-        total = np.maximum(total, power / np.maximum(medfilt(power, 401), 1e-300))
-    return np.arange(total.size) * PER_TURN / grid.size, total
-
-
-def _fixed_line(values: Array, rate_hz: float) -> float:
-    """Height of the strongest line of the envelope over time: what is fixed in Hz is no order."""
-    sos = butter(4, (0.08 * 0.5 * rate_hz, 0.45 * rate_hz), "bandpass", fs=rate_hz, output="sos")
-    envelope = np.abs(hilbert(sosfiltfilt(sos, values)))
-    power = np.abs(np.fft.rfft((envelope - envelope.mean()) * np.hanning(values.size))) ** 2
-    spacing = rate_hz / values.size
-    part = power[: int(100.0 / spacing)]
-    ratio = part / np.maximum(medfilt(part, 401), 1e-300)
-    return float(ratio[int(4.0 / spacing) :].max())
-
-
-def _height(heights: Array, at: float, reach: int) -> float:
-    low = max(round(at) - reach, 0)
-    return float(heights[low : round(at) + reach + 1].max()) if low < heights.size - 2 else 0.0
-
-
-def _centre(orders: Array, heights: Array, index: int, spacing: float) -> float:
-    part = slice(max(index - 1, 0), index + 2)
-    return float((orders[part] * heights[part]).sum() / heights[part].sum())
-
-
-def _refined(orders: Array, heights: Array, order: float, spacing: float) -> float:
-    """Mean of the multiples over their number, weighted by height and number."""
-    total = weight = 0.0
-    for k in range(1, HARMONICS + 1):
-        at = round(k * order / spacing)
-        low = max(at - 2, 1)
-        part = heights[low : at + 3]
-        if part.size and part.max() > LINE:
-            peak = low + int(np.argmax(part))
-            total += k * float(orders[peak])
-            weight += k * k
-    return total / weight if weight else order
-
-
-def _of_gears(axis: Axis, order: float, spacing: float) -> bool:
-    """Whether an order per motor revolution is a multiple of a shaft next to the motor or of a mesh."""
-    turn = 1.0
-    known = [1.0]
-    for stage in axis.stages:
-        if stage.driver_teeth:
-            known.append(stage.driver_teeth * turn)
-        turn /= stage.ratio
-        known.append(turn)
-        if stage.driven_teeth:
-            known.append(stage.driven_teeth * turn)
-    tolerance = 2.5 * spacing + 0.001 * order
-    return any(
-        abs(order - round(order / one) * one) < tolerance and round(order / one) >= 1 and round(order / one) <= 12
-        for one in known
+def _next(axis: Axis, heard: Sequence[Heard], courses: Sequence[Course]) -> str:
+    named = {h.mechanism for h in heard}
+    if named & {"clipping", "lost_samples"}:
+        return "Record again with the gain lowered and without gaps: what is missing of the sound could be a fault's."
+    if "tooth_damage" in named:
+        return (
+            "Record motor torque and angle of motor and load of the same motion, slowly through a whole turn in both "
+            "directions: they give the tooth, its depth and its flank."
+        )
+    if "backlash" in named:
+        return (
+            "Add an encoder at the load and repeat the motion: the way between the flanks is the gap, and the stage "
+            "with the play shows in how fast it is crossed."
+        )
+    if "bearing_defect" in named:
+        return (
+            "Repeat the motion at two thirds of the speed: what keeps its order is the bearing, what keeps its pitch "
+            "is not."
+        )
+    if not any(course.repeats and len(course.cruises) >= LEAST_CRUISES for course in courses):
+        return (
+            "Move back and forth between the same two positions at constant speed, five times or more, and record that."
+        )
+    if "electrical_hum" in named:
+        return (
+            "Mend the earthing of the recorder, then repeat; friction, stiffness and play need telemetry with a load "
+            "encoder."
+        )
+    return (
+        "Record motor torque and angle with the sound, best with an encoder at the load: most causes cannot be heard."
     )

@@ -1,0 +1,161 @@
+"""The course of the motion behind a recording: reversals, cruising between them, and how fast that is.
+
+Reversals come from telemetry, or are heard (the sound all but vanishes at standstill). The speed of a cruise comes
+from telemetry, or from the lines of the meshes, whose orders the axis description gives.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
+from casebase.signals.condition import OperatingCondition
+from casebase.signals.recording import Recording
+from casebase.signals.stroke import reversal_times_s
+from sim.axis import Axis, Motion
+from sim.chain_model import Array
+from sim.discrepancy.measurement import Measurement
+from sim.discrepancy.sound_lines import TRANSFORM, heard_speed, mesh_orders, over_surroundings
+
+Mask = NDArray[np.bool_]
+MARGIN_S = 0.1  # loudness is full before the speed is
+SAME_CYCLE = 0.02
+SHORTEST_CRUISE_S = 0.4
+LEAST_CRUISES = 3
+
+
+@dataclass(frozen=True, eq=False)
+class Cruise:
+    """A stretch at constant speed: start and end [s], direction (1 or -1; strokes alternate), motor speed [1/s]."""
+
+    start_s: float
+    end_s: float
+    direction: int
+    turns_per_s: float | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class LoadAngle:
+    """From telemetry: times on the recording's clock (n,) [s], angle of the load (n,) [rad]."""
+
+    time_s: Array
+    angle_rad: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Course:
+    """Recording and motion. `spectra` (cruises, m): power over its surroundings; `moving` (n,) at the recording's rate.
+
+    `repeats`: back and forth between the same two ends in the same time. `load`: None where sound is alone.
+    """
+
+    analysis: Analysis
+    cruises: tuple[Cruise, ...]
+    spectra: Array
+    moving: Mask | None
+    repeats: bool
+    load: LoadAngle | None = None
+
+    @property
+    def speed(self) -> float | None:
+        """Usual speed of the motor while cruising [1/s]; None where it is not known."""
+        known = [c.turns_per_s for c in self.cruises if c.turns_per_s is not None]
+        return float(np.median(known)) if known else None
+
+
+def described_period_s(axis: Axis) -> float | None:
+    """The period of the motion, where the description says one: the default of `Motion` says nothing."""
+    return None if axis.motion == Motion() else axis.motion.period_s
+
+
+def course_of(axis: Axis, sound: Recording, m: Measurement | None, offset_s: float) -> Course:
+    """What is known of the motion during a recording that starts `offset_s` after the telemetry [s]."""
+    reversals: tuple[float, ...] = ()
+    if m is not None:
+        reversals = tuple(t for t in reversal_times_s(m.time_s - offset_s, m.angle) if 0.0 <= t <= sound.duration_s)
+    condition = OperatingCondition(motion_period_s=described_period_s(axis), reversal_times_s=reversals)
+    analysis = Analysis(sound, condition)
+    cruises = _cruises(analysis)
+    if m is not None:
+        cruises = _with_measured_speed(cruises, m, offset_s)
+    spectra = _spectra(analysis, cruises)
+    if m is None:
+        cruises = _with_heard_speed(axis, cruises, spectra, bool(analysis.motion.period_s))
+    moving = _moving(analysis, sound)
+    if m is None:
+        return Course(analysis, cruises, spectra, moving, bool(analysis.motion.period_s))
+    angle = m.angle / axis.ratio if m.load_angle is None else m.load_angle
+    return Course(analysis, cruises, spectra, moving, _repeats(reversals), LoadAngle(m.time_s - offset_s, angle))
+
+
+def _repeats(times: tuple[float, ...]) -> bool:
+    cycles = np.array(times[2:]) - np.array(times[:-2])
+    return bool(cycles.size >= 2 and np.ptp(cycles) < SAME_CYCLE * np.median(cycles))
+
+
+def _moving(analysis: Analysis, sound: Recording) -> Mask | None:
+    times = np.array(analysis.motion.reversal_times_s)
+    if times.size == 0:
+        return None
+    start, end = analysis.motion.quiet_s
+    clock = np.arange(sound.samples.size) / sound.sample_rate_hz
+    moving = np.ones(clock.size, dtype=bool)
+    for time in times:
+        moving &= (clock < time + start) | (clock > time + end)
+    return moving
+
+
+def _cruises(analysis: Analysis) -> tuple[Cruise, ...]:
+    """Between two reversals, where it is as loud as on the way."""
+    motion = analysis.motion
+    first, last = motion.slow_s[1] + MARGIN_S, motion.slow_s[0] - MARGIN_S
+    times = list(motion.reversal_times_s)
+    if not times:
+        return ()
+    stroke = motion.period_s / 2.0 if motion.period_s else float("inf")
+    spans = [(times[0] - stroke, times[0]), *itertools.pairwise(times), (times[-1], times[-1] + stroke)]
+    out = []
+    for index, (left, right) in enumerate(spans):
+        start, end = max(left + first, 0.0), min(right + last, analysis.duration_s)
+        if end - start >= SHORTEST_CRUISE_S and math.isfinite(left) and math.isfinite(right):
+            out.append(Cruise(start, end, 1 if index % 2 == 0 else -1))
+    return tuple(out)
+
+
+def _spectra(analysis: Analysis, cruises: tuple[Cruise, ...]) -> Array:
+    out = np.zeros((len(cruises), TRANSFORM // 2 + 1))
+    for row, cruise in zip(out, cruises, strict=True):
+        first, last = round(cruise.start_s * ANALYSIS_RATE_HZ), round(cruise.end_s * ANALYSIS_RATE_HZ)
+        row[:] = over_surroundings(analysis.samples[first:last].astype(np.float64), ANALYSIS_RATE_HZ)
+    return out
+
+
+def _with_measured_speed(cruises: tuple[Cruise, ...], m: Measurement, offset_s: float) -> tuple[Cruise, ...]:
+    out = []
+    for c in cruises:
+        inside = (m.time_s - offset_s >= c.start_s) & (m.time_s - offset_s <= c.end_s)
+        if inside.sum() < 2:
+            continue
+        speed = m.speed[inside]
+        direction = 1 if float(speed.mean()) > 0.0 else -1
+        out.append(Cruise(c.start_s, c.end_s, direction, abs(float(speed.mean())) / (2.0 * math.pi)))
+    return tuple(out)
+
+
+def _with_heard_speed(axis: Axis, cruises: tuple[Cruise, ...], spectra: Array, repeats: bool) -> tuple[Cruise, ...]:
+    """Speed of each cruise from the lines of the meshes; of all together where the motion repeats."""
+    orders = mesh_orders(axis)
+    described = None if axis.motion == Motion() else axis.motion.load_speed_rad_s * axis.ratio / (2.0 * math.pi)
+    if len(cruises) < LEAST_CRUISES:
+        return cruises
+    if repeats:
+        longest = max(c.end_s - c.start_s for c in cruises)
+        speed = heard_speed(axis, orders, np.asarray(spectra.mean(axis=0)), len(cruises), longest, described)
+        return tuple(replace(c, turns_per_s=speed or described) for c in cruises)
+    alone = [heard_speed(axis, orders, row, 1, c.end_s - c.start_s) for c, row in zip(cruises, spectra, strict=True)]
+    return tuple(replace(c, turns_per_s=speed) for c, speed in zip(cruises, alone, strict=True))

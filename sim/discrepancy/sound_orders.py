@@ -1,0 +1,144 @@
+"""Lines that follow the speed while cruising: teeth have known orders; a family at none of them is a rolling bearing.
+
+A damaged bearing hits at an order that is no whole number of any shaft, since its balls roll and slip, with many
+multiples of like strength (McFadden and Smith, J. Sound Vib. 96 (1984) 69). They stand in the spectrum of the sound,
+or in that of its envelope where a mode of the housing carries them.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.signal import butter, hilbert, sosfiltfilt
+from scipy.stats import binom
+
+from casebase.signals.analysis import ANALYSIS_RATE_HZ
+from sim.axis import Axis
+from sim.chain_model import Array
+from sim.discrepancy.sound_course import Course
+from sim.discrepancy.sound_lines import TRANSFORM, gamma_limit, mesh_orders, over_surroundings
+
+BANDS_HZ = ((150.0, 800.0), (800.0, 2000.0), (2000.0, 3700.0))
+STEP = 0.004  # orders per revolution of the motor
+HIGHEST_ORDER = 90.0
+LOWEST_ORDER, HIGHEST_BASE = 1.2, 30.0
+MULTIPLES = 8
+LEAST_MULTIPLES = 4
+MAJORITY_OF = 12
+LARGEST_POWER = 100.0  # of one cruise: none alone makes a line of the mean
+SIDEBANDS = 6
+GEAR_WITHIN = 0.0012  # relative: what a speed from mesh lines and teeth without slip agree within
+
+
+@dataclass(frozen=True)
+class Family:
+    """A base order with multiples: order and half of its 90 % interval, how many multiples, chance for noise."""
+
+    order: float
+    half: float
+    count: int
+    p_value: float
+
+
+def bearing_family(axis: Axis, course: Course) -> Family | None:
+    """The clearest family of lines that no gear explains; None where there is none or the speed is unknown."""
+    known = [(c, row) for c, row in zip(course.cruises, course.spectra, strict=True) if c.turns_per_s is not None]
+    if len(known) < 2:
+        return None
+    resolution = 2.0 / min(c.turns_per_s * (c.end_s - c.start_s) for c, _ in known if c.turns_per_s)
+    grid: Array = np.arange(0.5, HIGHEST_ORDER, STEP, dtype=np.float64)
+    kinds = [np.array([_on_orders(grid, row, c.turns_per_s or 1.0) for c, row in known])]
+    for band in BANDS_HZ:
+        rows = [_on_orders(grid, _envelope(course, c.start_s, c.end_s, band), c.turns_per_s or 1.0) for c, _ in known]
+        kinds.append(np.array(rows))
+    best: Family | None = None
+    for kind in kinds:
+        found = _family(
+            axis, grid, np.asarray(np.minimum(kind, LARGEST_POWER).mean(axis=0), np.float64), len(known), resolution
+        )
+        if found is not None and (best is None or found.p_value < best.p_value):
+            best = found
+    return best
+
+
+def _on_orders(grid: Array, spectrum: Array, turns_per_s: float) -> Array:
+    """Power at orders; 1, the mean of noise, where the recording does not reach."""
+    place = grid * turns_per_s * TRANSFORM / ANALYSIS_RATE_HZ
+    return np.asarray(np.interp(place, np.arange(spectrum.size), spectrum, right=1.0))
+
+
+def _envelope(course: Course, start_s: float, end_s: float, band: tuple[float, float]) -> Array:
+    first, last = round(start_s * ANALYSIS_RATE_HZ), round(end_s * ANALYSIS_RATE_HZ)
+    sos = butter(4, band, "bandpass", fs=ANALYSIS_RATE_HZ, output="sos")
+    envelope = np.abs(hilbert(sosfiltfilt(sos, course.analysis.samples[first:last].astype(np.float64))))
+    return over_surroundings(np.asarray(envelope), ANALYSIS_RATE_HZ)
+
+
+def _family(axis: Axis, grid: Array, power: Array, averages: int, resolution: float) -> Family | None:
+    lines = _lines(grid, power, averages, resolution)
+    free = np.array([order for order in lines if not of_gears(axis, order, 0.25 * resolution)])
+    if free.size < LEAST_MULTIPLES:
+        return None
+    best: Family | None = None
+    for line in free[:24]:
+        for k in (1, 2, 3):
+            if LOWEST_ORDER < line / k < HIGHEST_BASE:
+                found = _matched(axis, float(line / k), free, resolution)
+                if found is not None and (best is None or (found.p_value, found.order) < (best.p_value, best.order)):
+                    best = found
+    return best
+
+
+def _lines(grid: Array, power: Array, averages: int, resolution: float) -> list[float]:
+    """Orders of lines that noise does not make, strongest first."""
+    limit = gamma_limit(averages, (grid[-1] - grid[0]) / resolution)
+    peaks = np.flatnonzero((power[1:-1] > limit) & (power[1:-1] >= power[:-2]) & (power[1:-1] > power[2:])) + 1
+    kept: list[float] = []
+    for k in peaks[np.argsort(-power[peaks], kind="stable")]:
+        order = float(grid[k])
+        if all(abs(order - other) > 2.0 * resolution for other in kept):
+            kept.append(order)
+    return kept[:80]
+
+
+def _matched(axis: Axis, base: float, free: Array, resolution: float) -> Family | None:
+    """Fit the base order to the free lines that lie on its multiples, and count them against chance."""
+    tolerance = 0.5 * resolution
+    top = int(min(MULTIPLES, HIGHEST_ORDER / base))
+    order, numbers = base, np.zeros(0)
+    for _ in range(2):
+        number = np.maximum(np.rint(free / order), 1.0)
+        hit = (np.abs(free - number * order) < tolerance) & (number <= top)
+        if not hit.any():
+            return None
+        numbers = np.unique(number[hit])
+        order = float((free[hit] * number[hit]).sum() / (number[hit] ** 2).sum())
+    if numbers.size < LEAST_MULTIPLES or numbers[0] > 2 or of_gears(axis, order, 0.5 * resolution / numbers[-1]):
+        return None
+    strongest = free[:MAJORITY_OF]
+    own = np.abs(strongest - np.rint(strongest / order) * order) < tolerance
+    if own.mean() < 0.5:  # lines all over: something fixed in hertz modulates them
+        return None
+    chance = min(2.0 * tolerance * free.size / HIGHEST_ORDER, 0.9)
+    p = min(1.0, 3.0 * free.size * float(binom.sf(numbers.size - 2, max(top - 1, 1), chance)))
+    half = 1.645 * 0.3 * resolution / math.sqrt(float((numbers**2).sum()))
+    return Family(order, max(half, 0.001 * order), int(numbers.size), p)
+
+
+def of_gears(axis: Axis, order: float, tolerance: float) -> bool:
+    """Whether an order per revolution of the motor belongs to shafts and teeth: i of one mesh plus j of the next."""
+    turns = [1.0]
+    for stage in axis.stages:
+        turns.append(turns[-1] / stage.ratio)
+    meshes = mesh_orders(axis)
+    known = [k * turn for turn in turns for k in range(1, 13)]
+    sums = [0.0]
+    for mesh in meshes:
+        sums = [s + k * mesh for s in sums for k in range(-4, 5)]
+    for total in sums:
+        known += [total + k * turns[min(1, len(turns) - 1)] for k in range(-2, 3)] + [total - 1.0, total + 1.0]
+    known += [float(k) for k in range(1, 101)]
+    limit = tolerance + GEAR_WITHIN * order
+    return bool(np.min(np.abs(np.array(known) - order)) < limit)
