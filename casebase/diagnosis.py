@@ -12,6 +12,7 @@ from casebase.case_table import CaseTable, Mask
 from casebase.experience import Experience, Judgement, gather, representative
 from casebase.explanation import Evidence, feature_evidence, motion_evidence, novelty_evidence
 from casebase.learning import Similarity
+from casebase.moving import all_move, moving
 from casebase.novelty import known_ranges
 from casebase.retrieval import CaseMatrix, Match, NearestByClass
 from casebase.signals.features import Extraction, QualityFlag
@@ -106,6 +107,7 @@ class Reasoner:
         self.table, self.similarity, self.similarity_version = table, similarity, similarity_version
         self.outgrown = outgrown
         self.matrix = CaseMatrix(table, similarity.metric)
+        self.all_move = all_move(table.names, table.values)
         self.ranges = known_ranges(table.names, table.values, table.labels)
         self._experiences: OrderedDict[bytes, Experience] = OrderedDict()
         self._lock = threading.Lock()
@@ -128,7 +130,8 @@ class Reasoner:
 
     def _judged(self, values: NDArray[np.floating], near: NearestByClass) -> Judgement:
         experience = self.experience(np.isfinite(values))
-        return experience.judge(near.voting(NEAREST), self.ranges.distance(values))
+        still = self.all_move and not moving(self.table.names, values[None])[0]
+        return experience.judge(near.voting(NEAREST), self.ranges.distance(values), still)
 
     def diagnose(self, extraction: Extraction) -> Diagnosis:
         """Return the diagnosis of a recording by its features."""
@@ -170,6 +173,11 @@ class Reasoner:
 
     def _remarks(self, judgement: Judgement) -> list[str]:
         remarks = []
+        if judgement.still:
+            remarks.append(
+                "no motion is heard, while all cases are of axes that move back and forth: "
+                "record while the axis moves, nearer to the gearbox"
+            )
         small = [label for label, enough in zip(judgement.classes, judgement.supports_level, strict=True) if not enough]
         if small:
             remarks.append(
@@ -201,7 +209,7 @@ def _hypotheses(near: NearestByClass, judgement: Judgement) -> tuple[Hypothesis,
 
 def verdict_of(judgement: Judgement) -> str:
     """Return `not_in_library`, `ambiguous` or `diagnosed`."""
-    if judgement.threshold is not None and judgement.novelty > judgement.threshold:
+    if judgement.still or (judgement.threshold is not None and judgement.novelty > judgement.threshold):
         return "not_in_library"
     *_, second, best = [0.0, *np.sort(judgement.probabilities)]
     return "ambiguous" if best < CLEAR_ODDS * second else "diagnosed"

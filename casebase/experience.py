@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from casebase.case_table import CaseTable, Mask
 from casebase.learning import Similarity
-from casebase.novelty import KnownRanges, known_ranges, novelty_limit, spread_out
+from casebase.novelty import LIMIT, KnownRanges, known_ranges, novelty_limit, spread_out
 from casebase.retrieval import CaseMatrix
 from casebase.similarity import Floats
 from casebase.voting import NEAREST, fitted_sharpness, log_votes, strangeness
@@ -30,7 +30,11 @@ LEVEL = 0.05
 
 @dataclass(frozen=True)
 class Judgement:
-    """What the library says of one recording; arrays have shape (classes,)."""
+    """What the library says of one recording; arrays have shape (classes,).
+
+    Args:
+        still: whether it does not follow a motion although all cases do; it is then as far as anything can be.
+    """
 
     classes: tuple[str, ...]
     probabilities: Floats
@@ -38,6 +42,7 @@ class Judgement:
     novelty: float
     threshold: float | None
     supports_level: tuple[bool, ...]
+    still: bool = False
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,21 +69,23 @@ class Experience:
         """
         return 1 / (self.truth.size + 2)
 
-    def judge(self, nearest: Floats, novelty: float) -> Judgement:
+    def judge(self, nearest: Floats, novelty: float, still: bool = False) -> Judgement:
         """Return probabilities and p-values for one query.
 
         Args:
             nearest: squared distances to the nearest cases of every class, shape (classes, k).
             novelty: distance to what is known.
+            still: see `Judgement`.
         """
         shares = np.exp(log_votes(nearest[None], self.sharpness)[0])
         return Judgement(
             self.classes,
             self._probabilities(shares),
             self._p_values(strangeness(nearest[None])[0]),
-            novelty,
+            LIMIT if still else novelty,
             self.threshold,
             tuple(self._count(each) + 1 >= 1 / LEVEL for each in range(len(self.classes))),
+            still,
         )
 
     def _probabilities(self, shares: Floats) -> Floats:

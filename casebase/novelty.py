@@ -30,6 +30,8 @@ GROWTH = 0.5
 TAIL = 0.02
 """Share of a class's cases that may lie outside its range at each end, once there are so many."""
 LIMIT = 7.0
+LARGEST_LIMIT = 0.9 * LIMIT
+"""However much known gearboxes differ, what lies this far outside in everything is none of them."""
 NEW_ONCE_IN = 50
 NINTH_DECILE = 1.2816
 """Of the standard normal distribution."""
@@ -147,4 +149,4 @@ def novelty_limit(distances: Floats) -> float | None:
     middle, high = np.quantile(distances ** (2 / 3), [0.5, 0.9])
     spread = float(high - middle) / NINTH_DECILE
     factor = float(student.ppf(1 - 1 / NEW_ONCE_IN, distances.size - 1))
-    return float((middle + factor * spread * np.sqrt(1 + 1 / distances.size)) ** 1.5)
+    return min(float((middle + factor * spread * np.sqrt(1 + 1 / distances.size)) ** 1.5), LARGEST_LIMIT)

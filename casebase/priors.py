@@ -18,6 +18,8 @@ SPREAD = "crest factor and kurtosis rise with impacts, but with any other knock 
 MESH = "wear and eccentricity change the lines of the mesh and their sidebands"
 COLOUR = "the colour of the sound tells more of housing and microphone than of the gear"
 
+MOTION = "that the sound follows the motion tells a gear from other sounds, not one fault from another"
+
 PRIORS: tuple[tuple[str, float, str], ...] = (
     ("rms", 0.0, LEVEL),
     ("peak", 0.0, LEVEL),
@@ -41,6 +43,7 @@ PRIORS: tuple[tuple[str, float, str], ...] = (
     ("modulation_line", 1.0, MESH),
     ("modulation", 0.2, COLOUR),
     ("band_level", 0.1, COLOUR),
+    ("loudness_fall", 0.0, MOTION),
 )
 """(how the feature's name begins, weight, why); the first line that fits holds."""
 

@@ -63,6 +63,7 @@ def diagnose_demo(library: CaseLibrary, path: Path) -> None:
     known = RecordingMetadata(
         axis=PAPER_AXIS.name, gearbox="demonstration", speed_rad_s=PAPER_AXIS.motion.load_speed_rad_s, channel=0
     )
+    library.keep_learned("starter")
     intake = take_in(library, path, path.name, "audio/wav", known, PAPER_AXIS)
     with library.transaction("starter") as session:
         row = intake.store(library, session)

@@ -87,13 +87,17 @@ class Analysis:
         return found
 
     @cached_property
+    def loudness_db(self) -> NDArray[np.float32]:
+        """Level of the sound above 200 Hz, `HOP_HZ` values per second, shape (k,) [dB]."""
+        return loudness_db(self.samples - self.low_passed, ANALYSIS_RATE_HZ)
+
+    @cached_property
     def motion(self) -> Motion:
         """Back and forth, as given or as heard; heard above 200 Hz, or below where nothing is heard there."""
-        for heard in (self.samples - self.low_passed, self.low_passed):
-            motion = find_motion(loudness_db(heard, ANALYSIS_RATE_HZ), self.condition)
-            if motion.period_in_sound_s or motion.reversal_times_s:
-                break
-        return motion
+        motion = find_motion(self.loudness_db, self.condition)
+        if motion.period_in_sound_s or motion.reversal_times_s:
+            return motion
+        return find_motion(loudness_db(self.low_passed, ANALYSIS_RATE_HZ), self.condition)
 
     def traced(self, band: Band) -> NDArray[np.float32] | None:
         """Smoothed squared envelope of a band, `HOP_HZ` values per second, shape (k,)."""

@@ -148,6 +148,25 @@ def find_motion(level_db: NDArray[np.float32], condition: OperatingCondition) ->
     )
 
 
+def fall_over_scatter(level_db: NDArray[np.float32]) -> tuple[float, float]:
+    """Return how far the loudness falls from where the axis moves to where it stands [dB], and that over its scatter.
+
+    Scatter is that from one smoothing length to the next; steady noise of any colour falls by about twice its own.
+    """
+    _, plateau, floor, scatter = _smoothed(level_db)
+    return plateau - floor, (plateau - floor) / scatter if scatter > 0 else np.inf
+
+
+def _smoothed(level_db: NDArray[np.float32]) -> tuple[NDArray[np.float64], float, float, float]:
+    """Return the smoothed loudness, its plateau (70th percentile), its floor (2nd) and its scatter [dB]."""
+    smooth = ndimage.uniform_filter1d(level_db.astype(np.float64), SMOOTH_HOPS)
+    plateau, floor = np.percentile(smooth, [70, 2])
+    if smooth.size <= 2 * SMOOTH_HOPS:
+        return smooth, float(plateau), float(floor), np.inf
+    scatter = 1.4826 * float(np.median(np.abs(np.diff(smooth[::SMOOTH_HOPS]))))
+    return smooth, float(plateau), float(floor), scatter
+
+
 def find_dips(level_db: NDArray[np.float32]) -> tuple[list[Dip], float, float]:
     """Return the quiet times whole within the recording, how deep they are [dB], and depth over scatter [1].
 
@@ -155,13 +174,8 @@ def find_dips(level_db: NDArray[np.float32]) -> tuple[list[Dip], float, float]:
     moves most of the time). A short burst within it, such as a click at standstill, does not divide it, and a dip
     of less than half the usual width is none.
     """
-    smooth = ndimage.uniform_filter1d(level_db.astype(np.float64), SMOOTH_HOPS)
-    plateau, floor = np.percentile(smooth, [70, 2])
-    depth = float(plateau - floor)
-    scatter = (
-        1.4826 * float(np.median(np.abs(np.diff(smooth[::SMOOTH_HOPS])))) if smooth.size > 2 * SMOOTH_HOPS else np.inf
-    )
-    clarity = depth / scatter if scatter > 0 else np.inf
+    smooth, plateau, floor, _ = _smoothed(level_db)
+    depth, clarity = fall_over_scatter(level_db)
     if depth < SMALLEST_DEPTH_DB or clarity < SMALLEST_DEPTH_EVEN:
         return [], depth, clarity
     quiet = smooth < (plateau + floor) / 2

@@ -10,6 +10,7 @@ from casebase.signals.features.bands import LogBandEnergies
 from casebase.signals.features.family import FeatureFamily
 from casebase.signals.features.impulses import Impulses
 from casebase.signals.features.level import Level
+from casebase.signals.features.loudness import Loudness
 from casebase.signals.features.meshing import Meshing
 from casebase.signals.features.modulation import Modulation
 from casebase.signals.features.repetition import Repetition
@@ -35,7 +36,7 @@ __all__ = [
     "extract",
 ]
 
-EXTRACTOR_VERSION = "3"
+EXTRACTOR_VERSION = "4"
 """Changes whenever a feature is added, removed or computed differently; vectors of two versions never mix."""
 
 FEATURES: tuple[FeatureFamily, ...] = (
@@ -45,6 +46,7 @@ FEATURES: tuple[FeatureFamily, ...] = (
     LogBandEnergies(),
     Modulation(),
     Meshing(),
+    Loudness(),
 )
 """The catalogue of feature families; a new family is one file and one line here."""
 
