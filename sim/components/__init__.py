@@ -15,7 +15,7 @@ from sim.components.ideal_gear import IdealGear
 from sim.components.ideal_planetary import IdealPlanetary
 from sim.components.inertia import Inertia
 from sim.components.lossy_gear import LossyGear
-from sim.components.motion_source import Accelerate, ConstantSpeed, Position, Speed
+from sim.components.motion_source import Accelerate, ConstantSpeed, Move, Position, Speed
 from sim.components.signals import Constant, Product, Pulse, Ramp, Sampled, Sine, Step
 from sim.components.speed_torque import (
     InverseSpeedDependentTorque,
@@ -54,6 +54,7 @@ COMPONENTS: tuple[type[Component], ...] = (
     Speed,
     ConstantSpeed,
     Accelerate,
+    Move,
 )
 
 __all__ = [
@@ -76,6 +77,7 @@ __all__ = [
     "InverseSpeedDependentTorque",
     "LinearSpeedDependentTorque",
     "LossyGear",
+    "Move",
     "OneWayClutch",
     "Position",
     "Product",

@@ -1,4 +1,4 @@
-"""Position, Speed, ConstantSpeed and Accelerate: flanges that are moved, whatever torque it takes."""
+"""Position, Speed, ConstantSpeed, Accelerate and Move: flanges that are moved, whatever torque it takes."""
 
 import math
 from collections.abc import Mapping
@@ -165,6 +165,34 @@ class Accelerate(MotionSource):
     def starts(self, v: Variables) -> tuple[Start, ...]:
         phi, w, _ = self.phi_w_a(v)
         return (Start(phi, self.phi), Start(w, self.w))
+
+    def acceleration(self, v: Variables) -> Row:
+        return v.signal(0)
+
+
+@dataclass(frozen=True)
+class Move(MotionSource):
+    """The flange moves as three signals say that belong together: angle [rad], speed [rad/s], acceleration [rad/s2].
+
+    Angle and speed count at the start; from then on they follow from the acceleration.
+    """
+
+    phi_ref: Signal
+    w_ref: Signal
+    a_ref: Signal
+
+    def __post_init__(self) -> None:
+        for name in ("phi_ref", "w_ref", "a_ref"):
+            is_signal(f"Move.{name}", getattr(self, name))
+
+    @property
+    def signals(self) -> tuple[Signal, ...]:
+        return (self.a_ref,)
+
+    def starts(self, v: Variables) -> tuple[Start, ...]:
+        phi, w, _ = self.phi_w_a(v)
+        begin = np.zeros(1)
+        return (Start(phi, float(self.phi_ref(begin)[0])), Start(w, float(self.w_ref(begin)[0])))
 
     def acceleration(self, v: Variables) -> Row:
         return v.signal(0)

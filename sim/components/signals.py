@@ -94,7 +94,7 @@ class Step(Signal):
 
 @dataclass(frozen=True)
 class Ramp(Signal):
-    """y = offset, from startTime on rising by height within duration, then constant."""
+    """y = offset, from startTime on rising by height within duration (0: at once), then constant."""
 
     height: float
     duration: float
@@ -104,12 +104,14 @@ class Ramp(Signal):
     def __post_init__(self) -> None:
         for name in ("height", "offset", "startTime"):
             number(f"Ramp.{name}", getattr(self, name), "")
-        number("Ramp.duration", self.duration, "s", above=0)
+        number("Ramp.duration", self.duration, "s", at_least=0)
 
     def breakpoints(self, begin: float, end: float) -> Array:
-        return _within(np.array([self.startTime, self.startTime + self.duration]), begin, end)
+        return _within(np.unique([self.startTime, self.startTime + self.duration]), begin, end)
 
     def pieces(self, time_s: Array) -> Array:
+        if self.duration == 0:
+            return Step(self.height, self.offset, self.startTime).pieces(time_s)
         slope = self.height / self.duration
         elapsed = np.clip(time_s - self.startTime, 0.0, self.duration)
         rising = (time_s >= self.startTime) & (time_s < self.startTime + self.duration)

@@ -2,12 +2,15 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import exp
-from typing import ClassVar
+from math import copysign, cos, pi, sin, tanh
+from typing import ClassVar, Literal, get_args
 
 from sim.component import Branch, Component, Row, Variables
 from sim.components.torque import UNITS, driving
-from sim.errors import number
+from sim.errors import ParameterError, number
+
+Regularization = Literal["Exp", "Sine", "CoSine", "Linear"]
+REGULARIZATIONS: tuple[str, ...] = get_args(Regularization)
 
 
 @dataclass(frozen=True)
@@ -92,10 +95,11 @@ class InverseSpeedDependentTorque(SpeedDependentTorque):
 
 @dataclass(frozen=True)
 class SignTorque(Component):
-    """tau_nominal [N.m] times the sign of the speed, smoothed below w0 [rad/s] (Modelica's exponential way)."""
+    """tau_nominal [N.m] times the sign of the speed, smoothed below w0 [rad/s] in Modelica's way `reg`."""
 
     tau_nominal: float
     w0: float = 0.1
+    reg: Regularization = "Exp"
 
     flanges: ClassVar[tuple[str, ...]] = ("flange", "support")
     grounded: ClassVar[tuple[str, ...]] = ("support",)
@@ -104,11 +108,20 @@ class SignTorque(Component):
     def __post_init__(self) -> None:
         number("SignTorque.tau_nominal", self.tau_nominal, "N.m")
         number("SignTorque.w0", self.w0, "rad/s", above=0)
+        if self.reg not in REGULARIZATIONS:
+            raise ParameterError(f"SignTorque.reg: must be one of {', '.join(REGULARIZATIONS)}, got {self.reg!r}")
 
     @property
     def affine(self) -> bool:
         return False
 
     def branches(self, v: Variables) -> tuple[Branch, ...]:
-        x = max(min(v.now(v.w("flange") - v.w("support")) / (0.01 * self.w0), 700.0), -700.0)
-        return (driving(v, self.tau_nominal * (2 / (1 + exp(-x)) - 1) * v.one),)
+        x = v.now(v.w("flange") - v.w("support")) / self.w0
+        within = max(min(x, 1.0), -1.0)
+        sign = {
+            "Exp": tanh(50 * x),
+            "Sine": sin(pi / 2 * within),
+            "Linear": within,
+            "CoSine": copysign(1 - cos(pi / 2 * within), x),
+        }[self.reg]
+        return (driving(v, self.tau_nominal * sign * v.one),)

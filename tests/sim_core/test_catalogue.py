@@ -26,6 +26,7 @@ from sim.components import (
     InverseSpeedDependentTorque,
     LinearSpeedDependentTorque,
     LossyGear,
+    Move,
     OneWayClutch,
     Position,
     Product,
@@ -74,6 +75,7 @@ SPECIMENS: dict[type[Component], Component] = {
     Speed: Speed(SINE),
     ConstantSpeed: ConstantSpeed(1),
     Accelerate: Accelerate(SINE),
+    Move: Move(SINE, SINE, SINE),
 }
 
 
