@@ -68,7 +68,7 @@ FAULT = (Range("size", 0.0, 1.0), Range("place", 0.0, 1.0), Range("flank", 0.0, 
 
 GAP_RAD = Range("gap_rad", 2e-4, 3e-3, log=True)  # 0.7 to 10 minutes of arc: just worn to badly worn
 DEPTH_RAD = Range("depth_rad", 1e-4, 2e-3, log=True)
-VISITED = 0.4  # of the travel to either side of its middle: a tooth that is passed at full speed
+VISITED = 0.4  # of the way at full speed to either side of its middle: braking, the other flank carries the torque
 
 LABELS: Mapping[str, str | None] = {"normal": None, "play": "backlash", "notch": "tooth_damage"}
 """Which mechanism a label stands for; every other mechanism that is heard is its own label."""
@@ -143,7 +143,7 @@ def _planned(
     cruise = value["travel_rad"] / speed
     ramp = min(value["acceleration_time_s"], 0.8 * cruise)
     motion = Motion(2 * (cruise + ramp + value["dwell_s"]), speed, ramp, value["dwell_s"])
-    entry = _fault(axis, label, draw, value["middle_rad"], value["travel_rad"])
+    entry = _fault(axis, label, draw, value["middle_rad"], value["travel_rad"] - speed * ramp)
     moved = replace(
         axis,
         motion=motion,
@@ -170,7 +170,7 @@ def _planned(
 
 
 def _fault(
-    axis: Axis, label: str, draw: Mapping[str, float], middle_rad: float, travel_rad: float
+    axis: Axis, label: str, draw: Mapping[str, float], middle_rad: float, full_speed_rad: float
 ) -> MechanismEntry | None:
     name = LABELS.get(label, label)
     if name is None:
@@ -180,7 +180,7 @@ def _fault(
     if name == "backlash":
         values = {"gap_rad": GAP_RAD.at(draw["size"])}
     if name == "tooth_damage":
-        angle = middle_rad + (2 * draw["place"] - 1) * VISITED * travel_rad
+        angle = middle_rad + (2 * draw["place"] - 1) * VISITED * full_speed_rad
         flank = 1.0 if draw["flank"] < 0.5 else -1.0
         values = {"angle_rad": angle, "depth_rad": DEPTH_RAD.at(draw["size"]), "flank": flank}
     if name == "electrical_hum":
