@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from casebase.signals.analysis import Band
+from casebase.signals.motion import HOP_HZ
 from sim.axis import Axis
 from sim.chain_model import Array
 from sim.discrepancy.sound_course import Course
@@ -151,15 +152,17 @@ def _stage_of(axis: Axis, course: Course, bump: Bump) -> str:
     if course.speed is None or strokes is None:
         return last
     offsets, single = strokes
-    same_way = offsets * bump.offset_s > 0.0
-    height = np.where(same_way, single[bump.stroke], -np.inf)
+    stroke_s = offsets.size / HOP_HZ
+    leaving = bump.stroke if bump.offset_s > 0.0 else 1 - bump.stroke
+    # one way from end to end: after one reversal, then before the other
+    since = np.concatenate([offsets[offsets > 0.0], stroke_s + offsets[offsets < 0.0]])
+    height = np.concatenate([single[leaving][offsets > 0.0], single[1 - leaving][offsets < 0.0]])
+    first = bump.offset_s if bump.offset_s > 0.0 else stroke_s + bump.offset_s
     turn = course.speed
     for stage in axis.stages[:-1]:
         turn /= stage.ratio
-        period = 1.0 / turn
-        steps = np.arange(-40, 41)
-        expected = bump.offset_s + steps[steps != 0] * period
-        reached = [_highest_near(offsets, height, t) for t in expected]
+        steps = np.arange(-60, 61)
+        reached = [_highest_near(since, height, t) for t in first + steps[steps != 0] / turn]
         seen = [one for one in reached if one is not None]
         if len(seen) >= LEAST_VISITS and np.mean(np.array(seen) > 0.4 * bump.height_db) >= VISITED:
             return stage.name

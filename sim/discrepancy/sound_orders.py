@@ -17,7 +17,7 @@ from scipy.stats import binom
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from sim.axis import Axis
 from sim.chain_model import Array
-from sim.discrepancy.sound_course import Course
+from sim.discrepancy.sound_course import Course, Mask
 from sim.discrepancy.sound_lines import TRANSFORM, gamma_limit, mesh_orders, over_surroundings
 
 BANDS_HZ = ((150.0, 800.0), (800.0, 2000.0), (2000.0, 3700.0))
@@ -25,8 +25,9 @@ STEP = 0.004  # orders per revolution of the motor
 HIGHEST_ORDER = 90.0
 LOWEST_ORDER, HIGHEST_BASE = 1.2, 30.0
 MULTIPLES = 8
-LEAST_MULTIPLES = 4
+LEAST_MULTIPLES = 5
 MAJORITY_OF = 12
+LEAST_FREE = 3
 LARGEST_POWER = 100.0  # of one cruise: none alone makes a line of the mean
 SIDEBANDS = 6
 GEAR_WITHIN = 0.0012  # relative: what a speed from mesh lines and teeth without slip agree within
@@ -79,13 +80,13 @@ def _envelope(course: Course, start_s: float, end_s: float, band: tuple[float, f
 def _family(axis: Axis, grid: Array, power: Array, averages: int, resolution: float) -> Family | None:
     lines = _lines(grid, power, averages, resolution)
     free = np.array([order for order in lines if not of_gears(axis, order, 0.25 * resolution)])
-    if free.size < LEAST_MULTIPLES:
+    if free.size < LEAST_FREE or len(lines) < LEAST_MULTIPLES:
         return None
     best: Family | None = None
     for line in free[:24]:
         for k in (1, 2, 3):
             if LOWEST_ORDER < line / k < HIGHEST_BASE:
-                found = _matched(axis, float(line / k), free, resolution)
+                found = _matched(axis, float(line / k), np.array(lines), free, resolution)
                 if found is not None and (best is None or (found.p_value, found.order) < (best.p_value, best.order)):
                     best = found
     return best
@@ -103,28 +104,37 @@ def _lines(grid: Array, power: Array, averages: int, resolution: float) -> list[
     return kept[:80]
 
 
-def _matched(axis: Axis, base: float, free: Array, resolution: float) -> Family | None:
-    """Fit the base order to the free lines that lie on its multiples, and count them against chance."""
+def _matched(axis: Axis, base: float, lines: Array, free: Array, resolution: float) -> Family | None:
+    """Fit the base order to the lines on its multiples, and count them against chance.
+
+    Some of them may coincide with those of gears, but neither the base nor most of them; and most of what no gear
+    explains must belong to the family: lines all over come from something fixed in hertz that modulates the sound.
+    """
     tolerance = 0.5 * resolution
     top = int(min(MULTIPLES, HIGHEST_ORDER / base))
     order, numbers = base, np.zeros(0)
     for _ in range(2):
-        number = np.maximum(np.rint(free / order), 1.0)
-        hit = (np.abs(free - number * order) < tolerance) & (number <= top)
+        hit = _on_multiples(lines, order, tolerance, top)
         if not hit.any():
             return None
-        numbers = np.unique(number[hit])
-        order = float((free[hit] * number[hit]).sum() / (number[hit] ** 2).sum())
-    if numbers.size < LEAST_MULTIPLES or numbers[0] > 2 or of_gears(axis, order, 0.5 * resolution / numbers[-1]):
+        number = np.rint(lines[hit] / order)
+        numbers = np.unique(number)
+        order = float((lines[hit] * number).sum() / (number**2).sum())
+    if numbers.size < LEAST_MULTIPLES or numbers[0] > 2 or of_gears(axis, order, tolerance / numbers[-1]):
         return None
     strongest = free[:MAJORITY_OF]
-    own = np.abs(strongest - np.rint(strongest / order) * order) < tolerance
-    if own.mean() < 0.5:  # lines all over: something fixed in hertz modulates them
+    own = _on_multiples(strongest, order, tolerance, int(HIGHEST_ORDER / order))
+    if own.mean() < 0.5 or own.sum() < LEAST_FREE:
         return None
-    chance = min(2.0 * tolerance * free.size / HIGHEST_ORDER, 0.9)
-    p = min(1.0, 3.0 * free.size * float(binom.sf(numbers.size - 2, max(top - 1, 1), chance)))
+    chance = min(2.0 * tolerance * lines.size / HIGHEST_ORDER, 0.9)
+    p = min(1.0, 3.0 * lines.size * float(binom.sf(numbers.size - 2, max(top - 1, 1), chance)))
     half = 1.645 * 0.3 * resolution / math.sqrt(float((numbers**2).sum()))
     return Family(order, max(half, 0.001 * order), int(numbers.size), p)
+
+
+def _on_multiples(lines: Array, order: float, tolerance: float, top: int) -> Mask:
+    number = np.rint(lines / order)
+    return (np.abs(lines - number * order) < tolerance) & (number >= 1.0) & (number <= top)
 
 
 def of_gears(axis: Axis, order: float, tolerance: float) -> bool:

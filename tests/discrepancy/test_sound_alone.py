@@ -1,0 +1,189 @@
+"""Sound without telemetry: what is put into a recording by place and time is named, the same without order is not."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from casebase.signals.recording import Recording
+from sim.axis import read_axis
+from sim.discrepancy.investigation import investigate
+from sim.discrepancy.measurement import Measurement, prepare
+from sim.discrepancy.sound import Listening, beside, listen, listen_alone
+from sim.discrepancy.sound_evidence import Heard, probability
+
+Array = NDArray[np.float64]
+RATE, SECONDS, PERIOD_S, SPEED_RAD_S, RAMP_S = 8000, 20, 4.0, 2.5, 0.4
+AXIS = read_axis(
+    {
+        "motor": {"inertia_kg_m2": 0.006},
+        "stages": [
+            {"name": "transfer", "driver_teeth": 12, "driven_teeth": 96, "inertia_kg_m2": 0.02},
+            {"name": "output", "driver_teeth": 12, "driven_teeth": 150},
+        ],
+        "load": {"inertia_kg_m2": 40},
+    }
+)
+
+
+def course() -> tuple[Array, Array, Array]:
+    """Time [s], speed [rad/s] and angle from the middle of the travel [rad] of a load that goes back and forth."""
+    time = np.arange(SECONDS * RATE) / RATE
+    # rest at the ends, raised-cosine ramps, steady between
+    phase = (time + 0.7) % (PERIOD_S / 2.0)
+    moving = PERIOD_S / 2.0 - 0.2
+    rise = np.clip(np.minimum(phase, moving - phase) / RAMP_S, 0.0, 1.0)
+    speed = SPEED_RAD_S * 0.5 * (1.0 - np.cos(math.pi * rise))
+    speed *= np.where(((time + 0.7) % PERIOD_S) < PERIOD_S / 2.0, 1.0, -1.0)
+    angle = np.cumsum(speed) / RATE
+    return time, speed, angle - 0.5 * (angle.max() + angle.min())
+
+
+TIME, LOAD_SPEED, ANGLE = course()
+MOTOR_TURNS = np.cumsum(np.abs(LOAD_SPEED)) / RATE * AXIS.ratio / (2.0 * math.pi)
+
+
+def running(seed: int) -> Array:
+    """A gearbox in good order: rubbing that grows with speed, tooth whine of the transfer mesh, a quiet room."""
+    random = np.random.default_rng(seed)
+    share = np.abs(LOAD_SPEED) / SPEED_RAD_S
+    whine = 0.4 * share * np.cos(2.0 * math.pi * 12.0 * MOTOR_TURNS)
+    return 0.05 * (share * random.standard_normal(TIME.size) + whine + 0.1 * random.standard_normal(TIME.size))
+
+
+def with_impacts(sound: Array, at: Array, size: float = 0.15) -> Array:
+    """Short thuds of 70 Hz that die away within some 20 ms."""
+    after = np.arange(int(0.08 * RATE)) / RATE
+    thud = size * np.exp(-after / 0.01) * np.sin(2.0 * math.pi * 70.0 * after)
+    out = sound.copy()
+    for start in np.asarray(at * RATE, dtype=int):
+        if start + after.size < out.size:
+            out[start : start + after.size] += thud
+    return out
+
+
+def passes(angle: float, forward: bool) -> Array:
+    """Times at which the load passes an angle one way [s]."""
+    crossed = np.flatnonzero((ANGLE[:-1] - angle) * (ANGLE[1:] - angle) < 0.0)
+    return TIME[crossed[(LOAD_SPEED[crossed] > 0.0) == forward]]
+
+
+def hear(*sounds: Array) -> Listening:
+    return listen_alone(AXIS, [recording(sound) for sound in sounds])
+
+
+def recording(sound: Array) -> Recording:
+    return Recording(samples=sound.astype(np.float32), sample_rate_hz=float(RATE), channel=0, channels=1)
+
+
+def names(listened: Listening) -> list[str]:
+    return [h.mechanism for h in listened.heard]
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_gearbox_in_good_order_is_silent(seed: int) -> None:
+    assert names(hear(running(seed))) == []
+
+
+@pytest.mark.parametrize(("angle", "forward"), [(0.4, True), (-0.7, True), (0.4, False)])
+def test_impacts_at_one_angle_one_way_are_a_damaged_tooth_of_the_output_gear(angle: float, forward: bool) -> None:
+    heard = hear(with_impacts(running(5), passes(angle, forward))).heard
+    assert [(h.mechanism, h.location) for h in heard] == [("tooth_damage", "output")]
+    value, low, high = heard[0].parameters["angle_from_middle_rad"]
+    assert value == pytest.approx(angle if forward else -angle, abs=math.radians(2.0))
+    assert low < (angle if forward else -angle) < high
+
+
+def test_as_many_impacts_at_random_times_are_no_damaged_tooth() -> None:
+    count = passes(0.4, True).size
+    moments = np.random.default_rng(1).uniform(0.0, SECONDS, count)
+    assert names(hear(with_impacts(running(5), moments))) == []
+
+
+def test_impacts_at_one_angle_both_ways_are_no_tooth_that_is_damaged_on_one_flank() -> None:
+    both = np.concatenate([passes(0.0, True), passes(0.0, False)])
+    assert "tooth_damage" not in names(hear(with_impacts(running(5), both)))
+
+
+def test_impacts_once_per_turn_of_the_transfer_gear_are_its_tooth() -> None:
+    turns = ANGLE * 12.5 / (2.0 * math.pi)
+    crossed = np.flatnonzero(np.diff(np.floor(turns)) > 0)
+    heard = hear(with_impacts(running(6), TIME[crossed])).heard
+    assert [(h.mechanism, h.location) for h in heard] == [("tooth_damage", "transfer")]
+
+
+def test_impacts_where_braking_begins_at_both_ends_are_play() -> None:
+    starts = np.flatnonzero(np.diff((np.abs(LOAD_SPEED) >= 0.999 * SPEED_RAD_S).astype(int)) < 0)
+    heard = hear(with_impacts(running(7), TIME[starts])).heard
+    assert [h.mechanism for h in heard] == ["backlash"]
+
+
+def test_lines_at_an_order_that_no_gear_has_are_a_bearing() -> None:
+    order = 5.21
+    hits = np.flatnonzero(np.diff(np.floor(order * MOTOR_TURNS)) > 0)
+    after = np.arange(160) / RATE
+    ring = 0.08 * np.exp(-after / 0.0015) * np.sin(2.0 * math.pi * 2300.0 * after)
+    sound = running(8)
+    for hit in hits[hits < sound.size - after.size]:
+        sound[hit : hit + after.size] += ring * abs(LOAD_SPEED[hit]) / SPEED_RAD_S
+    heard = hear(sound).heard
+    assert [h.mechanism for h in heard] == ["bearing_defect"]
+    assert heard[0].parameters["order"][0] == pytest.approx(order, rel=0.003)
+
+
+def test_a_line_that_comes_with_the_motion_is_no_hum() -> None:
+    share = np.abs(LOAD_SPEED) / SPEED_RAD_S
+    swept = 0.05 * share * np.sin(2.0 * math.pi * np.cumsum(53.0 * share) / RATE)
+    gated = 0.05 * share * np.sin(2.0 * math.pi * 50.0 * TIME)
+    steady = 0.01 * np.sin(2.0 * math.pi * 50.0 * TIME)
+    assert "electrical_hum" not in names(hear(running(9) + swept))
+    assert "electrical_hum" not in names(hear(running(9) + gated))
+    assert names(hear(running(9) + steady)) == ["electrical_hum"]
+
+
+def test_a_sound_that_stops_for_a_while_has_lost_samples() -> None:
+    sound = running(10)
+    for start in (20_000, 60_000, 100_000):
+        sound[start : start + 200] = 0.0
+    assert names(hear(sound)) == ["lost_samples"]
+
+
+def test_several_recordings_of_one_axis_agree_or_do_not() -> None:
+    ill = [with_impacts(running(seed), passes(0.4, True)) for seed in (11, 12)]
+    good = [running(seed) for seed in (13, 14, 15)]
+    assert names(hear(*ill)) == ["tooth_damage"]
+    assert names(hear(*good)) == []
+    assert probability([1e-3, 1e-3]) > probability([1e-3]) > probability([1e-3, 1.0])
+    assert probability([0.05] * 2 + [1.0] * 6) < 0.1
+
+
+def test_with_telemetry_the_angle_is_that_of_the_encoder_and_the_flank_is_known() -> None:
+    offset = 1.3
+    heard = listen(AXIS, recording(with_impacts(running(16), passes(0.4, False))), measured(offset), 0.0)
+    assert [h.mechanism for h in heard] == ["tooth_damage"]
+    assert heard[0].parameters["angle_rad"][0] == pytest.approx(0.4 + offset, abs=math.radians(2.0))
+    assert heard[0].parameters["flank"][0] == -1.0
+
+
+def measured(offset_rad: float) -> Measurement:
+    angle = (ANGLE[::8] + offset_rad) * AXIS.ratio
+    return prepare(RATE / 8, np.zeros(angle.size), angle, ANGLE[::8] + offset_rad)
+
+
+def test_beside_telemetry_no_name_is_said_twice_and_none_against_an_encoder() -> None:
+    tooth, bearing = (Heard(name, None, 0.95, {}, "") for name in ("tooth_damage", "bearing_defect"))
+    assert beside(["tooth_damage"], [tooth, bearing], load_encoder=False) == (bearing,)
+    assert beside([], [tooth, bearing], load_encoder=True) == (bearing,)
+    assert beside([], [tooth], load_encoder=False) == (tooth,)
+    assert beside(["backlash"], [tooth], load_encoder=False) == ()
+
+
+def test_the_document_says_what_is_out_of_reach_and_is_the_same_each_time() -> None:
+    sounds = [recording(running(17))]
+    first, second = (investigate(AXIS, None, sounds).document() for _ in range(2))
+    assert first == second
+    assert first["verdict"] == "nothing_missing"
+    assert "friction" in str(first["remarks"])
