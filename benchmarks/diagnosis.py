@@ -294,10 +294,28 @@ def spectraquest() -> list[Row]:
             )
         ]
 
+    def plain() -> list[tuple[str, str, str]]:
+        columns = [place for place, name in enumerate(table.names) if name.startswith("band_level")]
+        return [
+            (str(truth), str(table.labels[near]), "diagnosed")
+            for number in range(4)
+            for truth, near in _plain_nearest(table, columns, light & (channel == number), ~light & (channel == number))
+        ]
+
     return [
         row_of("spectraquest, loads 0-20 -> 30-50, same sensor (class = assembly)", within),
+        row_of("  1-NN on plain band energies, same sensor", plain),
         row_of("spectraquest, loads 0-20 -> 30-50, other sensor (class = assembly)", across),
     ]
+
+
+def _plain_nearest(
+    table: CaseTable, columns: list[int], known: NDArray[np.bool_], tested: NDArray[np.bool_]
+) -> Iterator[tuple[str, int]]:
+    """Return the label of every tested row and the nearest known row, by plain distance over some columns."""
+    values, rows = np.nan_to_num(table.values[:, columns]), np.flatnonzero(known)
+    for row in np.flatnonzero(tested):
+        yield str(table.labels[row]), int(rows[((values[rows] - values[row]) ** 2).sum(axis=1).argmin()])
 
 
 def seu(window_s: float = 0.1) -> list[Row]:

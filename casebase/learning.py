@@ -4,7 +4,7 @@ The weights are those under which held-out cases are nearest to their own class:
 with a diagonal matrix, where a case's neighbours are always cases of other gearboxes, each class counts the same, and
 the logarithm of every weight is drawn towards its physical prior. How strongly it is drawn is chosen by
 cross-validation over gearboxes, the stronger one when in doubt; a library too small for that keeps the priors. Where
-the priors do not serve (another kind of machine), even weights are tried as a start as well.
+the priors do not serve (another kind of machine), plain band energies and even weights are tried as a start as well.
 
 Source: Goldberger, Roweis, Hinton, Salakhutdinov, Neighbourhood Components Analysis, NIPS 17 (2004).
 """
@@ -30,6 +30,7 @@ LARGEST_BEND = 5.0
 """No weight moves by more than this factor, as a logarithm, from its prior."""
 OUTGROWN = 0.05
 """Weights are learned again when the number of cases changed by more than this share, or the classes did."""
+BANDS = "band_level"
 STRENGTHS = (1.0, 0.1, 0.01)
 """How strongly the logarithms of the weights are drawn to the priors, strongest first."""
 
@@ -127,8 +128,9 @@ class _Trial:
 
     @property
     def reason(self) -> str:
-        start = "physical priors" if self.start == "physics" else "even weights"
-        return f"{start} scored best" if self.strength is None else f"learned, drawn to {start} by {self.strength}"
+        if self.strength is None:
+            return f"{self.start} scored best"
+        return f"learned, drawn to {self.start} by {self.strength}"
 
 
 def learn(table: CaseTable) -> Similarity:
@@ -137,11 +139,12 @@ def learn(table: CaseTable) -> Similarity:
     if small is not None:
         return unlearned(table, small)
     metric = unlearned(table, "to start from").metric
-    prior = metric.weights
     sample = _sampled(table, metric)
-    trials = _trials(sample, "physics", prior)
-    if not any(trial.right.all() for trial in trials):
-        trials += _trials(sample, "even", even_weights(table.names))
+    trials: list[_Trial] = []
+    for start, weights in _starts(table, metric):
+        trials += _trials(sample, start, weights)
+        if any(trial.right.all() for trial in trials):
+            break
     chosen = _chosen(trials)
     everything = np.ones(sample.truth.size, dtype=bool)
     final = metric.with_weights(_fit(sample, everything, chosen.prior, chosen.strength))
@@ -155,6 +158,22 @@ def learn(table: CaseTable) -> Similarity:
         float(share @ chosen.losses),
         chosen.reason,
     )
+
+
+def _starts(table: CaseTable, metric: Metric) -> list[tuple[str, Floats]]:
+    """Return the weights to begin with, by name, the most trusted first.
+
+    The physical priors rest on features that follow the motion. Where most of their weight is on features that the
+    cases do not have, as for a machine that turns steadily, the plain distance of band energies is trusted first: in
+    decibel, not scaled, so that a band in which the cases differ by much counts for much.
+    """
+    physics = ("physical priors", metric.weights)
+    others = [("even weights", even_weights(table.names))]
+    bands = np.array([name.startswith(BANDS) for name in table.names]) * metric.scale**2
+    if bands.any():
+        others.insert(0, ("plain band energies", bands / bands.sum()))
+    had = np.isfinite(table.values).mean(axis=0) > 0.5
+    return [physics, *others] if metric.weights[had].sum() > 0.5 else [*others, physics]
 
 
 def unlearned(table: CaseTable, reason: str) -> Similarity:

@@ -6,6 +6,7 @@ errors (jackknife; Vovk, Gammerman, Shafer, Algorithmic Learning in a Random Wor
 Features count by how much they go with the size (Spearman), so that the housing and the microphone do not.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -72,7 +73,11 @@ def severity_of(session: Session, table: CaseTable, label: str, values: NDArray[
 
 
 def estimate(
-    parameter: str, known: NDArray[np.floating], sizes: Floats, values: NDArray[np.floating]
+    parameter: str,
+    known: NDArray[np.floating],
+    sizes: Floats,
+    values: NDArray[np.floating],
+    specimens: NDArray[np.intp] | None = None,
 ) -> Severity | None:
     """Estimate a size from cases of known size.
 
@@ -80,6 +85,7 @@ def estimate(
         known: features of the cases, shape (cases, n).
         sizes: of the cases, shape (cases,), > 0.
         values: features of the recording, shape (n,).
+        specimens: which cases are of the same specimen and are left out together, shape (cases,); each its own if None.
     """
     compared = np.array([definition.compared for definition in catalogue().values()])
     usable = compared & np.isfinite(values) & (np.isfinite(known).mean(axis=0) > 0.8)
@@ -92,7 +98,8 @@ def estimate(
     weights = _relevance(scaled, logarithm)
     scaled, query = scaled * weights, query * weights
     nearest = np.argsort(cdist(query, scaled)[0])[:NEAREST]
-    log_value, errors = _regress(scaled[nearest], logarithm[nearest], query)
+    together = np.arange(len(sizes)) if specimens is None else specimens
+    log_value, errors = _regress(scaled[nearest], logarithm[nearest], query, together[nearest])
     reach = float(np.quantile(np.abs(errors), min(1.0, COVERAGE * (1 + 1 / errors.size))))
     value = float(np.clip(np.exp(log_value), sizes.min(), sizes.max()))
     return Severity(parameter, value, value * float(np.exp(-reach)), value * float(np.exp(reach)), int(nearest.size))
@@ -114,11 +121,13 @@ def _relevance(scaled: Floats, target: Floats) -> Floats:
     return np.asarray(relevance / max(float(relevance.max()), 1e-12) + 0.02)
 
 
-def _regress(known: Floats, target: Floats, query: Floats) -> tuple[float, Floats]:
-    """Return the prediction for the query, shape (1, n), and the leave-one-out errors of the known, shape (cases,)."""
+def _regress(known: Floats, target: Floats, query: Floats, specimens: NDArray[np.intp]) -> tuple[float, Floats]:
+    """Return the prediction for the query, shape (1, n), and the errors of the known, shape (cases,), each predicted
+    without its specimen (Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), 5.4.2, by blocks)."""
     mean = float(target.mean())
     apart, to_query = cdist(known, known), cdist(query, known)[0]
     typical = float(np.median(apart[apart > 0])) if (apart > 0).any() else 1.0
+    blocks = [np.flatnonzero(specimens == each) for each in np.unique(specimens)]
     best: tuple[float, float, Floats] | None = None
     for length in LENGTHS:
         linear = known @ known.T / typical**2
@@ -127,9 +136,18 @@ def _regress(known: Floats, target: Floats, query: Floats) -> tuple[float, Float
         for noise in NOISES:
             inverse = np.linalg.inv(kernel + noise * np.eye(len(target)))
             alpha = inverse @ (target - mean)
-            errors = alpha / np.diag(inverse)
+            errors = _left_out(inverse, alpha, blocks)
             score = float(np.median(np.abs(errors)))
             if best is None or score < best[0]:
                 best = (score, mean + float(row @ alpha), errors)
     assert best is not None
     return best[1], best[2]
+
+
+def _left_out(inverse: Floats, alpha: Floats, blocks: Sequence[NDArray[np.intp]]) -> Floats:
+    if len(blocks) == alpha.size:
+        return np.asarray(alpha / np.diag(inverse))
+    errors = np.empty_like(alpha)
+    for block in blocks:
+        errors[block] = np.linalg.solve(inverse[np.ix_(block, block)], alpha[block])
+    return errors
