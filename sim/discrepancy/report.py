@@ -13,6 +13,8 @@ from scipy.signal import welch
 
 from sim.chain_model import Array
 from sim.discrepancy.fit import Fit, Problem
+from sim.discrepancy.sound_story import sound_panels
+from sim.discrepancy.story import Panel
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -42,7 +44,11 @@ def html_report(result: Investigation) -> str:
         problem, base, fit = result.selection.problem, result.selection.base, result.selection.fit
         parts.append("<h2>Measurement, model and what is left</h2>")
         parts += [_svg(figure) for figure in _figures(problem, base, fit)]
-    parts += _numbers(result)
+        parts += _numbers(result)
+    if result.listening is not None:
+        overlay, where = sound_panels(result.listening)
+        parts.append("<h2>What was heard</h2>")
+        parts += [_svg(_panel_figure(panel)) for panel in (*overlay, *where)]
     parts.append(f"<h2>Next measurement</h2><p>{html.escape(result.next_measurement)}</p>")
     body = "\n".join(parts)
     return (
@@ -154,6 +160,21 @@ def _spectrum_figure(title: str, unit: str, before: Array, after: Array, rate: f
     panel.legend(loc="upper right")
     panel.set_xlabel("frequency [Hz]")
     panel.set_ylabel(f"{unit}/√Hz")
+    return figure
+
+
+def _panel_figure(panel: Panel) -> Figure:
+    figure, (plot,) = _plain(panel.title, 1)
+    for (name, values), style in zip(panel.lines, ("C0-", "C1--", "C2-."), strict=False):
+        plot.plot(panel.x, values, style, lw=0.9, label=name)
+    if panel.noise is not None:
+        plot.axhspan(*panel.noise, color="0.85", label="what noise reaches")
+    for x, text in panel.markers:
+        plot.axvline(x, color="0.5", lw=0.6, ls=":")
+        plot.annotate(text, (x, 1.0), xycoords=("data", "axes fraction"), fontsize=6, rotation=90, va="top")
+    plot.legend(loc="best")
+    plot.set_xlabel(panel.x_label)
+    plot.set_ylabel(panel.y_label)
     return figure
 
 

@@ -51,7 +51,8 @@ class LoadAngle:
 class Course:
     """Recording and motion. `spectra` (cruises, m): power over its surroundings; `moving` (n,) at the recording's rate.
 
-    `repeats`: back and forth between the same two ends in the same time. `load`: None where sound is alone.
+    `repeats`: back and forth between the same two ends in the same time. `mesh_orders`: tooth contacts per
+    revolution of the motor. `load`: None where sound is alone.
     """
 
     analysis: Analysis
@@ -59,6 +60,7 @@ class Course:
     spectra: Array
     moving: Mask | None
     repeats: bool
+    mesh_orders: tuple[float, ...] = ()
     load: LoadAngle | None = None
 
     @property
@@ -88,9 +90,17 @@ def course_of(axis: Axis, sound: Recording, m: Measurement | None, offset_s: flo
         cruises = _with_heard_speed(axis, cruises, spectra, bool(analysis.motion.period_s))
     moving = _moving(analysis, sound)
     if m is None:
-        return Course(analysis, cruises, spectra, moving, bool(analysis.motion.period_s))
+        return Course(analysis, cruises, spectra, moving, bool(analysis.motion.period_s), mesh_orders(axis))
     angle = m.angle / axis.ratio if m.load_angle is None else m.load_angle
-    return Course(analysis, cruises, spectra, moving, _repeats(reversals), LoadAngle(m.time_s - offset_s, angle))
+    return Course(
+        analysis,
+        cruises,
+        spectra,
+        moving,
+        _repeats(reversals),
+        mesh_orders(axis),
+        LoadAngle(m.time_s - offset_s, angle),
+    )
 
 
 def _repeats(times: tuple[float, ...]) -> bool:

@@ -64,10 +64,10 @@ class Panel:
 
 
 def story(result: Investigation) -> dict[str, object]:
-    """Panels and candidates as JSON; both are empty where only sound was heard."""
+    """Panels and candidates as JSON."""
     selection = result.selection
     if selection is None:
-        return {"overlay": [], "residual": [], "candidates": []}
+        return _heard(result)
     shown = _Residuals.of(selection)
     overlay = (shown.torque_over_time(), shown.torque_left(), shown.spectrum(), shown.spectrum_left())
     where = (shown.by_angle(), shown.by_order(), shown.by_speed(), shown.by_time(), *shown.at_the_load())
@@ -75,6 +75,19 @@ def story(result: Investigation) -> dict[str, object]:
         "overlay": [panel.document() for panel in overlay],
         "residual": [panel.document() for panel in where],
         "candidates": [_candidate(selection, rival) for rival in selection.rejected[:12]],
+    }
+
+
+def _heard(result: Investigation) -> dict[str, object]:
+    from sim.discrepancy.sound_story import sound_candidates, sound_panels  # which draws on the panels here
+
+    if result.listening is None:
+        return {"overlay": [], "residual": [], "candidates": []}
+    overlay, where = sound_panels(result.listening)
+    return {
+        "overlay": [panel.document() for panel in overlay],
+        "residual": [panel.document() for panel in where],
+        "candidates": sound_candidates(result.listening),
     }
 
 

@@ -32,7 +32,7 @@ def noise(seed: int) -> np.ndarray:  # type: ignore[type-arg]
     return 0.01 * np.random.default_rng(seed).standard_normal(20 * RATE)
 
 
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("seed", range(3))
 def test_noise_is_silent(seed: int) -> None:
     assert listen(AXIS, recording(noise(seed)), motion(), 0.0) == ()
 

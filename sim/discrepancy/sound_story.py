@@ -1,0 +1,75 @@
+"""What a page shows of sound alone: loudness with the standstills, strokes folded, lines while cruising."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from casebase.signals.analysis import ANALYSIS_RATE_HZ, Band
+from casebase.signals.motion import HOP_HZ, loudness_db
+from sim.chain_model import Array
+from sim.discrepancy.sound import Listening
+from sim.discrepancy.sound_course import Course
+from sim.discrepancy.sound_lines import TRANSFORM, gamma_limit
+from sim.discrepancy.story import Panel
+
+SHOWN_S, SHOWN_HZ = 20.0, 1500.0
+MEAN_HOPS = 4
+REASONS = {
+    "tooth_damage": "No impact in one direction of motion stands out over what good gearboxes do as well.",
+    "backlash": "No impact where braking begins stands out over what good gearboxes do as well.",
+    "bearing_defect": "The lines that no gear explains are too few to be a bearing's.",
+}
+
+
+def sound_panels(listened: Listening) -> tuple[list[Panel], list[Panel]]:
+    """Panels of what was heard and of where it was looked for faults, of the first recording."""
+    course = listened.courses[0]
+    overlay = [_loudness(course)]
+    if course.cruises:
+        overlay.append(_lines(course))
+    folded = course.analysis.folded(Band.LOW)
+    if folded is None:
+        return overlay, []
+    title = "Strokes laid over each other, below 200 Hz"
+    lines = (("around one end", folded.forward_db), ("around the other end", folded.backward_db))
+    labels = ("time from the standstill [s]", "over what noise reaches [dB]")
+    low = float(min(np.nanmin(folded.forward_db), np.nanmin(folded.backward_db)))
+    return overlay, [Panel(title, *labels, "stroke", folded.offset_s, lines, (low, 0.0), ((0.0, "standstill"),))]
+
+
+def sound_candidates(listened: Listening) -> list[dict[str, object]]:
+    """What was weighed and not named."""
+    return [
+        {"mechanism": name, "location": None, "probability": round(p, 4), "reason": REASONS[name]}
+        for name, p in listened.rejected
+    ]
+
+
+def _loudness(course: Course) -> Panel:
+    level = loudness_db(course.analysis.samples, ANALYSIS_RATE_HZ)
+    count = int(min(level.size, SHOWN_S * HOP_HZ)) // MEAN_HOPS * MEAN_HOPS
+    mean = np.asarray(level[:count].reshape(-1, MEAN_HOPS).mean(axis=1), dtype=np.float64)
+    time: Array = np.asarray((np.arange(mean.size) + 0.5) * MEAN_HOPS / HOP_HZ, dtype=np.float64)
+    marks = tuple((t, "standstill") for t in course.analysis.motion.reversal_times_s if t <= SHOWN_S)
+    lines = (("sound", mean),)
+    return Panel("Loudness", "time [s]", "level [dB re full scale]", "time", time, lines, markers=marks)
+
+
+def _lines(course: Course) -> Panel:
+    """Strongest of about every Hz of the mean spectrum over its surroundings; what noise reaches is a band."""
+    power = course.spectra.mean(axis=0)
+    step = round(TRANSFORM / ANALYSIS_RATE_HZ)
+    count = int(SHOWN_HZ * TRANSFORM / ANALYSIS_RATE_HZ) // step
+    highest = np.asarray(power[: count * step].reshape(count, step).max(axis=1), dtype=np.float64)
+    frequency: Array = (np.arange(count, dtype=np.float64) + 0.5) * step * ANALYSIS_RATE_HZ / TRANSFORM
+    limit = 10.0 * float(np.log10(gamma_limit(len(course.cruises), TRANSFORM / 16.0)))
+    lines = (("while cruising", 10.0 * np.log10(np.maximum(highest, 1e-3))),)
+    labels = ("frequency [Hz]", "over its surroundings [dB]")
+    return Panel("Lines while cruising", *labels, "frequency", frequency, lines, (-10.0, limit), _teeth(course))
+
+
+def _teeth(course: Course) -> tuple[tuple[float, str], ...]:
+    if course.speed is None:
+        return ()
+    found = [(k * order * course.speed, f"teeth {order:.3g}, {k}x") for order in course.mesh_orders for k in (1, 2)]
+    return tuple(one for one in found if one[0] < SHOWN_HZ)
