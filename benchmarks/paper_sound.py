@@ -27,6 +27,7 @@ from sim.sound import SAMPLE_RATE_HZ
 
 Signal = NDArray[np.float32]
 CYCLES, BAND_HZ = 5, 200.0
+DRAWS = 20  # of the noise: one draw differs from another by 0.3
 TRANSMISSION_ERROR_RAD = 6e-6  # of the output mesh: audible, as the paper's spectra show its frequency
 MICROPHONE = replace(DEFAULT_MICROPHONE, rubbing_n_m=5.0, rubbing_exponent=0.2, mesh_weights=(0.3, 1.0), gain=5e-4)
 CASES: dict[str, tuple[Mechanism | None, float]] = {
@@ -44,15 +45,15 @@ def paper_axis() -> Axis:
     return replace(PAPER_AXIS, motion=motion, stages=(PAPER_AXIS.stages[0], output))
 
 
-def recordings() -> dict[str, Signal]:
-    """What the microphone hears below 200 Hz, per label, each of shape (n,)."""
+def recordings() -> dict[str, list[Signal]]:
+    """What the microphone hears below 200 Hz, per label, `DRAWS` times with other noise, each of shape (n,)."""
     band = butter(4, BAND_HZ, fs=SAMPLE_RATE_HZ, output="sos")
     heard = {}
     for label, (mechanism, _) in CASES.items():
         axis = with_mechanism(paper_axis(), mechanism) if mechanism else paper_axis()
         trajectory = simulate(built(axis), CYCLES * axis.motion.period_s, SAMPLE_RATE_HZ)
-        sound = sound_of(trajectory, axis, MICROPHONE, seed=1)
-        heard[label] = np.asarray(sosfiltfilt(band, sound), dtype=np.float32)
+        sounds = (sound_of(trajectory, axis, MICROPHONE, seed) for seed in range(DRAWS))
+        heard[label] = [np.asarray(sosfiltfilt(band, sound), dtype=np.float32) for sound in sounds]
     return heard
 
 
@@ -106,15 +107,18 @@ def draw(heard: dict[str, Signal], out: Path) -> list[Path]:
 def main(out: Path) -> None:
     """Draw, and print the crest factors beside the paper's."""
     heard = recordings()
-    for label, sound in heard.items():
-        mean = crest_factors(sound).mean()
-        whole = float(crest_factor(sound))
-        print(f"{label:7s} mean over cycles {mean:5.2f}, whole record {whole:5.2f}, the paper's {CASES[label][1]}")
+    for label, sounds in heard.items():
+        means = np.array([crest_factors(sound).mean() for sound in sounds])
+        whole = float(np.mean([crest_factor(sound) for sound in sounds]))
+        print(
+            f"{label:7s} mean over cycles {means.mean():5.2f} ({means.min():.2f} to {means.max():.2f} over {DRAWS} "
+            f"draws of noise), whole record {whole:5.2f}, the paper's {CASES[label][1]}"
+        )
     seconds = paper_axis().motion.period_s
     print(
         f"noise alone below {BAND_HZ:g} Hz has {noise_floor(seconds):.2f} in the median over a cycle of {seconds:g} s"
     )
-    for path in draw(heard, out):
+    for path in draw({label: sounds[0] for label, sounds in heard.items()}, out):
         print(path)
 
 

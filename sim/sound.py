@@ -152,9 +152,8 @@ def hear(
     ambient = random.standard_normal(2 * len(noise), dtype=np.float32).view(np.complex64)
     ambient *= noise
     spectrum += ambient
-    heard: NDArray[np.float32] = fft.irfft(spectrum, size)[:n]
-    heard *= np.float32(microphone.gain)
-    return heard
+    spectrum *= np.float32(microphone.gain)
+    return np.asarray(fft.irfft(spectrum, size)[:n], dtype=np.float32)
 
 
 @lru_cache(maxsize=4)
