@@ -9,6 +9,7 @@ from __future__ import annotations
 import hashlib
 import io
 import json
+import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
@@ -32,7 +33,7 @@ from casebase.signals.features import Extraction, extract
 from casebase.signals.recording import Recording
 from sim.audibility import perform_fault
 from sim.axis import Axis, read_axis
-from sim.design import DURATION_S, Planned, plan
+from sim.design import DURATION_S, Planned, Range, plan
 from sim.errors import ParameterError
 from sim.mechanisms import MECHANISMS
 from sim.scenario import MODEL_VERSION, Scenario
@@ -56,6 +57,8 @@ class Campaign:
         Paths fitted to the place; without any, housings are drawn from all that is usual.
     sound_version
         Version of the artifact that the microphones come from.
+    payload_kg_m2, speed_rad_s
+        From where to where; around the axis's own where None.
     """
 
     axis: Axis
@@ -64,8 +67,14 @@ class Campaign:
     duration_s: float = DURATION_S
     microphones: tuple[Microphone, ...] = ()
     sound_version: int | None = None
+    payload_kg_m2: tuple[float, float] | None = None
+    speed_rad_s: tuple[float, float] | None = None
 
     def __post_init__(self) -> None:
+        for name in ("payload_kg_m2", "speed_rad_s"):
+            ends = getattr(self, name)
+            if ends is not None and not 0 < ends[0] <= ends[1] < math.inf:
+                raise ParameterError(f"{name}: needs two numbers above 0, the smaller first, got {list(ends)}")
         total = sum(self.counts.values())
         if not (0 < total <= MOST_CASES and min(self.counts.values()) >= 0):
             raise ParameterError(f"counts: 1 to {MOST_CASES} cases can be generated at a time, got {dict(self.counts)}")
@@ -84,6 +93,8 @@ class Campaign:
                     "duration_s": self.duration_s,
                     "microphones": [asdict(each) for each in self.microphones],
                     "sound_version": self.sound_version,
+                    "payload_kg_m2": self.payload_kg_m2,
+                    "speed_rad_s": self.speed_rad_s,
                 }
             )
         )
@@ -95,11 +106,27 @@ class Campaign:
         known = dict(document)
         known["axis"] = read_axis(known["axis"])  # type: ignore[arg-type]
         known["microphones"] = tuple(microphone_of(each) for each in known["microphones"])  # type: ignore[attr-defined]
+        for name in ("payload_kg_m2", "speed_rad_s"):
+            known[name] = tuple(known[name]) if known.get(name) else None  # type: ignore[arg-type]
         return cls(**known)  # type: ignore[arg-type]
 
     def planned(self) -> list[Planned]:
         """All cases, label by label."""
-        return plan(self.axis, self.counts, self.seed, microphones=self.microphones, duration_s=self.duration_s)
+        return plan(
+            self.axis,
+            self.counts,
+            self.seed,
+            microphones=self.microphones,
+            duration_s=self.duration_s,
+            operation=self._operation(),
+        )
+
+    def _operation(self) -> list[Range]:
+        given = {
+            "payload_factor": (self.payload_kg_m2, self.axis.load.inertia_kg_m2),
+            "speed_factor": (self.speed_rad_s, self.axis.motion.load_speed_rad_s),
+        }
+        return [Range(name, ends[0] / own, ends[1] / own) for name, (ends, own) in given.items() if ends is not None]
 
     def batches(self) -> list[range]:
         """The cases by number, cut into tasks."""

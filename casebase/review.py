@@ -30,6 +30,7 @@ NEIGHBOURS, AGREEING = 5, 4
 SAME = 0.25  # of the typical distance to the nearest case of the label: as good as the same case
 FAR = 3.0  # times the typical distance between measured cases of a label: not the same world
 FEWEST = 20  # simulated cases that a label should have at least
+PER_CELL = 4  # cases for a range of payload and speed that has none
 CELLS = 3  # payload and speed are looked at in so many ranges each
 
 
@@ -46,11 +47,22 @@ class Finding:
 
 @dataclass(frozen=True)
 class Hole:
-    """Operating conditions under which a label has no case, and how many would fill them."""
+    """Operating conditions under which a label has no case, and how many would fill them.
+
+    Args:
+        payload_kg_m2, speed_rad_s: from where to where the cases should lie; None where it does not matter.
+    """
 
     label: str
     reason: str
     cases: int
+    payload_kg_m2: tuple[float, float] | None = None
+    speed_rad_s: tuple[float, float] | None = None
+
+    def campaign(self) -> dict[str, object]:
+        """Return what `generate --plan` and `POST /simulations` take to fill it, beside the axis."""
+        ranges = {"payload_kg_m2": self.payload_kg_m2, "speed_rad_s": self.speed_rad_s}
+        return {"counts": {self.label: self.cases}, **{name: list(ends) for name, ends in ranges.items() if ends}}
 
 
 @dataclass(frozen=True)
@@ -73,7 +85,8 @@ class Review:
 
     def to_document(self) -> dict[str, object]:
         """Return it as JSON."""
-        return {**asdict(self), "plan": {"counts": self.plan}}
+        campaigns = [hole.campaign() for hole in self.uncovered]
+        return {**asdict(self), "plan": {"counts": self.plan, "campaigns": campaigns}}
 
 
 def review(session: Session, reasoner: Reasoner) -> Review:
@@ -160,23 +173,31 @@ def _holes(session: Session) -> tuple[Hole, ...]:
         elif cells is not None:
             full = {_cell(cells, p, s) for p, s in simulated if p and s}
             wanted = {_cell(cells, p, s) for _, origin, p, s in rows if origin == "measured" and p and s}
-            empty = wanted - full
-            if empty:
-                holes.append(Hole(label, f"no case in {len(empty)} ranges of payload and speed", 4 * len(empty)))
+            holes += [_empty(label, cells, cell) for cell in sorted(wanted - full)]
     return tuple(holes)
 
 
+def _empty(label: str, edges: tuple[Floats, Floats], cell: tuple[int, int]) -> Hole:
+    payload, speed = ((float(ends[i]), float(ends[i + 1])) for ends, i in zip(edges, cell, strict=True))
+    reason = (
+        f"measured cases, but no simulated one, at {payload[0]:.3g} to {payload[1]:.3g} kg m2 "
+        f"and {speed[0]:.3g} to {speed[1]:.3g} rad/s"
+    )
+    return Hole(label, reason, PER_CELL, payload, speed)
+
+
 def _cells(points: Sequence[tuple[float, float]]) -> tuple[Floats, Floats] | None:
+    """Return the edges of the ranges of payload and of speed, outermost included, shape (CELLS + 1,) each."""
     if len(points) < 2:
         return None
     both = np.array(points)
     low, high = both.min(axis=0), both.max(axis=0)
-    edges = [np.linspace(a, b, CELLS + 1)[1:-1] for a, b in zip(low, high, strict=True)]
+    edges = [np.linspace(a, b, CELLS + 1) for a, b in zip(low, high, strict=True)]
     return edges[0], edges[1]
 
 
-def _cell(cells: tuple[Floats, Floats], payload: float, speed: float) -> tuple[int, int]:
-    return int(np.searchsorted(cells[0], payload)), int(np.searchsorted(cells[1], speed))
+def _cell(edges: tuple[Floats, Floats], payload: float, speed: float) -> tuple[int, int]:
+    return int(np.searchsorted(edges[0][1:-1], payload)), int(np.searchsorted(edges[1][1:-1], speed))
 
 
 def apply(library: CaseLibrary, session: Session, found: Review, kind: str) -> Artifact:

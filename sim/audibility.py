@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from sim.chain_model import ChainResult
 from sim.scenario import Scenario
@@ -40,19 +39,40 @@ class Heard:
     ratio: float
 
 
+@dataclass(frozen=True)
+class FaultRun:
+    """A scenario whose last mechanism is a fault, run with and without it; any microphone may then listen."""
+
+    scenario: Scenario
+    run: ChainResult
+    rest: ChainResult
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> FaultRun:
+        """Run it."""
+        return cls(scenario, scenario.simulate(), _healthy(scenario).simulate())
+
+    def heard_by(self, microphone: Microphone, noise_seed: int) -> Heard:
+        """What a microphone hears, brought nearer where the fault would drown."""
+        scenario = replace(self.scenario, microphone=microphone, noise_seed=noise_seed)
+        peak = _peak(scenario, self.run, self.rest)
+        ratio = peak * microphone.gain / _rest(scenario, self.rest)
+        if ratio < JUST_HEARD:
+            random = np.random.default_rng(noise_seed)
+            wanted = JUST_HEARD * (WELL_HEARD / JUST_HEARD) ** random.random()
+            microphone = _nearer(microphone, max(ratio / wanted, QUIETEST))
+            scenario = replace(scenario, microphone=microphone)
+            ratio = peak * microphone.gain / _rest(scenario, self.rest)
+        return Heard(scenario.hear(self.run), scenario, ratio)
+
+
 def perform_fault(scenario: Scenario) -> Heard:
     """Perform a scenario whose last mechanism is a fault, so that it can be heard."""
-    healthy = replace(scenario, axis=replace(scenario.axis, mechanisms=scenario.axis.mechanisms[:-1]))
-    run, rest = scenario.simulate(), healthy.simulate()
-    peak = _peak(scenario, run, rest)
-    ratio = peak * scenario.microphone.gain / _rest(healthy, rest)
-    if ratio < JUST_HEARD:
-        random = np.random.default_rng(scenario.noise_seed)
-        wanted = JUST_HEARD * (WELL_HEARD / JUST_HEARD) ** random.random()
-        nearer = _nearer(scenario.microphone, max(ratio / wanted, QUIETEST))
-        scenario, healthy = replace(scenario, microphone=nearer), replace(healthy, microphone=nearer)
-        ratio = peak * nearer.gain / _rest(healthy, rest)
-    return Heard(scenario.hear(run), scenario, ratio)
+    return FaultRun.of(scenario).heard_by(scenario.microphone, scenario.noise_seed)
+
+
+def _healthy(scenario: Scenario) -> Scenario:
+    return replace(scenario, axis=replace(scenario.axis, mechanisms=scenario.axis.mechanisms[:-1]))
 
 
 def _peak(scenario: Scenario, run: ChainResult, rest: ChainResult) -> float:
@@ -64,11 +84,13 @@ def _peak(scenario: Scenario, run: ChainResult, rest: ChainResult) -> float:
     return float(np.abs(_in_band(replace(scenario, microphone=silent).hear(added))[edge:-edge]).max())
 
 
-def _rest(healthy: Scenario, rest: ChainResult) -> float:
-    return math.sqrt(float(np.mean(_in_band(healthy.hear(rest)) ** 2)))
+def _rest(scenario: Scenario, rest: ChainResult) -> float:
+    return math.sqrt(float(np.mean(_in_band(_healthy(scenario).hear(rest)) ** 2)))
 
 
 def _in_band(sound: NDArray[np.float32]) -> NDArray[np.float64]:
+    from scipy import signal  # slow to import
+
     sections = signal.butter(4, BAND_HZ, "bandpass", fs=SAMPLE_RATE_HZ, output="sos")
     return np.asarray(signal.sosfilt(sections, sound.astype(np.float64)))
 

@@ -12,7 +12,6 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import qmc
 
 from sim.axis import Axis, MechanismEntry, Motion
 from sim.errors import ParameterError, near_match
@@ -104,6 +103,7 @@ def plan(
     *,
     microphones: Sequence[Microphone] = (),
     duration_s: float = DURATION_S,
+    operation: Sequence[Range] = (),
 ) -> list[Planned]:
     """Scenarios for each label, `counts[label]` of them.
 
@@ -112,9 +112,13 @@ def plan(
     microphones
         Paths fitted to the place, one per gearbox heard; each case takes one of them, slightly detuned. Without any,
         every case has a housing of its own drawn from all that is usual.
+    operation
+        Ranges that stand for those of the same name in `OPERATION`.
 
     Raises ParameterError for a label that stands for no mechanism, AxisError for an axis that makes no sound.
     """
+    from scipy.stats import qmc  # slow to import
+
     Specimen(0).chain(axis, axis.load.inertia_kg_m2)
     for label in counts:
         if label not in labels():
@@ -126,7 +130,8 @@ def plan(
         for index, point in enumerate(sequence.random(count)):
             draw = dict(zip(names, map(float, point), strict=True))
             random = np.random.default_rng([seed, number, index])
-            out.append(_planned(axis, label, draw, random, microphones, duration_s))
+            value = {r.name: r.at(draw[r.name]) for r in (*OPERATION, *SPECIMEN, *MICROPHONE, *operation)}
+            out.append(_planned(axis, label, draw, value, random, microphones, duration_s))
     return out
 
 
@@ -134,11 +139,11 @@ def _planned(
     axis: Axis,
     label: str,
     draw: Mapping[str, float],
+    value: Mapping[str, float],
     random: np.random.Generator,
     microphones: Sequence[Microphone],
     duration_s: float,
 ) -> Planned:
-    value = {r.name: r.at(draw[r.name]) for r in (*OPERATION, *SPECIMEN, *MICROPHONE)}
     speed = value["speed_factor"] * axis.motion.load_speed_rad_s
     cruise = value["travel_rad"] / speed
     ramp = min(value["acceleration_time_s"], 0.8 * cruise)
@@ -196,6 +201,29 @@ def _usual(parameter: Parameter, place: float, is_size: bool, size: float) -> fl
         return parameter.choices[int(place * len(parameter.choices))]
     spread = USUAL ** (2 * size - 1) if is_size else DETAIL ** (2 * place - 1)
     return float(np.clip(parameter.default * spread, parameter.low, parameter.high))
+
+
+def moved(planned: Planned, motion: Motion, payload_kg_m2: float) -> Planned:
+    """The same specimen, microphone and fault under another motion and payload; damage stays at the same share of the
+    way at full speed."""
+    scenario, entry = planned.scenario, planned.mechanism
+    mechanisms = scenario.axis.mechanisms
+    if entry is not None and entry.name == "tooth_damage":
+        share = (entry.parameters["angle_rad"] - scenario.middle_rad) / _full_speed_rad(scenario.axis.motion)
+        angle = scenario.middle_rad + share * _full_speed_rad(motion)
+        mechanisms = (*mechanisms[:-1], replace(entry, parameters={**entry.parameters, "angle_rad": angle}))
+    axis = replace(scenario.axis, motion=motion, mechanisms=mechanisms)
+    return replace(planned, scenario=replace(scenario, axis=axis, payload_kg_m2=payload_kg_m2))
+
+
+def _full_speed_rad(motion: Motion) -> float:
+    """Angle over which the output runs at full speed in one stroke."""
+    return motion.load_speed_rad_s * (motion.period_s / 2 - motion.dwell_s - 2 * motion.acceleration_time_s)
+
+
+def usual_microphone(random: np.random.Generator) -> Microphone:
+    """A microphone at a housing drawn from all that is usual."""
+    return _housing({r.name: r.at(random.random()) for r in MICROPHONE}, random)
 
 
 MODES = (4, 6)

@@ -27,12 +27,15 @@ class HoleAnswer(BaseModel):
     label: str
     reason: str
     cases: int
+    payload_kg_m2: tuple[float, float] | None
+    speed_rad_s: tuple[float, float] | None
 
 
 class PlanAnswer(BaseModel):
-    """Cases to generate, by label."""
+    """Cases to generate: by label, and hole by hole, each of which `POST /simulations` takes beside an axis."""
 
     counts: dict[str, int]
+    campaigns: list[dict[str, dict[str, int] | tuple[float, float]]]
 
 
 class ReviewAnswer(BaseModel):
@@ -66,6 +69,6 @@ def evaluation(
 def get_review(_: Viewer, session: Reading, service: TheService) -> ReviewAnswer:
     """Redundant, contradictory, suspect and far cases, and what is missing.
 
-    `plan` holds the counts that `POST /simulations` takes.
+    `plan` holds what `POST /simulations` takes: the counts of all holes together, and `campaigns` hole by hole.
     """
     return ReviewAnswer.model_validate(review(session, service.library.reasoner(session)).to_document())

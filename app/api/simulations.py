@@ -3,7 +3,7 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Request, Response, status
-from pydantic import Field
+from pydantic import Field, PositiveFloat
 from sqlalchemy.orm import Session
 
 from app.api.jobs import JobDocument
@@ -19,6 +19,7 @@ from sim.design import DURATION_S, LABELS, labels
 router = APIRouter(tags=["simulations"])
 
 Count = Annotated[int, Field(ge=0, le=10_000)]
+Span = Annotated[tuple[PositiveFloat, PositiveFloat], Field(examples=[[20.0, 40.0]])]
 LABEL_NAMES = ", ".join(labels())
 
 
@@ -32,6 +33,8 @@ class SimulationRequest(Question):
     )
     seed: int = Field(0, ge=0, lt=2**31, description="the same seed gives the same cases")
     duration_s: float = Field(DURATION_S, ge=1.0, le=120.0, description="of each recording [s]")
+    payload_kg_m2: Span | None = Field(None, description="from, to; around the axis's own if not given [kg m2]")
+    speed_rad_s: Span | None = Field(None, description="from, to; around the axis's own if not given [rad/s]")
     fitted: bool = Field(True, description="use the sound fitted to the place, where there is one")
 
 
@@ -58,7 +61,16 @@ def campaign_of(service: Service, wanted: SimulationRequest) -> Campaign:
     axis = _axis(service, wanted.axis)
     microphones, version = fitted_microphones(service.library, axis) if wanted.fitted else ((), None)
     counts = dict.fromkeys(LABELS, wanted.per_label) if wanted.counts is None else wanted.counts
-    return Campaign(axis, counts, wanted.seed, wanted.duration_s, microphones, version)
+    return Campaign(
+        axis,
+        counts,
+        wanted.seed,
+        wanted.duration_s,
+        microphones,
+        version,
+        wanted.payload_kg_m2,
+        wanted.speed_rad_s,
+    )
 
 
 def _axis(service: Service, given: dict[str, object] | str) -> Axis:

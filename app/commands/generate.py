@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import os
+from collections import Counter
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from pydantic import BaseModel, ConfigDict
 
 from app.commands.frame import Frame, frame_of
 from app.generation import Campaign, Outcome, fitted_microphones, generate
@@ -22,7 +24,10 @@ def register(app: typer.Typer) -> None:
 def generate_cases(
     context: typer.Context,
     axis: Annotated[Path, typer.Option(metavar="AXIS.toml", help="description of the axis")],
-    per_label: Annotated[int, typer.Option(min=1, max=10_000, metavar="N", help="cases of each label")],
+    per_label: Annotated[int | None, typer.Option(min=1, max=10_000, metavar="N", help="cases of each label")] = None,
+    plan: Annotated[
+        Path | None, typer.Option(metavar="PLAN.json", help="instead: what `cases review --plan` found missing")
+    ] = None,
     label: Annotated[
         list[str] | None, typer.Option(help=f"these instead of {', '.join(LABELS)}; of {', '.join(labels())}")
     ] = None,
@@ -36,18 +41,43 @@ def generate_cases(
     and noise. Cases that are there already are not made again, so an interrupted run is repeated as it was."""
     frame = frame_of(context)
     described = read_axis(axis)
-    counts = dict.fromkeys(label or LABELS, per_label)
+    if (per_label is None) == (plan is None):
+        raise typer.BadParameter("give either --per-label or --plan")
+    entries = [{"counts": dict.fromkeys(label or LABELS, per_label)}] if plan is None else read_plan(plan)
     with frame.library() as library:
         microphones, version = ((), None) if generic else fitted_microphones(library, described)
-        campaign = Campaign(described, counts, seed, duration, microphones, version)
-        outcome = with_progress(frame, library, campaign, processes)
+        campaigns = [
+            Campaign(described, seed=seed, duration_s=duration, microphones=microphones, sound_version=version, **entry)
+            for entry in entries
+        ]
+        outcomes = [with_progress(frame, library, each, processes) for each in campaigns]
+    new, known = sum(each.new for each in outcomes), sum(each.known for each in outcomes)
+    counts = sum((Counter(each.counts) for each in campaigns), Counter())
     if json:
-        frame.print_json(
-            {"new": outcome.new, "known": outcome.known, "counts": counts, "seed": seed, "sound_version": version}
-        )
+        frame.print_json({"new": new, "known": known, "counts": counts, "seed": seed, "sound_version": version})
     else:
         sound = "usual housings" if version is None else f"the sound fitted to the place (version {version})"
-        frame.print(f"{outcome.new} cases generated with {sound}, {outcome.known} were there already")
+        frame.print(f"{new} cases generated with {sound}, {known} were there already")
+
+
+def read_plan(path: Path) -> list[dict[str, Any]]:
+    """The campaigns of a plan file. Raises ValidationError where it is none."""
+    return [each.model_dump() for each in PlanFile.model_validate_json(path.read_bytes()).campaigns]
+
+
+class Entry(BaseModel):
+    """One hole: cases by label, and from where to where payload and speed should lie."""
+
+    model_config = ConfigDict(extra="forbid")
+    counts: dict[str, int]
+    payload_kg_m2: tuple[float, float] | None = None
+    speed_rad_s: tuple[float, float] | None = None
+
+
+class PlanFile(BaseModel):
+    """What `cases review --plan` writes."""
+
+    campaigns: list[Entry]
 
 
 def with_progress(frame: Frame, library: CaseLibrary, campaign: Campaign, processes: int) -> Outcome:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from json import dumps
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -19,6 +21,10 @@ def review(
         str | None, typer.Option(metavar="KIND", help="retire what is 'redundant' or quarantine what is 'far'")
     ] = None,
     undo: Annotated[int | None, typer.Option(metavar="VERSION", help="take back an edit of a review")] = None,
+    plan: Annotated[
+        Path | None,
+        typer.Option(metavar="PLAN.json", help="write what `generate --plan` takes to fill the holes"),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
     """Redundant, contradictory, suspect and far cases, and what is missing. Changes nothing unless told to."""
@@ -34,6 +40,9 @@ def review(
         if apply is not None:
             with library.transaction(ACTOR) as session:
                 version = care.apply(library, session, found, apply).version
+    if plan is not None:
+        campaigns = [hole.campaign() for hole in found.uncovered]
+        plan.write_text(dumps({"campaigns": campaigns}, indent=1) + "\n", encoding="utf-8")
     if json:
         frame.print_json({**found.to_document(), "edit": version})
         return

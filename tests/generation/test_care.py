@@ -1,18 +1,23 @@
 """Severity and review: on vectors made for the purpose, whose right answer is known."""
 
+import json
 from pathlib import Path
 
 import numpy as np
 import pytest
 
+from app.cli import run
 from casebase.description import Labelling, RecordingDescription
 from casebase.errors import InvalidRequestError, NotFoundError
 from casebase.library import CaseLibrary
 from casebase.review import apply, review, undo
 from casebase.severity import estimate
+from casebase.signals.condition import UNKNOWN, OperatingCondition
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction, FeatureVector, catalogue
 from casebase.signals.motion import Motion
 from casebase.signals.recording import Recording
+from sim.axis import write_axis
+from sim.paper import PAPER_AXIS
 
 NAMES = tuple(catalogue())
 
@@ -41,11 +46,19 @@ def test_features_that_say_nothing_give_a_wide_interval() -> None:
     assert found.high / found.low > 5
 
 
-def _add(library: CaseLibrary, values: np.ndarray, label: str, origin: str, gearbox: str, number: int) -> str:
+def _add(
+    library: CaseLibrary,
+    values: np.ndarray,
+    label: str,
+    origin: str,
+    gearbox: str,
+    number: int,
+    condition: OperatingCondition = UNKNOWN,
+) -> str:
     samples = np.random.default_rng(number).standard_normal(800).astype(np.float32)
     extraction = Extraction(FeatureVector(NAMES, values.astype(np.float32)), (), Motion(), (), EXTRACTOR_VERSION)
     with library.transaction("test") as session:
-        description = RecordingDescription(file_name=f"{number}.wav", gearbox=gearbox)
+        description = RecordingDescription(file_name=f"{number}.wav", gearbox=gearbox, condition=condition)
         row = library.store_recording(session, samples.tobytes(), Recording(samples, 8000.0), extraction, description)
         return library.retain(session, row, Labelling(label, origin=origin)).id
 
@@ -86,3 +99,30 @@ def test_review_finds_what_was_put_there_and_edits_can_be_undone(library: CaseLi
         with pytest.raises(NotFoundError):
             undo(library, session, 99)
     library.close()
+
+
+def test_holes_become_a_plan_that_generate_fills(
+    library: CaseLibrary, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    random, number = np.random.default_rng(3), 0
+    for payload, speed in ((20.0, 2.1), (50.0, 2.8)):
+        number += 1
+        there = OperatingCondition(speed_rad_s=speed, payload_kg_m2=payload)
+        _add(library, random.standard_normal(len(NAMES)), "normal", "measured", "g1", number, there)
+    for _ in range(20):
+        number += 1
+        there = OperatingCondition(speed_rad_s=2.1, payload_kg_m2=20.0)
+        _add(library, random.standard_normal(len(NAMES)), "normal", "simulated", "", number, there)
+    library.close()
+    axis, plan = tmp_path / "axis.toml", tmp_path / "plan.json"
+    axis.write_text(write_axis(PAPER_AXIS))
+    command = ["--data-dir", str(tmp_path), "--json"]
+    assert run([*command, "cases", "review", "--plan", str(plan)]) == 0
+    assert json.loads(capfd.readouterr().out)["plan"]["campaigns"] == json.loads(plan.read_text())["campaigns"]
+    wanted = ["generate", "--axis", str(axis), "--plan", str(plan), "--duration", "3", "--processes", "1"]
+    assert run([*command, *wanted]) == 0
+    assert json.loads(capfd.readouterr().out)["new"] == 4
+    again = CaseLibrary.open(tmp_path)
+    with again.reading() as session:
+        assert review(session, again.reasoner(session)).uncovered == ()
+    again.close()
