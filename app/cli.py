@@ -1,6 +1,8 @@
 """The command `gearcase`: one module per verb in `app.commands`, imported when its verb is called."""
 
+import json
 import sys
+import traceback
 from importlib import import_module
 from importlib.metadata import version
 from pathlib import Path
@@ -13,6 +15,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("worker", "app.commands.worker", "Run jobs; as many workers as one likes."),
     ("keys", "app.commands.keys", "Make, list and revoke keys."),
     ("diagnose", "app.commands.diagnose", "Diagnose recordings against the local library."),
+    ("size", "app.commands.size", "Say how large a play or notch is."),
     ("cases", "app.commands.cases", "Add, list, export and import cases."),
     ("generate", "app.commands.generate", "Generate cases by simulation."),
     ("fit", "app.commands.fit", "Fit the simulated sound to normal recordings of a place."),
@@ -39,19 +42,24 @@ def main() -> None:
 
 
 def run(arguments: list[str]) -> int:
-    """Run one command and return its exit code; domain errors become one sentence on stderr."""
+    """Run one command and return its exit code; errors become a sentence on stderr, with --json a document as well."""
     arguments = json_last(data_dir_first(arguments))
     try:
         build(verb_of(arguments))(args=arguments, prog_name="gearcase", standalone_mode=True)
     except SystemExit as end:
         return end.code if isinstance(end.code, int) else FAILURE
-    except Exception as error:
+    except Exception as error:  # noqa: BLE001 - whoever called gets an answer whatever happened
         from app.commands.faults import exit_code, sentence  # the table of errors is slow to import
 
         code = exit_code(error)
         if code is None:
-            raise
-        print(f"gearcase: {sentence(error)}", file=sys.stderr)
+            traceback.print_exc()
+            words, code = f"{type(error).__name__}: {error}; this is a fault of ours, see stderr", FAILURE
+        else:
+            words = sentence(error)
+            print(f"gearcase: {words}", file=sys.stderr)
+        if JSON in arguments:
+            print(json.dumps({"error": words, "exit_code": code}, ensure_ascii=False))
         return code
     return DONE
 

@@ -137,7 +137,13 @@ def validation_problem(errors: Sequence[Any], what: str = "The request") -> Unpr
     return Unprocessable(f"{what} is not valid: {words}", errors=listed)
 
 
-def _from_validation(_: ExceptionHandler, __: Request, error: RequestValidationError) -> Problem:
+def _from_validation(_: ExceptionHandler, request: Request, error: RequestValidationError) -> Problem:
+    for each in error.errors():
+        if each["loc"][0] == "path":
+            return NotFound(
+                f"There is nothing at {request.url.path}: {str(each['input'])[:100]!r} is no id. "
+                "Ids are as the call that made the thing answers them, 32 digits from 0 to f."
+            )
     return validation_problem(error.errors())
 
 

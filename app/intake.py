@@ -8,10 +8,10 @@ from sqlalchemy.orm import Session
 
 from app.metadata import RecordingMetadata
 from casebase.audio_store import StoredBytes
-from casebase.axes import find_axis
+from casebase.axes import find_axis, list_axes
 from casebase.description import RecordingDescription
 from casebase.library import CaseLibrary
-from casebase.models import StoredRecording
+from casebase.models import StoredDiagnosis, StoredRecording
 from casebase.signals.decode import read_recording
 from casebase.signals.features import Extraction, extract
 from casebase.signals.recording import Recording
@@ -27,15 +27,24 @@ KEEPERS = ThreadPoolExecutor(4, thread_name_prefix="keeper")
 
 @dataclass(frozen=True)
 class Intake:
-    """A recording on its way into the library: its bytes are on disk, its rows are not yet there."""
+    """A recording on its way into the library: its bytes are on disk, its rows are not yet there.
+
+    Args:
+        remarks: what of its description limits an answer, one sentence each.
+    """
 
     stored: StoredBytes
     recording: Recording
     extraction: Extraction
     description: RecordingDescription
+    remarks: tuple[str, ...] = ()
 
     def store(self, library: CaseLibrary, session: Session) -> StoredRecording:
         return library.store_recording(session, self.stored, self.recording, self.extraction, self.description)
+
+    def diagnose(self, library: CaseLibrary, session: Session) -> StoredDiagnosis:
+        row = self.store(library, session)
+        return library.diagnose(session, row, self.extraction, self.remarks)
 
 
 def shaft_orders(axis: Axis) -> tuple[float, ...]:
@@ -97,4 +106,14 @@ def take_in(
         recorded_at=metadata.recorded_at,
         extra=extra,
     )
-    return Intake(stored, recording, extraction, description)
+    return Intake(stored, recording, extraction, description, unknown_axis(library, metadata.axis) if not axis else ())
+
+
+def unknown_axis(library: CaseLibrary, name: str | None) -> tuple[str, ...]:
+    """Say what an axis without a description costs, and which ones are described; nothing where none was named."""
+    if name is None:
+        return ()
+    with library.reading() as session:
+        known = [row.name for row in list_axes(session)]
+    described = f"described are {', '.join(known[:10])}" if known else "none is described yet (POST /api/v1/axes)"
+    return (f"no axis is described as {name!r}, so features of its shafts and meshes are missing; {described}",)

@@ -7,7 +7,6 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import stats
 from scipy.spatial.distance import cdist
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -170,6 +169,8 @@ def _energy(apart: Floats, first: NDArray[np.bool_]) -> float:
 
 
 def _unmatched(names: NDArray[np.str_], measured: Floats, simulated: Floats) -> tuple[Unmatched, ...]:
+    from scipy import stats  # slow to import
+
     p_values = np.array([stats.ks_2samp(a, b).pvalue for a, b in zip(measured.T, simulated.T, strict=True)])
     order = np.argsort(p_values)
     holm = np.minimum(np.maximum.accumulate(p_values[order] * np.arange(len(order), 0, -1)), 1.0)

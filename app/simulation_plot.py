@@ -3,7 +3,6 @@
 from pathlib import Path
 
 import numpy as np
-from scipy.signal import butter, sosfiltfilt
 
 from sim.axis import Axis
 from sim.measurement import Measurement
@@ -32,6 +31,8 @@ def plot_measurement(result: Measurement, axis: Axis, out: Path) -> list[Path]:
     if "shaft_torque_nm" in telemetry:
         rows[2].plot(time_s, telemetry["shaft_torque_nm"][shown], lw=0.8)
     rows[2].set_ylabel("torque on the load [N m]")
+    from scipy.signal import butter, sosfiltfilt
+
     band = butter(4, BAND_HZ, fs=SAMPLE_RATE_HZ, output="sos")
     low = sosfiltfilt(band, result.sound)
     crest = float(np.abs(low).max() / np.sqrt(np.mean(low**2)))

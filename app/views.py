@@ -8,7 +8,6 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
-from scipy import signal
 
 from casebase.signals.crest import crest_factor, crest_factor_trace, peak, root_mean_square
 from casebase.signals.decode import read_recording
@@ -89,6 +88,8 @@ def waveform(recording: Recording, points: int) -> Waveform:
 def spectrum(recording: Recording, resolution_hz: float) -> Spectrum:
     """Return the averaged power spectrum, resolved to about `resolution_hz` or as fine as the length allows."""
     window = min(recording.samples.size, round(recording.sample_rate_hz / resolution_hz))
+    from scipy import signal  # slow to import
+
     frequency, power = signal.welch(
         recording.samples, recording.sample_rate_hz, nperseg=window, scaling="spectrum", detrend="constant"
     )
@@ -166,6 +167,8 @@ def _spectrogram(
     size = recording.samples.size
     window = min(SPECTROGRAM_WINDOW, size)
     hop = max(1, window // 4)
+    from scipy import signal
+
     frequency, time, power = signal.spectrogram(
         recording.samples,
         recording.sample_rate_hz,

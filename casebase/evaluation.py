@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import norm
+from scipy import special
 
 from casebase.case_table import CaseTable, Mask
 from casebase.diagnosis import Reasoner, verdict_of
@@ -39,7 +39,7 @@ class Proportion:
         """Ends of the 95 % interval; 0 and 1 of nothing."""
         if not self.of:
             return 0.0, 1.0
-        z = float(norm.ppf(0.5 + COVERAGE / 2))
+        z = float(special.ndtri(0.5 + COVERAGE / 2))
         share, size = self.right / self.of, self.of
         middle = (share + z * z / (2 * size)) / (1 + z * z / size)
         half = z / (1 + z * z / size) * np.sqrt(share * (1 - share) / size + z * z / (4 * size * size))

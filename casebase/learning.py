@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize
 
 from casebase.case_table import CaseTable
 from casebase.priors import even_weights, prior_weights
@@ -291,6 +290,8 @@ def _fit(sample: _Sample, rows: NDArray[np.bool_], prior: Floats, strength: floa
     """Return weights of sum 1 learned from some rows."""
     if strength is None:
         return prior
+    from scipy.optimize import minimize  # slow to import
+
     inside = np.flatnonzero(rows)
     differences = sample.differences[np.ix_(inside, inside)]
     allowed = sample.allowed[np.ix_(inside, inside)]

@@ -3,7 +3,7 @@
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from threading import Event
 
@@ -364,12 +364,19 @@ class CaseLibrary:
             self._tables[extractor_version] = table
         return table
 
-    def diagnose(self, session: Session, recording: StoredRecording, extraction: Extraction) -> StoredDiagnosis:
-        """Diagnose a stored recording by its features and keep the diagnosis."""
+    def diagnose(
+        self,
+        session: Session,
+        recording: StoredRecording,
+        extraction: Extraction,
+        remarks: tuple[str, ...] = (),
+    ) -> StoredDiagnosis:
+        """Diagnose a stored recording by its features and keep the diagnosis, with what else is to be remarked."""
         reasoner = self.reasoner(session, extraction.extractor_version)
         if reasoner.outgrown:
             self.touched.set()
         diagnosis, values = reasoner.diagnose(extraction), extraction.features.values
+        diagnosis = replace(diagnosis, remarks=diagnosis.remarks + remarks)
         severity = severity_of(session, reasoner.table, diagnosis.label, values) if diagnosis.label else None
         return store_diagnosis(session, recording, diagnosis, reasoner, severity)
 

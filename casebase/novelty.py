@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.stats import t as student
+from scipy import special
 
 from casebase.priors import kind_weights, repeatability
 from casebase.similarity import Floats, column_quantiles, pooled_scales, robust_scales
@@ -148,5 +148,5 @@ def novelty_limit(distances: Floats) -> float | None:
         return None
     middle, high = np.quantile(distances ** (2 / 3), [0.5, 0.9])
     spread = float(high - middle) / NINTH_DECILE
-    factor = float(student.ppf(1 - 1 / NEW_ONCE_IN, distances.size - 1))
+    factor = float(special.stdtrit(distances.size - 1, 1 - 1 / NEW_ONCE_IN))
     return min(float((middle + factor * spread * np.sqrt(1 + 1 / distances.size)) ** 1.5), LARGEST_LIMIT)

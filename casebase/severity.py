@@ -11,8 +11,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.distance import cdist
-from scipy.stats import rankdata
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
@@ -97,7 +95,7 @@ def estimate(
     logarithm = np.log(sizes)
     weights = _relevance(scaled, logarithm)
     scaled, query = scaled * weights, query * weights
-    nearest = np.argsort(cdist(query, scaled)[0])[:NEAREST]
+    nearest = np.argsort(_distances(query, scaled)[0])[:NEAREST]
     together = np.arange(len(sizes)) if specimens is None else specimens
     log_value, errors = _regress(scaled[nearest], logarithm[nearest], query, together[nearest])
     reach = float(np.quantile(np.abs(errors), min(1.0, COVERAGE * (1 + 1 / errors.size))))
@@ -111,6 +109,8 @@ def _scaled(values: NDArray[np.floating], center: Floats, scale: Floats) -> Floa
 
 def _relevance(scaled: Floats, target: Floats) -> Floats:
     """Return |rank correlation| with the target per column, less what chance gives."""
+    from scipy.stats import rankdata  # half a second to import
+
     ranks = rankdata(scaled, axis=0)
     ranks -= ranks.mean(axis=0)
     wanted = rankdata(target)
@@ -125,7 +125,7 @@ def _regress(known: Floats, target: Floats, query: Floats, specimens: NDArray[np
     """Return the prediction for the query, shape (1, n), and the errors of the known, shape (cases,), each predicted
     without its specimen (Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), 5.4.2, by blocks)."""
     mean = float(target.mean())
-    apart, to_query = cdist(known, known), cdist(query, known)[0]
+    apart, to_query = _distances(known, known), _distances(query, known)[0]
     typical = float(np.median(apart[apart > 0])) if (apart > 0).any() else 1.0
     blocks = [np.flatnonzero(specimens == each) for each in np.unique(specimens)]
     best: tuple[float, float, Floats] | None = None
@@ -151,3 +151,8 @@ def _left_out(inverse: Floats, alpha: Floats, blocks: Sequence[NDArray[np.intp]]
     for block in blocks:
         errors[block] = np.linalg.solve(inverse[np.ix_(block, block)], alpha[block])
     return errors
+
+
+def _distances(some: Floats, others: Floats) -> Floats:
+    """Return the distances between points, shape (some, others)."""
+    return np.asarray(np.sqrt(((some[:, None] - others) ** 2).sum(axis=-1)))

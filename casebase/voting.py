@@ -6,7 +6,6 @@ divided by their sum are probabilities once b is calibrated.
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import minimize_scalar
 
 from casebase.similarity import Floats
 
@@ -60,6 +59,8 @@ def fitted_sharpness(nearest: Floats, truth: NDArray[np.intp]) -> float:
     Half a case that is right and half a case that is wrong are added to the likelihood, so that a library that makes
     no error does not become certain.
     """
+    from scipy.optimize import minimize_scalar  # slow to import
+
     near = nearest[np.isfinite(nearest).any(axis=-1).sum(axis=-1) > 1]
     true = truth[np.isfinite(nearest).any(axis=-1).sum(axis=-1) > 1]
     scale = float(np.median(near[np.isfinite(near)])) if near.size else 1.0

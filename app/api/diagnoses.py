@@ -40,8 +40,7 @@ def diagnose(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request) -
     intake = take_in(service.library, file.path, file.name, file.media_type, metadata)
 
     def work(session: Session) -> Made:
-        row = intake.store(service.library, session)
-        diagnosis = service.library.diagnose(session, row, intake.extraction)
+        diagnosis = intake.diagnose(service.library, session)
         service.metrics.diagnoses.labels(diagnosis.verdict, diagnosis.label or "").inc()
         location = str(request.url_for("diagnosis", diagnosis_id=diagnosis.id).path)
         return Made(DiagnosisAnswer.of(diagnosis), location)

@@ -59,8 +59,7 @@ def _entry(library: CaseLibrary, path: Path, metadata: RecordingMetadata, axis: 
     except (SignalError, OSError) as error:
         return {"file": str(path), "error": sentence(error)}
     with library.transaction(ACTOR) as session:
-        row = intake.store(library, session)
-        found = DiagnosisAnswer.of(library.diagnose(session, row, intake.extraction))
+        found = DiagnosisAnswer.of(intake.diagnose(library, session))
     return {"file": str(path), **found.model_dump(mode="json")}
 
 

@@ -5,14 +5,17 @@ import hashlib
 import io
 import textwrap
 from functools import cache
+from typing import TYPE_CHECKING
 
 from markupsafe import Markup
-from matplotlib.figure import Figure
 
 from app.web.charts import Chart
 from app.web.diagnosis_view import DiagnosisView
 from app.web.evidence import Compared
 from app.web.templating import ENVIRONMENT, STATIC, instant
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure  # slow to import
 
 A4_INCHES = (8.27, 11.69)
 COLOURS = ("#0a6480", "#b45309")
@@ -54,7 +57,9 @@ def diagnosis_pdf(view: DiagnosisView, zone: str) -> bytes:
     return target.getvalue()
 
 
-def _first_page(view: DiagnosisView, zone: str) -> Figure:
+def _first_page(view: DiagnosisView, zone: str) -> "Figure":
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=A4_INCHES)
     when = instant(view.recording.recorded_at or view.diagnosis.created_at, zone).striptags()
     lines: list[tuple[str, float, str]] = [
@@ -92,7 +97,9 @@ def _plain(value: object) -> str:
     return value.striptags() if isinstance(value, Markup) else str(value)
 
 
-def _plots(view: DiagnosisView) -> Figure:
+def _plots(view: DiagnosisView) -> "Figure":
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=A4_INCHES, layout="constrained")
     named: list[Chart] = [chart for chart in vars(view.charts).values() if chart is not None]
     for axes, chart in zip(figure.subplots(len(named), 1), named, strict=True):

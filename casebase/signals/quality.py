@@ -14,6 +14,7 @@ from casebase.signals.spectra import band_envelope
 
 STEEP = 0.005
 DROPOUT_S = 0.005
+FEWEST_STEPS = 10
 MAINS_HZ = (50.0, 60.0, 100.0, 120.0)
 
 
@@ -43,11 +44,11 @@ class QualityFlag:
 def clipped(analysis: Analysis) -> QualityFlag | None:
     """Flag flat tops: two or more samples at an extreme, entered or left by a step of over 0.5 % of the peak.
 
-    The top of a slow sine is flat, too, but not entered by a step.
+    The top of a slow sine is flat, too, but not entered by a step; of a sound of only some steps all is flat.
     """
     samples = analysis.recording.samples
     count = sum(_flat_tops(samples, extreme) for extreme in (samples.max(), samples.min()))
-    if count == 0:
+    if count == 0 or _steps(analysis) < FEWEST_STEPS:
         return None
     share = count / samples.size
     severity = Severity.UNUSABLE if share > 0.1 else Severity.POOR
@@ -104,20 +105,24 @@ def dc_offset(analysis: Analysis) -> QualityFlag | None:
 
 def too_quiet(analysis: Analysis) -> QualityFlag | None:
     """Flag a level of only some steps of the recorder's quantisation."""
-    differences = np.abs(np.diff(analysis.recording.samples))
-    differences = differences[differences > 0]
-    effective = crest.root_mean_square(analysis.samples)
-    if differences.size == 0 or effective == 0:
+    steps = _steps(analysis)
+    if steps == 0:
         return QualityFlag("too_quiet", Severity.UNUSABLE, "the recording is silent; check the microphone")
-    steps = effective / float(differences.min())
-    if steps >= 10:
+    if steps >= FEWEST_STEPS:
         return None
     return QualityFlag(
         "too_quiet",
         Severity.UNUSABLE if steps < 2 else Severity.POOR,
-        f"the effective value is only {steps:.1f} steps of the recorder's resolution, at least 10 are needed; raise "
-        "the gain or go nearer",
+        f"the effective value is only {steps:.1f} steps of the recorder's resolution, at least {FEWEST_STEPS} are "
+        "needed; raise the gain or go nearer",
     )
+
+
+def _steps(analysis: Analysis) -> float:
+    """Return the effective value over the recorder's resolution, the smallest difference of two samples [1]."""
+    differences = np.abs(np.diff(analysis.recording.samples))
+    differences = differences[differences > 0]
+    return crest.root_mean_square(analysis.samples) / float(differences.min()) if differences.size else 0.0
 
 
 def too_short_for_motion(analysis: Analysis) -> QualityFlag | None:

@@ -5,7 +5,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import signal
 
 from casebase.signals import crest
 from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis, Band
@@ -60,6 +59,8 @@ class SpectrumView:
 def spectrum(recording: Recording, resolution_hz: float = 2.0) -> SpectrumView:
     """Return the density of the whole record by Welch's method (Hann, half overlap), up to half its own rate."""
     size = min(recording.samples.size, round(recording.sample_rate_hz / resolution_hz))
+    from scipy import signal  # slow to import
+
     frequency_hz, density = signal.welch(recording.samples, recording.sample_rate_hz, nperseg=size)
     return SpectrumView(frequency_hz, _decibel(density))
 
@@ -87,6 +88,8 @@ def spectrogram(
     Joining by the maximum keeps an impact visible however long the record is.
     """
     size = min(size, recording.samples.size)
+    from scipy import signal
+
     frequency_hz, time_s, density = signal.spectrogram(
         recording.samples, recording.sample_rate_hz, window="hann", nperseg=size, noverlap=size * 3 // 4
     )

@@ -59,6 +59,12 @@ def test_help_imports_nothing_heavy() -> None:
     assert not {"numpy", "sqlalchemy", "fastapi", "dbos", "matplotlib"} & set(done.stderr.split())
 
 
+def test_service_imports_nothing_that_only_some_requests_need() -> None:
+    program = "import sys, app.main; print(*sys.modules)"
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    assert not {"matplotlib", "numba", "scipy.stats", "scipy.signal"} & set(done.stdout.split())
+
+
 @pytest.mark.parametrize("before", [True, False])
 def test_data_dir_before_or_after_the_verb(tmp_path: Path, before: bool) -> None:
     option = ["--data-dir", str(tmp_path / "here")]
@@ -204,3 +210,20 @@ def test_damaged_backup_changes_nothing(data_dir: Path, tmp_path: Path) -> None:
 def test_json_stands_anywhere(tmp_path: Path, words: str) -> None:
     """Programs put the switch before or after the verb; stdout is one document either way."""
     assert json.loads(gearcase(*words.split(), data_dir=tmp_path).stdout) == []
+
+
+def test_json_says_what_was_wrong(data_dir: Path, tmp_path: Path) -> None:
+    done = gearcase("restore", tmp_path / "nowhere", "--json", data_dir=tmp_path / "new")
+    assert json.loads(done.stdout) == {"error": done.stderr.removeprefix("gearcase: ").strip(), "exit_code": done.code}
+    assert done.code == 2
+
+
+def test_json_of_a_fault_of_ours_is_a_document_too(data_dir: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def broken(*_: object) -> None:
+        raise ZeroDivisionError("on purpose")
+
+    monkeypatch.setattr("app.commands.frame.Frame.print_json", broken)
+    done = gearcase("cases", "list", "--json", data_dir=data_dir)
+    assert done.code == 1
+    assert "ZeroDivisionError: on purpose" in json.loads(done.stdout)["error"]
+    assert "Traceback" in done.stderr

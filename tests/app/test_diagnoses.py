@@ -96,6 +96,11 @@ def test_same_bytes_and_metadata_are_one_recording(operator: httpx.Client) -> No
     assert first["id"] != again["id"]
 
 
+def test_axis_that_nobody_described_is_remarked(operator: httpx.Client) -> None:
+    remarks = diagnose(operator, sound(3), axis="axis-misspelt").json()["remarks"]
+    assert [remark for remark in remarks if "no axis is described as 'axis-misspelt'" in remark]
+
+
 def test_idempotency_key_gives_one_diagnosis(operator: httpx.Client) -> None:
     files, headers = {"file": ("x.wav", sound(10))}, {"Idempotency-Key": "one"}
     first, again = (operator.post(DIAGNOSES, files=files, headers=headers) for _ in range(2))

@@ -57,6 +57,11 @@ def test_unknown_id(viewer: httpx.Client) -> None:
     assert "0" * 32 in str(problem(viewer.get(f"{CASES}/{'0' * 32}"), 404)["detail"])
 
 
+@pytest.mark.parametrize("path", ["diagnoses", "cases", "investigations", "jobs"])
+def test_word_that_is_no_id(admin: httpx.Client, path: str) -> None:
+    assert "zz" in str(problem(admin.get(f"/api/v1/{path}/zz"), 404)["detail"])
+
+
 def test_query_out_of_range(viewer: httpx.Client) -> None:
     document = problem(viewer.get(CASES, params={"limit": 0}), 422)
     assert document["errors"][0]["location"] == "query.limit"  # type: ignore[index]

@@ -49,6 +49,14 @@ def test_clipping_is_flagged_at_any_level_and_forbids_when_much_is_lost() -> Non
     assert "gain" in hard.unusable_reason
 
 
+def test_a_recording_of_some_steps_is_too_quiet_and_not_clipped_as_well() -> None:
+    """Advice to raise the gain and to lower it at once would help nobody."""
+    for level in (1e-4, 3e-4):
+        quiet = flags(flagged(np.round(GOOD / np.abs(GOOD).max() * level * 2**15) / 2**15))
+        assert "too_quiet" in quiet
+        assert "clipped" not in quiet
+
+
 def test_dropouts_are_flagged_with_their_length() -> None:
     samples = GOOD.copy()
     samples[20000:20800] = 0
