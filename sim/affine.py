@@ -30,8 +30,8 @@ from sim.component import STUCK
 from sim.errors import RunError
 from sim.trajectory import Event
 
-RESEED_SAMPLES = 256
-"""Every so many samples the sinusoids are set to their true values again."""
+RESEED_SAMPLES = 1024
+"""Every so many samples sinusoids are set to their true values again; until then rounding adds up to 1e-13 of them."""
 LARGEST_ANGLE = 0.7
 """Largest eigenvalue times step up to which the power series is exact to rounding."""
 LOG_ROWS = 4096
