@@ -1,7 +1,7 @@
-"""Backup and restore of a local library: a consistent copy of the database and all audio, with checksums.
+"""Backup and restore of a library: a consistent copy of the database and all audio, with checksums.
 
-A backup is a folder: `gearcase.db`, `audio/`, and `checksums.json`, which is written last. A PostgreSQL database is
-backed up by its own tools (`pg_dump`); what is copied then is the audio.
+A backup is a folder: `gearcase.db`, `audio/`, and `checksums.json`, which is written last. `gearcase.db` is SQLite
+whatever the database was, so that a backup of either is restored into either.
 """
 
 import hashlib
@@ -9,13 +9,15 @@ import json
 import shutil
 import sqlite3
 from collections.abc import Iterator
-from contextlib import closing
+from contextlib import closing, contextmanager
 from pathlib import Path
 
 from sqlalchemy import Engine
 
 from casebase.audio_store import AudioStore, sha256_of, sync_folder
+from casebase.database import create_engine_for, sqlite_url, upgrade_database
 from casebase.errors import BackupError
+from casebase.rows import copy_rows
 
 CHECKSUMS = "checksums.json"
 DATABASE = "gearcase.db"
@@ -34,7 +36,10 @@ def backup(engine: Engine, data_dir: Path, target: Path) -> int:
     sums: dict[str, str] = {}
     if engine.dialect.name == "sqlite":
         _copy_database(Path(str(engine.url.database)), target / DATABASE)
-        sums[DATABASE] = sha256_of(target / DATABASE)
+    else:
+        with _opened(target / DATABASE) as copied:
+            copy_rows(engine, copied)
+    sums[DATABASE] = sha256_of(target / DATABASE)
     # the database first: audio that came later does no harm, audio that is missing would
     source, copy = AudioStore(data_dir / "audio"), AudioStore(target / "audio")
     for sha256 in source.hashes():
@@ -50,6 +55,17 @@ def backup(engine: Engine, data_dir: Path, target: Path) -> int:
 def _copy_database(source: Path, target: Path) -> None:
     with closing(sqlite3.connect(source)) as live, closing(sqlite3.connect(target)) as copy:
         live.backup(copy)
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Engine]:
+    """Give an SQLite database with the tables of the present revision; it is one file again at the end."""
+    engine = create_engine_for(sqlite_url(path))
+    try:
+        upgrade_database(engine)
+        yield engine
+    finally:
+        engine.dispose()
 
 
 def verify(folder: Path) -> tuple[str, ...]:
@@ -72,7 +88,9 @@ def _faults(folder: Path, files: dict[str, str]) -> Iterator[str]:
             yield f"{name} is missing"
         elif sha256_of(path) != expected:
             yield f"{name} differs from its checksum"
-    if (folder / DATABASE).is_file():
+    if DATABASE not in files:
+        yield f"{DATABASE} is not in the backup: the rows are missing, and audio alone is no library"
+    elif (folder / DATABASE).is_file():
         yield from _database_faults(folder / DATABASE, files)
 
 
@@ -89,11 +107,14 @@ def _database_faults(path: Path, files: dict[str, str]) -> Iterator[str]:
         yield f"the database cannot be read: {error}"
 
 
-def restore(source: Path, data_dir: Path) -> int:
+def restore(source: Path, data_dir: Path, database: Engine | None = None) -> int:
     """Bring a backup back into an empty data folder and return how many audio files it holds.
 
+    Args:
+        database: an empty PostgreSQL database for the rows; SQLite in the data folder by default.
+
     Raises:
-        BackupError: if the backup is not whole, or the folder holds a library already.
+        BackupError: if the backup is not whole, or the folder or database holds a library already.
     """
     faults = verify(source)
     if faults:
@@ -108,9 +129,13 @@ def restore(source: Path, data_dir: Path) -> int:
     for sha256 in AudioStore(source / "audio").hashes():
         store.put(AudioStore(source / "audio").path(sha256))
         count += 1
-    if (source / DATABASE).is_file():
-        shutil.copy(source / DATABASE, part / DATABASE)
-        _check_same(source / DATABASE, part / DATABASE)
+    shutil.copy(source / DATABASE, part / DATABASE)
+    _check_same(source / DATABASE, part / DATABASE)
+    if database is not None:
+        with _opened(part / DATABASE) as copied:
+            upgrade_database(database)
+            copy_rows(copied, database)
+        (part / DATABASE).unlink()
     if data_dir.exists():
         data_dir.rmdir()
     part.rename(data_dir)

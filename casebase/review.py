@@ -29,6 +29,7 @@ LARGEST = 4000  # cases looked at; beyond, the newest
 NEIGHBOURS, AGREEING = 5, 4
 SAME = 0.25  # of the typical distance to the nearest case of the label: as good as the same case
 FAR = 3.0  # times the typical distance between measured cases of a label: not the same world
+FEWEST_MEASURED = 3  # cases of a label that say how far apart real ones are
 FEWEST = 20  # simulated cases that a label should have at least
 PER_CELL = 4  # cases for a range of payload and speed that has none
 CELLS = 3  # payload and speed are looked at in so many ranges each
@@ -141,7 +142,7 @@ def _far(labels: NDArray[np.str_], origins: NDArray[np.str_], apart: Floats) -> 
     for label in sorted({str(each) for each in labels}):
         measured = np.flatnonzero((labels == label) & (origins == "measured"))
         simulated = np.flatnonzero((labels == label) & (origins == "simulated"))
-        if measured.size < 3 or simulated.size == 0:
+        if measured.size < FEWEST_MEASURED or simulated.size == 0:
             continue
         among = apart[np.ix_(measured, measured)].min(axis=1)
         among = among[np.isfinite(among)]
@@ -218,6 +219,26 @@ def apply(library: CaseLibrary, session: Session, found: Review, kind: str) -> A
         library.revise(session, each.case_id, change)
         edits.append({"case_id": each.case_id, "before": before})
     return add_artifact(session, KIND, {"kind": kind, "edits": edits}, score_detail={"edits": len(edits)})
+
+
+def quarantine_far(library: CaseLibrary, actor: str) -> int:
+    """Quarantine simulated cases that are far from every measured case of their label; return how many those were.
+
+    Does nothing where no label has simulated cases and three measured ones to hold them against.
+    """
+    with library.reading() as session:
+        counts = library.counts(session)
+        if not any(
+            counts.get((label, "simulated")) and count >= FEWEST_MEASURED
+            for (label, origin), count in counts.items()
+            if origin == "measured"
+        ):
+            return 0
+        found = review(session, library.reasoner(session))
+    if found.far:
+        with library.transaction(actor) as session:
+            apply(library, session, found, "far")
+    return len(found.far)
 
 
 def undo(library: CaseLibrary, session: Session, version: int) -> int:

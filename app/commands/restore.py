@@ -4,9 +4,11 @@ from pathlib import Path
 from typing import Annotated
 
 import typer
+from sqlalchemy import make_url
 
 from app.commands.frame import Json, frame_of
 from casebase import backup as backups
+from casebase.database import create_engine_for
 
 
 def register(app: typer.Typer) -> None:
@@ -20,8 +22,10 @@ def restore(
 ) -> None:
     """Bring a backup back into an empty data directory; a backup that is not whole changes nothing."""
     frame = frame_of(context)
+    url = frame.settings.database_url
+    database = create_engine_for(url) if url and make_url(url).get_backend_name() == "postgresql" else None
     with frame.words.status("restoring"):
-        count = backups.restore(source, frame.settings.data_dir)
+        count = backups.restore(source, frame.settings.data_dir, database)
     if json:
         frame.print_json({"data_dir": str(frame.settings.data_dir), "recordings": count})
     else:

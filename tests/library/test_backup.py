@@ -4,12 +4,14 @@ import json
 from pathlib import Path
 
 import pytest
+from sqlalchemy import select
 
 from casebase import renewal
 from casebase.backup import CHECKSUMS, DATABASE, backup, restore, verify
+from casebase.database import create_engine_for
 from casebase.errors import BackupError
 from casebase.library import CaseFilter, CaseLibrary
-from casebase.models import FeatureRow
+from casebase.models import Base, FeatureRow
 from tests.library.sounds import add_sound, write_sound
 
 
@@ -34,6 +36,43 @@ def test_a_restored_library_is_the_same_library(filled: CaseLibrary, tmp_path: P
             assert restored.audio_path(case.recording).stat().st_size == case.recording.byte_count
     filled.close()
     restored.close()
+
+
+def contents(library: CaseLibrary) -> dict[str, list[str]]:
+    """All rows of all tables, as words."""
+    with library.reading() as session:
+        return {
+            table.name: sorted(
+                json.dumps(dict(row), sort_keys=True, default=lambda each: getattr(each, "tolist", each.__str__)())
+                for row in session.execute(select(table)).mappings()
+            )
+            for table in Base.metadata.sorted_tables
+        }
+
+
+@pytest.mark.postgres
+def test_a_backup_moves_between_sqlite_and_postgresql(
+    filled: CaseLibrary, postgres_database_url: str, tmp_path: Path
+) -> None:
+    case = add_sound(filled, write_sound(tmp_path / "again.wav", 9), "play")
+    with filled.transaction("anna") as session:
+        filled.retire(session, case.id)
+    backup(filled.engine, filled.data_dir, tmp_path / "copy")
+    engine = create_engine_for(postgres_database_url)
+    restore(tmp_path / "copy", tmp_path / "large", engine)
+    large = CaseLibrary(engine, tmp_path / "large")
+    assert contents(large) == contents(filled)
+    backup(engine, large.data_dir, tmp_path / "second")
+    assert verify(tmp_path / "second") == ()
+    restore(tmp_path / "second", tmp_path / "local")
+    local = CaseLibrary.open(tmp_path / "local")
+    assert contents(local) == contents(filled)
+    with pytest.raises(BackupError, match="not empty"):
+        restore(tmp_path / "second", tmp_path / "other", engine)
+    assert not (tmp_path / "other").exists()
+    add_sound(large, write_sound(tmp_path / "new.wav", 10), "play")
+    for each in (filled, large, local):
+        each.close()
 
 
 def test_a_backup_is_taken_while_somebody_writes(filled: CaseLibrary, tmp_path: Path) -> None:
