@@ -14,6 +14,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
 from multiprocessing import get_context
+from typing import TypeVar
 
 import numpy as np
 import soundfile
@@ -28,6 +29,7 @@ from casebase.artifacts import active_artifact
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
 from casebase.models import Case
+from casebase.review import quarantine_far
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import Extraction, extract
 from casebase.signals.recording import Recording
@@ -39,6 +41,8 @@ from sim.mechanisms import MECHANISMS
 from sim.scenario import MODEL_VERSION, Scenario
 from sim.sound import SAMPLE_RATE_HZ, Microphone, microphone_of
 
+Task = TypeVar("Task")
+Done = TypeVar("Done")
 KIND = "simulations"
 ACTOR = "generator"
 MOST_CASES = 100_000
@@ -237,12 +241,20 @@ def generate(
     wanted = missing(library, planned)
     advance(len(planned) - len(wanted))
     size = max(1, round(SECONDS_PER_TASK / campaign.duration_s / 4))
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        results = pool.map(simulate_case, wanted, chunksize=size)
-        for group in _grouped(results, size):
-            retain(library, group, batch)
-            advance(len(group))
+    for group in _grouped(in_parallel(simulate_case, wanted, processes, size), size):
+        retain(library, group, batch)
+        advance(len(group))
+    quarantine_far(library, ACTOR)
     return Outcome(len(wanted), len(planned) - len(wanted))
+
+
+def in_parallel(work: Callable[[Task], Done], tasks: Sequence[Task], processes: int, together: int) -> Iterator[Done]:
+    """Results in the order of the tasks, from so many processes; one is this process itself."""
+    if processes == 1:
+        yield from map(work, tasks)
+        return
+    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+        yield from pool.map(work, tasks, chunksize=together)
 
 
 def fitted_microphones(library: CaseLibrary, axis: Axis) -> tuple[tuple[Microphone, ...], int | None]:
@@ -282,6 +294,11 @@ def simulations(settings: Settings) -> JobKind:
         return {"new": outcome.new, "known": outcome.known}
 
     def finish(parameters: dict[str, Json], results: list[Json]) -> Json:
+        library = CaseLibrary.open(settings.data_dir, settings.database_url)
+        try:
+            quarantine_far(library, ACTOR)
+        finally:
+            library.close()
         counted = [result for result in results if isinstance(result, dict)]
         return {
             "new": sum(int(str(result["new"])) for result in counted),

@@ -9,14 +9,12 @@ motion (how long the axis is slow around a reversal) narrows acceleration and re
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
-from multiprocessing import get_context
 
 import numpy as np
 from numpy.typing import NDArray
 
-from app.generation import condition_of
+from app.generation import condition_of, in_parallel
 from casebase.severity import PARAMETERS, Severity, estimate
 from casebase.signals.features import Extraction, Motion, extract
 from casebase.signals.recording import Recording
@@ -121,10 +119,9 @@ def design_for(
     planned = plan(axis, {label: RUNS}, seed, microphones=microphones, duration_s=taken.duration_s)
     tasks = [_Task(each, taken, tuple(microphones), (seed, number)) for number, each in enumerate(planned)]
     values = []
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
-        for heard in pool.map(_heard, tasks, chunksize=4):
-            values.append(heard)
-            advance()
+    for heard in in_parallel(_heard, tasks, processes, 4):
+        values.append(heard)
+        advance()
     sizes = np.array([each.size for each in planned], dtype=np.float64)
     number = np.arange(len(planned))
     return Design(label, np.concatenate(values), np.repeat(sizes, LISTENERS), np.repeat(number, LISTENERS))

@@ -14,6 +14,7 @@ MODULES: tuple[str, ...] = (
     "retrieval",
     "diagnosis",
     "measured_help",
+    "severity",
 )
 """One line per benchmark."""
 

@@ -25,10 +25,17 @@ def evaluate(
     frame = frame_of(context)
     with frame.current_library() as library, frame.words.status("cross-validating"), library.reading() as session:
         found = library.evaluate(session, group=group, origin=origin)
+        kinds = {kind for _, kind in library.counts(session)}
+        alone = (
+            [library.evaluate(session, group=group, origin=kind) for kind in sorted(kinds)] if len(kinds) > 1 else []
+        )
     if json:
-        frame.print_json(found.to_document())
+        compared = {each.origin: each.accuracy.to_document() for each in (*alone, found)}
+        frame.print_json({**found.to_document(), "accuracy_by_origin": compared})
     else:
         _show(frame, found)
+        for each in alone:
+            frame.print(f"accuracy learned from {each.origin} cases alone: {_share(each.accuracy)}")
 
 
 def _show(frame: Frame, found: Evaluation) -> None:

@@ -10,8 +10,8 @@ from app.cli import run
 from casebase.description import Labelling, RecordingDescription
 from casebase.errors import InvalidRequestError, NotFoundError
 from casebase.library import CaseLibrary
-from casebase.review import apply, review, undo
-from casebase.severity import estimate
+from casebase.review import apply, quarantine_far, review, undo
+from casebase.severity import _left_out, estimate
 from casebase.signals.condition import UNKNOWN, OperatingCondition
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction, FeatureVector, catalogue
 from casebase.signals.motion import Motion
@@ -28,14 +28,14 @@ def test_a_size_that_the_features_follow_is_found_within_a_quarter() -> None:
     direction = random.standard_normal(len(NAMES))
     known = random.standard_normal((200, len(NAMES))) * 0.3 + np.log(sizes)[:, None] * direction
     errors, covered = [], 0
-    for row in range(0, 200, 4):
+    for row in range(0, 200, 8):
         rest = np.arange(200) != row
         found = estimate("gap_rad", known[rest], sizes[rest], known[row])
         assert found is not None
         errors.append(abs(found.value / sizes[row] - 1))
         covered += found.low <= sizes[row] <= found.high
     assert np.median(errors) < 0.25
-    assert 40 <= covered <= 50, "nine of ten intervals hold the truth"
+    assert covered >= 20, "nine of ten of 25 intervals hold the truth"
 
 
 def test_features_that_say_nothing_give_a_wide_interval() -> None:
@@ -44,6 +44,20 @@ def test_features_that_say_nothing_give_a_wide_interval() -> None:
     found = estimate("gap_rad", random.standard_normal((100, len(NAMES))), sizes, random.standard_normal(len(NAMES)))
     assert found is not None
     assert found.high / found.low > 5
+
+
+def test_errors_are_those_without_the_specimen() -> None:
+    """The closed form by blocks is what a fit without the block's cases would have said."""
+    random = np.random.default_rng(4)
+    points, target = random.standard_normal((12, 3)), random.standard_normal(12)
+    kernel = points @ points.T + np.eye(12)
+    inverse = np.asarray(np.linalg.inv(kernel), dtype=np.float64)
+    blocks = [np.arange(first, first + 3) for first in range(0, 12, 3)]
+    errors = _left_out(inverse, inverse @ target, blocks)
+    for block in blocks:
+        rest = np.setdiff1d(np.arange(12), block)
+        said = kernel[np.ix_(block, rest)] @ np.linalg.solve(kernel[np.ix_(rest, rest)], target[rest])
+        np.testing.assert_allclose(errors[block], target[block] - said, atol=1e-9)
 
 
 def _add(
@@ -98,6 +112,9 @@ def test_review_finds_what_was_put_there_and_edits_can_be_undone(library: CaseLi
             apply(library, session, found, "redundant")
         with pytest.raises(NotFoundError):
             undo(library, session, 99)
+    assert quarantine_far(library, "test") == len(found.far), "what generation does by itself is the same edit"
+    with library.reading() as session:
+        assert library.case(session, away).quarantine_reason is not None
     library.close()
 
 
