@@ -69,7 +69,7 @@ def _finite(values: NDArray[np.float64]) -> list[float | None]:
     return [value if math.isfinite(value) else None for value in values.tolist()]
 
 
-def _envelope(samples: NDArray[np.float32], rate_hz: float, points: int) -> Series:
+def envelope(samples: NDArray[np.float32], rate_hz: float, points: int) -> Series:
     """Lowest and highest sample of each interval, one after the other, so that no peak is lost."""
     width = max(1, math.ceil(2 * samples.size / points))
     starts = np.arange(0, samples.size, width)
@@ -80,8 +80,8 @@ def _envelope(samples: NDArray[np.float32], rate_hz: float, points: int) -> Seri
 
 def waveform(recording: Recording, analysis: Analysis, events: tuple[float, ...], points: int = SHOWN_POINTS) -> Chart:
     """The sound, what is left of it below 200 Hz, reversals of the motion and impulses."""
-    sound = _envelope(recording.samples, recording.sample_rate_hz, points)
-    low = _envelope(analysis.low_passed, ANALYSIS_RATE_HZ, points)
+    sound = envelope(recording.samples, recording.sample_rate_hz, points)
+    low = envelope(analysis.low_passed, ANALYSIS_RATE_HZ, points)
     times = analysis.motion.reversal_times_s[:40]
     reversals = tuple(Marker(float(t), "" if number else "reversal") for number, t in enumerate(times))
     return Chart(

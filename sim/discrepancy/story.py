@@ -93,9 +93,13 @@ def _heard(result: Investigation) -> dict[str, object]:
 
 @dataclass(frozen=True)
 class _Residuals:
-    """What each model leaves of the motor torque [N m], shape (n,), and at the load, on its own slower clock."""
+    """What each model leaves of the motor torque [N m], shape (n,), and at the load, on its own slower clock.
+
+    `whitening` is the filter that makes the measurement's own noise white with a deviation of 1.
+    """
 
     problem: Problem
+    whitening: Array
     left: tuple[tuple[str, Array], ...]
     at_load: tuple[tuple[str, Array], ...]
 
@@ -105,6 +109,7 @@ class _Residuals:
         found = [(name, _left(selection.problem, fit)) for name, fit in fits]
         return _Residuals(
             selection.problem,
+            selection.problem.noise_of(selection.fit).torque,
             tuple((name, torque) for name, (torque, _) in found),
             tuple((name, guide) for name, (_, guide) in found if guide.size),
         )
@@ -129,7 +134,7 @@ class _Residuals:
     def spectrum_left(self) -> Panel:
         lines = [(name, self._level(left)) for name, left in self.left]
         frequency = self._level(self.left[0][1])[0]
-        _, response = freqz(self.problem.noise.torque, worN=frequency, fs=self.rate_hz)
+        _, response = freqz(self.whitening, worN=frequency, fs=self.rate_hz)
         floor = 10 * np.log10(2.0 / self.rate_hz / np.abs(response) ** 2)
         return self._spectra("Spectrum: what is left", [*lines, ("noise floor", (frequency, floor))])
 
@@ -189,7 +194,7 @@ class _Residuals:
     def floor(self) -> float:
         """Standard deviation of the measurement's own noise in means of MEAN_S [N m]."""
         frequency = np.linspace(0.0, self.rate_hz / 2, 2048)
-        _, response = freqz(self.problem.noise.torque, worN=frequency, fs=self.rate_hz)
+        _, response = freqz(self.whitening, worN=frequency, fs=self.rate_hz)
         density = 2.0 / self.rate_hz / np.abs(response) ** 2 * np.sinc(frequency * MEAN_S) ** 2
         return math.sqrt(float(np.trapezoid(density, frequency)))
 
@@ -234,7 +239,7 @@ class _Residuals:
             lines.append((name, np.where(count >= FEWEST_ROWS, level, np.nan)))
         centres = (edges[:-1] + edges[1:]) / 2
         cursor = title.lower().replace(" ", "-")
-        return Panel(title, x_label, "left, rms [N m]", cursor, centres, tuple(lines), (0.0, self.floor()))
+        return Panel(title, x_label, "what is left, rms [N m]", cursor, centres, tuple(lines), (0.0, self.floor()))
 
 
 def _left(problem: Problem, fit: Fit) -> tuple[Array, Array]:

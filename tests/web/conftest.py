@@ -1,5 +1,6 @@
-"""A real browser against a real service whose library was filled by the simulator."""
+"""A real browser against a real service whose library holds sounds that say by themselves what they are."""
 
+import json
 import shutil
 from collections.abc import Callable, Iterator
 from contextlib import AbstractContextManager, contextmanager
@@ -7,11 +8,23 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 import httpx
+import numpy as np
 import pytest
 from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, Request, sync_playwright
+from sqlalchemy.orm import Session
 
+from app.intake import DEMO
+from casebase.artifacts import add_artifact
+from casebase.description import Labelling
+from casebase.library import CaseLibrary
+from casebase.models import StoredInvestigation, new_id, now
+from sim.axis import read_axis
+from sim.discrepancy.investigation import investigate
+from sim.discrepancy.report import html_report
+from sim.discrepancy.story import story
 from tests.app.sounds import sound
-from tests.live import LiveServer, gearcase, started
+from tests.discrepancy.telemetry_of import one_body, swing
+from tests.live import LiveServer, started
 
 COOKIE = "gearcase_key"
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
@@ -55,17 +68,22 @@ def browser() -> Iterator[Browser]:
 
 @dataclass
 class Site:
-    """A running service with a demonstration, a described axis and a few measured recordings."""
+    """A running service with a demonstration, a described axis, measured and simulated cases, and an investigation."""
 
     server: LiveServer
     recording: Path
     diagnosis: str = ""
     case: str = ""
     recorded: str = ""
+    investigation: str = ""
 
     @property
     def url(self) -> str:
         return self.server.url
+
+    def library(self) -> CaseLibrary:
+        """The library behind the service; close it after use."""
+        return CaseLibrary.open(self.server.data_dir)
 
 
 def parts(name: str, content: bytes, metadata: bytes) -> dict[str, tuple[str | None, bytes]]:
@@ -76,24 +94,57 @@ def parts(name: str, content: bytes, metadata: bytes) -> dict[str, tuple[str | N
 @pytest.fixture(scope="session")
 def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     folder = tmp_path_factory.mktemp("site")
-    data_dir = folder / "data"
-    data_dir.mkdir()
-    gearcase("starter", "--per-label", "2", data_dir=data_dir)
     recording = folder / "axis 4, monday.wav"
     recording.write_bytes(sound(7, seconds=8.0, impacts=True))
-    server = started(data_dir)
-    found = Site(server, recording)
-    with server.client() as client:
-        client.post("/api/v1/axes", content=AXIS, headers={"Content-Type": "application/toml"}).raise_for_status()
-        for seed in (1, 2):
-            metadata = b'{"axis": "bench", "gearbox": "g1", "speed_rad_s": 2.5, "label": "normal"}'
-            files = parts("normal.wav", sound(seed), metadata)
-            found.case = client.post("/api/v1/cases", files=files).raise_for_status().json()["id"]
-        files = parts("bench.wav", sound(5, impacts=True), b'{"axis": "bench"}')
-        diagnosed = client.post("/api/v1/diagnoses", files=files).raise_for_status().json()
-        found.diagnosis, found.recorded = diagnosed["id"], diagnosed["recording"]["id"]
+    found = Site(started(folder / "data"), recording)
+    fill(found)
     yield found
-    server.stop()
+    found.server.stop()
+
+
+def fill(site: Site) -> None:
+    """Put cases of two gearboxes, two simulated ones, diagnoses and an investigation into the library."""
+    with site.server.client() as client:
+        client.post("/api/v1/axes", content=AXIS, headers={"Content-Type": "application/toml"}).raise_for_status()
+        for seed, label in ((1, "normal"), (2, "normal"), (3, "normal"), (4, "notch")):
+            metadata = {"axis": "bench", "gearbox": f"g{seed % 2}", "speed_rad_s": 2.5, "label": label}
+            files = parts(f"{label}.wav", sound(seed, impacts=label == "notch"), json.dumps(metadata).encode())
+            site.case = client.post("/api/v1/cases", files=files).raise_for_status().json()["id"]
+        first = client.post("/api/v1/diagnoses", files=parts("demo.wav", sound(6, impacts=True), b'{"axis": "bench"}'))
+        known = b'{"axis": "bench", "gearbox": "g1", "speed_rad_s": 2.5}'
+        second = client.post("/api/v1/diagnoses", files=parts("bench.wav", sound(5, impacts=True), known))
+    demo, diagnosed = first.raise_for_status().json(), second.raise_for_status().json()
+    site.diagnosis, site.recorded = diagnosed["id"], diagnosed["recording"]["id"]
+    library = site.library()
+    with library.transaction("test") as session:
+        add_artifact(session, DEMO, {"diagnosis_id": demo["id"], "recording_id": demo["recording"]["id"]})
+        for recording_id, label in ((demo["recording"]["id"], "notch"), (site.recorded, "normal")):
+            library.retain(session, library.recording(session, recording_id), Labelling(label, origin="simulated"))
+        site.investigation = investigated(session)
+    library.close()
+
+
+def investigated(session: Session) -> str:
+    """Keep what a real investigation finds: friction that differs by direction, on one body with white noise."""
+    motor = {"inertia_kg_m2": 0.3, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.02}
+    axis = read_axis({"name": "one body", "motor": motor, "load": {"inertia_kg_m2": 0.0}})
+    _, _, speed, _ = swing()
+    result = investigate(axis, one_body(0.3, 1.0, 0.02, 7, extra=0.006 * np.abs(speed)))
+    row = StoredInvestigation(
+        id=new_id(),
+        axis=axis.name,
+        axis_document=axis.to_mapping(),
+        inputs={},
+        state="done",
+        document=json.loads(json.dumps({**result.document(), "story": story(result)})),
+        report=html_report(result),
+        created_by="test",
+        finished_at=now(),
+    )
+    row.job_id = row.id
+    session.add(row)
+    session.flush()
+    return row.id
 
 
 @contextmanager
@@ -162,19 +213,19 @@ def watched(context: BrowserContext, site: Site, path: str) -> Iterator[Page]:
     page.close()
 
 
-def tabs(browser: Browser, site: Site, **options: object) -> Iterator[Tab]:
+@pytest.fixture(scope="session")
+def tab(browser: Browser, site: Site) -> Iterator[Tab]:
     """One browser context of an admin whose pages share a cache, for tests that only look."""
-    context: BrowserContext = browser.new_context(**options)  # type: ignore[arg-type]
+    context = browser.new_context(reduced_motion="reduce")
     context.add_cookies([{"name": COOKIE, "value": site.server.keys["admin"], "url": site.url}])
     yield lambda path: watched(context, site, path)
     context.close()
 
 
-@pytest.fixture(scope="session")
-def tab(browser: Browser, site: Site) -> Iterator[Tab]:
-    yield from tabs(browser, site, reduced_motion="reduce")
-
-
-@pytest.fixture(scope="session")
-def plain(browser: Browser, site: Site) -> Iterator[Tab]:
-    yield from tabs(browser, site, java_script_enabled=False)
+def settle(page: Page) -> None:
+    """Wait until every plot in sight is drawn."""
+    page.wait_for_function(
+        """() => [...document.querySelectorAll("[data-plot]")]
+            .filter((plot) => plot.getBoundingClientRect().top < innerHeight)
+            .every((plot) => plot.dataset.ready)"""
+    )

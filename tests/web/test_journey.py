@@ -1,22 +1,39 @@
 """What people do: the first ten minutes, diagnose, listen and confirm by keyboard, follow a trend."""
 
 import gzip
+import re
+from collections.abc import Iterator
 from pathlib import Path
+from urllib.parse import parse_qs, urlsplit
 
+import numpy as np
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Browser, expect
 
-from tests.web.conftest import Opened, Site, browsing
+from tests.live import gearcase, started
+from tests.web.conftest import Opened, Site, browsing, settle, watched
 
 pytestmark = pytest.mark.browser
 
 
-def test_first_ten_minutes(opened: Opened, site: Site) -> None:
-    """Open the printed address, see a finished diagnosis with its sound, sign in, drop a recording, read, confirm."""
-    with opened(None, "/") as page:
+@pytest.fixture
+def fresh(tmp_path: Path, site: Site) -> Iterator[Site]:
+    """What `make run` starts: the starter library with its demonstration, and nothing else."""
+    data_dir = tmp_path / "data"
+    data_dir.mkdir()
+    gearcase("starter", "--per-label", "1", "--processes", "1", data_dir=data_dir)
+    server = started(data_dir)
+    yield Site(server, site.recording)
+    server.stop()
+
+
+def test_first_ten_minutes(browser: Browser, fresh: Site) -> None:
+    """Open the printed address, see a finished diagnosis with its sound, sign in, send a recording, read it."""
+    site, context = fresh, browser.new_context()
+    with watched(context, site, "/") as page:
         expect(page.get_by_text("This is a demonstration")).to_be_visible()
         expect(page.locator("section.verdict h1")).not_to_be_empty()
-        expect(page.get_by_role("button", name="Listen")).to_be_visible()
+        expect(page.get_by_role("button", name="Listen", exact=True)).to_be_visible()
         page.get_by_role("link", name="Sign in").click()
         page.get_by_label("Key", exact=True).fill(site.server.keys["operator"])
         page.get_by_role("button", name="Sign in").click()
@@ -29,6 +46,7 @@ def test_first_ten_minutes(opened: Opened, site: Site) -> None:
         page.wait_for_url("**/diagnoses/*")
         expect(page.locator("section.verdict h1")).not_to_be_empty()
         expect(page.locator("#curl")).to_contain_text('"speed_rad_s": 2.5')
+    context.close()
 
 
 def test_dropped_recording_is_diagnosed(opened: Opened, site: Site) -> None:
@@ -55,7 +73,7 @@ def test_dropped_recording_is_diagnosed(opened: Opened, site: Site) -> None:
 def test_diagnose_listen_confirm_by_keyboard(opened: Opened, site: Site) -> None:
     """No mouse: ? lists the keys, space plays, c confirms, z takes it back."""
     with opened("operator", f"/diagnoses/{site.diagnosis}") as page:
-        expect(page.get_by_role("button", name="Listen")).to_be_visible()
+        expect(page.get_by_role("button", name="Listen", exact=True)).to_be_visible()
         page.keyboard.press("?")
         expect(page.locator("dialog#keys")).to_contain_text("Confirm the diagnosis")
         page.keyboard.press("Escape")
@@ -72,29 +90,121 @@ def test_diagnose_listen_confirm_by_keyboard(opened: Opened, site: Site) -> None
 
 
 def test_plots_become_interactive(opened: Opened, site: Site) -> None:
-    """The drawing of the server gives way to a canvas whose cursor is linked to the other plots over time."""
+    """The drawing of the server gives way to a canvas; one cursor is read in every plot over time."""
     with opened("viewer", f"/diagnoses/{site.diagnosis}") as page:
-        page.locator("[data-plot]").first.scroll_into_view_if_needed()
-        expect(page.locator("[data-plot][data-ready] canvas").first).to_be_visible()
+        for name in ("waveform", "crest"):
+            page.locator(f"#plot-{name}").scroll_into_view_if_needed()
+            expect(page.locator(f"#plot-{name} [data-ready] canvas")).to_be_visible()
+        page.locator("#plot-waveform .u-over").hover()
+        expect(page.locator("#plot-waveform .legend output").first).to_contain_text(" s")
+        expect(page.locator("#plot-crest .legend output").first).to_contain_text(" s")
 
 
-def test_hundred_thousand_points_draw_within_a_frame_or_six(opened: Opened, site: Site) -> None:
-    """100,000 points are drawn in less time than a person notices; the figure is printed, the bound is generous."""
+def test_evidence_leads_to_its_plot(opened: Opened, site: Site) -> None:
+    """A row of the evidence names a plot of the page, and a click brings it into sight."""
     with opened("viewer", f"/diagnoses/{site.diagnosis}") as page:
-        page.wait_for_load_state("networkidle")
-        took = page.evaluate(
-            """() => {
-                const x = Array.from({length: 100000}, (_, k) => k / 8000);
-                const y = x.map((t) => Math.sin(t * 40) * Math.random());
-                const host = document.createElement("div");
-                document.body.append(host);
-                const began = performance.now();
-                new uPlot({width: 900, height: 240, series: [{}, {stroke: "red"}]}, [x, y], host);
-                return performance.now() - began;
-            }"""
+        link = page.locator("#evidence a[href^='#plot-']").first
+        target = page.locator(str(link.get_attribute("href")))
+        link.click()
+        expect(target).to_be_in_viewport()
+
+
+def test_overlay_is_as_loud_as_the_recording(opened: Opened, site: Site) -> None:
+    """Microphones differ in gain: a case laid over the plots is as loud in RMS; one key takes it away."""
+    with opened("viewer", f"/diagnoses/{site.diagnosis}") as page:
+        page.keyboard.press("q")
+        expect(page.locator(".overlay-notice")).to_be_visible()
+        case = parse_qs(urlsplit(page.url).query)["overlay"][0]
+        level = page.request.get(f"{site.url}/recordings/{site.recorded}/plots/level?overlay={case}").json()
+        own, other = (np.array(one["y"], dtype=float) for one in (level["series"][0], level["series"][-1]))
+        assert np.sqrt(np.nanmean(other**2)) == pytest.approx(np.sqrt(np.nanmean(own**2)), rel=0.15)
+        page.keyboard.press("o")
+        expect(page.locator(".overlay-notice")).to_have_count(0)
+
+
+def test_paper_is_white_and_holds_the_words(opened: Opened, site: Site) -> None:
+    """Printed from dark: dark words on white, no navigation, no buttons, all of the verdict."""
+    with opened("operator", f"/diagnoses/{site.diagnosis}", color_scheme="dark") as page:
+        settle(page)
+        verdict = page.locator("section.verdict").inner_text()
+        page.emulate_media(media="print")
+        assert page.locator("section.verdict").inner_text() == verdict
+        for gone in (".masthead", "footer", "#listen", "button:visible"):
+            expect(page.locator(gone).locator("visible=true")).to_have_count(0)
+        colours = page.evaluate(
+            """() => [document.documentElement, document.querySelector(".verdict")]
+                .map((one) => [getComputedStyle(one).backgroundColor, getComputedStyle(one).color])"""
         )
-        print(f"100,000 points drawn in {took:.0f} ms")
-        assert took < 1000
+        for ground, ink in colours:
+            assert ground == "rgb(255, 255, 255)"
+            assert max(int(part) for part in re.findall(r"\d+", ink)) < 64
+        assert page.pdf().startswith(b"%PDF-")
+
+
+def test_forms_work_without_script(opened: Opened, site: Site) -> None:
+    """Send a recording, read its diagnosis and confirm it, with no script at all."""
+    with opened("operator", "/diagnoses/new", java_script_enabled=False) as page:
+        page.get_by_label("Recording", exact=True).set_input_files(site.recording)
+        page.get_by_role("button", name="Diagnose", exact=True).click()
+        expect(page.locator("section.verdict h1")).not_to_be_empty()
+        expect(page.locator("audio")).to_be_visible()
+        page.get_by_role("button", name="Confirm").click()
+        expect(page.get_by_text("Marked confirmed")).to_be_visible()
+
+
+def test_job_is_followed_and_cancelled(opened: Opened, site: Site) -> None:
+    """Ask for simulated cases: the job's page follows by itself what happens to it, and offers what can be done."""
+    with opened("admin", "/library/simulate?axis=bench&normal=1&notch=0&play=0") as page:
+        page.get_by_role("button", name="Simulate").click()
+        page.wait_for_url("**/jobs/*")
+        expect(page.get_by_role("button", name="Cancel")).to_be_visible()
+        with site.server.client() as client:
+            client.delete(f"/api/v1/jobs/{page.url.rsplit('/', 1)[1]}").raise_for_status()
+        page.get_by_role("button", name="Resume").click()
+        page.get_by_role("button", name="Cancel").click()
+        expect(page.get_by_role("button", name="Resume")).to_be_visible()
+
+
+def test_review_is_applied_and_taken_back(opened: Opened, site: Site) -> None:
+    """Quarantine what is far from reality, all together, and take it back: the library is what it was."""
+    with site.server.client() as client, opened("admin", "/library/review") as page:
+        before = client.get("/api/v1/cases?limit=100").json()["items"]
+        page.get_by_role("button", name="Quarantine them").click()
+        expect(page.get_by_text("is done. It can be taken back below.")).to_be_visible()
+        changed = client.get("/api/v1/cases?limit=100").json()["items"]
+        assert {one["origin"] for one in changed if one["quarantine_reason"]} == {"simulated"}
+        page.get_by_role("button", name="Take back").first.click()
+        expect(page.get_by_text("is taken back.")).to_be_visible()
+        after = client.get("/api/v1/cases?limit=100").json()["items"]
+        assert [one["quarantine_reason"] for one in after] == [one["quarantine_reason"] for one in before]
+
+
+def test_better_model_is_accepted_once(opened: Opened, site: Site) -> None:
+    """The story has overlay and residual as a pair with the noise floor; accepting it twice makes one revision."""
+    path = f"/investigations/{site.investigation}"
+    with opened("admin", path) as page:
+        expect(page.get_by_role("heading", level=1)).to_have_text("Missing in the model: friction asymmetry at motor")
+        for title in ("Motor torque: measured and simulated", "Motor torque: what is left", "By speed and direction"):
+            page.get_by_role("region", name=title).scroll_into_view_if_needed()
+            expect(page.get_by_role("region", name=title).locator("[data-ready] canvas")).to_be_visible()
+        expect(page.get_by_role("region", name="Motor torque: what is left").get_by_text("noise floor")).to_be_visible()
+        page.get_by_role("button", name="Accept as new revision").click()
+        page.wait_for_url("**/axes/one*body")
+        expect(page.get_by_text("Revision 1,")).to_be_visible()
+        page.goto(site.url + path)
+        page.get_by_role("button", name="Accept as new revision").click()
+        page.wait_for_url("**/axes/one*body")
+        expect(page.get_by_text("Revision 2,")).to_have_count(0)
+
+
+def test_sliders_simulate_at_once(opened: Opened, site: Site) -> None:
+    """Moving a slider draws the spectrum and what is left anew, and leaves the page and the slider where they are."""
+    with opened("viewer", "/axes/bench/try") as page:
+        before = page.locator("#result .series").first.get_attribute("d")
+        page.get_by_label("Transmission error, of a new gear").fill("6")
+        expect(page.locator("#result .series").first).not_to_have_attribute("d", str(before))
+        expect(page.get_by_role("heading", name="What is left")).to_be_visible()
+        expect(page.locator('output[for="error"]')).to_have_text("6")
 
 
 def test_error_is_a_sentence_with_the_way_out(opened: Opened, site: Site) -> None:

@@ -1,7 +1,11 @@
 """Try a model: parameters of an axis on sliders, simulated again at once and held against a recording."""
 
+import json
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
 from time import perf_counter
 from typing import Annotated
 
@@ -9,18 +13,19 @@ import numpy as np
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 from numpy.typing import NDArray
-from scipy import signal
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from app.service import Reading, TheService
+from app import views
+from app.service import Reading, Service, TheService
 from app.web.charts import Chart
-from app.web.recorded import analysed, decoded
 from app.web.session import PageViewer
-from app.web.svg import Series
+from app.web.svg import Band, Series
 from app.web.templating import render
 from casebase.axes import get_axis
+from casebase.description import condition_of
 from casebase.models import StoredRecording
+from casebase.signals.analysis import Analysis
 from casebase.signals.crest import crest_factor, root_mean_square
 from casebase.signals.recording import Recording
 from sim.axis import Axis, MechanismEntry, read_axis
@@ -31,6 +36,7 @@ from sim.specimen import Specimen
 router = APIRouter(prefix="/axes")
 SHOWN_S = 8.0
 RESOLUTION_HZ = 4.0
+LEVEL = "level, rms [dB re own RMS²]"
 DEFAULT_MODES = (Mode(320.0, 0.04, 1.0), Mode(900.0, 0.03, 0.6), Mode(1700.0, 0.03, 0.4))
 
 
@@ -48,9 +54,9 @@ class Slider:
 
 
 SLIDERS = (
-    Slider("stiffness", "Stiffness of the last mesh, times the data sheet", "1", 0.3, 3.0, 0.05, 1.0),
-    Slider("damping", "Damping of the meshes, times the data sheet", "1", 0.2, 5.0, 0.1, 1.0),
-    Slider("error", "Transmission error, times as new", "1", 0.0, 6.0, 0.1, 1.0),
+    Slider("stiffness", "Stiffness of the last mesh, of the data sheet", "1", 0.3, 3.0, 0.05, 1.0),
+    Slider("damping", "Damping of the meshes, of the data sheet", "1", 0.2, 5.0, 0.1, 1.0),
+    Slider("error", "Transmission error, of a new gear", "1", 0.0, 6.0, 0.1, 1.0),
     Slider("gap_mrad", "Play of the last mesh", "mrad", 0.0, 3.0, 0.05, 0.0),
     Slider("notch_mrad", "Depth of a notch in the last gear", "mrad", 0.0, 3.0, 0.05, 0.0),
     Slider("rubbing_db", "Rubbing noise", "dB", -40.0, 20.0, 1.0, -10.0),
@@ -72,19 +78,19 @@ def try_parameters(
     values = {slider.name: _value(request, slider) for slider in SLIDERS}
     rows = _recordings(session, name)
     row = next((one for one in rows if one.id == recording), rows[0] if rows else None)
-    measured = decoded(service, row) if row else None
-    period_s = analysed(measured, row).motion.period_s if measured and row else None
+    measured = measured_of(service, row) if row else None
     began = perf_counter()
-    simulated = simulate(axis, values, row, period_s)
+    simulated = heard("simulated", simulate(axis, values, row, measured.period_s if measured else None))
     took_ms = 1000 * (perf_counter() - began)
-    spectra = [("simulated", simulated)] + ([("measured", measured)] if measured else [])
+    sounds = [simulated, measured] if measured else [simulated]
     context = {
         "name": name,
         "sliders": [(slider, values[slider.name]) for slider in SLIDERS],
         "recordings": rows,
         "chosen": row,
-        "spectrum": _spectra(spectra),
-        "table": [(words, _crest(sound), _low_crest(sound)) for words, sound in spectra],
+        "spectrum": _spectra(sounds),
+        "difference": _difference(simulated, measured) if measured else None,
+        "sounds": sounds,
         "took_ms": took_ms,
     }
     return render(request, "try.html", context, principal=principal, section="/axes")
@@ -135,23 +141,55 @@ def simulate(axis: Axis, values: dict[str, float], row: StoredRecording | None, 
     return Recording(samples=scenario.perform(), sample_rate_hz=SAMPLE_RATE_HZ, channel=0, channels=1)
 
 
-def _spectra(sounds: list[tuple[str, Recording]]) -> Chart:
-    series = [Series(words, *_levels(sound)) for words, sound in sounds]
-    return Chart("Spectrum", tuple(series), "frequency [Hz]", "level, rms [dB re own RMS²]")
+@dataclass(frozen=True)
+class Heard:
+    """What is compared of a sound: levels [dB re own RMS²] over frequency [Hz], crest factors, period of the motion."""
+
+    words: str
+    frequency_hz: NDArray[np.float64]
+    level_db: NDArray[np.float64]
+    crest_factor: float
+    crest_factor_low: float
+    period_s: float | None = None
 
 
-def _levels(sound: Recording) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return frequencies [Hz] and levels against the sound's own RMS [dB]: an uncalibrated gain drops out."""
+def heard(words: str, sound: Recording) -> Heard:
+    """Return what is compared of a sound; levels are against its own RMS, so that an uncalibrated gain drops out."""
     size = min(sound.samples.size, round(sound.sample_rate_hz / RESOLUTION_HZ))
+    from scipy import signal  # slow to import
+
     frequency, power = signal.welch(sound.samples, sound.sample_rate_hz, nperseg=size, scaling="spectrum")
     own = max(root_mean_square(sound.samples) ** 2, 1e-30)
-    return frequency, 10 * np.log10(np.maximum(power, 1e-30) / own)
-
-
-def _crest(sound: Recording) -> float:
-    return crest_factor(sound.samples)
-
-
-def _low_crest(sound: Recording) -> float:
     low = signal.sosfiltfilt(signal.butter(4, 200.0, fs=sound.sample_rate_hz, output="sos"), sound.samples)
-    return crest_factor(low.astype(np.float32))
+    level = 10 * np.log10(np.maximum(power, 1e-30) / own)
+    return Heard(words, frequency, level, crest_factor(sound.samples), crest_factor(low.astype(np.float32)))
+
+
+def measured_of(service: Service, row: StoredRecording) -> Heard:
+    """Return what is compared of a recording; a recording never changes, so it is looked at once."""
+    return _looked_at(service.library.audio_path(row), row.channel, json.dumps(row.description, sort_keys=True))
+
+
+@lru_cache(maxsize=64)
+def _looked_at(path: Path, channel: int, description: str) -> Heard:
+    recording = views.decoded(path, channel)
+    analysis = Analysis(recording, condition_of(json.loads(description)))
+    return replace(heard("measured", recording), period_s=analysis.motion.period_s)
+
+
+def _spectra(sounds: Sequence[Heard]) -> Chart:
+    series = [Series(sound.words, sound.frequency_hz, sound.level_db) for sound in sounds]
+    return Chart("Spectrum", tuple(series), "frequency [Hz]", LEVEL)
+
+
+def _difference(simulated: Heard, measured: Heard) -> Chart:
+    """What is too loud (above 0) or too quiet in the simulation, as far as both reach."""
+    frequency = simulated.frequency_hz[simulated.frequency_hz <= measured.frequency_hz[-1]]
+    level = simulated.level_db[: frequency.size] - np.interp(frequency, measured.frequency_hz, measured.level_db)
+    return Chart(
+        "What is left",
+        (Series("simulated less measured", frequency, level),),
+        "frequency [Hz]",
+        "difference [dB]",
+        bands=(Band("within 3 dB", -3.0, 3.0),),
+    )

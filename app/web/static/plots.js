@@ -73,6 +73,21 @@ function annotate(data) {
   };
 }
 
+// the legend of the server stays; under the cursor it says the values
+function values(element, data) {
+  const legend = element.nextElementSibling?.matches(".legend") ? element.nextElementSibling : null;
+  const lines = [...(legend?.querySelectorAll(".line") ?? [])].slice(0, data.series.length);
+  const [, unit] = data.x_label.match(/\[([^\]]*)\]$/) ?? [];
+  const said = lines.map((line) => line.querySelector("output") ?? line.appendChild(document.createElement("output")));
+  return (u) => {
+    const at = u.cursor.idx;
+    const x = at === null || at === undefined ? null : data.x[at];
+    lines.forEach((_line, k) => {
+      said[k].textContent = x === null ? "" : ` ${number(data.series[k].y[at])} at ${number(x)}${unit && unit !== "1" ? ` ${unit}` : ""}`;
+    });
+  };
+}
+
 function draw(element, data) {
   const axis = (label) => ({
     label,
@@ -90,17 +105,16 @@ function draw(element, data) {
     scales: { x: { time: false }, y: data.logarithmic ? { distr: 3 } : {} },
     axes: [axis(data.x_label), { ...axis(data.y_label), size: 62 }],
     series: [
-      { label: data.x_label, value: (_u, v) => number(v) },
+      {},
       ...data.series.map((one, k) => ({
-        label: one.name,
         stroke: style(COLOURS[k % 4]),
         dash: DASHES[k % 4],
         width: 1.25,
         points: { show: data.x.length <= FEW, size: 6, fill: style(COLOURS[k % 4]) },
-        value: (_u, v) => number(v),
       })),
     ],
-    hooks: { draw: [annotate(data)] },
+    legend: { show: false },
+    hooks: { draw: [annotate(data)], setCursor: [values(element, data)] },
   };
   const plot = new uPlot(options, [data.x, ...data.series.map((one) => one.y)], element);
   plots.push({ element, data, plot });

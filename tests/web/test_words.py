@@ -1,0 +1,118 @@
+"""What a page says of a diagnosis: no more than the document bears out."""
+
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from app.web.charts import envelope
+from app.web.diagnosis_view import facts_of
+from app.web.evidence import evidence_of
+from app.web.map import projected
+from app.web.svg import Axis, Marker, Series, line_chart
+from app.web.words import verdict_of
+from casebase.case_table import CaseTable
+
+
+def document(**changes: object) -> dict[str, Any]:
+    """A diagnosis of a notch with a size, a rejected rival and one that is still possible."""
+    support = {"measured": 2, "simulated": 3}
+    hypotheses = [
+        {"label": "notch", "probability": 0.9, "p_value": 0.9, "support": support},
+        {"label": "play", "probability": 0.08, "p_value": 0.2, "support": support},
+        {"label": "normal", "probability": 0.02, "p_value": 0.01, "support": support},
+    ]
+    return {
+        "verdict": "diagnosed",
+        "label": "notch",
+        "probability": 0.9,
+        "hypotheses": hypotheses,
+        "severity": {"parameter": "depth_rad", "value": 1.4e-3, "low": 5.6e-4, "high": 3.7e-3, "cases": 30},
+        "evidence": [
+            {"kind": "event", "quantity": "notch_phase", "value": 263.0, "statement": "a bump", "unit": "deg"},
+            {"kind": "event", "quantity": "play_phase", "value": 329.0, "statement": "a bump", "unit": "deg"},
+        ],
+        "novelty": {"distance": 0.1, "threshold": 0.4},
+        "provenance": {"gearboxes": 4},
+        **changes,
+    }
+
+
+def test_size_stands_in_the_verdict_with_its_interval() -> None:
+    verdict = verdict_of(document())
+    assert verdict.headline == "Fault likely: notch (local tooth damage)"
+    assert verdict.summary.startswith("About 1.4\N{NO-BREAK SPACE}mrad deep (90 % interval 0.56 to 3.7")
+    without = verdict_of(document(severity=None))
+    assert without.summary.startswith("Probability 90")
+
+
+@pytest.mark.parametrize(("gearboxes", "word"), [(0, "Score"), (1, "Score"), (2, "Probability"), (40, "Probability")])
+def test_a_score_is_called_a_probability_only_where_gearboxes_are_known(gearboxes: int, word: str) -> None:
+    told = document(provenance={"gearboxes": gearboxes})
+    other = {"Score": "Probability", "Probability": "Score"}[word]
+    assert word in verdict_of(told).summary
+    assert other not in verdict_of(told).summary
+    assert facts_of(told)[0][0] == word
+
+
+def test_what_is_rejected_is_not_also_possible() -> None:
+    summary = verdict_of(document()).summary
+    possible, rejected = summary.split("Rejected:")
+    assert "play" in possible
+    assert "no fault" not in possible
+    assert "no fault" in rejected
+
+
+def test_only_the_angle_of_the_named_fault_is_a_fact() -> None:
+    angles = [value for name, value, _ in facts_of(document()) if name == "Angle"]
+    assert angles == ["263°"]
+
+
+def test_evidence_leads_only_to_plots_that_are_drawn() -> None:
+    drawn = evidence_of(document(), {"fold"}, {"notch": 2.5}).seen
+    assert [(row.plot, row.at_s) for row in drawn] == [("fold", 2.5), ("fold", None)]
+    assert [row.plot for row in evidence_of(document(), {"waveform"}, {}).seen] == [None, None]
+
+
+@given(st.integers(2, 20_000), st.integers(100, 3000), st.integers(0, 2**32 - 1))
+def test_envelope_loses_no_peak(samples: int, points: int, seed: int) -> None:
+    """However long the sound, at most the points asked for are sent, and the largest and smallest are among them."""
+    sound = np.random.default_rng(seed).standard_normal(samples).astype(np.float32)
+    shown = envelope(sound, 8000.0, points)
+    assert shown.x.size == shown.y.size <= points + 2
+    assert shown.y.max() == sound.max()
+    assert shown.y.min() == sound.min()
+    assert np.all(np.diff(shown.x) >= 0)
+
+
+def test_line_is_broken_where_nothing_was_measured() -> None:
+    x = np.arange(5.0)
+    series = Series("s", x, np.array([0.0, 1.0, np.nan, 1.0, 0.0]))
+    drawn = line_chart("t", [series], Axis("x"), Axis("y"))
+    path = drawn.split('class="series s1" d="')[1].split('"')[0]
+    assert path.count("M") == 2
+
+
+def test_words_of_markers_do_not_run_into_each_other() -> None:
+    x = np.linspace(0.0, 1000.0, 500)
+    markers = [Marker(100.0, "mesh 150×"), Marker(104.0, "mesh 1200×"), Marker(900.0, "mesh 9×")]
+    drawn = line_chart("t", [Series("s", x, x)], Axis("x"), Axis("y"), markers=markers)
+    heights = [float(part.split('y="')[1].split('"')[0]) for part in drawn.split("<text")[1:] if "mesh" in part]
+    assert heights[0] != heights[1]
+    assert heights[0] == heights[2]
+
+
+def test_a_case_lies_on_the_map_where_its_features_put_it() -> None:
+    """Putting a recording with the features of a case among the cases finds the place of that case."""
+    values = np.random.default_rng(1).standard_normal((30, 12)) * np.logspace(-2, 2, 12)
+    words = np.array([f"{row}" for row in range(30)])
+    names = tuple(f"feature_{number}" for number in range(12))
+    table = CaseTable(1, "1", names, words, words, words, words, words, words, values.astype(np.float32))
+    projection = projected(table)
+    assert projection is not None
+    for row in range(len(table)):
+        point = projection.place(dict(zip(table.names, table.values[row].tolist(), strict=True)))
+        assert (point.x, point.y) == pytest.approx(tuple(projection.places[row]), abs=1e-4)
+    assert 0 < projection.shares[1] <= projection.shares[0] < 1
