@@ -214,19 +214,20 @@ if (player && window.WaveSurfer) {
   }
 }
 
-/* live progress of a job */
+/* live progress of a job; at its end the page says what can be done now */
 for (const element of all("[data-job-events]")) {
   const source = new EventSource(element.dataset.jobEvents);
-  const update = (event) => {
-    const job = JSON.parse(event.data);
-    one("progress", element).value = job.progress?.fraction ?? 0;
-    one("[data-stage]", element).textContent = job.progress?.stage ?? job.state;
-    if (["succeeded", "failed", "cancelled", "done", "error"].includes(job.state)) {
-      source.close();
-      location.reload();
-    }
-  };
-  for (const name of ["message", "progress", "state", "done"]) source.addEventListener(name, update);
+  source.addEventListener("progress", (event) => {
+    const { fraction, stage, done, total, remaining_s: remaining } = JSON.parse(event.data);
+    one("progress", element).value = fraction;
+    const count = total ? `: ${done} of ${total}` : "";
+    const left = remaining ? `, about ${Math.ceil(remaining)} s left` : "";
+    one("[data-stage]", element).textContent = `${stage}${count}${left}`;
+  });
+  source.addEventListener("end", () => {
+    source.close();
+    location.reload();
+  });
 }
 
 /* sliders say their value */
