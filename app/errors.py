@@ -10,12 +10,14 @@ from fastapi import FastAPI
 from fastapi.exceptions import RequestValidationError
 from fastapi_problem.error import Problem, StatusProblem
 from fastapi_problem.handler import ExceptionHandler, new_exception_handler
+from sqlalchemy.exc import OperationalError
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
 from app import job_errors as jobs
 from app.finite import finite
+from app.storage_faults import is_full, is_unwritable
 from casebase import errors as library
 from casebase.signals import errors as signals
 from sim import errors as sim
@@ -97,6 +99,10 @@ class InternalFault(StatusProblem):
 
 class Unavailable(StatusProblem):
     status, type_, title = 503, "unavailable", "The service cannot do this at the moment"
+
+
+class InsufficientStorage(StatusProblem):
+    status, type_, title = 507, "insufficient-storage", "There is no room left to store this"
 
 
 DOMAIN: dict[type[Exception], type[StatusProblem]] = {
@@ -185,6 +191,22 @@ def _from_domain(_: ExceptionHandler, __: Request, error: Exception) -> Problem:
     return kind(str(error))
 
 
+def _from_storage(_: ExceptionHandler, __: Request, error: Exception) -> Problem | None:
+    if is_full(error):
+        return InsufficientStorage(
+            "The disk of the service is full; nothing of this request was stored and nothing else was lost. "
+            "Whoever runs the service has to make room; then send it again.",
+            headers={"Retry-After": "600"},
+        )
+    if is_unwritable(error):
+        return Unavailable(
+            "The service cannot reach or write its data at the moment; nothing of this request was stored and nothing "
+            "else was lost. Whoever runs the service finds the reason in its log under request_id.",
+            headers={"Retry-After": "60"},
+        )
+    return None
+
+
 def _identify(content: dict[str, Any], request: Request, response: JSONResponse) -> tuple[dict[str, Any], JSONResponse]:
     content = finite({**content, "instance": request.url.path, "request_id": request.scope.get("request_id")})
     response.body = json.dumps(content, ensure_ascii=False, allow_nan=False).encode()
@@ -192,15 +214,18 @@ def _identify(content: dict[str, Any], request: Request, response: JSONResponse)
 
 
 def _note(request: Request, error: Exception) -> None:
-    if not isinstance(error, EXPECTED):
+    if is_full(error) or is_unwritable(error):
+        log.error("storage failed", path=request.url.path, error=str(error))
+    elif not isinstance(error, EXPECTED):
         log.exception("request failed", path=request.url.path, exc_info=error)
 
 
+STORAGE = (OSError, OperationalError)
 EXPECTED = (Problem, HTTPException, RequestValidationError, *DOMAIN)
 
 problem_handler = new_exception_handler(
     unhandled_wrappers={"default": InternalFault},
-    handlers={**dict.fromkeys(DOMAIN, _from_domain)},
+    handlers={**dict.fromkeys(DOMAIN, _from_domain), **dict.fromkeys(STORAGE, _from_storage)},
     http_exception_handler=_from_http,
     request_validation_handler=_from_validation,
     pre_hooks=[_note],
@@ -214,5 +239,5 @@ def problem_answer(request: Request, error: Exception) -> Response:
 
 
 def add_problem_handlers(app: FastAPI) -> None:
-    for error in (Exception, *EXPECTED):
+    for error in (Exception, *STORAGE, *EXPECTED):
         app.add_exception_handler(error, problem_handler)
