@@ -10,10 +10,12 @@ import hashlib
 import io
 import json
 import math
+import os
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
-from multiprocessing import get_context
+from multiprocessing import get_context, parent_process
+from threading import Thread
 from typing import TypeVar
 
 import numpy as np
@@ -253,8 +255,20 @@ def in_parallel(work: Callable[[Task], Done], tasks: Sequence[Task], processes: 
     if processes == 1:
         yield from map(work, tasks)
         return
-    with ProcessPoolExecutor(processes, mp_context=get_context("spawn")) as pool:
+    with ProcessPoolExecutor(processes, get_context("spawn"), initializer=_end_with_parent) as pool:
         yield from pool.map(work, tasks, chunksize=together)
+
+
+def _end_with_parent() -> None:
+    """Leave nobody behind: a process of the pool ends when the one that started it was killed."""
+    Thread(target=_watch_parent, daemon=True).start()
+
+
+def _watch_parent() -> None:
+    parent = parent_process()
+    assert parent is not None
+    parent.join()
+    os._exit(1)
 
 
 def fitted_microphones(library: CaseLibrary, axis: Axis) -> tuple[tuple[Microphone, ...], int | None]:
