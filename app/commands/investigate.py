@@ -23,7 +23,10 @@ def run(
     context: typer.Context,
     axis: Annotated[Path, typer.Option(metavar="AXIS.toml", help="what the axis is believed to be")],
     telemetry: Annotated[Path | None, typer.Option(metavar="T.csv", help="measured channels, CSV or Parquet")] = None,
-    sound: Annotated[Path | None, typer.Option(metavar="S.wav", help="recording of the same motion")] = None,
+    sound: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="S.wav", help="recording of the same motion; without telemetry, several of the same axis"),
+    ] = None,
     sound_offset: Annotated[
         float, typer.Option(metavar="S", help="start of the sound after the telemetry's [s]")
     ] = 0.0,
@@ -36,7 +39,7 @@ def run(
     frame = frame_of(context)
     described = read_axis(axis)
     measured = None if telemetry is None else read_telemetry(telemetry)
-    heard = None if sound is None else read_recording(sound)
+    heard = [read_recording(one) for one in sound or ()]
     result = _watched(frame, lambda watch: investigate(described, measured, heard, watch, sound_offset))
     if report is not None:
         report.write_text(html_report(result), encoding="utf-8")

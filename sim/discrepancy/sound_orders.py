@@ -30,7 +30,9 @@ MAJORITY_OF = 12
 LEAST_FREE = 3
 LARGEST_POWER = 100.0  # of one cruise: none alone makes a line of the mean
 SIDEBANDS = 6
-GEAR_WITHIN = 0.0012  # relative: what a speed from mesh lines and teeth without slip agree within
+SLIP = 0.001  # relative: rolling elements slip, and what they hit comes early or late
+FITTED = 0.15  # of the resolution: how well the highest multiple is placed
+GEAR_WITHIN = 0.0005  # relative: what a speed from lines of teeth is known within
 
 
 @dataclass(frozen=True)
@@ -46,6 +48,8 @@ class Family:
 def bearing_family(axis: Axis, course: Course) -> Family | None:
     """The clearest family of lines that no gear explains; None where there is none or the speed is unknown."""
     known = [(c, row) for c, row in zip(course.cruises, course.spectra, strict=True) if c.turns_per_s is not None]
+    turned = {id(c): (c.turns_per_s or 0.0) * (c.end_s - c.start_s) for c, _ in known}
+    known = [(c, row) for c, row in known if turned[id(c)] > 0.5 * max(turned.values())]  # a short one blurs all
     if len(known) < 2:
         return None
     resolution = 2.0 / min(c.turns_per_s * (c.end_s - c.start_s) for c, _ in known if c.turns_per_s)
@@ -61,7 +65,24 @@ def bearing_family(axis: Axis, course: Course) -> Family | None:
         )
         if found is not None and (best is None or found.p_value < best.p_value):
             best = found
+    if best is not None and _also_teeth(axis, best.order, kinds[0], grid, resolution):
+        return None
     return best
+
+
+def _also_teeth(axis: Axis, order: float, rows: Array, grid: Array, resolution: float) -> bool:
+    """Whether the family could be the teeth, at another speed at which the lines taken for teeth are such, too."""
+    lines = _lines(grid, np.minimum(rows, LARGEST_POWER).mean(axis=0), len(rows), resolution)
+    meshes = [k * mesh for mesh in mesh_orders(axis) for k in (1, 2, 3)]
+    teeth = [one for one in lines if any(abs(one - mesh) < 0.5 * resolution for mesh in meshes)]
+    for mesh in mesh_orders(axis):
+        scale = mesh / order
+        others = [one * scale / m for one in teeth for m in mesh_orders(axis)]
+        whole = [abs(one - round(one)) < FITTED * resolution * scale and round(one) >= 1 for one in others]
+        explained = [any(whole[i : i + len(mesh_orders(axis))]) for i in range(0, len(whole), len(mesh_orders(axis)))]
+        if all(explained):
+            return True
+    return False
 
 
 def _on_orders(grid: Array, spectrum: Array, turns_per_s: float) -> Array:
@@ -118,37 +139,69 @@ def _matched(axis: Axis, base: float, lines: Array, free: Array, resolution: flo
         if not hit.any():
             return None
         number = np.rint(lines[hit] / order)
+        number /= np.gcd.reduce(number.astype(np.int64))  # every second multiple of a base is a base of its own
         numbers = np.unique(number)
         order = float((lines[hit] * number).sum() / (number**2).sum())
-    if numbers.size < LEAST_MULTIPLES or numbers[0] > 2 or of_gears(axis, order, tolerance / numbers[-1]):
+    if numbers.size < LEAST_MULTIPLES or numbers[0] > 2:
+        return None
+    if _gear_family(axis, order, FITTED * resolution / numbers[-1], lines, resolution):
         return None
     strongest = free[:MAJORITY_OF]
     own = _on_multiples(strongest, order, tolerance, int(HIGHEST_ORDER / order))
     if own.mean() < 0.5 or own.sum() < LEAST_FREE:
         return None
-    chance = min(2.0 * tolerance * lines.size / HIGHEST_ORDER, 0.9)
+    width = 2.0 * (tolerance + 0.5 * SLIP * HIGHEST_ORDER)
+    chance = min(width * lines.size / HIGHEST_ORDER, 0.9)
     p = min(1.0, 3.0 * lines.size * float(binom.sf(numbers.size - 2, max(top - 1, 1), chance)))
     half = 1.645 * 0.3 * resolution / math.sqrt(float((numbers**2).sum()))
-    return Family(order, max(half, 0.001 * order), int(numbers.size), p)
+    return Family(order, max(half, 1.5 * SLIP * order), int(numbers.size), p)
 
 
 def _on_multiples(lines: Array, order: float, tolerance: float, top: int) -> Mask:
     number = np.rint(lines / order)
-    return (np.abs(lines - number * order) < tolerance) & (number >= 1.0) & (number <= top)
+    near = np.abs(lines - number * order) < tolerance + SLIP * lines
+    return np.asarray(near & (number >= 1.0) & (number <= top))
 
 
 def of_gears(axis: Axis, order: float, tolerance: float) -> bool:
-    """Whether an order per revolution of the motor belongs to shafts and teeth: i of one mesh plus j of the next."""
+    """Whether a line per revolution of the motor may be of shafts and teeth.
+
+    Those are multiples of shafts, and what meshes make together: i times one plus j times the next, with the sidebands
+    of their shafts.
+    """
+    turns = _turns(axis)
+    sums = [0.0]
+    for mesh in mesh_orders(axis):
+        sums = [total + k * mesh for total in sums for k in range(-4, 5)]
+    sides = [0.0, *(side * turn for turn in turns[:2] for side in (-2.0, -1.0, 1.0, 2.0))]
+    known = [k * turn for turn in turns for k in range(1, 13)]
+    known += [float(k) for k in range(1, 101)]
+    known += [total + side for total in sums for side in sides]
+    return bool(np.min(np.abs(np.array(known) - order)) < tolerance + GEAR_WITHIN * order)
+
+
+def _gear_family(axis: Axis, order: float, tolerance: float, lines: Array, resolution: float) -> bool:
+    """Whether a whole family is that of a shaft or a mesh.
+
+    Its base is then the shaft's or the mesh's own order, or a whole number of turns of the motor, or one of their
+    multiples while those below are heard, too.
+    """
+    turns, meshes = _turns(axis), mesh_orders(axis)
+    limit = tolerance + GEAR_WITHIN * order
+    single = [*turns, *meshes, *(mesh + side * turn for mesh in meshes for turn in turns[:2] for side in (-1.0, 1.0))]
+    if abs(order - round(order)) < limit or any(abs(order - one) < limit for one in single):
+        return True
+    for one in (*turns[1:], *meshes):
+        k = round(order / one)
+        if 2 <= k <= 12 and abs(order - k * one) < limit:
+            below = [np.min(np.abs(lines - j * one)) < 0.5 * resolution for j in range(1, k)]
+            if np.mean(below) >= 0.5:
+                return True
+    return False
+
+
+def _turns(axis: Axis) -> list[float]:
     turns = [1.0]
     for stage in axis.stages:
         turns.append(turns[-1] / stage.ratio)
-    meshes = mesh_orders(axis)
-    known = [k * turn for turn in turns for k in range(1, 13)]
-    sums = [0.0]
-    for mesh in meshes:
-        sums = [s + k * mesh for s in sums for k in range(-4, 5)]
-    for total in sums:
-        known += [total + k * turns[min(1, len(turns) - 1)] for k in range(-2, 3)] + [total - 1.0, total + 1.0]
-    known += [float(k) for k in range(1, 101)]
-    limit = tolerance + GEAR_WITHIN * order
-    return bool(np.min(np.abs(np.array(known) - order)) < limit)
+    return turns
