@@ -72,6 +72,9 @@ VISITED = 0.4  # of the way at full speed to either side of its middle: braking,
 LABELS: Mapping[str, str | None] = {"normal": None, "play": "backlash", "notch": "tooth_damage"}
 """Which mechanism a label stands for; every other mechanism that is heard is its own label."""
 
+FAULTS = frozenset({"backlash", "tooth_damage", "bearing_defect"})
+"""What a sound gearbox does not have. A description may say so of one gearbox; its kind is described without."""
+
 USUAL = 4.0  # sizes of other mechanisms lie between their default over this and times this
 DETAIL = 1.5  # the same for their other parameters
 
@@ -109,6 +112,8 @@ def plan(
 
     Parameters
     ----------
+    axis
+        Its faults, such as an investigation may have found, are left out; all else that it has stays.
     microphones
         Paths fitted to the place, one per gearbox heard; each case takes one of them, slightly detuned. Without any,
         every case has a housing of its own drawn from all that is usual.
@@ -119,6 +124,7 @@ def plan(
     """
     from scipy.stats import qmc  # slow to import
 
+    axis = replace(axis, mechanisms=tuple(each for each in axis.mechanisms if each.name not in FAULTS))
     Specimen(0).chain(axis, axis.load.inertia_kg_m2)
     for label in counts:
         if label not in labels():

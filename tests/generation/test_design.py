@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from sim.audibility import JUST_HEARD, perform_fault
+from sim.axis import MechanismEntry
 from sim.design import DEPTH_RAD, GAP_RAD, LABELS, labels, plan
 from sim.errors import ParameterError
 from sim.mechanisms import MECHANISMS
@@ -38,6 +39,16 @@ def test_normal_cases_have_no_fault_and_both_flanks_are_notched() -> None:
     assert all(each.mechanism is None for each in planned[:4])
     flanks = [each.mechanism.parameters["flank"] for each in planned[4:] if each.mechanism]
     assert 10 < sum(flank > 0 for flank in flanks) < 22
+
+
+def test_a_fault_of_the_description_is_no_part_of_a_normal_case() -> None:
+    """An axis whose extended description was accepted has its play written in it; what else was found stays."""
+    play = MechanismEntry("backlash", PAPER_AXIS.stages[-1].name, {"gap_rad": 0.0012})
+    hum = MechanismEntry("electrical_hum", None, MECHANISMS["electrical_hum"](None).entry().parameters)
+    worn = replace(PAPER_AXIS, mechanisms=(play, hum))
+    normal, played = plan(worn, {"normal": 1, "play": 1})
+    assert [each.name for each in normal.scenario.axis.mechanisms] == ["electrical_hum"]
+    assert [each.name for each in played.scenario.axis.mechanisms] == ["electrical_hum", "backlash"]
 
 
 def test_an_unknown_label_is_refused_with_the_nearest() -> None:
