@@ -116,8 +116,8 @@ class Campaign:
             known[name] = tuple(known[name]) if known.get(name) else None  # type: ignore[arg-type]
         return cls(**known)  # type: ignore[arg-type]
 
-    def planned(self) -> list[Planned]:
-        """All cases, label by label."""
+    def planned(self, only: range | None = None) -> list[Planned]:
+        """All cases, label by label, or some of them by number."""
         return plan(
             self.axis,
             self.counts,
@@ -125,6 +125,7 @@ class Campaign:
             microphones=self.microphones,
             duration_s=self.duration_s,
             operation=self._operation(),
+            only=only,
         )
 
     def _operation(self) -> list[Range]:
@@ -299,7 +300,7 @@ def simulations(settings: Settings) -> JobKind:
         assert isinstance(task["first"], int)
         assert isinstance(task["stop"], int)
         campaign = Campaign.from_document(task["campaign"])
-        wanted = campaign.planned()[task["first"] : task["stop"]]
+        wanted = campaign.planned(range(task["first"], task["stop"]))
         library = CaseLibrary.open(settings.data_dir, settings.database_url)
         try:
             outcome = _retained(library, wanted)

@@ -107,6 +107,7 @@ def plan(
     microphones: Sequence[Microphone] = (),
     duration_s: float = DURATION_S,
     operation: Sequence[Range] = (),
+    only: range | None = None,
 ) -> list[Planned]:
     """Scenarios for each label, `counts[label]` of them.
 
@@ -119,6 +120,8 @@ def plan(
         every case has a housing of its own drawn from all that is usual.
     operation
         Ranges that stand for those of the same name in `OPERATION`.
+    only
+        Which of them, counted over all labels; all if None.
 
     Raises ParameterError for a label that stands for no mechanism, AxisError for an axis that makes no sound.
     """
@@ -129,15 +132,19 @@ def plan(
     for label in counts:
         if label not in labels():
             raise ParameterError(f"label: {label!r} cannot be generated{near_match(label, labels())}")
-    out = []
+    names = [r.name for r in (*OPERATION, *SPECIMEN, *MICROPHONE, *FAULT)]
+    ranges = (*OPERATION, *SPECIMEN, *MICROPHONE, *operation)
+    out, first = [], 0
     for number, (label, count) in enumerate(counts.items()):
-        names = [r.name for r in (*OPERATION, *SPECIMEN, *MICROPHONE, *FAULT)]
         sequence = qmc.Halton(len(names), scramble=True, rng=np.random.default_rng([seed, number]))
         for index, point in enumerate(sequence.random(count)):
+            if only is not None and first + index not in only:
+                continue
             draw = dict(zip(names, map(float, point), strict=True))
             random = np.random.default_rng([seed, number, index])
-            value = {r.name: r.at(draw[r.name]) for r in (*OPERATION, *SPECIMEN, *MICROPHONE, *operation)}
+            value = {r.name: r.at(draw[r.name]) for r in ranges}
             out.append(_planned(axis, label, draw, value, random, microphones, duration_s))
+        first += count
     return out
 
 

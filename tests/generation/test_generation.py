@@ -7,7 +7,8 @@ from sqlalchemy import func, select
 
 from app.generation import Campaign, generate, key_of, simulations
 from app.settings import Settings
-from casebase.library import CaseFilter, CaseLibrary
+from casebase.case_filter import CaseFilter
+from casebase.library import CaseLibrary
 from casebase.models import Case
 from casebase.severity import PARAMETERS
 from sim.errors import ParameterError
