@@ -191,7 +191,7 @@ def _from_domain(_: ExceptionHandler, __: Request, error: Exception) -> Problem:
     return kind(str(error))
 
 
-def _from_storage(_: ExceptionHandler, __: Request, error: Exception) -> Problem | None:
+def _from_storage(_: ExceptionHandler, __: Request, error: Exception) -> Problem:
     if is_full(error):
         return InsufficientStorage(
             "The disk of the service is full; nothing of this request was stored and nothing else was lost. "
@@ -204,7 +204,7 @@ def _from_storage(_: ExceptionHandler, __: Request, error: Exception) -> Problem
             "else was lost. Whoever runs the service finds the reason in its log under request_id.",
             headers={"Retry-After": "60"},
         )
-    return None
+    return InternalFault()
 
 
 def _identify(content: dict[str, Any], request: Request, response: JSONResponse) -> tuple[dict[str, Any], JSONResponse]:

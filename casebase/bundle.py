@@ -16,9 +16,10 @@ from typing import Any
 from sqlalchemy.orm import Session
 
 from casebase.audio_store import CHUNK
+from casebase.case_filter import CaseFilter
 from casebase.description import Labelling, RecordingDescription, condition_of
 from casebase.errors import BundleError, DuplicateError, InvalidRequestError
-from casebase.library import CaseFilter, CaseLibrary
+from casebase.library import CaseLibrary
 from casebase.models import Case
 from casebase.pages import LARGEST_PAGE
 from casebase.signals.decode import read_recording

@@ -11,6 +11,7 @@ from sqlalchemy import Select, select
 from sqlalchemy.orm import Session
 
 from casebase.models import Case, Extractor, FeatureRow, LibraryCounter, StoredRecording
+from casebase.recordings import feature_values
 
 Mask = NDArray[np.bool_]
 
@@ -94,11 +95,7 @@ def _read(session: Session, extractor_version: str, version: int, since: int) ->
     rows = session.execute(_statement(extractor_version, since)).all()
     columns = list(zip(*rows, strict=True)) if rows else [()] * 8
     text = [np.array([word or "" for word in column], dtype=np.str_) for column in columns[:6]]
-    values = np.empty((len(rows), len(names)), dtype=np.float32)
-    if rows:
-        values[:] = np.stack(columns[6])
-        bits = np.frombuffer(b"".join(columns[7]), dtype=np.uint8).reshape(len(rows), -1)
-        values[np.unpackbits(bits, axis=1, count=len(names)).astype(bool)] = np.nan
+    values = feature_values(columns[6], columns[7]) if rows else np.empty((0, len(names)), dtype=np.float32)
     ids, labels, origins, axes, gearboxes, samples = text
     return CaseTable(version, extractor_version, names, ids, labels, origins, axes, gearboxes, samples, values)
 

@@ -1,14 +1,12 @@
 """CaseLibrary: retain, revise, retire, restore; the rows are the truth, the audio lies beside them."""
 
-import hashlib
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from threading import Event
 
-import numpy as np
-from sqlalchemy import Engine, Select, func, select, update
+from sqlalchemy import Engine, func, select, update
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 from sqlalchemy.orm.exc import StaleDataError
@@ -16,8 +14,9 @@ from sqlalchemy.orm.exc import StaleDataError
 from casebase import audit
 from casebase.artifacts import active_version, newest_version, similarity_for, similarity_kind, store_similarity
 from casebase.audio_store import AudioStore, StoredBytes
+from casebase.case_filter import CaseFilter, selected
 from casebase.case_table import CaseTable, load_table
-from casebase.database import WRITING, create_engine_for, sqlite_url, strict_json, upgrade_database
+from casebase.database import WRITING, create_engine_for, sqlite_url, upgrade_database
 from casebase.description import Labelling, RecordingDescription, check_choice, check_label
 from casebase.diagnoses import get_diagnosis, labelling_from, store_diagnosis
 from casebase.diagnosis import Reasoner
@@ -35,14 +34,13 @@ from casebase.models import (
     Artifact,
     AuditEntry,
     Case,
-    Extractor,
-    FeatureRow,
     LibraryCounter,
     StoredDiagnosis,
     StoredRecording,
     now,
 )
 from casebase.pages import Page, page
+from casebase.recordings import store_recording
 from casebase.severity import severity_of
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction
 from casebase.signals.recording import Recording
@@ -51,19 +49,6 @@ REVISABLE = ("label", "verified_by", "note", "mechanism", "location", "severity"
 
 
 CHANGED = "library_changed"
-
-
-@dataclass(frozen=True)
-class CaseFilter:
-    """Which cases to list; absent means any. Retired ones are left out unless asked for."""
-
-    label: str | None = None
-    origin: str | None = None
-    axis: str | None = None
-    gearbox: str | None = None
-    state: str | None = None
-    batch: str | None = None
-    quarantined: bool | None = None
 
 
 class CaseLibrary:
@@ -132,68 +117,7 @@ class CaseLibrary:
             extraction: its features.
             description: how it was taken.
         """
-        stored = source if isinstance(source, StoredBytes) else self.audio.put(source)
-        document = description.to_document()
-        fingerprint = _fingerprint(stored.sha256, recording.channel, document)
-        existing = session.scalar(select(StoredRecording).where(StoredRecording.fingerprint == fingerprint))
-        if existing is not None:
-            self.store_features(session, existing, extraction)
-            return existing
-        condition = description.condition
-        row = StoredRecording(
-            fingerprint=fingerprint,
-            samples_sha256=recording.sha256,
-            file_sha256=stored.sha256,
-            file_name=description.file_name[-255:],
-            media_type=description.media_type[:100],
-            byte_count=stored.byte_count,
-            sample_rate_hz=recording.sample_rate_hz,
-            channel=recording.channel,
-            channels=recording.channels,
-            duration_s=recording.duration_s,
-            unit=recording.unit,
-            usable=extraction.usable,
-            quality=[asdict(flag) for flag in extraction.quality],
-            axis=description.axis,
-            gearbox=description.gearbox,
-            payload_kg_m2=condition.payload_kg_m2,
-            speed_rad_s=condition.speed_rad_s,
-            recorded_at=description.recorded_at,
-            description=document,
-            created_by=audit.actor_of(session),
-        )
-        try:
-            with session.begin_nested():
-                session.add(row)
-        except IntegrityError:
-            # somebody stored the same at the same time
-            return session.scalars(select(StoredRecording).where(StoredRecording.fingerprint == fingerprint)).one()
-        self.store_features(session, row, extraction)
-        audit.record(session, "recording.stored", ("recording", row.id), after={"file_sha256": stored.sha256})
-        return row
-
-    def store_features(self, session: Session, row: StoredRecording, extraction: Extraction) -> FeatureRow:
-        """Keep the features of one extractor version; they are there once."""
-        version = extraction.extractor_version
-        existing = session.get(FeatureRow, (row.id, version))
-        if existing is not None:
-            return existing
-        if session.get(Extractor, version) is None:
-            session.merge(Extractor(version=version, names=list(extraction.features.names)))
-            session.flush()
-        values = np.asarray(extraction.features.values, dtype=np.float32)
-        missing = ~np.isfinite(values)
-        features = FeatureRow(
-            recording_id=row.id,
-            extractor_version=version,
-            finite=np.where(missing, np.float32(0), values),
-            missing=np.packbits(missing).tobytes(),
-            motion=asdict(extraction.motion),
-            events=[asdict(event) for event in extraction.events],
-        )
-        session.add(features)
-        session.flush()
-        return features
+        return store_recording(session, self.audio, source, recording, extraction, description)
 
     def recording(self, session: Session, recording_id: str) -> StoredRecording:
         """Return a recording; raises NotFoundError."""
@@ -408,37 +332,6 @@ class CaseLibrary:
         session.info[CHANGED] = True
         counter = update(LibraryCounter).values(value=LibraryCounter.value + 1)
         return session.scalars(counter.returning(LibraryCounter.value)).one()
-
-
-def selected(wanted: CaseFilter) -> Select[Case]:
-    """Return the statement that selects the cases wanted."""
-    statement = select(Case)
-    for column, value in (
-        (Case.label, wanted.label),
-        (Case.origin, wanted.origin),
-        (Case.batch, wanted.batch),
-        (Case.state, wanted.state),
-    ):
-        if value is not None:
-            statement = statement.where(column == value)
-    if wanted.state is None:
-        statement = statement.where(Case.state != "retired")
-    if wanted.quarantined is not None:
-        reason = Case.quarantine_reason
-        statement = statement.where(reason.is_not(None) if wanted.quarantined else reason.is_(None))
-    if wanted.axis is not None or wanted.gearbox is not None:
-        statement = statement.join(StoredRecording, StoredRecording.id == Case.recording_id)
-    if wanted.axis is not None:
-        statement = statement.where(StoredRecording.axis == wanted.axis)
-    if wanted.gearbox is not None:
-        statement = statement.where(StoredRecording.gearbox == wanted.gearbox)
-    return statement
-
-
-def _fingerprint(file_sha256: str, channel: int, document: Mapping[str, object]) -> str:
-    how_taken = {name: value for name, value in document.items() if name not in ("file_name", "media_type")}
-    parts = (file_sha256, str(channel), strict_json(dict(sorted(how_taken.items()))))
-    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
 
 
 def _summary(case: Case) -> dict[str, object]:

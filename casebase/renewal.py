@@ -11,6 +11,7 @@ from casebase.description import condition_of
 from casebase.errors import NotFoundError
 from casebase.library import CaseLibrary
 from casebase.models import Case, FeatureRow, StoredRecording
+from casebase.recordings import store_features
 from casebase.signals.decode import read_recording
 from casebase.signals.errors import SignalError
 from casebase.signals.features import EXTRACTOR_VERSION, extract
@@ -63,7 +64,7 @@ def _renew_one(library: CaseLibrary, actor: str, recording_id: str) -> None:
     extraction = extract(recording, condition_of(row.description))
     with library.transaction(actor) as session:
         row = library.recording(session, recording_id)
-        library.store_features(session, row, extraction)
+        store_features(session, row, extraction)
         version = library.next_version(session)
         session.execute(
             update(Case).where(Case.recording_id == recording_id).values(library_version=version, version=Case.version)

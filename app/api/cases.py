@@ -26,8 +26,8 @@ from app.metadata import CaseMetadata, read_metadata
 from app.security import Admin, Viewer
 from app.service import Reading, Service, TheService
 from app.uploads import MaybeUpload, Upload, multipart_body
+from casebase.case_filter import CaseFilter
 from casebase.description import Labelling
-from casebase.library import CaseFilter
 from casebase.models import Case
 
 router = APIRouter(tags=["cases"])

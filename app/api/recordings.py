@@ -7,7 +7,6 @@ from pathlib import Path
 from typing import Annotated, Literal
 from urllib.parse import quote
 
-import numpy as np
 from fastapi import APIRouter, Header, Query, Request, Response, status
 from fastapi.responses import StreamingResponse
 from pydantic import BaseModel
@@ -19,6 +18,7 @@ from app.errors import NotFound, RangeNotSatisfiable
 from app.security import Viewer
 from app.service import Reading, Service, TheService
 from casebase.models import Extractor, FeatureRow, StoredRecording
+from casebase.recordings import named_features
 from casebase.signals.features import EXTRACTOR_VERSION, catalogue
 from casebase.signals.recording import Recording
 
@@ -207,11 +207,7 @@ def features(_: Viewer, session: Reading, service: TheService, recording_id: Ide
     if stored is None:
         raise NotFound("The features of this recording are of an older extractor; `gearcase doctor` says what to do.")
     names = session.get_one(Extractor, EXTRACTOR_VERSION).names
-    missing = np.unpackbits(np.frombuffer(stored.missing, np.uint8), count=len(names))
-    values = {
-        name: None if gone else value
-        for name, value, gone in zip(names, stored.finite.tolist(), missing.tolist(), strict=True)
-    }
+    values = named_features(stored, names)
     return Features(
         extractor_version=EXTRACTOR_VERSION,
         features=[Feature(value=values[name], **asdict(each)) for name, each in catalogue().items()],

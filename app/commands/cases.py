@@ -14,9 +14,10 @@ from app.documents import CaseAnswer
 from app.intake import take_in
 from app.metadata import CaseMetadata
 from casebase.bundle import export_cases, import_cases
+from casebase.case_filter import CaseFilter
 from casebase.description import Labelling
 from casebase.errors import LibraryError
-from casebase.library import CaseFilter, CaseLibrary
+from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError
 from sim.axis import Axis, read_axis
 

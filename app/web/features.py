@@ -1,9 +1,9 @@
 """Stored features of a recording, by name."""
 
-import numpy as np
 from sqlalchemy.orm import Session
 
 from casebase.models import Extractor, FeatureRow
+from casebase.recordings import named_features
 from casebase.signals.features import EXTRACTOR_VERSION
 
 SHOWN = ("crest_factor_whole_record", "crest_factor_low_pass_200_hz_whole_record", "rms", "peak")
@@ -15,6 +15,4 @@ def features_of(session: Session, recording_id: str) -> dict[str, float | None]:
     extractor = session.get(Extractor, EXTRACTOR_VERSION)
     if stored is None or extractor is None:
         return dict.fromkeys(SHOWN)
-    missing = np.unpackbits(np.frombuffer(stored.missing, np.uint8), count=len(extractor.names))
-    values = zip(extractor.names, stored.finite.tolist(), missing.tolist(), strict=True)
-    return {str(name): None if gone else value for name, value, gone in values}
+    return named_features(stored, extractor.names)

@@ -8,9 +8,10 @@ from sqlalchemy import select
 
 from casebase import renewal
 from casebase.backup import CHECKSUMS, DATABASE, backup, restore, verify
+from casebase.case_filter import CaseFilter
 from casebase.database import create_engine_for
 from casebase.errors import BackupError
-from casebase.library import CaseFilter, CaseLibrary
+from casebase.library import CaseLibrary
 from casebase.models import Base, FeatureRow
 from tests.library.sounds import add_sound, write_sound
 

@@ -9,9 +9,10 @@ from pathlib import Path
 import pytest
 
 from casebase.bundle import MANIFEST, SCHEMA, BundleLimits, export_cases, import_cases
+from casebase.case_filter import CaseFilter
 from casebase.database import create_engine_for, sqlite_url, upgrade_database
 from casebase.errors import BundleError
-from casebase.library import CaseFilter, CaseLibrary
+from casebase.library import CaseLibrary
 from casebase.signals.features import EXTRACTOR_VERSION
 from tests.library.sounds import add_sound, write_sound
 

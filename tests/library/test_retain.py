@@ -6,9 +6,10 @@ from alembic.migration import MigrationContext
 from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
 
+from casebase.case_filter import CaseFilter
 from casebase.description import Labelling
 from casebase.errors import ConflictError, DuplicateError, InvalidRequestError, NotFoundError, StaleVersionError
-from casebase.library import CaseFilter, CaseLibrary
+from casebase.library import CaseLibrary
 from casebase.models import Base
 from tests.library.made import add_case, store
 

@@ -15,7 +15,7 @@ from app.uploads import TheUpload
 from app.web.session import PageAdmin, PageViewer
 from app.web.templating import render
 from casebase.bundle import export_cases, import_cases
-from casebase.library import CaseFilter
+from casebase.case_filter import CaseFilter
 
 router = APIRouter(prefix="/library")
 SECTION = "/library"

@@ -23,8 +23,8 @@ from app.web.recorded import chart_of
 from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.svg import map_chart
 from app.web.templating import Message, render
+from casebase.case_filter import CaseFilter
 from casebase.description import Labelling
-from casebase.library import CaseFilter
 from casebase.models import Case, StoredRecording
 from casebase.signals.features import catalogue
 

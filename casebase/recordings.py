@@ -1,0 +1,117 @@
+"""Recordings and their features as rows; a missing feature is a bit beside its vector, for databases take no NaN."""
+
+import hashlib
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from sqlalchemy import select
+from sqlalchemy.exc import IntegrityError
+from sqlalchemy.orm import Session
+
+from casebase import audit
+from casebase.audio_store import AudioStore, StoredBytes
+from casebase.database import strict_json
+from casebase.description import RecordingDescription
+from casebase.models import Extractor, FeatureRow, StoredRecording
+from casebase.signals.features import Extraction, FeatureVector
+from casebase.signals.recording import Recording
+
+
+def store_recording(
+    session: Session,
+    audio: AudioStore,
+    source: Path | bytes | StoredBytes,
+    recording: Recording,
+    extraction: Extraction,
+    description: RecordingDescription,
+) -> StoredRecording:
+    """Keep a recording; see `CaseLibrary.store_recording`."""
+    stored = source if isinstance(source, StoredBytes) else audio.put(source)
+    document = description.to_document()
+    fingerprint = _fingerprint(stored.sha256, recording.channel, document)
+    existing = session.scalar(select(StoredRecording).where(StoredRecording.fingerprint == fingerprint))
+    if existing is not None:
+        store_features(session, existing, extraction)
+        return existing
+    condition = description.condition
+    row = StoredRecording(
+        fingerprint=fingerprint,
+        samples_sha256=recording.sha256,
+        file_sha256=stored.sha256,
+        file_name=description.file_name[-255:],
+        media_type=description.media_type[:100],
+        byte_count=stored.byte_count,
+        sample_rate_hz=recording.sample_rate_hz,
+        channel=recording.channel,
+        channels=recording.channels,
+        duration_s=recording.duration_s,
+        unit=recording.unit,
+        usable=extraction.usable,
+        quality=[asdict(flag) for flag in extraction.quality],
+        axis=description.axis,
+        gearbox=description.gearbox,
+        payload_kg_m2=condition.payload_kg_m2,
+        speed_rad_s=condition.speed_rad_s,
+        recorded_at=description.recorded_at,
+        description=document,
+        created_by=audit.actor_of(session),
+    )
+    try:
+        with session.begin_nested():
+            session.add(row)
+    except IntegrityError:
+        # somebody stored the same at the same time
+        return session.scalars(select(StoredRecording).where(StoredRecording.fingerprint == fingerprint)).one()
+    store_features(session, row, extraction)
+    audit.record(session, "recording.stored", ("recording", row.id), after={"file_sha256": stored.sha256})
+    return row
+
+
+def store_features(session: Session, row: StoredRecording, extraction: Extraction) -> FeatureRow:
+    """Keep the features of one extractor version; they are there once."""
+    version = extraction.extractor_version
+    existing = session.get(FeatureRow, (row.id, version))
+    if existing is not None:
+        return existing
+    if session.get(Extractor, version) is None:
+        session.merge(Extractor(version=version, names=list(extraction.features.names)))
+        session.flush()
+    values = np.asarray(extraction.features.values, dtype=np.float32)
+    missing = ~np.isfinite(values)
+    features = FeatureRow(
+        recording_id=row.id,
+        extractor_version=version,
+        finite=np.where(missing, np.float32(0), values),
+        missing=np.packbits(missing).tobytes(),
+        motion=asdict(extraction.motion),
+        events=[asdict(event) for event in extraction.events],
+    )
+    session.add(features)
+    session.flush()
+    return features
+
+
+def named_features(row: FeatureRow, names: Sequence[object]) -> dict[str, float | None]:
+    """Return the features of one stored row by name, None where missing."""
+    return FeatureVector(tuple(map(str, names)), feature_values([row.finite], [row.missing])[0]).to_dict()
+
+
+def feature_values(finite: Sequence[NDArray[np.float32]], missing: Sequence[bytes]) -> NDArray[np.float32]:
+    """Return the features of stored rows, shape (rows, n), NaN where missing.
+
+    Args:
+        finite, missing: `FeatureRow.finite` and `FeatureRow.missing` of every row, at least one.
+    """
+    values = np.array(finite, dtype=np.float32)
+    bits = np.frombuffer(b"".join(missing), dtype=np.uint8).reshape(len(values), -1)
+    values[np.unpackbits(bits, axis=1, count=values.shape[1]).astype(bool)] = np.nan
+    return values
+
+
+def _fingerprint(file_sha256: str, channel: int, document: Mapping[str, object]) -> str:
+    how_taken = {name: value for name, value in document.items() if name not in ("file_name", "media_type")}
+    parts = (file_sha256, str(channel), strict_json(dict(sorted(how_taken.items()))))
+    return hashlib.sha256("\n".join(parts).encode()).hexdigest()
