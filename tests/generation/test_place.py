@@ -1,0 +1,77 @@
+"""The sound of a place, fitted to normal recordings whose microphone is known, from the command line to generation."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from app.cli import run
+from app.generation import condition_of, fitted_microphones
+from app.place import two_sample_test
+from casebase.description import Labelling, RecordingDescription
+from casebase.library import CaseLibrary
+from casebase.signals.features import catalogue, extract
+from casebase.signals.recording import Recording
+from sim.axis import write_axis
+from sim.fitting import Heard, scenario_like
+from sim.paper import PAPER_AXIS
+from sim.sound import SAMPLE_RATE_HZ, Microphone, Mode
+
+MODES = (Mode(110.0, 0.05, 1.0), Mode(420.0, 0.04, 0.7), Mode(1500.0, 0.03, 0.5))
+MICROPHONE = Microphone(MODES, gain=5e-3, rubbing_n_m=4.0, ambient_n_m=0.5)
+
+
+def _wav(samples: np.ndarray, path: Path) -> bytes:
+    soundfile.write(path, samples, int(SAMPLE_RATE_HZ), subtype="PCM_16")
+    return path.read_bytes()
+
+
+def test_what_is_fitted_is_the_microphone_and_generation_uses_it(
+    tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    axis = tmp_path / "axis.toml"
+    axis.write_text(write_axis(PAPER_AXIS))
+    library = CaseLibrary.open(tmp_path)
+    heard = Heard(np.zeros(72_000, np.float32), 2.6, 38.0, 4.2)
+    scenario = scenario_like(PAPER_AXIS, heard, MICROPHONE, 3)
+    recording = Recording(scenario.perform(), SAMPLE_RATE_HZ)
+    with library.transaction("test") as session:
+        description = RecordingDescription(
+            "n.wav", axis=PAPER_AXIS.name, gearbox="g1", condition=condition_of(scenario)
+        )
+        audio = _wav(recording.samples, tmp_path / "n.wav")
+        extraction = extract(recording, taken)
+        row = library.store_recording(session, audio, recording, extraction, description)
+        library.retain(session, row, Labelling("normal", origin="measured"))
+    library.close()
+    assert run(["--data-dir", str(tmp_path), "--json", "fit", "--axis", str(axis)]) == 0
+    said = json.loads(capfd.readouterr().out)
+    assert said["version"] == 1
+    assert 0 <= said["test"]["told_apart"] <= 1
+    assert said["misfit_db"]["g1"] < 2.0
+    true = [mode.frequency_hz for mode in scenario.microphone.modes]
+    found = [mode["frequency_hz"] for mode in said["microphones"][0]["modes"]]
+    for frequency in true:
+        assert min(abs(each / frequency - 1) for each in found) < 0.03
+    library = CaseLibrary.open(tmp_path)
+    microphones, version = fitted_microphones(library, PAPER_AXIS)
+    library.close()
+    assert version == 1
+    assert [mode.frequency_hz for mode in microphones[0].modes] == pytest.approx(found)
+
+
+def test_two_samples_of_one_kind_pass_and_of_two_kinds_do_not() -> None:
+    random, names = np.random.default_rng(0), len(catalogue())
+    one, same = random.standard_normal((12, names)), random.standard_normal((48, names))
+    alike, other = two_sample_test(one, same), two_sample_test(one, same + 1.0)
+    assert alike.p_value > 0.05
+    assert abs(alike.told_apart - 0.5) < 0.2
+    assert alike.unmatched == ()
+    assert (other.p_value, other.told_apart > 0.9) == (0.001, True)
+    shifted = same.copy()
+    shifted[:, list(catalogue()).index("play_bump_12_200_hz")] += 4.0
+    (unmatched,) = two_sample_test(one, shifted).unmatched
+    assert unmatched.feature == "play_bump_12_200_hz"
+    assert unmatched.difference > 2
