@@ -42,7 +42,7 @@ def test_what_is_fitted_is_the_microphone_and_generation_uses_it(
             "n.wav", axis=PAPER_AXIS.name, gearbox="g1", condition=condition_of(scenario)
         )
         audio = _wav(recording.samples, tmp_path / "n.wav")
-        extraction = extract(recording, taken)
+        extraction = extract(recording, condition_of(scenario))
         row = library.store_recording(session, audio, recording, extraction, description)
         library.retain(session, row, Labelling("normal", origin="measured"))
     library.close()
