@@ -148,13 +148,13 @@ def find_motion(level_db: NDArray[np.float32], condition: OperatingCondition) ->
     )
 
 
-def fall_over_scatter(level_db: NDArray[np.float32]) -> tuple[float, float]:
-    """Return how far the loudness falls from where the axis moves to where it stands [dB], and that over its scatter.
+def fall_over_scatter(level_db: NDArray[np.float32]) -> float:
+    """Return how far the loudness falls from where the axis moves to where it stands, over its scatter [1].
 
     Scatter is that from one smoothing length to the next; steady noise of any colour falls by about twice its own.
     """
     _, plateau, floor, scatter = _smoothed(level_db)
-    return plateau - floor, (plateau - floor) / scatter if scatter > 0 else np.inf
+    return (plateau - floor) / scatter if scatter > 0 else np.inf
 
 
 def _smoothed(level_db: NDArray[np.float32]) -> tuple[NDArray[np.float64], float, float, float]:
@@ -174,8 +174,9 @@ def find_dips(level_db: NDArray[np.float32]) -> tuple[list[Dip], float, float]:
     moves most of the time). A short burst within it, such as a click at standstill, does not divide it, and a dip
     of less than half the usual width is none.
     """
-    smooth, plateau, floor, _ = _smoothed(level_db)
-    depth, clarity = fall_over_scatter(level_db)
+    smooth, plateau, floor, scatter = _smoothed(level_db)
+    depth = plateau - floor
+    clarity = depth / scatter if scatter > 0 else np.inf
     if depth < SMALLEST_DEPTH_DB or clarity < SMALLEST_DEPTH_EVEN:
         return [], depth, clarity
     quiet = smooth < (plateau + floor) / 2

@@ -25,4 +25,4 @@ class Loudness(FeatureFamily):
 
     def compute(self, analysis: Analysis) -> Sequence[float]:
         """Return the fall over the scatter."""
-        return [min(fall_over_scatter(analysis.loudness_db)[1], LARGEST)]
+        return [min(fall_over_scatter(analysis.loudness_db), LARGEST)]
