@@ -375,24 +375,29 @@ def tooth_damage(
 ) -> Term:
     """A dent on one flank of the driven gear of link `k`; `starts`: angles and depths worth trying.
 
-    A half sine over one pitch, the window in which that tooth carries: while contact is lost, width and depth could
-    not both be told from the data. `deepest`: a dent as deep as the working twist is never touched at its bottom.
+    A half sine about one pitch wide, the window in which that tooth carries. A dent deeper than the twist is left
+    before its bottom: then how long contact is lost says how wide it is, how far the load falls back how deep.
+    `deepest`: a dent as deep as the working twist is never touched at its bottom.
     """
-    depth, angle = (_name("tooth_damage", name, p) for p in ("depth_rad", "angle_rad"))
+    depth, angle, width = (_name("tooth_damage", name, p) for p in ("depth_rad", "angle_rad", "width_rad"))
     pitch = 2.0 * math.pi / teeth
-    width = 0.5 * pitch
 
     def apply(chain: Chain, values: Values) -> Chain:
-        dent = Dent(k + 1, values[angle], width, values[depth], flank)
+        dent = Dent(k + 1, values[angle], 0.5 * values[width], values[depth], flank)
         return with_link(chain, k, dents=(*chain.links[k].dents, dent))
 
     def report(values: Values) -> dict[str, float]:
-        turned = values[angle] % (2 * math.pi)
-        return {"depth_rad": values[depth], "angle_rad": turned, "flank": float(flank), "width_rad": width / DENT_SHARE}
+        return {
+            "depth_rad": values[depth],
+            "angle_rad": values[angle] % (2 * math.pi),
+            "flank": float(flank),
+            "width_rad": 0.5 * values[width] / DENT_SHARE,
+        }
 
     parameters = (
         Parameter(depth, 0.0, 0.003 * deepest, low=0.0, high=deepest),
         Parameter(angle, angle_rad, 0.02 * pitch, low=angle_rad - 6 * pitch, high=angle_rad + 6 * pitch),
+        Parameter(width, 1.2 * pitch, 0.02 * pitch, 0.3 * pitch, 0.4 * pitch, 2.5 * pitch),
     )
     probes = tuple(({angle: a, depth: d},) for a, d in starts)
     return Term("tooth_damage", name, parameters, probes, report, apply, positive=True, nonlinear=True, size=size)

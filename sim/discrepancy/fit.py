@@ -10,8 +10,7 @@ from types import MappingProxyType
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.linalg import solve_toeplitz
-from scipy.signal import lfilter
+from scipy.signal import oaconvolve
 
 from sim.axis import Axis
 from sim.chain_model import Chain, ChainError
@@ -23,16 +22,19 @@ from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.terms import Term
 
 Array = NDArray[np.float64]
-TORQUE_ORDER, GUIDE_ORDER = 32, 16
+Raw = tuple[Array, Array]  # motor torque and guide torque
+FILTER_S = 0.4  # length of the whitening filters: what noise remembers
 WORKERS = 2
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Whitening filters: prediction error of an autoregression over its standard deviation, per channel."""
+    """Per channel a causal whitening filter and the level of the noise over time, relative to the filter's [1]."""
 
     torque: Array
     guide: Array
+    torque_level: Array = field(default_factory=lambda: np.ones(1))
+    guide_level: Array = field(default_factory=lambda: np.ones(1))
 
     @staticmethod
     def flat(torque_sd: float, guide_sd: float) -> Noise:
@@ -44,6 +46,7 @@ class Fit:
     """A converged model: numbers by name, terms on top of the description, whitened residual and sensitivities.
 
     `residual` (rows,) and `jacobian` (rows, parameters), the latter per `steps`; `cost` includes what was known before.
+    `sensitivities`: the same columns by name before whitening.
     """
 
     terms: tuple[Term, ...]
@@ -53,6 +56,7 @@ class Fit:
     jacobian: Array
     cost: float
     runs: int
+    sensitivities: Mapping[str, Raw] = field(repr=False, default_factory=dict)
 
     @property
     def misfit(self) -> float:
@@ -126,71 +130,97 @@ class Problem:
         return self.whiten(torque, guide)
 
     def whiten(self, torque: Array, guide: Array) -> Array:
-        first = lfilter(self.noise.torque, np.ones(1), torque)
-        return np.concatenate([first, lfilter(self.noise.guide, np.ones(1), guide)]) if guide.size else first
+        first = _filtered(self.noise.torque, torque) / self.noise.torque_level
+        if not guide.size:
+            return first
+        return np.concatenate([first, _filtered(self.noise.guide, guide) / self.noise.guide_level])
 
-    def columns(
-        self,
-        terms: Sequence[Term],
-        values: Mapping[str, float],
-        parameters: Sequence[Parameter],
-        base: Array,
-        known: Mapping[str, Array] = MappingProxyType({}),
-    ) -> Array:
-        """Change of the whitened residual for one step of each parameter, shape (rows, parameters)."""
+    def sensitivities(
+        self, terms: Sequence[Term], values: Mapping[str, float], parameters: Sequence[Parameter], base: Raw
+    ) -> dict[str, Raw]:
+        """Change of both residuals for one step of each parameter; `base` are those at `values`."""
 
-        def column(p: Parameter) -> Array:
-            if p.name in known:
-                return known[p.name]
+        def column(p: Parameter) -> Raw:
             step = p.step if values[p.name] + p.step <= p.high else -p.step
-            return (self.residual(terms, {**values, p.name: values[p.name] + step}) - base) * (p.step / step)
+            torque, guide = self.raw_residuals(terms, {**values, p.name: values[p.name] + step})
+            return (torque - base[0]) * (p.step / step), (guide - base[1]) * (p.step / step)
 
         with ThreadPoolExecutor(WORKERS) as pool:
-            return np.stack(list(pool.map(column, parameters)), axis=1) if parameters else np.zeros((base.size, 0))
+            return dict(zip((p.name for p in parameters), pool.map(column, parameters), strict=True))
+
+    def whitened(self, parameters: Sequence[Parameter], raw: Mapping[str, Raw]) -> Array:
+        """Columns of `raw` whitened, shape (rows, parameters)."""
+        rows = sum(part.size for part in next(iter(raw.values()))) if raw else 0
+        out = np.empty((rows, len(parameters)), order="F")
+
+        def fill(k: int) -> None:
+            out[:, k] = self.whiten(*raw[parameters[k].name])
+
+        with ThreadPoolExecutor(WORKERS) as pool:
+            list(pool.map(fill, range(len(parameters))))
+        return out
 
     def fit(
         self,
         terms: Sequence[Term] = (),
         start: Mapping[str, float] | None = None,
-        iterations: int = 5,
-        tolerance: float = 1e-3,
-        frozen: Fit | None = None,
+        iterations: int = 6,
+        held: Mapping[str, Raw] = MappingProxyType({}),
+        refresh: int = 0,
     ) -> Fit:
-        """Levenberg-Marquardt from `start` (default: what is described).
+        """Levenberg-Marquardt from `start` (default: what is described), by sensitivities that are kept (chord method).
 
-        Sensitivities that `frozen` has already are taken from it: enough for comparing terms, at a tenth of the runs.
+        `held`: sensitivities known from a fit nearby. Those of terms whose effect is far from linear follow every
+        step; all others are taken anew `refresh` times, once the steps by the old ones gain no more.
         """
         parameters = self.parameters(terms)
-        known = _known_columns(frozen)
+        follow = {p.name for term in terms if term.nonlinear for p in term.parameters}
         values = {p.name: p.start for p in parameters}
         values.update({k: v for k, v in (start or {}).items() if k in values})
         before = self.runs
-        residual = self.residual(terms, values)
-        cost = _cost(residual, parameters, values)
-        damping = 1e-3
-        columns = np.zeros((residual.size, 0))
+        raw = self.raw_residuals(terms, values)
+        state = _State(values, raw, self.whiten(*raw), 0.0)
+        state.cost = _cost(state.residual, parameters, values)
+        known = {p.name: held[p.name] for p in parameters if p.name in held and p.name not in follow}
+        known |= self.sensitivities(terms, values, [p for p in parameters if p.name not in known], raw)
+        columns = self.whitened(parameters, known)
+        system = _System.of(parameters, columns)
+        damping, moved = 1e-4, True
         for _round in range(iterations):
-            columns = self.columns(terms, values, parameters, residual, known)
-            improved = False
-            for _ in range(6):
-                trial = _stepped(parameters, values, residual, columns, damping)
-                try:
-                    new = self.residual(terms, trial)
-                except ChainError:
-                    damping *= 10.0
-                    continue
-                new_cost = _cost(new, parameters, trial)
-                if new_cost < cost:
-                    improved = True
-                    break
-                damping *= 10.0
-            if not improved:
+            gain, damping = self._step(terms, parameters, state, system, damping)
+            moved = moved or gain > 0.0
+            small = gain < 1e-5 * state.residual.size + 1e-4 * state.cost
+            if small and not (refresh and moved):
                 break
-            gain, values, residual, cost = cost - new_cost, trial, new, new_cost
-            damping = max(damping / 10.0, 1e-7)
-            if gain < tolerance * residual.size * 0.01 + 1e-4 * cost:
-                break
-        return Fit(tuple(terms), parameters, values, residual, columns, cost, self.runs - before)
+            names = [p for p in parameters if p.name in follow or small]
+            if small:
+                refresh, moved = refresh - 1, False
+            if names:
+                known |= self.sensitivities(terms, state.values, names, state.raw)
+                columns = self.whitened(parameters, known)
+                system = _System.of(parameters, columns)
+        return Fit(
+            tuple(terms), parameters, state.values, state.residual, columns, state.cost, self.runs - before, known
+        )
+
+    def _step(
+        self, terms: Sequence[Term], parameters: Sequence[Parameter], state: _State, system: _System, damping: float
+    ) -> tuple[float, float]:
+        """Move `state` to a smaller cost if there is one on the way; its gain and the next damping."""
+        for _ in range(5):
+            trial = system.stepped(parameters, state.values, state.residual, damping)
+            damping *= 10.0
+            try:
+                raw = self.raw_residuals(terms, trial)
+            except ChainError:
+                continue
+            residual = self.whiten(*raw)
+            cost = _cost(residual, parameters, trial)
+            if cost < state.cost:
+                gain = state.cost - cost
+                state.values, state.raw, state.residual, state.cost = trial, raw, residual, cost
+                return gain, max(damping / 100.0, 1e-7)
+        return 0.0, damping
 
     def chain(self, terms: Sequence[Term], values: Mapping[str, float]) -> Chain:
         chain = with_entries(chain_of(self.axis, values), self.axis)
@@ -202,15 +232,15 @@ class Problem:
         self.observer.learn_noise(self.chain(fit.terms, fit.values), nuisance_of(fit.values))
 
     def noise_of(self, fit: Fit) -> Noise:
-        """Autoregressions fitted on the residual of `fit`."""
+        """Filters that make the noise under the residual of `fit` white."""
         torque, guide = self.raw_residuals(fit.terms, fit.values)
         m = self.measurement
-        first = floor_filter(torque, m.weight, TORQUE_ORDER, int(m.rate_hz))
-        second = np.ones(1)
-        if guide.size:
-            stride = self.guide_stride
-            second = floor_filter(guide, m.load_weight[::stride], GUIDE_ORDER, int(m.rate_hz / stride))
-        return Noise(first, second)
+        first, level = _whitener(torque, m.weight, m.rate_hz)
+        if not guide.size:
+            return Noise(first, np.ones(1), level)
+        stride = self.guide_stride
+        second, other = _whitener(guide, m.load_weight[::stride], m.rate_hz / stride)
+        return Noise(first, second, level, other)
 
     def with_noise(self, noise: Noise) -> Problem:
         other = replace(self, noise=noise)
@@ -218,8 +248,31 @@ class Problem:
         return other
 
 
-def floor_filter(values: Array, weight: Array, order: int, block: int) -> Array:
-    """Whitening filter (order + 1,) of the noise under a residual that may still hold effects.
+def _whitener(values: Array, weight: Array, rate_hz: float) -> tuple[Array, Array]:
+    """Filter and level over time of the noise under `values`."""
+    taps = floor_filter(values, weight, int(rate_hz), int(FILTER_S * rate_hz))
+    return taps, level_over_time(_filtered(taps, values), weight, int(rate_hz))
+
+
+def level_over_time(white: Array, weight: Array, block: int) -> Array:
+    """Deviation of whitened noise by the median over blocks and their neighbours, shape (n,), at least 1.
+
+    Noise may come in bursts or grow with speed; by medians, what an effect does at reversals or teeth is left alone.
+    """
+    count = max(1, white.size // block)
+    edges = np.linspace(0, white.size, count + 1).astype(np.int64)
+    levels = np.ones(count)
+    for k in range(count):
+        part = slice(int(edges[max(k - 1, 0)]), int(edges[min(k + 2, count)]))
+        used = np.abs(white[part][weight[part] > 0.5])
+        if used.size > 20:
+            levels[k] = 1.4826 * float(np.median(used))
+    centres = 0.5 * (edges[1:] + edges[:-1])
+    return np.asarray(np.maximum(np.interp(np.arange(white.size), centres, levels), 1.0), dtype=np.float64)
+
+
+def floor_filter(values: Array, weight: Array, block: int, length: int) -> Array:
+    """Whitening filter (length,) of the noise under a residual that may still hold effects.
 
     The lower quartile over blocks of the spectrum, at each frequency, then a running median over frequency: neither
     what comes and goes (reversals, passages of a tooth) nor lines of one order are taken for noise.
@@ -237,17 +290,24 @@ def floor_filter(values: Array, weight: Array, order: int, block: int) -> Array:
     half = 4
     padded = np.concatenate([floor[half:0:-1], floor, floor[-2 : -2 - half : -1]])
     smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1)
-    correlation = np.fft.irfft(smooth)[: order + 1]
-    correlation[0] = correlation[0] * (1.0 + 1e-6) + 1e-300
-    weights = solve_toeplitz(correlation[:-1], correlation[1:])
-    variance = float(correlation[0] - weights @ correlation[1:])
-    return np.concatenate([[1.0], -weights]) / math.sqrt(max(variance, 1e-300))
+    return minimum_phase(1.0 / np.maximum(smooth, 1e-9 * smooth.max() + 1e-300), length)
 
 
-def _known_columns(fit: Fit | None) -> dict[str, Array]:
-    if fit is None:
-        return {}
-    return {p.name: fit.jacobian[:, k] for k, p in enumerate(fit.parameters)}
+def minimum_phase(power: Array, length: int) -> Array:
+    """Causal filter (length,) whose squared gain is `power` on an even grid from 0 to half the rate, by its cepstrum.
+
+    Its first tap is the geometric mean of the gain: white noise stays as likely as it was.
+    """
+    cepstrum = np.fft.irfft(0.5 * np.log(power))
+    size = cepstrum.size
+    fold = np.zeros(size)
+    fold[0], fold[1 : size // 2], fold[size // 2] = 1.0, 2.0, 1.0
+    taps = np.fft.irfft(np.exp(np.fft.rfft(cepstrum * fold)), size)
+    return np.asarray(taps[: min(length, size // 2)])
+
+
+def _filtered(taps: Array, values: Array) -> Array:
+    return np.asarray(oaconvolve(values, taps)[: values.size]) if taps.size > 1 else taps[0] * values
 
 
 def _cost(residual: Array, parameters: Sequence[Parameter], values: Mapping[str, float]) -> float:
@@ -255,15 +315,40 @@ def _cost(residual: Array, parameters: Sequence[Parameter], values: Mapping[str,
     return float(residual @ residual) + known
 
 
-def _stepped(
-    parameters: Sequence[Parameter], values: Mapping[str, float], residual: Array, columns: Array, damping: float
-) -> dict[str, float]:
-    steps = np.array([p.step for p in parameters])
-    spread = np.array([p.spread for p in parameters])
-    offset = np.array([values[p.name] - p.expected for p in parameters])
-    gradient = -columns.T @ residual - offset * steps / spread**2
-    information = columns.T @ columns + np.diag((steps / spread) ** 2)
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-12))
-    scaled = information / np.outer(scale, scale) + damping * np.eye(len(parameters))
-    move = np.linalg.solve(scaled, gradient / scale) / scale * steps
-    return {p.name: float(min(max(values[p.name] + d, p.low), p.high)) for p, d in zip(parameters, move, strict=True)}
+@dataclass
+class _State:
+    """Where a fit stands."""
+
+    values: Mapping[str, float]
+    raw: Raw
+    residual: Array
+    cost: float
+
+
+@dataclass(frozen=True)
+class _System:
+    """Normal equations of one set of sensitivities."""
+
+    columns: Array
+    information: Array
+    steps: Array
+    spread: Array
+
+    @staticmethod
+    def of(parameters: Sequence[Parameter], columns: Array) -> _System:
+        steps = np.array([p.step for p in parameters])
+        spread = np.array([p.spread for p in parameters])
+        return _System(columns, columns.T @ columns + np.diag((steps / spread) ** 2), steps, spread)
+
+    def stepped(
+        self, parameters: Sequence[Parameter], values: Mapping[str, float], residual: Array, damping: float
+    ) -> dict[str, float]:
+        """Where the linear picture has its least squares, held back by `damping`, within what is allowed."""
+        offset = np.array([values[p.name] - p.expected for p in parameters])
+        gradient = -self.columns.T @ residual - offset * self.steps / self.spread**2
+        scale = np.sqrt(np.maximum(np.diag(self.information), 1e-12))
+        scaled = self.information / np.outer(scale, scale) + damping * np.eye(len(parameters))
+        move = np.linalg.solve(scaled, gradient / scale) / scale * self.steps
+        return {
+            p.name: float(min(max(values[p.name] + d, p.low), p.high)) for p, d in zip(parameters, move, strict=True)
+        }

@@ -136,9 +136,7 @@ def investigate(
     heard = listen(axis, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
     named = [term.mechanism for term in fit.terms] + [fault.mechanism for fault in gate.faults]
     progress("gain on rows not used", 0.85)
-    base = Fit((), base.parameters, base.values, problem.residual((), base.values), base.jacobian, base.cost, base.runs)
-    if fit.terms:
-        base = problem.fit((), base.values, 2)
+    base = problem.fit((), base.values, held=base.sensitivities) if fit.terms else fit
     rest = _left(problem, fit)
     _, base = polish(problem, base)
     problem, fit = polish(problem, fit)

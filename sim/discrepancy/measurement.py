@@ -14,9 +14,12 @@ Array = NDArray[np.float64]
 RATE_HZ = 1000.0  # of the prepared channels: four times the fastest mode that matters
 WIDE_SHARE = 0.3  # -3 dB frequency of torque and acceleration over the sample rate
 ANGLE_CUT_HZ = 150.0  # motor angle that drives the chain: far above its modes, below the encoder's noise
+DIRECT_ANGLE_CUT_HZ = 25.0  # the same without gears: a stiff coupling makes torque of the encoder's noise
 LOAD_CUT_HZ = 50.0  # above this a load encoder of 20 bits says nothing about torque
 LOAD_MOTION_CUT_HZ = 10.0  # the same for the load's angle
-MOTION_CUT_HZ = 30.0  # acceleration below it is the motion's own; above, mostly the encoder's noise
+MOTION_CUT_HZ = (
+    12.0  # acceleration below it is the motion's own; above, mostly the encoder's noise, which would shrink inertias
+)
 STANDSTILL_SHARE = 0.012  # of the largest speed: below, dry friction is whatever it needs to be
 
 
@@ -82,11 +85,12 @@ def prepare(
     load_angle: Array | None,
     valid: Array | None = None,
     load_valid: Array | None = None,
+    angle_cut_hz: float = ANGLE_CUT_HZ,
 ) -> Measurement:
     """Smooth evenly sampled channels of shape (n,), thin them to about `RATE_HZ`; `valid` is 1 where a row counts."""
     stride = max(1, round(rate_hz / RATE_HZ))
     rate = rate_hz / stride
-    wide, cut = WIDE_SHARE * rate, min(ANGLE_CUT_HZ, 0.2 * rate)
+    wide, cut = WIDE_SHARE * rate, min(angle_cut_hz, 0.2 * rate)
     load_cut, slow = min(LOAD_CUT_HZ, 0.1 * rate), min(MOTION_CUT_HZ, 0.1 * rate)
     load_slow = min(LOAD_MOTION_CUT_HZ, 0.05 * rate)
     margin = max(gaussian_kernel(c, rate_hz, 0).size // 2 for c in (wide, cut, load_cut, slow, load_slow))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from threading import Lock
 
 import numpy as np
@@ -59,32 +60,50 @@ class Observer:
     _lock: Lock = field(default_factory=Lock)
     _recent: dict[bytes, Array] = field(default_factory=dict)
 
+    @cached_property
+    def _motion(self) -> Array:
+        return np.stack([self.measurement.angle, self.measurement.speed])
+
+    @cached_property
+    def _top(self) -> float:
+        return float(np.abs(self.measurement.speed).max())
+
+    @cached_property
+    def _fast(self) -> Array:
+        return self.measurement.acceleration - self.measurement.slow_acceleration
+
+    @cached_property
+    def _turn(self) -> tuple[Array, Array]:
+        angle = self.measurement.slow_load_angle
+        assert angle is not None
+        return np.sin(angle), np.cos(angle)
+
     def predict(self, chain: Chain, nuisance: Nuisance) -> Prediction:
         """Simulate `chain` along the measured motion."""
         m = self.measurement
-        model = pack(chain)
-        motion = np.stack([m.angle, m.speed])
+        model, motion = pack(chain), self._motion
         motor = np.empty(m.samples)
-        width = nuisance.friction_width[0] * float(np.abs(m.speed).max())
+        width = nuisance.friction_width[0] * self._top
         motor_torque(model[0], model[8], motion, width, 1.0 / m.rate_hz, motor)
         motor += chain.shafts[0].inertia_kg_m2 * m.slow_acceleration
-        motor += self.noise_inertia * (m.acceleration - m.slow_acceleration)
-        out = np.zeros((3, m.samples))
+        guide, angle = np.zeros(m.samples), motion[0]
         if chain.links:
             out = self._links(chain, model, motion, nuisance, slow=True)
-            out = out if self._noise is None else out + self._noise
-            motor = motor + out[0]
+            motor, guide, angle = motor + out[0], out[2] * self._even(chain), out[1]
         if nuisance.torque_delay_s:
             motor = _delayed(motor, nuisance.torque_delay_s * m.rate_hz)
-        return Prediction(motor, out[2] * self._even(chain), out[1])
+        # noise is added as it is: a fit would choose whatever smooths it
+        motor = motor + self.noise_inertia * self._fast
+        if chain.links and self._noise is not None:
+            motor, guide = motor + self._noise[0], guide + self._noise[2]
+        return Prediction(motor, guide, angle)
 
     def _even(self, chain: Chain) -> float:
-        """Factor that makes the encoder's noise equally loud in the guide's torque for every chain.
+        """Factor that makes noise equally loud in the guide's torque for every chain.
 
-        The Jacobian of the data's likelihood: without it a fit would make the load light, as noise hardly moves it.
+        The Jacobian of the data's likelihood: a load and springs of half the size make half of any disturbance, and a
+        fit would make them light. What is fast of the noise is fixed by `learn_noise` and needs no factor.
         """
-        if not chain.links:
-            return 1.0
         if self._loudness == 0.0:
             self._loudness = loudness(chain, self.guide_inertia)
         return self._loudness / loudness(chain, self.guide_inertia)
@@ -94,10 +113,9 @@ class Observer:
         self.noise_inertia = chain.shafts[0].inertia_kg_m2
         self._noise = None
         if chain.links and self.measurement.load_angle is not None:
-            model, m = pack(chain), self.measurement
-            motion = np.stack([m.angle, m.speed])
-            self._noise = self._links(chain, model, motion, nuisance, False) - self._links(
-                chain, model, motion, nuisance, True
+            model = pack(chain)
+            self._noise = self._links(chain, model, self._motion, nuisance, False) - self._links(
+                chain, model, self._motion, nuisance, True
             )
 
     def _links(self, chain: Chain, model: Packed, motion: Array, nuisance: Nuisance, slow: bool) -> Array:
@@ -107,12 +125,12 @@ class Observer:
         angle, speed = (m.slow_load_angle, m.slow_load_speed) if slow else (m.load_angle, m.load_speed)
         if angle is not None and speed is not None:
             sine, cosine = nuisance.load_error_rad
-            error = sine * np.sin(angle) + cosine * np.cos(angle) + nuisance.load_offset_rad
+            wave, other = self._turn
+            error = sine * wave + cosine * other + nuisance.load_offset_rad
             guide = np.stack([angle - error + nuisance.load_delay_s * speed, speed])
             gains = self.guide_inertia * np.array([GUIDE_RAD_S**2, 1.4 * GUIDE_RAD_S])
         ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
-        top = float(np.abs(m.speed).max())
-        widths = nuisance.friction_width[1] * top / ratios
+        widths = nuisance.friction_width[1] * self._top / ratios
         start = np.concatenate([*steady_twist(chain, motion[:, 0]), np.zeros(n - 1)])
         if gains[0] > 0.0:
             start[n - 2], start[2 * n - 3] = guide[0, 0], guide[1, 0]

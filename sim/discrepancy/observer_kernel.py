@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 
 TWO_PI = 2.0 * math.pi
+TAYLOR = 24  # terms of the exponential: enough for a phase of 3 per step
 (J, COULOMB_F, COULOMB_B, VISCOUS_F, VISCOUS_B, STRIBECK, STRIBECK_W, STRIBECK_EXP, DRIFT, GRAVITY, PHASE,
  OFFSET) = range(12)  # fmt: skip
 INV, C, D, HALF, LAW, ETA1, ETA2, BF1, BF2, TURN, LOSSY, CUBIC, HYST, HYST_X = range(14)
@@ -71,9 +72,100 @@ def _external(shafts, ripples, k, angles, w, width, t):
 
 
 @_jit
+def _piece(p0, v0, p1, v1, sub, substeps):
+    """Coefficients of the cubic between two samples on one of its equal pieces."""
+    c2 = 3.0 * (p1 - p0) - 2.0 * v0 - v1
+    c3 = 2.0 * (p0 - p1) + v0 + v1
+    if substeps == 1:
+        return p0, v0, c2, c3
+    s = sub / substeps
+    r = 1.0 / substeps
+    return (
+        p0 + s * (v0 + s * (c2 + s * c3)),
+        r * (v0 + s * (2.0 * c2 + s * 3.0 * c3)),
+        r * r * (c2 + 3.0 * s * c3),
+        r * r * r * c3,
+    )
+
+
+@_jit
+def _acted(shafts, ripples):
+    """Which shafts anything but their links acts on."""
+    acted = np.zeros(shafts.shape[0], dtype=np.bool_)
+    for k in range(shafts.shape[0]):
+        for column in (COULOMB_F, COULOMB_B, VISCOUS_F, VISCOUS_B, STRIBECK, GRAVITY, OFFSET):
+            if shafts[k, column] != 0.0:
+                acted[k] = True
+        for j in range(ripples.shape[0]):
+            if int(ripples[j, 4]) == k:
+                acted[k] = True
+    return acted
+
+
+@_jit
+def propagators(shafts, links, gains, h, step):
+    """Exact step of the linear part for every set of closed links, shape (sets, 2m, 2m + 8 + 2m).
+
+    Columns: state (angles, speeds times `h`); a torque on the first and one on the last driven shaft that go as u^q,
+    q = 0 to 3, u = t / h; torques on every driven shaft, constant and as u. The response to u^q is q! phi_(q+1) of the
+    matrix (Hochbruck, Ostermann, Acta Numerica 19 (2010) 209).
+    """
+    m = shafts.shape[0] - 1
+    size = 2 * m
+    matrix = np.zeros((size, size))
+    weights = np.zeros((4, size, m))
+    for closed in range(step.shape[0]):
+        matrix[:] = 0.0
+        for k in range(m):
+            matrix[k, m + k] = 1.0
+        for k in range(m):
+            if not (closed >> k) & 1:
+                continue
+            c, d, inv = links[k, C], links[k, D], links[k, INV]
+            after = h * h / shafts[k + 1, J]
+            matrix[m + k, k] -= after * c
+            matrix[m + k, m + k] -= after * d / h
+            if k > 0:
+                before = h * h / shafts[k, J]
+                matrix[m + k, k - 1] += after * c * inv
+                matrix[m + k, m + k - 1] += after * d * inv / h
+                matrix[m + k - 1, k] += before * c * inv
+                matrix[m + k - 1, m + k] += before * d * inv / h
+                matrix[m + k - 1, k - 1] -= before * c * inv * inv
+                matrix[m + k - 1, m + k - 1] -= before * d * inv * inv / h
+        last = h * h / shafts[m, J]
+        matrix[size - 1, m - 1] -= last * gains[0]
+        matrix[size - 1, size - 1] -= last * gains[1] / h
+        weights[:] = 0.0
+        power = np.eye(size)
+        factorial = 1.0
+        for term in range(TAYLOR):
+            if term:
+                power = power @ matrix
+                factorial *= term
+            step[closed, :, :size] += power / factorial
+            share = factorial
+            times = 1.0
+            for q in range(4):
+                share *= term + q + 1
+                if q:
+                    times *= q
+                for k in range(m):
+                    weights[q, :, k] += power[:, m + k] * (times / share * h * h / shafts[k + 1, J])
+        for q in range(4):
+            step[closed, :, size + q] = weights[q, :, 0]
+            step[closed, :, size + 4 + q] = weights[q, :, m - 1]
+        step[closed, :, size + 8 : size + 8 + m] = weights[0]
+        step[closed, :, size + 8 + m :] = weights[1]
+
+
+@_jit
 def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, ripples, motion, guide, gains, widths,
         split, dt, substeps, start, out):  # fmt: skip
     """Integrate; rows of `out`: torque that the first mesh asks of the motor, load angle, torque of the guide [N m].
+
+    Springs in contact, guide and measured motion are propagated exactly; what is not linear is predicted from the
+    step before, evaluated once at the step's end and corrected there: order 2, and free of error without it.
 
     `motion`, `guide`: rows angle and speed, cubic in between; `gains`: stiffness and damping of the guide (0: none);
     `widths`: speed over which friction of each shaft turns its sign; `split`: share of mesh losses on the driven side;
@@ -81,112 +173,157 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
     """
     n = shafts.shape[0]
     m = n - 1
+    size = 2 * m
     samples = motion.shape[1]
-    y = start.copy()
-    size = y.shape[0]
-    stage = np.empty(size)
-    total = np.empty(size)
-    dy = np.empty(size)
+    h = dt / substeps
+    sets = 1 << m
+    width = 2 * size + 8
+    rest, slope = size + 8, size + 8 + m  # places of what is not linear
+    step = np.zeros((sets, size, width))
+    propagators(shafts, links, gains, h, step)
+    z = np.zeros(width)
+    z[:m] = start[:m]
+    z[m:size] = start[m:size] * h
+    ahead = np.empty(size)
     angles = np.empty(n)
     speeds = np.empty(n)
     driven = np.zeros(n)
     driver = np.zeros(n)
-    h = dt / substeps
+    held = start[size:].copy()
+    twist = np.zeros(m)
+    new = np.zeros(m)
+    acted = _acted(shafts, ripples)
     guided = gains[0] > 0.0
-    pull = 0.0
+    closed = -1
+    first = True
+    w = step[0]
+    b0 = b1 = b2 = b3 = 0.0
     for i in range(samples):
-        nxt = min(i + 1, samples - 1)
-        p0, p1 = motion[0, i], motion[0, nxt]
-        m0, m1 = motion[1, i] * dt, motion[1, nxt] * dt
-        if guided:
-            g0, g1 = guide[0, i], guide[0, nxt]
-            n0, n1 = guide[1, i] * dt, guide[1, nxt] * dt
         for sub in range(substeps):
-            for s in range(4):
-                u = (sub + (0.0 if s == 0 else (1.0 if s == 3 else 0.5))) / substeps
-                if nxt == i:
-                    u = 0.0
-                u2 = u * u
-                u3 = u2 * u
-                a0 = 2.0 * u3 - 3.0 * u2 + 1.0
-                a1 = u3 - 2.0 * u2 + u
-                a2 = 3.0 * u2 - 2.0 * u3
-                a3 = u3 - u2
-                b0 = 6.0 * (u2 - u) / dt
-                b1 = (3.0 * u2 - 4.0 * u + 1.0) / dt
-                b3 = (3.0 * u2 - 2.0 * u) / dt
-                angles[0] = a0 * p0 + a1 * m0 + a2 * p1 + a3 * m1
-                speeds[0] = b0 * (p0 - p1) + b1 * m0 + b3 * m1
-                part = 0.0 if s == 0 else (h if s == 3 else 0.5 * h)
-                for q in range(size):
-                    stage[q] = y[q] if s == 0 else y[q] + part * dy[q]
-                for k in range(m):
-                    angles[k + 1] = stage[k]
-                    speeds[k + 1] = stage[m + k]
-                t = (i + u) * dt
+            if i == 0 and sub > 0:
+                break
+            if i > 0:
+                # from sample i - 1 to i
+                p0, p1 = motion[0, i - 1], motion[0, i]
+                v0, v1 = motion[1, i - 1] * dt, motion[1, i] * dt
+                a0, a1, a2, a3 = _piece(p0, v0, p1, v1, sub, substeps)
                 if guided:
-                    pull = gains[0] * (a0 * g0 + a1 * n0 + a2 * g1 + a3 * n1 - angles[m]) + gains[1] * (
-                        b0 * (g0 - g1) + b1 * n0 + b3 * n1 - speeds[m]
+                    g0, g1 = guide[0, i - 1], guide[0, i]
+                    n0, n1 = guide[1, i - 1] * dt, guide[1, i] * dt
+                    b0, b1, b2, b3 = _piece(g0, n0, g1, n1, sub, substeps)
+                w = step[closed]
+                s = v = 0.0
+                if closed & 1:
+                    s = links[0, C] * links[0, INV]
+                    v = links[0, D] * links[0, INV] / h
+                z[size] = s * a0 + v * a1
+                z[size + 1] = s * a1 + v * 2.0 * a2
+                z[size + 2] = s * a2 + v * 3.0 * a3
+                z[size + 3] = s * a3
+                if guided:
+                    v = gains[1] / h
+                    z[size + 4] = gains[0] * b0 + v * b1
+                    z[size + 5] = gains[0] * b1 + v * 2.0 * b2
+                    z[size + 6] = gains[0] * b2 + v * 3.0 * b3
+                    z[size + 7] = gains[0] * b3
+                for q in range(size):
+                    total = 0.0
+                    for k in range(width):
+                        total += w[q, k] * z[k]
+                    ahead[q] = total
+                angles[0] = a0 + a1 + a2 + a3
+                speeds[0] = (a1 + 2.0 * a2 + 3.0 * a3) / h
+            else:
+                for q in range(size):
+                    ahead[q] = z[q]
+                angles[0] = motion[0, 0]
+                speeds[0] = motion[1, 0]
+            for k in range(m):
+                angles[k + 1] = ahead[k]
+                speeds[k + 1] = ahead[m + k] / h
+            t = i * dt if i == 0 else (i - 1) * dt + (sub + 1) * h
+            now = 0
+            for k in range(m):
+                new[k] = 0.0
+            for k in range(m):
+                straight = angles[k] * links[k, INV] - angles[k + 1]
+                straight_rate = speeds[k] * links[k, INV] - speeds[k + 1]
+                x = straight
+                xd = straight_rate
+                for j in range(line_first[k], line_first[k + 1]):
+                    shaft = int(lines[j, 0])
+                    phase = lines[j, 1] * angles[shaft] + lines[j, 3]
+                    x -= lines[j, 2] * math.sin(phase)
+                    xd -= lines[j, 2] * lines[j, 1] * math.cos(phase) * speeds[shaft]
+                c = links[k, C]
+                for j in range(wave_first[k], wave_first[k + 1]):
+                    c += links[k, C] * waves[j, 2] * math.cos(waves[j, 1] * angles[int(waves[j, 0])] + waves[j, 3])
+                touch = True
+                if links[k, LAW] == 0.0:
+                    force = c * x * (1.0 + links[k, CUBIC] * x * x) + links[k, D] * xd
+                else:
+                    side = 1.0 if x > 0.0 else -1.0
+                    depth, rate = 0.0, 0.0
+                    if dent_first[k + 1] > dent_first[k]:
+                        depth, rate = _dent(dents, dent_first[k], dent_first[k + 1], side, angles, speeds)
+                    p = side * x - links[k, HALF] - depth
+                    force = 0.0
+                    touch = p > 0.0
+                    if touch:
+                        spring = c * p * (1.0 + links[k, CUBIC] * p * p)
+                        damper = links[k, D] * (side * xd - rate)
+                        force = side * (spring + min(max(damper, -spring), spring))
+                if links[k, HYST] != 0.0:
+                    if not first:
+                        moved = x - twist[k]
+                        goal = links[k, HYST] if moved > 0.0 else -links[k, HYST]
+                        held[k] = goal + (held[k] - goal) * math.exp(-abs(moved) / links[k, HYST_X])
+                    force += held[k]
+                twist[k] = x
+                linear = 0.0
+                if touch:
+                    now |= 1 << k
+                    linear = links[k, C] * straight + links[k, D] * straight_rate
+                driver[k] = force * links[k, INV]
+                driven[k] = force
+                if links[k, LOSSY] != 0.0:
+                    way = _sign(speeds[k + 1] / widths[k + 1])
+                    drives = force * way > 0.0
+                    before = 1.0 / links[k, ETA1] - 1.0 if drives else 1.0 - links[k, ETA2]
+                    after = 1.0 - links[k, ETA1] if drives else 1.0 / links[k, ETA2] - 1.0
+                    driver[k] += (1.0 - split) * before * abs(force) * links[k, INV] * way
+                    driver[k] += way * (links[k, BF1] if drives else links[k, BF2])
+                    driven[k] -= split * after * abs(force) * way
+                new[k] += driven[k] - linear
+                if k > 0:
+                    new[k - 1] -= driver[k] - linear * links[k, INV]
+            for k in range(1, n):
+                if acted[k]:
+                    new[k - 1] -= _external(shafts, ripples, k, angles, speeds[k], widths[k], t)
+            asked = driver[0]
+            if not first and now == closed:
+                for q in range(size):
+                    for k in range(m):
+                        ahead[q] += w[q, slope + k] * (new[k] - z[rest + k] - z[slope + k])
+                if now & 1:
+                    asked -= links[0, INV] * (
+                        links[0, C] * (ahead[0] - angles[1]) + links[0, D] * (ahead[m] / h - speeds[1])
                     )
                 for k in range(m):
-                    x = angles[k] * links[k, INV] - angles[k + 1]
-                    xd = speeds[k] * links[k, INV] - speeds[k + 1]
-                    for j in range(line_first[k], line_first[k + 1]):
-                        shaft = int(lines[j, 0])
-                        phase = lines[j, 1] * angles[shaft] + lines[j, 3]
-                        x -= lines[j, 2] * math.sin(phase)
-                        xd -= lines[j, 2] * lines[j, 1] * math.cos(phase) * speeds[shaft]
-                    c = links[k, C]
-                    for j in range(wave_first[k], wave_first[k + 1]):
-                        c += links[k, C] * waves[j, 2] * math.cos(waves[j, 1] * angles[int(waves[j, 0])] + waves[j, 3])
-                    if links[k, LAW] == 0.0:
-                        f = c * x * (1.0 + links[k, CUBIC] * x * x) + links[k, D] * xd
-                    else:
-                        side = 1.0 if x > 0.0 else -1.0
-                        depth, rate = 0.0, 0.0
-                        if dent_first[k + 1] > dent_first[k]:
-                            depth, rate = _dent(dents, dent_first[k], dent_first[k + 1], side, angles, speeds)
-                        p = side * x - links[k, HALF] - depth
-                        f = 0.0
-                        if p > 0.0:
-                            spring = c * p * (1.0 + links[k, CUBIC] * p * p)
-                            damper = links[k, D] * (side * xd - rate)
-                            f = side * (spring + min(max(damper, -spring), spring))
-                    if links[k, HYST] != 0.0:
-                        z = stage[2 * m + k]
-                        turn = 1.0 if xd > 0.0 else -1.0
-                        f += z
-                        dy[2 * m + k] = xd * (1.0 - turn * z / links[k, HYST]) * links[k, HYST] / links[k, HYST_X]
-                    else:
-                        dy[2 * m + k] = 0.0
-                    way = _sign(speeds[k + 1] / widths[k + 1])
-                    driver[k] = f * links[k, INV]
-                    driven[k] = f
-                    if links[k, LOSSY] != 0.0:
-                        drives = f * way > 0.0
-                        before = 1.0 / links[k, ETA1] - 1.0 if drives else 1.0 - links[k, ETA2]
-                        after = 1.0 - links[k, ETA1] if drives else 1.0 / links[k, ETA2] - 1.0
-                        driver[k] += (1.0 - split) * before * abs(f) * links[k, INV] * way
-                        driver[k] += way * (links[k, BF1] if drives else links[k, BF2])
-                        driven[k] -= split * after * abs(f) * way
-                for k in range(1, n):
-                    torque = driven[k - 1] - _external(shafts, ripples, k, angles, speeds[k], widths[k], t)
-                    torque += -driver[k] if k < m else pull
-                    dy[k - 1] = speeds[k]
-                    dy[m + k - 1] = torque / shafts[k, J]
-                if s == 0:
-                    for q in range(size):
-                        total[q] = dy[q]
-                    if sub == 0:
-                        out[0, i] = driver[0]
-                        out[1, i] = angles[m]
-                        out[2, i] = pull
-                elif s == 3:
-                    for q in range(size):
-                        y[q] += h / 6.0 * (total[q] + dy[q])
-                else:
-                    for q in range(size):
-                        total[q] += 2.0 * dy[q]
+                    z[slope + k] = new[k] - z[rest + k]
+            else:
+                for k in range(m):
+                    z[slope + k] = 0.0
+            first = False
+            closed = now
+            for k in range(m):
+                z[rest + k] = new[k]
+            for q in range(size):
+                z[q] = ahead[q]
+        out[0, i] = asked
+        out[1, i] = z[m - 1]
+        if guided:
+            out[2, i] = gains[0] * (guide[0, i] - z[m - 1]) + gains[1] * (guide[1, i] - z[size - 1] / h)
 
 
 @_jit

@@ -8,6 +8,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.linalg import cho_factor, cho_solve
 
 from sim.chain_model import Array, ChainError
 from sim.discrepancy.catalogue import terms_of, tooth_damage
@@ -25,7 +26,8 @@ LEAST_SHARE = 0.02  # of the squared residual
 BLOCKS = 15
 MOTION_BAND_HZ = 40.0
 MOST_TRIES = 7
-REFIT_ROUNDS = 3
+DEPTHS = (0.03, 0.1, 0.3)  # of the working twist, where a dent is looked for
+CLOSE = 3  # best candidates of which those that are far from linear are refitted in full
 MOST_TERMS = 4
 ENOUGH = 2.5  # tempered nats that a term must bring
 WORTH_TRYING = 40.0  # drop of the whitened sum of squares that a screened term must promise
@@ -53,17 +55,18 @@ class Selection:
     rejected: tuple[Rival, ...]
 
 
-def calibrate(problem: Problem, iterations: int = 5) -> tuple[Problem, Fit]:
-    """Fit what the description has, first with plain weights, then whitened by the residual's own noise."""
-    fit = problem.fit(iterations=iterations)
-    return rewhiten(problem, fit, 3)
+def calibrate(problem: Problem) -> tuple[Problem, Fit]:
+    """Fit what the description has, whitened by what the description itself leaves, then by what the fit leaves."""
+    described = problem.fit(iterations=0)
+    problem = problem.with_noise(problem.noise_of(described))
+    return rewhiten(problem, problem.fit(held=described.sensitivities), refresh=1)
 
 
-def rewhiten(problem: Problem, fit: Fit, iterations: int) -> tuple[Problem, Fit]:
+def rewhiten(problem: Problem, fit: Fit, refresh: int = 0) -> tuple[Problem, Fit]:
     """Take the noise from the residual of `fit`, fit again."""
     problem.learn_noise(fit)
     problem = problem.with_noise(problem.noise_of(fit))
-    return problem, problem.fit(fit.terms, fit.values, iterations)
+    return problem, problem.fit(fit.terms, fit.values, held=fit.sensitivities, refresh=refresh)
 
 
 def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
@@ -78,7 +81,7 @@ def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     kernel = gaussian_kernel(MOTION_BAND_HZ, problem.measurement.rate_hz, 0)
     left = float(np.std(np.convolve(torque, kernel, "same")))
     plain = problem.with_noise(Noise(kernel / max(left, 1e-300), np.ones(1)))
-    return plain, plain.fit(fit.terms, fit.values, 3)
+    return plain, plain.fit(fit.terms, fit.values, held=fit.sensitivities)
 
 
 def penalty(term: Term, rows: int) -> float:
@@ -113,9 +116,8 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
             rejected = tuple(tried)
             break
         best = fitting[0]
-        terms = (*fit.terms, best.term)
-        fit = problem.fit(terms, best.values, 2)
-        problem, fit = rewhiten(problem, fit, 3)
+        fit = problem.fit((*fit.terms, best.term), best.values, held=fit.sensitivities, refresh=1)
+        problem, fit = rewhiten(problem, fit)
         rivals[best.term.key] = tuple(tried[:SHORTLIST])
         rejected = tuple(r for r in tried if r is not best)
         problem, fit, gains = prune(problem, fit, strict=False)
@@ -135,7 +137,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
         without = {}
         for term in fit.terms:
             rest = tuple(t for t in fit.terms if t is not term)
-            less = problem.fit(rest, fit.values, 3)
+            less = problem.fit(rest, fit.values, held=fit.sensitivities)
             gains[term.key] = less.cost - fit.cost if not strict or holds(less, fit) else 0.0
             without[term.key] = less
         rows = fit.residual.size
@@ -150,7 +152,8 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
         if not weak:
             return problem, fit, gains
         weakest = min(weak, key=lambda t: gains[t.key])
-        fit = problem.fit(without[weakest.key].terms, without[weakest.key].values, 3)
+        less = without[weakest.key]
+        fit = problem.fit(less.terms, less.values, held=less.sensitivities, refresh=1)
     return problem, fit, {}
 
 
@@ -201,60 +204,67 @@ def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
         t for t in (*terms_of(problem.axis, problem.measurement), *damage_terms(problem, fit)) if t.key not in present
     ]
     screened = screen(problem, fit, candidates)
-    if not screened or screened[0][0] < WORTH_TRYING:
-        return []
-    best: dict[str, Rival] = {}
+    best: dict[str, tuple[float, Fit, Term]] = {}
     tries: dict[str, int] = {}
-    for gain, term, start in screened:
-        if gain < max(WORTH_TRYING, 0.03 * screened[0][0]) or sum(tries.values()) >= MOST_TRIES:
+    for promised, term, start in screened:
+        if promised < max(WORTH_TRYING, 0.03 * screened[0][0]) or sum(tries.values()) >= MOST_TRIES:
             break
         if tries.get(term.key, 0) >= (2 if term.nonlinear else 1):
             continue
         tries[term.key] = tries.get(term.key, 0) + 1
-        try:
-            refit = refitted(problem, fit, term, {**fit.values, **start})
-        except ChainError:
-            continue
-        rival = Rival(term, fit.cost - refit.cost, refit.values)
-        if term.key not in best or rival.gain > best[term.key].gain:
-            best[term.key] = rival
-    return sorted(best.values(), key=lambda r: (-r.gain, r.term.key))
+        refit = _refitted(problem, fit, term, {**fit.values, **start})
+        if refit is not None and (term.key not in best or refit.cost < best[term.key][1].cost):
+            best[term.key] = (fit.cost - refit.cost, refit, term)
+    ranked = sorted(best.values(), key=lambda b: (-b[0], b[2].key))
+    for place, (gain, refit, term) in enumerate(ranked[:CLOSE]):
+        # sensitivities of the others change where contact is lost: anew for those that may still be first
+        if term.nonlinear and gain > 0.3 * ranked[0][0]:
+            anew = problem.fit(refit.terms, refit.values, held=refit.sensitivities, refresh=1)
+            ranked[place] = (fit.cost - anew.cost, anew, term)
+    rivals = [Rival(term, gain, refit.values) for gain, refit, term in ranked]
+    return sorted(rivals, key=lambda r: (-r.gain, r.term.key))
 
 
-def refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit:
-    """The model with one more term; all sensitivities anew only where the term moves the others far."""
-    terms = (*fit.terms, term)
-    if not term.nonlinear:
-        return problem.fit(terms, start, REFIT_ROUNDS, frozen=fit)
-    first = problem.fit(terms, start, 1)
-    return problem.fit(terms, first.values, REFIT_ROUNDS, frozen=first)
+def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:
+    """The model with one more term, or None where it cannot be simulated."""
+    try:
+        return problem.fit((*fit.terms, term), start, held=fit.sensitivities)
+    except ChainError:
+        return None
 
 
 def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[float, Term, Mapping[str, float]]]:
     """What each start of each term promises in the linear picture, with the rest of the model free to follow."""
+    columns = fit.jacobian
     steps = np.array([p.step / p.spread for p in fit.parameters])
     offset = np.array([(fit.values[p.name] - p.expected) / p.spread for p in fit.parameters])
-    basis, _ = np.linalg.qr(np.vstack([fit.jacobian, np.diag(steps)]))
-    residual = np.concatenate([fit.residual, offset])
-    residual = residual - basis @ (basis.T @ residual)
+    information = columns.T @ columns + np.diag(steps**2)
+    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
+    factor = cho_factor(information / np.outer(size, size) + 1e-10 * np.eye(size.size))
+    gradient = (columns.T @ fit.residual + steps * offset) / size
 
     def promise(job: tuple[Term, tuple[Mapping[str, float], ...]]) -> tuple[float, Term, Mapping[str, float]]:
         term, group = job
         defaults = {p.name: p.start for p in term.parameters if p.name not in fit.values}
-        columns = []
+        changes = []
         for jump in group:
             try:
                 changed = problem.residual((*fit.terms, term), {**fit.values, **defaults, **jump})
             except ChainError:
                 return 0.0, term, {}
-            columns.append(changed - fit.residual)
-        block = np.vstack([np.stack(columns, axis=1), np.zeros((steps.size, len(columns)))])
-        block = block - basis @ (basis.T @ block)
-        share = np.linalg.lstsq(block, -residual, rcond=None)[0]
-        gain = float(residual @ residual - np.sum((residual + block @ share) ** 2))
+            changes.append(changed - fit.residual)
+        block = np.stack(changes)
+        if not np.isfinite(block).all():
+            return 0.0, term, {}
+        shared = (block @ columns) / size
+        absorbed = cho_solve(factor, shared.T)
+        own = block @ block.T - shared @ absorbed
+        pull = -(block @ fit.residual - gradient @ absorbed)
+        scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
+        share = np.linalg.solve(own / np.outer(scale, scale) + 1e-9 * np.eye(scale.size), pull / scale) / scale
         if term.positive and share[0] <= 0.0:
             return 0.0, term, {}
-        return gain, term, {**defaults, **_start(term, group, share)}
+        return float(share @ pull), term, {**defaults, **_start(term, group, share)}
 
     jobs = [(term, group) for term in terms for group in term.probes]
     with ThreadPoolExecutor(WORKERS) as pool:
@@ -265,12 +275,14 @@ def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[floa
 def _start(term: Term, group: tuple[Mapping[str, float], ...], share: Array) -> dict[str, float]:
     """Jump as far as the linear picture says, but of what cannot be linear no further than the probe."""
     limits = {p.name: p for p in term.parameters}
+    if term.mechanism == "tooth_damage":
+        return dict(group[0])
     out: dict[str, float] = {}
     for jump, part in zip(group, share, strict=True):
         for index, (name, value) in enumerate(jump.items()):
             scaled = value * (float(np.clip(part, 0.1, 1.5)) if term.positive else float(part))
             out[name] = scaled if index == len(jump) - 1 or not term.positive else value
-        if term.positive and len(jump) > 1 and term.mechanism != "tooth_damage":
+        if term.positive and len(jump) > 1:
             first = next(iter(jump))
             out = {**jump, first: jump[first] * float(np.clip(part, 0.1, 3.0))}
     return {name: min(max(v, limits[name].low), limits[name].high) for name, v in out.items()}
@@ -286,21 +298,38 @@ def damage_terms(problem: Problem, fit: Fit) -> list[Term]:
     if not places:
         return []
     first = places[0]
-    return [_damage_term(problem, replace(first, flank=flank)) for flank in (first.flank, -first.flank)]
+    return [_damage_term(problem, fit, replace(first, flank=flank)) for flank in (first.flank, -first.flank)]
 
 
-def _damage_term(problem: Problem, place: Place) -> Term:
+def _damage_term(problem: Problem, fit: Fit, place: Place) -> Term:
+    """A dent at a place, with the best of a grid as its start: contact lost makes it far from linear."""
     stage = problem.axis.stages[place.link]
     pitch = 2.0 * math.pi / (stage.driven_teeth or 1)
     level = float(np.sqrt(np.mean(problem.measurement.torque**2)))
     ratio = problem.axis.ratio / problem.axis.ratio_from(stage.name)
     twist = level * ratio / link_stiffness(problem.axis, place.link)
-    starts = [
-        (place.angle_rad + shift * pitch, depth)
-        for shift in (-1.0, -0.5, 0.0, 0.5, 1.0)
-        for depth in (0.05 * twist, 0.15 * twist, 0.35 * twist)
-    ]
     size = max(3.0 * stage.backlash_rad, 0.03 * twist)
-    return tooth_damage(
-        stage.name, place.link, stage.driven_teeth or 1, place.flank, place.angle_rad, starts, size, twist
-    )
+
+    def term(starts: Sequence[tuple[float, float]]) -> Term:
+        return tooth_damage(
+            stage.name, place.link, stage.driven_teeth or 1, place.flank, place.angle_rad, starts, size, twist
+        )
+
+    grid = [
+        (place.angle_rad + shift * pitch, share * twist) for share in DEPTHS for shift in np.linspace(-0.5, 0.5, 11)
+    ]
+    probe = term(grid[:1])
+    names = [p.name for p in probe.parameters]
+    values = {**fit.values, names[2]: probe.parameters[2].start}
+
+    def left(start: tuple[float, float]) -> float:
+        try:
+            residual = problem.residual((*fit.terms, probe), {**values, names[1]: start[0], names[0]: start[1]})
+        except ChainError:
+            return math.inf
+        return float(residual @ residual)
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        costs = list(pool.map(left, grid))
+    order = sorted(range(len(grid)), key=lambda k: costs[k])
+    return term([grid[k] for k in order[:2]])
