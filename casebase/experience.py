@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from casebase.case_table import CaseTable, Mask
 from casebase.learning import Similarity
-from casebase.novelty import LIMIT, KnownRanges, known_ranges, novelty_limit, spread_out
+from casebase.novelty import FEWEST_FOR_LIMIT, LIMIT, KnownRanges, known_ranges, novelty_limit, spread_out
 from casebase.retrieval import CaseMatrix
 from casebase.similarity import Floats
 from casebase.voting import NEAREST, fitted_sharpness, log_votes, strangeness
@@ -140,14 +140,19 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
 def where_unknown_begins(table: CaseTable, present: Mask, rows: NDArray[np.intp]) -> float | None:
     """Return the novelty limit from how far cases lie from what all other gearboxes have shown; arguments as `gather`.
 
-    Cases of a class that no other gearbox has say nothing. None if the cases are too few.
+    Cases of a class that no other gearbox has say nothing. Measured cases alone decide where there are enough: what
+    is simulated may widen what is known, but does not say how near to it a gearbox that is known must lie. None if
+    the cases are too few.
     """
     held_out = _held_out_together(table)
-    shared = [label for label in table.classes if np.unique(held_out[table.labels == label]).size > 1]
-    rows = rows[np.isin(table.labels[rows], shared)]
+    measured = table.origins == "measured"
+    counts = (
+        measured if _comparable(table, held_out, rows, measured).size >= FEWEST_FOR_LIMIT else np.full(len(table), True)
+    )
+    rows = _comparable(table, held_out, rows, counts)
     novelty = np.full(rows.size, np.inf)
     for group in np.unique(held_out[rows]):
-        ranges = _ranges(table, held_out != group)
+        ranges = _ranges(table, counts & (held_out != group))
         for index in np.flatnonzero(held_out[rows] == group):
             query = np.where(present, table.values[rows[index]], np.nan)
             novelty[index] = ranges.distance(query) if ranges else np.inf
@@ -155,6 +160,12 @@ def where_unknown_begins(table: CaseTable, present: Mask, rows: NDArray[np.intp]
     alone = float(np.mean(table.groups[rows] == table.ids[rows])) if rows.size else 0.0
     caution = UNKNOWN_GEARBOX if alone > 0.5 else 1.0
     return None if limit is None else caution * limit
+
+
+def _comparable(table: CaseTable, held_out: NDArray[np.intp], rows: NDArray[np.intp], among: Mask) -> NDArray[np.intp]:
+    """Return those of the rows that are among some cases, and whose class another gearbox of them has too."""
+    shared = [label for label in table.classes if np.unique(held_out[among & (table.labels == label)]).size > 1]
+    return rows[among[rows] & np.isin(table.labels[rows], shared)]
 
 
 def _held_out_together(table: CaseTable) -> NDArray[np.intp]:

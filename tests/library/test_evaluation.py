@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from casebase.case_table import CaseTable
 from casebase.errors import InvalidRequestError
 from casebase.evaluation import Proportion, evaluate
+from casebase.experience import representative, where_unknown_begins
 from casebase.learning import learn
 from casebase.similarity import Metric
 from casebase.voting import fitted_sharpness, log_votes, nearest_of_classes
@@ -98,6 +99,21 @@ def test_simulated_cases_are_learned_from_but_not_tested_where_there_are_measure
     mixed = CaseTable(1, "made", table.names, table.ids, table.labels, origins, *table.text[3:], table.values)
     for origin in ("measured", "simulated", "both"):
         assert evaluate(mixed, origin=origin).cases == 18
+
+
+def test_simulated_cases_do_not_bring_the_unknown_nearer() -> None:
+    """What is known begins where measured gearboxes say, whether or not simulated cases lie close to them."""
+    measured = made_table(5, gearboxes=4)
+    rows = np.tile(np.arange(len(measured)), 2)
+    origins = np.where(np.arange(rows.size) < len(measured), "measured", "simulated")
+    ids = np.array([f"{row:032x}" for row in range(rows.size)])
+    gearboxes = np.where(origins == "measured", measured.gearboxes[rows], "")
+    text = (measured.labels[rows], origins, measured.axes[rows], gearboxes, ids)
+    both = CaseTable(1, "made", measured.names, ids, *text, measured.values[rows])
+    present = np.ones(SIZE, bool)
+    alone = where_unknown_begins(measured, present, representative(measured))
+    assert alone is not None
+    assert where_unknown_begins(both, present, representative(both)) == pytest.approx(alone)
 
 
 def test_unknown_groups_are_refused() -> None:
