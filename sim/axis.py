@@ -5,6 +5,7 @@ stiffness, damping, backlash and transmission error are felt at the driven gear.
 (a pair of gears turns back in truth; its sign is left out). A linear axis has N, m, kg where this says N m, rad, kg m2.
 """
 
+import json
 import math
 import tomllib
 from collections.abc import Mapping
@@ -224,7 +225,7 @@ class Axis:
 
 
 def read_axis(source: Path | Mapping[str, object]) -> Axis:
-    """Read an axis from a TOML file or from a mapping (JSON sent over HTTP).
+    """Read an axis from a file, TOML or the same as JSON, or from a mapping.
 
     Raises
     ------
@@ -281,12 +282,18 @@ def _shares(axis: Axis, key: str) -> tuple[float | None, ...]:
 
 
 def _parse(path: Path) -> Mapping[str, object]:
+    """The document in a file, as TOML or as the same in JSON; no TOML document begins with a brace."""
     try:
-        return tomllib.loads(path.read_text(encoding="utf-8"))
+        text = path.read_text(encoding="utf-8")
+        document = json.loads(text) if text.lstrip().startswith("{") else tomllib.loads(text)
     except FileNotFoundError:
         raise AxisError(f"{path.name}: no such file") from None
+    except json.JSONDecodeError as error:
+        raise AxisError(f"{path.name}: is no JSON text: {error}") from error
     except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
         raise AxisError(f"{path.name}: is no TOML text: {error}") from error
+    assert isinstance(document, dict)
+    return document
 
 
 def _refuse_unknown(path: str, table: Mapping[str, object], known: set[str]) -> None:

@@ -5,6 +5,7 @@ from pydantic import ValidationError
 from sqlalchemy.exc import OperationalError
 
 from app.cli import BAD_INPUT, FAILURE
+from app.job_errors import JobError, JobFailedError
 from casebase.errors import LibraryError
 from casebase.signals.errors import DecoderUnavailableError, SignalError
 from sim.errors import RunError, SimulationError
@@ -13,6 +14,8 @@ CODES: dict[type[Exception], int] = {
     StatusProblem: BAD_INPUT,
     ValidationError: BAD_INPUT,
     LibraryError: BAD_INPUT,
+    JobError: BAD_INPUT,
+    JobFailedError: FAILURE,
     DecoderUnavailableError: FAILURE,
     SignalError: BAD_INPUT,
     RunError: FAILURE,

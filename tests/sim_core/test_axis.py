@@ -1,5 +1,6 @@
 """Axis descriptions: what is read is what is written, and what is wrong is named by its key."""
 
+import json
 import math
 from dataclasses import replace
 from pathlib import Path
@@ -10,6 +11,7 @@ from sim.axis import Axis, MechanismEntry, Stage, read_axis, write_axis
 from sim.components import Inertia
 from sim.drive_train import DriveTrain
 from sim.errors import AxisError
+from sim.paper import PAPER_AXIS
 from tests.shared_data import shared
 
 PLAIN: dict[str, object] = {
@@ -98,6 +100,16 @@ def test_stiffness_of_the_whole_is_shared_by_the_stages() -> None:
 def test_a_wrong_description_is_named_by_its_key(change: dict[str, object], words: str) -> None:
     with pytest.raises(AxisError, match=words):
         read_axis({**PLAIN, **change})
+
+
+def test_an_extended_axis_is_read_back_as_json(tmp_path: Path) -> None:
+    """Answers carry axes as JSON; saved into a file they are as good as TOML."""
+    path = tmp_path / "axis.json"
+    path.write_text(json.dumps(PAPER_AXIS.to_mapping()))
+    assert read_axis(path) == PAPER_AXIS
+    path.write_text('{"motor": ')
+    with pytest.raises(AxisError, match="JSON"):
+        read_axis(path)
 
 
 def test_text_that_is_no_toml(tmp_path: Path) -> None:
