@@ -5,13 +5,35 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from io import BytesIO
 from pathlib import Path
 
 import httpx
+from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
 
+from sim.axis import write_axis
+from sim.paper import PAPER_AXIS
+
 IMAGES = Path(__file__).parent / "images"
-WIDTH, HEIGHT = 1280, 860
+WIDE, NARROW, HEIGHT = 1280, 360, 860
+COLOURS = 128
+LACKING = ("--mechanism", "gravity_imbalance", "--set", "torque_n_m=60", "--set", "phase_rad=0.5")
+
+
+@dataclass(frozen=True)
+class Picture:
+    """One picture: its name, the page, the width [px], light or dark, and which part of the page comes first."""
+
+    name: str
+    page: str
+    width: int = WIDE
+    scheme: str = "light"
+    first: str = ""
+    height: int = HEIGHT
 
 
 def gearcase(data_dir: Path, *words: str) -> None:
@@ -19,46 +41,85 @@ def gearcase(data_dir: Path, *words: str) -> None:
     subprocess.run([sys.executable, "-m", "app", *words, "--data-dir", str(data_dir)], check=True)  # noqa: S603
 
 
-def serve(data_dir: Path) -> tuple[subprocess.Popen[str], str, str]:
-    """Start the service; return it, its address and the admin key."""
+@contextmanager
+def serving(data_dir: Path) -> Iterator[tuple[str, str]]:
+    """Start the service; yield its address and the admin key."""
     command = [sys.executable, "-m", "app", "serve", "--port", "0", "--data-dir", str(data_dir)]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, text=True)  # noqa: S603
-    key = ""
+    key = url = ""
     for line in process.stdout or ():
         if line.startswith("Admin key"):
             key = line.split()[-1]
         if line.startswith("Open "):
-            return process, line.split()[1].rstrip("/"), key
-    raise RuntimeError("the service did not start")
+            url = line.split()[1].rstrip("/")
+            break
+    try:
+        if not url:
+            raise RuntimeError("the service did not start")
+        yield url, key
+    finally:
+        process.terminate()
+        process.wait(60)
 
 
-def pages_of(url: str, key: str) -> dict[str, str]:
-    """Return which page each picture shows."""
-    with httpx.Client(base_url=url, headers={"Authorization": f"Bearer {key}"}) as client:
-        diagnosis = client.get("/api/v1/diagnoses").raise_for_status().json()["items"][0]["id"]
-        axis = client.get("/api/v1/axes").raise_for_status().json()["items"][0]["name"]
-    return {
-        "diagnosis": f"/diagnoses/{diagnosis}",
-        "library": "/library",
-        "map": "/library/map",
-        "evaluation": "/library/evaluation",
-        "try": f"/axes/{axis}/try?notch_mrad=1.2",
-    }
+def investigate(data_dir: Path, client: httpx.Client) -> str:
+    """Simulate an axis with weight off its axis of rotation, ask what its description lacks; return the id."""
+    description, run = data_dir / "axis.toml", data_dir / "run"
+    description.write_text(write_axis(PAPER_AXIS))
+    gearcase(data_dir, "simulate", "--axis", str(description), *LACKING, "--out", str(run))
+    files = {"axis": description.read_bytes(), "telemetry": (run / "telemetry.csv").read_bytes()}
+    names = {name: (f"{name}{'.toml' if name == 'axis' else '.csv'}", content) for name, content in files.items()}
+    job = client.post("/api/v1/investigations", files=names).raise_for_status().json()
+    with client.stream("GET", f"/api/v1/jobs/{job['id']}/events", timeout=1800.0) as stream:
+        for _ in stream.iter_lines():
+            pass  # the stream ends when the job has
+    found = client.get(f"/api/v1/jobs/{job['id']}").raise_for_status().json()
+    if found["error"] or not found["result"]:
+        raise RuntimeError(f"the investigation is {found['state']}: {found['error']}")
+    return str(job["id"])
 
 
-def take(browser: Browser, url: str, key: str, pages: dict[str, str], scheme: str) -> None:
-    """Take every picture in light or dark, and the diagnosis on a narrow screen."""
-    for width, names in ((WIDTH, tuple(pages)), (390, ("diagnosis",))):
-        context = browser.new_context(viewport={"width": width, "height": HEIGHT}, color_scheme=scheme)  # type: ignore[arg-type]
-        context.add_cookies([{"name": "gearcase_key", "value": key, "url": url}])
-        page = context.new_page()
-        for name in names:
-            page.goto(url + pages[name], timeout=120_000)
-            page.wait_for_load_state("networkidle")
-            page.wait_for_timeout(800)
-            suffix = scheme if width == WIDTH else f"narrow-{scheme}"
-            page.screenshot(path=IMAGES / f"{name}-{suffix}.png", full_page=name in ("evaluation",))
-        context.close()
+def pictures(diagnosis: str, investigation: str) -> tuple[Picture, ...]:
+    """Return what is shown of which page."""
+    story = f"/investigations/{investigation}"
+    return (
+        Picture("diagnosis-light", "/"),
+        Picture("diagnosis-dark", "/", scheme="dark"),
+        Picture("diagnosis-narrow", "/", NARROW, height=780),
+        Picture("plots-light", f"/diagnoses/{diagnosis}", first="#plots"),
+        Picture("investigation-light", story),
+        Picture("investigation-dark", story, scheme="dark", first=".part"),
+        Picture("map-light", "/library/map"),
+        Picture("evaluation-light", "/library/evaluation"),
+        Picture("try-light", f"/axes/{PAPER_AXIS.name}/try?notch_mrad=1.2"),
+    )
+
+
+def take(browser: Browser, url: str, key: str, picture: Picture) -> None:
+    """Take one picture as soon as every plot in sight is drawn."""
+    context = browser.new_context(
+        viewport={"width": picture.width, "height": picture.height},
+        color_scheme=picture.scheme,  # type: ignore[arg-type]
+        reduced_motion="reduce",
+    )
+    context.add_cookies([{"name": "gearcase_key", "value": key, "url": url}])
+    page = context.new_page()
+    page.goto(url + picture.page, timeout=120_000)
+    if picture.first:
+        page.locator(picture.first).first.evaluate("one => one.scrollIntoView({block: 'start'})")
+    page.wait_for_load_state("networkidle")
+    page.wait_for_function(
+        """() => [...document.querySelectorAll("[data-plot]")]
+            .filter((one) => one.getBoundingClientRect().bottom > 0 && one.getBoundingClientRect().top < innerHeight)
+            .every((one) => one.dataset.ready)"""
+    )
+    picture_of(page.screenshot()).save(IMAGES / f"{picture.name}.png", optimize=True)
+    context.close()
+
+
+def picture_of(content: bytes) -> Image.Image:
+    """Return a screenshot in few colours: a page has no more, and the file is a third."""
+    return Image.open(BytesIO(content)).convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
 
 
 def main() -> int:
@@ -71,18 +132,16 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         data_dir = Path(folder)
         gearcase(data_dir, "starter")
-        process, url, key = serve(data_dir)
-        try:
-            pages = pages_of(url, key)
+        with serving(data_dir) as (url, key), httpx.Client(base_url=url, timeout=120.0) as client:
+            client.headers["Authorization"] = f"Bearer {key}"
+            shown = client.get("/api/v1/diagnoses").raise_for_status().json()["items"][0]["id"]
+            wanted = pictures(shown, investigate(data_dir, client))
             with sync_playwright() as playwright:
                 browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox", "--disable-gpu"])
-                for scheme in ("light", "dark"):
-                    take(browser, url, key, pages, scheme)
+                for picture in wanted:
+                    take(browser, url, key, picture)
                 browser.close()
-        finally:
-            process.terminate()
-            process.wait(30)
-    print(json.dumps(sorted(path.name for path in IMAGES.glob("*.png"))))
+    print(json.dumps({one.name: path.stat().st_size for one in wanted if (path := IMAGES / f"{one.name}.png")}))
     return 0
 
 

@@ -8,7 +8,7 @@ from starlette.responses import RedirectResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.service import service_of
-from app.web.templating import render
+from app.web.templating import render, sentence
 
 
 class PageErrors:
@@ -52,7 +52,13 @@ async def _error_page(scope: Scope, receive: Receive, send: Send, body: bytes, s
     request = Request(scope)
     problem = json.loads(body)
     principal = getattr(request.state, "principal", None)
-    context = {"title": problem.get("title", ""), "detail": problem.get("detail", ""), "status": status}
+    came_from = request.headers.get("referer", "")
+    context = {
+        "title": problem.get("title", ""),
+        "detail": sentence(problem.get("detail", "")),
+        "status": status,
+        "back": came_from if came_from.startswith(str(request.base_url)) else "",
+    }
     page = render(request, "error.html", context, principal=principal, status=status)
     await page(scope, receive, send)
 

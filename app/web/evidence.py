@@ -6,7 +6,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from app.web.templating import feature_words, percent, quantity
+from app.web.templating import feature_words, percent, quantity, sentence
 from casebase.signals.features import catalogue
 
 PLOTS = (
@@ -89,15 +89,6 @@ def evidence_of(document: Mapping[str, Any], drawn: Collection[str], strongest: 
             if item["kind"] != "feature"
         ),
     )
-
-
-def sentence(text: str) -> str:
-    """Return a statement as a sentence.
-
-    >>> sentence("the motion repeats")
-    'The motion repeats.'
-    """
-    return f"{text[:1].upper()}{text[1:].removesuffix('.')}."
 
 
 def _compared(item: Mapping[str, Any], drawn: Collection[str]) -> Compared:

@@ -84,6 +84,15 @@ def feature_words(name: str) -> str:
     return re.sub(r"_(\d+)_(\d+)_hz$", r", \1 to \2 Hz", text).replace("_", " ")
 
 
+def sentence(text: str) -> str:
+    """Return a statement as a sentence.
+
+    >>> sentence("the motion repeats")
+    'The motion repeats.'
+    """
+    return f"{text[:1].upper()}{text[1:].removesuffix('.')}."
+
+
 UNIT_ENDINGS = ("_n_m_s_per_rad", "_n_m_per_rad", "_kg_m2", "_rad_s", "_n_m", "_nm", "_rad", "_hz", "_s")
 
 

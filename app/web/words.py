@@ -6,7 +6,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from app.web.templating import percent, quantity
+from app.web.templating import parameter_words, percent, quantity
 
 NAMES = {
     "normal": "no fault indicated",
@@ -26,6 +26,7 @@ CHECKS = {
         "Record again with another payload: play shows where the torque reverses.",
     ),
 }
+SHOWN_UNITS = {"_rad_s": "rad/s", "_rad": "rad", "_hz": "Hz", "_s": "s"}
 SIZES = {"depth_rad": ("Depth", "deep"), "gap_rad": ("Free travel", "wide")}
 """What the size of a fault is called beside the verdict, and in it."""
 CALIBRATED_FROM = 2
@@ -152,6 +153,23 @@ def investigation_headline(document: Mapping[str, Any]) -> str:
         return "Something is missing that no known mechanism explains"
     names = [place_words(finding) for finding in document["findings"]]
     return f"Missing in the model: {', '.join(names)}"
+
+
+def unexplained_words(found: Mapping[str, Any]) -> str:
+    """Say where in the data something is left that no mechanism explains.
+
+    >>> unexplained_words({"kind": "frequency", "channel": "motor_torque_nm", "share": 0.2, "frequency_hz": 37.0})
+    'What stands out of what is left of the motor torque is a frequency of 37\\xa0Hz: 20\\xa0% of its energy.'
+    """
+    kind, share = found["kind"], percent(found["share"])
+    numbers = {name: value for name, value in found.items() if name not in ("kind", "channel", "share", "score")}
+    direction = {1.0: ", turning forward", -1.0: ", turning backward"}.get(numbers.pop("direction", 0.0), "")
+    name, value = next(iter(numbers.items()), ("", None))
+    unit = next((unit for ending, unit in SHOWN_UNITS.items() if name.endswith(ending)), "")
+    place = f" of {quantity(value, unit)}" if value is not None else ""
+    channel = parameter_words(found["channel"])
+    what = f"{'an' if kind == 'angle' else 'a'} {kind}{place}{direction}"
+    return f"What stands out of what is left of the {channel} is {what}: {share} of its energy."
 
 
 def place_words(finding: Mapping[str, Any]) -> str:

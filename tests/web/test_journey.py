@@ -10,10 +10,14 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, expect
 
+from app.security import csrf_token
 from tests.live import gearcase, started
 from tests.web.conftest import Opened, Site, browsing, settle, watched
+from tests.web.reading import Markup
 
 pytestmark = pytest.mark.browser
+
+DIAGNOSIS = re.compile(r"/diagnoses/[0-9a-f]{32}$")
 
 
 @pytest.fixture
@@ -43,7 +47,7 @@ def test_first_ten_minutes(browser: Browser, fresh: Site) -> None:
         expect(form.locator("[data-detected]")).to_have_text("axis 4, monday.wav: 8000 Hz, 1 channel, 8.0 s")
         form.get_by_label("Largest speed").fill("2,5")
         form.get_by_role("button", name="Diagnose").click()
-        page.wait_for_url("**/diagnoses/*")
+        page.wait_for_url(DIAGNOSIS)
         expect(page.locator("section.verdict h1")).not_to_be_empty()
         expect(page.locator("#curl")).to_contain_text('"speed_rad_s": 2.5')
     context.close()
@@ -66,8 +70,11 @@ def test_dropped_recording_is_diagnosed(opened: Opened, site: Site) -> None:
         dialog = page.locator("dialog#diagnose")
         expect(dialog).to_be_visible()
         expect(dialog.locator("[data-detected]")).to_contain_text("dropped.wav: 8000 Hz")
+        dialog.get_by_label("Axis", exact=True).fill("bench")
+        dialog.get_by_label("Largest speed").fill("2,5")
         dialog.get_by_role("button", name="Diagnose").click()
-        page.wait_for_url("**/diagnoses/*")
+        page.wait_for_url(DIAGNOSIS)
+        expect(page.locator(".crumbs")).to_contain_text("bench")
 
 
 def test_diagnose_listen_confirm_by_keyboard(opened: Opened, site: Site) -> None:
@@ -144,8 +151,9 @@ def test_paper_is_white_and_holds_the_words(opened: Opened, site: Site) -> None:
 def test_forms_work_without_script(opened: Opened, site: Site) -> None:
     """Send a recording, read its diagnosis and confirm it, with no script at all."""
     with opened("operator", "/diagnoses/new", java_script_enabled=False) as page:
-        page.get_by_label("Recording", exact=True).set_input_files(site.recording)
-        page.get_by_role("button", name="Diagnose", exact=True).click()
+        form = page.locator("main form")
+        form.get_by_label("Recording", exact=True).set_input_files(site.recording)
+        form.get_by_role("button", name="Diagnose", exact=True).click()
         expect(page.locator("section.verdict h1")).not_to_be_empty()
         expect(page.locator("audio")).to_be_visible()
         page.get_by_role("button", name="Confirm").click()
@@ -211,8 +219,16 @@ def test_error_is_a_sentence_with_the_way_out(opened: Opened, site: Site) -> Non
     with browsing(site, "viewer") as client:
         answer = client.get("/diagnoses/none")
         assert answer.status_code == 404
-        assert "no diagnosis has the id" in answer.text
+        assert "No diagnosis has the id" in answer.text
         assert "To the start" in answer.text
+    with browsing(site, "operator") as client:
+        told = {"csrf": csrf_token(site.server.keys["operator"]), "speed_rad_s": "fast"}
+        files = {"file": ("bench.wav", site.recording.read_bytes())}
+        answer = client.post("/diagnoses/new", data=told, files=files, headers={"Referer": f"{site.url}/library"})
+        assert answer.status_code == 422
+        page = Markup(answer.text)
+        assert "must be a number such as 2.5, got 'fast'. Leave it empty if it is not known." in page.text
+        assert f"{site.url}/library" in page.links
 
 
 def test_report_is_one_file(site: Site) -> None:

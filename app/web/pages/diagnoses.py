@@ -6,6 +6,7 @@ from typing import Annotated, Literal
 from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import RedirectResponse, Response
 
+from app.errors import Unprocessable
 from app.intake import take_in
 from app.metadata import RecordingMetadata, read_metadata
 from app.security import Principal, check_csrf
@@ -28,7 +29,7 @@ FILTERS = (
     ("not_in_library", "Not in the library"),
     ("unusable", "Unusable"),
 )
-NUMBERS = ("speed_rad_s", "payload_kg_m2")
+NUMBERS = {"speed_rad_s": "The largest speed of the output [rad/s]", "payload_kg_m2": "The payload [kg m²]"}
 
 
 def root_of(service: Service) -> str:
@@ -85,18 +86,22 @@ def upload(request: Request, principal: PageOperator, upload: TheUpload, service
 def told(fields: dict[str, str], *words: str) -> dict[str, object]:
     """Return what the form says, without what was left empty; numbers may have a decimal comma."""
     found: dict[str, object] = {}
-    for name in ("axis", "gearbox", *words, *NUMBERS):
-        text = fields.get(name, "").strip()
-        if not text:
-            continue
-        if name in NUMBERS:
-            try:
-                found[name] = float(text.replace(",", "."))
-            except ValueError:
-                found[name] = text
-        else:
+    for name in ("axis", "gearbox", *words):
+        if text := fields.get(name, "").strip():
             found[name] = text
+    for name, label in NUMBERS.items():
+        if text := fields.get(name, "").strip():
+            found[name] = _number(label, text)
     return found
+
+
+def _number(label: str, text: str) -> float:
+    try:
+        return float(text.replace(",", "."))
+    except ValueError:
+        raise Unprocessable(
+            f"{label} must be a number such as 2.5, got {text!r}. Leave it empty if it is not known."
+        ) from None
 
 
 @router.get("/diagnoses/{diagnosis_id}")

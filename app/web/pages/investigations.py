@@ -16,7 +16,7 @@ from app.uploads import TheUpload
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
 from app.web.story import Part, candidates_of, panel_of, panels_of
 from app.web.templating import render
-from app.web.words import finding_words, investigation_headline
+from app.web.words import finding_words, investigation_headline, unexplained_words
 from casebase.axes import list_axes
 from casebase.models import StoredInvestigation
 from casebase.pages import page
@@ -76,6 +76,7 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "document": document,
         "headline": investigation_headline(document) if document else None,
         "findings": [(finding, finding_words(finding)) for finding in document.get("findings", ())],
+        "unexplained": unexplained_words(document["unexplained"]) if document.get("unexplained") else None,
         "overlay": panels_of(document, "overlay"),
         "residual": panels_of(document, "residual"),
         "candidates": candidates_of(document),

@@ -117,7 +117,8 @@ function send(form) {
   const request = new XMLHttpRequest();
   request.open("POST", form.action);
   request.setRequestHeader("Accept", "text/html");
-  one("[data-progress]", form).hidden = false;
+  one("[data-progress]", form).hidden = bar.hidden = false;
+  stage.className = "hint";
   one("[type=submit]", form).disabled = true;
   request.upload.addEventListener("progress", (event) => {
     bar.value = event.loaded / event.total;
@@ -134,16 +135,28 @@ function send(form) {
     }
     const page = new DOMParser().parseFromString(request.responseText, "text/html");
     stage.textContent = one("[data-problem]", page)?.textContent ?? `The service answered ${request.status}.`;
+    stage.className = "notice bad";
     bar.hidden = true;
     one("[type=submit]", form).disabled = false;
   });
   request.addEventListener("error", () => {
+    stage.className = "notice bad";
     stage.textContent = "The service did not answer. Check that it runs, then send again.";
     one("[type=submit]", form).disabled = false;
   });
   request.send(new FormData(form));
 }
+/* names of the axes that are described, when somebody is about to say one */
+async function suggest(form) {
+  const names = one("datalist", form);
+  if (names.childElementCount) return;
+  const answer = await fetch(form.dataset.axes, { headers: { Accept: "application/json" } });
+  if (!answer.ok) return;
+  for (const axis of (await answer.json()).items) names.append(new Option(axis.name));
+}
+
 for (const form of all("form[data-upload]")) {
+  one("input[name=axis]", form).addEventListener("focus", () => suggest(form));
   one("input[type=file]", form).addEventListener("change", () => described(form));
   form.addEventListener("submit", (event) => {
     event.preventDefault();
