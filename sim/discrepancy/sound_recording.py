@@ -16,6 +16,7 @@ GRID_TOLERANCE = 0.003  # of the mains frequency: large grids keep 0.15 Hz but f
 NEIGHBOURS_HZ = 5.0
 STEADY = 0.8  # share that a steady line has of what stands over the noise within 3 Hz; lines of a motion have company
 COMPANY_HZ = 3.0
+PIECES = 8
 LEAST_S = 2.0
 TAIL = 5.0  # a cut signal has more samples in its outermost level than any tail in the next one
 LEAST_CUT = 20
@@ -79,7 +80,7 @@ def _hum(values: Array, rate_hz: float, moving: Mask | None) -> list[Heard]:
     for mains in MAINS_HZ:
         lines = [_line(power, spacing, mains * k, k) for k in MULTIPLES if mains * k < 0.45 * rate_hz]
         found = [(k, *line) for k, line in zip(MULTIPLES, lines, strict=False) if line is not None]
-        found = [f for f in found if _also_at_rest(values, rate_hz, moving, f[1])]
+        found = [f for f in found if _always_there(values, rate_hz, moving, f[1])]
         if len(found) < (1 if found and found[0][0] == 1 and moving is not None else 2):
             continue
         frequency = found[0][1] / found[0][0]
@@ -121,12 +122,13 @@ def _line(power: Array, spacing: float, nominal_hz: float, multiple: int) -> tup
     return (peak + offset) * spacing, 10.0 * math.log10(float(power[peak]) / mean)
 
 
-def _also_at_rest(values: Array, rate_hz: float, moving: Mask | None, frequency_hz: float) -> bool:
-    """Whether the line is there at standstill with at least half its amplitude; True where nothing is known of that."""
-    if moving is None:
-        return True
-    rest = ~moving
-    if rest.sum() < LEAST_S * rate_hz or moving.sum() < LEAST_S * rate_hz:
-        return True
+def _always_there(values: Array, rate_hz: float, moving: Mask | None, frequency_hz: float) -> bool:
+    """Whether it is one and the same sine from beginning to end, at standstill (where that is known) and in motion."""
     wave = values * np.exp(-2j * math.pi * frequency_hz / rate_hz * np.arange(values.size))
-    return bool(abs(wave[rest].mean()) > 0.5 * abs(wave[moving].mean()))
+    pieces = [abs(piece.mean()) for piece in np.array_split(wave, PIECES)]
+    if min(pieces) < 0.25 * max(pieces):
+        return False
+    if moving is None or min(moving.sum(), (~moving).sum()) < LEAST_S * rate_hz:
+        return True
+    there, here = wave[~moving].mean(), wave[moving].mean()
+    return bool(abs(there - here) < 0.5 * max(abs(there), abs(here)))
