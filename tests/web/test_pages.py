@@ -61,7 +61,7 @@ def test_page_is_clean_and_accessible_and_fits(tab: Tab, site: Site, path: str) 
         assert page.evaluate(SERIOUS, OPTIONS) == []
         page.emulate_media(color_scheme="dark")
         page.set_viewport_size({"width": 360, "height": 700})
-        assert page.evaluate("document.documentElement.scrollWidth") <= 360
+        page.wait_for_function("() => document.documentElement.scrollWidth <= 360")
         assert page.evaluate(SERIOUS, OPTIONS) == []
 
 
