@@ -17,9 +17,10 @@ Document = TypeVar("Document", bound=BaseModel)
 
 Identifier = Annotated[str, Path(pattern=r"^[0-9a-f]{32}$", description="as answered by the call that made it")]
 Limit = Annotated[int, Query(ge=1, le=200, description="items per page")]
+CONTINUES = "next_cursor of the page before"
 Cursor = Annotated[
     str | None,
-    Query(description="next_cursor of the page before", json_schema_extra={"pattern": r"^[0-9a-f]{32}$"}),
+    Query(description=CONTINUES, json_schema_extra={"pattern": r"^[0-9a-f]{32}$"}),
 ]
 
 
@@ -40,7 +41,7 @@ class Question(BaseModel):
 
 
 class PageOf(BaseModel, Generic[Document]):
-    """Newest first; ask again with `cursor` = `next_cursor` until it is null."""
+    """One page of a list; ask again with `cursor` = `next_cursor` until it is null."""
 
     items: list[Document]
     next_cursor: str | None

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 import fcntl
 import os
+import re
 import signal
 import socket
 import sqlite3
@@ -38,6 +39,8 @@ from dbos import (
 from sqlalchemy import make_url
 
 from app.job_errors import JobError, JobFailedError, JobNotFoundError, JobStateError
+from casebase.errors import InvalidCursorError
+from casebase.pages import Page, cut
 
 Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
 JobState: TypeAlias = Literal["queued", "running", "done", "failed", "cancelled"]
@@ -180,6 +183,24 @@ class Jobs:
         )
         return tuple(_job(status) for status in found)
 
+    def page(self, *, limit: int = 50, cursor: str | None = None) -> Page[Job]:
+        """A page of the jobs, the newest first, without their results. Raises InvalidCursorError."""
+        before = None if cursor is None else _read_cursor(cursor)
+        until = None if before is None else _time(before[0] + 1).isoformat()  # a millisecond more: it is rounded down
+        wanted = limit + 2
+        while True:
+            found = self._client.list_workflows(
+                name="job", sort_desc=True, end_time=until, limit=wanted, load_input=False, load_output=False
+            )
+            rows = sorted(found, key=_age, reverse=True)
+            if len(found) == wanted:  # of jobs as old as the last, some may be missing
+                rows = [status for status in rows if _age(status)[0] > _age(rows[-1])[0]]
+            rows = [status for status in rows if before is None or _age(status) < before]
+            if len(rows) > limit or len(found) < wanted:
+                page = cut(rows, limit, _cursor)
+                return Page([_job(status) for status in page.items], page.next_cursor)
+            wanted *= 2
+
     def events(self, job_id: str, *, after: int = -1, patience_s: float = 15.0) -> Iterator[JobEvent | None]:
         """The history after event number `after`, then what happens until the job ends.
 
@@ -202,8 +223,13 @@ class Jobs:
                 return
 
     def cancel(self, job_id: str) -> Job:
-        """Stop the job: running tasks end, waiting ones never start, what is done stays. Raises JobStateError."""
+        """Stop the job: running tasks end, waiting ones never start, what is done stays; again changes nothing.
+
+        Raises JobStateError.
+        """
         job = self.get(job_id)
+        if job.state == "cancelled":
+            return job
         if job.state in ("done", "failed"):
             raise JobStateError(f"job {job_id} is {job.state}: only a queued or running job can be cancelled")
         self._client.cancel_workflow(job_id, cancel_children=True)
@@ -427,6 +453,21 @@ def _job(status: WorkflowStatus) -> Job:
         result=status.output,
         error=None if status.error is None else str(status.error),
     )
+
+
+def _age(status: WorkflowStatus) -> tuple[int, str]:
+    return status.created_at or 0, status.workflow_id
+
+
+def _cursor(status: WorkflowStatus) -> str:
+    return f"{status.created_at or 0}.{status.workflow_id}"
+
+
+def _read_cursor(cursor: str) -> tuple[int, str]:
+    match = re.fullmatch(r"([0-9]{1,14})\.(.+)", cursor)
+    if match is None:
+        raise InvalidCursorError("this cursor was not made here; leave it out to start at the newest")
+    return int(match[1]), match[2]
 
 
 def _time(epoch_ms: int) -> datetime:

@@ -13,6 +13,7 @@ from sqlalchemy.orm import Session
 from casebase import audit
 from casebase.errors import ConflictError, InvalidRequestError, NotFoundError
 from casebase.models import ROLES, ApiKey, now
+from casebase.pages import Page, check_cursor, page_upwards
 
 PREFIX = "gearcase_"
 SEEN_EVERY = timedelta(minutes=1)
@@ -64,6 +65,12 @@ def note_use(session: Session, key_id: str) -> None:
 def list_keys(session: Session) -> Sequence[ApiKey]:
     """Return all keys, revoked ones too, oldest first."""
     return session.scalars(select(ApiKey).order_by(ApiKey.id)).all()
+
+
+def keys_page(session: Session, *, limit: int = 50, cursor: str | None = None) -> Page[ApiKey]:
+    """Return a page of the keys, revoked ones too, oldest first."""
+    after = None if cursor is None else check_cursor(cursor)
+    return page_upwards(session, select(ApiKey), ApiKey.id, limit=limit, after=after)
 
 
 def revoke_key(session: Session, key_id: str) -> ApiKey:

@@ -2,12 +2,13 @@
 
 from collections.abc import Mapping, Sequence
 
-from sqlalchemy import func, select
+from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
 from casebase import audit
 from casebase.errors import ConflictError, NotFoundError
 from casebase.models import AxisRevision
+from casebase.pages import Page, page_upwards
 
 
 def add_axis(
@@ -60,13 +61,28 @@ def get_axis(session: Session, name: str, revision: int | None = None) -> AxisRe
 
 def list_axes(session: Session) -> Sequence[AxisRevision]:
     """Return the current revision of every axis, by name."""
+    return session.scalars(_current().order_by(AxisRevision.name)).all()
+
+
+def axes_page(session: Session, *, limit: int = 50, cursor: str | None = None) -> Page[AxisRevision]:
+    """Return a page of the current revisions, by name; the cursor is the last name of the page before."""
+    return page_upwards(session, _current(), AxisRevision.name, limit=limit, after=cursor)
+
+
+def _current() -> Select[AxisRevision]:
     newest = select(AxisRevision.name, func.max(AxisRevision.revision).label("revision"))
     latest = newest.group_by(AxisRevision.name).subquery()
     joined = (AxisRevision.name == latest.c.name) & (AxisRevision.revision == latest.c.revision)
-    return session.scalars(select(AxisRevision).join(latest, joined).order_by(AxisRevision.name)).all()
+    return select(AxisRevision).join(latest, joined)
 
 
 def axis_history(session: Session, name: str) -> Sequence[AxisRevision]:
     """Return all revisions of an axis, oldest first."""
     statement = select(AxisRevision).where(AxisRevision.name == name).order_by(AxisRevision.revision)
     return session.scalars(statement).all()
+
+
+def history_page(session: Session, name: str, *, limit: int = 50, cursor: int | None = None) -> Page[AxisRevision]:
+    """Return a page of an axis' revisions, oldest first; the cursor is the last revision of the page before."""
+    statement = select(AxisRevision).where(AxisRevision.name == name)
+    return page_upwards(session, statement, AxisRevision.revision, limit=limit, after=cursor)

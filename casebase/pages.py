@@ -1,8 +1,8 @@
-"""Lists in pages by key: newest first, no page ever skips or repeats a row."""
+"""Lists in pages by key: no page ever skips or repeats a row."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Generic, TypeVar
+from typing import Any, Generic, TypeVar
 
 from sqlalchemy import Select
 from sqlalchemy.orm import InstrumentedAttribute, Session
@@ -10,6 +10,7 @@ from sqlalchemy.orm import InstrumentedAttribute, Session
 from casebase.errors import InvalidCursorError, InvalidRequestError
 
 Row = TypeVar("Row")
+Item = TypeVar("Item")
 LARGEST_PAGE = 1000
 
 
@@ -30,17 +31,37 @@ def page(
     cursor: str | None = None,
 ) -> Page[Row]:
     """Return the page after the cursor, in descending order of an id."""
+    _check_limit(limit)
+    if cursor is not None:
+        statement = statement.where(key < check_cursor(cursor))
+    rows = session.scalars(statement.order_by(key.desc()).limit(limit + 1)).unique().all()
+    return cut(rows, limit, lambda row: str(getattr(row, key.key)))
+
+
+def page_upwards(
+    session: Session, statement: Select[Row], key: InstrumentedAttribute[Any], *, limit: int, after: object
+) -> Page[Row]:
+    """Return the page of rows above this value of a key, all from the lowest where it is None, in ascending order."""
+    _check_limit(limit)
+    if after is not None:
+        statement = statement.where(key > after)
+    rows = session.scalars(statement.order_by(key).limit(limit + 1)).unique().all()
+    return cut(rows, limit, lambda row: str(getattr(row, key.key)))
+
+
+def cut(rows: Sequence[Item], limit: int, cursor_of: Callable[[Item], str]) -> Page[Item]:
+    """Return a page of rows of which, if there are more, one more than the limit was fetched."""
+    items = rows[:limit]
+    return Page(items, cursor_of(items[-1]) if len(rows) > limit else None)
+
+
+def check_cursor(cursor: str) -> str:
+    """Return a cursor that is an id; raises InvalidCursorError."""
+    if len(cursor) != 32 or not set(cursor) <= set("0123456789abcdef"):
+        raise InvalidCursorError("this cursor was not made here; leave it out to start at the first page")
+    return cursor
+
+
+def _check_limit(limit: int) -> None:
     if not 1 <= limit <= LARGEST_PAGE:
         raise InvalidRequestError(f"limit must be 1 to {LARGEST_PAGE}, got {limit}")
-    if cursor is not None:
-        statement = statement.where(key < _checked(cursor))
-    rows = session.scalars(statement.order_by(key.desc()).limit(limit + 1)).unique().all()
-    items = rows[:limit]
-    more = len(rows) > limit
-    return Page(items, str(getattr(items[-1], key.key)) if more else None)
-
-
-def _checked(cursor: str) -> str:
-    if len(cursor) != 32 or not set(cursor) <= set("0123456789abcdef"):
-        raise InvalidCursorError("this cursor was not made here; leave it out to start at the newest")
-    return cursor

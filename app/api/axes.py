@@ -7,7 +7,7 @@ from fastapi import APIRouter, Depends, Path, Query, Request, Response, status
 from pydantic import TypeAdapter, ValidationError
 from sqlalchemy.orm import Session
 
-from app.documents import AxisAnswer, PageOf
+from app.documents import CONTINUES, AxisAnswer, Limit, PageOf, page_of
 from app.errors import Unprocessable, UnsupportedMedia, validation_problem
 from app.idempotency import Made, OnlyOnce
 from app.security import Admin, Viewer
@@ -18,6 +18,8 @@ from sim.axis import read_axis
 router = APIRouter(tags=["axes"])
 
 Name = Annotated[str, Path(min_length=1, max_length=200, pattern=r"^[^\x00]*$")]
+AfterName = Annotated[str | None, Query(max_length=200, pattern=r"^[^\x00]*$", description=CONTINUES)]
+AfterRevision = Annotated[int | None, Query(ge=1, le=2**31 - 1, description=CONTINUES)]
 OBJECT = TypeAdapter(dict[str, object])
 EXAMPLE = {
     "schema": "gearcase-axis/1",
@@ -41,10 +43,9 @@ BODY = {
 
 
 @router.get("/axes")
-def list_axes(_: Viewer, session: Reading) -> PageOf[AxisAnswer]:
+def list_axes(_: Viewer, session: Reading, limit: Limit = 50, cursor: AfterName = None) -> PageOf[AxisAnswer]:
     """The current revision of every axis, by name."""
-    items = [AxisAnswer.model_validate(row) for row in axes.list_axes(session)]
-    return PageOf(items=items, next_cursor=None)
+    return page_of(axes.axes_page(session, limit=limit, cursor=cursor), AxisAnswer.model_validate)
 
 
 @router.get("/axes/{name}")
@@ -56,11 +57,12 @@ def get_axis(
 
 
 @router.get("/axes/{name}/revisions")
-def axis_revisions(_: Viewer, session: Reading, name: Name) -> PageOf[AxisAnswer]:
-    """All revisions of an axis, oldest first."""
+def axis_revisions(
+    _: Viewer, session: Reading, name: Name, limit: Limit = 50, cursor: AfterRevision = None
+) -> PageOf[AxisAnswer]:
+    """The revisions of an axis, oldest first."""
     axes.get_axis(session, name)
-    items = [AxisAnswer.model_validate(row) for row in axes.axis_history(session, name)]
-    return PageOf(items=items, next_cursor=None)
+    return page_of(axes.history_page(session, name, limit=limit, cursor=cursor), AxisAnswer.model_validate)
 
 
 async def axis_body(request: Request) -> dict[str, object]:

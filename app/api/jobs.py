@@ -8,6 +8,7 @@ from fastapi import APIRouter, Depends, Header, Path, Query
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from pydantic import BaseModel, ConfigDict
 
+from app.documents import CONTINUES, Limit, PageOf, page_of
 from app.jobs import Job, JobState
 from app.security import Operator
 from app.service import TheJobs
@@ -15,6 +16,10 @@ from app.service import TheJobs
 router = APIRouter(tags=["jobs"])
 
 JobId = Annotated[str, Path(min_length=1, max_length=100, pattern=r"^[0-9A-Za-z-]+$")]
+After = Annotated[
+    str | None,
+    Query(max_length=120, description=CONTINUES, json_schema_extra={"pattern": r"^[0-9]{1,14}\.[0-9A-Za-z-]{1,100}$"}),
+]
 
 
 class ProgressDocument(BaseModel):
@@ -50,12 +55,6 @@ class JobDocument(BaseModel):
         return cls.model_validate(job)
 
 
-class JobList(BaseModel):
-    """The newest jobs, first the newest."""
-
-    items: list[JobDocument]
-
-
 def existing(job_id: JobId, jobs: TheJobs) -> Job:
     """The job, before anything is answered."""
     return jobs.get(job_id)
@@ -64,9 +63,10 @@ def existing(job_id: JobId, jobs: TheJobs) -> Job:
 Existing = Annotated[Job, Depends(existing)]
 
 
-@router.get("/jobs", summary="The newest jobs")
-def list_jobs(jobs: TheJobs, _: Operator, limit: Annotated[int, Query(ge=1, le=200)] = 50) -> JobList:
-    return JobList(items=[JobDocument.of(job) for job in jobs.list(limit=limit)])
+@router.get("/jobs", summary="Jobs, newest first")
+def list_jobs(jobs: TheJobs, _: Operator, limit: Limit = 50, cursor: After = None) -> PageOf[JobDocument]:
+    """Without their results, which `GET /jobs/{id}` has."""
+    return page_of(jobs.page(limit=limit, cursor=cursor), JobDocument.of)
 
 
 @router.get("/jobs/{job_id}/events", summary="What happens to a job, live", response_class=EventSourceResponse)

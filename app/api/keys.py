@@ -4,7 +4,7 @@ from fastapi import APIRouter, Response, status
 from sqlalchemy.orm import Session
 
 from app import keys
-from app.documents import Identifier, KeyAnswer, KeyRequest, NewKey, PageOf
+from app.documents import Cursor, Identifier, KeyAnswer, KeyRequest, Limit, NewKey, PageOf, page_of
 from app.idempotency import Made, OnlyOnce
 from app.security import Admin
 from app.service import Reading, TheService
@@ -13,10 +13,9 @@ router = APIRouter(tags=["keys and audit"])
 
 
 @router.get("/keys")
-def list_keys(_: Admin, session: Reading) -> PageOf[KeyAnswer]:
-    """All keys, revoked ones too; never the keys themselves."""
-    items = [KeyAnswer.model_validate(row) for row in keys.list_keys(session)]
-    return PageOf(items=items, next_cursor=None)
+def list_keys(_: Admin, session: Reading, limit: Limit = 50, cursor: Cursor = None) -> PageOf[KeyAnswer]:
+    """Keys, oldest first, revoked ones too; never the keys themselves."""
+    return page_of(keys.keys_page(session, limit=limit, cursor=cursor), KeyAnswer.model_validate)
 
 
 @router.post("/keys", status_code=status.HTTP_201_CREATED, response_model=NewKey)

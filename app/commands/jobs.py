@@ -9,7 +9,7 @@ from rich.table import Table
 
 from app.api.jobs import JobDocument
 from app.cli import DONE, FAILURE
-from app.commands.frame import frame_of
+from app.commands.frame import Frame, frame_of
 from app.job_kinds import open_jobs
 from app.jobs import Job
 
@@ -29,7 +29,7 @@ def list_jobs(context: typer.Context, json: AsJson = False) -> None:
     with open_jobs(frame.settings) as opened:
         found = opened.list()
     if json:
-        frame.print_json([JobDocument.of(job).model_dump(mode="json") for job in found])
+        frame.print_json([_document(job) for job in found])
         return
     table = Table("job", "kind", "state", "stage", "done", "worker", "since")
     for job in found:
@@ -40,15 +40,15 @@ def list_jobs(context: typer.Context, json: AsJson = False) -> None:
 
 
 @jobs.command()
-def show(context: typer.Context, job: Id) -> None:
+def show(context: typer.Context, job: Id, json: AsJson = True) -> None:
     """One job as JSON."""
     frame = frame_of(context)
     with open_jobs(frame.settings) as opened:
-        frame.print_json(JobDocument.of(opened.get(job)).model_dump(mode="json"))
+        frame.print_json(_document(opened.get(job)))
 
 
 @jobs.command()
-def follow(context: typer.Context, job: Id) -> None:
+def follow(context: typer.Context, job: Id, json: AsJson = False) -> None:
     """A progress bar until the job ends; the exit code is 0 if it is done, else 1."""
     frame = frame_of(context)
     with open_jobs(frame.settings) as opened, frame.progress() as progress:
@@ -57,44 +57,62 @@ def follow(context: typer.Context, job: Id) -> None:
             if event is not None:
                 progress.update(bar, completed=event.progress.fraction, description=event.progress.stage)
         ended = opened.get(job)
-    frame.say(_sentence(ended))
+    _tell(frame, ended, json)
     raise typer.Exit(DONE if ended.state == "done" else FAILURE)
 
 
 @jobs.command()
-def cancel(context: typer.Context, job: Id) -> None:
+def cancel(context: typer.Context, job: Id, json: AsJson = False) -> None:
     """Stop a job; what is done of it stays, and it can be resumed."""
-    with open_jobs(frame_of(context).settings) as opened:
-        frame_of(context).say(_sentence(opened.cancel(job)))
+    frame = frame_of(context)
+    with open_jobs(frame.settings) as opened:
+        _tell(frame, opened.cancel(job), json)
 
 
 @jobs.command()
-def resume(context: typer.Context, job: Id) -> None:
+def resume(context: typer.Context, job: Id, json: AsJson = False) -> None:
     """Go on with a cancelled job where it was."""
-    with open_jobs(frame_of(context).settings) as opened:
-        frame_of(context).say(_sentence(opened.resume(job)))
+    frame = frame_of(context)
+    with open_jobs(frame.settings) as opened:
+        _tell(frame, opened.resume(job), json)
 
 
 @jobs.command()
-def workers(context: typer.Context) -> None:
+def workers(context: typer.Context, json: AsJson = False) -> None:
     """Workers that hold jobs or tasks at the moment."""
     frame = frame_of(context)
     with open_jobs(frame.settings) as opened:
-        for name, count in sorted(opened.workers().items()):
-            frame.results.print(f"{name}\t{count}", markup=False, highlight=False)
+        held = opened.workers()
+    if json:
+        frame.print_json(held)
+        return
+    for name, count in sorted(held.items()):
+        frame.print(f"{name}\t{count}")
 
 
 @jobs.command()
 def adopt(
-    context: typer.Context, worker: Annotated[str, typer.Argument(metavar="WORKER", help="as `jobs workers` names it")]
+    context: typer.Context,
+    worker: Annotated[str, typer.Argument(metavar="WORKER", help="as `jobs workers` names it")],
+    json: AsJson = False,
 ) -> None:
     """Put back into the queue what a worker holds that will not return."""
     frame = frame_of(context)
     with open_jobs(frame.settings) as opened:
         count = opened.adopt(worker)
+    if json:
+        frame.print_json({"worker": worker, "adopted": count})
+        return
     frame.say(f"{count} jobs and tasks of {worker} are in the queue again" if count else f"{worker} holds nothing")
 
 
-def _sentence(job: Job) -> str:
+def _document(job: Job) -> dict[str, object]:
+    return JobDocument.of(job).model_dump(mode="json")
+
+
+def _tell(frame: Frame, job: Job, json: bool) -> None:
+    if json:
+        frame.print_json(_document(job))
+        return
     reason = f": {job.error}" if job.error else ""
-    return f"job {job.id} is {job.state}, {job.progress.fraction:.0%} done{reason}"
+    frame.say(f"job {job.id} is {job.state}, {job.progress.fraction:.0%} done{reason}")

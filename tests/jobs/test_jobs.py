@@ -16,6 +16,7 @@ from pathlib import Path
 import pytest
 
 from app.jobs import Job, JobError, JobNotFoundError, Jobs, JobState, JobStateError, jobs_url, take_slot
+from casebase.errors import InvalidCursorError
 
 PATIENCE_S = 90.0
 
@@ -175,6 +176,27 @@ def test_the_same_job_twice_is_one_job(place: Place) -> None:
     first = place.jobs.submit("count", dict(parameters), job_id="order-1")
     assert place.jobs.submit("count", dict(parameters), job_id="order-1") == first
     assert [job.id for job in place.jobs.list()] == ["order-1"]
+
+
+def test_pages_of_jobs_hold_every_job_once_whatever_was_queued_in_the_same_moment(place: Place) -> None:
+    made = {place.submit(1, 0.0) for _ in range(7)}
+    seen: list[Job] = []
+    cursor: str | None = None
+    for _ in range(4):
+        page = place.jobs.page(limit=2, cursor=cursor)
+        seen += page.items
+        cursor = page.next_cursor
+    assert cursor is None
+    assert len(seen) == len(made)
+    assert {job.id for job in seen} == made
+    assert [job.created_at for job in seen] == sorted((job.created_at for job in seen), reverse=True)
+    with pytest.raises(InvalidCursorError):
+        place.jobs.page(cursor="elsewhere")
+
+
+def test_a_cancelled_job_that_is_cancelled_again_stays_as_it_is(place: Place) -> None:
+    job_id = place.submit(1, 0.0)
+    assert place.jobs.cancel(job_id) == place.jobs.cancel(job_id)
 
 
 def _hold(data_dir: Path, names: multiprocessing.Queue[tuple[str, tuple[str, ...]]]) -> None:
