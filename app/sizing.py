@@ -2,14 +2,15 @@
 
 Cases of the library differ from a recording in motion and payload as much as in the size of their fault, and the
 size drowns in that. So the fault is simulated as the recording was taken, with many sizes, specimens, servos and
-microphones, and its size is read off what these have in common (`casebase.severity`). What the loudness says of the
-motion (how long the axis is slow around a reversal) narrows acceleration and rest; they are drawn otherwise.
+microphones, and its size is read off what these have in common (`casebase.severity`). A recording with the period and
+the speed of the axis's description has its acceleration, rest and servo, too. Otherwise what the loudness says of the
+motion (how long the axis is slow around a reversal) narrows them; that costs much of what timing says of a gap.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,8 +19,9 @@ from app.generation import condition_of, in_parallel
 from casebase.severity import PARAMETERS, Severity, estimate
 from casebase.signals.features import Extraction, Motion, extract
 from casebase.signals.recording import Recording
-from sim import axis as described
 from sim.audibility import FaultRun
+from sim.axis import Axis, Servo
+from sim.axis import Motion as Movement
 from sim.design import Planned, detuned, moved, plan, usual_microphone
 from sim.errors import ParameterError
 from sim.sound import SAMPLE_RATE_HZ, Microphone
@@ -27,6 +29,7 @@ from sim.sound import SAMPLE_RATE_HZ, Microphone
 RUNS, LISTENERS = 64, 3  # simulated specimens, and microphones that hear each
 LONGEST_S = 20.0  # of the recording that is simulated
 SLOW_SHARE = 1.56  # of the acceleration time on either side is a decibel quieter or more than full speed
+SAME = 0.03  # a period and a speed that differ by less are those of the description
 SLOW_SPREAD = (0.8, 1.2)  # how well the time in which an axis is slow can be heard
 
 
@@ -40,6 +43,8 @@ class Taken:
         Largest speed and inertia of the output, one cycle of back and forth.
     slow_s
         Time around a reversal in which the axis is heard to be slower than on its way [s].
+    described
+        The motion and the servo, where the recording has those of the axis's description.
     """
 
     speed_rad_s: float
@@ -47,11 +52,12 @@ class Taken:
     period_s: float
     slow_s: float
     duration_s: float
+    described: tuple[Movement, Servo] | None = None
 
     @classmethod
     def of(
         cls,
-        axis: described.Axis,
+        axis: Axis,
         motion: Motion,
         duration_s: float,
         speed_rad_s: float | None = None,
@@ -64,20 +70,25 @@ class Taken:
         if not motion.period_s:
             raise ParameterError("recording: no back and forth is heard in it; say --period")
         start, end = motion.slow_s
+        speed, usual = speed_rad_s or axis.motion.load_speed_rad_s, axis.motion
+        same = max(abs(motion.period_s / usual.period_s - 1), abs(speed / usual.load_speed_rad_s - 1)) < SAME
         return cls(
-            speed_rad_s or axis.motion.load_speed_rad_s,
+            speed,
             payload_kg_m2 or axis.load.inertia_kg_m2,
             motion.period_s,
             end - start,
             min(duration_s, LONGEST_S),
+            (usual, axis.servo) if same else None,
         )
 
-    def motion_like(self, ramp_s: float, random: np.random.Generator) -> described.Motion:
-        """A motion that is heard to be slow as long as this, with about this acceleration time."""
+    def motion_like(self, ramp_s: float, random: np.random.Generator) -> Movement:
+        """The motion described, or one that is heard to be slow as long as this, with about this acceleration time."""
+        if self.described:
+            return self.described[0]
         slow = self.slow_s * random.uniform(*SLOW_SPREAD)
         ramp = min(ramp_s, slow / SLOW_SHARE, 0.2 * self.period_s)
         dwell = min(max(slow - SLOW_SHARE * ramp, 0.0), 0.45 * self.period_s - 2 * ramp)
-        return described.Motion(self.period_s, self.speed_rad_s, ramp, dwell)
+        return Movement(self.period_s, self.speed_rad_s, ramp, dwell)
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,7 +107,7 @@ class Design:
 
 
 def design_for(
-    axis: described.Axis,
+    axis: Axis,
     label: str,
     taken: Taken,
     microphones: Sequence[Microphone] = (),
@@ -139,7 +150,10 @@ def _heard(task: _Task) -> NDArray[np.float32]:
     """Features of one specimen as its microphones hear it, shape (LISTENERS, n)."""
     random = np.random.default_rng(task.seed)
     motion = task.taken.motion_like(task.planned.scenario.axis.motion.acceleration_time_s, random)
-    run = FaultRun.of(moved(task.planned, motion, task.taken.payload_kg_m2).scenario)
+    scenario = moved(task.planned, motion, task.taken.payload_kg_m2).scenario
+    if task.taken.described and task.taken.described[1].speed_bandwidth_rad_s:
+        scenario = replace(scenario, axis=replace(scenario.axis, servo=task.taken.described[1]))
+    run = FaultRun.of(scenario)
     values = []
     for _ in range(LISTENERS):
         listener = (
@@ -148,6 +162,6 @@ def _heard(task: _Task) -> NDArray[np.float32]:
             else usual_microphone(random)
         )
         heard = run.heard_by(listener, int(random.integers(2**31)))
-        scenario, sound = heard.scenario.with_head_room(heard.sound)
-        values.append(extract(Recording(sound, SAMPLE_RATE_HZ), condition_of(scenario)).features.values)
+        performed, sound = heard.scenario.with_head_room(heard.sound)
+        values.append(extract(Recording(sound, SAMPLE_RATE_HZ), condition_of(performed)).features.values)
     return np.array(values)

@@ -1,7 +1,8 @@
 """How well the size of a fault is told from sound alone: simulated recordings of other specimens and microphones.
 
 `python -m benchmarks severity`, or `python -m benchmarks.severity LABEL`. Every state of operation (motion, payload,
-servo) is drawn; what is told of it is what a measurement would tell: speed and payload.
+servo) is drawn; what is told of it is what a measurement would tell: speed and payload, and in the rows that say so
+the motion and the servo as the axis's description has them.
  Beside it: always saying the middle of the range.
 """
 
@@ -55,22 +56,23 @@ def tests(label: str, state: int) -> tuple[Planned, list[Test]]:
     return chosen, found
 
 
-def rows(label: str, processes: int = 2) -> Iterator[Row]:
+def rows(label: str, described: bool, states: int = STATES, processes: int = 2) -> Iterator[Row]:
     """Median error and coverage of the interval over all states."""
     errors, inside, widths, middle, took = [], [], [], [], 0.0
-    for state in range(STATES):
+    for state in range(states):
         chosen, recordings = tests(label, state)
         first = next(each for each in recordings if each.extraction.motion.period_s)
         scenario = chosen.scenario
         started = time.perf_counter()
+        axis = replace(scenario.axis, mechanisms=()) if described else PAPER_AXIS
         taken = Taken.of(
-            PAPER_AXIS,
+            axis,
             first.extraction.motion,
             DURATION_S,
             scenario.axis.motion.load_speed_rad_s,
             scenario.payload_kg_m2,
         )
-        design = design_for(PAPER_AXIS, label, taken, seed=state, processes=processes)
+        design = design_for(axis, label, taken, seed=state, processes=processes)
         took += time.perf_counter() - started
         guess = float(np.exp(np.mean(np.log(design.sizes))))
         for each in recordings:
@@ -84,12 +86,13 @@ def rows(label: str, processes: int = 2) -> Iterator[Row]:
         f"median error {np.median(errors):.0%} (always the middle: {np.median(middle):.0%}), interval holds it in "
         f"{np.mean(inside):.0%} (said: {COVERAGE:.0%}), its ends a factor {np.median(widths):.1f} apart"
     )
-    yield Row(f"{label}, {PARAMETERS[label]}: {len(errors)} recordings", took / STATES, note=note)
+    known = "motion described" if described else "motion as heard"
+    yield Row(f"{label}, {PARAMETERS[label]}, {known}: {len(errors)} recordings", took / states, note=note)
 
 
 def run(labels: Sequence[str] = tuple(PARAMETERS)) -> list[Row]:
     """All rows; the time is that of the simulations for one recording."""
-    return [row for label in labels for row in rows(label)]
+    return [row for label in labels for described in (False, True) for row in rows(label, described)]
 
 
 if __name__ == "__main__":

@@ -23,6 +23,13 @@ def test_every_motion_is_as_slow_around_its_reversal_as_the_recording() -> None:
         assert 0.79 * TAKEN.slow_s < slow < 1.21 * TAKEN.slow_s
 
 
+def test_the_described_motion_is_used_where_the_recording_has_it() -> None:
+    same = Taken.of(PAPER_AXIS, Motion(period_s=4.25), 10.0)
+    assert same.motion_like(0.5, np.random.default_rng(0)) == PAPER_AXIS.motion
+    assert Taken.of(PAPER_AXIS, Motion(period_s=3.0), 10.0).described is None
+    assert Taken.of(PAPER_AXIS, Motion(period_s=4.2), 10.0, 2.0).described is None
+
+
 def test_another_motion_keeps_specimen_and_size_and_the_notch_within_full_speed() -> None:
     random = np.random.default_rng(1)
     for each in plan(PAPER_AXIS, {"notch": 20}, 3):
@@ -38,6 +45,7 @@ def test_another_motion_keeps_specimen_and_size_and_the_notch_within_full_speed(
 def test_a_gap_is_sized_from_its_sound(monkeypatch: pytest.MonkeyPatch) -> None:
     """Few runs are enough to tell the smallest gaps from the largest, which differ by a factor of 15."""
     monkeypatch.setattr(sizing, "RUNS", 14)
+    monkeypatch.setattr(sizing, "LISTENERS", 1)
     planned = sorted(plan(PAPER_AXIS, {"play": 12}, 99, duration_s=6.5), key=lambda each: each.size or 0.0)
     motion = TAKEN.motion_like(0.3, np.random.default_rng(2))
     design = design_for(PAPER_AXIS, "play", TAKEN, seed=5)
