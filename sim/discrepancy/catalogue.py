@@ -32,7 +32,11 @@ def terms_of(axis: Axis, measurement: Measurement) -> tuple[Term, ...]:
     out += [_hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
     out.append(_delay("torque_delay_s", "motor", 4e-4))
     if has_links(axis):
-        out += [term for k in range(len(stages_of(axis))) for term in _link_terms(axis, k, level)]
+        out += [
+            term
+            for k in range(len(stages_of(axis)))
+            for term in _link_terms(axis, k, level, measurement.load_angle is not None)
+        ]
         if travel / axis.ratio > LEAST_TURN:
             out.append(_gravity(axis, level))
         if measurement.load_angle is not None:
@@ -269,13 +273,14 @@ def _encoder_error(axis: Axis) -> Term:
 # --- gear stages ----------------------------------------------------------------------------------------------------
 
 
-def _link_terms(axis: Axis, k: int, level: float) -> list[Term]:
+def _link_terms(axis: Axis, k: int, level: float, load_encoder: bool) -> list[Term]:
+    """Laws of the spring need the twist: without a load encoder they look like friction at reversals."""
     name = stages_of(axis)[k]
     stage = axis.stages[k] if axis.stages else None
     ratio = axis.ratio / ratio_after(axis, k)
     stiffness = axis.stiffness()[k] or 0.0
     twist = level * ratio / stiffness if stiffness else 1e-3
-    out = [_hardening(name, k, twist), _hysteresis(name, k, level * ratio, twist)]
+    out = [_hardening(name, k, twist), _hysteresis(name, k, level * ratio, twist)] if load_encoder else []
     if stage is None:
         return out
     out.append(_backlash(name, k, stage.backlash_rad, twist))

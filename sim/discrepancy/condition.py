@@ -66,8 +66,13 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
     cut = ANGLE_CUT_HZ if axis.stages else DIRECT_ANGLE_CUT_HZ
     measurement = prepare(rate, even["torque"], even["angle"], even.get("load"), valid, load_valid, cut)
     _check_torque(axis, measurement)
-    remarks = tuple(f"column {name} is no known channel and was not used" for name in telemetry.ignored)
-    return Gate(measurement, tuple(faults), remarks)
+    remarks = [f"column {name} is no known channel and was not used" for name in telemetry.ignored]
+    if load is None and axis.stages:
+        remarks.append(
+            "Without a load encoder a stiffness that hardens or holds back cannot be told from friction at reversals: "
+            "neither is looked for."
+        )
+    return Gate(measurement, tuple(faults), tuple(remarks))
 
 
 def _channels(t: Telemetry) -> tuple[float, Array, Array, Array | None]:

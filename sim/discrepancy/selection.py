@@ -22,7 +22,7 @@ Progress = Callable[[str, float], None]
 SHORTLIST = 5
 SPRING_LAWS = frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"})
 SPRING_SHARE = 0.1
-LEAST_SHARE = 0.02  # of the squared residual
+LEAST_SHARE = 0.003  # of the squared residual: what the form of a model differs from any real axis
 BLOCKS = 15
 MOTION_BAND_HZ = 40.0
 MOST_TRIES = 7
@@ -204,25 +204,28 @@ def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
         t for t in (*terms_of(problem.axis, problem.measurement), *damage_terms(problem, fit)) if t.key not in present
     ]
     screened = screen(problem, fit, candidates)
-    best: dict[str, tuple[float, Fit, Term]] = {}
+    tried: list[tuple[float, Fit, Term]] = []
     tries: dict[str, int] = {}
     for promised, term, start in screened:
-        if promised < max(WORTH_TRYING, 0.03 * screened[0][0]) or sum(tries.values()) >= MOST_TRIES:
+        if promised < max(WORTH_TRYING, 0.03 * screened[0][0]) or len(tried) >= MOST_TRIES:
             break
         if tries.get(term.key, 0) >= (2 if term.nonlinear else 1):
             continue
         tries[term.key] = tries.get(term.key, 0) + 1
         refit = _refitted(problem, fit, term, {**fit.values, **start})
-        if refit is not None and (term.key not in best or refit.cost < best[term.key][1].cost):
-            best[term.key] = (fit.cost - refit.cost, refit, term)
-    ranked = sorted(best.values(), key=lambda b: (-b[0], b[2].key))
-    for place, (gain, refit, term) in enumerate(ranked[:CLOSE]):
+        if refit is not None:
+            tried.append((fit.cost - refit.cost, refit, term))
+    tried.sort(key=lambda t: (-t[0], t[2].key))
+    for place, (gain, refit, term) in enumerate(tried[:CLOSE]):
         # sensitivities of the others change where contact is lost: anew for those that may still be first
-        if term.nonlinear and gain > 0.3 * ranked[0][0]:
+        if term.nonlinear and gain > 0.3 * tried[0][0]:
             anew = problem.fit(refit.terms, refit.values, held=refit.sensitivities, refresh=1)
-            ranked[place] = (fit.cost - anew.cost, anew, term)
-    rivals = [Rival(term, gain, refit.values) for gain, refit, term in ranked]
-    return sorted(rivals, key=lambda r: (-r.gain, r.term.key))
+            tried[place] = (fit.cost - anew.cost, anew, term)
+    tried.sort(key=lambda t: (-t[0], t[2].key))
+    best: dict[str, Rival] = {}
+    for gain, refit, term in tried:
+        best.setdefault(term.key, Rival(term, gain, refit.values))
+    return list(best.values())
 
 
 def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:

@@ -1,0 +1,39 @@
+"""Noise becomes white and even: over frequency by a causal filter, over time by its level."""
+
+import numpy as np
+from scipy.signal import lfilter
+
+from sim.discrepancy.fit import floor_filter, level_over_time, minimum_phase
+
+RATE_HZ = 1000
+
+
+def test_a_minimum_phase_filter_has_the_gain_that_was_asked_for() -> None:
+    frequency = np.linspace(0.0, 1.0, 501)
+    power = 1.0 + 4.0 / (1.0 + (frequency / 0.05) ** 2)
+    taps = minimum_phase(power, 400)
+    gain = np.abs(np.fft.rfft(taps, 1000)) ** 2
+    assert np.abs(gain / power - 1.0).max() < 1e-3
+    assert taps[0] == np.max(taps)
+
+
+def test_noise_of_two_colours_becomes_white_over_the_whole_band() -> None:
+    rng = np.random.default_rng(1)
+    slow = lfilter([0.03], [1.0, -0.97], rng.standard_normal(60 * RATE_HZ))
+    noise = slow + 0.02 * rng.standard_normal(slow.size)
+    white = np.convolve(noise, floor_filter(noise, np.ones(noise.size), RATE_HZ, 400))[: noise.size]
+    power = np.abs(np.fft.rfft(white)) ** 2 / white.size
+    hertz = np.fft.rfftfreq(white.size, 1.0 / RATE_HZ)
+    for low, high in ((2, 5), (5, 20), (20, 100), (100, 450)):
+        assert 0.75 < power[(hertz >= low) & (hertz < high)].mean() < 1.3
+
+
+def test_a_burst_has_its_level_and_a_rare_spike_has_none() -> None:
+    rng = np.random.default_rng(2)
+    white = rng.standard_normal(30 * RATE_HZ)
+    white[10_000:15_000] *= 4.0
+    white[25_000:25_020] += 50.0
+    level = level_over_time(white, np.ones(white.size), RATE_HZ)
+    assert 3.4 < level[12_500] < 4.6
+    assert level[5_000] < 1.2
+    assert level[25_010] < 1.2
