@@ -301,6 +301,7 @@ class EvaluationAnswer(BaseModel):
     origin: str
     cases: int = Field(description="cases that were diagnosed without their group")
     gearboxes: int = Field(description="distinct measured gearboxes behind the numbers")
+    right_means: str = Field(description="what counts as right, in accuracy, per class and on confusion's diagonal")
     accuracy: ProportionDocument
     accuracy_when_diagnosed: ProportionDocument
     known_called_new: ProportionDocument

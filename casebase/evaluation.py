@@ -16,6 +16,10 @@ from casebase.novelty import known_ranges, spread_out
 
 COVERAGE = 0.95
 MOST_TESTED = 400
+RIGHT = (
+    "the answer is the case's label: an ambiguous answer counts by its most probable label, and not_in_library is "
+    "never right of a class that the library has"
+)
 GROUPS = ("gearbox", "axis", "case")
 
 
@@ -63,13 +67,23 @@ class Outcome:
     verdict: str
     probability: float
 
+    @property
+    def answer(self) -> str:
+        """What counts as said: `not_in_library` where that was the verdict, else the most probable label."""
+        return self.verdict if self.verdict == "not_in_library" else self.best
+
+    @property
+    def right(self) -> bool:
+        """Whether the answer is the true label; of a known class `not_in_library` never is."""
+        return self.answer == self.truth
+
 
 @dataclass(frozen=True)
 class Evaluation:
     """The library's own cross-validation.
 
     Args:
-        accuracy: cases whose class got most votes.
+        accuracy: cases whose answer is their label, the diagonal of `confusion`: see RIGHT.
         said: of those called `diagnosed`, how many were right.
         called_new: cases of known classes called `not_in_library`.
         confusion: true label -> answered label -> case ids; `not_in_library` is a column.
@@ -95,6 +109,7 @@ class Evaluation:
             "origin": self.origin,
             "cases": self.cases,
             "gearboxes": self.gearboxes,
+            "right_means": RIGHT,
             "accuracy": self.accuracy.to_document(),
             "accuracy_when_diagnosed": self.said.to_document(),
             "known_called_new": self.called_new.to_document(),
@@ -229,17 +244,14 @@ def _called_new(table: CaseTable, inside: Mask, tested: Mask, label: str) -> lis
 def _evaluation(
     table: CaseTable, group: str, origin: str, outcomes: tuple[Outcome, ...], found: Mapping[str, list[bool]]
 ) -> Evaluation:
-    right = [each.best == each.truth for each in outcomes]
-    said = [each.best == each.truth for each in outcomes if each.verdict == "diagnosed"]
+    right = [each.right for each in outcomes]
+    said = [each.right for each in outcomes if each.verdict == "diagnosed"]
     new = [each.verdict == "not_in_library" for each in outcomes]
     confusion: dict[str, dict[str, tuple[str, ...]]] = {}
     for each in outcomes:
         row = confusion.setdefault(each.truth, {})
-        answer = each.verdict if each.verdict == "not_in_library" else each.best
-        row[answer] = (*row.get(answer, ()), each.case_id)
-    per_class = {
-        label: _share([each.best == label for each in outcomes if each.truth == label]) for label in table.classes
-    }
+        row[each.answer] = (*row.get(each.answer, ()), each.case_id)
+    per_class = {label: _share([each.right for each in outcomes if each.truth == label]) for label in table.classes}
     return Evaluation(
         group,
         origin,

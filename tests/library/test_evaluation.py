@@ -64,6 +64,19 @@ def test_classes_far_apart_are_found_in_unseen_gearboxes() -> None:
     assert sum(sum(row.values()) for row in document["confusion"].values()) == 30  # type: ignore[attr-defined]
 
 
+@pytest.mark.parametrize("shift", [0.0, 5.0])
+def test_accuracy_is_the_diagonal_of_the_confusion(shift: float) -> None:
+    """Classes that hardly differ and a gearbox off the others: what is called new is not right."""
+    table = made_table(1, shift=shift)
+    values = table.values.copy()
+    values[table.gearboxes == "g0"] += 100.0
+    result = evaluate(table.with_columns(1, table.text, values))
+    diagonal = {truth: len(row.get(truth, ())) for truth, row in result.confusion.items()}
+    assert result.called_new.right > 0
+    assert result.accuracy.right == sum(diagonal.values())
+    assert {label: share.right for label, share in result.per_class.items()} == diagonal
+
+
 def test_classes_that_do_not_differ_are_not_found() -> None:
     share = evaluate(made_table(1, shift=0.0)).accuracy.value
     assert share is not None
