@@ -128,12 +128,15 @@ BY_STATUS: dict[int, type[StatusProblem]] = {
 }
 
 
+SYNTAX = "json_invalid"
+
+
 def validation_problem(errors: Sequence[Any], what: str = "The request") -> Unprocessable:
     """422 from pydantic's list of errors: one sentence each, and the list for programs."""
     listed = [
         {
-            "location": ".".join(str(part) for part in error["loc"]),
-            "message": error["msg"],
+            "location": _location(error),
+            "message": _message(error),
             "kind": error["type"],
             "given": finite(error["input"]) if isinstance(error["input"], str | int | float | None) else None,
         }
@@ -141,6 +144,23 @@ def validation_problem(errors: Sequence[Any], what: str = "The request") -> Unpr
     ]
     words = "; ".join(f"{entry['location'] or 'body'}: {entry['message']}" for entry in listed)
     return Unprocessable(f"{what} is not valid: {words}", errors=listed)
+
+
+def _location(error: Any) -> str:
+    parts = error["loc"][:1] if error["type"] == SYNTAX else error["loc"]
+    return ".".join(str(part) for part in parts)
+
+
+def _message(error: Any) -> str:
+    """What pydantic says; of text that is no JSON where it breaks and what JSON looks like."""
+    if error["type"] != SYNTAX:
+        return str(error["msg"])
+    place = "".join(f" at character {part}" for part in error["loc"][1:])
+    reason = str(error.get("ctx", {}).get("error", "it cannot be read"))
+    return (
+        f"this is no JSON: {reason[:1].lower()}{reason[1:]}{place}. JSON looks like "
+        '{"name": "bench 3", "limit": 5}: names and texts in double quotes, a comma between two entries'
+    )
 
 
 def _from_validation(_: ExceptionHandler, request: Request, error: RequestValidationError) -> Problem:

@@ -7,15 +7,15 @@ another process finds them, and so that an investigation can be done again.
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from time import sleep
 
 from sqlalchemy.orm import Session
 
-from app.job_errors import JobError
-from app.jobs import JobKind, Json, Report
+from app.job_errors import JobError, JobNotFoundError
+from app.jobs import JobKind, Jobs, Json, Report
 from app.settings import Settings
 from casebase import audit
 from casebase.axes import add_axis
@@ -91,15 +91,32 @@ def get_investigation(session: Session, investigation_id: str) -> StoredInvestig
     return row
 
 
-def document_of(row: StoredInvestigation) -> Mapping[str, object]:
+def state_of(row: StoredInvestigation, jobs: Callable[[], Jobs]) -> str:
+    """Return how far an investigation is: of one that is not finished, what its job says.
+
+    Args:
+        jobs: opens the jobs, which only an unfinished investigation needs.
+    """
+    if row.document is not None or row.error is not None:
+        return row.state
+    try:
+        return jobs().get(row.job_id or row.id).state
+    except JobNotFoundError:
+        return row.state
+
+
+def document_of(row: StoredInvestigation, state: str | None = None) -> Mapping[str, object]:
     """Return the document of a finished investigation.
+
+    Args:
+        state: as `state_of` gives it, to be said of one that is not finished.
 
     Raises:
         ConflictError: if it is not finished, or failed; says which.
     """
     if row.document is None:
-        why = f"failed: {row.error}" if row.error else f"is {row.state}; follow the job {row.job_id}"
-        raise ConflictError(f"investigation {row.id} {why}")
+        unfinished = f"is {state or 'not finished'}; follow the job {row.job_id}"
+        raise ConflictError(f"investigation {row.id} " + (f"failed: {row.error}" if row.error else unfinished))
     return row.document
 
 

@@ -2,19 +2,21 @@
 
 import math
 import tomllib
+from collections.abc import Mapping
 
 from fastapi import APIRouter, Request, Response, status
 from fastapi.responses import HTMLResponse
-from pydantic import AwareDatetime, BaseModel, Field
+from pydantic import AwareDatetime, BaseModel, Field, ValidationError
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
+from app.accept import chosen
 from app.api.axes import OBJECT
 from app.api.jobs import JobDocument
 from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf, page_of
-from app.errors import Unprocessable
+from app.errors import Unprocessable, validation_problem
 from app.idempotency import Made, OnlyOnce
-from app.investigations import KIND, Measured, accept, document_of, get_investigation, submit
+from app.investigations import KIND, Measured, accept, document_of, get_investigation, state_of, submit
 from app.security import Admin, Operator, Viewer
 from app.service import Reading, Service, TheService
 from app.uploads import TheUpload, Upload
@@ -25,6 +27,7 @@ from sim.axis import Axis, read_axis
 
 router = APIRouter(tags=["investigations"])
 PARTS = ("axis", "telemetry", "sound", "sound_offset_s")
+HTML, JSON = "text/html", "application/json"
 REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
 BINARY = {"type": "string", "format": "binary"}
 BODY = {
@@ -123,7 +126,10 @@ def axis_of(service: Service, upload: Upload) -> Axis:
     if not text:
         raise Unprocessable("The form needs the part 'axis': an axis.toml, the same as JSON, or a stored axis' name.")
     if text.startswith("{"):
-        return read_axis(OBJECT.validate_json(text))
+        try:
+            return read_axis(OBJECT.validate_json(text))
+        except ValidationError as error:
+            raise validation_problem(error.errors(include_url=False), "The part 'axis'") from None
     if "\n" not in text and "=" not in text:
         with service.library.reading() as session:
             return read_axis(get_axis(session, text).document)
@@ -145,25 +151,44 @@ def _offset(text: str) -> float:
 
 @router.get("/investigations")
 def list_investigations(
-    _: Viewer, session: Reading, limit: Limit = 50, cursor: Cursor = None
+    _: Viewer, session: Reading, service: TheService, limit: Limit = 50, cursor: Cursor = None
 ) -> PageOf[InvestigationAnswer]:
     """Investigations, newest first."""
+
+    def answer(row: StoredInvestigation) -> InvestigationAnswer:
+        shown = InvestigationAnswer.model_validate(row)
+        return shown.model_copy(update={"state": state_of(row, lambda: service.jobs)})
+
     rows = page(session, select(StoredInvestigation), StoredInvestigation.id, limit=limit, cursor=cursor)
-    return page_of(rows, InvestigationAnswer.model_validate)
+    return page_of(rows, answer)
 
 
 @router.get("/investigations/{investigation_id}")
-def investigation(_: Viewer, session: Reading, investigation_id: Identifier) -> InvestigationDocument:
+def investigation(
+    _: Viewer, session: Reading, service: TheService, investigation_id: Identifier
+) -> InvestigationDocument:
     """What was found; 409 with the state while the job runs or when it failed."""
-    return InvestigationDocument.model_validate(document_of(get_investigation(session, investigation_id)))
+    return InvestigationDocument.model_validate(_document(service, get_investigation(session, investigation_id)))
 
 
-@router.get("/investigations/{investigation_id}/report", response_class=HTMLResponse)
-def investigation_report(_: Viewer, session: Reading, investigation_id: Identifier) -> HTMLResponse:
-    """The report: one HTML file that needs no network."""
+@router.get(
+    "/investigations/{investigation_id}/report",
+    response_model=InvestigationDocument,
+    responses={200: {"content": {HTML: {}}}},
+)
+def investigation_report(
+    _: Viewer, session: Reading, service: TheService, investigation_id: Identifier, request: Request
+) -> Response:
+    """The report: one HTML file that needs no network, or the document as JSON, by `Accept`."""
     row = get_investigation(session, investigation_id)
-    document_of(row)
-    return HTMLResponse(row.report or "", headers={"Content-Security-Policy": REPORT_POLICY})
+    document = InvestigationDocument.model_validate(_document(service, row))
+    if chosen(request.headers.get("accept"), (HTML, JSON)) == JSON:
+        return Response(document.model_dump_json(), media_type=JSON, headers={"Vary": "Accept"})
+    return HTMLResponse(row.report or "", headers={"Vary": "Accept", "Content-Security-Policy": REPORT_POLICY})
+
+
+def _document(service: Service, row: StoredInvestigation) -> Mapping[str, object]:
+    return document_of(row, state_of(row, lambda: service.jobs))
 
 
 @router.post(

@@ -6,6 +6,7 @@ import hashlib
 import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from importlib.metadata import version
 
 import numpy as np
 
@@ -278,6 +279,7 @@ def _provenance(
         for name in sorted(telemetry.channels):
             digest.update(name.encode() + telemetry.channels[name].tobytes())
     return {
+        "gearcase": version("gearcase"),
         "method": f"guided chain {VERSION}",
         "axis": axis.name,
         "telemetry_sha256": digest.hexdigest() if telemetry is not None else None,

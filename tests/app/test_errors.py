@@ -73,7 +73,9 @@ def test_unknown_cursor(viewer: httpx.Client) -> None:
 
 def test_body_that_is_no_json(admin: httpx.Client) -> None:
     headers = {"content-type": "application/json"}
-    problem(admin.post("/api/v1/keys", content=b"{", headers=headers), 422)
+    document = problem(admin.post("/api/v1/keys", content=b"{", headers=headers), 422)
+    assert "this is no JSON" in str(document["detail"])
+    assert "names and texts in double quotes" in str(document["detail"])
 
 
 def test_unknown_key_of_a_json_document(admin: httpx.Client) -> None:

@@ -1,0 +1,67 @@
+"""Investigations over HTTP without a worker: their state is their job's, the report comes as asked for."""
+
+import csv
+import io
+import math
+
+import httpx
+import pytest
+
+from casebase.library import CaseLibrary
+from casebase.models import StoredInvestigation, now
+from tests.live import LiveServer
+
+URL = "/api/v1/investigations"
+AXIS = '{"name": "asked", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 1.0}}'
+DOCUMENT = {"verdict": "nothing_missing", "findings": [], "unexplained": None}
+
+
+def telemetry() -> bytes:
+    """Return two seconds of a motor that swings."""
+    out = io.StringIO()
+    table = csv.writer(out)
+    table.writerow(("time_s", "motor_torque_nm", "motor_speed_rad_s"))
+    table.writerows((number / 1000, math.cos(number / 100), math.sin(number / 100)) for number in range(2000))
+    return out.getvalue().encode()
+
+
+def test_an_unfinished_investigation_is_what_its_job_is(operator: httpx.Client) -> None:
+    files = {"telemetry": ("t.csv", telemetry(), "text/csv")}
+    asked = operator.post(URL, files=files, data={"axis": AXIS}).raise_for_status().json()
+    url = f"{URL}/{asked['investigation_id']}"
+
+    def said() -> list[str]:
+        listed = operator.get(URL, params={"limit": 1}).json()["items"][0]
+        assert listed["id"] == asked["investigation_id"]
+        answers = [operator.get(url), operator.get(f"{url}/report")]
+        assert [answer.status_code for answer in answers] == [409, 409]
+        return [listed["state"], *(answer.json()["detail"].split(" is ")[1].split(";")[0] for answer in answers)]
+
+    assert said() == ["queued"] * 3
+    operator.delete(f"/api/v1/jobs/{asked['id']}").raise_for_status()
+    assert said() == ["cancelled"] * 3
+
+
+def test_the_report_comes_as_it_is_asked_for(live_server: LiveServer, viewer: httpx.Client) -> None:
+    library = CaseLibrary.open(live_server.data_dir)
+    row = StoredInvestigation(
+        state="done", axis="told", axis_document={}, inputs={}, document=DOCUMENT, report="<p>told</p>", created_by="me"
+    )
+    with library.transaction("test") as session:
+        row.finished_at = now()
+        session.add(row)
+        session.flush()
+        url = f"{URL}/{row.id}/report"
+    library.close()
+    page, document = viewer.get(url), viewer.get(url, headers={"Accept": "application/json"})
+    assert (page.headers["content-type"], page.text) == ("text/html; charset=utf-8", "<p>told</p>")
+    assert document.json() == DOCUMENT
+    assert {page.headers["vary"], document.headers["vary"]} == {"Accept"}
+    assert viewer.get(url, headers={"Accept": "application/pdf"}).status_code == 406
+
+
+@pytest.mark.parametrize("axis", ['{"name": }', "{name: 1}"])
+def test_an_axis_that_is_no_json_is_told_where_it_breaks(operator: httpx.Client, axis: str) -> None:
+    answer = operator.post(URL, files={"telemetry": ("t.csv", telemetry())}, data={"axis": axis})
+    assert answer.status_code == 422
+    assert "this is no JSON" in answer.json()["detail"]
