@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from types import MappingProxyType
 
 import numpy as np
@@ -25,6 +26,7 @@ Array = NDArray[np.float64]
 Raw = tuple[Array, Array]  # motor torque and guide torque
 FILTER_S = 0.4  # length of the whitening filters: what noise remembers
 WORKERS = 2
+SCORE_BLOCKS = 40
 
 
 @dataclass(frozen=True)
@@ -64,13 +66,22 @@ class Fit:
         return float(self.residual @ self.residual)
 
     def deviations(self) -> dict[str, float]:
-        """Standard deviation of each parameter from the curvature at the optimum."""
+        """Standard deviation of each parameter: by the curvature at the optimum, or by how blocks of rows disagree.
+
+        The latter is the sandwich of White (Econometrica 48 (1980) 817) over contiguous blocks: it holds for noise
+        that the whitening has left coloured and for a form that is not quite that of the axis.
+        """
         steps = np.array([p.step for p in self.parameters])
         spread = np.array([p.spread for p in self.parameters])
         information = self.jacobian.T @ self.jacobian + np.diag((steps / spread) ** 2)
         scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
         covariance = np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)
-        sd = np.sqrt(np.maximum(np.diag(covariance), 0.0)) / scale * steps
+        edges = np.linspace(0, self.residual.size, SCORE_BLOCKS + 1).astype(np.int64)
+        parts = [slice(int(a), int(b)) for a, b in pairwise(edges)]
+        scores = np.array([self.jacobian[part].T @ self.residual[part] for part in parts]) / scale
+        scores = (scores - scores.mean(axis=0)) @ covariance
+        variance = np.maximum(np.diag(covariance), np.sum(scores**2, axis=0))
+        sd = np.sqrt(np.maximum(variance, 0.0)) / scale * steps
         return {p.name: float(s) for p, s in zip(self.parameters, sd, strict=True)}
 
 
