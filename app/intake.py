@@ -47,6 +47,12 @@ class Intake:
         return library.diagnose(session, row, self.extraction, self.remarks)
 
 
+def media_type_of(file_name: str) -> str:
+    """The media type that a file's name says: sound or plain bytes."""
+    kinds = {".wav": "audio/wav", ".flac": "audio/flac", ".aif": "audio/aiff", ".aiff": "audio/aiff"}
+    return kinds.get(Path(file_name).suffix.lower(), "application/octet-stream")
+
+
 def shaft_orders(axis: Axis) -> tuple[float, ...]:
     """Turns of each shaft per turn of the output, motor first [1]."""
     return tuple(axis.ratio_from(shaft) for shaft in ("motor", *(stage.name for stage in axis.stages)))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from casebase.case_table import CaseTable
 from casebase.novelty import KnownRanges
 from casebase.retrieval import Match
-from casebase.signals.features import EventKind, Extraction, MotionSource, catalogue
+from casebase.signals.features import EventKind, Extraction, MotionSource, catalogue, feature_words
 
 MOST = 5
 SOURCES = {
@@ -87,7 +87,7 @@ def _feature(
     name = table.names[index]
     known = catalogue().get(name)
     unit = known.unit if known else "1"
-    parts = [f"{name.replace('_', ' ')} is {_number(values[index], unit)}"]
+    parts = [f"{feature_words(name)}: {_number(values[index], unit)}"]
     for match in (same, other):
         if match is not None:
             value = table.values[match.row, index]
@@ -131,7 +131,7 @@ def _outside(name: str, value: float, span: tuple[float, float], nearest: str, s
     known = catalogue().get(name)
     unit = known.unit if known else "1"
     sentence = (
-        f"{name.replace('_', ' ')} is {_number(value, unit)}; {nearest}, the nearest class, is known from "
+        f"{feature_words(name)}: {_number(value, unit)}; {nearest}, the nearest class, is known from "
         f"{_number(span[0], unit)} to {_number(span[1], unit)}"
     )
     if known:

@@ -16,6 +16,19 @@ _UNITS = {
     "_s": "s",
 }
 
+_MOST = {
+    "kg m2": 1e9,
+    "N m s/rad": 1e12,
+    "N m/rad": 1e15,
+    "N m": 1e9,
+    "rad/s": 1e6,
+    "1/s": 1e6,
+    "rad": 1.0,
+    "s": 1e5,
+    "1": 1e6,
+}
+"""Far above any axis that is built; beyond them lies a slip of the pen, and then an overflow."""
+
 
 def check_quantities(table: object, positive: tuple[str, ...] = ()) -> None:
     """Validate every number of a description by the unit in its name; store it as float."""
@@ -32,6 +45,7 @@ def check_quantities(table: object, positive: tuple[str, ...] = ()) -> None:
 
 def _number(name: str, value: object, positive: bool) -> float:
     unit = next((unit for suffix, unit in _UNITS.items() if name.endswith(suffix)), "1")
+    most = 1.0 if name == "mesh_efficiency" else _MOST[unit]
     if positive or name == "mesh_efficiency" or name.endswith(("_limit_n_m", "_limit_rad_s")):
-        return number(name, value, unit, above=0, at_most=1.0 if name == "mesh_efficiency" else math.inf)
-    return number(name, value, unit, at_least=0, at_most=1.0 if unit == "rad" else math.inf)
+        return number(name, value, unit, above=0, at_most=most)
+    return number(name, value, unit, at_least=0, at_most=most)

@@ -7,6 +7,7 @@ from fastapi.concurrency import run_in_threadpool
 from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
+from app.conditional import IfNoneMatch, has_already, not_modified
 from app.documents import (
     AuditAnswer,
     CaseAnswer,
@@ -107,10 +108,19 @@ def _made(request: Request, case: Case) -> Made:
     return Made(CaseAnswer.model_validate(case), location, {"ETag": etag(case)})
 
 
-@router.get("/cases/{case_id}")
-def get_case(_: Viewer, session: Reading, service: TheService, case_id: Identifier, response: Response) -> CaseAnswer:
+@router.get("/cases/{case_id}", response_model=CaseAnswer, responses={304: {"description": "as the client has it"}})
+def get_case(
+    _: Viewer,
+    session: Reading,
+    service: TheService,
+    case_id: Identifier,
+    response: Response,
+    if_none_match: IfNoneMatch = None,
+) -> CaseAnswer | Response:
     """One case, retired ones too, with its ETag."""
     case = service.library.case(session, case_id)
+    if has_already(if_none_match, etag(case)):
+        return not_modified({"ETag": etag(case)})
     response.headers["ETag"] = etag(case)
     return CaseAnswer.model_validate(case)
 

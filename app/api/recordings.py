@@ -13,8 +13,10 @@ from pydantic import BaseModel
 
 from app import views
 from app.accept import chosen
+from app.conditional import IfNoneMatch, has_already, not_modified
 from app.documents import Answer, Identifier, RecordingAnswer
 from app.errors import NotFound, RangeNotSatisfiable
+from app.intake import media_type_of
 from app.security import Viewer
 from app.service import Reading, Service, TheService
 from casebase.models import Extractor, FeatureRow, StoredRecording
@@ -42,6 +44,7 @@ def get_recording(_: Viewer, session: Reading, service: TheService, recording_id
     responses={
         200: {"content": {"audio/*": {}}},
         206: {"content": {"audio/*": {}}, "description": "the range asked for"},
+        304: {"description": "as the client has it"},
     },
 )
 def audio(
@@ -51,21 +54,44 @@ def audio(
     recording_id: Identifier,
     byte_range: Annotated[str | None, Header(alias="Range", max_length=100)] = None,
     if_range: Annotated[str | None, Header(max_length=100)] = None,
+    if_none_match: IfNoneMatch = None,
 ) -> Response:
     """The file as it came in, whole or one range of it (several ranges are answered by the whole)."""
-    return file_answer(service, service.library.recording(session, recording_id), byte_range, if_range)
+    row = service.library.recording(session, recording_id)
+    if has_already(if_none_match, _etag(row)):
+        return not_modified(_file_headers(row))
+    return file_answer(service, row, byte_range, if_range)
+
+
+@router.head("/audio", response_class=Response, responses={200: {"content": {"audio/*": {}}}})
+def audio_head(
+    _: Viewer, session: Reading, service: TheService, recording_id: Identifier, if_none_match: IfNoneMatch = None
+) -> Response:
+    """What `GET` would say of the file, without the file."""
+    row = service.library.recording(session, recording_id)
+    headers = _file_headers(row)
+    if has_already(if_none_match, headers["ETag"]):
+        return not_modified(headers)
+    return Response(headers={**headers, "Content-Length": str(row.byte_count)}, media_type=audio_type(row))
+
+
+def _etag(row: StoredRecording) -> str:
+    return f'"{row.file_sha256}"'
+
+
+def _file_headers(row: StoredRecording) -> dict[str, str]:
+    return {
+        **UNCHANGING,
+        "ETag": _etag(row),
+        "Accept-Ranges": "bytes",
+        "Content-Disposition": f"inline; filename*=UTF-8''{quote(row.file_name)}",
+    }
 
 
 def file_answer(service: Service, row: StoredRecording, byte_range: str | None, if_range: str | None) -> Response:
     """Return the file of a recording, whole or one range of it."""
     path = service.library.audio_path(row)
-    etag = f'"{row.file_sha256}"'
-    headers = {
-        **UNCHANGING,
-        "ETag": etag,
-        "Accept-Ranges": "bytes",
-        "Content-Disposition": f"inline; filename*=UTF-8''{quote(row.file_name)}",
-    }
+    headers, etag = _file_headers(row), _etag(row)
     wanted = byte_range if if_range in (None, etag) else None
     start, end = asked_range(wanted, row.byte_count)
     partial = (start, end) != (0, row.byte_count)
@@ -102,8 +128,7 @@ def asked_range(header: str | None, size: int) -> tuple[int, int]:
 
 def audio_type(row: StoredRecording) -> str:
     """The media type for the browser: sound or plain bytes, whatever the sender claimed."""
-    kinds = {".wav": "audio/wav", ".flac": "audio/flac", ".aif": "audio/aiff", ".aiff": "audio/aiff"}
-    return kinds.get(Path(row.file_name).suffix.lower(), "application/octet-stream")
+    return media_type_of(row.file_name)
 
 
 def _bytes(path: Path, start: int, end: int) -> Iterator[bytes]:

@@ -11,7 +11,7 @@ from app.commands.faults import sentence
 from app.commands.frame import ACTOR, Json, frame_of
 from app.commands.review import review
 from app.documents import CaseAnswer
-from app.intake import take_in
+from app.intake import media_type_of, take_in
 from app.metadata import CaseMetadata
 from casebase.bundle import export_cases, import_cases
 from casebase.case_filter import CaseFilter
@@ -69,7 +69,7 @@ def add(
 
 def _add(library: CaseLibrary, path: Path, metadata: CaseMetadata, axis: Axis | None) -> dict[str, Any]:
     try:
-        intake = take_in(library, path, path.name, "application/octet-stream", metadata, axis)
+        intake = take_in(library, path, path.name, media_type_of(path.name), metadata, axis)
         with library.transaction(ACTOR) as session:
             row = intake.store(library, session)
             case = library.retain(session, row, Labelling(metadata.label, verified_by=metadata.verified_by))

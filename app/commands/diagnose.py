@@ -9,7 +9,7 @@ from app.cli import BAD_INPUT, DONE, FAULT_FOUND
 from app.commands.faults import sentence
 from app.commands.frame import ACTOR, Frame, frame_of
 from app.documents import DiagnosisAnswer
-from app.intake import take_in
+from app.intake import media_type_of, take_in
 from app.metadata import RecordingMetadata
 from app.web.words import verdict_of
 from casebase.library import CaseLibrary
@@ -55,7 +55,7 @@ def diagnose(
 
 def _entry(library: CaseLibrary, path: Path, metadata: RecordingMetadata, axis: Axis | None) -> dict[str, Any]:
     try:
-        intake = take_in(library, path, path.name, "application/octet-stream", metadata, axis)
+        intake = take_in(library, path, path.name, media_type_of(path.name), metadata, axis)
     except (SignalError, OSError) as error:
         return {"file": str(path), "error": sentence(error)}
     with library.transaction(ACTOR) as session:

@@ -10,6 +10,7 @@ import typer
 
 from app.commands.frame import frame_of
 from app.tendency import FEATURES, SPECIMENS, Curve, curves
+from casebase.signals.features import feature_words
 from sim.axis import read_axis
 from sim.paper import PAPER_AXIS
 
@@ -58,7 +59,7 @@ def _draw(found: list[Curve], path: Path) -> None:
         area.set_xlabel(f"{curve.over} [{curve.unit}]")
         if curve.over == "size":
             area.set_xscale("log")
-            area.set_ylabel(curve.feature.replace("_", " "), fontsize=7)
+            area.set_ylabel(feature_words(curve.feature), fontsize=7)
         area.grid(alpha=0.3)
         area.legend(fontsize=8)
     with mpl.rc_context({"svg.hashsalt": "gearcase"}):
@@ -79,6 +80,6 @@ def _page(axis: str, found: list[Curve], picture: str) -> str:
     ]
     for curve in found:
         ends = f"{curve.at[0]:.3g} | {curve.at[-1]:.3g} {curve.unit}"
-        name = curve.feature.replace("_", " ")
+        name = feature_words(curve.feature)
         text.append(f"| {curve.label} | {curve.over} | {ends} | {name} | {curve.mean[0]:.2f} | {curve.mean[-1]:.2f} |")
     return "\n".join([*text, ""])

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from casebase.signals import crest
-from casebase.signals.analysis import Analysis
+from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
 from casebase.signals.motion import MotionSource
 from casebase.signals.spectra import band_envelope
 
@@ -177,19 +177,22 @@ def motion_contradicts(analysis: Analysis) -> QualityFlag | None:
 
 
 def bandwidth_too_low(analysis: Analysis) -> QualityFlag | None:
-    """Flag a sample rate, or a content, that ends below 1 kHz."""
+    """Flag a sample rate below what all features need, or a content that ends below 1 kHz."""
     highest = analysis.highest_hz
     spectrum = analysis.spectrum
     total = spectrum.band_power(10.0, highest)
     if highest > 1000 and total > 0 and spectrum.band_power(1000.0, highest) < 1e-9 * total:
         empty = [f for f in (200.0, 400.0, 1000.0) if spectrum.band_power(f, highest) < 1e-9 * total]
         highest = empty[0]
-    if highest >= 1000 and not (highest == 1000 and analysis.highest_hz > 1000):
+    rate_hz, whole_hz = analysis.recording.sample_rate_hz, analysis.highest_hz
+    if rate_hz >= ANALYSIS_RATE_HZ and highest == whole_hz:
         return None
+    slow = f"the sample rate is {rate_hz:.0f} Hz, so " if rate_hz < ANALYSIS_RATE_HZ else ""
     return QualityFlag(
         "bandwidth_too_low",
         Severity.UNUSABLE if highest < 200 else Severity.POOR,
-        f"the recording holds nothing above {highest:.0f} Hz; record at 8 kHz or more without a telephone's filter",
+        f"{slow}the recording holds nothing above {highest:.0f} Hz, and all features of higher bands are missing; "
+        "record at 8 kHz or more without a telephone's filter",
     )
 
 

@@ -115,6 +115,8 @@ def test_change_with_the_current_etag(admin: httpx.Client) -> None:
     assert changed.status_code == 200
     assert (changed.json()["label"], changed.json()["verified_by"]) == ("play", "opened")
     assert changed.headers["etag"] != etag
+    had, has = (admin.get(path, headers={"If-None-Match": tag}) for tag in (etag, changed.headers["etag"]))
+    assert (had.status_code, has.status_code, has.content) == (200, 304, b"")
 
 
 @pytest.mark.parametrize("stale", ['"999"', '"1"', "W/x", "nonsense"])

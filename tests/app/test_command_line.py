@@ -42,8 +42,10 @@ def data_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
             path = folder / f"{label}{seed}.wav"
             path.write_bytes(sound(seed + 100 * impacts, impacts=impacts))
             files.append(path)
-        done = gearcase("cases", "add", *files, "--label", label, "--gearbox", "g1", data_dir=folder / "data")
+        words = ("cases", "add", *files, "--label", label, "--gearbox", "g1", "--json")
+        done = gearcase(*words, data_dir=folder / "data")
         assert done.code == 0, done.stderr
+        assert {entry["recording"]["media_type"] for entry in json.loads(done.stdout)} == {"audio/wav"}
     return folder / "data"
 
 

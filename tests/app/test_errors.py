@@ -203,3 +203,15 @@ def test_pages_of_others_may_not_use_us(viewer: httpx.Client) -> None:
     assert "default-src 'self'" in headers["content-security-policy"]
     assert headers["x-content-type-options"] == "nosniff"
     assert headers["x-frame-options"] == "DENY"
+
+
+@pytest.mark.parametrize(
+    ("table", "key", "value"), [("load", "inertia_kg_m2", 1e300), ("motor", "inertia_kg_m2", 1e10)]
+)
+def test_quantities_beyond_any_axis_are_refused_by_name(
+    admin: httpx.Client, table: str, key: str, value: float
+) -> None:
+    axis = {"name": "vast", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 1.0}, table: {key: value}}
+    detail = str(problem(admin.post("/api/v1/axes", json=axis), 422)["detail"])
+    assert detail.startswith(f"{table}.{key}: must be")
+    assert "<= 1e+09 kg m2" in detail

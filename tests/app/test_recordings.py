@@ -37,6 +37,17 @@ def test_audio_is_the_file_that_came_in(viewer: httpx.Client, path: str, content
     assert ".." not in answer.headers["content-disposition"]
 
 
+def test_who_has_the_audio_is_told_so_without_it(viewer: httpx.Client, path: str, content: bytes) -> None:
+    head = viewer.head(f"{path}/audio")
+    assert (head.status_code, head.content) == (200, b"")
+    assert int(head.headers["content-length"]) == len(content)
+    known = {"If-None-Match": f'"old", W/{head.headers["etag"]}'}
+    for answer in (viewer.get(f"{path}/audio", headers=known), viewer.head(f"{path}/audio", headers=known)):
+        assert (answer.status_code, answer.content) == (304, b"")
+        assert answer.headers["etag"] == head.headers["etag"]
+    assert viewer.get(f"{path}/audio", headers={"If-None-Match": '"old"'}).content == content
+
+
 @pytest.mark.parametrize(
     ("header", "start", "end"),
     [("bytes=0-99", 0, 100), ("bytes=100-", 100, None), ("bytes=-50", -50, None), ("bytes=10-999999999", 10, None)],

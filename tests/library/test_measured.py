@@ -95,6 +95,9 @@ def test_a_diagnosis_of_a_real_recording_says_why(filled: CaseLibrary) -> None:
     for each in found:
         units = {str(item["unit"]) for item in each.document["evidence"]}  # type: ignore[attr-defined]
         assert {"dB", "s"} <= units
+        words = " ".join(str(item["statement"]) for item in each.document["evidence"])  # type: ignore[attr-defined]
+        assert "_" not in words
+        assert " hz" not in words
         gearboxes = each.document["provenance"]["gearboxes"]  # type: ignore[index]
         assert gearboxes == 4
     with filled.transaction("admin") as session:

@@ -105,6 +105,16 @@ def test_bandwidth() -> None:
     assert not extract(Recording(GOOD, RATE_HZ).resampled(300.0)).usable
 
 
+def test_what_a_low_sample_rate_leaves_out_is_said() -> None:
+    """8 kHz is the promise; at half of it bands above some 1.9 kHz have no value."""
+    slow = extract(Recording(GOOD, RATE_HZ).resampled(4000.0))
+    flag = next(flag for flag in slow.quality if flag.name == "bandwidth_too_low")
+    assert flag.severity is Severity.POOR
+    assert flag.reason.startswith("the sample rate is 4000 Hz, so the recording holds nothing above 1")
+    assert slow.usable
+    assert flags(extract(Recording(GOOD, RATE_HZ).resampled(48000.0))) == {}
+
+
 def test_hum_that_swells_is_flagged_and_steady_hum_is_not() -> None:
     hum = 0.1 * np.sin(2 * np.pi * 50 * TIME)
     assert flags(flagged(GOOD + hum)) == {}

@@ -14,7 +14,7 @@ from casebase.signals.features.loudness import Loudness
 from casebase.signals.features.meshing import Meshing
 from casebase.signals.features.modulation import Modulation
 from casebase.signals.features.repetition import Repetition
-from casebase.signals.features.vector import Extraction, FeatureDefinition, FeatureVector
+from casebase.signals.features.vector import Extraction, FeatureDefinition, FeatureVector, feature_words
 from casebase.signals.motion import Motion, MotionSource
 from casebase.signals.quality import QualityFlag, Severity, assess
 from casebase.signals.recording import SHORTEST_S, Recording
@@ -34,6 +34,7 @@ __all__ = [
     "Severity",
     "catalogue",
     "extract",
+    "feature_words",
 ]
 
 EXTRACTOR_VERSION = "4"

@@ -1,6 +1,7 @@
 """The nouns of feature extraction: definition, vector, extraction."""
 
 import math
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -9,6 +10,19 @@ from numpy.typing import NDArray
 from casebase.signals.events import Event
 from casebase.signals.motion import Motion
 from casebase.signals.quality import QualityFlag, Severity
+
+
+def feature_words(name: str) -> str:
+    """Return the name of a feature as words, with the units of its numbers.
+
+    >>> feature_words("notch_bump_12_200_hz")
+    'notch bump, 12 to 200 Hz'
+    >>> feature_words("crest_factor_low_pass_200_hz_largest_of_1_s_windows")
+    'crest factor below 200 Hz, largest of 1 s windows'
+    """
+    text = name.replace("_low_pass_200_hz", " below 200 Hz").replace("_whole_record", ", whole record")
+    text = re.sub(r"_(mean|largest)_of_", r", \1 of ", text)
+    return re.sub(r"_(\d+)_(\d+)_hz$", r", \1 to \2 Hz", text).replace("_", " ")
 
 
 @dataclass(frozen=True)
