@@ -6,6 +6,7 @@ From it come the three numbers that a diagnosis says: a p-value per class (confo
 Source: Vovk, Gammerman, Shafer, Algorithmic Learning in a Random World (2005), label-conditional p-values.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,7 +17,7 @@ from casebase.learning import Similarity
 from casebase.novelty import FEWEST_FOR_LIMIT, LIMIT, KnownRanges, known_ranges, novelty_limit, spread_out
 from casebase.retrieval import CaseMatrix
 from casebase.similarity import Floats
-from casebase.voting import NEAREST, fitted_sharpness, log_votes, strangeness
+from casebase.voting import NEAREST, balance, fitted_sharpness, log_votes, strangeness
 
 LARGEST_SAMPLE = 400
 MOST_PARTS = 20
@@ -53,6 +54,7 @@ class Experience:
         nearest: squared distances to the nearest cases of every class, gearbox held out, shape (rows, classes, k).
         truth: class of every row.
         threshold: the novelty limit; None if the library is too small to set one.
+        jury: the cases that vote, shape (cases,); see `possible_juries`.
     """
 
     classes: tuple[str, ...]
@@ -60,6 +62,7 @@ class Experience:
     truth: NDArray[np.intp]
     sharpness: float
     threshold: float | None
+    jury: Mask
 
     @property
     def doubt(self) -> float:
@@ -119,6 +122,35 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
         rows: the cases to hold out, one gearbox at a time.
         present: the features that the query has, shape (n,).
     """
+    truth = np.searchsorted(table.classes, table.labels[rows])
+    juries = possible_juries(table)
+    seen = [_nearest_of_others(table, similarity, present, rows, jury) for jury in juries]
+    chosen = _most_telling(seen, truth)
+    nearest = seen[chosen]
+    known = _reached(nearest, truth)
+    sharpness = fitted_sharpness(nearest[known], truth[known])
+    limit = where_unknown_begins(table, present, rows)
+    return Experience(table.classes, nearest[known], truth[known], sharpness, limit, juries[chosen])
+
+
+def possible_juries(table: CaseTable) -> list[Mask]:
+    """Return which cases might vote, each a part of the one before: all; no simulated ones of axes without a measured
+    case; no simulated ones at all of classes that were measured. What was never measured is voted for by what is
+    simulated in any of them."""
+    measured = table.origins == "measured"
+    needed = measured | ~np.isin(table.labels, np.unique(table.labels[measured]))
+    own = np.isin(table.axes, np.unique(table.axes[measured]))
+    juries = [np.ones(len(table), bool)]
+    for jury in (needed | own, needed):
+        if not np.array_equal(jury, juries[-1]):
+            juries.append(jury)
+    return juries
+
+
+def _nearest_of_others(
+    table: CaseTable, similarity: Similarity, present: Mask, rows: NDArray[np.intp], jury: Mask
+) -> Floats:
+    """Return squared distances to the nearest of a jury from other gearboxes, shape (rows, classes, NEAREST)."""
     nearest = np.full((rows.size, len(table.classes), NEAREST), np.inf)
     held_out = _held_out_together(table)
     matrices: dict[bytes, CaseMatrix] = {}
@@ -128,13 +160,29 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
         if matrix is None:
             matrix = matrices[weights.tobytes()] = CaseMatrix(table, similarity.metric.with_weights(weights))
         query = np.where(present, table.values[row], np.nan)
-        allowed = (held_out != held_out[row]) & (table.samples != table.samples[row])
+        allowed = jury & (held_out != held_out[row]) & (table.samples != table.samples[row])
         nearest[index] = matrix.nearest_by_class(query, NEAREST, where=allowed).voting(NEAREST)
-    truth = np.searchsorted(table.classes, table.labels[rows])
-    known = np.isfinite(nearest[np.arange(rows.size), truth, 0])
-    sharpness = fitted_sharpness(nearest[known], truth[known])
-    limit = where_unknown_begins(table, present, rows)
-    return Experience(table.classes, nearest[known], truth[known], sharpness, limit)
+    return nearest
+
+
+def _reached(nearest: Floats, truth: NDArray[np.intp]) -> Mask:
+    """Return for which rows a case of their own class votes."""
+    return np.asarray(np.isfinite(nearest[np.arange(truth.size), truth, 0]))
+
+
+def _most_telling(seen: Sequence[Floats], truth: NDArray[np.intp]) -> int:
+    """Return the jury under whose votes the true classes are most probable; of equals the smallest.
+
+    Trust in simulated cases is measured by this, on measured ones. Few rows decide nothing, and all may vote.
+    """
+    rows = np.logical_and.reduce([_reached(nearest, truth) for nearest in seen])
+    if len(seen) == 1 or rows.sum() < FEWEST_FOR_LIMIT:
+        return 0
+    true, weights, losses = truth[rows], balance(truth[rows]), []
+    for nearest in (each[rows] for each in seen):
+        shares = log_votes(nearest, fitted_sharpness(nearest, true))
+        losses.append(-float(weights @ np.maximum(shares[np.arange(true.size), true], -50.0)))
+    return len(losses) - 1 - int(np.argmin(losses[::-1]))
 
 
 def where_unknown_begins(table: CaseTable, present: Mask, rows: NDArray[np.intp]) -> float | None:

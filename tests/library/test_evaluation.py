@@ -1,5 +1,7 @@
 """Evaluate: what is counted, with which interval, and what must not leak."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.typing import NDArray
@@ -7,8 +9,8 @@ from numpy.typing import NDArray
 from casebase.case_table import CaseTable
 from casebase.errors import InvalidRequestError
 from casebase.evaluation import Proportion, evaluate
-from casebase.experience import representative, where_unknown_begins
-from casebase.learning import learn
+from casebase.experience import gather, representative, where_unknown_begins
+from casebase.learning import learn, unlearned
 from casebase.similarity import Metric
 from casebase.voting import fitted_sharpness, log_votes, nearest_of_classes
 
@@ -114,15 +116,47 @@ def test_simulated_cases_are_learned_from_but_not_tested_where_there_are_measure
         assert evaluate(mixed, origin=origin).cases == 18
 
 
+def joined(measured: CaseTable, simulated: CaseTable) -> CaseTable:
+    """Return one table of measured and simulated cases."""
+    count = len(measured) + len(simulated)
+    ids = np.array([f"{row:032x}" for row in range(count)])
+    origins = np.where(np.arange(count) < len(measured), "measured", "simulated")
+    labels, axes = (np.concatenate([getattr(t, name) for t in (measured, simulated)]) for name in ("labels", "axes"))
+    gearboxes = np.concatenate([measured.gearboxes, np.full(len(simulated), "")])
+    values = np.concatenate([measured.values, simulated.values])
+    return CaseTable(1, "made", measured.names, ids, labels, origins, axes, gearboxes, ids, values)
+
+
+def jury(table: CaseTable) -> NDArray[np.bool_]:
+    return gather(table, unlearned(table, "a test"), np.ones(SIZE, bool), representative(table)).jury
+
+
+def test_simulated_cases_that_mislead_have_no_vote() -> None:
+    measured, simulated = made_table(6), made_table(7)
+    wrong = replace(simulated, labels=np.roll(simulated.labels, 1))
+    assert not jury(joined(measured, wrong))[len(measured) :].any()
+    assert jury(measured).all()
+
+
+def test_simulated_cases_vote_for_what_was_never_measured() -> None:
+    table = made_table(8)
+    measured = table.take(table.labels != "play")
+    simulated = made_table(9)
+    votes = jury(joined(measured, replace(simulated, labels=np.roll(simulated.labels, 1))))[len(measured) :]
+    assert votes[np.roll(simulated.labels, 1) == "play"].all()
+
+
+def test_simulated_cases_vote_where_they_tell_more_than_measured_ones() -> None:
+    """One measured case per class and gearbox, drowned in noise; simulated ones of the same classes without it."""
+    measured, simulated = made_table(10, shift=2.0), made_table(11, shift=2.0)
+    clear = replace(simulated, values=np.where(np.abs(simulated.values) > 1.5, simulated.values, 0).astype(np.float32))
+    assert jury(joined(measured, clear))[len(measured) :].any()
+
+
 def test_simulated_cases_do_not_bring_the_unknown_nearer() -> None:
     """What is known begins where measured gearboxes say, whether or not simulated cases lie close to them."""
     measured = made_table(5, gearboxes=4)
-    rows = np.tile(np.arange(len(measured)), 2)
-    origins = np.where(np.arange(rows.size) < len(measured), "measured", "simulated")
-    ids = np.array([f"{row:032x}" for row in range(rows.size)])
-    gearboxes = np.where(origins == "measured", measured.gearboxes[rows], "")
-    text = (measured.labels[rows], origins, measured.axes[rows], gearboxes, ids)
-    both = CaseTable(1, "made", measured.names, ids, *text, measured.values[rows])
+    both = joined(measured, measured)
     present = np.ones(SIZE, bool)
     alone = where_unknown_begins(measured, present, representative(measured))
     assert alone is not None
