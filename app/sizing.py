@@ -4,7 +4,7 @@ Cases of the library differ from a recording in motion and payload as much as in
 size drowns in that. So the fault is simulated as the recording was taken, with many sizes, specimens, servos and
 microphones, and its size is read off what these have in common (`casebase.severity`). A recording with the period and
 the speed of the axis's description has its acceleration, rest and servo, too. Otherwise what the loudness says of the
-motion (how long the axis is slow around a reversal) narrows them; that costs much of what timing says of a gap.
+motion (how long the axis is slow around a reversal) narrows them.
 """
 
 from __future__ import annotations
