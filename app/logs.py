@@ -51,5 +51,8 @@ def configure_logs(level: int = logging.INFO) -> None:
     for name in ("uvicorn", "uvicorn.error", "uvicorn.access"):
         logging.getLogger(name).handlers = []
         logging.getLogger(name).propagate = True
+    engine = logging.getLogger("dbos")  # would add a handler of its own, for people, if it had none
+    engine.handlers, engine.propagate = [handler], False
     logging.getLogger("uvicorn.access").disabled = True  # the request record says more
-    logging.getLogger("alembic").setLevel(logging.WARNING)
+    for name in ("alembic", "dbos"):
+        logging.getLogger(name).setLevel(logging.WARNING)

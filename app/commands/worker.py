@@ -9,13 +9,16 @@ from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Annotated
 
+import structlog
 import typer
 
 from app.commands.frame import Frame, frame_of
 from app.job_kinds import job_kinds, open_jobs, url_of
 from app.jobs import run_worker, stop_on_signals, take_slot
+from app.logs import configure_logs
 from app.settings import Settings
 
+log = structlog.get_logger(__name__)
 Name = Annotated[str | None, typer.Option(help="name of this worker; the first free one of this machine by default")]
 Adopt = Annotated[
     list[str] | None, typer.Option(help="take over the jobs of a worker that will not return; may be repeated")
@@ -34,15 +37,16 @@ def worker(context: typer.Context, name: Name = None, adopt: Adopt = None, paren
     of another machine has to be named with --adopt.
     """
     frame: Frame = frame_of(context)
+    configure_logs()
     stop = stop_on_signals()
     slot, dead = take_slot(frame.settings.data_dir)
     jobs = open_jobs(frame.settings)
     for lost in {*dead, *(adopt or ())} - {name}:
         count = jobs.adopt(lost)
         if count:
-            frame.say(f"took over {count} from {lost}")
+            log.info("took over what another worker held", worker=lost, count=count)
     jobs.close()
-    frame.say(f"worker {name or slot.name} waits for jobs")
+    log.info("worker waits for jobs", worker=name or slot.name)
     run_worker(url_of(frame.settings), job_kinds(frame.settings), name or slot.name, stop=stop, parent=parent)
     slot.lock.close()
 

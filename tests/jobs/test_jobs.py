@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import multiprocessing
 import random
 import signal
@@ -222,3 +223,17 @@ def test_a_worker_takes_the_name_of_a_dead_one(tmp_path: Path) -> None:
     second.kill()
     second.join()
     slot.lock.close()
+
+
+def test_what_the_engine_says_is_one_json_line_each() -> None:
+    """A job that fails brings a traceback; a log of JSON lines stays one."""
+    program = (
+        "import logging; from app.logs import configure_logs; configure_logs()\n"
+        "from dbos._logger import init_logger; init_logger()\n"
+        "try: 1 / 0\n"
+        "except ZeroDivisionError: logging.getLogger('dbos').exception('a job failed')"
+    )
+    done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
+    (entry,) = (json.loads(line) for line in done.stderr.splitlines())
+    assert entry["event"] == "a job failed"
+    assert "ZeroDivisionError" in entry["exception"]
