@@ -1,21 +1,24 @@
 """Engines and column types: SQLite in WAL mode or PostgreSQL with pgvector, by URL."""
 
+from __future__ import annotations
+
 import json
 from datetime import UTC, datetime
 from pathlib import Path
 from sqlite3 import Connection as SqliteConnection
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from alembic import command
-from alembic.config import Config
 from numpy.typing import NDArray
 from pgvector.sqlalchemy import Vector as PgVector
-from sqlalchemy import Connection, DateTime, Dialect, Engine, LargeBinary, create_engine, event
+from sqlalchemy import Connection, DateTime, Dialect, Engine, LargeBinary, create_engine, event, inspect, text
 from sqlalchemy.engine import make_url
 from sqlalchemy.types import TypeDecorator, TypeEngine
 
 import migrations
+
+if TYPE_CHECKING:
+    from alembic.config import Config
 
 WRITING = "gearcase_writing"
 """Execution option of a connection whose transaction will write."""
@@ -109,11 +112,25 @@ def _sqlite_engine(url: str) -> Engine:
 def upgrade_database(engine: Engine, revision: str = "head") -> None:
     """Bring the tables to the current revision; does nothing when they are there already."""
     with engine.connect().execution_options(**{WRITING: True}) as connection, connection.begin():
+        if revision == "head" and _revision(connection) == migrations.NEWEST:
+            return
+        from alembic import command  # slow to import, and rarely needed
+
         command.upgrade(migration_config(connection), revision)
+
+
+def _revision(connection: Connection) -> str | None:
+    """Return the revision of the tables; None where there are none."""
+    if not inspect(connection).has_table("alembic_version"):
+        return None
+    found = connection.scalar(text("SELECT version_num FROM alembic_version"))
+    return None if found is None else str(found)
 
 
 def migration_config(connection: Connection) -> Config:
     """Return Alembic's configuration for an open connection; it never prints."""
+    from alembic.config import Config
+
     config = Config()
     config.set_main_option("script_location", str(Path(migrations.__path__[0])).replace("%", "%%"))
     config.attributes["connection"] = connection

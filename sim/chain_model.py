@@ -16,7 +16,6 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import make_interp_spline
 
 from sim.errors import ParameterError
 
@@ -134,6 +133,8 @@ class PrescribedMotion:
         position = np.ascontiguousarray(position_rad, dtype=np.float64)
         if position.ndim != 1 or position.size < 6 or not np.isfinite(position).all():
             raise ChainError("motor position: needs at least 6 finite samples in one row")
+        from scipy.interpolate import make_interp_spline  # slow to import
+
         spline = make_interp_spline(np.arange(position.size), position, k=5)
         scale = np.array([[1.0], [sample_rate_hz], [sample_rate_hz**2]])
         grid = np.arange(position.size)

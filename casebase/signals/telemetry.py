@@ -1,17 +1,21 @@
 """Telemetry: named channels of an axis over one clock."""
 
+from __future__ import annotations
+
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pyarrow as pa
 from numpy.typing import NDArray
 
 from casebase.signals.errors import TelemetryError
-from casebase.signals.formats import READERS
+
+if TYPE_CHECKING:
+    import pyarrow as pa
 
 CHANNELS: Mapping[str, str] = MappingProxyType(
     {
@@ -91,6 +95,8 @@ def read_telemetry(path: Path) -> Telemetry:
             twice; the clock has missing values or does not run forwards; there are fewer than 100 rows; a
             value is infinite or no number; or more than a tenth of a channel is missing.
     """
+    from casebase.signals.formats import READERS  # pyarrow is slow to import, and who only hears needs none
+
     table = READERS[_format(path)](path)
     table = table.rename_columns([name.strip().lstrip("\ufeff") for name in table.column_names])
     if "time_s" not in table.column_names:
@@ -123,6 +129,8 @@ def _format(path: Path) -> str:
 def _numbers(table: pa.Table, name: str) -> NDArray[np.float64]:
     if table.column_names.count(name) > 1:
         raise TelemetryError(f"the column {name} stands twice in the table; one of them must go")
+    import pyarrow as pa
+
     column = table.column(name)
     try:
         values = column.cast(pa.float64()).to_numpy()

@@ -3,10 +3,13 @@
 import pytest
 from alembic.autogenerate import compare_metadata
 from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
 from sqlalchemy import text
 from sqlalchemy.exc import DBAPIError
 
+import migrations
 from casebase.case_filter import CaseFilter
+from casebase.database import migration_config
 from casebase.description import Labelling
 from casebase.errors import ConflictError, DuplicateError, InvalidRequestError, NotFoundError, StaleVersionError
 from casebase.library import CaseLibrary
@@ -17,6 +20,18 @@ from tests.library.made import add_case, store
 def test_migrations_make_the_tables_of_the_models(library: CaseLibrary) -> None:
     with library.engine.connect() as connection:
         assert compare_metadata(MigrationContext.configure(connection), Base.metadata) == []
+
+
+def test_a_database_at_the_newest_revision_is_known_without_looking_through_the_migrations(
+    library: CaseLibrary,
+) -> None:
+    with library.engine.connect() as connection:
+        scripts = ScriptDirectory.from_config(migration_config(connection))
+        assert (
+            scripts.get_current_head()
+            == migrations.NEWEST
+            == MigrationContext.configure(connection).get_current_revision()
+        )
 
 
 def test_same_recording_twice_is_one(library: CaseLibrary) -> None:
