@@ -9,7 +9,14 @@ import numpy as np
 from numpy.typing import NDArray
 from pydantic import BaseModel, Field
 
-from casebase.signals.crest import crest_factor, crest_factor_trace, peak, root_mean_square
+from casebase.signals.crest import (
+    crest_factor,
+    crest_factor_trace,
+    peak,
+    peak_trace,
+    root_mean_square,
+    root_mean_square_trace,
+)
 from casebase.signals.decode import read_recording
 from casebase.signals.recording import Recording
 
@@ -115,8 +122,6 @@ def crest(recording: Recording, window_s: float) -> CrestFactor:
     window = max(2, min(samples.size, round(window_s * recording.sample_rate_hz)))
     step = max(1, window // 2)
     trace = crest_factor_trace(samples, window, step)
-    windows = np.lib.stride_tricks.sliding_window_view(samples, window)[::step]
-    rms = np.sqrt(np.mean(np.square(windows), axis=1, dtype=np.float64))
     middles = (np.arange(trace.size) * step + window / 2) / recording.sample_rate_hz
     whole = crest_factor(samples)
     return CrestFactor(
@@ -127,8 +132,8 @@ def crest(recording: Recording, window_s: float) -> CrestFactor:
         whole_peak=peak(samples),
         time_s=middles.tolist(),
         crest_factor=[value if math.isfinite(value) else None for value in trace.tolist()],
-        rms=rms.tolist(),
-        peak=np.abs(windows).max(axis=1).tolist(),
+        rms=root_mean_square_trace(samples, window, step).tolist(),
+        peak=peak_trace(samples, window, step).tolist(),
     )
 
 

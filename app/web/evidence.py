@@ -6,8 +6,8 @@ from typing import Any
 
 from markupsafe import Markup
 
-from app.web.templating import feature_words, percent, quantity, sentence
-from casebase.signals.features import catalogue
+from app.web.templating import percent, quantity, sentence
+from casebase.signals.features import catalogue, feature_words
 
 PLOTS = (
     ("crest_factor", "crest"),

@@ -18,6 +18,7 @@ from markupsafe import Markup, escape
 from app.security import COOKIE, Principal, csrf_token
 from app.service import service_of
 from app.web.svg import shape_name, shape_path
+from casebase.signals.features import feature_words
 
 FOLDER = Path(__file__).parent
 STATIC = FOLDER / "static"
@@ -69,19 +70,6 @@ def quantity(value: float | None, unit: str = "", digits: int = 3) -> Markup:
 def percent(value: float | None, digits: int = 0) -> str:
     """Write a ratio in per cent."""
     return "–" if value is None else f"{100 * value:.{digits}f}\N{NO-BREAK SPACE}%"
-
-
-def feature_words(name: str) -> str:
-    """Return the name of a feature as words.
-
-    >>> feature_words("notch_bump_12_200_hz")
-    'notch bump, 12 to 200 Hz'
-    >>> feature_words("crest_factor_low_pass_200_hz_largest_of_1_s_windows")
-    'crest factor below 200 Hz, largest of 1 s windows'
-    """
-    text = name.replace("_low_pass_200_hz", " below 200 Hz").replace("_whole_record", ", whole record")
-    text = re.sub(r"_(mean|largest)_of_", r", \1 of ", text)
-    return re.sub(r"_(\d+)_(\d+)_hz$", r", \1 to \2 Hz", text).replace("_", " ")
 
 
 def sentence(text: str) -> str:

@@ -7,12 +7,8 @@ from hypothesis import strategies as st
 from scipy import signal
 
 from casebase.signals import crest
-from casebase.signals.analysis import Analysis
-from casebase.signals.condition import UNKNOWN
 from casebase.signals.filters import low_pass
-from casebase.signals.recording import Recording
 from casebase.signals.spectra import long_spectrum
-from casebase.signals.views import crest_trace
 
 RATE_HZ = 8000.0
 
@@ -98,13 +94,3 @@ def test_filter_edges_of_noise_are_no_impulses() -> None:
         samples = np.random.default_rng(seed).normal(size=8000)
         passed = filtered(samples, 50.0)
         assert np.abs(passed[:200]).max() < 2.5 * np.abs(passed[800:-800]).max()
-
-
-def test_the_crest_trace_shows_when_the_knock_was() -> None:
-    rng = np.random.default_rng(3)
-    samples = rng.normal(0, 0.01, 80000)
-    samples[50000:50080] += np.hanning(80)
-    view = crest_trace(Analysis(Recording(samples.astype(np.float32), RATE_HZ), UNKNOWN), window_s=0.5)
-    loudest = view.time_s[np.argmax(view.crest_factor)]
-    assert abs(loudest - 50040 / RATE_HZ) <= 0.25
-    np.testing.assert_allclose(view.crest_factor, view.peak / view.rms, rtol=1e-5)

@@ -11,7 +11,6 @@ from casebase.signals.events import EventKind, find_events
 from casebase.signals.features import extract
 from casebase.signals.fold import FALSE_ALARM, noise_peak_db
 from casebase.signals.recording import Recording
-from casebase.signals.views import polar
 from tests.signals.synthetic import RATE_HZ, Joint, ring_times_s, sound
 
 PLAY, NOTCH = "play_bump_12_200_hz", "notch_bump_12_200_hz"
@@ -91,14 +90,3 @@ def test_noise_rises_above_its_peak_as_often_as_said(strokes: int) -> None:
     height_db = 10 * np.log10(noise.max(axis=1) / 7.344)
     rate = np.mean(height_db > noise_peak_db(strokes, freedom, positions))
     assert FALSE_ALARM / 5 < rate < FALSE_ALARM
-
-
-def test_the_polar_view_puts_the_notch_where_it_is() -> None:
-    joint = Joint(label="notch", seed=8, ring=15.0)
-    view = polar(Analysis(Recording(sound(joint), RATE_HZ), UNKNOWN))
-    assert view is not None
-    highest = view.phase_deg[np.nanargmax(view.height_db)] % 180
-    assert highest == pytest.approx((0.3 + 0.4 * joint.notch_phase) * 180, abs=3)
-    assert view.phase_deg[0] == 0
-    assert view.phase_deg[-1] < 360
-    assert (np.diff(view.phase_deg) > 0).all()
