@@ -18,14 +18,16 @@ from sim.discrepancy.explanation import explain, next_measurement
 from sim.discrepancy.extension import extended_axis
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.gain import Gain, gains
-from sim.discrepancy.selection import TEMPERATURE, Rival, Selection, calibrate, evidence, material, polish, select
+from sim.discrepancy.selection import Selection, calibrate, polish, select
 from sim.discrepancy.sound import Listening, beside, listen, listen_alone
 from sim.discrepancy.sound_evidence import Heard
 from sim.discrepancy.terms import Term
-from sim.discrepancy.unexplained import SHARE, Unexplained, look
+from sim.discrepancy.unexplained import Unexplained, look, stands_out, structure
+from sim.discrepancy.weighing import Evidence, is_close, probability
 
 VERSION = "1"
 NINETY = 1.645
+SAID = 0.5  # probability from which a name is said
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
 Progress = Callable[[str, float], None]
 UNITS = {
@@ -56,6 +58,7 @@ class Finding:
     parameters: tuple[Estimate, ...]
     indistinguishable_from: tuple[str, ...]
     explanation: str
+    evidence: Evidence | None = None
 
 
 @dataclass(frozen=True)
@@ -138,18 +141,23 @@ def investigate(
     named = [term.mechanism for term in fit.terms] + [fault.mechanism for fault in gate.faults]
     progress("gain on rows not used", 0.85)
     base = problem.fit((), base.values, held=base.sensitivities) if fit.terms else fit
-    rest = _left(problem, fit)
+    places = look(problem, fit)
+    rest = _left(places, fit)
+    remains = structure(places, fit.misfit)
     _, base = polish(problem, base)
     problem, fit = polish(problem, fit)
     gained = gains(problem, base, fit)
     selection = replace(selection, problem=problem, base=base, fit=fit)
     progress("what is left", 0.92)
     findings = (
-        *(_finding(selection, term) for term in fit.terms),
+        *(_finding(selection, term, remains) for term in fit.terms),
         *(_fault_finding(fault) for fault in gate.faults),
         *(_heard_finding(h) for h in beside(named, heard, problem.guided)),
     )
-    verdict = "named" if findings else "unnamed" if rest else "nothing_missing"
+    named_well = any(f.probability >= SAID for f in findings)
+    if findings and not named_well:
+        rest = rest or places[:1]  # something is there, but no name is more likely than not
+    verdict = "named" if named_well else "unnamed" if rest else "nothing_missing"
     progress("done", 1.0)
     return Investigation(
         axis, verdict, findings, rest[0] if rest else None, _estimates(problem, fit), gained,
@@ -159,15 +167,10 @@ def investigate(
     )  # fmt: skip
 
 
-def _left(problem: Problem, fit: Fit) -> list[Unexplained]:
+def _left(places: Sequence[Unexplained], fit: Fit) -> list[Unexplained]:
     """What stands out of the residual; where all of it is far above its noise, its strongest place."""
-    places = look(problem, fit)
     far = fit.misfit > FAR * fit.residual.size
-    return [u for u in places if _counts(u)] or (places[:1] if far else [])
-
-
-def _counts(u: Unexplained) -> bool:
-    return u.kind == "frequency" and u.score > 60.0 and u.share > SHARE
+    return [u for u in places if stands_out(u)] or (list(places[:1]) if far else [])
 
 
 def _first_noise(gate: Gate) -> Noise:
@@ -188,26 +191,14 @@ def _sound_alone(axis: Axis, sounds: Sequence[Recording], progress: Progress) ->
     )  # fmt: skip
 
 
-def _finding(selection: Selection, term: Term) -> Finding:
-    fit = selection.fit
-    rows = fit.residual.size
-    rivals = [r for r in selection.rivals.get(term.key, ()) if r.term.key != term.key and material(r.term, r.values)]
-    own = next(
-        (r.gain for r in selection.rivals.get(term.key, ()) if r.term.key == term.key), selection.gains[term.key]
-    )
-    scale = max(1.0, fit.misfit / rows)
-    alone = evidence(term, selection.gains[term.key] / scale, rows)
-    against = sum(_odds(r, own, scale) for r in rivals)
-    probability = 1.0 / (1.0 + math.exp(-min(alone, 50.0)) + against)
-    close = sorted({r.term.mechanism for r in rivals if _odds(r, own, scale) > 1.0 / 3.0} - {term.mechanism})[:2]
+def _finding(selection: Selection, term: Term, remains: float) -> Finding:
+    fit, standing = selection.fit, selection.standings[term.key]
+    seen = Evidence(standing.share, tuple(t for _, t in standing.rivals), remains / standing.gain)
+    close = sorted({r.mechanism for r, t in standing.rivals if is_close(t)} - {term.mechanism})[:2]
     return Finding(
-        term.mechanism, term.location, min(max(probability, 0.01), 0.99), _term_estimates(fit, term), tuple(close),
-        explain(term.mechanism, term.location, term.report(fit.values)),
+        term.mechanism, term.location, probability(seen), _term_estimates(fit, term), tuple(close),
+        explain(term.mechanism, term.location, term.report(fit.values)), seen,
     )  # fmt: skip
-
-
-def _odds(rival: Rival, own: float, scale: float) -> float:
-    return math.exp(min(TEMPERATURE * 0.5 * (rival.gain - own) / scale, 3.0))
 
 
 def _term_estimates(fit: Fit, term: Term) -> tuple[Estimate, ...]:

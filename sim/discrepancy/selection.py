@@ -17,13 +17,13 @@ from sim.discrepancy.measurement import gaussian_kernel
 from sim.discrepancy.model import link_stiffness
 from sim.discrepancy.scan import Place, scan
 from sim.discrepancy.terms import Term
+from sim.discrepancy.weighing import Standing, held_out_squares, paired, standings
 
 Progress = Callable[[str, float], None]
 SHORTLIST = 5
 SPRING_LAWS = frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"})
 SPRING_SHARE = 0.1
 LEAST_SHARE = 0.003  # of the squared residual: what the form of a model differs from any real axis
-BLOCKS = 15
 MOTION_BAND_HZ = 40.0
 MOST_TRIES = 7
 DEPTHS = (0.03, 0.1, 0.3)  # of the working twist, where a dent is looked for
@@ -53,6 +53,7 @@ class Selection:
     gains: Mapping[str, float]
     rivals: Mapping[str, tuple[Rival, ...]]
     rejected: tuple[Rival, ...]
+    standings: Mapping[str, Standing]
 
 
 def calibrate(problem: Problem) -> tuple[Problem, Fit]:
@@ -124,7 +125,8 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         if best.term.key not in gains:
             break
     problem, fit, gains = prune(problem, fit, strict=True)
-    return Selection(problem, base, fit, gains, rivals, rejected)
+    in_place = {key: [(r.term, r.values) for r in tried if material(r.term, r.values)] for key, tried in rivals.items()}
+    return Selection(problem, base, fit, gains, rivals, rejected, standings(problem, fit, gains, in_place))
 
 
 def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, dict[str, float]]:
@@ -171,30 +173,7 @@ def holds(less: Fit, more: Fit) -> bool:
     """Whether the larger model predicts better what it has not seen: by two standard errors, in two of three blocks."""
     drop = held_out_squares(less) - held_out_squares(more)
     drop = drop[drop != 0.0]
-    if drop.size < 4:
-        return False
-    root = np.sign(drop) * np.sqrt(np.abs(drop))  # a few blocks with reversals would make any mean uncertain
-    return bool(root.mean() > 2.0 * root.std(ddof=1) / math.sqrt(root.size) and np.mean(drop > 0.0) >= 2.0 / 3.0)
-
-
-def held_out_squares(fit: Fit) -> Array:
-    """Sum of squares per block of rows after one linear refit on the other blocks, shape (BLOCKS,)."""
-    steps = np.array([p.step / p.spread for p in fit.parameters])
-    offset = np.array([(fit.values[p.name] - p.expected) / p.spread for p in fit.parameters])
-    information = fit.jacobian.T @ fit.jacobian + np.diag(steps**2 + 1e-9)
-    gradient = fit.jacobian.T @ fit.residual + steps * offset
-    edges = np.linspace(0, fit.residual.size, BLOCKS + 1).astype(np.int64)
-    out = np.zeros(BLOCKS)
-    for k in range(BLOCKS):
-        part = slice(int(edges[k]), int(edges[k + 1]))
-        columns, rows = fit.jacobian[part], fit.residual[part]
-        rest = information - columns.T @ columns
-        scale = np.sqrt(np.maximum(np.diag(rest), 1e-12))
-        move = np.linalg.solve(
-            rest / np.outer(scale, scale) + 1e-9 * np.eye(scale.size), (gradient - columns.T @ rows) / scale
-        )
-        out[k] = float(np.sum((rows - columns @ (move / scale)) ** 2))
-    return out
+    return paired(drop) > 2.0 and bool(np.mean(drop > 0.0) >= 2.0 / 3.0)
 
 
 def try_terms(problem: Problem, fit: Fit) -> list[Rival]:

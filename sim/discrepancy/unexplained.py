@@ -3,19 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from sim.chain_model import Array
 from sim.discrepancy.fit import Fit, Problem
-from sim.discrepancy.scan import torque_sign
 
 BAND_HZ = 0.6
 HIGHEST_HZ = 120.0  # above, teeth and their aliases
 BINS = 48
 SHARE = 0.06  # of the residual's energy: less is how a model's form differs from any real axis
+LINE_SCORE = 60.0
+BIN_SCORE = 40.0  # twice what wrong numbers in a description, or slow noise, leave at most
 
 
 @dataclass(frozen=True)
@@ -43,6 +44,19 @@ def look(problem: Problem, fit: Fit) -> list[Unexplained]:
         out += _bins(problem, "load_position_rad", guide, stride)
     out += _bins(problem, "motor_torque_nm", torque, 1)
     return sorted(out, key=lambda u: -u.score)
+
+
+def stands_out(u: Unexplained) -> bool:
+    """Whether a place is beyond noise and beyond what the form of a good model leaves."""
+    return u.score > LINE_SCORE and u.share > SHARE if u.kind == "frequency" else u.score > BIN_SCORE
+
+
+def structure(places: Sequence[Unexplained], misfit: float) -> float:
+    """Whitened squares that depend on angle, speed or time and that the model leaves; 0 where none stand out.
+
+    A line of one frequency is not counted: it is another cause, beside which a name may well be right.
+    """
+    return max((u.share * misfit for u in places if u.kind != "frequency" and stands_out(u)), default=0.0)
 
 
 def _frequency(channel: str, values: Array, rate_hz: float) -> Unexplained:
@@ -100,6 +114,3 @@ def _binned(
     centre = (at % BINS + 0.5) / BINS * span
     found = dict.fromkeys(numbers, centre) | ({"direction": 1.0 if at < BINS else -1.0} if way.any() else {})
     return Unexplained(kind, channel, excess / float(values @ values), score, found)
-
-
-__all__ = ["SHARE", "Unexplained", "look", "torque_sign"]

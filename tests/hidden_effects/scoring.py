@@ -63,6 +63,11 @@ def _agrees(finding: JSON, hidden: JSON) -> bool:
     return hidden["location"] is None or finding.get("location") == hidden["location"]
 
 
+def names_rightly(answer: JSON, finding: JSON) -> bool:
+    """Return whether a finding names something hidden, at the right gear where one is given."""
+    return any(_agrees(finding, h) for h in answer["hidden"] if h["mechanism"] != "unnamed")
+
+
 def complete(given: JSON) -> dict[str, Any]:
     """Return an answer as given in an answers.json (id, answer, size) with all that `judge` wants."""
     renamed = {"viscous_at_motor_n_m_s_per_rad": "coefficient_n_m_s_per_rad"}

@@ -1,0 +1,140 @@
+"""How probable a name is: against no name, against other names in its place, and against something without a name.
+
+Differences of squared error between two models are compared by how they scatter over blocks of rows that neither fit
+has seen (Vuong, Econometrica 57 (1989) 307): where residuals are coloured, their sum alone says far too much.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.special import log_ndtr
+
+from sim.chain_model import Array, ChainError
+from sim.discrepancy.fit import Fit, Problem
+from sim.discrepancy.terms import Term
+from sim.discrepancy.weights import WEIGHTS, Weights
+
+BLOCKS = 15
+CLOSEST = 3  # rivals that are refitted in place of a named term
+LARGEST_T = 12.0
+FORM = 0.1  # of its own gain, that the form of a law leaves where the name is right
+SHARE = 0.01  # of the squared residual, where `Weights.bias` is meant
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What the probability of a name hangs on.
+
+    `share`: what the name takes away over what remains of the squared whitened residual; `rivals`: standard errors by
+    which it does better on unseen blocks than each other term in its place; `left`: structure that remains, over what
+    the name takes away.
+    """
+
+    share: float
+    rivals: tuple[float, ...]
+    left: float
+
+
+@dataclass(frozen=True)
+class Standing:
+    """A named term against the rest.
+
+    `gain`: whitened squares that it takes away; `share`: of those that remain; `rivals`: other terms in its place, and
+    the standard errors by which it does better than they on unseen blocks.
+    """
+
+    gain: float
+    share: float
+    rivals: tuple[tuple[Term, float], ...]
+
+
+def standings(
+    problem: Problem,
+    fit: Fit,
+    gains: Mapping[str, float],
+    rivals: Mapping[str, Sequence[tuple[Term, Mapping[str, float]]]],
+) -> dict[str, Standing]:
+    """How each term of `fit` stands; `rivals`: terms and numbers that were tried when it came in."""
+    own = held_out_squares(fit)
+    out = {}
+    for term in fit.terms:
+        rest = tuple(t for t in fit.terms if t is not term)
+        present = {t.key for t in fit.terms}
+        against = []
+        for other, values in [r for r in rivals.get(term.key, ()) if r[0].key not in present][:CLOSEST]:
+            try:
+                instead = problem.fit((*rest, other), {**fit.values, **values}, held=fit.sensitivities)
+            except ChainError:
+                continue
+            against.append((other, paired(held_out_squares(instead) - own)))
+        out[term.key] = Standing(gains[term.key], gains[term.key] / fit.misfit, tuple(against))
+    return out
+
+
+def paired(drop: Array) -> float:
+    """Mean over blocks in standard errors; of signed roots, as a few blocks with reversals would hide all others."""
+    drop = drop[drop != 0.0]
+    if drop.size < 4:
+        return 0.0
+    root = np.sign(drop) * np.sqrt(np.abs(drop))
+    error = float(root.std(ddof=1)) / math.sqrt(root.size)
+    return float(np.clip(root.mean() / max(error, 1e-300), -LARGEST_T, LARGEST_T))
+
+
+def held_out_squares(fit: Fit) -> Array:
+    """Sum of squares per block of rows after one linear refit on the other blocks, shape (BLOCKS,)."""
+    steps = np.array([p.step / p.spread for p in fit.parameters])
+    offset = np.array([(fit.values[p.name] - p.expected) / p.spread for p in fit.parameters])
+    information = fit.jacobian.T @ fit.jacobian + np.diag(steps**2 + 1e-9)
+    gradient = fit.jacobian.T @ fit.residual + steps * offset
+    edges = np.linspace(0, fit.residual.size, BLOCKS + 1).astype(np.int64)
+    out = np.zeros(BLOCKS)
+    for k in range(BLOCKS):
+        part = slice(int(edges[k]), int(edges[k + 1]))
+        columns, rows = fit.jacobian[part], fit.residual[part]
+        rest = information - columns.T @ columns
+        scale = np.sqrt(np.maximum(np.diag(rest), 1e-12))
+        move = np.linalg.solve(
+            rest / np.outer(scale, scale) + 1e-9 * np.eye(scale.size), (gradient - columns.T @ rows) / scale
+        )
+        out[k] = float(np.sum((rows - columns @ (move / scale)) ** 2))
+    return out
+
+
+def log_odds(t: float, overdispersion: float) -> float:
+    """Log odds that the first of two models is the better one, at `t` standard errors between them."""
+    z = t / overdispersion
+    return float(log_ndtr(z) - log_ndtr(-z))
+
+
+def against_rivals(rivals: Sequence[float], overdispersion: float) -> float:
+    """Probability of the name among itself and the others in its place.
+
+    >>> against_rivals([], 1.0), round(against_rivals([0.0], 1.0), 2), round(against_rivals([4.0, 1.0], 1.0), 2)
+    (1.0, 0.5, 0.84)
+    """
+    return 1.0 / (1.0 + sum(math.exp(-log_odds(t, overdispersion)) for t in rivals))
+
+
+def is_close(t: float, weights: Weights = WEIGHTS) -> bool:
+    """Whether another term, `t` standard errors behind, may well be meant: it has a third of the odds."""
+    return log_odds(t, weights.overdispersion) < math.log(3.0)
+
+
+def probability(evidence: Evidence, weights: Weights = WEIGHTS) -> float:
+    """Probability that the name is right: a real effect, this name rather than another, and nothing larger beside it.
+
+    The more structure the best model leaves, the less adequate it is, and the likelier is something without a name.
+    """
+    real = (
+        weights.bias
+        + weights.slope * math.log(evidence.share / SHARE)
+        - weights.left * math.log1p(evidence.left / FORM)
+    )
+    exists = 1.0 / (1.0 + math.exp(-float(np.clip(real, -30.0, 30.0))))
+    named = exists * against_rivals(evidence.rivals, weights.overdispersion)
+    return float(np.clip(named, 0.01, weights.cap))
