@@ -8,6 +8,7 @@ import subprocess
 import sys
 import tempfile
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -18,6 +19,7 @@ from tests.hidden_effects.generator import Scenario, write
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (sys.executable, "-m", "app")
 TIME_LIMIT_S = 300
+SEVERAL = "import json, sys; from app.cli import run; [run(arguments) for arguments in json.loads(sys.argv[1])]"
 
 
 @dataclass(frozen=True)
@@ -54,6 +56,32 @@ def investigate(scenario: Scenario) -> Answer:
         folder = Path(name)
         write(scenario, folder)
         return investigate_folder(folder)
+
+
+def investigate_together(scenarios: Sequence[Scenario]) -> list[dict[str, Any]]:
+    """Documents of several scenarios by one process, which starts once; telemetry only."""
+    with tempfile.TemporaryDirectory() as name:
+        verbs = []
+        for place, scenario in enumerate(scenarios):
+            folder = Path(name) / str(place)
+            write(scenario, folder)
+            files = ["--axis", str(folder / "axis.toml"), "--telemetry", str(folder / "telemetry.csv")]
+            verbs.append(["investigate", *files, "--json"])
+        done = subprocess.run(
+            [sys.executable, "-c", SEVERAL, json.dumps(verbs)],
+            cwd=ROOT,
+            env=_environment(Path(name)),
+            capture_output=True,
+            text=True,
+            timeout=TIME_LIMIT_S,
+            check=True,
+        )
+    documents, rest, decoder = [], done.stdout.strip(), json.JSONDecoder()
+    while rest:
+        document, end = decoder.raw_decode(rest)
+        documents.append(document)
+        rest = rest[end:].strip()
+    return documents
 
 
 def investigate_folder(folder: Path) -> Answer:

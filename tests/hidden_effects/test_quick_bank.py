@@ -2,13 +2,54 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
-from tests.hidden_effects.bank import QUICK_BANK, Entry
-from tests.hidden_effects.product import has_investigate, investigate
+from tests.hidden_effects.bank import QUICK_BANK, QUICK_SEED, Entry
+from tests.hidden_effects.generator import Hidden
+from tests.hidden_effects.product import has_investigate, investigate, investigate_together
 from tests.hidden_effects.scoring import judge
 
 RECORDING_S = 20.0
+SHORT_S = 8.0
+SHORT = {
+    "nothing": Entry(QUICK_SEED, "null", (), "full"),
+    "torque_ripple": Entry(QUICK_SEED + 110, "mechanics", ("torque_ripple",), "strong"),
+    "eccentricity": Entry(QUICK_SEED + 160, "mechanics", ("eccentricity",), "strong"),
+    "without a name": Entry(QUICK_SEED + 150, "unnamed", ("quadratic_drag",), "strong"),
+}
+Said = dict[str, tuple[tuple[Hidden, ...], dict[str, Any]]]
+
+
+@pytest.fixture(scope="module")
+def short() -> Said:
+    """What was hidden in each short recording, and the document about it."""
+    scenarios = [entry.scenario(SHORT_S) for entry in SHORT.values()]
+    documents = investigate_together(scenarios)
+    return {name: (s.hidden, d) for name, s, d in zip(SHORT, scenarios, documents, strict=True)}
+
+
+def test_nothing_is_named_where_nothing_is_missing(short: Said) -> None:
+    _, document = short["nothing"]
+    assert (document["verdict"], document["findings"]) == ("nothing_missing", [])
+
+
+@pytest.mark.parametrize(("name", "size"), [("torque_ripple", "torque_n_m"), ("eccentricity", "amplitude_rad")])
+def test_a_strong_effect_is_named_at_its_place_with_its_size(short: Said, name: str, size: str) -> None:
+    (hidden,), document = short[name]
+    (found,) = [f for f in document["findings"] if f["probability"] >= 0.5]
+    assert found["mechanism"] == name
+    assert found["location"] == (hidden.true_location or "motor")
+    (value,) = [p["value"] for p in found["parameters"] if p["name"] == size]
+    assert value == pytest.approx(hidden.size[size], rel=0.3)
+
+
+def test_what_has_no_name_gets_none(short: Said) -> None:
+    _, document = short["without a name"]
+    assert document["verdict"] == "unnamed"
+    assert [f["mechanism"] for f in document["findings"] if f["probability"] >= 0.5] == []
+    assert document["unexplained"]["kind"] in ("speed", "time")
 
 
 @pytest.mark.slow
