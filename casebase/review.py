@@ -28,7 +28,7 @@ KIND = "review"
 LARGEST = 4000  # cases looked at; beyond, the newest
 NEIGHBOURS, AGREEING = 5, 4
 SAME = 0.25  # of the typical distance to the nearest case of the label: as good as the same case
-FAR = 3.0  # times as far as the loneliest measured case of a label is from its nearest: not the same world
+FAR = 3.0  # times the typical distance between measured cases of a label, and farther than any: not the same world
 FEWEST_MEASURED = 3  # cases of a label that say how far apart real ones are
 FEWEST = 20  # simulated cases that a label should have at least
 PER_CELL = 4  # cases for a range of payload and speed that has none
@@ -148,7 +148,7 @@ def _far(labels: NDArray[np.str_], origins: NDArray[np.str_], apart: Floats) -> 
         among = among[np.isfinite(among)]
         if among.size == 0:
             continue
-        limit = FAR * float(among.max())
+        limit = max(FAR * float(np.median(among)), float(among.max()))
         nearest = apart[np.ix_(simulated, measured)].min(axis=1)
         for row, distance in sorted(zip(simulated, nearest, strict=True), key=lambda each: -each[1]):
             if math.isfinite(distance) and distance > limit:

@@ -4,6 +4,7 @@ import asyncio
 import json
 import resource
 from collections.abc import Awaitable, Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from pathlib import Path
 from sqlite3 import Connection
@@ -47,7 +48,8 @@ def against(service: Service, calls: Calls) -> None:
         ):
             await calls(client)
 
-    asyncio.run(run())
+    with ThreadPoolExecutor(1) as apart:  # a browser test before this one may have left its loop running in this thread
+        apart.submit(asyncio.run, run()).result()
 
 
 async def add(client: httpx.AsyncClient, seed: int, content: bytes | None = None) -> httpx.Response:
