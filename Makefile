@@ -36,7 +36,7 @@ run: setup
 	$(BIN)/gearcase --data-dir $(DATA_DIR) serve --host $(HOST) --port $(PORT)
 
 test: setup check
-	$(BIN)/python -m pytest -n 2 --dist loadfile
+	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
 
 check: setup
 	$(BIN)/ruff check .
