@@ -126,15 +126,15 @@ class Reasoner:
 
     def judge(self, values: NDArray[np.floating]) -> Judgement:
         """Return probabilities, p-values and novelty of a vector of features, shape (n,)."""
-        return self._judged(values, self._near(values, NEAREST))
+        experience = self.experience(np.isfinite(values))
+        return self._judged(values, self._near(values, NEAREST, experience), experience)
 
-    def _near(self, values: NDArray[np.floating], k: int) -> NearestByClass:
+    def _near(self, values: NDArray[np.floating], k: int, experience: Experience) -> NearestByClass:
         """Return the nearest cases of every class among those that vote."""
-        jury = self.experience(np.isfinite(values)).jury
+        jury = experience.jury
         return self.matrix.nearest_by_class(values, k, where=None if jury.all() else jury)
 
-    def _judged(self, values: NDArray[np.floating], near: NearestByClass) -> Judgement:
-        experience = self.experience(np.isfinite(values))
+    def _judged(self, values: NDArray[np.floating], near: NearestByClass, experience: Experience) -> Judgement:
         still = self.all_move and not moving(self.table.names, values[None])[0]
         return experience.judge(near.voting(NEAREST), self.ranges.distance(values), still)
 
@@ -151,8 +151,9 @@ class Reasoner:
 
     def _compared(self, extraction: Extraction) -> Diagnosis:
         values = extraction.features.values
-        near = self._near(values, max(NEIGHBOURS, NEAREST * len(self.table.classes)))
-        judgement = self._judged(values, near)
+        experience = self.experience(np.isfinite(values))
+        near = self._near(values, max(NEIGHBOURS, NEAREST * len(self.table.classes)), experience)
+        judgement = self._judged(values, near, experience)
         hypotheses = _hypotheses(near, judgement)
         verdict = verdict_of(judgement)
         best = hypotheses[0]
@@ -167,7 +168,7 @@ class Reasoner:
             quality=extraction.quality,
             novelty=judgement.novelty,
             threshold=judgement.threshold,
-            remarks=tuple(self._remarks(judgement, self.experience(np.isfinite(values)))),
+            remarks=tuple(self._remarks(judgement, experience)),
         )
 
     def _evidence(self, extraction: Extraction, near: NearestByClass, label: str | None) -> tuple[Evidence, ...]:

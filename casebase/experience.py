@@ -124,7 +124,7 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
     """
     truth = np.searchsorted(table.classes, table.labels[rows])
     juries = possible_juries(table)
-    seen = [_nearest_of_others(table, similarity, present, rows, jury) for jury in juries]
+    seen = _nearest_of_others(table, similarity, present, rows, juries)
     chosen = _most_telling(seen, truth)
     nearest = seen[chosen]
     known = _reached(nearest, truth)
@@ -148,10 +148,10 @@ def possible_juries(table: CaseTable) -> list[Mask]:
 
 
 def _nearest_of_others(
-    table: CaseTable, similarity: Similarity, present: Mask, rows: NDArray[np.intp], jury: Mask
+    table: CaseTable, similarity: Similarity, present: Mask, rows: NDArray[np.intp], juries: Sequence[Mask]
 ) -> Floats:
-    """Return squared distances to the nearest of a jury from other gearboxes, shape (rows, classes, NEAREST)."""
-    nearest = np.full((rows.size, len(table.classes), NEAREST), np.inf)
+    """Return squared distances to the nearest of each jury from other gearboxes, shape (juries, rows, classes, k)."""
+    nearest = np.full((len(juries), rows.size, len(table.classes), NEAREST), np.inf)
     held_out = _held_out_together(table)
     matrices: dict[bytes, CaseMatrix] = {}
     for index, row in enumerate(rows):
@@ -160,8 +160,9 @@ def _nearest_of_others(
         if matrix is None:
             matrix = matrices[weights.tobytes()] = CaseMatrix(table, similarity.metric.with_weights(weights))
         query = np.where(present, table.values[row], np.nan)
-        allowed = jury & (held_out != held_out[row]) & (table.samples != table.samples[row])
-        nearest[index] = matrix.nearest_by_class(query, NEAREST, where=allowed).voting(NEAREST)
+        others = (held_out != held_out[row]) & (table.samples != table.samples[row])
+        for seen, jury in zip(nearest, juries, strict=True):
+            seen[index] = matrix.nearest_by_class(query, NEAREST, where=jury & others).voting(NEAREST)
     return nearest
 
 
@@ -170,7 +171,7 @@ def _reached(nearest: Floats, truth: NDArray[np.intp]) -> Mask:
     return np.asarray(np.isfinite(nearest[np.arange(truth.size), truth, 0]))
 
 
-def _most_telling(seen: Sequence[Floats], truth: NDArray[np.intp]) -> int:
+def _most_telling(seen: Floats, truth: NDArray[np.intp]) -> int:
     """Return the jury under whose votes the true classes are most probable; of equals the smallest.
 
     Trust in simulated cases is measured by this, on measured ones. Few rows decide nothing, and all may vote.
