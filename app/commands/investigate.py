@@ -85,4 +85,6 @@ def _show(frame: Frame, result: Investigation) -> None:
     for g in result.gain:
         note = "" if g.significant else " (not distinguishable from zero)"
         frame.print(f"  {g.channel}: {g.rms_before:.4g} -> {g.rms_after:.4g} {g.unit} on held-out rows{note}")
+    for remark in result.remarks:
+        frame.print(f"  note: {remark}")
     frame.print(result.next_measurement)
