@@ -23,7 +23,6 @@ Array = NDArray[np.float64]
 BACKLASH_NONE_RAD = 1e-10  # a total gap up to this is a plain spring and damper, as in ElastoBacklash
 CONTACT_LAWS = {"linear": 1.0, "elasto": 2.0, "elasto2": 3.0}
 MAX_SHAFTS = 4
-MAX_STEPS = 200_000_000
 
 
 class ChainError(ParameterError):

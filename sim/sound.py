@@ -103,10 +103,6 @@ class Microphone:
             imaginary += s * rest
         return np.asarray((real + 1j * imaginary) * high_pass)
 
-    def with_mode(self, mode: Mode) -> Microphone:
-        """The microphone with one more resonance."""
-        return replace(self, modes=(*self.modes, mode))
-
 
 def microphone_of(document: Mapping[str, Any]) -> Microphone:
     """Read a microphone back from what `dataclasses.asdict` made of it (JSON)."""

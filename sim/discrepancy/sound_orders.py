@@ -29,7 +29,6 @@ LEAST_MULTIPLES = 5
 MAJORITY_OF = 12
 LEAST_FREE = 3
 LARGEST_POWER = 100.0  # of one cruise: none alone makes a line of the mean
-SIDEBANDS = 6
 SLIP = 0.001  # relative: rolling elements slip, and what they hit comes early or late
 FITTED = 0.15  # of the resolution: how well the highest multiple is placed
 GEAR_WITHIN = 0.0005  # relative: what a speed from lines of teeth is known within
