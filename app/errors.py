@@ -15,7 +15,7 @@ from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 
-from app import job_errors as jobs
+from app import job as jobs
 from app.finite import finite
 from app.storage_faults import is_full, is_unwritable
 from casebase import errors as library

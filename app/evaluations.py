@@ -1,21 +1,23 @@
 """Cross-validations of the library: computed once for each state of it, beside the requests that ask."""
 
 from concurrent.futures import Future
-from threading import Lock, Thread
+from contextlib import suppress
+from threading import Event, Lock, Thread
+from time import monotonic
 
 from app.errors import Unavailable
 from casebase.errors import LibraryError
 from casebase.evaluation import Evaluation
 from casebase.library import CaseLibrary
 
-WAIT_S = 25.0
+WAIT_S, STEP_S = 25.0, 1.0
 
 
 class Evaluations:
     """The evaluations of one library. A large one takes minutes: who asks for it waits a while, then is told so."""
 
-    def __init__(self, library: CaseLibrary) -> None:
-        self._library = library
+    def __init__(self, library: CaseLibrary, stopping: Event) -> None:
+        self._library, self._stopping = library, stopping
         self._lock = Lock()
         self._found: dict[tuple[int, str, str], Future[Evaluation]] = {}
 
@@ -32,13 +34,14 @@ class Evaluations:
                 self._found[key] = Future()
                 Thread(target=self._compute, args=(key, self._found[key]), daemon=True).start()
             found = self._found[key]
-        try:
-            return found.result(WAIT_S)
-        except TimeoutError:
-            raise Unavailable(
-                "The cross-validation of this library takes longer than a request may; ask again in a minute.",
-                headers={"Retry-After": "60"},
-            ) from None
+        until = monotonic() + WAIT_S
+        while monotonic() < until and not self._stopping.is_set():
+            with suppress(TimeoutError):
+                return found.result(STEP_S)
+        raise Unavailable(
+            "The cross-validation of this library takes longer than a request may; ask again in a minute.",
+            headers={"Retry-After": "60"},
+        )
 
     def _compute(self, key: tuple[int, str, str], found: Future[Evaluation]) -> None:
         try:

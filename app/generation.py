@@ -25,7 +25,7 @@ from sqlalchemy import select
 from sqlalchemy.exc import IntegrityError
 
 from app.intake import mesh_orders, shaft_orders
-from app.jobs import JobKind, Json, Report
+from app.job import JobKind, Json, Report
 from app.settings import Settings
 from casebase.artifacts import active_artifact
 from casebase.description import Labelling, RecordingDescription

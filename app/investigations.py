@@ -14,8 +14,8 @@ from time import sleep
 
 from sqlalchemy.orm import Session
 
-from app.job_errors import JobError, JobNotFoundError
-from app.jobs import JobKind, Jobs, Json, Report
+from app.job import JobError, JobKind, JobNotFoundError, Json, Report
+from app.jobs import Jobs
 from app.settings import Settings
 from casebase import audit
 from casebase.axes import add_axis

@@ -3,7 +3,8 @@
 from collections.abc import Callable
 from importlib import import_module
 
-from app.jobs import JobKind, Jobs, jobs_url
+from app.job import JobKind
+from app.jobs import Jobs, jobs_url
 from app.settings import Settings
 
 KINDS: dict[str, tuple[str, str]] = {

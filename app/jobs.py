@@ -1,58 +1,35 @@
 """Durable jobs: what takes longer than a request, on any number of worker processes and machines.
 
-The only module that knows the job engine (DBOS). A job of a kind is planned into tasks of 1 to 10 s, the tasks wait
-in a queue in the database, and every worker takes one at a time. A task may run again after its worker died, so
-`JobKind.run` has to give the same result, and leave the same behind, when it is repeated.
-
-States and progress are rows of the database: whoever can reach it can submit, follow, cancel, resume and work.
+Rows of a database say what jobs there are and how far: whoever can reach it can submit, follow, cancel and resume.
+This and `app.job_runner` alone know the job engine (DBOS), which is imported when jobs are first opened.
 """
 
 from __future__ import annotations
 
-import fcntl
-import os
 import re
-import signal
-import socket
 import sqlite3
-import threading
-import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import IO, Any, Literal, Self, TypeAlias
+from typing import TYPE_CHECKING, Any, Self
 from uuid import uuid4
 
-from dbos import (
-    DBOS,
-    DBOSClient,
-    DBOSConfig,
-    DBOSPortableJSONSerializer,
-    EnqueueOptions,
-    SetEnqueueOptions,
-    SetWorkflowID,
-    WorkflowStatus,
-    error,
-)
 from sqlalchemy import make_url
 
-from app.job_errors import JobError, JobFailedError, JobNotFoundError, JobStateError
+from app.job import Job, JobError, JobEvent, JobNotFoundError, JobState, JobStateError, Json, Progress
 from casebase.errors import InvalidCursorError
 from casebase.pages import Page, cut
 
-Json: TypeAlias = "bool | int | float | str | list[Json] | dict[str, Json] | None"
-JobState: TypeAlias = Literal["queued", "running", "done", "failed", "cancelled"]
-Report: TypeAlias = Callable[[str, float], None]
+if TYPE_CHECKING:
+    from dbos import EnqueueOptions, WorkflowStatus
 
 APPLICATION = "gearcase"
 VERSION = "1"  # raise when tasks already in the queue could not be run by the new code
 JOBS, TASKS, PROGRESS = "jobs", "tasks", "progress"
-WAITING_JOBS_PER_WORKER = 16  # a waiting job costs a sleeping thread, its tasks do the work
 POLL_S = 0.5
 
-_STATES: Mapping[str, JobState] = {
+STATES: Mapping[str, JobState] = {
     "ENQUEUED": "queued",
     "DELAYED": "queued",
     "PENDING": "running",
@@ -61,57 +38,7 @@ _STATES: Mapping[str, JobState] = {
     "MAX_RECOVERY_ATTEMPTS_EXCEEDED": "failed",
     "CANCELLED": "cancelled",
 }
-
-
-@dataclass(frozen=True)
-class JobKind:
-    """What a kind of job does; registered in `app.job_kinds`.
-
-    `plan` cuts the parameters into tasks of 1 to 10 s, `run` does one of them (again, after a worker died) and may
-    report (stage, fraction), `finish` makes the result of the results, in the order of the tasks.
-    """
-
-    name: str
-    stage: str
-    plan: Callable[[dict[str, Json]], list[dict[str, Json]]]
-    run: Callable[[dict[str, Json], Report], Json]
-    finish: Callable[[dict[str, Json], list[Json]], Json]
-    priority: int = 10  # lower goes first: what a person waits for before campaigns
-
-
-@dataclass(frozen=True)
-class Progress:
-    """How far a job is: fraction in [0, 1], remaining time [s] as estimated from the pace so far."""
-
-    stage: str = "queued"
-    fraction: float = 0.0
-    done: int = 0
-    total: int = 0
-    remaining_s: float | None = None
-
-
-@dataclass(frozen=True)
-class Job:
-    """One job as the database knows it."""
-
-    id: str
-    kind: str
-    state: JobState
-    progress: Progress
-    created_at: datetime
-    finished_at: datetime | None
-    submitted_by: str | None
-    worker: str | None
-    result: Json
-    error: str | None
-
-
-@dataclass(frozen=True)
-class JobEvent:
-    """One entry of a job's history; `number` counts from 0 without gaps."""
-
-    number: int
-    progress: Progress
+"""The engine's words for a state, and ours."""
 
 
 def jobs_url(database_url: str, data_dir: Path) -> str:
@@ -129,7 +56,9 @@ class Jobs:
     """
 
     def __init__(self, url: str, kinds: Sequence[str]) -> None:
-        _prepare(url)
+        from dbos import DBOSClient, DBOSPortableJSONSerializer
+
+        prepare(url)
         self._kinds = frozenset(kinds)
         self._client = DBOSClient(
             system_database_url=url, serializer=DBOSPortableJSONSerializer(), application_name=APPLICATION
@@ -207,6 +136,8 @@ class Jobs:
         Yields None when nothing happened for `patience_s` [s], so that a listener can see whether anyone still
         listens. Raises JobNotFoundError.
         """
+        from dbos import error
+
         self.get(job_id)
         number = after + 1
         while True:
@@ -266,85 +197,10 @@ class Jobs:
         return len(held)
 
 
-def run_worker(
-    url: str, kinds: Sequence[JobKind], name: str, *, stop: threading.Event, parent: int | None = None
-) -> None:
-    """Work until `stop` is set, or until process `parent` has gone; then give back what is not finished.
+def prepare(url: str) -> None:
+    """Create or upgrade the tables of the job engine."""
+    from dbos import DBOS
 
-    Jobs that a worker of this name left behind are taken up first.
-    """
-    _prepare(url)
-    config: DBOSConfig = {
-        "name": APPLICATION,
-        "system_database_url": url,
-        "application_version": VERSION,
-        "executor_id": name,
-        "serializer": DBOSPortableJSONSerializer(),
-        "log_level": "WARNING",
-        "enable_otlp": False,
-        "use_listen_notify": False,
-        "notification_listener_polling_interval_sec": POLL_S,
-    }
-    DBOS(config=config)
-    _register({kind.name: kind for kind in kinds}, stop)
-    DBOS.listen_queues([JOBS, TASKS])
-    DBOS.launch()
-    DBOS.register_queue(JOBS, worker_concurrency=WAITING_JOBS_PER_WORKER, polling_interval_sec=POLL_S)
-    DBOS.register_queue(TASKS, worker_concurrency=1, polling_interval_sec=0.1)
-    while not stop.wait(POLL_S):
-        if parent is not None and os.getppid() != parent:
-            stop.set()
-    DBOS.destroy(workflow_completion_timeout_sec=10)
-    jobs = Jobs(url, ())
-    jobs.adopt(name)
-    jobs.close()
-
-
-def stop_on_signals() -> threading.Event:
-    """An event that SIGTERM and SIGINT set."""
-    stop = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT):
-        signal.signal(number, lambda *_: stop.set())
-    return stop
-
-
-@dataclass(frozen=True)
-class WorkerSlot:
-    """A worker's name on this machine, held by a file lock that the system releases when the process dies."""
-
-    name: str
-    lock: IO[bytes]
-
-
-def take_slot(data_dir: Path) -> tuple[WorkerSlot, tuple[str, ...]]:
-    """The first free name of this machine, and all names whose workers are dead.
-
-    A restarted worker so gets the name of the one that died, and takes up its jobs.
-    """
-    folder = data_dir / "workers"
-    folder.mkdir(parents=True, exist_ok=True)
-    host = socket.gethostname()
-    slot: WorkerSlot | None = None
-    free: list[str] = []
-    number = 0
-    while slot is None or (folder / f"{host}-{number}").exists():
-        name = f"{host}-{number}"
-        lock = (folder / name).open("ab")
-        try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            lock.close()
-        else:
-            free.append(name)
-            if slot is None:
-                slot = WorkerSlot(name, lock)
-            else:
-                lock.close()
-        number += 1
-    return slot, tuple(free)
-
-
-def _prepare(url: str) -> None:
     database = make_url(url)
     if database.get_backend_name() == "sqlite" and database.database:
         connection = sqlite3.connect(database.database, timeout=30)
@@ -353,90 +209,8 @@ def _prepare(url: str) -> None:
     DBOS.migrate(url)
 
 
-def _register(kinds: Mapping[str, JobKind], stop: threading.Event) -> None:
-    def run_task(kind: str, task: dict[str, Json]) -> Json:
-        task_id = DBOS.workflow_id
-        assert task_id is not None
-
-        def report(stage: str, fraction: float) -> None:
-            DBOS.update_workflow_attributes(task_id, {"stage": stage, "fraction": fraction}, merge=True)
-
-        return DBOS.run_step({"name": "run"}, kinds[kind].run, task, report)
-
-    task_workflow = DBOS.workflow(name="task", max_recovery_attempts=20)(run_task)
-
-    def run_job(kind: str, parameters: dict[str, Json]) -> Json:
-        job_id = DBOS.workflow_id
-        assert job_id is not None
-        this = kinds[kind]
-        tasks = DBOS.run_step({"name": "plan"}, this.plan, parameters)
-        for number, task in enumerate(tasks):
-            with SetWorkflowID(f"{job_id}/{number}"), SetEnqueueOptions(priority=this.priority):
-                DBOS.enqueue_workflow(TASKS, task_workflow, kind, task)
-        DBOS.run_step({"name": "wait"}, _wait, job_id, this.stage, len(tasks), stop)
-        return DBOS.run_step({"name": "finish"}, _finish, this, job_id, parameters)
-
-    DBOS.workflow(name="job", max_recovery_attempts=1000)(run_job)
-
-
-def _wait(job_id: str, stage: str, total: int, stop: threading.Event) -> None:
-    """Return when all tasks are done; write the progress on the way. Raises JobFailedError."""
-    started, done_before, last = time.monotonic(), None, None
-    while not stop.is_set():
-        tasks = DBOS.list_workflows(parent_workflow_id=job_id, load_input=False, load_output=False)
-        failed = [task.workflow_id for task in tasks if _STATES[task.status] == "failed"]
-        if failed:
-            DBOS.cancel_workflows([task.workflow_id for task in tasks if _open(task)])
-            reason = DBOS.list_workflows(workflow_ids=failed[:1])[0].error
-            raise JobFailedError(f"task {failed[0].rpartition('/')[2]}: {reason}")
-        done = sum(task.status == "SUCCESS" for task in tasks)
-        done_before = done if done_before is None else done_before
-        progress = _progress(tasks, stage, done, total, time.monotonic() - started, done_before)
-        if progress["done"] == total or last is None or _moved(last, progress):
-            DBOS.write_stream(PROGRESS, progress)
-            DBOS.update_workflow_attributes(job_id, progress, merge=True)
-            last = progress
-        if done == total:
-            return
-        stop.wait(POLL_S)
-    raise SystemExit  # the job stays where it is, for this worker's next life or another worker
-
-
-def _progress(
-    tasks: Sequence[WorkflowStatus], stage: str, done: int, total: int, elapsed_s: float, done_before: int
-) -> dict[str, Any]:
-    running = [task.attributes or {} for task in tasks if task.status == "PENDING"]
-    fraction = (done + sum(float(task.get("fraction", 0.0)) for task in running)) / max(total, 1)
-    gained = fraction - done_before / max(total, 1)
-    estimable = gained > 0 and elapsed_s > 2 * POLL_S
-    stages = [str(task["stage"]) for task in running if "stage" in task]
-    return {
-        "stage": stages[0] if stages else stage,
-        "fraction": round(min(fraction, 1.0), 4),
-        "done": done,
-        "total": total,
-        "remaining_s": round((1.0 - fraction) * elapsed_s / gained, 1) if estimable else None,
-    }
-
-
-def _moved(before: dict[str, Any], after: dict[str, Any]) -> bool:
-    return any(before[name] != after[name] for name in ("stage", "done")) or (
-        after["fraction"] - before["fraction"] >= 0.005
-    )
-
-
-def _open(task: WorkflowStatus) -> bool:
-    return _STATES[task.status] in ("queued", "running")
-
-
-def _finish(kind: JobKind, job_id: str, parameters: dict[str, Json]) -> Json:
-    tasks = DBOS.list_workflows(parent_workflow_id=job_id, load_input=False)
-    ordered = sorted(tasks, key=lambda task: int(task.workflow_id.rpartition("/")[2]))
-    return kind.finish(parameters, [task.output for task in ordered])
-
-
 def _job(status: WorkflowStatus) -> Job:
-    state, known = _STATES[status.status], status.attributes or {}
+    state, known = STATES[status.status], status.attributes or {}
     default = Progress(stage="queued" if state == "queued" else state)
     progress = Progress(**{name: known.get(name, getattr(default, name)) for name in Progress.__match_args__})
     if state == "done":

@@ -1,4 +1,4 @@
-"""Learning beside the requests: when cases changed, weights are learned again if the library outgrew them."""
+"""What goes on beside the requests: what the first ones would wait for is loaded, and weights are learned again."""
 
 from threading import Event, Thread
 
@@ -15,7 +15,10 @@ LOG = structlog.get_logger(__name__)
 
 
 class Learner:
-    """A thread that keeps what was learned in step with the library, from `start` to `close`."""
+    """A thread that keeps what was learned in step with the library, from `start` to `close`.
+
+    Learning that is under way at `close` is given up: whoever opens the library next begins it again.
+    """
 
     def __init__(self, library: CaseLibrary) -> None:
         self._library = library
@@ -33,10 +36,21 @@ class Learner:
             self._thread.join()
 
     def _work(self) -> None:
+        load_what_is_compiled()
         while self._library.touched.wait() and not self._closed.wait(APART_S):
             self._library.touched.clear()
             try:
-                if self._library.keep_learned(ACTOR):
+                if self._library.keep_learned(ACTOR, stop=self._closed):
                     LOG.info("weights learned again")
             except (LibraryError, SQLAlchemyError) as error:
                 LOG.warning("weights not learned", error=str(error))
+
+
+def load_what_is_compiled() -> None:
+    """Simulate for a moment and search once, so that no first request waits for compiled code to be loaded."""
+    from casebase.__main__ import search_once
+    from sim.measurement import measure
+    from sim.paper import PAPER_AXIS
+
+    search_once()
+    measure(PAPER_AXIS, 0.2, seed=0)

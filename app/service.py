@@ -3,6 +3,7 @@
 from collections.abc import Iterator
 from dataclasses import dataclass, field
 from functools import cached_property
+from threading import Event
 from typing import Annotated
 
 from fastapi import Depends, Request
@@ -29,6 +30,8 @@ class Service:
     library: CaseLibrary
     metrics: Metrics
     limiter: MovingWindowRateLimiter = field(default_factory=lambda: MovingWindowRateLimiter(MemoryStorage()))
+    stopping: Event = field(default_factory=Event)
+    """Set when the service is told to stop: whoever waits beyond a moment is then to give up."""
 
     @classmethod
     def open(cls, settings: Settings, metrics: Metrics) -> "Service":
@@ -45,7 +48,7 @@ class Service:
 
     @cached_property
     def evaluations(self) -> Evaluations:
-        return Evaluations(self.library)
+        return Evaluations(self.library, self.stopping)
 
     @cached_property
     def learner(self) -> Learner:

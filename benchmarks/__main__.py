@@ -11,6 +11,7 @@ MODULES: tuple[str, ...] = (
     "axis_simulation",
     "service",
     "pages",
+    "sliders",
     "retrieval",
     "diagnosis",
     "measured_help",

@@ -12,6 +12,7 @@ Source: Goldberger, Roweis, Hinton, Salakhutdinov, Neighbourhood Components Anal
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from threading import Event
 from typing import Any
 
 import numpy as np
@@ -132,8 +133,16 @@ class _Trial:
         return f"learned, drawn to {self.start} by {self.strength}"
 
 
-def learn(table: CaseTable) -> Similarity:
-    """Learn weights from a table of cases; deterministic."""
+class LearningStoppedError(Exception):
+    """Learning was given up because somebody asked for it."""
+
+
+def learn(table: CaseTable, stop: Event | None = None) -> Similarity:
+    """Learn weights from a table of cases; deterministic.
+
+    Raises:
+        LearningStoppedError: if `stop` is set before it is done.
+    """
     small = too_small(table)
     if small is not None:
         return unlearned(table, small)
@@ -141,7 +150,7 @@ def learn(table: CaseTable) -> Similarity:
     sample = _sampled(table, metric)
     trials: list[_Trial] = []
     for start, weights in _starts(table, metric):
-        trials += _trials(sample, start, weights)
+        trials += _trials(sample, start, weights, stop)
         if any(trial.right.all() for trial in trials):
             break
     chosen = _chosen(trials)
@@ -252,21 +261,23 @@ def _representative(table: CaseTable) -> NDArray[np.intp]:
     return np.sort(np.array([row for *_, row in sorted(keys)[:LARGEST_SAMPLE]]))
 
 
-def _trials(sample: _Sample, start: str, prior: Floats) -> list[_Trial]:
+def _trials(sample: _Sample, start: str, prior: Floats, stop: Event | None) -> list[_Trial]:
     """Learn ever more freely, until that no longer helps."""
-    trials = [_trial(sample, start, prior, None)]
+    trials = [_trial(sample, start, prior, None, stop)]
     for strength in STRENGTHS:
-        trials.append(_trial(sample, start, prior, strength))
+        trials.append(_trial(sample, start, prior, strength, stop))
         if trials[-1].losses.mean() >= trials[-2].losses.mean():
             break
     return trials
 
 
-def _trial(sample: _Sample, start: str, prior: Floats, strength: float | None) -> _Trial:
+def _trial(sample: _Sample, start: str, prior: Floats, strength: float | None, stop: Event | None) -> _Trial:
     """Learn in one way without each fold in turn."""
     losses, right = np.zeros(sample.truth.size), np.zeros(sample.truth.size, dtype=bool)
     weights = []
     for fold in range(sample.kinds.size):
+        if stop is not None and stop.is_set():
+            raise LearningStoppedError
         inside = sample.folds == fold
         weights.append(_fit(sample, ~inside, prior, strength))
         squares = np.where(sample.allowed, sample.differences @ weights[-1].astype(np.float32), np.inf)

@@ -28,7 +28,7 @@ from casebase.errors import (
     StaleVersionError,
 )
 from casebase.evaluation import Evaluation, evaluate
-from casebase.learning import learn
+from casebase.learning import LearningStoppedError, learn
 from casebase.models import (
     CASE_STATES,
     Artifact,
@@ -261,10 +261,13 @@ class CaseLibrary:
             self._reasoners[extractor_version] = (basis, reasoner)
         return reasoner
 
-    def keep_learned(self, actor: str, extractor_version: str = EXTRACTOR_VERSION) -> bool:
+    def keep_learned(
+        self, actor: str, extractor_version: str = EXTRACTOR_VERSION, *, stop: Event | None = None
+    ) -> bool:
         """Learn again if the library outgrew what was learned; return whether it did.
 
-        Nothing is locked while it learns. If somebody else stores something newer meanwhile, that stays.
+        Nothing is locked while it learns. If somebody else stores something newer meanwhile, that stays. It is given
+        up, with nothing stored, when `stop` is set.
         """
         with self.reading() as session:
             table = self.table(session, extractor_version)
@@ -272,11 +275,11 @@ class CaseLibrary:
             newest, (_, _, outgrown) = newest_version(session, kind), similarity_for(session, table)
         if not outgrown:
             return False
-        learned = learn(table)
         try:
+            learned = learn(table, stop)
             with self.transaction(actor) as session:
                 store_similarity(session, learned, kind, after=newest)
-        except IntegrityError:
+        except (IntegrityError, LearningStoppedError):
             return False
         return True
 

@@ -234,7 +234,7 @@ def read_axis(source: Path | Mapping[str, object]) -> Axis:
 
     >>> read_axis({"motor": {"inertia_kg_m2": 0.6}, "load": {"inertia_kg_m2": -20}})
     Traceback (most recent call last):
-    sim.errors.AxisError: load.inertia_kg_m2: must be >= 0 kg m2, got -20
+    sim.errors.AxisError: load.inertia_kg_m2: must be >= 0 and <= 1e+09 kg m2, got -20
     """
     document = _parse(source) if isinstance(source, Path) else source
     known = {"schema", *(field.name for field in fields(Axis))}
@@ -281,19 +281,39 @@ def _shares(axis: Axis, key: str) -> tuple[float | None, ...]:
     return tuple(share / r2 if value is None else value for value, r2 in zip(own, squared, strict=True))
 
 
-def _parse(path: Path) -> Mapping[str, object]:
-    """The document in a file, as TOML or as the same in JSON; no TOML document begins with a brace."""
+def parse_axis(text: bytes | str) -> dict[str, object]:
+    """Return the document in a text, TOML or the same as JSON; no TOML document begins with a brace.
+
+    Raises
+    ------
+    AxisError
+        saying where the text breaks, nests too deeply, or has what no database could hold (NUL, half a character).
+
+    >>> parse_axis('{"motor": {"inertia_kg_m2": 0.6}}') == parse_axis("motor.inertia_kg_m2 = 0.6")
+    True
+    """
     try:
-        text = path.read_text(encoding="utf-8")
-        document = json.loads(text) if text.lstrip().startswith("{") else tomllib.loads(text)
-    except FileNotFoundError:
-        raise AxisError(f"{path.name}: no such file") from None
-    except json.JSONDecodeError as error:
-        raise AxisError(f"{path.name}: is no JSON text: {error}") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError, OSError) as error:
-        raise AxisError(f"{path.name}: is no TOML text: {error}") from error
-    assert isinstance(document, dict)
+        text = text.decode() if isinstance(text, bytes) else text
+    except UnicodeDecodeError as error:
+        raise AxisError(f"this is no TOML and no JSON, which are UTF-8 text: {error}") from None
+    kind, read = ("JSON", json.loads) if text.lstrip().startswith("{") else ("TOML", tomllib.loads)
+    if "\0" in text or "\\u0000" in text:
+        raise AxisError("an axis cannot have a NUL character")
+    try:
+        document: dict[str, object] = read(text)
+        json.dumps(document, ensure_ascii=False, default=str).encode()
+    except (ValueError, RecursionError) as error:
+        raise AxisError(f"this is no {kind}: {error}") from None
     return document
+
+
+def _parse(path: Path) -> Mapping[str, object]:
+    try:
+        return parse_axis(path.read_bytes())
+    except OSError as error:
+        raise AxisError(f"{path.name}: {'no such file' if isinstance(error, FileNotFoundError) else error}") from None
+    except AxisError as error:
+        raise AxisError(f"{path.name}: {error}") from None
 
 
 def _refuse_unknown(path: str, table: Mapping[str, object], known: set[str]) -> None:

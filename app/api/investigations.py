@@ -1,20 +1,18 @@
 """Investigations: what the simulation of an axis gets wrong, by measured data."""
 
 import math
-import tomllib
 from collections.abc import Mapping
 
 from fastapi import APIRouter, Request, Response, status
 from fastapi.responses import HTMLResponse
-from pydantic import AwareDatetime, BaseModel, Field, ValidationError
+from pydantic import AwareDatetime, BaseModel, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.accept import chosen
-from app.api.axes import OBJECT
 from app.api.jobs import JobDocument
 from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf, page_of
-from app.errors import Unprocessable, validation_problem
+from app.errors import Unprocessable
 from app.idempotency import Made, OnlyOnce
 from app.investigations import KIND, Measured, accept, document_of, get_investigation, state_of, submit
 from app.security import Admin, Operator, Viewer
@@ -23,7 +21,7 @@ from app.uploads import TheUpload, Upload
 from casebase.axes import get_axis
 from casebase.models import StoredInvestigation
 from casebase.pages import page
-from sim.axis import Axis, read_axis
+from sim.axis import Axis, parse_axis, read_axis
 
 router = APIRouter(tags=["investigations"])
 PARTS = ("axis", "telemetry", "sound", "sound_offset_s")
@@ -119,24 +117,16 @@ def axis_of(service: Service, upload: Upload) -> Axis:
     """Return the axis of a request: TOML, JSON, or the name of a stored one.
 
     Raises:
-        Unprocessable: if it is missing or none of these.
-        AxisError: if the description is wrong.
+        Unprocessable: if it is missing.
+        AxisError: if the description is wrong or none of these.
     """
     text = upload.text("axis", service.settings.document_bytes).strip()
     if not text:
         raise Unprocessable("The form needs the part 'axis': an axis.toml, the same as JSON, or a stored axis' name.")
-    if text.startswith("{"):
-        try:
-            return read_axis(OBJECT.validate_json(text))
-        except ValidationError as error:
-            raise validation_problem(error.errors(include_url=False), "The part 'axis'") from None
-    if "\n" not in text and "=" not in text:
+    if not any(mark in text for mark in "{=\n"):
         with service.library.reading() as session:
             return read_axis(get_axis(session, text).document)
-    try:
-        return read_axis(tomllib.loads(text))
-    except tomllib.TOMLDecodeError as error:
-        raise Unprocessable(f"The part 'axis' is no TOML text: {error}.") from None
+    return read_axis(parse_axis(text))
 
 
 def _offset(text: str) -> float:

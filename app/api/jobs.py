@@ -9,11 +9,13 @@ from fastapi.sse import EventSourceResponse, ServerSentEvent
 from pydantic import BaseModel, ConfigDict
 
 from app.documents import CONTINUES, Limit, PageOf, page_of
-from app.jobs import Job, JobState
+from app.job import Job, JobState
 from app.security import Operator
-from app.service import TheJobs
+from app.service import TheJobs, TheService
 
 router = APIRouter(tags=["jobs"])
+PATIENCE_S = 2.0
+"""So long after it is told to stop, the service still waits for a job that says nothing."""
 
 JobId = Annotated[str, Path(min_length=1, max_length=100, pattern=r"^[0-9A-Za-z-]+$")]
 After = Annotated[
@@ -74,13 +76,18 @@ def job_events(
     _: Operator,  # first: who may not ask does not learn which jobs there are
     job: Existing,
     jobs: TheJobs,
+    service: TheService,
     last_event_id: Annotated[int | None, Header(alias="Last-Event-ID", ge=0)] = None,
 ) -> Iterator[ServerSentEvent]:
     """Every `progress` event has a number; a client that comes back with the last one it saw misses none.
 
-    The stream ends with an `end` event that holds the job as `GET /jobs/{id}` gives it.
+    The stream ends with an `end` event that holds the job as `GET /jobs/{id}` gives it; without one, when the service
+    stops.
     """
-    for event in jobs.events(job.id, after=-1 if last_event_id is None else last_event_id):
+    after = -1 if last_event_id is None else last_event_id
+    for event in jobs.events(job.id, after=after, patience_s=PATIENCE_S):
+        if service.stopping.is_set():
+            return
         if event is None:
             yield ServerSentEvent(comment="still there")
             continue

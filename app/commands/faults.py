@@ -5,7 +5,7 @@ from pydantic import ValidationError
 from sqlalchemy.exc import OperationalError
 
 from app.cli import BAD_INPUT, FAILURE
-from app.job_errors import JobError, JobFailedError
+from app.job import JobError, JobFailedError
 from casebase.errors import LibraryError
 from casebase.signals.errors import DecoderUnavailableError, SignalError
 from sim.errors import RunError, SimulationError

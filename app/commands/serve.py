@@ -16,7 +16,8 @@ from app.main import create_app
 from app.metrics import Metrics
 from app.service import Service
 
-STOPPING_S = 30
+STOPPING_S = 8
+"""Requests under way are given so long; who runs containers kills after ten seconds."""
 
 
 def register(app: typer.Typer) -> None:
@@ -69,6 +70,10 @@ class Announced(uvicorn.Server):
     def __init__(self, config: uvicorn.Config, frame: Frame, service: Service, first_key: str | None) -> None:
         super().__init__(config)
         self._frame, self._service, self._first_key = frame, service, first_key
+
+    async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
+        self._service.stopping.set()
+        await super().shutdown(sockets)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
         await super().startup(sockets)

@@ -14,9 +14,9 @@ import typer
 
 from app.commands.frame import Frame, frame_of
 from app.job_kinds import job_kinds, open_jobs, url_of
-from app.jobs import run_worker, stop_on_signals, take_slot
 from app.logs import configure_logs
 from app.settings import Settings
+from app.worker_slot import stop_on_signals, take_slot
 
 log = structlog.get_logger(__name__)
 Name = Annotated[str | None, typer.Option(help="name of this worker; the first free one of this machine by default")]
@@ -36,6 +36,8 @@ def worker(context: typer.Context, name: Name = None, adopt: Adopt = None, paren
     Workers of this machine that died are noticed by their released locks, and their jobs are taken over. A worker
     of another machine has to be named with --adopt.
     """
+    from app.job_runner import run_worker  # `serve` imports this module, and needs no job engine
+
     frame: Frame = frame_of(context)
     configure_logs()
     stop = stop_on_signals()

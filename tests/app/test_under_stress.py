@@ -13,6 +13,7 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
+from sim.paper import PAPER_AXIS
 from tests.app.sounds import sound
 from tests.live import LiveServer, started
 
@@ -150,14 +151,22 @@ def test_behind_a_proxy_that_strips_the_path_or_leaves_it(server: LiveServer) ->
         assert client.get(f"/gearcase{CASES}", params={"colour": "red"}).status_code == 422
 
 
-def test_stop_finishes_what_has_begun(server: LiveServer) -> None:
-    connection = begun(server)
-    time.sleep(0.5)
-    assert server.process is not None
-    server.process.send_signal(signal.SIGTERM)
-    time.sleep(0.5)
-    connection.send(body()[50:])
-    answer = connection.getresponse()
-    assert (answer.status, json.load(answer)["label"]) == (201, "normal")
-    connection.close()
+def test_stop_finishes_what_has_begun_and_waits_for_no_listener(server: LiveServer) -> None:
+    """An upload is taken to its end; a listener to a job that nobody works on, and learning under way, are not."""
+    with server.client() as client:
+        job = client.post("/api/v1/simulations", json={"axis": PAPER_AXIS.to_mapping(), "per_label": 1})
+        address = job.raise_for_status().headers["location"].removeprefix("/gearcase")
+        with client.stream("GET", f"{address}/events") as events:
+            events.raise_for_status()
+            connection = begun(server)
+            assert client.get("/livez").status_code == 200  # whoever came before this is being served
+            assert server.process is not None
+            server.process.send_signal(signal.SIGTERM)
+            server.logged("Shutting down")
+            connection.send(body()[50:])
+            answer = connection.getresponse()
+            assert (answer.status, json.load(answer)["label"]) == (201, "normal")
+            connection.close()
+            assert "event: end" not in list(events.iter_lines())
     assert server.ended() == 0
+    assert '"level": "error"' not in server.log().partition('"Shutting down"')[2]

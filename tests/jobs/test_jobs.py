@@ -16,7 +16,9 @@ from pathlib import Path
 
 import pytest
 
-from app.jobs import Job, JobError, JobNotFoundError, Jobs, JobState, JobStateError, jobs_url, take_slot
+from app.job import Job, JobError, JobNotFoundError, JobState, JobStateError
+from app.jobs import Jobs, jobs_url
+from app.worker_slot import take_slot
 from casebase.errors import InvalidCursorError
 
 PATIENCE_S = 90.0

@@ -5,7 +5,9 @@ import sys
 import time
 from pathlib import Path
 
-from app.jobs import JobKind, Json, Report, run_worker, stop_on_signals
+from app.job import JobKind, Json, Report
+from app.job_runner import run_worker
+from app.worker_slot import stop_on_signals
 
 
 def plan(parameters: dict[str, Json]) -> list[dict[str, Json]]:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from sim.axis import Axis, MechanismEntry, Stage, read_axis, write_axis
+from sim.axis import Axis, MechanismEntry, Stage, parse_axis, read_axis, write_axis
 from sim.components import Inertia
 from sim.drive_train import DriveTrain
 from sim.errors import AxisError
@@ -115,10 +115,27 @@ def test_an_extended_axis_is_read_back_as_json(tmp_path: Path) -> None:
 def test_text_that_is_no_toml(tmp_path: Path) -> None:
     path = tmp_path / "axis.toml"
     path.write_bytes(b"[motor\n\xff")
-    with pytest.raises(AxisError, match="is no TOML"):
+    with pytest.raises(AxisError, match=r"axis\.toml: this is no TOML"):
         read_axis(path)
     with pytest.raises(AxisError, match="no such file"):
         read_axis(tmp_path / "none.toml")
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("a = " + "[" * 5000, "no TOML"),
+        ('{"a": ' + "[" * 200_000, "no JSON"),
+        ('{"name": "\\ud800"}', "no JSON"),
+        ('{"name": "\\u0000"}', "NUL"),
+        ("name = 'a\0'", "NUL"),
+        ("a = " + "9" * 5000, "no TOML"),
+        (b"name = '\xff'", "no TOML and no JSON"),
+    ],
+)
+def test_a_hostile_text_is_refused_in_words(text: str | bytes, words: str) -> None:
+    with pytest.raises(AxisError, match=words):
+        parse_axis(text)
 
 
 def shafts(axis: Axis) -> dict[str, float]:
