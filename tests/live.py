@@ -1,5 +1,6 @@
 """A real service for the tests: uvicorn in a process of its own, on a free port, with a key of each role."""
 
+import io
 import os
 import re
 import signal
@@ -7,22 +8,34 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator, Mapping
+from contextlib import redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 
 import httpx
 import pytest
 
+from app.cli import run
+
 ROLES = ("viewer", "operator", "admin")
 START_S = 60.0
 
 
-def gearcase(*words: str | Path, data_dir: Path, check: bool = True) -> subprocess.CompletedProcess[str]:
-    """Run one command of the command line."""
-    command = [sys.executable, "-m", "app", *map(str, words), "--data-dir", str(data_dir)]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=120, check=False)
-    assert not check or done.returncode == 0, f"{words}: exit code {done.returncode}\n{done.stderr}"
-    return done
+@dataclass(frozen=True)
+class Done:
+    """What a command left: its exit code and what it wrote."""
+
+    code: int
+    stdout: str
+    stderr: str
+
+
+def gearcase(*words: str | Path, data_dir: Path) -> Done:
+    """Run one command of the command line in this process."""
+    out, error = io.StringIO(), io.StringIO()
+    with redirect_stdout(out), redirect_stderr(error):
+        code = run([*map(str, words), "--data-dir", str(data_dir)])
+    return Done(code, out.getvalue(), error.getvalue())
 
 
 @dataclass

@@ -1,35 +1,16 @@
 """The command line: exit codes, one JSON document on stdout, words on stderr."""
 
-import io
 import json
 import os
 import subprocess
 import sys
-from contextlib import redirect_stderr, redirect_stdout
-from dataclasses import dataclass
 from pathlib import Path
 
 import pytest
 
 from app.cli import run
 from tests.app.sounds import sound
-
-
-@dataclass(frozen=True)
-class Done:
-    """What a command left: its exit code and what it wrote."""
-
-    code: int
-    stdout: str
-    stderr: str
-
-
-def gearcase(*words: str | Path, data_dir: Path) -> Done:
-    """Run one command in this process."""
-    out, error = io.StringIO(), io.StringIO()
-    with redirect_stdout(out), redirect_stderr(error):
-        code = run([*map(str, words), "--data-dir", str(data_dir)])
-    return Done(code, out.getvalue(), error.getvalue())
+from tests.live import gearcase
 
 
 @pytest.fixture(scope="module")

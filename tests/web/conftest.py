@@ -10,7 +10,16 @@ from pathlib import Path
 import httpx
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, BrowserContext, ConsoleMessage, Page, Request, expect, sync_playwright
+from playwright.sync_api import (
+    Browser,
+    BrowserContext,
+    ConsoleMessage,
+    Error,
+    Page,
+    Request,
+    expect,
+    sync_playwright,
+)
 from sqlalchemy.orm import Session
 
 from app.intake import DEMO
@@ -24,7 +33,7 @@ from sim.discrepancy.report import html_report
 from sim.discrepancy.story import story
 from tests.app.sounds import sound
 from tests.discrepancy.telemetry_of import one_body, swing
-from tests.live import LiveServer, started
+from tests.live import ROLES, LiveServer, started
 
 COOKIE = "gearcase_key"
 expect.set_options(timeout=20_000)  # a busy machine is slow, not wrong
@@ -170,6 +179,9 @@ class Watch:
         if message.type in ("error", "warning"):
             self.console.append(message.text)
 
+    def on_error(self, error: Error) -> None:
+        self.console.append(str(error))
+
     def on_request(self, request: Request) -> None:
         if not request.url.startswith((self.home, "data:", "blob:")):
             self.foreign.append(request.url)
@@ -184,43 +196,70 @@ Opened = Callable[..., AbstractContextManager[Page]]
 Tab = Callable[[str], AbstractContextManager[Page]]
 
 
+@pytest.fixture(scope="session")
+def contexts(browser: Browser, site: Site) -> Iterator[dict[str | None, BrowserContext]]:
+    """A browser context of each role, and of nobody, whose pages share a cache."""
+    made: dict[str | None, BrowserContext] = {role: browser.new_context() for role in (None, *ROLES)}
+    for role in ROLES:
+        sign_in(made[role], site, role)
+    yield made
+    for context in made.values():
+        context.close()
+
+
+def sign_in(context: BrowserContext, site: Site, role: str) -> None:
+    context.add_cookies([{"name": COOKIE, "value": site.server.keys[role], "url": site.url}])
+
+
 @pytest.fixture
-def opened(browser: Browser, site: Site) -> Opened:
-    """Open a page as a role and watch it."""
+def opened(browser: Browser, site: Site, contexts: dict[str | None, BrowserContext]) -> Opened:
+    """Open a page as a role and watch it; with options, in a browser context of its own."""
 
     @contextmanager
     def open_page(role: str | None = "admin", path: str = "/", **options: object) -> Iterator[Page]:
-        context: BrowserContext = browser.new_context(**options)  # type: ignore[arg-type]
-        if role is not None:
-            context.add_cookies([{"name": COOKIE, "value": site.server.keys[role], "url": site.url}])
-        with watched(context, site, path) as page:
+        context = browser.new_context(**options) if options else contexts[role]  # type: ignore[arg-type]
+        if options and role is not None:
+            sign_in(context, site, role)
+        page = context.new_page()
+        with watched(page, site, path):
             yield page
-        context.close()
+        page.close()
+        if options:
+            context.close()
 
     return open_page
 
 
 @contextmanager
-def watched(context: BrowserContext, site: Site, path: str) -> Iterator[Page]:
-    """A page of its own that is closed after having done nothing that it should not."""
+def watched(page: Page, site: Site, path: str) -> Iterator[Page]:
+    """Open the path; when the test is done with it, the page has done nothing that it should not."""
     watch = Watch(site.url)
-    page = context.new_page()
     page.on("console", watch.on_console)
-    page.on("pageerror", lambda error: watch.console.append(str(error)))
+    page.on("pageerror", watch.on_error)
     page.on("request", watch.on_request)
     page.goto(site.url + path)
     yield page
     watch.check()
-    page.close()
+    page.remove_listener("console", watch.on_console)
+    page.remove_listener("pageerror", watch.on_error)
+    page.remove_listener("request", watch.on_request)
 
 
 @pytest.fixture(scope="session")
-def tab(browser: Browser, site: Site) -> Iterator[Tab]:
-    """One browser context of an admin whose pages share a cache, for tests that only look."""
+def only_page(browser: Browser, site: Site) -> Iterator[Page]:
+    """One page of an admin for all tests that only look."""
     context = browser.new_context(reduced_motion="reduce")
-    context.add_cookies([{"name": COOKIE, "value": site.server.keys["admin"], "url": site.url}])
-    yield lambda path: watched(context, site, path)
+    sign_in(context, site, "admin")
+    yield context.new_page()
     context.close()
+
+
+@pytest.fixture
+def tab(only_page: Page, site: Site) -> Tab:
+    """Show a path on the one page for tests that only look: wide, light, and watched."""
+    only_page.emulate_media(color_scheme="light")
+    only_page.set_viewport_size({"width": 1280, "height": 720})
+    return lambda path: watched(only_page, site, path)
 
 
 def settle(page: Page) -> None:

@@ -25,7 +25,8 @@ def fresh(tmp_path: Path, site: Site) -> Iterator[Site]:
     """What `make run` starts: the starter library with its demonstration, and nothing else."""
     data_dir = tmp_path / "data"
     data_dir.mkdir()
-    gearcase("starter", "--per-label", "1", "--processes", "1", data_dir=data_dir)
+    done = gearcase("starter", "--per-label", "1", "--processes", "1", data_dir=data_dir)
+    assert done.code == 0, done.stderr
     server = started(data_dir)
     yield Site(server, site.recording)
     server.stop()
@@ -34,7 +35,7 @@ def fresh(tmp_path: Path, site: Site) -> Iterator[Site]:
 def test_first_ten_minutes(browser: Browser, fresh: Site) -> None:
     """Open the printed address, see a finished diagnosis with its sound, sign in, send a recording, read it."""
     site, context = fresh, browser.new_context()
-    with watched(context, site, "/") as page:
+    with watched(context.new_page(), site, "/") as page:
         expect(page.get_by_text("This is a demonstration")).to_be_visible()
         expect(page.locator("section.verdict h1")).not_to_be_empty()
         expect(page.get_by_role("button", name="Listen", exact=True)).to_be_visible()
