@@ -18,7 +18,19 @@ settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 
 TEMPLATE = "gearcase_template"
+LONGEST_FIRST = ("hidden_effects", "web", "jobs", "generation", "discrepancy")
+"""Folders whose files take longest, so that no process of several is left with one at the end."""
 _numbers = itertools.count()
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Take the files that take longest first."""
+
+    def place(item: pytest.Item) -> int:
+        folder = item.path.parent.name
+        return LONGEST_FIRST.index(folder) if folder in LONGEST_FIRST else len(LONGEST_FIRST)
+
+    items.sort(key=place)
 
 
 @pytest.fixture(scope="session")

@@ -2,7 +2,7 @@
 
 import json
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -39,6 +39,8 @@ COOKIE = "gearcase_key"
 expect.set_options(timeout=20_000)  # a busy machine is slow, not wrong
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 ARGUMENTS = ("--no-sandbox", "--disable-gpu", "--disable-background-networking", "--disable-component-update")
+KNOWN = ((1, "normal"), (2, "normal"), (3, "normal"), (4, "notch"))
+"""Seed and label of measured cases."""
 AXIS = """schema = "gearcase-axis/1"
 name = "bench"
 [motor]
@@ -112,17 +114,17 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
     found.server.stop()
 
 
-def fill(site: Site) -> None:
-    """Put cases of two gearboxes, two simulated ones, diagnoses and an investigation into the library."""
+def fill(site: Site, known: Sequence[tuple[int, str]] = KNOWN) -> None:
+    """Put these cases, of two gearboxes, two simulated ones, diagnoses and an investigation into the library."""
     with site.server.client() as client:
         client.post("/api/v1/axes", content=AXIS, headers={"Content-Type": "application/toml"}).raise_for_status()
-        for seed, label in ((1, "normal"), (2, "normal"), (3, "normal"), (4, "notch")):
+        for seed, label in known:
             metadata = {"axis": "bench", "gearbox": f"g{seed % 2}", "speed_rad_s": 2.5, "label": label}
             files = parts(f"{label}.wav", sound(seed, impacts=label == "notch"), json.dumps(metadata).encode())
             site.case = client.post("/api/v1/cases", files=files).raise_for_status().json()["id"]
         first = client.post("/api/v1/diagnoses", files=parts("demo.wav", sound(6, impacts=True), b'{"axis": "bench"}'))
-        known = b'{"axis": "bench", "gearbox": "g1", "speed_rad_s": 2.5}'
-        second = client.post("/api/v1/diagnoses", files=parts("bench.wav", sound(5, impacts=True), known))
+        told = b'{"axis": "bench", "gearbox": "g1", "speed_rad_s": 2.5}'
+        second = client.post("/api/v1/diagnoses", files=parts("bench.wav", sound(5, impacts=True), told))
     demo, diagnosed = first.raise_for_status().json(), second.raise_for_status().json()
     site.diagnosis, site.recorded = diagnosed["id"], diagnosed["recording"]["id"]
     library = site.library()

@@ -8,7 +8,7 @@ import httpx
 import pytest
 
 from tests.live import LiveServer, started
-from tests.web.conftest import COOKIE, Site, fill
+from tests.web.conftest import COOKIE, KNOWN, Site, fill
 from tests.web.reading import Markup
 
 PREFIX = "/gearcase"
@@ -19,7 +19,7 @@ ROLES = ("viewer", "operator", "admin")
 def proxied(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
     """A service that believes to be served under a path."""
     server = started(tmp_path_factory.mktemp("proxied") / "data", GEARCASE_ROOT_PATH=PREFIX)
-    fill(Site(server, Path()))
+    fill(Site(server, Path()), KNOWN[-2:])
     yield server
     server.stop()
 
