@@ -63,7 +63,7 @@ class TwoSampleTest:
 
 @dataclass(frozen=True)
 class FittedPlace:
-    """What was fitted for an axis: one sound per gearbox, and the test of all together."""
+    """What was fitted for an axis: one sound per gearbox, or recording of an unnamed one, and the test of all."""
 
     axis: str
     sounds: Mapping[str, FittedSound]
@@ -73,7 +73,7 @@ class FittedPlace:
         """As JSON, for the artifact; `microphones` is what generation reads."""
         return {
             "axis": self.axis,
-            "gearboxes": list(self.sounds),
+            "fitted_to": list(self.sounds),
             "microphones": [asdict(sound.microphone) for sound in self.sounds.values()],
             "misfit_db": {name: sound.misfit_db for name, sound in self.sounds.items()},
             "line_over_noise": {name: list(sound.line_over_noise) for name, sound in self.sounds.items()},
@@ -86,7 +86,7 @@ class FittedPlace:
 
 
 def normal_recordings(library: CaseLibrary, session: Session, axis: Axis) -> dict[str, list[Heard]]:
-    """Measured normal recordings of an axis by gearbox; those whose motion is not known or found are left out."""
+    """Measured normal recordings of an axis by gearbox, one by one where it has no name; none without motion."""
     statement = select(StoredRecording).join(Case, Case.recording_id == StoredRecording.id)
     statement = statement.where(
         Case.label == "normal",
@@ -100,7 +100,7 @@ def normal_recordings(library: CaseLibrary, session: Session, axis: Axis) -> dic
         recording = read_recording(library.audio_path(row), channel=row.channel)
         heard = _heard(axis, row, recording.resampled(SAMPLE_RATE_HZ))
         if heard is not None:
-            found.setdefault(row.gearbox or row.id, []).append(heard)
+            found.setdefault(row.gearbox or f"recording {row.id}", []).append(heard)
     return found
 
 

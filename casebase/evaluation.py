@@ -256,7 +256,7 @@ def _evaluation(
         group,
         origin,
         len(outcomes),
-        len(table.gearboxes_known),
+        len(table.take(np.isin(table.ids, [each.case_id for each in outcomes])).gearboxes_known),
         _share(right),
         _share(said),
         _share(new),

@@ -5,7 +5,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from io import BytesIO, StringIO
@@ -16,6 +16,7 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
 
+from app.commands.starter import DEMO_NAME
 from sim.paper import PAPER_AXIS
 from tests.discrepancy.telemetry_of import one_body, swing
 
@@ -70,7 +71,7 @@ def serving(data_dir: Path) -> Iterator[tuple[str, str]]:
         process.wait(60)
 
 
-def investigate(client: httpx.Client) -> str:
+def friction(client: httpx.Client) -> str:
     """Ask what the description of one body lacks, whose friction rises with speed in one direction; return the id."""
     _, _, speed, _ = swing()
     telemetry = one_body(0.3, 1.0, 0.02, 7, extra=0.006 * np.abs(speed))
@@ -78,7 +79,18 @@ def investigate(client: httpx.Client) -> str:
     table = np.stack(list(columns.values()), axis=1)
     target = StringIO()
     np.savetxt(target, table, "%.9g", ",", header=",".join(columns), comments="")
-    files = {"axis": ("axis.toml", AXIS), "telemetry": ("telemetry.csv", target.getvalue())}
+    return investigate(client, {"axis": ("axis.toml", AXIS), "telemetry": ("telemetry.csv", target.getvalue())})
+
+
+def notch(client: httpx.Client, data_dir: Path) -> str:
+    """Ask what can be heard in the demonstration, which has a notch; return the id."""
+    return investigate(
+        client, {"axis": (None, PAPER_AXIS.name), "sound": (DEMO_NAME, (data_dir / DEMO_NAME).read_bytes())}
+    )
+
+
+def investigate(client: httpx.Client, files: Mapping[str, tuple[str | None, str | bytes]]) -> str:
+    """Ask for an investigation, wait for it, and return its id."""
     job = client.post("/api/v1/investigations", files=files).raise_for_status().json()
     with client.stream("GET", f"/api/v1/jobs/{job['id']}/events", timeout=1800.0) as stream:
         for _ in stream.iter_lines():
@@ -89,7 +101,7 @@ def investigate(client: httpx.Client) -> str:
     return str(job["id"])
 
 
-def pictures(diagnosis: str, investigation: str) -> tuple[Picture, ...]:
+def pictures(diagnosis: str, investigation: str, heard: str) -> tuple[Picture, ...]:
     """Return what is shown of which page."""
     story = f"/investigations/{investigation}"
     return (
@@ -99,6 +111,7 @@ def pictures(diagnosis: str, investigation: str) -> tuple[Picture, ...]:
         Picture("plots-light", f"/diagnoses/{diagnosis}", first="#plots"),
         Picture("investigation-light", story),
         Picture("investigation-dark", story, scheme="dark", first=".part"),
+        Picture("sound-light", f"/investigations/{heard}", first=".part"),
         Picture("map-light", "/library/map"),
         Picture("evaluation-light", "/library/evaluation"),
         Picture("try-light", f"/axes/{PAPER_AXIS.name}/try?notch_mrad=1.2"),
@@ -145,7 +158,7 @@ def main() -> int:
         with serving(data_dir) as (url, key), httpx.Client(base_url=url, timeout=120.0) as client:
             client.headers["Authorization"] = f"Bearer {key}"
             shown = client.get("/api/v1/diagnoses").raise_for_status().json()["items"][0]["id"]
-            wanted = pictures(shown, investigate(client))
+            wanted = pictures(shown, friction(client), notch(client, data_dir))
             with sync_playwright() as playwright:
                 browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox", "--disable-gpu"])
                 for picture in wanted:

@@ -44,7 +44,7 @@ def fit(
 
 
 def _print(frame: Frame, place: FittedPlace, version: int) -> None:
-    table = Table("gearbox", "modes [Hz]", "rubbing [N m]", "ambient [N m]", "spectrum misfit [dB]")
+    table = Table("gearbox or recording", "modes [Hz]", "rubbing [N m]", "ambient [N m]", "spectrum misfit [dB]")
     for name, sound in place.sounds.items():
         modes = " ".join(f"{mode.frequency_hz:.0f}" for mode in sound.microphone.modes)
         heard = sound.microphone

@@ -1,32 +1,12 @@
-"""Strokes of an axis, from its telemetry."""
+"""Strokes of an axis, from its position."""
 
 import itertools
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.signals.condition import OperatingCondition
-from casebase.signals.telemetry import Telemetry
-
-POSITIONS = ("load_position_rad", "motor_position_rad", "reference_position_rad")
 AT_THE_END = 0.002
 """Share of the stroke within which an axis counts as standing at its end [1]."""
-
-
-def with_telemetry(condition: OperatingCondition, telemetry: Telemetry) -> OperatingCondition:
-    """Return the condition with the reversals and, from the load's position, the speed that telemetry shows.
-
-    What the condition already says stays. The sound must start with the telemetry.
-    """
-    position = next((telemetry[name] for name in POSITIONS if name in telemetry), None)
-    if position is None:
-        return condition
-    times = reversal_times_s(telemetry.time_s - telemetry.time_s[0], position)
-    speed = condition.speed_rad_s
-    if speed is None and "load_position_rad" in telemetry:
-        speed = plateau_speed(telemetry.time_s, telemetry["load_position_rad"]) or None
-    return replace(condition, reversal_times_s=condition.reversal_times_s or times, speed_rad_s=speed)
 
 
 def reversal_times_s(time_s: NDArray[np.float64], position: NDArray[np.float64]) -> tuple[float, ...]:
@@ -52,12 +32,3 @@ def reversal_times_s(time_s: NDArray[np.float64], position: NDArray[np.float64])
         stays = first + np.flatnonzero(np.abs(piece - end) <= AT_THE_END)
         times.append(float(time_s[stays[0]] + time_s[stays[-1]]) / 2)
     return tuple(times)
-
-
-def plateau_speed(time_s: NDArray[np.float64], position: NDArray[np.float64]) -> float:
-    """Return the speed that is reached but not passed in nine tenths of the time [rad/s], over steps of 50 ms."""
-    step = max(1, round(0.05 / float(np.median(np.diff(time_s)))))
-    if position.size <= step:
-        return 0.0
-    speed = np.abs(position[step:] - position[:-step]) / (time_s[step:] - time_s[:-step])
-    return float(np.percentile(speed, 90))

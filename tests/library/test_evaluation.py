@@ -113,7 +113,13 @@ def test_simulated_cases_are_learned_from_but_not_tested_where_there_are_measure
     origins[np.isin(table.gearboxes, ["g0", "g1"])] = "simulated"
     mixed = CaseTable(1, "made", table.names, table.ids, table.labels, origins, *table.text[3:], table.values)
     for origin in ("measured", "simulated", "both"):
-        assert evaluate(mixed, origin=origin).cases == 18
+        found = evaluate(mixed, origin=origin)
+        assert (found.cases, found.gearboxes) == (18, len(set(table.gearboxes) - {"g0", "g1"}))
+
+
+def test_numbers_from_no_case_come_from_no_gearbox() -> None:
+    found = evaluate(made_table(4), origin="simulated")
+    assert (found.cases, found.gearboxes) == (0, 0)
 
 
 def joined(measured: CaseTable, simulated: CaseTable) -> CaseTable:
