@@ -18,15 +18,21 @@ from sim.discrepancy.terms import Report, Term
 RIPPLE_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0)  # pole pairs, slots and their multiples
 LEAST_TURN = 0.5  # rad of the load over which weight shows
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
+MOTOR = "motor"
 RUNOUT = ("runout.sine_rad", "runout.cosine_rad")
 AS_NEW_FACTOR = 3.0  # more than this above as new is a finding
 
 
-def terms_of(axis: Axis, measurement: Measurement) -> tuple[Term, ...]:
-    """Every mechanism of the telemetry at every place where the description lacks it; tooth damage is scanned apart."""
+def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term, ...]:
+    """Every mechanism of the telemetry at every place where the description lacks it; tooth damage is scanned apart.
+
+    `present`: the model so far; friction can rise at low speed only where there is dry friction.
+    """
     level = float(np.sqrt(np.mean(measurement.torque**2)))
     top = float(np.abs(measurement.speed).max())
     out = [*_friction_terms(axis, level, top, measurement), _offset(level)]
+    if any(shaft.coulomb_n_m > 0.0 for shaft in present.shafts):
+        out.append(_stribeck(level, top))
     travel = float(np.ptp(measurement.angle))
     out += [_motor_wave("torque_ripple", order, level) for order in RIPPLE_ORDERS if travel * order > 4.0 * math.pi]
     out += [_hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
@@ -84,7 +90,6 @@ def _friction_terms(axis: Axis, level: float, top: float, m: Measurement) -> lis
     if not (motor.viscous_friction_n_m_s_per_rad or load.viscous_friction_n_m_s_per_rad):
         step = 0.05 * level / top
         out.append(_both("viscous_friction", "coefficient_n_m_s_per_rad", "viscous_n_m_s", step, scale * scale, n))
-    out.append(_stribeck(level, top))
     out.append(_asymmetry(level, top))
     out.append(_drift(n, float(m.time_s[-1])))
     return out
@@ -286,6 +291,8 @@ def _link_terms(axis: Axis, k: int, level: float, load_encoder: bool) -> list[Te
     out.append(_backlash(name, k, stage.backlash_rad, twist))
     new = max(stage.transmission_error_rad, axis.load_encoder.error_rad / ratio_after(axis, k), 0.01 * twist)
     out.append(_error("eccentricity", name, k, 1.0, twist, new, RUNOUT if k + 1 == len(axis.stages) else ()))
+    if k == 0:
+        out.append(_error("eccentricity", MOTOR, k, 1.0, twist, stage.transmission_error_rad))
     if stage.driven_teeth:
         out.append(_error("mesh_error", name, k, float(stage.driven_teeth), 0.3 * twist, stage.transmission_error_rad))
     if stage.mesh_efficiency >= 1.0:
@@ -312,9 +319,10 @@ def _error(
     mechanism: str, name: str, k: int, order: float, step: float, new: float, replaces: tuple[str, ...] = ()
 ) -> Term:
     prefix = f"{mechanism}@{name}"
+    shaft = 0 if name == MOTOR else k + 1
 
     def apply(chain: Chain, values: Values) -> Chain:
-        lines = wave(k + 1, order, values[f"{prefix}.sine"], values[f"{prefix}.cosine"])
+        lines = wave(shaft, order, values[f"{prefix}.sine"], values[f"{prefix}.cosine"])
         return with_link(chain, k, errors=chain.links[k].errors + lines)
 
     report = _amplitude(prefix, "amplitude_rad", "phase_rad")

@@ -24,6 +24,9 @@ def _with_entry(chain: Chain, axis: Axis, k: int, entry: MechanismEntry) -> Chai
     match entry.name:
         case "backlash":
             return with_link(chain, k, gap_rad=p["gap_rad"])
+        case "eccentricity" if entry.location == "motor":
+            line = Line(0, 1.0, p["amplitude_rad"], p.get("phase_rad", 0.0))
+            return with_link(chain, 0, errors=(*chain.links[0].errors, line))
         case "eccentricity" | "mesh_error":
             teeth = axis.stages[k].driven_teeth if axis.stages else None
             order = 1.0 if entry.name == "eccentricity" else float(teeth or 1)

@@ -2,18 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import replace
 
 from sim.axis import Axis, MechanismEntry, Stage
 from sim.discrepancy.fit import Fit
 from sim.discrepancy.parameters import Values
-from sim.discrepancy.terms import Term
 
 SIMPLE = ("coulomb_friction", "viscous_friction")
 
 
-def extended_axis(axis: Axis, fit: Fit, findings: Sequence[Term]) -> Axis:
+def extended_axis(axis: Axis, fit: Fit) -> Axis:
     """An axis that `simulate` and a further investigation take."""
     values = fit.values
     get = values.get
@@ -40,7 +38,7 @@ def extended_axis(axis: Axis, fit: Fit, findings: Sequence[Term]) -> Axis:
     stages = tuple(_stage(axis, k, values) for k in range(len(axis.stages)))
     entries = tuple(
         MechanismEntry(t.mechanism, t.location, {k: float(v) for k, v in t.report(values).items()})
-        for t in findings
+        for t in fit.terms
         if t.mechanism not in SIMPLE
     )
     return replace(axis, motor=motor, load=load, stages=stages, mechanisms=(*axis.mechanisms, *entries))

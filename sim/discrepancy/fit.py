@@ -27,6 +27,7 @@ Raw = tuple[Array, Array]  # motor torque and guide torque
 FILTER_S = 0.4  # length of the whitening filters: what noise remembers
 WORKERS = 2
 SCORE_BLOCKS = 40
+ACTIVE_ROUNDS = 4
 
 
 @dataclass(frozen=True)
@@ -48,7 +49,8 @@ class Fit:
     """A converged model: numbers by name, terms on top of the description, whitened residual and sensitivities.
 
     `residual` (rows,) and `jacobian` (rows, parameters), the latter per `steps`; `cost` includes what was known before.
-    `sensitivities`: the same columns by name before whitening.
+    `torque_rows`: that many rows come first, those of the guide follow, over the same time. `sensitivities`: the same
+    columns by name before whitening.
     """
 
     terms: tuple[Term, ...]
@@ -58,6 +60,7 @@ class Fit:
     jacobian: Array
     cost: float
     runs: int
+    torque_rows: int
     sensitivities: Mapping[str, Raw] = field(repr=False, default_factory=dict)
 
     @property
@@ -65,8 +68,17 @@ class Fit:
         """Sum of squares of the whitened residual."""
         return float(self.residual @ self.residual)
 
-    def deviations(self) -> dict[str, float]:
-        """Standard deviation of each parameter: by the curvature at the optimum, or by how blocks of rows disagree.
+    def blocks(self, count: int) -> list[NDArray[np.int64]]:
+        """Rows of each of `count` equal parts of the time, of both channels."""
+        torque = np.linspace(0, self.torque_rows, count + 1).astype(np.int64)
+        guide = np.linspace(self.torque_rows, self.residual.size, count + 1).astype(np.int64)
+        return [
+            np.concatenate([np.arange(a, b), np.arange(c, d)])
+            for (a, b), (c, d) in zip(pairwise(torque), pairwise(guide), strict=True)
+        ]
+
+    def covariance(self) -> Array:
+        """Of the parameters, shape (p, p): by the curvature at the optimum, widened by how blocks of time disagree.
 
         The latter is the sandwich of White (Econometrica 48 (1980) 817) over contiguous blocks: it holds for noise
         that the whitening has left coloured and for a form that is not quite that of the axis.
@@ -75,14 +87,19 @@ class Fit:
         spread = np.array([p.spread for p in self.parameters])
         information = self.jacobian.T @ self.jacobian + np.diag((steps / spread) ** 2)
         scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
-        covariance = np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)
-        edges = np.linspace(0, self.residual.size, SCORE_BLOCKS + 1).astype(np.int64)
-        parts = [slice(int(a), int(b)) for a, b in pairwise(edges)]
+        curved = np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)
+        parts = self.blocks(SCORE_BLOCKS)
         scores = np.array([self.jacobian[part].T @ self.residual[part] for part in parts]) / scale
-        scores = (scores - scores.mean(axis=0)) @ covariance
-        variance = np.maximum(np.diag(covariance), np.sum(scores**2, axis=0))
-        sd = np.sqrt(np.maximum(variance, 0.0)) / scale * steps
-        return {p.name: float(s) for p, s in zip(self.parameters, sd, strict=True)}
+        scores = (scores - scores.mean(axis=0)) @ curved
+        alone = np.maximum(np.diag(curved), 1e-300)
+        wider = np.sqrt(np.maximum(1.0, np.sum(scores**2, axis=0) / alone))
+        unit = wider / scale * steps
+        return np.asarray(curved * np.outer(unit, unit))
+
+    def deviations(self) -> dict[str, float]:
+        """Standard deviation of each parameter."""
+        variances = np.maximum(np.diag(self.covariance()), 0.0)
+        return {p.name: float(np.sqrt(v)) for p, v in zip(self.parameters, variances, strict=True)}
 
 
 @dataclass
@@ -131,6 +148,9 @@ class Problem:
             if term.torque is not None:
                 torque = torque - term.torque(m, values)
         guide = prediction.guide[:: self.guide_stride] if self.guided else np.zeros(0)
+        for term in terms:
+            if term.load_torque is not None and guide.size:
+                guide = guide - term.load_torque(m, values)[:: self.guide_stride]
         if not weighted:
             return torque, guide
         return torque * m.weight, guide * m.load_weight[:: self.guide_stride] if guide.size else guide
@@ -211,8 +231,9 @@ class Problem:
                 columns = self.whitened(parameters, known)
                 system = _System.of(parameters, columns)
         return Fit(
-            tuple(terms), parameters, state.values, state.residual, columns, state.cost, self.runs - before, known
-        )
+            tuple(terms), parameters, state.values, state.residual, columns, state.cost, self.runs - before,
+            self.measurement.samples, known,
+        )  # fmt: skip
 
     def _step(
         self, terms: Sequence[Term], parameters: Sequence[Parameter], state: _State, system: _System, damping: float
@@ -359,7 +380,21 @@ class _System:
         gradient = -self.columns.T @ residual - offset * self.steps / self.spread**2
         scale = np.sqrt(np.maximum(np.diag(self.information), 1e-12))
         scaled = self.information / np.outer(scale, scale) + damping * np.eye(len(parameters))
-        move = np.linalg.solve(scaled, gradient / scale) / scale * self.steps
+        goal = gradient / scale
+        unit = self.steps / scale
+        low = np.array([p.low - values[p.name] for p in parameters]) / unit
+        high = np.array([p.high - values[p.name] for p in parameters]) / unit
+        move = np.zeros(len(parameters))
+        free = np.ones(len(parameters), dtype=np.bool_)
+        for _ in range(ACTIVE_ROUNDS):  # what runs into its limit stays there, the others go on without it
+            right = goal[free] - scaled[np.ix_(free, ~free)] @ move[~free]
+            move[free] = np.linalg.solve(scaled[np.ix_(free, free)], right)
+            out = (move < low) | (move > high)
+            move = np.clip(move, low, high)
+            if not out[free].any():
+                break
+            free &= ~out
         return {
-            p.name: float(min(max(values[p.name] + d, p.low), p.high)) for p, d in zip(parameters, move, strict=True)
+            p.name: min(max(float(values[p.name] + d), p.low), p.high)
+            for p, d in zip(parameters, move * unit, strict=True)
         }

@@ -22,7 +22,7 @@ from sim.discrepancy.selection import Selection, calibrate, polish, select
 from sim.discrepancy.sound import Listening, beside, listen, listen_alone
 from sim.discrepancy.sound_evidence import Heard
 from sim.discrepancy.terms import Term
-from sim.discrepancy.unexplained import Unexplained, look, stands_out, structure
+from sim.discrepancy.unexplained import Unexplained, look, nameless, stands_out
 from sim.discrepancy.weighing import Evidence, is_close, probability
 
 VERSION = "1"
@@ -138,33 +138,45 @@ def investigate(
     problem, fit = selection.problem, selection.fit
     progress("sound", 0.78)
     heard = listen(axis, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
-    named = [term.mechanism for term in fit.terms] + [fault.mechanism for fault in gate.faults]
+    named = [term.mechanism for term in selection.found] + [fault.mechanism for fault in gate.faults]
     progress("gain on rows not used", 0.85)
     base = problem.fit((), base.values, held=base.sensitivities) if fit.terms else fit
     places = look(problem, fit)
-    rest = _left(places, fit)
-    remains = structure(places, fit.misfit)
+    rest = [nameless(selection, term) for term in selection.nameless] + _left(places, fit)
     _, base = polish(problem, base)
     problem, fit = polish(problem, fit)
-    gained = gains(problem, base, fit)
     selection = replace(selection, problem=problem, base=base, fit=fit)
     progress("what is left", 0.92)
     findings = (
-        *(_finding(selection, term, remains) for term in fit.terms),
+        *(_finding(selection, term) for term in selection.found),
         *(_fault_finding(fault) for fault in gate.faults),
-        *(_heard_finding(h) for h in beside(named, heard, problem.guided)),
+        *(_heard_finding(h) for h in beside(named, heard, problem.guided, _struck(axis, selection.found))),
     )
     named_well = any(f.probability >= SAID for f in findings)
     if findings and not named_well:
         rest = rest or places[:1]  # something is there, but no name is more likely than not
+    extended = _said(problem, fit, findings)
+    gained = gains(problem, base, extended)
     verdict = "named" if named_well else "unnamed" if rest else "nothing_missing"
     progress("done", 1.0)
     return Investigation(
         axis, verdict, findings, rest[0] if rest else None, _estimates(problem, fit), gained,
-        next_measurement(axis, findings, rest, problem.guided), extended_axis(axis, fit, fit.terms),
+        next_measurement(axis, findings, rest, problem.guided), extended_axis(axis, extended),
         _provenance(axis, telemetry, sounds, problem),
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]), gate.remarks, selection,
     )  # fmt: skip
+
+
+def _said(problem: Problem, fit: Fit, findings: Sequence[Finding]) -> Fit:
+    """The fit with nothing on top of the description but what is said."""
+    said = {(f.mechanism, f.location) for f in findings if f.probability >= SAID}
+    kept = tuple(t for t in fit.terms if t.named and (t.mechanism, t.location) in said)
+    return fit if len(kept) == len(fit.terms) else problem.fit(kept, fit.values, held=fit.sensitivities, refresh=1)
+
+
+def _struck(axis: Axis, found: Sequence[Term]) -> list[float]:
+    """Turns per turn of the motor of gears with a damaged tooth."""
+    return [axis.ratio_from(t.location) / axis.ratio for t in found if t.mechanism == "tooth_damage" and t.location]
 
 
 def _left(places: Sequence[Unexplained], fit: Fit) -> list[Unexplained]:
@@ -191,9 +203,9 @@ def _sound_alone(axis: Axis, sounds: Sequence[Recording], progress: Progress) ->
     )  # fmt: skip
 
 
-def _finding(selection: Selection, term: Term, remains: float) -> Finding:
+def _finding(selection: Selection, term: Term) -> Finding:
     fit, standing = selection.fit, selection.standings[term.key]
-    seen = Evidence(standing.share, tuple(t for _, t in standing.rivals), remains / standing.gain)
+    seen = Evidence(standing.share, tuple(t for _, t in standing.rivals), standing.shared / standing.gain)
     close = sorted({r.mechanism for r, t in standing.rivals if is_close(t)} - {term.mechanism})[:2]
     return Finding(
         term.mechanism, term.location, probability(seen), _term_estimates(fit, term), tuple(close),
@@ -203,17 +215,19 @@ def _finding(selection: Selection, term: Term, remains: float) -> Finding:
 
 def _term_estimates(fit: Fit, term: Term) -> tuple[Estimate, ...]:
     """Reported parameters with intervals by small changes of the fitted numbers."""
-    deviations = fit.deviations()
+    own = [k for k, p in enumerate(fit.parameters) if p in term.parameters]
+    covariance = fit.covariance()[np.ix_(own, own)] * _inflation(fit) ** 2
+    deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
+    correlation = covariance / np.outer(deviations, deviations)
     centre = term.report(fit.values)
-    scale = _inflation(fit)
+    moved = [
+        term.report({**fit.values, fit.parameters[k].name: fit.values[fit.parameters[k].name] + sd})
+        for k, sd in zip(own, deviations, strict=True)
+    ]
     out = []
     for name, value in centre.items():
-        variance = 0.0
-        for p in term.parameters:
-            sd = deviations[p.name] * scale
-            moved = term.report({**fit.values, p.name: fit.values[p.name] + sd})[name]
-            variance += (moved - value) ** 2
-        half = NINETY * math.sqrt(variance)
+        change = np.array([m[name] - value for m in moved])
+        half = NINETY * math.sqrt(max(float(change @ correlation @ change), 0.0))
         out.append(Estimate(name, float(value), unit_of(name), float(value - half), float(value + half)))
     return tuple(out)
 

@@ -9,26 +9,31 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
+from scipy.optimize import lsq_linear
 
 from sim.chain_model import Array, ChainError
 from sim.discrepancy.catalogue import terms_of, tooth_damage
 from sim.discrepancy.fit import WORKERS, Fit, Noise, Problem
 from sim.discrepancy.measurement import gaussian_kernel
 from sim.discrepancy.model import link_stiffness
+from sim.discrepancy.nameless import CURVES, FIXED, OVER_ANGLE, nameless_terms
 from sim.discrepancy.scan import Place, scan
 from sim.discrepancy.terms import Term
-from sim.discrepancy.weighing import Standing, held_out_squares, paired, standings
+from sim.discrepancy.weighing import Standing, held_out_squares, named_alone, paired, standings
 
 Progress = Callable[[str, float], None]
 SHORTLIST = 5
 SPRING_LAWS = frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"})
 SPRING_SHARE = 0.1
 LEAST_SHARE = 0.003  # of the squared residual: what the form of a model differs from any real axis
+CURVE_SHARE = 0.01  # the same for a free curve, which bends to any slow noise
 MOTION_BAND_HZ = 40.0
 MOST_TRIES = 7
 DEPTHS = (0.03, 0.1, 0.3)  # of the working twist, where a dent is looked for
 CLOSE = 3  # best candidates of which those that are far from linear are refitted in full
 MOST_TERMS = 4
+MOST_ROUNDS = 7  # with those that are as new or have no name
+CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
 ENOUGH = 2.5  # tempered nats that a term must bring
 WORTH_TRYING = 40.0  # drop of the whitened sum of squares that a screened term must promise
 TEMPERATURE = 0.3  # model errors make the residual less informative than its whitened length says
@@ -45,7 +50,11 @@ class Rival:
 
 @dataclass(frozen=True)
 class Selection:
-    """The last fit; per accepted term what it gains over the fit without it, and its rivals when it came in."""
+    """The last fit; per accepted term what it gains over the fit without it, and its rivals when it came in.
+
+    `found`: mechanisms of a size that matters; `fit` also holds what is as new, so that nothing else is blamed for it,
+    and what has no name.
+    """
 
     problem: Problem
     base: Fit
@@ -53,7 +62,14 @@ class Selection:
     gains: Mapping[str, float]
     rivals: Mapping[str, tuple[Rival, ...]]
     rejected: tuple[Rival, ...]
+    found: tuple[Term, ...]
     standings: Mapping[str, Standing]
+
+    @property
+    def nameless(self) -> tuple[Term, ...]:
+        """What the residual asks for beyond them, most of it first."""
+        spoken = (t for t in self.fit.terms if not t.named and t.mechanism != OVER_ANGLE)
+        return tuple(sorted(spoken, key=lambda t: -self.gains[t.key]))
 
 
 def calibrate(problem: Problem) -> tuple[Problem, Fit]:
@@ -108,54 +124,86 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     gains: dict[str, float] = {}
     rivals: dict[str, tuple[Rival, ...]] = {}
     rejected: tuple[Rival, ...] = ()
-    for step in range(MOST_TERMS):
-        progress(f"candidates, round {step + 1}", 0.25 + 0.12 * step)
+    for step in range(MOST_ROUNDS):
+        progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
         tried = try_terms(problem, fit)
-        rows = fit.residual.size
-        fitting = [r for r in tried if evidence(r.term, r.gain, rows) > ENOUGH and material(r.term, r.values)]
-        if not fitting:
-            rejected = tuple(tried)
+        new, more = entering(problem, fit, tried)
+        rejected = tuple(r for r in tried if r not in new and r.term.named)
+        if more is None:
             break
-        best = fitting[0]
-        fit = problem.fit((*fit.terms, best.term), best.values, held=fit.sensitivities, refresh=1)
-        problem, fit = rewhiten(problem, fit)
-        rivals[best.term.key] = tuple(tried[:SHORTLIST])
-        rejected = tuple(r for r in tried if r is not best)
+        problem, fit = rewhiten(problem, more)
+        rivals |= {r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in new}
         problem, fit, gains = prune(problem, fit, strict=False)
-        if best.term.key not in gains:
+        if new[0].term.key not in gains or sum(material(t, fit.values) for t in fit.terms) >= MOST_TERMS:
             break
     problem, fit, gains = prune(problem, fit, strict=True)
     in_place = {key: [(r.term, r.values) for r in tried if material(r.term, r.values)] for key, tried in rivals.items()}
-    return Selection(problem, base, fit, gains, rivals, rejected, standings(problem, fit, gains, in_place))
+    found = tuple(t for t in fit.terms if t.named and material(t, fit.values))
+    standing = standings(problem, fit, found, gains, in_place)
+    return Selection(problem, base, fit, gains, rivals, rejected, found, standing)
+
+
+def wanted(rival: Rival) -> bool:
+    """Whether a term is worth a place: it matters, or it is as new and nothing that is always fitted stands for it."""
+    return material(rival.term, rival.values) or not rival.term.replaces
+
+
+def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[Rival], Fit | None]:
+    """The candidate that explains most and the fit with it; all that are as new come in together.
+
+    A mechanism goes before what has no name, unless that explains clearly more and holds on unseen rows.
+    """
+    fitting = [r for r in tried if evidence(r.term, r.gain, fit.residual.size) > ENOUGH and wanted(r)]
+    most = max((r.gain for r in fitting if r.term.named), default=0.0)
+    as_new = [r for r in fitting if r.term.mechanism == OVER_ANGLE or not material(r.term, r.values)]
+    for best in fitting:
+        if not best.term.named and best not in as_new and best.gain < CLEARLY * most:
+            continue
+        new = [best, *(r for r in as_new if r is not best)] if best in as_new else [best]
+        start = {**best.values, **{p.name: r.values[p.name] for r in new for p in r.term.parameters}}
+        more = problem.fit((*fit.terms, *(r.term for r in new)), start, held=fit.sensitivities, refresh=1)
+        if best.term.named or best in as_new or (holds(fit, more) and matters(best.term, fit.cost - more.cost, more)):
+            return new, more
+    return [], None
+
+
+def matters(term: Term, gain: float, fit: Fit) -> bool:
+    """Whether a gain is more than what the form of a model leaves on any real axis; a sine of one phase is no form."""
+    share = 0.0 if term.mechanism == FIXED else CURVE_SHARE if term.mechanism in CURVES else LEAST_SHARE
+    return gain >= share * fit.misfit
 
 
 def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, dict[str, float]]:
     """Take away every term that the others have made needless; gains of those that stay.
 
-    `strict`, once all are in: also what does not hold on unseen rows or is only the error of another's form.
+    `strict`, once all are in: also what does not hold on unseen rows or is only the error of another's form. What has
+    no name cannot make a mechanism needless.
     """
     while fit.terms:
         gains = {}
         without = {}
+        plain = named_alone(problem, fit)
         for term in fit.terms:
-            rest = tuple(t for t in fit.terms if t is not term)
-            less = problem.fit(rest, fit.values, held=fit.sensitivities)
-            gains[term.key] = less.cost - fit.cost if not strict or holds(less, fit) else 0.0
+            more = plain if term.named else fit
+            rest = tuple(t for t in more.terms if t is not term)
+            less = problem.fit(rest, more.values, held=more.sensitivities)
+            gains[term.key] = less.cost - more.cost if not strict or holds(less, more) else 0.0
             without[term.key] = less
         rows = fit.residual.size
         weak = [
             t
             for t in fit.terms
             if evidence(t, gains[t.key], rows) <= ENOUGH
-            or not material(t, fit.values)
+            or not wanted(Rival(t, gains[t.key], fit.values))
             or (strict and gains[t.key] < max(own_share(t, other) * gains[other.key] for other in fit.terms))
-            or (strict and gains[t.key] < LEAST_SHARE * fit.misfit)
+            or (strict and not matters(t, gains[t.key], fit))
         ]
         if not weak:
             return problem, fit, gains
         weakest = min(weak, key=lambda t: gains[t.key])
         less = without[weakest.key]
-        fit = problem.fit(less.terms, less.values, held=less.sensitivities, refresh=1)
+        rest = tuple(t for t in fit.terms if t is not weakest)
+        fit = problem.fit(rest, {**fit.values, **less.values}, held=fit.sensitivities, refresh=1)
     return problem, fit, {}
 
 
@@ -177,15 +225,24 @@ def holds(less: Fit, more: Fit) -> bool:
 
 
 def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
-    """Candidates by what they gain once refitted, best first."""
+    """Candidates by what they gain once refitted, best first; what has no name is linear, its promise is its gain."""
     present = {term.key for term in fit.terms}
     candidates = [
-        t for t in (*terms_of(problem.axis, problem.measurement), *damage_terms(problem, fit)) if t.key not in present
+        t
+        for t in (
+            *terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values)),
+            *damage_terms(problem, fit),
+            *nameless_terms(problem, fit),
+        )
+        if t.key not in present
     ]
     screened = screen(problem, fit, candidates)
     tried: list[tuple[float, Fit, Term]] = []
     tries: dict[str, int] = {}
+    straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
     for promised, term, start in screened:
+        if not term.named:
+            continue
         if promised < max(WORTH_TRYING, 0.03 * screened[0][0]) or len(tried) >= MOST_TRIES:
             break
         if tries.get(term.key, 0) >= (2 if term.nonlinear else 1):
@@ -204,7 +261,7 @@ def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
     best: dict[str, Rival] = {}
     for gain, refit, term in tried:
         best.setdefault(term.key, Rival(term, gain, refit.values))
-    return list(best.values())
+    return sorted([*best.values(), *straight], key=lambda r: (-r.gain, r.term.key))
 
 
 def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:
@@ -242,16 +299,38 @@ def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[floa
         absorbed = cho_solve(factor, shared.T)
         own = block @ block.T - shared @ absorbed
         pull = -(block @ fit.residual - gradient @ absorbed)
-        scale = np.sqrt(np.maximum(np.diag(own), 1e-300))
-        share = np.linalg.solve(own / np.outer(scale, scale) + 1e-9 * np.eye(scale.size), pull / scale) / scale
+        share = least_squares_within(own, pull, lowest_shares(term, group, {**defaults, **fit.values}))
         if term.positive and share[0] <= 0.0:
             return 0.0, term, {}
-        return float(share @ pull), term, {**defaults, **_start(term, group, share)}
+        drop = float(2.0 * share @ pull - share @ own @ share)
+        return drop, term, {**defaults, **_start(term, group, share)}
 
     jobs = [(term, group) for term in terms for group in term.probes]
     with ThreadPoolExecutor(WORKERS) as pool:
         out = list(pool.map(promise, jobs))
     return sorted(out, key=lambda o: (-o[0], o[1].key))
+
+
+def lowest_shares(term: Term, group: Sequence[Mapping[str, float]], values: Mapping[str, float]) -> Array:
+    """Share of each jump at which its number is as low as it may be, shape (jumps,)."""
+    low = {p.name: p.low for p in term.parameters}
+    out = np.full(len(group), -np.inf)
+    for k, jump in enumerate(group):
+        name, value = next(iter(jump.items()))
+        if not term.nonlinear and len(jump) == 1 and value > values[name]:
+            out[k] = (low[name] - values[name]) / (value - values[name])
+    return out
+
+
+def least_squares_within(matrix: Array, pull: Array, low: Array) -> Array:
+    """Minimiser of x' matrix x - 2 x' pull with x >= `low`, shape (k,); a touch of ridge where columns are alike."""
+    scale = np.sqrt(np.maximum(np.diag(matrix), 1e-300))
+    scaled = matrix / np.outer(scale, scale) + 1e-6 * np.eye(scale.size)
+    root = np.linalg.cholesky(scaled)
+    goal = np.linalg.solve(root, pull / scale)
+    if not np.isfinite(low).any():
+        return np.asarray(np.linalg.solve(root.T, goal) / scale)
+    return np.asarray(lsq_linear(root.T, goal, (low * scale, np.inf)).x / scale)
 
 
 def _start(term: Term, group: tuple[Mapping[str, float], ...], share: Array) -> dict[str, float]:
@@ -277,7 +356,7 @@ def damage_terms(problem: Problem, fit: Fit) -> list[Term]:
     if not teeth:
         return []
     places = sorted(scan(problem, fit, teeth), key=lambda p: -p.gain)
-    if not places:
+    if not places or places[0].gain < WORTH_TRYING:
         return []
     first = places[0]
     return [_damage_term(problem, fit, replace(first, flank=flank)) for flank in (first.flank, -first.flank)]

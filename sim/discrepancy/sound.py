@@ -60,14 +60,28 @@ def listen_alone(axis: Axis, sounds: Sequence[Recording]) -> Listening:
     return Listening(heard, rejected, _remarks(axis, courses), _next(axis, heard, courses), courses)
 
 
-def beside(named: Sequence[str], heard: Sequence[Heard], load_encoder: bool) -> tuple[Heard, ...]:
+def beside(
+    named: Sequence[str], heard: Sequence[Heard], load_encoder: bool, struck: Sequence[float] = ()
+) -> tuple[Heard, ...]:
     """What sound adds to mechanisms that telemetry has named: no name twice, and no gear fault against an encoder.
 
     With a load encoder telemetry shows damaged teeth and play below what can be heard; without one, sound may name
-    them where telemetry found nothing else that it could have taken for them.
+    them where telemetry found nothing else that it could have taken for them. `struck`: turns per turn of the motor
+    of the gears with a damaged tooth; impacts at their multiples are that tooth and no bearing.
     """
     blind = not load_encoder and not set(named)
-    return tuple(h for h in heard if h.mechanism not in named and (h.mechanism not in GEAR or blind))
+    return tuple(
+        h
+        for h in heard
+        if h.mechanism not in named
+        and (h.mechanism not in GEAR or blind)
+        and not (h.mechanism == "bearing_defect" and any(_is_multiple(h, order) for order in struck))
+    )
+
+
+def _is_multiple(h: Heard, order: float) -> bool:
+    value, low, high = h.parameters["order"]
+    return low <= round(value / order) * order <= high
 
 
 def _remarks(axis: Axis, courses: Sequence[Course]) -> tuple[str, ...]:

@@ -24,7 +24,9 @@ def unchanged(chain: Chain, values: Values) -> Chain:
 
 @dataclass(frozen=True)
 class Term:
-    """`apply` changes the chain; `torque` is what to add to the predicted motor torque outside the chain [N m].
+    """`apply` changes the chain; `torque` and `load_torque` are what to add outside of it at motor and load [N m].
+
+    `named` is False for structure that competes with the mechanisms and has no name of its own.
 
     `probes`: starts worth trying; each is a group of columns, a column being the values to jump to. `report` turns
     the fitted numbers into the parameters of the mechanism; `positive`: the first number cannot be below 0;
@@ -38,6 +40,8 @@ class Term:
     report: Report
     apply: Apply = unchanged
     torque: AddTorque | None = None
+    load_torque: AddTorque | None = None
+    named: bool = True
     positive: bool = False
     nonlinear: bool = False
     replaces: tuple[str, ...] = ()

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from sim.chain_model import Array
 from sim.discrepancy.fit import Fit, Problem
+from sim.discrepancy.selection import Selection
+from sim.discrepancy.terms import Term
 
 BAND_HZ = 0.6
 HIGHEST_HZ = 120.0  # above, teeth and their aliases
@@ -57,12 +59,12 @@ def stands_out(u: Unexplained) -> bool:
     return u.kind == "speed" and u.score > SPEED_SCORE
 
 
-def structure(places: Sequence[Unexplained], misfit: float) -> float:
-    """Whitened squares that depend on speed and that the model leaves; 0 where none stand out.
-
-    A line of one frequency is not counted: it is another cause, beside which a name may well be right.
-    """
-    return max((u.share * misfit for u in places if u.kind != "frequency" and stands_out(u)), default=0.0)
+def nameless(selection: Selection, term: Term) -> Unexplained:
+    """What a term without a name has taken out of the residual of the last fit."""
+    gain, misfit = selection.gains[term.key], selection.fit.misfit
+    kind = term.mechanism.removeprefix("friction_over_").removeprefix("fixed_")
+    channel = "motor_torque_nm" if term.location == "motor" else "load_position_rad"
+    return Unexplained(kind, channel, gain / misfit, gain / math.sqrt(2.0 * misfit), term.report(selection.fit.values))
 
 
 def _frequency(channel: str, values: Array, rate_hz: float) -> Unexplained:

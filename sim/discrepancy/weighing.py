@@ -15,6 +15,7 @@ from scipy.special import log_ndtr
 
 from sim.chain_model import Array, ChainError
 from sim.discrepancy.fit import Fit, Problem
+from sim.discrepancy.nameless import CURVES
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weights import WEIGHTS, Weights
 
@@ -30,8 +31,8 @@ class Evidence:
     """What the probability of a name hangs on.
 
     `share`: what the name takes away over what remains of the squared whitened residual; `rivals`: standard errors by
-    which it does better on unseen blocks than each other term in its place; `left`: structure that remains, over what
-    the name takes away.
+    which it does better on unseen blocks than each other term in its place; `left`: of what the name takes away, the
+    part that something without a name would take as well, where that takes more besides.
     """
 
     share: float
@@ -43,36 +44,52 @@ class Evidence:
 class Standing:
     """A named term against the rest.
 
-    `gain`: whitened squares that it takes away; `share`: of those that remain; `rivals`: other terms in its place, and
-    the standard errors by which it does better than they on unseen blocks.
+    `gain`: whitened squares that it takes away; `share`: of those that remain; `shared`: of its gain, what the terms
+    without a name would take as well; `rivals`: other terms in its place, and the standard errors by which it does
+    better than they on unseen blocks.
     """
 
     gain: float
     share: float
+    shared: float
     rivals: tuple[tuple[Term, float], ...]
 
 
 def standings(
     problem: Problem,
     fit: Fit,
+    found: Sequence[Term],
     gains: Mapping[str, float],
     rivals: Mapping[str, Sequence[tuple[Term, Mapping[str, float]]]],
 ) -> dict[str, Standing]:
-    """How each term of `fit` stands; `rivals`: terms and numbers that were tried when it came in."""
-    own = held_out_squares(fit)
+    """How each of the terms `found` in `fit` stands; `rivals`: terms and numbers that were tried when it came in."""
+    plain = named_alone(problem, fit)
+    own = held_out_squares(plain)
+    beyond = max((gains[t.key] for t in fit.terms if t.mechanism in CURVES), default=0.0)
     out = {}
-    for term in fit.terms:
-        rest = tuple(t for t in fit.terms if t is not term)
-        present = {t.key for t in fit.terms}
+    for term in found:
+        shared = 0.0
+        if beyond:
+            rest = tuple(t for t in fit.terms if t is not term)
+            less = problem.fit(rest, fit.values, held=fit.sensitivities)
+            shared = min(beyond, max(0.0, gains[term.key] - (less.cost - fit.cost)))
+        rest = tuple(t for t in plain.terms if t is not term)
+        present = {t.key for t in plain.terms}
         against = []
         for other, values in [r for r in rivals.get(term.key, ()) if r[0].key not in present][:CLOSEST]:
             try:
-                instead = problem.fit((*rest, other), {**fit.values, **values}, held=fit.sensitivities)
+                instead = problem.fit((*rest, other), {**plain.values, **values}, held=plain.sensitivities)
             except ChainError:
                 continue
             against.append((other, paired(held_out_squares(instead) - own)))
-        out[term.key] = Standing(gains[term.key], gains[term.key] / fit.misfit, tuple(against))
+        out[term.key] = Standing(gains[term.key], gains[term.key] / fit.misfit, shared, tuple(against))
     return out
+
+
+def named_alone(problem: Problem, fit: Fit) -> Fit:
+    """The fit without what has no name."""
+    named = tuple(term for term in fit.terms if term.named)
+    return fit if len(named) == len(fit.terms) else problem.fit(named, fit.values, held=fit.sensitivities)
 
 
 def paired(drop: Array) -> float:
@@ -86,15 +103,13 @@ def paired(drop: Array) -> float:
 
 
 def held_out_squares(fit: Fit) -> Array:
-    """Sum of squares per block of rows after one linear refit on the other blocks, shape (BLOCKS,)."""
+    """Sum of squares per block of time after one linear refit on the other blocks, shape (BLOCKS,)."""
     steps = np.array([p.step / p.spread for p in fit.parameters])
     offset = np.array([(fit.values[p.name] - p.expected) / p.spread for p in fit.parameters])
     information = fit.jacobian.T @ fit.jacobian + np.diag(steps**2 + 1e-9)
     gradient = fit.jacobian.T @ fit.residual + steps * offset
-    edges = np.linspace(0, fit.residual.size, BLOCKS + 1).astype(np.int64)
     out = np.zeros(BLOCKS)
-    for k in range(BLOCKS):
-        part = slice(int(edges[k]), int(edges[k + 1]))
+    for k, part in enumerate(fit.blocks(BLOCKS)):
         columns, rows = fit.jacobian[part], fit.residual[part]
         rest = information - columns.T @ columns
         scale = np.sqrt(np.maximum(np.diag(rest), 1e-12))

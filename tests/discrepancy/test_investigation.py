@@ -96,3 +96,21 @@ def test_the_report_is_one_file_that_loads_nothing() -> None:
     assert "<script" not in page
     assert 'src="http' not in page
     assert 'href="http' not in page
+
+
+def test_friction_that_no_law_describes_is_unnamed_with_its_speed() -> None:
+    _, _, speed, _ = swing()
+    band = 0.5 * np.exp(-(((np.abs(speed) - 36.0) / 6.0) ** 2)) * np.sign(speed)
+    result = investigate(axis(), one_body(0.3, 1.0, 0.02, 9, extra=band))
+    assert result.verdict == "unnamed"
+    assert result.unexplained is not None
+    assert result.unexplained.kind == "speed"
+    assert result.unexplained.numbers["speed_rad_s"] == pytest.approx(36.0, abs=12.0)
+
+
+def test_friction_over_the_angle_is_unnamed_with_its_order() -> None:
+    _, angle, speed, _ = swing()
+    result = investigate(axis(), one_body(0.3, 1.0, 0.02, 10, extra=0.4 * np.sign(speed) * np.cos(2 * angle)))
+    assert result.verdict == "unnamed"
+    assert result.unexplained is not None
+    assert result.unexplained.numbers == {"order": 2.0}

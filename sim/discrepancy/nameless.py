@@ -1,0 +1,161 @@
+"""Structure that has no name, as terms that compete with the mechanisms: friction over speed or angle, one frequency.
+
+Where such a term explains clearly more than any mechanism, none of them is the cause; beside a mechanism it takes what
+would otherwise be blamed on a second one. Their shapes are the generic basis of friction that depends on the state,
+additive at the motor and, with a load encoder, at the load: no simulation is needed.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+
+import numpy as np
+
+from sim.chain_model import Array
+from sim.discrepancy.fit import Fit, Problem
+from sim.discrepancy.measurement import Measurement
+from sim.discrepancy.parameters import Parameter, Values
+from sim.discrepancy.terms import Term
+
+CURVES = ("friction_over_speed", "friction_over_angle")
+FIXED = "fixed_frequency"
+OVER_ANGLE = "torque_over_angle"  # as new: it enters a model, and is not spoken of
+KNOTS = 8  # of the friction curve, per direction
+ORDERS = (1, 2, 3)  # of friction over the angle of the load
+TURN_SHARE = 0.02  # of the largest speed: there friction turns its sign
+LOWEST_HZ, HIGHEST_HZ = 2.0, 120.0  # below, the motion itself; above, teeth and their aliases
+BAND_HZ = 0.6
+FINER = 8  # spacing of the frequencies tried, over that of the record's own
+COHERENT = 0.5  # of a line's energy, that one sine of constant phase explains
+COMB = 0.3  # of a line's energy, in the neighbour that a repeated motion would give it
+REPEATS = 0.9  # autocorrelation of the speed
+LINE_EXCESS = 14.0  # energy of a line over that of its neighbours: once in a hundred records of noise
+
+
+def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
+    """Friction over speed and over angle at both ends, and a sine of constant phase where the residual has a line."""
+    m = problem.measurement
+    level = 0.01 * float(np.sqrt(np.mean(m.torque**2)))
+    n = m.samples
+    ends = [("motor", fit.residual[:n], m.rate_hz, level)]
+    if problem.guided:
+        ends.append(("load", fit.residual[n:], m.rate_hz / problem.guide_stride, level * problem.axis.ratio))
+    out = []
+    for place, left, rate_hz, step in ends:
+        out += [over_speed(place, m, step), over_angle(place, m, problem.axis.ratio, step)]
+        out.append(torque_over_angle(place, m, problem.axis.ratio, step))
+        frequency = line_of(left, rate_hz, repetition_s(m))
+        if frequency is not None:
+            out.append(_sine(place, m, frequency, step))
+    return out
+
+
+def over_speed(place: str, m: Measurement, step: float) -> Term:
+    """A curve of straight pieces over the speed, one for each direction, beyond dry and viscous friction.
+
+    Tents that stand on the knots in between and are 0 at both ends: a straight line is none of them.
+    """
+    top = float(np.abs(m.speed).max())
+    knots = np.linspace(0.0, top, KNOTS)[1:-1]
+    tents = np.maximum(0.0, 1.0 - np.abs(np.abs(m.speed)[:, None] - knots) * (KNOTS - 1) / top)
+    turned = _turned(m)[:, None]
+    shapes = np.concatenate([tents * np.maximum(turned, 0.0), tents * np.minimum(turned, 0.0)], axis=1)
+
+    def where(energy: Array) -> Mapping[str, float]:
+        at = int(np.argmax(energy))
+        return {"speed_rad_s": float(knots[at % knots.size]), "direction": 1.0 if at < knots.size else -1.0}
+
+    return _shaped(CURVES[0], place, shapes, step, where)
+
+
+def over_angle(place: str, m: Measurement, ratio: float, step: float) -> Term:
+    """Dry and viscous friction whose size is a wave over the angle of the load."""
+    waves = _waves(m, ratio)
+    even = m.speed / float(np.abs(m.speed).max())
+    shapes = np.concatenate([waves * _turned(m)[:, None], waves * even[:, None]], axis=1)
+
+    def where(energy: Array) -> Mapping[str, float]:
+        return {"order": float(ORDERS[int(np.argmax(energy)) // 2 % len(ORDERS)])}
+
+    return _shaped(CURVES[1], place, shapes, step, where)
+
+
+def torque_over_angle(place: str, m: Measurement, ratio: float, step: float) -> Term:
+    """The same in both directions: small errors of new gears and encoders, which must not pass for friction."""
+    return _shaped(OVER_ANGLE, place, _waves(m, ratio), step, lambda energy: {})
+
+
+def _waves(m: Measurement, ratio: float) -> Array:
+    angle = m.angle / ratio
+    return np.stack([wave(order * angle) for order in ORDERS for wave in (np.cos, np.sin)], axis=1)
+
+
+def _sine(place: str, m: Measurement, frequency: float, step: float) -> Term:
+    turn = 2.0 * math.pi * frequency * m.time_s
+    shapes = np.stack([np.sin(turn), np.cos(turn)], axis=1)
+    return _shaped(FIXED, place, shapes, step, lambda energy: {"frequency_hz": frequency})
+
+
+def _turned(m: Measurement) -> Array:
+    """Sign of the speed, smooth."""
+    return np.asarray(np.tanh(m.speed / (TURN_SHARE * float(np.abs(m.speed).max()))))
+
+
+def line_of(left: Array, rate_hz: float, repeats_s: float | None = None) -> float | None:
+    """Frequency of the strongest line of a whitened residual [Hz], None where there is none of constant phase.
+
+    A motion that repeats after `repeats_s` makes a comb of lines of whatever it excites; one of those does not count.
+    """
+    size = FINER * left.size
+    power = np.abs(np.fft.rfft(left, size)) ** 2 / left.size
+    spacing = rate_hz / size
+    first, last = round(LOWEST_HZ / spacing), int(min(0.42 * rate_hz, HIGHEST_HZ) / spacing)
+    if last <= first + FINER:
+        return None
+    at = first + int(np.argmax(power[first:last]))
+    half = round(0.5 * BAND_HZ / spacing)
+    typical = float(np.median(power[first:last])) / math.log(2.0)
+    band = float(power[max(at - half, 0) : at + half + 1].sum()) / FINER
+    excess = band - typical * (2 * half + 1) / FINER
+    if power[at] < LINE_EXCESS * typical or power[at] - typical < COHERENT * excess:
+        return None
+    if repeats_s is not None:
+        teeth = [at + round(k / repeats_s / spacing) for k in (-2, -1, 1, 2)]
+        if max(float(power[max(t - FINER // 2, 0) : t + FINER // 2 + 1].max()) for t in teeth) > COMB * power[at]:
+            return None
+    return at * spacing
+
+
+def repetition_s(m: Measurement) -> float | None:
+    """Time after which the motion repeats [s], by the autocorrelation of the speed; None where it does not."""
+    stride = max(1, int(m.rate_hz / 100.0))
+    speed = m.speed[::stride]
+    spectrum = np.fft.rfft(speed, 2 * speed.size)
+    alike = np.fft.irfft(np.abs(spectrum) ** 2)[: speed.size // 2]
+    alike = alike / alike[0] * speed.size / (speed.size - np.arange(alike.size))
+    below = np.flatnonzero(alike < 0.0)
+    if not below.size:
+        return None
+    at = int(below[0]) + int(np.argmax(alike[below[0] :]))
+    return float(at * stride / m.rate_hz) if alike[at] > REPEATS else None
+
+
+def _shaped(kind: str, place: str, shapes: Array, step: float, where: Callable[[Array], Mapping[str, float]]) -> Term:
+    """Free amplitudes of `shapes` (n, k) in torque; `where` says from the energy of each shape where it acts."""
+    names = [f"{kind}@{place}.{k}" for k in range(shapes.shape[1])]
+
+    def amplitudes(values: Values) -> Array:
+        return np.array([values[name] for name in names])
+
+    def torque(m: Measurement, values: Values) -> Array:
+        return np.asarray(shapes @ amplitudes(values))
+
+    def report(values: Values) -> Mapping[str, float]:
+        return where(np.sum((shapes * amplitudes(values)) ** 2, axis=0))
+
+    return Term(
+        kind, place, tuple(Parameter(name, 0.0, step) for name in names), (tuple({name: step} for name in names),),
+        report, torque=torque if place == "motor" else None, load_torque=torque if place == "load" else None,
+        named=False, magnitude=lambda values: math.inf,
+    )  # fmt: skip

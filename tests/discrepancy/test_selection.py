@@ -1,0 +1,37 @@
+"""Starts within their limits, steps along them, lines of one phase."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from scipy.optimize import lsq_linear
+
+from sim.discrepancy.nameless import line_of
+from sim.discrepancy.selection import least_squares_within
+
+
+def test_of_two_columns_that_are_alike_none_is_negative_where_it_may_not_be() -> None:
+    rng = np.random.default_rng(1)
+    first = rng.standard_normal(500)
+    columns = np.stack([first, first + 1e-3 * rng.standard_normal(500)], axis=1)
+    goal = 0.7 * first + 0.1 * rng.standard_normal(500)
+    share = least_squares_within(columns.T @ columns, columns.T @ goal, np.zeros(2))
+    exact = lsq_linear(columns, goal, (0.0, np.inf)).x
+    assert share.min() >= 0.0
+    assert share.sum() == pytest.approx(exact.sum(), rel=1e-3)
+
+
+def test_without_limits_the_share_solves_the_normal_equations() -> None:
+    columns = np.random.default_rng(2).standard_normal((200, 3))
+    matrix, pull = columns.T @ columns, columns.T @ columns @ np.array([1.0, -2.0, 3.0])
+    assert least_squares_within(matrix, pull, np.full(3, -np.inf)) == pytest.approx([1.0, -2.0, 3.0], rel=1e-5)
+
+
+def test_a_line_is_one_sine_of_constant_phase_and_no_burst_of_its_frequency() -> None:
+    time = np.arange(30_000) / 1000.0
+    noise = np.random.default_rng(3).standard_normal(time.size)
+    sine = 0.1 * np.sin(2 * np.pi * 6.31 * time)
+    assert line_of(noise, 1000.0) is None
+    assert line_of(noise + sine, 1000.0) == pytest.approx(6.31, abs=0.01)
+    broken = 0.1 * np.sin(2 * np.pi * 6.31 * time + np.random.default_rng(4).uniform(0, 2 * np.pi, 30).repeat(1000))
+    assert line_of(noise + 3.0 * broken, 1000.0) is None
