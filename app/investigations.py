@@ -7,10 +7,11 @@ another process finds them, and so that an investigation can be done again.
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from time import sleep
+from typing import Any
 
 from sqlalchemy.orm import Session
 
@@ -46,24 +47,27 @@ def submit(
     session: Session,
     axis: Axis,
     telemetry: Measured | None,
-    sound: Measured | None,
+    sounds: Sequence[Measured],
     sound_offset_s: float = 0.0,
 ) -> StoredInvestigation:
     """Check and keep what was measured; the caller queues the job under the investigation's id.
 
     Raises:
-        AxisError: if there is nothing to investigate.
+        AxisError: if there is nothing to investigate, or several sounds beside one telemetry.
         SignalError: if telemetry or sound cannot be read.
     """
-    if telemetry is None and sound is None:
+    if telemetry is None and not sounds:
         raise AxisError("send telemetry, sound or both: an axis alone has nothing to investigate")
+    if telemetry is not None and len(sounds) > 1:
+        raise AxisError(f"{len(sounds)} sounds beside one telemetry: send the one that starts with it")
     inputs: dict[str, object] = {"sound_offset_s": sound_offset_s}
     if telemetry is not None:
         read_telemetry(telemetry.path)
         inputs["telemetry"] = _kept(library, telemetry)
-    if sound is not None:
+    for sound in sounds:
         read_recording(sound.path)
-        inputs["sound"] = _kept(library, sound)
+    if sounds:
+        inputs["sound"] = [_kept(library, sound) for sound in sounds]
     row = StoredInvestigation(
         id=new_id(),
         axis=axis.name,
@@ -184,12 +188,12 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
     from sim.discrepancy.report import html_report
     from sim.discrepancy.story import story
 
-    telemetry, sound = _path(library, row, "telemetry"), _path(library, row, "sound")
+    telemetry, sounds = _paths(library, row, "telemetry"), _paths(library, row, "sound")
     offset = row.inputs.get("sound_offset_s", 0.0)
     found = investigate(
         read_axis(row.axis_document),
-        read_telemetry(telemetry) if telemetry else None,
-        read_recording(sound) if sound else None,
+        read_telemetry(telemetry[0]) if telemetry else None,
+        [read_recording(sound) for sound in sounds],
         sound_offset_s=float(offset) if isinstance(offset, int | float) else 0.0,
         progress=report,
     )
@@ -198,9 +202,9 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
     return document, html_report(found)
 
 
-def _path(library: CaseLibrary, row: StoredInvestigation, name: str) -> Path | None:
-    kept = row.inputs.get(name)
-    return library.audio.path(str(kept["sha256"])) if isinstance(kept, dict) else None
+def _paths(library: CaseLibrary, row: StoredInvestigation, name: str) -> list[Path]:
+    kept: Any = row.inputs.get(name, [])
+    return [library.audio.path(str(one["sha256"])) for one in (kept if isinstance(kept, list) else [kept])]
 
 
 def _finish(

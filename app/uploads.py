@@ -22,6 +22,8 @@ from app.settings import Settings
 
 BLOCK = 1024 * 1024
 NAME_CHARACTERS = 255
+SEVERAL = ("sound",)
+"""Parts that may come more than once: recordings of one axis."""
 
 
 @dataclass(frozen=True)
@@ -37,10 +39,11 @@ class UploadedFile:
 
 @dataclass(frozen=True)
 class Upload:
-    """A multipart request: its files and its text fields by name."""
+    """A multipart request: its files and its text fields by name, and further files of names that were there."""
 
     files: dict[str, UploadedFile]
     fields: dict[str, str]
+    more: tuple[tuple[str, UploadedFile], ...] = ()
 
     def file(self, name: str) -> UploadedFile:
         """Return the file of this part.
@@ -53,6 +56,10 @@ class Upload:
         parts = ", ".join(sorted({*self.files, *self.fields})) or "none"
         hint = " It came as text: give the part a filename." if name in self.fields else ""
         raise Unprocessable(f"The form needs a file in the part {name!r}; it has the parts: {parts}.{hint}")
+
+    def all_of(self, name: str) -> tuple[UploadedFile, ...]:
+        """Return the files of all parts of this name, as they came."""
+        return tuple(file for part, file in (*self.files.items(), *self.more) if part == name)
 
     def text(self, name: str, limit: int) -> str:
         """Return the text of this part, whether sent as a field or as a file; empty where it is missing."""
@@ -108,14 +115,17 @@ def _store(part: UploadFile, folder: Path, number: int) -> UploadedFile:
 def _store_all(form: FormData, folder: Path) -> Upload:
     files: dict[str, UploadedFile] = {}
     fields: dict[str, str] = {}
+    more: list[tuple[str, UploadedFile]] = []
     for number, (name, value) in enumerate(form.multi_items()):
-        if name in files or name in fields:
+        if name in fields or (name in files and (name not in SEVERAL or isinstance(value, str))):
             raise Unprocessable(f"The form has the part {name!r} twice; send one recording per request.")
         if isinstance(value, str):
             fields[name] = value
+        elif name in files:
+            more.append((name, _store(value, folder, number)))
         else:
             files[name] = _store(value, folder, number)
-    return Upload(files, fields)
+    return Upload(files, fields, tuple(more))
 
 
 @asynccontextmanager

@@ -43,7 +43,11 @@ BODY = {
                             "description": "axis.toml, the same as JSON, or a stored axis' name",
                         },
                         "telemetry": {**BINARY, "description": "CSV or Parquet with time_s and known channels"},
-                        "sound": {**BINARY, "description": "any audio file that is read"},
+                        "sound": {
+                            "type": "array",
+                            "items": BINARY,
+                            "description": "any audio file that is read; without telemetry, several of the same axis",
+                        },
                         "sound_offset_s": {"type": "number", "description": "telemetry's time at the sound's start"},
                     },
                 }
@@ -97,10 +101,10 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
     service = once.service
     axis = axis_of(service, upload)
     offset = _offset(upload.fields.get("sound_offset_s", ""))
-    files = {name: Measured(upload.files[name].path, upload.files[name].name) for name in PARTS if name in upload.files}
+    telemetry, sounds = (tuple(Measured(file.path, file.name) for file in upload.all_of(name)) for name in PARTS[1:3])
 
     def work(session: Session) -> Made:
-        row = submit(service.library, session, axis, files.get("telemetry"), files.get("sound"), offset)
+        row = submit(service.library, session, axis, telemetry[0] if telemetry else None, sounds, offset)
         job_id = service.jobs.submit(
             KIND, {"investigation_id": row.id}, job_id=row.id, submitted_by=once.principal.actor
         )
@@ -109,7 +113,7 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
         answer = InvestigationJob(**document, investigation_id=row.id)
         return Made(answer, location, status=status.HTTP_202_ACCEPTED)
 
-    hashes = {name: file.sha256 for name, file in sorted(upload.files.items())}
+    hashes = [(name, file.sha256) for name in PARTS for file in upload.all_of(name)]
     return once.run(work, axis.to_mapping(), hashes, offset)
 
 

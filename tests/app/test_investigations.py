@@ -7,8 +7,10 @@ import math
 import httpx
 import pytest
 
+from app.investigations import get_investigation
 from casebase.library import CaseLibrary
 from casebase.models import StoredInvestigation, now
+from tests.app.sounds import sound
 from tests.live import LiveServer
 
 URL = "/api/v1/investigations"
@@ -65,3 +67,20 @@ def test_an_axis_that_is_no_json_is_told_where_it_breaks(operator: httpx.Client,
     answer = operator.post(URL, files={"telemetry": ("t.csv", telemetry())}, data={"axis": axis})
     assert answer.status_code == 422
     assert "this is no JSON" in answer.json()["detail"]
+
+
+def test_several_sounds_are_kept_and_none_beside_telemetry(operator: httpx.Client, live_server: LiveServer) -> None:
+    """Recordings of one axis belong together; beside telemetry only one can start with it."""
+    sounds = [("sound", (f"{seed}.wav", sound(seed), "audio/wav")) for seed in (1, 2, 1)]
+    asked = operator.post(URL, files=sounds, data={"axis": AXIS}).raise_for_status().json()
+    library = CaseLibrary.open(live_server.data_dir)
+    with library.reading() as session:
+        kept = get_investigation(session, asked["investigation_id"]).inputs["sound"]
+    library.close()
+    assert [one["name"] for one in kept] == ["1.wav", "2.wav", "1.wav"]
+    assert len({one["sha256"] for one in kept}) == 2
+    refused = operator.post(URL, files=[*sounds, ("telemetry", ("t.csv", telemetry()))], data={"axis": AXIS})
+    assert refused.status_code == 422
+    assert "3 sounds beside one telemetry" in refused.json()["detail"]
+    twice = [("telemetry", ("t.csv", telemetry())) for _ in range(2)]
+    assert "twice" in operator.post(URL, files=twice, data={"axis": AXIS}).json()["detail"]

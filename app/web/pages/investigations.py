@@ -54,13 +54,12 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
         upload.files.pop("axis", None)
         upload.fields["axis"] = name
     axis = axis_of(service, upload)
-    given = {
-        name: Measured(file.path, file.name)
-        for name, file in upload.files.items()
-        if name in ("telemetry", "sound") and file.size
-    }
+    telemetry, sounds = (
+        tuple(Measured(file.path, file.name) for file in upload.all_of(name) if file.size)
+        for name in ("telemetry", "sound")
+    )
     with service.library.transaction(principal.actor) as session:
-        row = submit(service.library, session, axis, given.get("telemetry"), given.get("sound"))
+        row = submit(service.library, session, axis, telemetry[0] if telemetry else None, sounds)
         identity = row.id
     jobs.submit(KIND, {"investigation_id": identity}, job_id=identity, submitted_by=principal.actor)
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/jobs/{identity}", status_code=303)
