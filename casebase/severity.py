@@ -38,6 +38,11 @@ class Severity:
     high: float
     cases: int
 
+    @property
+    def at_most(self) -> bool:
+        """Whether the fault is not heard, so that only an upper limit is known."""
+        return self.low == 0
+
     def to_document(self) -> dict[str, object]:
         """Return it as JSON."""
         return {
@@ -71,36 +76,104 @@ def severity_of(session: Session, table: CaseTable, label: str, values: NDArray[
 
 
 def estimate(
-    parameter: str,
-    known: NDArray[np.floating],
-    sizes: Floats,
-    values: NDArray[np.floating],
-    specimens: NDArray[np.intp] | None = None,
+    parameter: str, known: NDArray[np.floating], sizes: Floats, values: NDArray[np.floating]
 ) -> Severity | None:
-    """Estimate a size from cases of known size.
+    """Estimate a size from the features of the nearest cases of known size; None where nothing can be compared.
 
     Args:
         known: features of the cases, shape (cases, n).
         sizes: of the cases, shape (cases,), > 0.
         values: features of the recording, shape (n,).
-        specimens: which cases are of the same specimen and are left out together, shape (cases,); each its own if None.
     """
     compared = np.array([definition.compared for definition in catalogue().values()])
     usable = compared & np.isfinite(values) & (np.isfinite(known).mean(axis=0) > 0.8)
     if not usable.any():
         return None
-    center, scale = robust_scales(known[:, usable])
-    scaled = _scaled(known[:, usable], center, scale)
-    query = _scaled(values[None, usable], center, scale)
-    logarithm = np.log(sizes)
-    weights = _relevance(scaled, logarithm)
-    scaled, query = scaled * weights, query * weights
+    scaling = Scaling.of(known[:, usable], sizes)
+    scaled, query = scaling.apply(known[:, usable]), scaling.apply(values[None, usable])
     nearest = np.argsort(_distances(query, scaled)[0])[:NEAREST]
-    together = np.arange(len(sizes)) if specimens is None else specimens
-    log_value, errors = _regress(scaled[nearest], logarithm[nearest], query, together[nearest])
-    reach = float(np.quantile(np.abs(errors), min(1.0, COVERAGE * (1 + 1 / errors.size))))
-    value = float(np.clip(np.exp(log_value), sizes.min(), sizes.max()))
-    return Severity(parameter, value, value * float(np.exp(-reach)), value * float(np.exp(reach)), int(nearest.size))
+    return Regression.of(scaled[nearest], sizes[nearest]).severity(parameter, query)
+
+
+@dataclass(frozen=True, eq=False)
+class Scaling:
+    """Columns brought to one scale and weighted by how much they go with the size; shape (n,) each."""
+
+    center: Floats
+    scale: Floats
+    weights: Floats
+
+    @classmethod
+    def of(cls, known: NDArray[np.floating], sizes: Floats) -> "Scaling":
+        """From cases of known size, shape (cases, n)."""
+        center, scale = robust_scales(known)
+        return cls(center, scale, _relevance(_scaled(known, center, scale), np.log(sizes)))
+
+    def apply(self, values: NDArray[np.floating]) -> Floats:
+        """Return values of shape (cases, n), scaled; what is missing counts as usual."""
+        return _scaled(values, self.center, self.scale) * self.weights
+
+
+@dataclass(frozen=True, eq=False)
+class Regression:
+    """The logarithm of the size over scaled columns.
+
+    Args:
+        known: shape (cases, n).
+        alpha: weight of each case, shape (cases,).
+        mean: of the logarithms.
+        typical, length: typical distance of two cases, and reach of the local part over it.
+        errors: of the logarithm, each case predicted without its specimen, shape (cases,).
+        smallest, largest: size among the cases [rad].
+    """
+
+    known: Floats
+    alpha: Floats
+    mean: float
+    typical: float
+    length: float
+    errors: Floats
+    smallest: float
+    largest: float
+
+    @classmethod
+    def of(cls, known: Floats, sizes: Floats, specimens: NDArray[np.intp] | None = None) -> "Regression":
+        """Fit, with the settings whose left-out errors are least in the median.
+
+        Specimens, shape (cases,), say which cases are of the same one and are left out together; each its own if None.
+        Source: Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), 5.4.2, by blocks.
+        """
+        target = np.log(sizes)
+        mean = float(target.mean())
+        apart = _distances(known, known)
+        typical = float(np.median(apart[apart > 0])) if (apart > 0).any() else 1.0
+        together = np.arange(len(sizes)) if specimens is None else specimens
+        blocks = [np.flatnonzero(together == each) for each in np.unique(together)]
+        fits = []
+        for length in LENGTHS:
+            kernel = _kernel(known @ known.T, apart, typical, length)
+            for noise in NOISES:
+                inverse: Floats = np.asarray(np.linalg.inv(kernel + noise * np.eye(len(target))), dtype=np.float64)
+                alpha = inverse @ (target - mean)
+                errors = _left_out(inverse, alpha, blocks)
+                fits.append(cls(known, alpha, mean, typical, length, errors, float(sizes.min()), float(sizes.max())))
+        return min(fits, key=lambda fit: fit.score)
+
+    @property
+    def score(self) -> float:
+        """Median error of the logarithm of a left-out case."""
+        return float(np.median(np.abs(self.errors)))
+
+    def severity(self, parameter: str, query: Floats) -> Severity:
+        """Size of one recording, shape (1, n), and the interval that its left-out errors give."""
+        row = _kernel(query @ self.known.T, _distances(query, self.known), self.typical, self.length)[0]
+        value = float(np.clip(np.exp(self.mean + row @ self.alpha), self.smallest, self.largest))
+        reach = float(np.quantile(np.abs(self.errors), min(1.0, COVERAGE * (1 + 1 / self.errors.size))))
+        return Severity(parameter, value, value * float(np.exp(-reach)), value * float(np.exp(reach)), self.errors.size)
+
+
+def _kernel(products: Floats, apart: Floats, typical: float, length: float) -> Floats:
+    return np.asarray(products / typical**2 + np.exp(-0.5 * (apart / (length * typical)) ** 2))
 
 
 def _scaled(values: NDArray[np.floating], center: Floats, scale: Floats) -> Floats:
@@ -121,29 +194,6 @@ def _relevance(scaled: Floats, target: Floats) -> Floats:
     return np.asarray(relevance / max(float(relevance.max()), 1e-12) + 0.02)
 
 
-def _regress(known: Floats, target: Floats, query: Floats, specimens: NDArray[np.intp]) -> tuple[float, Floats]:
-    """Return the prediction for the query, shape (1, n), and the errors of the known, shape (cases,), each predicted
-    without its specimen (Rasmussen and Williams, Gaussian Processes for Machine Learning (2006), 5.4.2, by blocks)."""
-    mean = float(target.mean())
-    apart, to_query = _distances(known, known), _distances(query, known)[0]
-    typical = float(np.median(apart[apart > 0])) if (apart > 0).any() else 1.0
-    blocks = [np.flatnonzero(specimens == each) for each in np.unique(specimens)]
-    best: tuple[float, float, Floats] | None = None
-    for length in LENGTHS:
-        linear = known @ known.T / typical**2
-        kernel = linear + np.exp(-0.5 * (apart / (length * typical)) ** 2)
-        row = query[0] @ known.T / typical**2 + np.exp(-0.5 * (to_query / (length * typical)) ** 2)
-        for noise in NOISES:
-            inverse = np.linalg.inv(kernel + noise * np.eye(len(target)))
-            alpha = inverse @ (target - mean)
-            errors = _left_out(inverse, alpha, blocks)
-            score = float(np.median(np.abs(errors)))
-            if best is None or score < best[0]:
-                best = (score, mean + float(row @ alpha), errors)
-    assert best is not None
-    return best[1], best[2]
-
-
 def _left_out(inverse: Floats, alpha: Floats, blocks: Sequence[NDArray[np.intp]]) -> Floats:
     if len(blocks) == alpha.size:
         return np.asarray(alpha / np.diag(inverse))
@@ -155,4 +205,6 @@ def _left_out(inverse: Floats, alpha: Floats, blocks: Sequence[NDArray[np.intp]]
 
 def _distances(some: Floats, others: Floats) -> Floats:
     """Return the distances between points, shape (some, others)."""
-    return np.asarray(np.sqrt(((some[:, None] - others) ** 2).sum(axis=-1)))
+    from scipy.spatial.distance import cdist  # slow to import
+
+    return np.asarray(cdist(some, others))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -17,7 +18,6 @@ from casebase.signals.condition import OperatingCondition
 from casebase.signals.decode import read_recording
 from casebase.signals.features import extract
 from sim.axis import read_axis
-from sim.errors import ParameterError
 
 
 def register(app: typer.Typer) -> None:
@@ -57,11 +57,12 @@ def size(
         design = design_for(
             described, label, taken, microphones, processes=processes, advance=lambda: progress.advance(bar)
         )
-    found = design.size_of(extraction)
-    if found is None:
-        raise ParameterError("recording: no feature of it can be compared with simulated ones")
+    known = replace(condition, speed_rad_s=taken.speed_rad_s, payload_kg_m2=taken.payload_kg_m2)
+    found = design.size_of(recording, known)
     if json:
         frame.print_json({**found.to_document(), "label": label, "sound_version": version})
+    elif found.at_most:
+        frame.print(f"{found.parameter}: not heard, at most {found.high:.2g} rad in {COVERAGE:.0%} of such cases")
     else:
         frame.print(
             f"{found.parameter}: {found.value:.2g} rad, in {COVERAGE:.0%} of such cases between {found.low:.2g} and "

@@ -1,6 +1,7 @@
 """Features: an explicit catalogue of families, each one file, and `extract` that runs them."""
 
 import numpy as np
+from numpy.typing import NDArray
 
 from casebase.signals.analysis import Analysis
 from casebase.signals.condition import UNKNOWN, OperatingCondition
@@ -34,6 +35,7 @@ __all__ = [
     "Severity",
     "catalogue",
     "extract",
+    "feature_values",
     "feature_words",
 ]
 
@@ -59,6 +61,11 @@ def catalogue() -> dict[str, FeatureDefinition]:
     return {entry.name: entry for family in FEATURES for entry in family.definitions}
 
 
+def feature_values(analysis: Analysis) -> NDArray[np.float32]:
+    """Return the values of all features in the order of the vector, shape (n,), NaN where missing."""
+    return np.array([v for family in FEATURES for v in family.compute(analysis)], dtype=np.float32)
+
+
 def extract(recording: Recording, condition: OperatingCondition = UNKNOWN) -> Extraction:
     """Return features, quality, motion and events of a recording.
 
@@ -72,9 +79,8 @@ def extract(recording: Recording, condition: OperatingCondition = UNKNOWN) -> Ex
             f"the recording lasts {1000 * recording.duration_s:.1f} ms; at least {1000 * SHORTEST_S:g} ms are needed"
         )
     analysis = Analysis(recording, condition)
-    values = np.array([v for family in FEATURES for v in family.compute(analysis)], dtype=np.float32)
     return Extraction(
-        FeatureVector(NAMES, values),
+        FeatureVector(NAMES, feature_values(analysis)),
         assess(analysis),
         analysis.motion,
         find_events(analysis),
