@@ -11,6 +11,7 @@ import io
 import json
 import math
 import os
+import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
@@ -160,10 +161,11 @@ class Generated:
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a batch brought: new cases, and those that were there."""
+    """What a batch brought: new cases, known ones, and what simulation and features took of the processor [s]."""
 
     new: int
     known: int
+    simulation_s: float = 0.0
 
 
 def key_of(scenario: Scenario) -> str:
@@ -306,7 +308,7 @@ def simulations(settings: Settings) -> JobKind:
             outcome = _retained(library, wanted)
         finally:
             library.close()
-        return {"new": outcome.new, "known": outcome.known}
+        return {"new": outcome.new, "known": outcome.known, "simulation_s": round(outcome.simulation_s, 3)}
 
     def finish(parameters: dict[str, Json], results: list[Json]) -> Json:
         library = CaseLibrary.open(settings.data_dir, settings.database_url)
@@ -318,6 +320,7 @@ def simulations(settings: Settings) -> JobKind:
         return {
             "new": sum(int(str(result["new"])) for result in counted),
             "known": sum(int(str(result["known"])) for result in counted),
+            "simulation_s": round(sum(float(str(result["simulation_s"])) for result in counted), 3),
             "counts": parameters["counts"],
         }
 
@@ -327,17 +330,20 @@ def simulations(settings: Settings) -> JobKind:
 def _retained(library: CaseLibrary, planned: Sequence[Planned]) -> Outcome:
     """Simulate and keep what is missing of a batch; somebody else may be at the same cases."""
     generated: dict[str, Generated] = {}
+    took = 0.0
     while wanted := missing(library, planned):
+        started = time.thread_time()
         for each in wanted:
             if key_of(each.scenario) not in generated:
                 case = simulate_case(each)
                 generated[case.key] = case
+        took += time.thread_time() - started
         try:
             retain(library, [generated[key_of(each.scenario)] for each in wanted], KIND)
         except IntegrityError:
             continue  # another worker kept some of them first: look again
-        return Outcome(len(wanted), len(planned) - len(wanted))
-    return Outcome(0, len(planned))
+        return Outcome(len(wanted), len(planned) - len(wanted), took)
+    return Outcome(0, len(planned), took)
 
 
 def _grouped(results: Iterator[Generated], size: int) -> Iterator[list[Generated]]:

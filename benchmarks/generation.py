@@ -1,8 +1,9 @@
 """A campaign of generated cases over durable jobs: `python -m benchmarks.generation [CASES] [--postgres]`.
 
-Prints the share of the processor's time that is simulation and features, the speed of two workers over one beside that
-of two processes that do nothing else (what this machine has to give), and whether every case is there once after one of
-two workers was killed in the middle.
+Prints the share of the worker's processor time, its start and its waiting included, that is simulation and features (as
+the tasks themselves measure it), the speed of two workers over one beside that of two processes that do nothing else
+(what this machine has to give), and whether every case is there once after one of two workers was killed in the middle.
+With --only, only some of these.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from contextlib import contextmanager
+from dataclasses import dataclass
 from multiprocessing import get_context
 from pathlib import Path
 
@@ -83,8 +85,19 @@ def workers(settings: Settings, count: int) -> Iterator[list[subprocess.Popen[by
             process.wait()
 
 
-def run(settings: Settings, wanted: Campaign, count: int, *, kill: bool = False) -> float:
-    """Time from the first finished task to the end of the job [s]; every case is checked to be there once."""
+@dataclass(frozen=True)
+class Done:
+    """A campaign that is done: time from the first finished task to the end, for all tasks [s], what simulation and
+    features took of the processor [s], and what all took, the workers' start included [s]."""
+
+    wall_s: float
+    simulation_s: float
+    processor_s: float
+
+
+def run(settings: Settings, wanted: Campaign, count: int, *, kill: bool = False) -> Done:
+    """Generate a campaign with so many workers; every case is checked to be there once."""
+    before = processor_time()
     library = CaseLibrary.open(settings.data_dir, settings.database_url)
     with open_jobs(settings) as jobs, workers(settings, count) as running:
         job = jobs.submit(KIND, wanted.to_document())
@@ -110,40 +123,51 @@ def run(settings: Settings, wanted: Campaign, count: int, *, kill: bool = False)
     expected = sum(wanted.counts.values())
     if (ended.state, there, different) != ("done", expected, expected):
         raise SystemExit(f"{ended.state}: {there} cases, {different} different, {expected} expected: {ended.error}")
-    return took * total / max(total - first, 1)
+    assert isinstance(ended.result, dict)
+    simulated = float(str(ended.result["simulation_s"]))
+    return Done(took * total / max(total - first, 1), simulated, processor_time() - before)
+
+
+PARTS = ("share", "two", "killed", "postgres")
 
 
 def main() -> None:
     """Run and print."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("cases", type=int, nargs="?", default=1000)
-    parser.add_argument("--postgres", action="store_true", help="two workers on PostgreSQL, one killed")
+    parser.add_argument("--postgres", action="store_true", help="two workers on PostgreSQL, one killed, as well")
+    parser.add_argument("--only", choices=PARTS, nargs="+", help="parts to run")
     chosen = parser.parse_args()
+    parts = chosen.only or (PARTS if chosen.postgres else PARTS[:-1])
     wanted = campaign(chosen.cases)
-    planned = wanted.planned()
-    sample = planned[:: max(1, len(planned) // SAMPLE)]
-    cost = cost_per_case(sample)
-    print(f"simulation and features of a case of 10 s: {cost * 1000:.0f} ms of the processor", flush=True)
-    print(f"two processes that only simulate: {company(sample):.2f} times one", flush=True)
-    with tempfile.TemporaryDirectory() as folder:
-        before = processor_time()
-        one = run(Settings(data_dir=Path(folder)), wanted, 1)
-        used = processor_time() - before
-    share = cost * chosen.cases / used
-    print(f"one worker: {one:.1f} s, {share:.0%} of its processor time simulation and features", flush=True)
-    with tempfile.TemporaryDirectory() as folder:
-        two = run(Settings(data_dir=Path(folder)), wanted, 2)
-    print(f"two workers: {two:.1f} s, {one / two:.2f} times one", flush=True)
-    with tempfile.TemporaryDirectory() as folder:
-        killed = run(Settings(data_dir=Path(folder)), wanted, 2, kill=True)
-    print(f"two workers, one killed: {killed:.1f} s, {chosen.cases} cases, none twice", flush=True)
-    if chosen.postgres:
+    one: Done | None = None
+    if {"share", "two"} & set(parts):
+        with tempfile.TemporaryDirectory() as folder:
+            one = run(Settings(data_dir=Path(folder)), wanted, 1)
+        print(
+            f"one worker: {one.wall_s:.1f} s, {one.simulation_s / one.processor_s:.0%} of its {one.processor_s:.1f} s "
+            f"on the processor simulation and features, {1e3 * one.simulation_s / chosen.cases:.0f} ms a case",
+            flush=True,
+        )
+    if "two" in parts and one:
+        planned = wanted.planned()
+        alone = company(planned[:: max(1, len(planned) // SAMPLE)])
+        print(f"two processes that only simulate: {alone:.2f} times one", flush=True)
+        with tempfile.TemporaryDirectory() as folder:
+            two = run(Settings(data_dir=Path(folder)), wanted, 2)
+        ratio = one.wall_s / two.wall_s
+        print(f"two workers: {two.wall_s:.1f} s, {ratio:.2f} times one, {ratio / alone:.0%} of that", flush=True)
+    if "killed" in parts:
+        with tempfile.TemporaryDirectory() as folder:
+            killed = run(Settings(data_dir=Path(folder)), wanted, 2, kill=True)
+        print(f"two workers, one killed: {killed.wall_s:.1f} s, {chosen.cases} cases, none twice", flush=True)
+    if "postgres" in parts:
         from tests import postgres
 
         with postgres.running_server() as url, tempfile.TemporaryDirectory() as folder:
             database = postgres.create_database(url, "gearcase_generation")
-            took = run(Settings(data_dir=Path(folder), database_url=database), wanted, 2, kill=True)
-        print(f"two workers on PostgreSQL, one killed: {took:.1f} s, {chosen.cases} cases, none twice")
+            killed = run(Settings(data_dir=Path(folder), database_url=database), wanted, 2, kill=True)
+        print(f"two workers on PostgreSQL, one killed: {killed.wall_s:.1f} s, {chosen.cases} cases, none twice")
 
 
 if __name__ == "__main__":
