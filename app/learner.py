@@ -48,6 +48,8 @@ class Learner:
 
 def load_what_is_compiled() -> None:
     """Simulate for a moment and search once, so that no first request waits for compiled code to be loaded."""
+    import scipy.signal  # noqa: F401 - half a second, for the first plot and the first slider
+
     from casebase.__main__ import search_once
     from sim.measurement import measure
     from sim.paper import PAPER_AXIS
