@@ -1,6 +1,6 @@
 """The panels and candidates of an investigation, as charts and rows of a page."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, Literal
 
 import numpy as np
@@ -44,6 +44,14 @@ def _chart(panel: Mapping[str, Any]) -> Chart:
         panel["x_label"],
         panel["y_label"],
         bands=(Band("noise floor", *noise),) if noise else (),
-        markers=tuple(Marker(marker["x"], marker["text"]) for marker in panel["markers"]),
+        markers=tuple(_markers(panel["markers"])),
         cursor=panel["cursor"],
     )
+
+
+def _markers(markers: Sequence[Mapping[str, Any]]) -> Iterator[Marker]:
+    """Say what several markers mean alike once, at the first of them."""
+    said: set[str] = set()
+    for marker in markers:
+        yield Marker(marker["x"], "" if marker["text"] in said else marker["text"])
+        said.add(marker["text"])

@@ -91,19 +91,22 @@ function values(element, data) {
 function draw(element, data) {
   const axis = (label) => ({
     label,
-    labelSize: 22,
+    labelSize: 20,
+    labelGap: 0,
+    gap: 4,
+    size: 26,
     labelFont: "12px system-ui, sans-serif",
     font: "11px system-ui, sans-serif",
     stroke: style("--ink-soft"),
     grid: { stroke: style("--plot-grid"), width: 1 },
-    ticks: { stroke: style("--line-strong"), width: 1 },
+    ticks: { stroke: style("--line-strong"), width: 1, size: 5 },
   });
   const options = {
     width: Math.max(element.clientWidth, 240),
     height: Number(element.dataset.height ?? 240),
     cursor: { sync: element.dataset.cursor ? { key: cursorOf(element.dataset.cursor) } : undefined, drag: { x: true, y: false } },
     scales: { x: { time: false }, y: data.logarithmic ? { distr: 3 } : {} },
-    axes: [axis(data.x_label), { ...axis(data.y_label), size: 62 }],
+    axes: [axis(data.x_label), { ...axis(data.y_label), size: 54 }],
     series: [
       {},
       ...data.series.map((one, k) => ({
