@@ -45,7 +45,7 @@ def run_worker(
     DBOS.listen_queues([JOBS, TASKS])
     DBOS.launch()
     DBOS.register_queue(JOBS, worker_concurrency=WAITING_JOBS_PER_WORKER, polling_interval_sec=POLL_S)
-    DBOS.register_queue(TASKS, worker_concurrency=1, polling_interval_sec=0.1)
+    DBOS.register_queue(TASKS, worker_concurrency=1, polling_interval_sec=0.25)
     while not stop.wait(POLL_S):
         if parent is not None and os.getppid() != parent:
             stop.set()

@@ -15,7 +15,7 @@ from casebase import audit
 from casebase.audio_store import AudioStore, StoredBytes
 from casebase.database import strict_json
 from casebase.description import RecordingDescription
-from casebase.models import Extractor, FeatureRow, StoredRecording
+from casebase.models import Extractor, FeatureRow, StoredRecording, new_id
 from casebase.signals.features import Extraction, FeatureVector
 from casebase.signals.recording import Recording
 
@@ -38,6 +38,7 @@ def store_recording(
         return existing
     condition = description.condition
     row = StoredRecording(
+        id=new_id(),
         fingerprint=fingerprint,
         samples_sha256=recording.sha256,
         file_sha256=stored.sha256,
@@ -59,13 +60,13 @@ def store_recording(
         description=document,
         created_by=audit.actor_of(session),
     )
+    _know_extractor(session, extraction)
     try:
         with session.begin_nested():
-            session.add(row)
+            session.add_all((row, _feature_row(row.id, extraction)))
     except IntegrityError:
         # somebody stored the same at the same time
         return session.scalars(select(StoredRecording).where(StoredRecording.fingerprint == fingerprint)).one()
-    store_features(session, row, extraction)
     audit.record(session, "recording.stored", ("recording", row.id), after={"file_sha256": stored.sha256})
     return row
 
@@ -76,22 +77,31 @@ def store_features(session: Session, row: StoredRecording, extraction: Extractio
     existing = session.get(FeatureRow, (row.id, version))
     if existing is not None:
         return existing
-    if session.get(Extractor, version) is None:
-        session.merge(Extractor(version=version, names=list(extraction.features.names)))
-        session.flush()
-    values = np.asarray(extraction.features.values, dtype=np.float32)
-    missing = ~np.isfinite(values)
-    features = FeatureRow(
-        recording_id=row.id,
-        extractor_version=version,
-        finite=np.where(missing, np.float32(0), values),
-        missing=np.packbits(missing).tobytes(),
-        motion=asdict(extraction.motion),
-        events=[asdict(event) for event in extraction.events],
-    )
+    _know_extractor(session, extraction)
+    features = _feature_row(row.id, extraction)
     session.add(features)
     session.flush()
     return features
+
+
+def _know_extractor(session: Session, extraction: Extraction) -> None:
+    version = extraction.extractor_version
+    if session.get(Extractor, version) is None:
+        session.merge(Extractor(version=version, names=list(extraction.features.names)))
+        session.flush()
+
+
+def _feature_row(recording_id: str, extraction: Extraction) -> FeatureRow:
+    values = np.asarray(extraction.features.values, dtype=np.float32)
+    missing = ~np.isfinite(values)
+    return FeatureRow(
+        recording_id=recording_id,
+        extractor_version=extraction.extractor_version,
+        finite=np.where(missing, np.float32(0), values),
+        missing=np.packbits(missing).tobytes(),
+        motion=asdict(extraction.motion),
+        events=[dict(vars(event)) for event in extraction.events],
+    )
 
 
 def named_features(row: FeatureRow, names: Sequence[object]) -> dict[str, float | None]:
