@@ -94,6 +94,14 @@ class Done:
     simulation_s: float
     processor_s: float
 
+    def words(self, cases: int) -> str:
+        """In one line."""
+        share = self.simulation_s / self.processor_s
+        return (
+            f"{cases} cases in {self.wall_s:.1f} s, {share:.0%} of the workers' {self.processor_s:.1f} processor s "
+            f"simulation and features, {1e3 * self.simulation_s / cases:.0f} ms a case"
+        )
+
 
 def run(settings: Settings, wanted: Campaign, count: int, *, kill: bool = False) -> Done:
     """Generate a campaign with so many workers; every case is checked to be there once."""
@@ -144,11 +152,7 @@ def main() -> None:
     if {"share", "two"} & set(parts):
         with tempfile.TemporaryDirectory() as folder:
             one = run(Settings(data_dir=Path(folder)), wanted, 1)
-        print(
-            f"one worker: {one.wall_s:.1f} s, {one.simulation_s / one.processor_s:.0%} of its {one.processor_s:.1f} s "
-            f"on the processor simulation and features, {1e3 * one.simulation_s / chosen.cases:.0f} ms a case",
-            flush=True,
-        )
+        print(f"one worker: {one.words(chosen.cases)}", flush=True)
     if "two" in parts and one:
         planned = wanted.planned()
         alone = company(planned[:: max(1, len(planned) // SAMPLE)])
@@ -156,18 +160,21 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as folder:
             two = run(Settings(data_dir=Path(folder)), wanted, 2)
         ratio = one.wall_s / two.wall_s
-        print(f"two workers: {two.wall_s:.1f} s, {ratio:.2f} times one, {ratio / alone:.0%} of that", flush=True)
+        print(f"two workers: {two.words(chosen.cases)}", flush=True)
+        print(
+            f"two workers are {ratio:.2f} times one, {ratio / alone:.0%} of what two bare processes reach", flush=True
+        )
     if "killed" in parts:
         with tempfile.TemporaryDirectory() as folder:
             killed = run(Settings(data_dir=Path(folder)), wanted, 2, kill=True)
-        print(f"two workers, one killed: {killed.wall_s:.1f} s, {chosen.cases} cases, none twice", flush=True)
+        print(f"two workers, one killed: {killed.words(chosen.cases)}, none twice", flush=True)
     if "postgres" in parts:
         from tests import postgres
 
         with postgres.running_server() as url, tempfile.TemporaryDirectory() as folder:
             database = postgres.create_database(url, "gearcase_generation")
             killed = run(Settings(data_dir=Path(folder), database_url=database), wanted, 2, kill=True)
-        print(f"two workers on PostgreSQL, one killed: {killed.wall_s:.1f} s, {chosen.cases} cases, none twice")
+        print(f"two workers on PostgreSQL, one killed: {killed.words(chosen.cases)}, none twice")
 
 
 if __name__ == "__main__":
