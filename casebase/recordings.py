@@ -2,6 +2,7 @@
 
 import hashlib
 from collections.abc import Mapping, Sequence
+from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
 
@@ -87,8 +88,9 @@ def store_features(session: Session, row: StoredRecording, extraction: Extractio
 def _know_extractor(session: Session, extraction: Extraction) -> None:
     version = extraction.extractor_version
     if session.get(Extractor, version) is None:
-        session.merge(Extractor(version=version, names=list(extraction.features.names)))
-        session.flush()
+        # somebody may make it known at the same time
+        with suppress(IntegrityError), session.begin_nested():
+            session.add(Extractor(version=version, names=list(extraction.features.names)))
 
 
 def _feature_row(recording_id: str, extraction: Extraction) -> FeatureRow:

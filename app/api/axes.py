@@ -16,7 +16,7 @@ from sim.axis import parse_axis, read_axis
 router = APIRouter(tags=["axes"])
 
 Name = Annotated[str, Path(min_length=1, max_length=200, pattern=r"^[^\x00]*$")]
-AfterName = Annotated[str | None, Query(max_length=200, pattern=r"^[^\x00]*$", description=CONTINUES)]
+AfterName = Annotated[str | None, Query(min_length=1, max_length=200, pattern=r"^[^\x00]*$", description=CONTINUES)]
 AfterRevision = Annotated[int | None, Query(ge=1, le=2**31 - 1, description=CONTINUES)]
 EXAMPLE = {
     "schema": "gearcase-axis/1",
