@@ -9,9 +9,9 @@ import numpy as np
 
 from sim.axis import Axis
 from sim.chain_model import Chain, Dent, with_link, with_shaft
-from sim.discrepancy.entries import DENT_SHARE
+from sim.discrepancy.entries import DENT_SHARE, swing
 from sim.discrepancy.measurement import Array, Measurement
-from sim.discrepancy.model import has_links, ratio_after, stages_of, wave
+from sim.discrepancy.model import has_links, link_stiffness, ratio_after, stages_of, wave
 from sim.discrepancy.parameters import Parameter, Values
 from sim.discrepancy.terms import Report, Term
 
@@ -35,7 +35,7 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
         out.append(_stribeck(level, top))
     travel = float(np.ptp(measurement.angle))
     out += [_motor_wave("torque_ripple", order, level) for order in RIPPLE_ORDERS if travel * order > 4.0 * math.pi]
-    out += [_hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
+    out += [hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
     out.append(_delay("torque_delay_s", "motor", 4e-4))
     if has_links(axis):
         out += [
@@ -48,6 +48,8 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
         if measurement.load_angle is not None:
             out.append(_encoder_error(axis))
             out.append(_delay("load_delay_s", "load", 4e-4))
+            if axis.stages:
+                out.append(_resonance(axis))
     elif travel > LEAST_TURN:
         out.append(_direct_gravity(level))
     return tuple(out)
@@ -193,7 +195,7 @@ def _delay(name: str, location: str, size: float) -> Term:
     )  # fmt: skip
 
 
-def _hum(frequency: float, level: float) -> Term:
+def hum(frequency: float, level: float) -> Term:
     prefix = f"electrical_hum{frequency:g}@motor"
     step = 0.01 * level
 
@@ -275,6 +277,31 @@ def _encoder_error(axis: Axis) -> Term:
     return Term("encoder_error", "load", parameters, probes, report, replaces=names, size=AS_NEW_FACTOR * step)
 
 
+def _resonance(axis: Axis) -> Term:
+    """A part of the load that swings on a spring of its own."""
+    names = [_name("structural_resonance", "load", p) for p in ("share", "frequency_hz", "damping_ratio")]
+    share, frequency, damping = names
+    stages = range(len(stages_of(axis)))
+    compliance = sum(1.0 / (link_stiffness(axis, k) * ratio_after(axis, k) ** 2) for k in stages)
+    mode = math.sqrt(1.0 / (compliance * max(axis.load.inertia_kg_m2, 1e-12))) / (2.0 * math.pi)
+
+    def torque(m: Measurement, values: Values) -> Array:
+        return -swing(m, axis.load.inertia_kg_m2, *(values[name] for name in names))
+
+    parameters = (
+        Parameter(share, 0.0, 0.005, low=0.0, high=1.0),
+        Parameter(frequency, mode, 0.003 * mode, low=0.3 * mode, high=3.0 * mode),
+        Parameter(damping, 0.02, 0.002, 0.02, 0.002, 0.03),  # a softer peak is the form of the model, not a part
+    )
+    grid = mode * np.geomspace(0.5, 2.0, 28)
+    probes = tuple(({share: 0.02, frequency: float(f)},) for f in grid)
+    return Term(
+        "structural_resonance", "load", parameters, probes,
+        lambda v: {"frequency_hz": v[frequency], "share": v[share], "damping_ratio": v[damping]},
+        load_torque=torque, positive=True, nonlinear=True, size=0.02, magnitude=lambda v: v[share],
+    )  # fmt: skip
+
+
 # --- gear stages ----------------------------------------------------------------------------------------------------
 
 
@@ -318,16 +345,22 @@ def _backlash(name: str, k: int, new: float, twist: float) -> Term:
 def _error(
     mechanism: str, name: str, k: int, order: float, step: float, new: float, replaces: tuple[str, ...] = ()
 ) -> Term:
-    prefix = f"{mechanism}@{name}"
+    """Once per turn, or per tooth: that with its second harmonic, as the form of teeth has one."""
+    waves = [(f"{mechanism}@{name}", order)]
+    if order > 1.0:
+        waves.append((f"{mechanism}@{name}.second", 2.0 * order))
     shaft = 0 if name == MOTOR else k + 1
 
     def apply(chain: Chain, values: Values) -> Chain:
-        lines = wave(shaft, order, values[f"{prefix}.sine"], values[f"{prefix}.cosine"])
-        return with_link(chain, k, errors=chain.links[k].errors + lines)
+        errors = chain.links[k].errors
+        for prefix, times in waves:
+            errors += wave(shaft, times, values[f"{prefix}.sine"], values[f"{prefix}.cosine"])
+        return with_link(chain, k, errors=errors)
 
-    report = _amplitude(prefix, "amplitude_rad", "phase_rad")
+    parameters = tuple(p for prefix, _ in waves for p in _pair(prefix, 0.1 * step))
+    probe = tuple(jump for prefix, _ in waves for jump in _pair_probe(prefix, 0.1 * step)[0])
     return Term(
-        mechanism, name, _pair(prefix, 0.1 * step), _pair_probe(prefix, 0.1 * step), report, apply,
+        mechanism, name, parameters, (probe,), _amplitude(waves[0][0], "amplitude_rad", "phase_rad"), apply,
         replaces=replaces, size=AS_NEW_FACTOR * new,
     )  # fmt: skip
 

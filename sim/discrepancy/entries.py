@@ -4,10 +4,37 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+from scipy.signal import bilinear, lfilter
+
 from sim.axis import Axis, MechanismEntry
-from sim.chain_model import Chain, Dent, Line, with_link, with_shaft
+from sim.chain_model import Array, Chain, Dent, Line, with_link, with_shaft
+from sim.discrepancy.measurement import Measurement
 
 DENT_SHARE = 0.6  # half width of the half sine over that of the simulator's dent of the same width at half depth
+
+
+def swing(m: Measurement, inertia_kg_m2: float, share: float, frequency_hz: float, damping_ratio: float) -> Array:
+    """Torque that a part of the load on a spring of its own needs beyond that of its mass [N m], shape (n,).
+
+    share J (H(s) - 1) theta'' with H = (w^2 + 2 d w s) / (s^2 + 2 d w s + w^2): Den Hartog, Mechanical Vibrations, 3.2.
+    """
+    if m.load_speed is None:
+        return np.zeros(m.samples)
+    w = 2.0 * math.pi * frequency_hz
+    digital = bilinear([-1.0, 0.0, 0.0], [1.0, 2.0 * damping_ratio * w, w * w], m.rate_hz)
+    moved = lfilter(*digital, np.gradient(m.load_speed) * m.rate_hz)
+    return np.asarray(share * inertia_kg_m2 * moved)
+
+
+def swinging(axis: Axis, m: Measurement) -> Array:
+    """Torque that all that is described to swing needs at the load [N m], shape (n,)."""
+    out = np.zeros(m.samples)
+    for entry in axis.mechanisms:
+        if entry.name == "structural_resonance":
+            p = entry.parameters
+            out += swing(m, axis.load.inertia_kg_m2, p["share"], p["frequency_hz"], p.get("damping_ratio", 0.02))
+    return out
 
 
 def with_entries(chain: Chain, axis: Axis) -> Chain:

@@ -30,6 +30,7 @@ SENTENCES: Mapping[str, str] = {
     "torque_offset": "The torque channel reads {torque_n_m:.3g} N m too much, whatever the motion.",
     "encoder_error": "The load encoder errs by {amplitude_rad:.3g} rad once per revolution, more than its data sheet says.",
     "time_delay": "A channel is late by {delay_s:.3g} s against the others.",
+    "structural_resonance": "Part of the load, {share:.0%} of its inertia, swings by itself at {frequency_hz:.3g} Hz: an arm, a tool or the stand is soft or loose.",
     "electrical_hum": "A hum of {frequency_hz:g} Hz from the mains is on the torque channel.",
 }  # fmt: skip
 

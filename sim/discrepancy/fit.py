@@ -15,7 +15,7 @@ from scipy.signal import oaconvolve
 
 from sim.axis import Axis
 from sim.chain_model import Chain, ChainError
-from sim.discrepancy.entries import with_entries
+from sim.discrepancy.entries import swinging, with_entries
 from sim.discrepancy.measurement import LOAD_CUT_HZ, Measurement
 from sim.discrepancy.model import base_parameters, chain_of, nuisance_of
 from sim.discrepancy.observer import Observer
@@ -50,7 +50,7 @@ class Fit:
 
     `residual` (rows,) and `jacobian` (rows, parameters), the latter per `steps`; `cost` includes what was known before.
     `torque_rows`: that many rows come first, those of the guide follow, over the same time. `sensitivities`: the same
-    columns by name before whitening.
+    columns by name before whitening, per unit: a term may take a parameter's place with another step.
     """
 
     terms: tuple[Term, ...]
@@ -110,10 +110,12 @@ class Problem:
     measurement: Measurement
     noise: Noise
     observer: Observer = field(init=False)
+    swinging: Array = field(init=False)
     runs: int = 0
 
     def __post_init__(self) -> None:
         inertia = chain_of(self.axis, {}).shafts[0].inertia_kg_m2
+        self.swinging = swinging(self.axis, self.measurement)
         self.observer = Observer(self.measurement, max(self.axis.load.inertia_kg_m2, 1e-12), inertia)
         start = {p.name: p.start for p in self.base()}
         self.observer.learn_noise(chain_of(self.axis, start), nuisance_of(start))
@@ -147,7 +149,7 @@ class Problem:
         for term in terms:
             if term.torque is not None:
                 torque = torque - term.torque(m, values)
-        guide = prediction.guide[:: self.guide_stride] if self.guided else np.zeros(0)
+        guide = (prediction.guide + self.swinging)[:: self.guide_stride] if self.guided else np.zeros(0)
         for term in terms:
             if term.load_torque is not None and guide.size:
                 guide = guide - term.load_torque(m, values)[:: self.guide_stride]
@@ -169,23 +171,23 @@ class Problem:
     def sensitivities(
         self, terms: Sequence[Term], values: Mapping[str, float], parameters: Sequence[Parameter], base: Raw
     ) -> dict[str, Raw]:
-        """Change of both residuals for one step of each parameter; `base` are those at `values`."""
+        """Change of both residuals per unit of each parameter; `base` are those at `values`."""
 
         def column(p: Parameter) -> Raw:
             step = p.step if values[p.name] + p.step <= p.high else -p.step
             torque, guide = self.raw_residuals(terms, {**values, p.name: values[p.name] + step})
-            return (torque - base[0]) * (p.step / step), (guide - base[1]) * (p.step / step)
+            return (torque - base[0]) / step, (guide - base[1]) / step
 
         with ThreadPoolExecutor(WORKERS) as pool:
             return dict(zip((p.name for p in parameters), pool.map(column, parameters), strict=True))
 
     def whitened(self, parameters: Sequence[Parameter], raw: Mapping[str, Raw]) -> Array:
-        """Columns of `raw` whitened, shape (rows, parameters)."""
+        """Columns of `raw` whitened, per step of each parameter, shape (rows, parameters)."""
         rows = sum(part.size for part in next(iter(raw.values()))) if raw else 0
         out = np.empty((rows, len(parameters)), order="F")
 
         def fill(k: int) -> None:
-            out[:, k] = self.whiten(*raw[parameters[k].name])
+            out[:, k] = self.whiten(*raw[parameters[k].name]) * parameters[k].step
 
         with ThreadPoolExecutor(WORKERS) as pool:
             list(pool.map(fill, range(len(parameters))))
@@ -283,7 +285,11 @@ class Problem:
 def _whitener(values: Array, weight: Array, rate_hz: float) -> tuple[Array, Array]:
     """Filter and level over time of the noise under `values`."""
     taps = floor_filter(values, weight, int(rate_hz), int(FILTER_S * rate_hz))
-    return taps, level_over_time(_filtered(taps, values), weight, int(rate_hz))
+    white = _filtered(taps, values)
+    level = level_over_time(white, weight, int(rate_hz))
+    moving = np.abs(white / level)[weight > 0.5]
+    # quartiles over few blocks lie high where the floor is steep: half of all rows are below 0.67 deviations
+    return taps, level * min(1.0, 1.4826 * float(np.median(moving))) if moving.size else level
 
 
 def level_over_time(white: Array, weight: Array, block: int) -> Array:

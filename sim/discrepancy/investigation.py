@@ -204,9 +204,12 @@ def _sound_alone(axis: Axis, sounds: Sequence[Recording], progress: Progress) ->
 
 
 def _finding(selection: Selection, term: Term) -> Finding:
+    """The probability is that of the name or one of those that it cannot be told from."""
     fit, standing = selection.fit, selection.standings[term.key]
-    seen = Evidence(standing.share, tuple(t for _, t in standing.rivals), standing.shared / standing.gain)
+    far = max(0.0, fit.misfit - FAR * fit.residual.size)  # the best model is not adequate
     close = sorted({r.mechanism for r, t in standing.rivals if is_close(t)} - {term.mechanism})[:2]
+    others = tuple(t for r, t in standing.rivals if r.mechanism not in close)
+    seen = Evidence(standing.share, others, (standing.shared + far) / standing.gain)
     return Finding(
         term.mechanism, term.location, probability(seen), _term_estimates(fit, term), tuple(close),
         explain(term.mechanism, term.location, term.report(fit.values)), seen,

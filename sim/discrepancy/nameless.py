@@ -8,26 +8,32 @@ additive at the motor and, with a load encoder, at the load: no simulation is ne
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from scipy.ndimage import median_filter
+from scipy.signal import welch
 
 from sim.chain_model import Array
+from sim.discrepancy.catalogue import HUM_HZ, hum
 from sim.discrepancy.fit import Fit, Problem
 from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.parameters import Parameter, Values
 from sim.discrepancy.terms import Term
 
-CURVES = ("friction_over_speed", "friction_over_angle")
+OVER_SPEED, OVER_ANGLE = "friction_over_speed", "friction_over_angle"
+CURVES = (OVER_SPEED, OVER_ANGLE)
 FIXED = "fixed_frequency"
-OVER_ANGLE = "torque_over_angle"  # as new: it enters a model, and is not spoken of
+AS_NEW = "torque_over_angle"  # as new: it enters a model, and is not spoken of
 KNOTS = 8  # of the friction curve, per direction
 ORDERS = (1, 2, 3)  # of friction over the angle of the load
 TURN_SHARE = 0.02  # of the largest speed: there friction turns its sign
-LOWEST_HZ, HIGHEST_HZ = 2.0, 120.0  # below, the motion itself; above, teeth and their aliases
+LOWEST_HZ, HIGHEST_HZ = 2.0, 120.0  # above, teeth and their aliases
+MOTION = 5e-3  # of the largest power of the acceleration: below it the motion itself has ended
 BAND_HZ = 0.6
 FINER = 8  # spacing of the frequencies tried, over that of the record's own
 COHERENT = 0.5  # of a line's energy, that one sine of constant phase explains
+MAINS = 0.005  # by which the frequency of the mains may be off
 COMB = 0.3  # of a line's energy, in the neighbour that a repeated motion would give it
 REPEATS = 0.9  # autocorrelation of the speed
 LINE_EXCESS = 14.0  # energy of a line over that of its neighbours: once in a hundred records of noise
@@ -45,9 +51,10 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
     for place, left, rate_hz, step in ends:
         out += [over_speed(place, m, step), over_angle(place, m, problem.axis.ratio, step)]
         out.append(torque_over_angle(place, m, problem.axis.ratio, step))
-        frequency = line_of(left, rate_hz, repetition_s(m))
+        frequency = line_of(left, rate_hz, motion_end_hz(m), repetition_s(m))
         if frequency is not None:
-            out.append(_sine(place, m, frequency, step))
+            mains = place == "motor" and any(abs(frequency / f - 1.0) < MAINS for f in HUM_HZ)
+            out.append(hum(frequency, 100.0 * level) if mains else _sine(place, m, frequency, step))
     return out
 
 
@@ -66,29 +73,29 @@ def over_speed(place: str, m: Measurement, step: float) -> Term:
         at = int(np.argmax(energy))
         return {"speed_rad_s": float(knots[at % knots.size]), "direction": 1.0 if at < knots.size else -1.0}
 
-    return _shaped(CURVES[0], place, shapes, step, where)
+    return _shaped(OVER_SPEED, place, shapes, step, where)
 
 
 def over_angle(place: str, m: Measurement, ratio: float, step: float) -> Term:
     """Dry and viscous friction whose size is a wave over the angle of the load."""
-    waves = _waves(m, ratio)
+    waves = _waves(m, ratio, ORDERS)
     even = m.speed / float(np.abs(m.speed).max())
     shapes = np.concatenate([waves * _turned(m)[:, None], waves * even[:, None]], axis=1)
 
     def where(energy: Array) -> Mapping[str, float]:
         return {"order": float(ORDERS[int(np.argmax(energy)) // 2 % len(ORDERS)])}
 
-    return _shaped(CURVES[1], place, shapes, step, where)
+    return _shaped(OVER_ANGLE, place, shapes, step, where)
 
 
 def torque_over_angle(place: str, m: Measurement, ratio: float, step: float) -> Term:
-    """The same in both directions: small errors of new gears and encoders, which must not pass for friction."""
-    return _shaped(OVER_ANGLE, place, _waves(m, ratio), step, lambda energy: {})
+    """The same in both directions, beyond weight and runout: errors as new, which must not pass for friction."""
+    return _shaped(AS_NEW, place, _waves(m, ratio, ORDERS[1:]), step, lambda energy: {})
 
 
-def _waves(m: Measurement, ratio: float) -> Array:
+def _waves(m: Measurement, ratio: float, orders: Sequence[int]) -> Array:
     angle = m.angle / ratio
-    return np.stack([wave(order * angle) for order in ORDERS for wave in (np.cos, np.sin)], axis=1)
+    return np.stack([wave(order * angle) for order in orders for wave in (np.cos, np.sin)], axis=1)
 
 
 def _sine(place: str, m: Measurement, frequency: float, step: float) -> Term:
@@ -102,15 +109,16 @@ def _turned(m: Measurement) -> Array:
     return np.asarray(np.tanh(m.speed / (TURN_SHARE * float(np.abs(m.speed).max()))))
 
 
-def line_of(left: Array, rate_hz: float, repeats_s: float | None = None) -> float | None:
+def line_of(left: Array, rate_hz: float, lowest_hz: float = LOWEST_HZ, repeats_s: float | None = None) -> float | None:
     """Frequency of the strongest line of a whitened residual [Hz], None where there is none of constant phase.
 
-    A motion that repeats after `repeats_s` makes a comb of lines of whatever it excites; one of those does not count.
+    Below `lowest_hz` a line is as likely what the motion makes of a wrong model. A motion that repeats after
+    `repeats_s` makes a comb of lines of whatever it excites; one of those does not count.
     """
     size = FINER * left.size
     power = np.abs(np.fft.rfft(left, size)) ** 2 / left.size
     spacing = rate_hz / size
-    first, last = round(LOWEST_HZ / spacing), int(min(0.42 * rate_hz, HIGHEST_HZ) / spacing)
+    first, last = round(lowest_hz / spacing), int(min(0.42 * rate_hz, HIGHEST_HZ) / spacing)
     if last <= first + FINER:
         return None
     at = first + int(np.argmax(power[first:last]))
@@ -125,6 +133,16 @@ def line_of(left: Array, rate_hz: float, repeats_s: float | None = None) -> floa
         if max(float(power[max(t - FINER // 2, 0) : t + FINER // 2 + 1].max()) for t in teeth) > COMB * power[at]:
             return None
     return at * spacing
+
+
+def motion_end_hz(m: Measurement) -> float:
+    """Frequency above which the motion has no acceleration to speak of [Hz], at least LOWEST_HZ.
+
+    By the median over neighbouring frequencies: a line alone, which also shakes the motor, is no motion.
+    """
+    frequency, power = welch(m.slow_acceleration, m.rate_hz, nperseg=min(int(4.0 * m.rate_hz), m.samples))
+    smooth = median_filter(power, 9, mode="nearest")
+    return max(LOWEST_HZ, float(frequency[np.flatnonzero(smooth > MOTION * power.max())[-1:]].max(initial=0.0)))
 
 
 def repetition_s(m: Measurement) -> float | None:

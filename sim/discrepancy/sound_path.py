@@ -15,6 +15,7 @@ from sim.discrepancy.sound_evidence import Heard
 PER_TURN = 128  # samples of the envelope per revolution of the motor
 LOWEST_ORDER, HIGHEST_ORDER = 1.2, 30.0  # below, what stands still in Hz at constant speed looks like an order
 LINE = 40.0  # power of a line over the local median: of 10,000 exponential bins the largest is near 10 ln 2 = 14
+SLIP = 0.004  # of a bearing's balls, by which its order is uncertain
 HARMONICS = 5
 
 
@@ -28,7 +29,7 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
     grid = np.flatnonzero((orders > 0.4) & (orders < HIGHEST_ORDER) & (heights > LINE))
     for index in grid:
         order = _centre(orders, heights, int(index), spacing)
-        if _of_gears(axis, order, spacing):
+        if _of_gears(axis, order, spacing) or _is_whole(order, spacing):
             continue
         found = [_height(heights, k * order / spacing, 1 + k // 2) for k in range(1, HARMONICS + 1)]
         count = sum(h > LINE for h in found)
@@ -38,12 +39,17 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
     if best[2] < 2 or _fixed_line(values, rate_hz) > float(heights[orders < 4.0 * HIGHEST_ORDER].max()):
         return []
     order = _refined(orders, heights, best[1], spacing)
-    half = max(1.5 * spacing, 0.004 * order)
+    half = max(1.5 * spacing, SLIP * order)
     text = (
         f"Impacts come {order:.2f} times per revolution of the motor, with {best[2]} multiples and a little slip: "
         "no gear has this order; a rolling bearing does."
     )
     return [Heard("bearing_defect", None, 0.95, {"order": (order, order - half, order + half)}, text)]
+
+
+def _is_whole(order: float, spacing: float) -> bool:
+    """Whether an order may be a whole number: that is the motor's own, as of its poles and slots."""
+    return abs(order - round(order)) <= max(1.5 * spacing, SLIP * order)
 
 
 def _envelope_orders(values: Array, rate_hz: float, m: Measurement, offset_s: float) -> tuple[Array, Array]:

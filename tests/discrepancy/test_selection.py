@@ -6,6 +6,8 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
+from sim.discrepancy.entries import swing
+from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.nameless import line_of
 from sim.discrepancy.selection import least_squares_within
 
@@ -35,3 +37,16 @@ def test_a_line_is_one_sine_of_constant_phase_and_no_burst_of_its_frequency() ->
     assert line_of(noise + sine, 1000.0) == pytest.approx(6.31, abs=0.01)
     broken = 0.1 * np.sin(2 * np.pi * 6.31 * time + np.random.default_rng(4).uniform(0, 2 * np.pi, 30).repeat(1000))
     assert line_of(noise + 3.0 * broken, 1000.0) is None
+
+
+def test_a_part_on_a_spring_adds_its_mass_below_its_frequency_and_nothing_far_above() -> None:
+    """At standstill of the spring the swinging part moves with the load; far above its resonance it stands still."""
+    rate_hz, time = 1000.0, np.arange(40_000) / 1000.0
+    for frequency_hz, wanted in ((0.2, 0.0), (60.0, -1.0)):
+        w = 2.0 * np.pi * frequency_hz
+        still = np.zeros(time.size)
+        speed = np.cos(w * time) / w
+        m = Measurement(rate_hz, time, *[still] * 6, speed, still, speed, still, still)
+        asked = swing(m, 2.0, 0.25, 6.0, 0.02)[20_000:]
+        acceleration = -np.sin(w * time)[20_000:]
+        assert asked @ acceleration / (acceleration @ acceleration) == pytest.approx(0.5 * wanted, abs=0.01)

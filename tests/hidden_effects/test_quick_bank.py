@@ -49,7 +49,7 @@ def test_what_has_no_name_gets_none(short: Said) -> None:
     _, document = short["without a name"]
     assert document["verdict"] == "unnamed"
     assert [f["mechanism"] for f in document["findings"] if f["probability"] >= 0.5] == []
-    assert document["unexplained"]["kind"] in ("speed", "time")
+    assert document["unexplained"]["kind"] in ("speed", "angle", "time")
 
 
 @pytest.mark.slow
