@@ -20,5 +20,5 @@ class Weights:
     cap: float
 
 
-# `python -m tests.hidden_effects.calibrate` prints this line; so far 52 of its 70 scenarios, 16 of 19 names right
-WEIGHTS = Weights(bias=2.28, slope=0.9, left=1.96, overdispersion=2.21, cap=0.909)
+# `python -m tests.hidden_effects.calibrate` prints this line: 36 of the 38 names given in its 70 scenarios were right
+WEIGHTS = Weights(bias=2.91, slope=0.6, left=1.62, overdispersion=1.87, cap=0.952)
