@@ -22,7 +22,7 @@ from sim.discrepancy.weights import WEIGHTS, Weights
 BLOCKS = 15
 CLOSEST = 3  # rivals that are refitted in place of a named term
 LARGEST_T = 12.0
-FORM = 0.1  # of its own gain, that the form of a law leaves where the name is right
+FORM = 0.07  # of its own gain, that something without a name would take as well where the name is right
 SHARE = 0.01  # of the squared residual, where `Weights.bias` is meant
 
 
