@@ -10,7 +10,7 @@ import numpy as np
 from sim.axis import Axis
 from sim.chain_model import Chain, Dent, with_link, with_shaft
 from sim.discrepancy.entries import DENT_SHARE, swing
-from sim.discrepancy.measurement import Array, Measurement
+from sim.discrepancy.measurement import LOAD_MOTION_CUT_HZ, Array, Measurement
 from sim.discrepancy.model import has_links, link_stiffness, ratio_after, stages_of, wave
 from sim.discrepancy.parameters import Parameter, Values
 from sim.discrepancy.terms import Report, Term
@@ -18,6 +18,7 @@ from sim.discrepancy.terms import Report, Term
 RIPPLE_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0)  # pole pairs, slots and their multiples
 LEAST_TURN = 0.5  # rad of the load over which weight shows
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
+HIGHEST_SWING_HZ = 1.2 * LOAD_MOTION_CUT_HZ
 MOTOR = "motor"
 RUNOUT = ("runout.sine_rad", "runout.cosine_rad")
 AS_NEW_FACTOR = 3.0  # more than this above as new is a finding
@@ -278,22 +279,23 @@ def _encoder_error(axis: Axis) -> Term:
 
 
 def _resonance(axis: Axis) -> Term:
-    """A part of the load that swings on a spring of its own."""
+    """A part of the load that swings on a spring of its own, where the load's motion is known well enough."""
     names = [_name("structural_resonance", "load", p) for p in ("share", "frequency_hz", "damping_ratio")]
     share, frequency, damping = names
     stages = range(len(stages_of(axis)))
     compliance = sum(1.0 / (link_stiffness(axis, k) * ratio_after(axis, k) ** 2) for k in stages)
     mode = math.sqrt(1.0 / (compliance * max(axis.load.inertia_kg_m2, 1e-12))) / (2.0 * math.pi)
+    start = min(mode, 0.8 * HIGHEST_SWING_HZ)
 
     def torque(m: Measurement, values: Values) -> Array:
         return -swing(m, axis.load.inertia_kg_m2, *(values[name] for name in names))
 
     parameters = (
         Parameter(share, 0.0, 0.005, low=0.0, high=1.0),
-        Parameter(frequency, mode, 0.003 * mode, low=0.3 * mode, high=3.0 * mode),
+        Parameter(frequency, start, 0.003 * start, low=0.3 * start, high=HIGHEST_SWING_HZ),
         Parameter(damping, 0.02, 0.002, 0.02, 0.002, 0.03),  # a softer peak is the form of the model, not a part
     )
-    grid = mode * np.geomspace(0.5, 2.0, 28)
+    grid = np.geomspace(0.5 * start, min(2.0 * mode, HIGHEST_SWING_HZ), 24)
     probes = tuple(({share: 0.02, frequency: float(f)},) for f in grid)
     return Term(
         "structural_resonance", "load", parameters, probes,
@@ -312,7 +314,9 @@ def _link_terms(axis: Axis, k: int, level: float, load_encoder: bool) -> list[Te
     ratio = axis.ratio / ratio_after(axis, k)
     stiffness = axis.stiffness()[k] or 0.0
     twist = level * ratio / stiffness if stiffness else 1e-3
-    out = [_hardening(name, k, twist), _hysteresis(name, k, level * ratio, twist)] if load_encoder else []
+    out = [_hardening(name, k, twist)] if load_encoder else []
+    if load_encoder and (stage is None or stage.driven_teeth):  # errors of unknown teeth look like a loop of the spring
+        out.append(_hysteresis(name, k, level * ratio, twist))
     if stage is None:
         return out
     out.append(_backlash(name, k, stage.backlash_rad, twist))

@@ -23,6 +23,7 @@ from sim.discrepancy.weighing import Standing, advantage, named_alone, paired, s
 
 Progress = Callable[[str, float], None]
 SHORTLIST = 5
+DELAY_SHARE = 0.1  # a shift in time has the shape of what most errors of form leave
 LAWS = (  # of one part of the machine, and the share of another's gain below which one is the error of its form
     (frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"}), 0.1),
     (frozenset({"stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.2),
@@ -224,11 +225,14 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
 
 
 def is_form(rival: Rival, entered: Mapping[str, float]) -> bool:
-    """Whether a law of a spring or of friction explains so little beside another that it is the error of its form.
+    """Whether a mechanism explains so little beside another that it is the error of the other's form.
 
-    Two laws of a spring (gap, bend, loop, dent) leave each other's errors of form behind. `entered`: what each term
-    gained when it came in; later, with what stands for its errors beside it, taking it away says far too much.
+    Two laws of a spring (gap, bend, loop, dent) or of friction leave each other's errors of form behind. `entered`:
+    what each term gained when it came in; later, with what stands for its errors beside it, taking it away says far
+    too much.
     """
+    if rival.term.mechanism == "time_delay" and rival.gain < DELAY_SHARE * max(entered.values(), default=0.0):
+        return True
     return any(
         rival.term.mechanism in laws and key.split("@")[0] in laws and rival.gain < share * gain
         for laws, share in LAWS
