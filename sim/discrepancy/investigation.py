@@ -27,6 +27,9 @@ from sim.discrepancy.weighing import Evidence, is_close, probability
 
 VERSION = "1"
 NINETY = 1.645
+INFLATION = 3.5  # of deviations, so that intervals hold on the calibration seeds
+FORM_SHARE = 0.05  # of a size, which the form of its law leaves open
+NO_SIZE = ("angle_rad", "phase_rad", "flank", "order", "frequency_hz")
 SAID = 0.5  # probability from which a name is said
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
 Progress = Callable[[str, float], None]
@@ -231,13 +234,15 @@ def _term_estimates(fit: Fit, term: Term) -> tuple[Estimate, ...]:
     for name, value in centre.items():
         change = np.array([m[name] - value for m in moved])
         half = NINETY * math.sqrt(max(float(change @ correlation @ change), 0.0))
+        if name not in NO_SIZE:
+            half = max(half, FORM_SHARE * abs(value))
         out.append(Estimate(name, float(value), unit_of(name), float(value - half), float(value + half)))
     return tuple(out)
 
 
 def _inflation(fit: Fit) -> float:
     """Widen intervals by what the residual has beyond white noise (form of the model, slow noise)."""
-    return 2.0 * math.sqrt(max(1.0, fit.misfit / fit.residual.size))
+    return INFLATION * math.sqrt(max(1.0, fit.misfit / fit.residual.size))
 
 
 def _estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:

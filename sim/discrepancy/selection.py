@@ -31,7 +31,7 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
 ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
 LEAST_SHARE = 0.0025  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
-    OVER_SPEED: 0.01, OVER_ANGLE: 0.025, "structural_resonance": 0.01, "hysteresis": 0.01, "stiffness_hardening": 0.004,
+    OVER_SPEED: 0.01, OVER_ANGLE: 0.04, "structural_resonance": 0.01, "hysteresis": 0.01, "stiffness_hardening": 0.004,
 }  # fmt: skip
 LEAST_GAIN = 70.0  # the same for a short record
 MOTION_BAND_HZ = 40.0
