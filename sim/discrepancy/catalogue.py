@@ -18,6 +18,7 @@ from sim.discrepancy.terms import Report, Term
 RIPPLE_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0)  # pole pairs, slots and their multiples
 LEAST_TURN = 0.5  # rad of the load over which weight shows
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
+SOFT = 0.03  # damping ratio at which a peak is the form of the model and no part that swings
 HIGHEST_SWING_HZ = 1.2 * LOAD_MOTION_CUT_HZ
 MOTOR = "motor"
 RUNOUT = ("runout.sine_rad", "runout.cosine_rad")
@@ -293,14 +294,15 @@ def _resonance(axis: Axis) -> Term:
     parameters = (
         Parameter(share, 0.0, 0.005, low=0.0, high=1.0),
         Parameter(frequency, start, 0.003 * start, low=0.3 * start, high=HIGHEST_SWING_HZ),
-        Parameter(damping, 0.02, 0.002, 0.02, 0.002, 0.03),  # a softer peak is the form of the model, not a part
+        Parameter(damping, 0.02, 0.002, 0.02, 0.002, SOFT),
     )
     grid = np.geomspace(0.5 * start, min(2.0 * mode, HIGHEST_SWING_HZ), 24)
     probes = tuple(({share: 0.02, frequency: float(f)},) for f in grid)
     return Term(
         "structural_resonance", "load", parameters, probes,
         lambda v: {"frequency_hz": v[frequency], "share": v[share], "damping_ratio": v[damping]},
-        load_torque=torque, positive=True, nonlinear=True, size=0.02, magnitude=lambda v: v[share],
+        load_torque=torque, positive=True, nonlinear=True, size=0.02,
+        magnitude=lambda v: v[share] if v[damping] < 0.95 * SOFT else 0.0,
     )  # fmt: skip
 
 

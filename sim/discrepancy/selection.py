@@ -16,7 +16,7 @@ from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
 from sim.discrepancy.fit import WORKERS, Fit, Noise, Problem
 from sim.discrepancy.measurement import gaussian_kernel
 from sim.discrepancy.model import link_stiffness
-from sim.discrepancy.nameless import AS_NEW, OVER_ANGLE, OVER_SPEED, nameless_terms
+from sim.discrepancy.nameless import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED, nameless_terms
 from sim.discrepancy.scan import Place, scan
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import Standing, advantage, named_alone, paired, standings
@@ -31,7 +31,8 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
 ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
 LEAST_SHARE = 0.0025  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
-    OVER_SPEED: 0.01, OVER_ANGLE: 0.04, "structural_resonance": 0.01, "hysteresis": 0.01, "stiffness_hardening": 0.004,
+    OVER_SPEED: 0.01, OVER_ANGLE: 0.04, FIXED: 0.005,
+    "structural_resonance": 0.01, "hysteresis": 0.01, "stiffness_hardening": 0.004,
 }  # fmt: skip
 LEAST_GAIN = 70.0  # the same for a short record
 MOTION_BAND_HZ = 40.0

@@ -18,7 +18,6 @@ HIGHEST_HZ = 120.0  # above, teeth and their aliases
 BINS = 48
 SHARE = 0.06  # of the residual's energy: less is how a model's form differs from any real axis
 LINE_SCORE = 60.0
-SPEED_SCORE = 40.0  # twice the largest of 22 calibration scenarios with nothing or only wrong numbers
 
 
 @dataclass(frozen=True)
@@ -51,12 +50,10 @@ def look(problem: Problem, fit: Fit) -> list[Unexplained]:
 def stands_out(u: Unexplained) -> bool:
     """Whether a place is beyond noise and beyond what a good axis has.
 
-    Errors by angle are in every new gear and encoder, wander over time in every slow noise: where they cannot be named,
-    they do not count.
+    Only what has a frequency: errors by angle are in every new gear and encoder, wander over time in every slow noise,
+    and friction over the speed has been weighed as a term.
     """
-    if u.kind == "frequency":
-        return u.score > LINE_SCORE and u.share > SHARE
-    return u.kind == "speed" and u.score > SPEED_SCORE
+    return u.kind == "frequency" and u.score > LINE_SCORE and u.share > SHARE
 
 
 def nameless(selection: Selection, term: Term) -> Unexplained:
