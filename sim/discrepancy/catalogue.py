@@ -11,7 +11,7 @@ from sim.axis import Axis
 from sim.chain_model import Chain, Dent, with_link, with_shaft
 from sim.discrepancy.entries import DENT_SHARE, swing
 from sim.discrepancy.measurement import LOAD_MOTION_CUT_HZ, Array, Measurement
-from sim.discrepancy.model import has_links, link_stiffness, ratio_after, stages_of, wave
+from sim.discrepancy.model import compliance, has_links, ratio_after, stages_of, wave
 from sim.discrepancy.parameters import Parameter, Values
 from sim.discrepancy.terms import Report, Term
 
@@ -198,6 +198,7 @@ def _delay(name: str, location: str, size: float) -> Term:
 
 
 def hum(frequency: float, level: float) -> Term:
+    """Hum of the mains in the torque channel at a frequency [Hz]; `level`: rms of the torque [N m], for its step."""
     prefix = f"electrical_hum{frequency:g}@motor"
     step = 0.01 * level
 
@@ -283,9 +284,7 @@ def _resonance(axis: Axis) -> Term:
     """A part of the load that swings on a spring of its own, where the load's motion is known well enough."""
     names = [_name("structural_resonance", "load", p) for p in ("share", "frequency_hz", "damping_ratio")]
     share, frequency, damping = names
-    stages = range(len(stages_of(axis)))
-    compliance = sum(1.0 / (link_stiffness(axis, k) * ratio_after(axis, k) ** 2) for k in stages)
-    mode = math.sqrt(1.0 / (compliance * max(axis.load.inertia_kg_m2, 1e-12))) / (2.0 * math.pi)
+    mode = math.sqrt(1.0 / (compliance(axis) * max(axis.load.inertia_kg_m2, 1e-12))) / (2.0 * math.pi)
     start = min(mode, 0.8 * HIGHEST_SWING_HZ)
 
     def torque(m: Measurement, values: Values) -> Array:

@@ -67,10 +67,7 @@ def _load_parameters(axis: Axis, load_encoder: bool) -> list[Parameter]:
         new = axis.load_encoder.error_rad
         out += [Parameter(f"runout.{part}_rad", 0.0, new, new, -3 * new, 3 * new) for part in ("sine", "cosine")]
     if load_encoder:
-        twist = 1.0 / sum(
-            1.0 / (link_stiffness(axis, k) * ratio_after(axis, k) ** 2) for k in range(len(stages_of(axis)))
-        )
-        out.append(Parameter("load_offset_rad", 0.0, 1.0 / twist, math.inf))
+        out.append(Parameter("load_offset_rad", 0.0, compliance(axis), math.inf))
         out.append(Parameter("load_delay_s", 0.0, 1e-5, 5e-5, -0.02, 0.02))
         new = axis.load_encoder.error_rad
         if new:
@@ -103,6 +100,11 @@ def link_stiffness(axis: Axis, k: int) -> float:
     if axis.stages and k + 1 < len(axis.stages):
         inertia = axis.stages[k].inertia_kg_m2
     return inertia * (2 * math.pi * UNKNOWN_STIFFNESS_HZ) ** 2
+
+
+def compliance(axis: Axis) -> float:
+    """Twist of the whole transmission per torque, at the load [rad/(N m)]."""
+    return sum(1.0 / (link_stiffness(axis, k) * ratio_after(axis, k) ** 2) for k in range(len(stages_of(axis))))
 
 
 def link_damping(axis: Axis, k: int) -> float:

@@ -10,11 +10,10 @@ import numpy as np
 
 from sim.chain_model import Array
 from sim.discrepancy.fit import Fit, Problem
+from sim.discrepancy.nameless import BAND_HZ, HIGHEST_HZ, LOWEST_HZ
 from sim.discrepancy.selection import Selection
 from sim.discrepancy.terms import Term
 
-BAND_HZ = 0.6
-HIGHEST_HZ = 120.0  # above, teeth and their aliases
 BINS = 48
 SHARE = 0.06  # of the residual's energy: less is how a model's form differs from any real axis
 LINE_SCORE = 60.0
@@ -71,7 +70,7 @@ def _frequency(channel: str, values: Array, rate_hz: float) -> Unexplained:
     width = max(3, round(BAND_HZ / spacing))
     energy = np.convolve(2.0 * power, np.ones(width), "valid")
     typical = float(np.median(energy))
-    first = max(1, round(2.0 / spacing))
+    first = max(1, round(LOWEST_HZ / spacing))
     last = min(energy.size, int(min(0.42 * rate_hz, HIGHEST_HZ) / spacing))
     if last <= first:
         return Unexplained("frequency", channel, 0.0, 0.0, {})

@@ -31,22 +31,20 @@ class Answer:
     seconds: float
 
 
-def _environment(folder: Path) -> dict[str, str]:
-    return {**os.environ, "GEARCASE_DATA_DIR": str(folder / "data"), "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+def _run(command: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run a command with its data in `folder`; what it prints is text."""
+    data = str(folder / "data")
+    environment = {**os.environ, "GEARCASE_DATA_DIR": data, "OMP_NUM_THREADS": "1", "NUMBA_NUM_THREADS": "1"}
+    return subprocess.run(
+        command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=TIME_LIMIT_S, check=False
+    )
 
 
 @lru_cache
 def has_investigate() -> bool:
     """Return whether the command line knows the verb."""
     with tempfile.TemporaryDirectory() as folder:
-        done = subprocess.run(
-            [*COMMAND, "investigate", "--help"],
-            cwd=ROOT,
-            env=_environment(Path(folder)),
-            capture_output=True,
-            timeout=TIME_LIMIT_S,
-            check=False,
-        )
+        done = _run([*COMMAND, "investigate", "--help"], Path(folder))
     return done.returncode == 0
 
 
@@ -67,15 +65,8 @@ def investigate_together(scenarios: Sequence[Scenario]) -> list[dict[str, Any]]:
             write(scenario, folder)
             files = ["--axis", str(folder / "axis.toml"), "--telemetry", str(folder / "telemetry.csv")]
             verbs.append(["investigate", *files, "--json"])
-        done = subprocess.run(
-            [sys.executable, "-c", SEVERAL, json.dumps(verbs)],
-            cwd=ROOT,
-            env=_environment(Path(name)),
-            capture_output=True,
-            text=True,
-            timeout=TIME_LIMIT_S,
-            check=True,
-        )
+        done = _run([sys.executable, "-c", SEVERAL, json.dumps(verbs)], Path(name))
+        done.check_returncode()
     documents, rest, decoder = [], done.stdout.strip(), json.JSONDecoder()
     while rest:
         document, end = decoder.raw_decode(rest)
@@ -93,15 +84,7 @@ def investigate_folder(folder: Path) -> Answer:
     start = time.perf_counter()
     with tempfile.TemporaryDirectory() as own:
         try:
-            done = subprocess.run(
-                [*COMMAND, *arguments],
-                cwd=ROOT,
-                env=_environment(Path(own)),
-                capture_output=True,
-                text=True,
-                timeout=TIME_LIMIT_S,
-                check=False,
-            )
+            done = _run([*COMMAND, *arguments], Path(own))
         except subprocess.TimeoutExpired:
             return Answer(None, f"took longer than {TIME_LIMIT_S} s", float(TIME_LIMIT_S))
     seconds = time.perf_counter() - start
