@@ -69,13 +69,11 @@ def _pair_probe(prefix: str, step: float) -> tuple[tuple[Mapping[str, float], ..
     return (({f"{prefix}.sine": step}, {f"{prefix}.cosine": step}),)
 
 
-def _amplitude(prefix: str, name: str, phase: str | None = None) -> Report:
+def _amplitude(pair: Sequence[Parameter], name: str, phase: str) -> Report:
+    sine, cosine = (p.name for p in pair)
+
     def report(values: Values) -> dict[str, float]:
-        sine, cosine = values[f"{prefix}.sine"], values[f"{prefix}.cosine"]
-        out = {name: math.hypot(sine, cosine)}
-        if phase:
-            out[phase] = math.atan2(cosine, sine)
-        return out
+        return {name: math.hypot(values[sine], values[cosine]), phase: math.atan2(values[cosine], values[sine])}
 
     return report
 
@@ -247,7 +245,7 @@ def _gravity(axis: Axis, level: float) -> Term:
         sine, cosine = values[f"{prefix}.sine"], values[f"{prefix}.cosine"]
         return with_shaft(chain, last, gravity_n_m=math.hypot(sine, cosine), gravity_phase_rad=math.atan2(cosine, sine))
 
-    report = _amplitude(prefix, "torque_n_m", "phase_rad")
+    report = _amplitude(_pair(prefix, step), "torque_n_m", "phase_rad")
     return Term(
         "gravity_imbalance", "load", _pair(prefix, step), _pair_probe(prefix, step), report, apply, size=0.1 * step
     )
@@ -261,7 +259,7 @@ def _direct_gravity(level: float) -> Term:
         sine, cosine = values[f"{prefix}.sine"], values[f"{prefix}.cosine"]
         return with_shaft(chain, 0, gravity_n_m=math.hypot(sine, cosine), gravity_phase_rad=math.atan2(cosine, sine))
 
-    report = _amplitude(prefix, "torque_n_m", "phase_rad")
+    report = _amplitude(_pair(prefix, step), "torque_n_m", "phase_rad")
     return Term(
         "gravity_imbalance", "load", _pair(prefix, step), _pair_probe(prefix, step), report, apply, size=0.1 * step
     )
@@ -276,7 +274,7 @@ def _encoder_error(axis: Axis) -> Term:
         return {"amplitude_rad": math.hypot(sine, cosine), "phase_rad": math.atan2(cosine, sine)}
 
     parameters = tuple(Parameter(name, 0.0, step) for name in names)
-    probes = (tuple({name: 3.0 * step} for name in names),)
+    probes = (tuple({name: 2.0 * AS_NEW_FACTOR * step} for name in names),)
     return Term("encoder_error", "load", parameters, probes, report, replaces=names, size=AS_NEW_FACTOR * step)
 
 
@@ -321,8 +319,8 @@ def _link_terms(axis: Axis, k: int, level: float, load_encoder: bool) -> list[Te
     if stage is None:
         return out
     out.append(_backlash(name, k, stage.backlash_rad, twist))
-    new = max(stage.transmission_error_rad, axis.load_encoder.error_rad / ratio_after(axis, k), 0.01 * twist)
-    out.append(_error("eccentricity", name, k, 1.0, twist, new, RUNOUT if k + 1 == len(axis.stages) else ()))
+    new = max(stage.transmission_error_rad or 0.01 * twist, axis.load_encoder.error_rad / ratio_after(axis, k))
+    out.append(_error("eccentricity", name, k, 1.0, twist, new, _runout(axis, k, load_encoder)))
     if k == 0:
         out.append(_error("eccentricity", MOTOR, k, 1.0, twist, stage.transmission_error_rad))
     if stage.driven_teeth:
@@ -330,6 +328,12 @@ def _link_terms(axis: Axis, k: int, level: float, load_encoder: bool) -> list[Te
     if stage.mesh_efficiency >= 1.0:
         out.append(_loss(name, k))
     return out
+
+
+def _runout(axis: Axis, k: int, load_encoder: bool) -> tuple[str, ...]:
+    """Names of the runout of link `k` in the model of the description itself, which has it next to a load encoder."""
+    fitted = load_encoder and axis.load_encoder.error_rad > 0.0 and k + 1 == len(axis.stages)
+    return RUNOUT if fitted else ()
 
 
 def _backlash(name: str, k: int, new: float, twist: float) -> Term:
@@ -350,22 +354,27 @@ def _backlash(name: str, k: int, new: float, twist: float) -> Term:
 def _error(
     mechanism: str, name: str, k: int, order: float, step: float, new: float, replaces: tuple[str, ...] = ()
 ) -> Term:
-    """Once per turn, or per tooth: that with its second harmonic, as the form of teeth has one."""
-    waves = [(f"{mechanism}@{name}", order)]
-    if order > 1.0:
-        waves.append((f"{mechanism}@{name}.second", 2.0 * order))
+    """Once per turn, or per tooth: that with its second harmonic, as the form of teeth has one.
+
+    `replaces`: amplitudes of the same wave that the description's own model has, as new; they are set free.
+    """
+    prefix = f"{mechanism}@{name}"
+    own = () if replaces else _pair(prefix, 0.1 * step)
+    first = tuple(Parameter(at, 0.0, 0.1 * step) for at in replaces) or own
+    second = _pair(f"{prefix}.second", 0.1 * step) if order > 1.0 else ()
+    waves = [(pair, times) for pair, times in ((own, order), (second, 2.0 * order)) if pair]
     shaft = 0 if name == MOTOR else k + 1
 
     def apply(chain: Chain, values: Values) -> Chain:
         errors = chain.links[k].errors
-        for prefix, times in waves:
-            errors += wave(shaft, times, values[f"{prefix}.sine"], values[f"{prefix}.cosine"])
+        for (sine, cosine), times in waves:
+            errors += wave(shaft, times, values[sine.name], values[cosine.name])
         return with_link(chain, k, errors=errors)
 
-    parameters = tuple(p for prefix, _ in waves for p in _pair(prefix, 0.1 * step))
-    probe = tuple(jump for prefix, _ in waves for jump in _pair_probe(prefix, 0.1 * step)[0])
+    jump = 2.0 * AS_NEW_FACTOR * new if replaces else 0.1 * step  # out of the limits of what is as new
+    probe = (*({p.name: jump} for p in first), *({p.name: p.step} for p in second))
     return Term(
-        mechanism, name, parameters, (probe,), _amplitude(waves[0][0], "amplitude_rad", "phase_rad"), apply,
+        mechanism, name, (*first, *second), (probe,), _amplitude(first, "amplitude_rad", "phase_rad"), apply,
         replaces=replaces, size=AS_NEW_FACTOR * new,
     )  # fmt: skip
 

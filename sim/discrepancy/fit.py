@@ -28,6 +28,10 @@ FILTER_S = 0.4  # length of the whitening filters: what noise remembers
 WORKERS = 2
 SCORE_BLOCKS = 40
 ACTIVE_ROUNDS = 4
+MOST_STEPS = 16
+FIRST_DAMPING = 1e-4
+UNKNOWN = 1e-6  # information of one step below which a parameter is not known
+LEAST_DROP = 1.0  # of the squared residual in one step: less says nothing
 
 
 @dataclass(frozen=True)
@@ -86,8 +90,9 @@ class Fit:
         steps = np.array([p.step for p in self.parameters])
         spread = np.array([p.spread for p in self.parameters])
         information = self.jacobian.T @ self.jacobian + np.diag((steps / spread) ** 2)
-        scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+        scale = np.sqrt(np.maximum(np.diag(information), UNKNOWN))
         curved = np.linalg.pinv(information / np.outer(scale, scale), hermitian=True)
+        curved += np.diag(np.diag(information) < UNKNOWN)  # the data do not know it at all
         parts = self.blocks(SCORE_BLOCKS)
         scores = np.array([self.jacobian[part].T @ self.residual[part] for part in parts]) / scale
         scores = (scores - scores.mean(axis=0)) @ curved
@@ -199,17 +204,20 @@ class Problem:
         start: Mapping[str, float] | None = None,
         iterations: int = 6,
         held: Mapping[str, Raw] = MappingProxyType({}),
-        refresh: int = 0,
+        *,
+        to_end: bool = False,
     ) -> Fit:
         """Levenberg-Marquardt from `start` (default: what is described), by sensitivities that are kept (chord method).
 
         `held`: sensitivities known from a fit nearby. Those of terms whose effect is far from linear follow every
-        step; all others are taken anew `refresh` times, once the steps by the old ones gain no more.
+        step; `to_end`, all others are taken anew whenever the steps by the old ones gain no more, until steps by new
+        ones gain nothing either: what an unfinished fit leaves looks like whatever is added to it.
         """
         parameters = self.parameters(terms)
         follow = {p.name for term in terms if term.nonlinear for p in term.parameters}
         values = {p.name: p.start for p in parameters}
         values.update({k: v for k, v in (start or {}).items() if k in values})
+        values = {p.name: min(max(values[p.name], p.low), p.high) for p in parameters}
         before = self.runs
         raw = self.raw_residuals(terms, values)
         state = _State(values, raw, self.whiten(*raw), 0.0)
@@ -218,20 +226,23 @@ class Problem:
         known |= self.sensitivities(terms, values, [p for p in parameters if p.name not in known], raw)
         columns = self.whitened(parameters, known)
         system = _System.of(parameters, columns)
-        damping, moved = 1e-4, True
-        for _round in range(iterations):
+        damping, anew = FIRST_DAMPING, False
+        for _round in range(MOST_STEPS if to_end else iterations):
+            old = replace(state)
             gain, damping = self._step(terms, parameters, state, system, damping)
-            moved = moved or gain > 0.0
-            small = gain < 1e-5 * state.residual.size + 1e-4 * state.cost
-            if small and not (refresh and moved):
+            small = gain < LEAST_DROP + 1e-4 * max(0.0, state.cost - state.residual.size)
+            if small and (anew or not to_end):
                 break
-            names = [p for p in parameters if p.name in follow or small]
+            anew = small
+            changed = [p for p in parameters if p.name in follow or small]
             if small:
-                refresh, moved = refresh - 1, False
-            if names:
-                known |= self.sensitivities(terms, state.values, names, state.raw)
-                columns = self.whitened(parameters, known)
-                system = _System.of(parameters, columns)
+                damping = FIRST_DAMPING
+            else:
+                _correct(parameters, known, columns, old, state)
+            if changed:
+                known |= self.sensitivities(terms, state.values, changed, state.raw)
+                columns[:, [parameters.index(p) for p in changed]] = self.whitened(changed, known)
+            system = _System.of(parameters, columns)
         return Fit(
             tuple(terms), parameters, state.values, state.residual, columns, state.cost, self.runs - before,
             self.measurement.samples, known,
@@ -361,6 +372,20 @@ class _State:
     raw: Raw
     residual: Array
     cost: float
+
+
+def _correct(parameters: Sequence[Parameter], known: dict[str, Raw], columns: Array, old: _State, new: _State) -> None:
+    """Let the sensitivities agree with the last step: Broyden's rank-one change (Math. Comp. 19 (1965) 577)."""
+    moved = np.array([(new.values[p.name] - old.values[p.name]) / p.step for p in parameters])
+    share = moved / max(float(moved @ moved), 1e-300)
+    torque, guide = (b - a for a, b in zip(old.raw, new.raw, strict=True))
+    for p, m in zip(parameters, moved, strict=True):
+        torque = torque - known[p.name][0] * (m * p.step)
+        guide = guide - known[p.name][1] * (m * p.step)
+    for p, part in zip(parameters, share, strict=True):
+        by = part / p.step
+        known[p.name] = (known[p.name][0] + torque * by, known[p.name][1] + guide * by)
+    columns += np.outer(new.residual - old.residual - columns @ moved, share)
 
 
 @dataclass(frozen=True)

@@ -19,6 +19,7 @@ from sim.discrepancy.extension import extended_axis
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.gain import Gain, gains
 from sim.discrepancy.selection import Selection, calibrate, polish, select
+from sim.discrepancy.size import deviations
 from sim.discrepancy.sound import Listening, beside, listen, listen_alone
 from sim.discrepancy.sound_evidence import Heard
 from sim.discrepancy.terms import Term
@@ -174,7 +175,7 @@ def _said(problem: Problem, fit: Fit, findings: Sequence[Finding]) -> Fit:
     """The fit with nothing on top of the description but what is said."""
     said = {(f.mechanism, f.location) for f in findings if f.probability >= SAID}
     kept = tuple(t for t in fit.terms if t.named and (t.mechanism, t.location) in said)
-    return fit if len(kept) == len(fit.terms) else problem.fit(kept, fit.values, held=fit.sensitivities, refresh=1)
+    return fit if len(kept) == len(fit.terms) else problem.fit(kept, fit.values, held=fit.sensitivities, to_end=True)
 
 
 def _struck(axis: Axis, found: Sequence[Term]) -> list[float]:
@@ -220,20 +221,11 @@ def _finding(selection: Selection, term: Term) -> Finding:
 
 
 def _term_estimates(fit: Fit, term: Term) -> tuple[Estimate, ...]:
-    """Reported parameters with intervals by small changes of the fitted numbers."""
-    own = [k for k, p in enumerate(fit.parameters) if p in term.parameters]
-    covariance = fit.covariance()[np.ix_(own, own)] * _inflation(fit) ** 2
-    deviations = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
-    correlation = covariance / np.outer(deviations, deviations)
-    centre = term.report(fit.values)
-    moved = [
-        term.report({**fit.values, fit.parameters[k].name: fit.values[fit.parameters[k].name] + sd})
-        for k, sd in zip(own, deviations, strict=True)
-    ]
+    """Reported parameters with intervals."""
+    spread = deviations(fit, term, term.report)
     out = []
-    for name, value in centre.items():
-        change = np.array([m[name] - value for m in moved])
-        half = NINETY * math.sqrt(max(float(change @ correlation @ change), 0.0))
+    for name, value in term.report(fit.values).items():
+        half = NINETY * _inflation(fit) * spread[name]
         if name not in NO_SIZE:
             half = max(half, FORM_SHARE * abs(value))
         out.append(Estimate(name, float(value), unit_of(name), float(value - half), float(value + half)))

@@ -6,6 +6,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
@@ -13,11 +14,12 @@ from scipy.optimize import lsq_linear
 
 from sim.chain_model import Array, ChainError
 from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
-from sim.discrepancy.fit import WORKERS, Fit, Noise, Problem
+from sim.discrepancy.fit import WORKERS, Fit, Noise, Problem, Raw
 from sim.discrepancy.measurement import gaussian_kernel
 from sim.discrepancy.model import link_stiffness
 from sim.discrepancy.nameless import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED, nameless_terms
 from sim.discrepancy.scan import Place, scan
+from sim.discrepancy.size import beyond
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import Standing, advantage, named_alone, paired, standings
 
@@ -27,14 +29,15 @@ DELAY_SHARE = 0.1  # a shift in time has the shape of what most errors of form l
 LAWS = (  # of one part of the machine, and the share of another's gain below which one is the error of its form
     (frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"}), 0.1),
     (frozenset({"stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.2),
+    (frozenset({"mesh_error", "torque_ripple"}), 0.05),
 )
 ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
-LEAST_SHARE = 0.0025  # of the squared residual: what the form of a model differs from any real axis
+LEAST_SHARE = 0.0012  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
     OVER_SPEED: 0.01, OVER_ANGLE: 0.04, FIXED: 0.005,
-    "structural_resonance": 0.01, "hysteresis": 0.01, "stiffness_hardening": 0.004,
+    "structural_resonance": 0.01, "hysteresis": 0.01, "stiffness_hardening": 0.003,
 }  # fmt: skip
-LEAST_GAIN = 70.0  # the same for a short record
+LEAST_GAIN = 40.0  # the same for a short record
 MOTION_BAND_HZ = 40.0
 MOST_TRIES = 7
 DEPTHS = (0.03, 0.1, 0.3)  # of the working twist, where a dent is looked for
@@ -42,10 +45,17 @@ SHIFTS = np.linspace(-1.0, 1.0, 11)  # pitches around the place that the scan pr
 CLOSE = 2  # best candidates of which those that are far from linear are refitted in full
 MOST_TERMS = 4
 MOST_ROUNDS = 6  # with those that are as new or have no name
-MOST_RUNS = 1200  # simulations after which no further round begins: what is left then is unnamed
+MOST_RUNS = 2500  # simulations after which no further round begins: what is left then is unnamed
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
+BENT = 30.0  # squared deviations of what is described from what the fit makes of it
 FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
 HOLDS_T = 1.5
+KEPT_SHARE = 0.33  # of a gain, on rows not seen
+LARGEST_LOSS = 3.0  # times the median over blocks
+SWAPS = 2
+SWAP_SHARE = 0.7  # of the gain of what came in
+LEAST_SWAP = 10.0  # drop of the squared residual
+BEYOND = 2.0  # standard deviations
 ENOUGH = 2.5  # tempered nats that a term must bring
 WORTH_TRYING = 40.0  # drop of the whitened sum of squares that a screened term must promise
 TEMPERATURE = 0.3  # model errors make the residual less informative than its whitened length says
@@ -53,11 +63,15 @@ TEMPERATURE = 0.3  # model errors make the residual less informative than its wh
 
 @dataclass(frozen=True)
 class Rival:
-    """A term that was refitted in place of another or on top of the rest, and what it gained."""
+    """A term that was refitted in place of another or on top of the rest, and what it gained.
+
+    `beyond`: standard deviations by which it is larger than what does not matter or is as new.
+    """
 
     term: Term
     gain: float
     values: Mapping[str, float]
+    beyond: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -88,14 +102,14 @@ def calibrate(problem: Problem) -> tuple[Problem, Fit]:
     """Fit what the description has, whitened by what the description itself leaves, then by what the fit leaves."""
     described = problem.fit(iterations=0)
     problem = problem.with_noise(problem.noise_of(described))
-    return rewhiten(problem, problem.fit(held=described.sensitivities), refresh=1)
+    return rewhiten(problem, problem.fit(held=described.sensitivities))
 
 
-def rewhiten(problem: Problem, fit: Fit, refresh: int = 0) -> tuple[Problem, Fit]:
+def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Take the noise from the residual of `fit`, fit again."""
     problem.learn_noise(fit)
     problem = problem.with_noise(problem.noise_of(fit))
-    return problem, problem.fit(fit.terms, fit.values, held=fit.sensitivities, refresh=refresh)
+    return problem, problem.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
 
 
 def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
@@ -124,17 +138,11 @@ def evidence(term: Term, gain: float, rows: int) -> float:
     return TEMPERATURE * (0.5 * gain - penalty(term, rows))
 
 
-def material(term: Term, values: Mapping[str, float]) -> bool:
-    """Whether the fitted size matters in practice and exceeds what is as new."""
-    value = term.magnitude(values) if term.magnitude else next(iter(term.report(values).values()))
-    return bool(abs(value) > term.size)
-
-
 def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     """Forward selection with refits, backward elimination after every step."""
     fit = base
     gains: dict[str, float] = {}
-    rivals: dict[str, tuple[Rival, ...]] = {}
+    rivals: Mapping[str, tuple[Rival, ...]] = {}
     rejected: tuple[Rival, ...] = ()
     entered: dict[str, float] = {}
     for step in range(MOST_ROUNDS):
@@ -148,20 +156,21 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
             break
         problem, fit = rewhiten(problem, more)
         entered |= {r.term.key: r.gain for r in new}
-        rivals |= {r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in new}
+        rivals = {**rivals, **{r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in new}}
         problem, fit, gains = prune(problem, fit, strict=False)
-        if new[0].term.key not in gains or sum(material(t, fit.values) for t in fit.terms) >= MOST_TERMS:
+        if new[0].term.key not in gains or sum(beyond(t, fit) > BEYOND for t in fit.terms) >= MOST_TERMS:
             break
+    fit, rivals = swap(problem, fit, rivals)
     problem, fit, gains = prune(problem, fit, strict=True)
-    in_place = {key: [(r.term, r.values) for r in tried if material(r.term, r.values)] for key, tried in rivals.items()}
-    found = tuple(t for t in fit.terms if t.named and material(t, fit.values))
+    in_place = {key: [(r.term, r.values) for r in tried if r.beyond > 0.0] for key, tried in rivals.items()}
+    found = tuple(t for t in fit.terms if t.named and beyond(t, fit) > BEYOND)
     standing = standings(problem, fit, found, gains, in_place)
     return Selection(problem, base, fit, gains, rivals, rejected, found, standing)
 
 
 def wanted(rival: Rival) -> bool:
     """Whether a term is worth a place: it matters, or it is as new and nothing that is always fitted stands for it."""
-    return material(rival.term, rival.values) or (rival.term.mechanism in ERRORS and not rival.term.replaces)
+    return rival.beyond > BEYOND or (rival.term.mechanism in ERRORS and not rival.term.replaces)
 
 
 def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[Rival], Fit | None]:
@@ -171,7 +180,7 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
     """
     fitting = [r for r in tried if evidence(r.term, r.gain, fit.residual.size) > ENOUGH and wanted(r)]
     most = max((r.gain for r in fitting if r.term.named), default=0.0)
-    as_new = [r for r in fitting if r.term.mechanism == AS_NEW or not material(r.term, r.values)]
+    as_new = [r for r in fitting if r.term.mechanism == AS_NEW or r.beyond <= BEYOND]
     for best in fitting:
         if not best.term.named and best not in as_new and best.gain < CLEARLY * most:
             continue
@@ -180,7 +189,7 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
             new += [r for r in as_new if r is not best and r.term.named]
         start = {**best.values, **{p.name: r.values[p.name] for r in new for p in r.term.parameters}}
         held = fit.sensitivities if best.gain < FAR_MOVED else {}
-        more = problem.fit((*fit.terms, *(r.term for r in new)), start, held=held, refresh=1)
+        more = settled(problem, (*fit.terms, *(r.term for r in new)), start, held)
         if best.term.named or best in as_new or (holds(fit, more) and matters(best.term, fit.cost - more.cost, more)):
             return new, more
     return [], None
@@ -205,7 +214,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
         for term in fit.terms:
             more = plain if term.named else fit
             rest = tuple(t for t in more.terms if t is not term)
-            less = problem.fit(rest, more.values, held=more.sensitivities)
+            less = problem.fit(rest, more.values, held=more.sensitivities, to_end=strict)
             gains[term.key] = less.cost - more.cost if not strict or holds(less, more) else 0.0
             without[term.key] = less
         rows = fit.residual.size
@@ -213,7 +222,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
             t
             for t in fit.terms
             if evidence(t, gains[t.key], rows) <= ENOUGH
-            or not wanted(Rival(t, gains[t.key], fit.values))
+            or not wanted(Rival(t, gains[t.key], fit.values, beyond(t, fit)))
             or (strict and not matters(t, gains[t.key], fit))
         ]
         if not weak:
@@ -221,7 +230,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
         weakest = min(weak, key=lambda t: gains[t.key])
         less = without[weakest.key]
         rest = tuple(t for t in fit.terms if t is not weakest)
-        fit = problem.fit(rest, {**fit.values, **less.values}, held=fit.sensitivities, refresh=1)
+        fit = problem.fit(rest, {**fit.values, **less.values}, held=fit.sensitivities, to_end=True)
     return problem, fit, {}
 
 
@@ -242,14 +251,43 @@ def is_form(rival: Rival, entered: Mapping[str, float]) -> bool:
 
 
 def holds(less: Fit, more: Fit) -> bool:
-    """Whether the larger model predicts better what it has not seen: by 1.5 standard errors, and 2.6 to one in sum.
+    """Whether the larger model predicts better what it has not seen.
 
-    Not in most blocks: friction at low speed or a tooth that is passed once acts in a few of them. By signed roots,
-    as in `paired`.
+    By 1.5 standard errors and 2.6 to one in sum, both of signed roots, as in `paired`; or, where an effect acts in a
+    few blocks only (low speed, large twist, a tooth that is passed once), by a third of what it gains on seen rows. A
+    loss counts as three typical blocks at most: it may be the linear refit that fails without that block.
     """
     drop = advantage(less, more)
     root = np.sign(drop) * np.sqrt(np.abs(drop))
-    return paired(drop) > HOLDS_T and float(root.sum()) > 0.45 * float(np.abs(root).sum())
+    even = paired(drop) > HOLDS_T and float(root.sum()) > 0.45 * float(np.abs(root).sum())
+    kept = float(np.maximum(drop, -LARGEST_LOSS * np.median(np.abs(drop))).sum())
+    few = kept > KEPT_SHARE * (less.cost - more.cost) > 0.0
+    return even or few
+
+
+def swap(
+    problem: Problem, fit: Fit, rivals: Mapping[str, tuple[Rival, ...]]
+) -> tuple[Fit, Mapping[str, tuple[Rival, ...]]]:
+    """Put in place of a mechanism one that was close to it when it came in, where that is better now.
+
+    What comes in first is chosen while other things are still missing.
+    """
+    for term in fit.terms:
+        tried = rivals.get(term.key, ())
+        own = next((r for r in tried if r.term.key == term.key), None)
+        present = {t.key for t in fit.terms}
+        for rival in [r for r in tried if own and r.term.key not in present and r.gain > SWAP_SHARE * own.gain][:SWAPS]:
+            rest = tuple(t for t in fit.terms if t is not term)
+            start = {**fit.values, **{p.name: rival.values[p.name] for p in rival.term.parameters}}
+            try:
+                instead = problem.fit((*rest, rival.term), start, held=fit.sensitivities)
+                if instead.cost - fit.cost < (1.0 - SWAP_SHARE) * rival.gain:
+                    instead = settled(problem, instead.terms, instead.values, instead.sensitivities)
+            except ChainError:
+                continue
+            if instead.cost < fit.cost - LEAST_SWAP:
+                return swap(problem, instead, {**rivals, rival.term.key: tried})
+    return fit, rivals
 
 
 def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
@@ -283,13 +321,31 @@ def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
     for place, (gain, refit, term) in enumerate(tried[:CLOSE]):
         # sensitivities change where contact is lost and where the rest moves far: anew for those that may be first
         if gain > 0.3 * tried[0][0] and (term.nonlinear or gain > FAR_MOVED):
-            anew = problem.fit(refit.terms, refit.values, refresh=1)
+            anew = settled(problem, refit.terms, refit.values)
             tried[place] = (fit.cost - anew.cost, anew, term)
     tried.sort(key=lambda t: (-t[0], t[2].key))
     best: dict[str, Rival] = {}
     for gain, refit, term in tried:
-        best.setdefault(term.key, Rival(term, gain, refit.values))
+        best.setdefault(term.key, Rival(term, gain, refit.values, beyond(term, refit)))
     return sorted([*best.values(), *straight], key=lambda r: (-r.gain, r.term.key))
+
+
+def settled(
+    problem: Problem, terms: Sequence[Term], values: Mapping[str, float], held: Mapping[str, Raw] = MappingProxyType({})
+) -> Fit:
+    """A finished fit; where it bends the description, the better of that and one that starts from what is described.
+
+    Numbers that were bent to stand for a missing mechanism may keep a fit in a valley of their own.
+    """
+    fit = problem.fit(terms, values, held=held, to_end=True)
+    if fit.cost - fit.misfit < BENT:
+        return fit
+    own = {p.name: fit.values[p.name] for term in terms for p in term.parameters}
+    try:
+        straight = problem.fit(terms, own, to_end=True)
+    except ChainError:
+        return fit
+    return min(fit, straight, key=lambda f: f.cost)
 
 
 def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:
@@ -302,41 +358,65 @@ def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]
 
 def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[float, Term, Mapping[str, float]]]:
     """What each start of each term promises in the linear picture, with the rest of the model free to follow."""
-    columns = fit.jacobian
-    steps = np.array([p.step / p.spread for p in fit.parameters])
-    offset = np.array([(fit.values[p.name] - p.expected) / p.spread for p in fit.parameters])
-    information = columns.T @ columns + np.diag(steps**2)
-    size = np.sqrt(np.maximum(np.diag(information), 1e-300))
-    factor = cho_factor(information / np.outer(size, size) + 1e-10 * np.eye(size.size))
-    gradient = (columns.T @ fit.residual + steps * offset) / size
+    rest = {gone: _Rest.of(fit, gone) for gone in {term.replaces for term in terms}}
 
     def promise(job: tuple[Term, tuple[Mapping[str, float], ...]]) -> tuple[float, Term, Mapping[str, float]]:
         term, group = job
-        defaults = {p.name: p.start for p in term.parameters if p.name not in fit.values}
+        values = {**{p.name: p.start for p in term.parameters}, **fit.values}
         changes = []
         for jump in group:
             try:
-                changed = problem.residual((*fit.terms, term), {**fit.values, **defaults, **jump})
+                changed = problem.residual((*fit.terms, term), {**values, **jump})
             except ChainError:
                 return 0.0, term, {}
             changes.append(changed - fit.residual)
         block = np.stack(changes)
         if not np.isfinite(block).all():
             return 0.0, term, {}
-        shared = (block @ columns) / size
-        absorbed = cho_solve(factor, shared.T)
-        own = block @ block.T - shared @ absorbed
-        pull = -(block @ fit.residual - gradient @ absorbed)
-        share = least_squares_within(own, pull, lowest_shares(term, group, {**defaults, **fit.values}))
+        own, pull, relief = rest[term.replaces].against(block, fit.residual)
+        share = least_squares_within(own, pull, lowest_shares(term, group, values))
         if term.positive and share[0] <= 0.0:
             return 0.0, term, {}
         drop = float(2.0 * share @ pull - share @ own @ share)
-        return drop, term, {**defaults, **_start(term, group, share)}
+        return drop + relief, term, {**values, **_start(term, group, share, values)}
 
     jobs = [(term, group) for term in terms for group in term.probes]
     with ThreadPoolExecutor(WORKERS) as pool:
         out = list(pool.map(promise, jobs))
     return sorted(out, key=lambda o: (-o[0], o[1].key))
+
+
+@dataclass(frozen=True)
+class _Rest:
+    """The model around a new term, in the linear picture, without the parameters whose place it takes.
+
+    `relief`: what these cost by what was known of them.
+    """
+
+    columns: Array
+    scale: Array
+    factor: tuple[Array, bool]
+    gradient: Array
+    relief: float
+
+    @staticmethod
+    def of(fit: Fit, gone: Sequence[str]) -> _Rest:
+        offset = np.array([(fit.values[p.name] - p.expected) / p.spread for p in fit.parameters])
+        stays = np.array([p.name not in gone for p in fit.parameters])
+        columns = fit.jacobian[:, stays]
+        steps = np.array([p.step / p.spread for p in fit.parameters])[stays]
+        information = columns.T @ columns + np.diag(steps**2)
+        scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
+        factor = cho_factor(information / np.outer(scale, scale) + 1e-10 * np.eye(scale.size))
+        gradient = (columns.T @ fit.residual + steps * offset[stays]) / scale
+        return _Rest(columns, scale, factor, gradient, float(np.sum(offset[~stays] ** 2)))
+
+    def against(self, block: Array, residual: Array) -> tuple[Array, Array, float]:
+        """Curvature (k, k) and slope (k,) of the squares over shares of the changes `block` (k, rows)."""
+        shared = (block @ self.columns) / self.scale
+        absorbed = cho_solve(self.factor, shared.T)
+        own = block @ block.T - shared @ absorbed
+        return own, -(block @ residual - self.gradient @ absorbed), self.relief
 
 
 def lowest_shares(term: Term, group: Sequence[Mapping[str, float]], values: Mapping[str, float]) -> Array:
@@ -361,7 +441,9 @@ def least_squares_within(matrix: Array, pull: Array, low: Array) -> Array:
     return np.asarray(lsq_linear(root.T, goal, (low * scale, np.inf)).x / scale)
 
 
-def _start(term: Term, group: tuple[Mapping[str, float], ...], share: Array) -> dict[str, float]:
+def _start(
+    term: Term, group: tuple[Mapping[str, float], ...], share: Array, values: Mapping[str, float]
+) -> dict[str, float]:
     """Jump as far as the linear picture says, but of what cannot be linear no further than the probe."""
     limits = {p.name: p for p in term.parameters}
     if term.mechanism == "tooth_damage":
@@ -369,7 +451,8 @@ def _start(term: Term, group: tuple[Mapping[str, float], ...], share: Array) -> 
     out: dict[str, float] = {}
     for jump, part in zip(group, share, strict=True):
         for index, (name, value) in enumerate(jump.items()):
-            scaled = value * (float(np.clip(part, 0.1, 1.5)) if term.positive else float(part))
+            part_of_jump = float(np.clip(part, 0.1, 1.5)) if term.positive else float(part)
+            scaled = values[name] + part_of_jump * (value - values[name])
             out[name] = scaled if index == len(jump) - 1 or not term.positive else value
         if term.positive and len(jump) > 1:
             first = next(iter(jump))

@@ -16,7 +16,7 @@ from scipy.signal import freqz, welch
 
 from sim.chain_model import Array
 from sim.discrepancy.fit import Fit, Problem
-from sim.discrepancy.selection import Rival, Selection, evidence, material
+from sim.discrepancy.selection import Rival, Selection, evidence
 
 if TYPE_CHECKING:
     from sim.discrepancy.investigation import Investigation
@@ -254,7 +254,7 @@ def _candidate(selection: Selection, rival: Rival) -> dict[str, object]:
     probability = 1.0 / (1.0 + math.exp(min(-evidence(rival.term, gain, rows), 50.0)))
     if rival.gain <= 0:
         reason = "It explains nothing that the others leave."
-    elif not material(rival.term, rival.values):
+    elif rival.beyond <= 0.0:
         reason = "The size that fits best is what a new gearbox has."
     elif probability < 0.5:
         reason = "What it explains is less than one more mechanism must explain."

@@ -77,7 +77,7 @@ def standings(
         against = []
         for other, values in [r for r in rivals.get(term.key, ()) if r[0].key not in present][:CLOSEST]:
             try:
-                instead = problem.fit((*rest, other), {**plain.values, **values}, held=plain.sensitivities)
+                instead = problem.fit((*rest, other), {**plain.values, **values}, held=plain.sensitivities, to_end=True)
             except ChainError:
                 continue
             against.append((other, paired(advantage(instead, plain))))
