@@ -28,7 +28,7 @@ from sim.discrepancy.weighing import Evidence, is_close, probability
 
 VERSION = "1"
 NINETY = 1.645
-INFLATION = 3.5  # of deviations, so that intervals hold on the calibration seeds
+INFLATION = 2.5  # of deviations, so that intervals hold on the calibration seeds
 FORM_SHARE = 0.05  # of a size, which the form of its law leaves open
 NO_SIZE = ("angle_rad", "phase_rad", "flank", "order", "frequency_hz")
 SAID = 0.5  # probability from which a name is said
@@ -151,10 +151,11 @@ def investigate(
     problem, fit = polish(problem, fit)
     selection = replace(selection, problem=problem, base=base, fit=fit)
     progress("what is left", 0.92)
+    damaged: list[Term | Heard] = [*selection.found, *heard]
     findings = (
         *(_finding(selection, term) for term in selection.found),
         *(_fault_finding(fault) for fault in gate.faults),
-        *(_heard_finding(h) for h in beside(named, heard, problem.guided, _struck(axis, selection.found))),
+        *(_heard_finding(h) for h in beside(named, heard, problem.guided, _struck(axis, damaged))),
     )
     named_well = any(f.probability >= SAID for f in findings)
     if findings and not named_well:
@@ -178,7 +179,7 @@ def _said(problem: Problem, fit: Fit, findings: Sequence[Finding]) -> Fit:
     return fit if len(kept) == len(fit.terms) else problem.fit(kept, fit.values, held=fit.sensitivities, to_end=True)
 
 
-def _struck(axis: Axis, found: Sequence[Term]) -> list[float]:
+def _struck(axis: Axis, found: Sequence[Term | Heard]) -> list[float]:
     """Turns per turn of the motor of gears with a damaged tooth."""
     return [axis.ratio_from(t.location) / axis.ratio for t in found if t.mechanism == "tooth_damage" and t.location]
 
@@ -210,24 +211,27 @@ def _sound_alone(axis: Axis, sounds: Sequence[Recording], progress: Progress) ->
 def _finding(selection: Selection, term: Term) -> Finding:
     """The probability is that of the name or one of those that it cannot be told from."""
     fit, standing = selection.fit, selection.standings[term.key]
+    duration = float(selection.problem.measurement.time_s[-1])
     far = max(0.0, fit.misfit - FAR * fit.residual.size)  # the best model is not adequate
     close = sorted({r.mechanism for r, t in standing.rivals if is_close(t)} - {term.mechanism})[:2]
     others = tuple(t for r, t in standing.rivals if r.mechanism not in close)
     seen = Evidence(standing.share, others, (standing.shared + far) / standing.gain)
     return Finding(
-        term.mechanism, term.location, probability(seen), _term_estimates(fit, term), tuple(close),
+        term.mechanism, term.location, probability(seen), _term_estimates(fit, term, duration), tuple(close),
         explain(term.mechanism, term.location, term.report(fit.values)), seen,
     )  # fmt: skip
 
 
-def _term_estimates(fit: Fit, term: Term) -> tuple[Estimate, ...]:
-    """Reported parameters with intervals."""
+def _term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, ...]:
+    """Reported parameters with intervals; a frequency is not known better than the record is long."""
     spread = deviations(fit, term, term.report)
     out = []
     for name, value in term.report(fit.values).items():
         half = NINETY * _inflation(fit) * spread[name]
         if name not in NO_SIZE:
             half = max(half, FORM_SHARE * abs(value))
+        if name == "frequency_hz":
+            half = max(half, 1.0 / duration_s)
         out.append(Estimate(name, float(value), unit_of(name), float(value - half), float(value + half)))
     return tuple(out)
 

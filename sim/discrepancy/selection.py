@@ -16,10 +16,10 @@ from sim.chain_model import Array, ChainError
 from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
 from sim.discrepancy.fit import WORKERS, Fit, Noise, Problem, Raw
 from sim.discrepancy.measurement import gaussian_kernel
-from sim.discrepancy.model import link_stiffness
+from sim.discrepancy.model import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.nameless import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED, nameless_terms
 from sim.discrepancy.scan import Place, scan
-from sim.discrepancy.size import beyond
+from sim.discrepancy.size import beyond, magnitude
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import Standing, advantage, named_alone, paired, standings
 
@@ -28,14 +28,14 @@ SHORTLIST = 5
 DELAY_SHARE = 0.1  # a shift in time has the shape of what most errors of form leave
 LAWS = (  # of one part of the machine, and the share of another's gain below which one is the error of its form
     (frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"}), 0.1),
-    (frozenset({"stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.2),
+    (frozenset({"stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.35),
     (frozenset({"mesh_error", "torque_ripple"}), 0.05),
 )
 ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
 LEAST_SHARE = 0.0012  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
     OVER_SPEED: 0.01, OVER_ANGLE: 0.04, FIXED: 0.005,
-    "structural_resonance": 0.01, "hysteresis": 0.01, "stiffness_hardening": 0.003,
+    "structural_resonance": 0.01, "hysteresis": 0.01, "stiffness_hardening": 0.003, "tooth_damage": 0.012,
 }  # fmt: skip
 LEAST_GAIN = 40.0  # the same for a short record
 MOTION_BAND_HZ = 40.0
@@ -45,14 +45,15 @@ SHIFTS = np.linspace(-1.0, 1.0, 11)  # pitches around the place that the scan pr
 CLOSE = 2  # best candidates of which those that are far from linear are refitted in full
 MOST_TERMS = 4
 MOST_ROUNDS = 6  # with those that are as new or have no name
-MOST_RUNS = 2500  # simulations after which no further round begins: what is left then is unnamed
+MOST_RUNS = 1800  # simulations after which no further round begins: what is left then is unnamed
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
-BENT = 30.0  # squared deviations of what is described from what the fit makes of it
+BENT = 60.0  # squared deviations of what is described from what the fit makes of it
 FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
 HOLDS_T = 1.5
 KEPT_SHARE = 0.33  # of a gain, on rows not seen
 LARGEST_LOSS = 3.0  # times the median over blocks
 SWAPS = 2
+RIVAL_SHARE = 0.25  # of the gain of the best: less is no rival
 SWAP_SHARE = 0.7  # of the gain of what came in
 LEAST_SWAP = 10.0  # drop of the squared residual
 BEYOND = 2.0  # standard deviations
@@ -162,7 +163,10 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
             break
     fit, rivals = swap(problem, fit, rivals)
     problem, fit, gains = prune(problem, fit, strict=True)
-    in_place = {key: [(r.term, r.values) for r in tried if r.beyond > 0.0] for key, tried in rivals.items()}
+    in_place = {
+        key: [(r.term, r.values) for r in tried if r.beyond > 0.0 and r.gain > RIVAL_SHARE * max(x.gain for x in tried)]
+        for key, tried in rivals.items()
+    }
     found = tuple(t for t in fit.terms if t.named and beyond(t, fit) > BEYOND)
     standing = standings(problem, fit, found, gains, in_place)
     return Selection(problem, base, fit, gains, rivals, rejected, found, standing)
@@ -270,13 +274,18 @@ def swap(
 ) -> tuple[Fit, Mapping[str, tuple[Rival, ...]]]:
     """Put in place of a mechanism one that was close to it when it came in, where that is better now.
 
-    What comes in first is chosen while other things are still missing.
+    What comes in first is chosen while other things are still missing. Rivals keep the numbers of their last fit.
     """
     for term in fit.terms:
         tried = rivals.get(term.key, ())
         own = next((r for r in tried if r.term.key == term.key), None)
+        if own is None:
+            continue
         present = {t.key for t in fit.terms}
-        for rival in [r for r in tried if own and r.term.key not in present and r.gain > SWAP_SHARE * own.gain][:SWAPS]:
+        moved = elsewhere(problem, fit, own)
+        others = {r.term.key for r in moved} | present
+        close = [r for r in tried if r.term.key not in others and r.gain > SWAP_SHARE * own.gain][:SWAPS]
+        for rival in [*moved, *close]:
             rest = tuple(t for t in fit.terms if t is not term)
             start = {**fit.values, **{p.name: rival.values[p.name] for p in rival.term.parameters}}
             try:
@@ -285,9 +294,28 @@ def swap(
                     instead = settled(problem, instead.terms, instead.values, instead.sensitivities)
             except ChainError:
                 continue
+            seen = replace(rival, gain=own.gain - (instead.cost - fit.cost), values=instead.values)
+            tried = (*(r for r in tried if r.term.key != rival.term.key), seen)
             if instead.cost < fit.cost - LEAST_SWAP:
                 return swap(problem, instead, {**rivals, rival.term.key: tried})
+        rivals = {**rivals, term.key: tuple(sorted(tried, key=lambda r: -r.gain))}
     return fit, rivals
+
+
+def elsewhere(problem: Problem, fit: Fit, own: Rival) -> list[Rival]:
+    """Play in every other gear pair, with the same lost motion at the load."""
+    if own.term.mechanism != "backlash":
+        return []
+    stages = stages_of(problem.axis)
+    gap = magnitude(own.term, fit.values) / ratio_after(problem.axis, stages.index(own.term.location or ""))
+    present = {t.key for t in fit.terms}
+    return [
+        Rival(
+            t, own.gain, {p.name: gap * ratio_after(problem.axis, stages.index(t.location or "")) for p in t.parameters}
+        )
+        for t in terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values))
+        if t.mechanism == own.term.mechanism and t.key not in present
+    ]
 
 
 def try_terms(problem: Problem, fit: Fit) -> list[Rival]:

@@ -34,9 +34,14 @@ def magnitude(term: Term, values: Values) -> float:
 
 
 def beyond(term: Term, fit: Fit) -> float:
-    """Standard deviations by which a term is larger than what does not matter or is as new; infinite without a name."""
+    """Standard deviations by which a term is larger than what does not matter or is as new; infinite without a name.
+
+    For a dent either infinity: teeth may leave it before its bottom, and then how deep it is cannot be seen.
+    """
     if not term.named:
         return math.inf
     excess = magnitude(term, fit.values) - term.size
+    if term.mechanism == "tooth_damage":
+        return math.copysign(math.inf, excess)
     deviation = deviations(fit, term, lambda values: {"size": magnitude(term, values)})["size"]
     return excess / max(deviation, 1e-6 * max(term.size, 1e-300))

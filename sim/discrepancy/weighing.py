@@ -20,6 +20,7 @@ from sim.discrepancy.terms import Term
 from sim.discrepancy.weights import WEIGHTS, Weights
 
 BLOCKS = 15
+KEPT = 0.05  # less than one block
 CLOSEST = 3  # rivals that are refitted in place of a named term
 LARGEST_T = 12.0
 FORM = 0.07  # of its own gain, that something without a name would take as well where the name is right
@@ -115,7 +116,8 @@ def paired(drop: Array) -> float:
 def held_out_squares(fit: Fit) -> Array:
     """Sum of squares per block of time after one linear refit on the other blocks, shape (BLOCKS,).
 
-    The fit is taken for stationary in everything that is not at a limit, and what is stays there.
+    The fit is taken for stationary in everything that is not at a limit, and what is stays there. A `KEPT` part of all
+    that is known goes into every refit: the other blocks cannot be asked for what one block alone knows.
     """
     values = [fit.values[p.name] for p in fit.parameters]
     free = np.array([p.low < v < p.high for p, v in zip(fit.parameters, values, strict=True)])
@@ -125,7 +127,7 @@ def held_out_squares(fit: Fit) -> Array:
     out = np.zeros(BLOCKS)
     for k, part in enumerate(fit.blocks(BLOCKS)):
         columns, rows = jacobian[part], fit.residual[part]
-        rest = information - columns.T @ columns
+        rest = information - (1.0 - KEPT) * (columns.T @ columns)
         scale = np.sqrt(np.maximum(np.diag(rest), 1e-12))
         move = np.linalg.solve(rest / np.outer(scale, scale) + 1e-9 * np.eye(scale.size), -(columns.T @ rows) / scale)
         out[k] = float(np.sum((rows - columns @ (move / scale)) ** 2))

@@ -9,7 +9,7 @@ from __future__ import annotations
 import argparse
 import hashlib
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,8 @@ from typing import Any
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from tests.hidden_effects.bank import BANK_SEED, Entry, full_bank
-from tests.hidden_effects.product import ROOT, investigate, investigate_folder
+from tests.hidden_effects.generator import Scenario
+from tests.hidden_effects.product import ROOT, investigate, investigate_folder, peak_mib
 from tests.hidden_effects.scoring import Scored, complete, judge, tables
 
 KEPT = ("verdict", "findings", "unexplained", "parameters", "gain")
@@ -32,23 +33,28 @@ def _state_of_product() -> str:
     return digest.hexdigest()[:12]
 
 
-def run_entry(entry: Entry, peers: bool) -> dict[str, Any]:
-    """Run one entry of the bank; the result is JSON data."""
+def run_entry(entry: Entry, peers: bool, known: Mapping[str, Any] | None = None) -> dict[str, Any]:
+    """Run one entry of the bank; the result is JSON data. `known`: what the product said of it before."""
     scenario = entry.scenario()
-    said = investigate(scenario)
-    document = {key: said.document.get(key) for key in KEPT} if said.document else None
-    result = {
-        "seed": entry.seed,
-        "answer": scenario.answer(),
-        "document": document,
-        "failure": said.failure,
-        "seconds": said.seconds,
-    }
+    result = dict(known or _asked(entry, scenario))
     if peers and scenario.telemetry is not None:
         from tests.hidden_effects.peers import PEERS  # imports PySINDy, which takes seconds
 
         result["peers"] = {name: peer(scenario) for name, peer in PEERS.items()}
     return result
+
+
+def _asked(entry: Entry, scenario: Scenario) -> dict[str, Any]:
+    said = investigate(scenario)
+    document = {key: said.document.get(key) for key in KEPT} if said.document else None
+    return {
+        "seed": entry.seed,
+        "answer": scenario.answer(),
+        "document": document,
+        "failure": said.failure,
+        "seconds": said.seconds,
+        "peak_mib": peak_mib(),
+    }
 
 
 def _read(file: Path) -> dict[int, dict[str, Any]]:
@@ -71,6 +77,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--effect", help="only scenarios that hide this, such as backlash")
     parser.add_argument("--peers", action="store_true", help="also PySINDy and i.i.d. BIC on the same runs")
     parser.add_argument("--folder", type=Path, help="instead: recordings with an answers.json, by the same rule")
+    parser.add_argument("--twice", action="store_true", help="with --folder: run each twice, compare the documents")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "hidden_effects", help="where results are kept")
     return parser.parse_args()
 
@@ -84,7 +91,7 @@ def _wanted(options: argparse.Namespace) -> list[Entry]:
     return bank[: options.runs]
 
 
-def _run(todo: Sequence[Entry], options: argparse.Namespace, file: Path) -> None:
+def _run(todo: Sequence[Entry], options: argparse.Namespace, file: Path, done: Mapping[int, dict[str, Any]]) -> None:
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
     with (
         ProcessPoolExecutor(options.jobs) as pool,
@@ -92,7 +99,9 @@ def _run(todo: Sequence[Entry], options: argparse.Namespace, file: Path) -> None
         file.open("a") as kept,
     ):
         task = progress.add_task("hidden effects", total=len(todo))
-        for future in as_completed([pool.submit(run_entry, entry, options.peers) for entry in todo]):
+        for future in as_completed(
+            [pool.submit(run_entry, entry, options.peers, done.get(entry.seed)) for entry in todo]
+        ):
             result = future.result()
             kept.write(json.dumps(result) + "\n")
             kept.flush()
@@ -113,21 +122,26 @@ def _line(result: dict[str, Any]) -> str:
     )
 
 
-def _run_folder(folder: Path) -> None:
+def _run_folder(folder: Path, twice: bool) -> None:
     """Run recordings that come with an answers.json."""
-    results = []
+    results, alike = [], 0
     for given in json.loads((folder / "answers.json").read_text()):
         said = investigate_folder(folder / given["id"])
         results.append({"answer": complete(given), "document": said.document, "seconds": said.seconds})
         print(_line(results[-1]), said.failure or "")
+        if twice:
+            alike += said.document == investigate_folder(folder / given["id"]).document
     print(tables(_judged(results), [r["seconds"] for r in results]))
+    print(f"largest memory of a run: {peak_mib():.0f} MiB")
+    if twice:
+        print(f"the same document from the same bytes: {alike} of {len(results)}")
 
 
 def main() -> None:
     """Run what is wanted and not yet done, then print the tables."""
     options = _arguments()
     if options.folder:
-        _run_folder(options.folder)
+        _run_folder(options.folder, options.twice)
         return
     options.out.mkdir(parents=True, exist_ok=True)
     file = options.out / f"{_state_of_product()}.jsonl"
@@ -136,11 +150,12 @@ def main() -> None:
     todo = [e for e in bank if e.seed not in done or (options.peers and "peers" not in done[e.seed])]
     if len(todo) < len(bank):
         print(f"{len(bank) - len(todo)} of {len(bank)} results are already in {file}")
-    _run(todo, options, file)
+    _run(todo, options, file, done)
     done = _read(file)
     results = [done[entry.seed] for entry in bank]
     print()
     print(tables(_judged(results), [r["seconds"] for r in results]))
+    print(f"largest memory of a run: {max((r['peak_mib'] for r in results), default=0.0):.0f} MiB")
     for result in results:
         if result["failure"]:
             print(f"\n{result['answer']['id']} failed: {result['failure']}")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -29,6 +30,11 @@ class Answer:
     document: dict[str, Any] | None
     failure: str | None
     seconds: float
+
+
+def peak_mib() -> float:
+    """Largest memory that any run of the product started from this process has held [MiB]."""
+    return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0
 
 
 def _run(command: Sequence[str], folder: Path) -> subprocess.CompletedProcess[str]:

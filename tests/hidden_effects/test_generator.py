@@ -255,6 +255,17 @@ def test_files_are_what_a_technician_hands_over(tmp_path: Path) -> None:
         assert sound.getnframes() == 24_000
 
 
+def test_nothing_is_simulated_beyond_the_end_of_its_motion() -> None:
+    recipe = replace(draw_recipe(81, "null", (), "full", "three shafts", True), sound=True)
+    one, two = (generate(81, recipe, seconds=3.0).sound for _ in range(2))
+    assert one is not None
+    assert two is not None
+    np.testing.assert_array_equal(one, two)
+    _, plant, motion = _drawn(1)
+    with pytest.raises(ValueError, match="ends before"):
+        simulate(plant, motion, 30.0)
+
+
 def test_every_mechanism_can_be_hidden_and_seeds_are_kept_apart() -> None:
     bank = full_bank()
     assert {name for entry in bank for name in entry.effects} == set(EFFECTS)

@@ -261,6 +261,8 @@ def simulate(
         )
     ] or [(np.zeros(2), np.zeros(2))]
     samples = round((SETTLE_S + seconds) * kernel.TELEMETRY_RATE_HZ)
+    if samples * kernel.SERVO_RATE_HZ > motion.course.shape[1] * kernel.TELEMETRY_RATE_HZ:
+        raise ValueError(f"the motion ends before {seconds} s")
     outer = np.zeros(samples + 1)
     if disturbance is not None:
         outer[: len(disturbance)] += disturbance[: len(outer)]

@@ -110,7 +110,7 @@ def generate(seed: int, recipe: Recipe | None = None, *, seconds: float = 30.0) 
     inside = int(rng.integers(2**32))
     placed, joint, recipe = _place(rng, recipe, joint, motion, gauge, inside)
     plant = build_plant(np.random.default_rng(inside), joint)
-    healthy = simulate(plant, motion, 6.0, quantised=False)
+    healthy = simulate(plant, motion, min(6.0, seconds), quantised=False)
     for one in placed:
         plant = one.effect.act(plant, one.amplitude)
     run = simulate(plant, motion, seconds, disturbance=noise.load_torque)
