@@ -8,6 +8,7 @@ import pytest
 from casebase.signals.telemetry import Telemetry
 from sim.axis import read_axis
 from sim.discrepancy.condition import InvestigationError, examine
+from sim.discrepancy.investigation import investigate
 from tests.discrepancy.telemetry_of import one_body, swing
 
 AXIS = read_axis({"motor": {"inertia_kg_m2": 0.3, "coulomb_friction_n_m": 1.0}, "load": {"inertia_kg_m2": 0.0}})
@@ -93,3 +94,18 @@ def test_swing_is_its_own_derivative() -> None:
     t, angle, speed, acceleration = swing()
     assert np.abs(np.gradient(angle, t) - speed)[2:-2].max() < 1e-2
     assert np.abs(np.gradient(speed, t) - acceleration)[2:-2].max() < 1e-1
+
+
+def test_torque_and_angle_in_each_other_s_place_are_refused() -> None:
+    telemetry = one_body(0.3, 1.0, 0.0, 7)
+    torque, angle = telemetry["motor_torque_nm"], telemetry["motor_position_rad"]
+    with pytest.raises(InvestigationError, match=r"motor_torque_nm|motor_position_rad"):
+        examine(AXIS, changed(telemetry, motor_torque_nm=angle, motor_position_rad=torque))
+
+
+@pytest.mark.parametrize("missing_s", [0.05, 0.5, 2.0])
+def test_a_gap_in_the_record_is_no_fault_of_the_machine(missing_s: float) -> None:
+    telemetry = one_body(0.3, 1.0, 0.0, 8)
+    keep = np.abs(telemetry.time_s - 6.0) > 0.5 * missing_s
+    torn = Telemetry(telemetry.time_s[keep], {k: v[keep] for k, v in telemetry.channels.items()})
+    assert {f.mechanism for f in investigate(AXIS, torn).findings} <= {"lost_samples"}
