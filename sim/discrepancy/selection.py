@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -66,13 +66,15 @@ TEMPERATURE = 0.3  # model errors make the residual less informative than its wh
 class Rival:
     """A term that was refitted in place of another or on top of the rest, and what it gained.
 
-    `beyond`: standard deviations by which it is larger than what does not matter or is as new.
+    `beyond`: standard deviations by which it is larger than what does not matter or is as new; `finished`: its fit on
+    top of the rest, where that was finished.
     """
 
     term: Term
     gain: float
     values: Mapping[str, float]
     beyond: float = math.inf
+    finished: Fit | None = field(default=None, repr=False, compare=False)
 
 
 @dataclass(frozen=True)
@@ -152,7 +154,9 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
         tried = try_terms(problem, fit)
         new, more = entering(problem, fit, [r for r in tried if not is_form(r, entered)])
-        rejected = tuple(r for r in tried if r not in new and r.term.named)
+        tried = [replace(r, finished=None) for r in tried]
+        names = {r.term.key for r in new}
+        rejected = tuple(r for r in tried if r.term.key not in names and r.term.named)
         if more is None:
             break
         problem, fit = rewhiten(problem, more)
@@ -193,7 +197,8 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
             new += [r for r in as_new if r is not best and r.term.named]
         start = {**best.values, **{p.name: r.values[p.name] for r in new for p in r.term.parameters}}
         held = fit.sensitivities if best.gain < FAR_MOVED else {}
-        more = settled(problem, (*fit.terms, *(r.term for r in new)), start, held)
+        more = best.finished if len(new) == 1 else None
+        more = more or settled(problem, (*fit.terms, *(r.term for r in new)), start, held)
         if best.term.named or best in as_new or (holds(fit, more) and matters(best.term, fit.cost - more.cost, more)):
             return new, more
     return [], None
@@ -334,6 +339,7 @@ def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
     ]
     screened = screen(problem, fit, candidates)
     tried: list[tuple[float, Fit, Term]] = []
+    finished: list[Fit] = []
     tries: dict[str, int] = {}
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
     for promised, term, start in screened:
@@ -351,12 +357,14 @@ def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
     for place, (gain, refit, term) in enumerate(tried[:CLOSE]):
         # sensitivities change where contact is lost and where the rest moves far: anew for those that may be first
         if gain > 0.3 * tried[0][0] and (term.nonlinear or gain > FAR_MOVED):
-            anew = settled(problem, refit.terms, refit.values)
+            anew = settled(problem, refit.terms, refit.values, refit.sensitivities)
+            finished.append(anew)
             tried[place] = (fit.cost - anew.cost, anew, term)
     tried.sort(key=lambda t: (-t[0], t[2].key))
     best: dict[str, Rival] = {}
     for gain, refit, term in tried:
-        best.setdefault(term.key, Rival(term, gain, refit.values, beyond(term, refit)))
+        done = refit if any(refit is one for one in finished) else None
+        best.setdefault(term.key, Rival(term, gain, refit.values, beyond(term, refit), done))
     return sorted([*best.values(), *straight], key=lambda r: (-r.gain, r.term.key))
 
 
