@@ -275,7 +275,7 @@ def holds(less: Fit, more: Fit) -> bool:
 
 
 def swap(
-    problem: Problem, fit: Fit, rivals: Mapping[str, tuple[Rival, ...]]
+    problem: Problem, fit: Fit, rivals: Mapping[str, tuple[Rival, ...]], most: int = MOST_TERMS
 ) -> tuple[Fit, Mapping[str, tuple[Rival, ...]]]:
     """Put in place of a mechanism one that was close to it when it came in, where that is better now.
 
@@ -303,8 +303,8 @@ def swap(
             seen = replace(rival, gain=own.gain - (instead.cost - fit.cost), values=instead.values)
             tried = (*(r for r in tried if r.term.key != rival.term.key), seen)
             even = abs(instead.cost - fit.cost) < LEAST_SWAP and paired(advantage(fit, instead)) > 0.0
-            if instead.cost < fit.cost - LEAST_SWAP or even:
-                return swap(problem, instead, {**rivals, rival.term.key: tried})
+            if most and (instead.cost < fit.cost - LEAST_SWAP or even):
+                return swap(problem, instead, {**rivals, rival.term.key: tried}, most - 1)
         rivals = {**rivals, term.key: tuple(sorted(tried, key=lambda r: -r.gain))}
     return fit, rivals
 
