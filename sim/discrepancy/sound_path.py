@@ -14,7 +14,7 @@ from sim.discrepancy.sound_evidence import Heard
 
 PER_TURN = 128  # samples of the envelope per revolution of the motor
 LOWEST_ORDER, HIGHEST_ORDER = 1.2, 30.0  # below, what stands still in Hz at constant speed looks like an order
-LINE = 28.0  # power of a line over the local median; of 90 recordings without a bearing none has two at 25
+LINE = 40.0  # power of a line over the local median: of 10,000 exponential bins the largest is near 10 ln 2 = 14
 SLIP = 0.004  # of a bearing's balls, by which its order is uncertain
 HARMONICS = 5
 
