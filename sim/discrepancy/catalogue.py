@@ -46,14 +46,14 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
             for term in _link_terms(axis, k, level, measurement.load_angle is not None)
         ]
         if travel / axis.ratio > LEAST_TURN:
-            out.append(_gravity(axis, level))
+            out.append(_gravity(0.05 * level * axis.ratio, len(stages_of(axis))))
         if measurement.load_angle is not None:
             out.append(_encoder_error(axis))
             out.append(_delay("load_delay_s", "load", 4e-4))
             if axis.stages:
                 out.append(_resonance(axis))
     elif travel > LEAST_TURN:
-        out.append(_direct_gravity(level))
+        out.append(_gravity(0.05 * level, 0))
     return tuple(out)
 
 
@@ -236,45 +236,25 @@ def _motor_wave(mechanism: str, order: float, level: float) -> Term:
     )
 
 
-def _gravity(axis: Axis, level: float) -> Term:
-    prefix = "gravity_imbalance@load"
-    last = len(stages_of(axis))
-    step = 0.05 * level * axis.ratio
+def _gravity(step: float, shaft: int) -> Term:
+    pair = _pair("gravity_imbalance@load", step)
+    sine, cosine = (p.name for p in pair)
 
     def apply(chain: Chain, values: Values) -> Chain:
-        sine, cosine = values[f"{prefix}.sine"], values[f"{prefix}.cosine"]
-        return with_shaft(chain, last, gravity_n_m=math.hypot(sine, cosine), gravity_phase_rad=math.atan2(cosine, sine))
+        size, phase = math.hypot(values[sine], values[cosine]), math.atan2(values[cosine], values[sine])
+        return with_shaft(chain, shaft, gravity_n_m=size, gravity_phase_rad=phase)
 
-    report = _amplitude(_pair(prefix, step), "torque_n_m", "phase_rad")
-    return Term(
-        "gravity_imbalance", "load", _pair(prefix, step), _pair_probe(prefix, step), report, apply, size=0.1 * step
-    )
-
-
-def _direct_gravity(level: float) -> Term:
-    prefix = "gravity_imbalance@load"
-    step = 0.05 * level
-
-    def apply(chain: Chain, values: Values) -> Chain:
-        sine, cosine = values[f"{prefix}.sine"], values[f"{prefix}.cosine"]
-        return with_shaft(chain, 0, gravity_n_m=math.hypot(sine, cosine), gravity_phase_rad=math.atan2(cosine, sine))
-
-    report = _amplitude(_pair(prefix, step), "torque_n_m", "phase_rad")
-    return Term(
-        "gravity_imbalance", "load", _pair(prefix, step), _pair_probe(prefix, step), report, apply, size=0.1 * step
-    )
+    probes = (tuple({p.name: step} for p in pair),)
+    report = _amplitude(pair, "torque_n_m", "phase_rad")
+    return Term("gravity_imbalance", "load", pair, probes, report, apply, size=0.1 * step)
 
 
 def _encoder_error(axis: Axis) -> Term:
     names = ("load_encoder.error_sine_rad", "load_encoder.error_cosine_rad")
     step = max(axis.load_encoder.error_rad, 1e-5)
-
-    def report(values: Values) -> dict[str, float]:
-        sine, cosine = values[names[0]], values[names[1]]
-        return {"amplitude_rad": math.hypot(sine, cosine), "phase_rad": math.atan2(cosine, sine)}
-
     parameters = tuple(Parameter(name, 0.0, step) for name in names)
     probes = (tuple({name: 2.0 * AS_NEW_FACTOR * step} for name in names),)
+    report = _amplitude(parameters, "amplitude_rad", "phase_rad")
     return Term("encoder_error", "load", parameters, probes, report, replaces=names, size=AS_NEW_FACTOR * step)
 
 

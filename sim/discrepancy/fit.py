@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
 from types import MappingProxyType
 
@@ -81,6 +82,7 @@ class Fit:
             for (a, b), (c, d) in zip(pairwise(torque), pairwise(guide), strict=True)
         ]
 
+    @cached_property
     def covariance(self) -> Array:
         """Of the parameters, shape (p, p): by the curvature at the optimum, widened by how blocks of time disagree.
 
@@ -103,7 +105,7 @@ class Fit:
 
     def deviations(self) -> dict[str, float]:
         """Standard deviation of each parameter."""
-        variances = np.maximum(np.diag(self.covariance()), 0.0)
+        variances = np.maximum(np.diag(self.covariance), 0.0)
         return {p.name: float(np.sqrt(v)) for p, v in zip(self.parameters, variances, strict=True)}
 
 

@@ -15,7 +15,7 @@ from sim.discrepancy.terms import Term
 def deviations(fit: Fit, term: Term, numbers: Callable[[Values], Mapping[str, float]]) -> dict[str, float]:
     """Standard deviation of each of `numbers`, which are made of the parameters of `term`, by small changes."""
     own = [k for k, p in enumerate(fit.parameters) if p in term.parameters]
-    covariance = fit.covariance()[np.ix_(own, own)]
+    covariance = fit.covariance[np.ix_(own, own)]
     spread = np.sqrt(np.maximum(np.diag(covariance), 1e-300))
     correlation = covariance / np.outer(spread, spread)
     centre = numbers(fit.values)

@@ -9,7 +9,7 @@ from scipy.optimize import lsq_linear
 from sim.discrepancy.entries import swing
 from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.nameless import line_of
-from sim.discrepancy.selection import least_squares_within
+from sim.discrepancy.screening import least_squares_within
 
 
 def test_of_two_columns_that_are_alike_none_is_negative_where_it_may_not_be() -> None:

@@ -64,8 +64,7 @@ def claims_of(entry: Entry) -> list[dict[str, Any]]:
 
 
 def _as_json(f: Finding) -> dict[str, Any]:
-    listed = list(f.indistinguishable_from)
-    return {"mechanism": f.mechanism, "location": f.location, "indistinguishable_from": listed}
+    return {"mechanism": f.mechanism, "indistinguishable_from": list(f.indistinguishable_from)}
 
 
 def fitted(claims: Sequence[Claim]) -> Weights:

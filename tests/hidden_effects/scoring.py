@@ -90,7 +90,7 @@ def judge(answer: JSON, document: JSON | None) -> Judgement:
     findings = sorted(document["findings"], key=lambda f: -f["probability"])
     said = [f for f in findings if f["probability"] >= SAID]
     claims = tuple((float(f["probability"]), any(_agrees(f, h) for h in named)) for f in findings)
-    wrong = tuple(f["mechanism"] for f in said if not any(_names(f, h) for h in named))
+    wrong = tuple(f["mechanism"] for f in said if not names_rightly(answer, f))
     outcome = _outcome(answer, document, named, said, wrong)
     return Judgement(
         outcome,
