@@ -11,7 +11,7 @@ from sim.axis import Axis
 from sim.chain_model import Chain, Dent, with_link, with_shaft
 from sim.discrepancy.entries import DENT_SHARE, swing
 from sim.discrepancy.measurement import LOAD_MOTION_CUT_HZ, Array, Measurement
-from sim.discrepancy.model import compliance, has_links, ratio_after, stages_of, wave
+from sim.discrepancy.model import PARTS, compliance, has_links, ratio_after, stages_of, wave
 from sim.discrepancy.parameters import Parameter, Values
 from sim.discrepancy.terms import Report, Term
 
@@ -21,7 +21,6 @@ HUM_HZ = (50.0, 60.0, 100.0, 120.0)
 SOFT = 0.03  # damping ratio at which a peak is the form of the model and no part that swings
 HIGHEST_SWING_HZ = 1.2 * LOAD_MOTION_CUT_HZ
 MOTOR = "motor"
-RUNOUT = ("runout.sine_rad", "runout.cosine_rad")
 AS_NEW_FACTOR = 3.0  # more than this above as new is a finding
 
 
@@ -38,7 +37,7 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
     travel = float(np.ptp(measurement.angle))
     out += [_motor_wave("torque_ripple", order, level) for order in RIPPLE_ORDERS if travel * order > 4.0 * math.pi]
     out += [hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
-    out.append(_delay("torque_delay_s", "motor", 4e-4))
+    out.append(_delay("torque_delay_s", "motor", 1e-3))
     if has_links(axis):
         out += [
             term
@@ -300,20 +299,16 @@ def _link_terms(axis: Axis, k: int, level: float, load_encoder: bool) -> list[Te
         return out
     out.append(_backlash(name, k, stage.backlash_rad, twist))
     new = max(stage.transmission_error_rad or 0.01 * twist, axis.load_encoder.error_rad / ratio_after(axis, k))
-    out.append(_error("eccentricity", name, k, 1.0, twist, new, _runout(axis, k, load_encoder)))
+    out.append(_error("eccentricity", name, k, 1.0, twist, new))
     if k == 0:
         out.append(_error("eccentricity", MOTOR, k, 1.0, twist, stage.transmission_error_rad))
     if stage.driven_teeth:
-        out.append(_error("mesh_error", name, k, float(stage.driven_teeth), 0.3 * twist, stage.transmission_error_rad))
+        new = stage.transmission_error_rad
+        own = tuple(f"mesh.{name}.{part}_rad" for part in PARTS) if new else ()
+        out.append(_error("mesh_error", name, k, float(stage.driven_teeth), 0.3 * twist, new, own))
     if stage.mesh_efficiency >= 1.0:
         out.append(_loss(name, k))
     return out
-
-
-def _runout(axis: Axis, k: int, load_encoder: bool) -> tuple[str, ...]:
-    """Names of the runout of link `k` in the model of the description itself, which has it next to a load encoder."""
-    fitted = load_encoder and axis.load_encoder.error_rad > 0.0 and k + 1 == len(axis.stages)
-    return RUNOUT if fitted else ()
 
 
 def _backlash(name: str, k: int, new: float, twist: float) -> Term:

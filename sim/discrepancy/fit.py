@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -30,6 +31,7 @@ WORKERS = 2
 SCORE_BLOCKS = 40
 ACTIVE_ROUNDS = 4
 MOST_STEPS = 16
+DAMPINGS = 8
 FIRST_DAMPING = 1e-4
 UNKNOWN = 1e-6  # information of one step below which a parameter is not known
 LEAST_DROP = 1.0  # of the squared residual in one step: less says nothing
@@ -83,12 +85,9 @@ class Fit:
         ]
 
     @cached_property
-    def covariance(self) -> Array:
-        """Of the parameters, shape (p, p): by the curvature at the optimum, widened by how blocks of time disagree.
-
-        The latter is the sandwich of White (Econometrica 48 (1980) 817) over contiguous blocks: it holds for noise
-        that the whitening has left coloured and for a form that is not quite that of the axis.
-        """
+    def _influence(self) -> tuple[Array, Array]:
+        """Covariance of the parameters by the curvature at the optimum (p, p), and what each block of time pulls each
+        of them by (SCORE_BLOCKS, p)."""
         steps = np.array([p.step for p in self.parameters])
         spread = np.array([p.spread for p in self.parameters])
         information = self.jacobian.T @ self.jacobian + np.diag((steps / spread) ** 2)
@@ -97,16 +96,24 @@ class Fit:
         curved += np.diag(np.diag(information) < UNKNOWN)  # the data do not know it at all
         parts = self.blocks(SCORE_BLOCKS)
         scores = np.array([self.jacobian[part].T @ self.residual[part] for part in parts]) / scale
-        scores = (scores - scores.mean(axis=0)) @ curved
-        alone = np.maximum(np.diag(curved), 1e-300)
-        wider = np.sqrt(np.maximum(1.0, np.sum(scores**2, axis=0) / alone))
-        unit = wider / scale * steps
-        return np.asarray(curved * np.outer(unit, unit))
+        pulls = (scores - scores.mean(axis=0)) @ curved
+        unit = steps / scale
+        return curved * np.outer(unit, unit), pulls * unit
+
+    def deviation(self, change: Mapping[str, float]) -> float:
+        """Standard deviation of a number that changes by `change` per unit of each parameter.
+
+        By the curvature at the optimum, or by how blocks of time disagree where that says more: the sandwich of White
+        (Econometrica 48 (1980) 817) over contiguous blocks holds for noise that the whitening has left coloured and
+        for a form that is not quite that of the axis.
+        """
+        curved, pulls = self._influence
+        slope = np.array([change.get(p.name, 0.0) for p in self.parameters])
+        return math.sqrt(max(float(slope @ curved @ slope), float(np.sum((pulls @ slope) ** 2))))
 
     def deviations(self) -> dict[str, float]:
         """Standard deviation of each parameter."""
-        variances = np.maximum(np.diag(self.covariance), 0.0)
-        return {p.name: float(np.sqrt(v)) for p, v in zip(self.parameters, variances, strict=True)}
+        return {p.name: self.deviation({p.name: 1.0}) for p in self.parameters}
 
 
 @dataclass
@@ -254,7 +261,7 @@ class Problem:
         self, terms: Sequence[Term], parameters: Sequence[Parameter], state: _State, system: _System, damping: float
     ) -> tuple[float, float]:
         """Move `state` to a smaller cost if there is one on the way; its gain and the next damping."""
-        for _ in range(5):
+        for _ in range(DAMPINGS):
             trial = system.stepped(parameters, state.values, state.residual, damping)
             damping *= 10.0
             try:
@@ -275,8 +282,12 @@ class Problem:
             chain = term.apply(chain, values)
         return chain
 
-    def learn_noise(self, fit: Fit) -> None:
-        self.observer.learn_noise(self.chain(fit.terms, fit.values), nuisance_of(fit.values))
+    def learned(self, fit: Fit) -> Problem:
+        """The same with what the encoders' noise makes of the chain of `fit`, under what `fit` leaves as noise."""
+        other = copy(self)
+        other.observer = copy(self.observer)
+        other.observer.learn_noise(self.chain(fit.terms, fit.values), nuisance_of(fit.values))
+        return other.with_noise(other.noise_of(fit))
 
     def noise_of(self, fit: Fit) -> Noise:
         """Filters that make the noise under the residual of `fit` white."""
@@ -290,8 +301,8 @@ class Problem:
         return Noise(first, second, level, other)
 
     def with_noise(self, noise: Noise) -> Problem:
-        other = replace(self, noise=noise)
-        other.observer = self.observer
+        other = copy(self)
+        other.noise = noise
         return other
 
 

@@ -102,7 +102,8 @@ def prepare(
         return None if load_angle is None else channel(load_angle, cut_hz, derivative)
 
     speed = channel(angle, cut, 1)
-    weight, load_weight = standstill_weight(speed), np.ones(speed.size)
+    weight = standstill_weight(speed)
+    load_weight = weight.copy()
     if valid is not None:
         weight = weight * _eroded(valid, margin)[::stride]
     if load_valid is not None:

@@ -11,6 +11,8 @@ from sim.discrepancy.observer import Nuisance
 from sim.discrepancy.parameters import Parameter, Values
 
 UNKNOWN_STIFFNESS_HZ = 80.0
+PARTS = ("sine", "cosine")
+RUNOUT_OVER_MESH = 2.0  # of a gear as new: error once per turn over that per tooth
 
 
 def _share(name: str, value: float, spread: float, low: float = 0.4, high: float = 2.5) -> Parameter:
@@ -28,7 +30,7 @@ def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float) -> tuple[P
         out += _link_parameters(axis)
         out += _load_parameters(axis, load_encoder)
     out.append(Parameter("offset_n_m", 0.0, 0.002 * level_n_m, 0.003 * level_n_m))
-    out.append(Parameter("torque_delay_s", 0.0, 1e-4, 1e-4, -0.02, 0.02))
+    out.append(Parameter("torque_delay_s", 0.0, 1e-4, 3e-4, -0.02, 0.02))
     return tuple(out)
 
 
@@ -51,6 +53,9 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
         if entry.backlash_rad:
             new = entry.backlash_rad
             out.append(Parameter(f"{where}.backlash_rad", 0.5 * new, 0.1 * new, 0.5 * new, 0.0, 1.5 * new))
+        if entry.driven_teeth and entry.transmission_error_rad:
+            new = entry.transmission_error_rad
+            out += [Parameter(f"mesh.{stage}.{part}_rad", 0.0, 0.3 * new, new, -3 * new, 3 * new) for part in PARTS]
     if any(entry.mesh_efficiency < 1.0 for entry in axis.stages):
         out.append(Parameter("loss_split", 0.5, 0.1, 0.5, 0.0, 1.0))
     return out
@@ -63,16 +68,15 @@ def _load_parameters(axis: Axis, load_encoder: bool) -> list[Parameter]:
         out.append(Parameter("friction_width.load", 1.5e-3, 3e-4, 1.5e-3, 2e-4, 2e-2))
     if axis.load.viscous_friction_n_m_s_per_rad:
         out.append(_share("load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad, 0.1))
-    if load_encoder and axis.stages and axis.load_encoder.error_rad:
-        new = axis.load_encoder.error_rad
-        out += [Parameter(f"runout.{part}_rad", 0.0, new, new, -3 * new, 3 * new) for part in ("sine", "cosine")]
     if load_encoder:
         out.append(Parameter("load_offset_rad", 0.0, compliance(axis), math.inf))
         out.append(Parameter("load_delay_s", 0.0, 1e-5, 5e-5, -0.02, 0.02))
         new = axis.load_encoder.error_rad
-        if new:
-            for part in ("sine", "cosine"):
-                out.append(Parameter(f"load_encoder.error_{part}_rad", 0.0, 0.3 * new, new, -3 * new, 3 * new))
+        if new:  # what it has at most, and the runout of the last gear, which looks the same
+            mesh = axis.stages[-1].transmission_error_rad if axis.stages else 0.0
+            spread = math.hypot(0.5 * new, RUNOUT_OVER_MESH * mesh)
+            for part in PARTS:
+                out.append(Parameter(f"load_encoder.error_{part}_rad", 0.0, 0.3 * new, spread, -3 * new, 3 * new))
     return out
 
 
@@ -154,8 +158,9 @@ def _link(axis: Axis, k: int, values: Values) -> Link:
     stage = axis.stages[k] if axis.stages else None
     efficiency = values.get(f"{where}.mesh_efficiency", stage.mesh_efficiency if stage else 1.0)
     errors: tuple[Line, ...] = ()
-    if k + 1 == len(axis.stages):
-        errors = wave(k + 1, 1.0, values.get("runout.sine_rad", 0.0), values.get("runout.cosine_rad", 0.0))
+    if stage and stage.driven_teeth:
+        mesh = (values.get(f"mesh.{stage.name}.{part}_rad", 0.0) for part in PARTS)
+        errors = wave(k + 1, float(stage.driven_teeth), *mesh)
     return Link(
         stage.ratio if stage else 1.0,
         values.get(f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k)),

@@ -49,8 +49,12 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
         ends.append(("load", fit.residual[n:], m.rate_hz / problem.guide_stride, level * problem.axis.ratio))
     out = []
     for place, left, rate_hz, step in ends:
-        out += [over_speed(place, m, step), over_angle(place, m, problem.axis.ratio, step)]
-        out.append(torque_over_angle(place, m, problem.axis.ratio, step))
+        out.append(over_speed(place, m, step))
+        turned = [order for order in ORDERS if order * float(np.ptp(m.angle)) > math.pi * problem.axis.ratio]
+        if turned:
+            out.append(over_angle(place, m, problem.axis.ratio, step, turned))
+        if turned[-2:] == list(ORDERS[1:]):
+            out.append(torque_over_angle(place, m, problem.axis.ratio, step))
         frequency = line_of(left, rate_hz, motion_end_hz(m), repetition_s(m))
         if frequency is not None:
             mains = place == "motor" and any(abs(frequency / f - 1.0) < MAINS for f in HUM_HZ)
@@ -76,14 +80,14 @@ def over_speed(place: str, m: Measurement, step: float) -> Term:
     return _shaped(OVER_SPEED, place, shapes, step, where)
 
 
-def over_angle(place: str, m: Measurement, ratio: float, step: float) -> Term:
-    """Dry and viscous friction whose size is a wave over the angle of the load."""
-    waves = _waves(m, ratio, ORDERS)
+def over_angle(place: str, m: Measurement, ratio: float, step: float, orders: Sequence[int] = ORDERS) -> Term:
+    """Dry and viscous friction whose size is a wave over the angle of the load, which turns half of each at least."""
+    waves = _waves(m, ratio, orders)
     even = m.speed / float(np.abs(m.speed).max())
     shapes = np.concatenate([waves * _turned(m)[:, None], waves * even[:, None]], axis=1)
 
     def where(energy: Array) -> Mapping[str, float]:
-        return {"order": float(ORDERS[int(np.argmax(energy)) // 2 % len(ORDERS)])}
+        return {"order": float(orders[int(np.argmax(energy)) // 2 % len(orders)])}
 
     return _shaped(OVER_ANGLE, place, shapes, step, where)
 

@@ -127,7 +127,9 @@ class Observer:
             sine, cosine = nuisance.load_error_rad
             wave, other = self._turn
             error = sine * wave + cosine * other + nuisance.load_offset_rad
-            guide = np.stack([angle - error + nuisance.load_delay_s * speed, speed])
+            drift = (sine * other - cosine * wave) * speed
+            late = nuisance.load_delay_s
+            guide = np.stack([angle - error + late * speed, speed - drift + late * np.gradient(speed) * m.rate_hz])
             gains = self.guide_inertia * np.array([GUIDE_RAD_S**2, 1.4 * GUIDE_RAD_S])
         ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
         widths = nuisance.friction_width[1] * self._top / ratios

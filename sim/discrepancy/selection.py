@@ -43,6 +43,9 @@ SHIFTS = np.linspace(-1.0, 1.0, 11)  # pitches around the place that the scan pr
 CLOSE = 2  # best candidates of which those that are far from linear are refitted in full
 MOST_TERMS = 4
 MOST_ROUNDS = 6  # with those that are as new or have no name
+MOST_NOISES = 5
+FALLEN = 1.2  # times the squares of the residual by the noise before
+MOST_ENTRIES = 3  # of one round
 MOST_RUNS = 1800  # simulations after which no further round begins: what is left then is unnamed
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
 BENT = 60.0  # squared deviations of what is described from what the fit makes of it
@@ -107,10 +110,14 @@ def calibrate(problem: Problem) -> tuple[Problem, Fit]:
 
 
 def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
-    """Take the noise from the residual of `fit`, fit again."""
-    problem.learn_noise(fit)
-    problem = problem.with_noise(problem.noise_of(fit))
-    return problem, problem.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
+    """Take the noise from the residual of `fit`, fit again; once more where that made the noise much smaller."""
+    for _ in range(MOST_NOISES):
+        before = fit.misfit
+        problem = problem.learned(fit)
+        fit = problem.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
+        if fit.misfit < FALLEN * before:
+            break
+    return problem, fit
 
 
 def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
@@ -142,7 +149,7 @@ def evidence(term: Term, gain: float, rows: int) -> float:
 def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     """Forward selection with refits, backward elimination after every step."""
     fit = base
-    gains: dict[str, float] = {}
+    gains: Mapping[str, float] = {}
     rivals: Mapping[str, tuple[Rival, ...]] = {}
     rejected: tuple[Rival, ...] = ()
     entered: dict[str, float] = {}
@@ -151,17 +158,17 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
             break
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
         tried = try_terms(problem, fit)
-        new, more = entering(problem, fit, [r for r in tried if not is_form(r, entered)])
+        entry = enter(problem, fit, [r for r in tried if not is_form(r, entered)])
         tried = [replace(r, finished=None) for r in tried]
-        names = {r.term.key for r in new}
+        names = {r.term.key for r in entry.new}
         rejected = tuple(r for r in tried if r.term.key not in names and r.term.named)
-        if more is None:
+        problem, fit = entry.problem, entry.fit
+        if not entry.new:
             break
-        problem, fit = rewhiten(problem, more)
-        entered |= {r.term.key: r.gain for r in new}
-        rivals = {**rivals, **{r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in new}}
-        problem, fit, gains = prune(problem, fit, strict=False)
-        if new[0].term.key not in gains or sum(beyond(t, fit) > BEYOND for t in fit.terms) >= MOST_TERMS:
+        gains = entry.gains
+        entered |= {r.term.key: r.gain for r in entry.new}
+        rivals = {**rivals, **{r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}}
+        if sum(beyond(t, fit) > BEYOND for t in fit.terms) >= MOST_TERMS:
             break
     fit, rivals = swap(problem, fit, rivals)
     problem, fit, gains = prune(problem, fit, strict=True)
@@ -174,9 +181,34 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     return Selection(problem, base, fit, gains, rivals, rejected, found, standing)
 
 
+@dataclass(frozen=True)
+class Entry:
+    """What came in, the fit with it and what each of its terms gains; nothing new: the fit as it was."""
+
+    new: Sequence[Rival]
+    problem: Problem
+    fit: Fit
+    gains: Mapping[str, float]
+
+
+def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
+    """The best candidate that stays once the noise is taken anew; the next best where one does not."""
+    for _ in range(MOST_ENTRIES):
+        new, more = entering(problem, fit, tried)
+        if more is None:
+            break
+        wider, more = rewhiten(problem, more)
+        wider, more, gains = prune(wider, more, strict=False)
+        if new[0].term.key in gains:
+            return Entry(new, wider, more, gains)
+        problem.runs = wider.runs
+        tried = [r for r in tried if r.term.key != new[0].term.key]
+    return Entry((), problem, fit, {})
+
+
 def wanted(term: Term, far: float) -> bool:
     """Whether a term `far` beyond as new is worth a place: it matters, or nothing always fitted stands for it."""
-    return far > BEYOND or (term.mechanism in ERRORS and not term.replaces)
+    return far > BEYOND or (far > -math.inf and term.mechanism in ERRORS and not term.replaces)
 
 
 def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[Rival], Fit | None]:
@@ -184,11 +216,13 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
 
     A mechanism goes before what has no name, unless that explains clearly more and holds on unseen rows.
     """
-    fitting = [r for r in tried if evidence(r.term, r.gain, fit.residual.size) > ENOUGH and wanted(r.term, r.beyond)]
-    most = max((r.gain for r in fitting if r.term.named), default=0.0)
+    rows = fit.residual.size
+    worth = [(r, evidence(r.term, r.gain, rows)) for r in tried]
+    fitting = [r for r, much in worth if much > ENOUGH and wanted(r.term, r.beyond)]
+    most = max((much for r, much in worth if r in fitting and r.term.named), default=0.0)
     as_new = [r for r in fitting if r.term.mechanism == AS_NEW or r.beyond <= BEYOND]
     for best in fitting:
-        if not best.term.named and best not in as_new and best.gain < CLEARLY * most:
+        if not best.term.named and best not in as_new and evidence(best.term, best.gain, rows) < CLEARLY * most:
             continue
         new = [best]
         if best in as_new and best.term.named:

@@ -73,17 +73,31 @@ def standings(
             rest = tuple(t for t in fit.terms if t is not term)
             less = problem.fit(rest, fit.values, held=fit.sensitivities)
             shared = min(beyond, max(0.0, gains[term.key] - (less.cost - fit.cost)))
-        rest = tuple(t for t in plain.terms if t is not term)
         present = {t.key for t in plain.terms}
         against = []
         for other, values in [r for r in rivals.get(term.key, ()) if r[0].key not in present][:CLOSEST]:
-            try:
-                instead = problem.fit((*rest, other), {**plain.values, **values}, held=plain.sensitivities, to_end=True)
-            except ChainError:
-                continue
-            against.append((other, paired(advantage(instead, plain))))
+            instead = in_place(problem, plain, term, other, values)
+            if instead is not None:
+                against.append((other, paired(advantage(instead, plain))))
         out[term.key] = Standing(gains[term.key], gains[term.key] / fit.misfit, shared, tuple(against))
     return out
+
+
+def in_place(problem: Problem, fit: Fit, term: Term, other: Term, values: Mapping[str, float]) -> Fit | None:
+    """`fit` with `other` in place of `term`, None where that cannot be simulated.
+
+    The better of two: from all numbers as they were when `other` was tried, and from those of `fit` with its own of
+    then; where teeth come loose and meet again, the way to the least squares is rough.
+    """
+    terms = (*(t for t in fit.terms if t is not term), other)
+    own = {p.name for p in other.parameters} | set(term.replaces)
+    fits = []
+    for start in (values, {name: value for name, value in values.items() if name in own}):
+        try:
+            fits.append(problem.fit(terms, {**fit.values, **start}, held=fit.sensitivities, to_end=True))
+        except ChainError:
+            continue
+    return min(fits, key=lambda f: f.cost, default=None)
 
 
 def named_alone(problem: Problem, fit: Fit) -> Fit:
@@ -104,13 +118,16 @@ def advantage(less: Fit, more: Fit) -> Array:
 
 
 def paired(drop: Array) -> float:
-    """Mean over blocks in standard errors; of signed roots, as a few blocks with reversals would hide all others."""
+    """Mean over blocks in standard errors; of signed roots, as a few blocks with reversals would hide all others.
+
+    Roots of what noise alone makes scatter by about one, however alike two models are here.
+    """
     drop = drop[drop != 0.0]
     if drop.size < 4:
         return 0.0
     root = np.sign(drop) * np.sqrt(np.abs(drop))
-    error = float(root.std(ddof=1)) / math.sqrt(root.size)
-    return float(np.clip(root.mean() / max(error, 1e-300), -LARGEST_T, LARGEST_T))
+    error = max(float(root.std(ddof=1)), 1.0) / math.sqrt(root.size)
+    return float(np.clip(root.mean() / error, -LARGEST_T, LARGEST_T))
 
 
 def held_out_squares(fit: Fit) -> Array:

@@ -31,6 +31,7 @@ def test_blocks_say_by_their_scatter_not_by_their_sum() -> None:
     rng = np.random.default_rng(3)
     drop = rng.standard_normal(15)
     assert abs(paired(drop)) < 3.0
-    assert paired(1e6 * drop) == pytest.approx(paired(drop))
+    assert paired(1e6 * drop) == pytest.approx(paired(100.0 * drop))
     assert paired(drop + 5.0) > 6.0
+    assert abs(paired(np.full(14, 0.2))) < 3.0
     assert paired(np.zeros(15)) == 0.0
