@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
+from threading import Lock
 from types import MappingProxyType
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +28,12 @@ from sim.discrepancy.terms import Term
 
 Array = NDArray[np.float64]
 Raw = tuple[Array, Array]  # motor torque and guide torque
+A = TypeVar("A")
+B = TypeVar("B")
 FILTER_S = 0.4  # length of the whitening filters: what noise remembers
 WORKERS = 2
 SCORE_BLOCKS = 40
+FEWEST_BLOCKS = 16  # for the quartile of a spectrum
 ACTIVE_ROUNDS = 4
 MOST_STEPS = 16
 DAMPINGS = 8
@@ -66,7 +71,6 @@ class Fit:
     residual: Array
     jacobian: Array
     cost: float
-    runs: int
     torque_rows: int
     sensitivities: Mapping[str, Raw] = field(repr=False, default_factory=dict)
 
@@ -116,16 +120,34 @@ class Fit:
         return {p.name: self.deviation({p.name: 1.0}) for p in self.parameters}
 
 
+def each(function: Callable[[A], B], items: Iterable[A]) -> list[B]:
+    """`function` of all items, in order, on all cores: the simulation leaves the interpreter alone."""
+    with ThreadPoolExecutor(WORKERS) as pool:
+        return list(pool.map(function, items))
+
+
+@dataclass
+class Runs:
+    """How often was simulated."""
+
+    count: int = 0
+    lock: Lock = field(default_factory=Lock)
+
+    def add(self) -> None:
+        with self.lock:
+            self.count += 1
+
+
 @dataclass
 class Problem:
-    """One measurement of one axis, and how its residuals are weighed."""
+    """One measurement of one axis, and how its residuals are weighed; `runs` are those of all that is made of it."""
 
     axis: Axis
     measurement: Measurement
     noise: Noise
     observer: Observer = field(init=False)
     swinging: Array = field(init=False)
-    runs: int = 0
+    runs: Runs = field(default_factory=Runs)
 
     def __post_init__(self) -> None:
         inertia = chain_of(self.axis, {}).shafts[0].inertia_kg_m2
@@ -157,7 +179,7 @@ class Problem:
     ) -> tuple[Array, Array]:
         """Motor torque [N m], shape (n,), and guide torque [N m] on its own slower clock."""
         m = self.measurement
-        self.runs += 1
+        self.runs.add()
         prediction = self.observer.predict(self.chain(terms, values), nuisance_of(values))
         torque = m.torque - prediction.torque
         for term in terms:
@@ -192,8 +214,7 @@ class Problem:
             torque, guide = self.raw_residuals(terms, {**values, p.name: values[p.name] + step})
             return (torque - base[0]) / step, (guide - base[1]) / step
 
-        with ThreadPoolExecutor(WORKERS) as pool:
-            return dict(zip((p.name for p in parameters), pool.map(column, parameters), strict=True))
+        return dict(zip((p.name for p in parameters), each(column, parameters), strict=True))
 
     def whitened(self, parameters: Sequence[Parameter], raw: Mapping[str, Raw]) -> Array:
         """Columns of `raw` whitened, per step of each parameter, shape (rows, parameters)."""
@@ -203,8 +224,7 @@ class Problem:
         def fill(k: int) -> None:
             out[:, k] = self.whiten(*raw[parameters[k].name]) * parameters[k].step
 
-        with ThreadPoolExecutor(WORKERS) as pool:
-            list(pool.map(fill, range(len(parameters))))
+        each(fill, range(len(parameters)))
         return out
 
     def fit(
@@ -227,7 +247,6 @@ class Problem:
         values = {p.name: p.start for p in parameters}
         values.update({k: v for k, v in (start or {}).items() if k in values})
         values = {p.name: min(max(values[p.name], p.low), p.high) for p in parameters}
-        before = self.runs
         raw = self.raw_residuals(terms, values)
         state = _State(values, raw, self.whiten(*raw), 0.0)
         state.cost = _cost(state.residual, parameters, values)
@@ -253,9 +272,8 @@ class Problem:
                 columns[:, [parameters.index(p) for p in changed]] = self.whitened(changed, known)
             system = _System.of(parameters, columns)
         return Fit(
-            tuple(terms), parameters, state.values, state.residual, columns, state.cost, self.runs - before,
-            self.measurement.samples, known,
-        )  # fmt: skip
+            tuple(terms), parameters, state.values, state.residual, columns, state.cost, self.measurement.samples, known
+        )
 
     def _step(
         self, terms: Sequence[Term], parameters: Sequence[Parameter], state: _State, system: _System, damping: float
@@ -342,12 +360,16 @@ def floor_filter(values: Array, weight: Array, block: int, length: int) -> Array
     block = max(64, min(block, values.size // 8))
     window = np.hanning(block)
     starts = range(0, values.size - block + 1, block // 2)
-    used = (
-        [s for s in starts if weight[s : s + block].min() > 0.99]
-        or [s for s in starts if weight[s : s + block].mean() > 0.6]
-        or list(starts)
+    used = [s for s in starts if weight[s : s + block].min() > 0.99]
+    if len(used) < FEWEST_BLOCKS:
+        used = [s for s in starts if weight[s : s + block].mean() > 0.6] or list(starts)
+    power = np.array(
+        [
+            np.abs(np.fft.rfft(values[s : s + block] * window)) ** 2
+            / max(float(np.sum((window * weight[s : s + block]) ** 2)), 1e-300)
+            for s in used
+        ]
     )
-    power = np.array([np.abs(np.fft.rfft(values[s : s + block] * window)) ** 2 for s in used]) / np.sum(window**2)
     floor = np.quantile(power, 0.25, axis=0) / -math.log(0.75)
     half = 4
     padded = np.concatenate([floor[half:0:-1], floor, floor[-2 : -2 - half : -1]])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,7 +10,7 @@ from scipy.linalg import cho_factor, cho_solve
 from scipy.optimize import lsq_linear
 
 from sim.chain_model import Array, ChainError
-from sim.discrepancy.fit import WORKERS, Fit, Problem
+from sim.discrepancy.fit import Fit, Problem, each
 from sim.discrepancy.terms import Term
 
 
@@ -40,8 +39,7 @@ def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[floa
         return drop + relief, term, {**values, **_start(term, group, share, values)}
 
     jobs = [(term, group) for term in terms for group in term.probes]
-    with ThreadPoolExecutor(WORKERS) as pool:
-        out = list(pool.map(promise, jobs))
+    out = each(promise, jobs)
     return sorted(out, key=lambda o: (-o[0], o[1].key))
 
 

@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.chain_model import ChainError
 from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
-from sim.discrepancy.fit import Fit, Noise, Problem, Raw
+from sim.discrepancy.fit import Fit, Noise, Problem, Raw, each
 from sim.discrepancy.measurement import gaussian_kernel
 from sim.discrepancy.model import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.nameless import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED, nameless_terms
@@ -43,12 +43,11 @@ SHIFTS = np.linspace(-1.0, 1.0, 11)  # pitches around the place that the scan pr
 CLOSE = 2  # best candidates of which those that are far from linear are refitted in full
 MOST_TERMS = 4
 MOST_ROUNDS = 6  # with those that are as new or have no name
-MOST_NOISES = 5
-FALLEN = 1.2  # times the squares of the residual by the noise before
 MOST_ENTRIES = 3  # of one round
 MOST_RUNS = 1800  # simulations after which no further round begins: what is left then is unnamed
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
 BENT = 60.0  # squared deviations of what is described from what the fit makes of it
+LEFT = 0.1  # depth of a dent over the working twist
 FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
 HOLDS_T = 1.5
 KEPT_SHARE = 0.33  # of a gain, on rows not seen
@@ -110,14 +109,9 @@ def calibrate(problem: Problem) -> tuple[Problem, Fit]:
 
 
 def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
-    """Take the noise from the residual of `fit`, fit again; once more where that made the noise much smaller."""
-    for _ in range(MOST_NOISES):
-        before = fit.misfit
-        problem = problem.learned(fit)
-        fit = problem.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
-        if fit.misfit < FALLEN * before:
-            break
-    return problem, fit
+    """Take the noise from the residual of `fit`, fit again."""
+    problem = problem.learned(fit)
+    return problem, problem.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
 
 
 def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
@@ -154,7 +148,7 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     rejected: tuple[Rival, ...] = ()
     entered: dict[str, float] = {}
     for step in range(MOST_ROUNDS):
-        if problem.runs > MOST_RUNS:
+        if problem.runs.count > MOST_RUNS:
             break
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
         tried = try_terms(problem, fit)
@@ -201,7 +195,6 @@ def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
         wider, more, gains = prune(wider, more, strict=False)
         if new[0].term.key in gains:
             return Entry(new, wider, more, gains)
-        problem.runs = wider.runs
         tried = [r for r in tried if r.term.key != new[0].term.key]
     return Entry((), problem, fit, {})
 
@@ -249,15 +242,19 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
     no name cannot make a mechanism needless.
     """
     while fit.terms:
-        gains = {}
-        without = {}
         plain = named_alone(problem, fit)
-        for term in fit.terms:
+
+        def without(term: Term, fit: Fit = fit, plain: Fit = plain) -> Fit:
             more = plain if term.named else fit
             rest = tuple(t for t in more.terms if t is not term)
-            less = problem.fit(rest, more.values, held=more.sensitivities, to_end=strict)
-            gains[term.key] = less.cost - more.cost if not strict or holds(less, more) else 0.0
-            without[term.key] = less
+            return problem.fit(rest, more.values, held=more.sensitivities, to_end=strict)
+
+        less = dict(zip((t.key for t in fit.terms), each(without, fit.terms), strict=True))
+        gains = {}
+        for term in fit.terms:
+            more = plain if term.named else fit
+            held = not strict or holds(less[term.key], more)
+            gains[term.key] = less[term.key].cost - more.cost if held else 0.0
         rows = fit.residual.size
         weak = [
             t
@@ -269,9 +266,8 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
         if not weak:
             return problem, fit, gains
         weakest = min(weak, key=lambda t: gains[t.key])
-        less = without[weakest.key]
         rest = tuple(t for t in fit.terms if t is not weakest)
-        fit = problem.fit(rest, {**fit.values, **less.values}, held=fit.sensitivities, to_end=True)
+        fit = problem.fit(rest, {**fit.values, **less[weakest.key].values}, held=fit.sensitivities, to_end=True)
     return problem, fit, {}
 
 
@@ -370,28 +366,30 @@ def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
         if t.key not in present
     ]
     screened = screen(problem, fit, candidates)
-    tried: list[tuple[float, Fit, Term]] = []
-    finished: list[Fit] = []
     tries: dict[str, int] = {}
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
+    jobs: list[tuple[Term, Mapping[str, float]]] = []
     for promised, term, start in screened:
         if not term.named:
             continue
-        if promised < max(WORTH_TRYING, 0.03 * screened[0][0]) or len(tried) >= MOST_TRIES:
+        if promised < max(WORTH_TRYING, 0.03 * screened[0][0]) or len(jobs) >= MOST_TRIES:
             break
-        if tries.get(term.key, 0) >= (2 if term.nonlinear else 1):
-            continue
-        tries[term.key] = tries.get(term.key, 0) + 1
-        refit = _refitted(problem, fit, term, {**fit.values, **start})
-        if refit is not None:
-            tried.append((fit.cost - refit.cost, refit, term))
+        if tries.get(term.key, 0) < (2 if term.nonlinear else 1):
+            tries[term.key] = tries.get(term.key, 0) + 1
+            jobs.append((term, start))
+    refits = each(lambda job: _refitted(problem, fit, job[0], {**fit.values, **job[1]}), jobs)
+    tried = [(fit.cost - refit.cost, refit, job[0]) for refit, job in zip(refits, jobs, strict=True) if refit]
     tried.sort(key=lambda t: (-t[0], t[2].key))
-    for place, (gain, refit, term) in enumerate(tried[:CLOSE]):
-        # sensitivities change where contact is lost and where the rest moves far: anew for those that may be first
-        if gain > 0.3 * tried[0][0] and (term.nonlinear or gain > FAR_MOVED):
-            anew = settled(problem, refit.terms, refit.values, refit.sensitivities)
-            finished.append(anew)
-            tried[place] = (fit.cost - anew.cost, anew, term)
+    # sensitivities change where contact is lost and where the rest moves far: anew for those that may be first
+    far = [
+        place
+        for place, (gain, _, term) in enumerate(tried[:CLOSE])
+        if gain > 0.3 * tried[0][0] and (term.nonlinear or gain > FAR_MOVED)
+    ]
+    near = [tried[place][1] for place in far]
+    finished = each(lambda f: settled(problem, f.terms, f.values, f.sensitivities), near)
+    for place, anew in zip(far, finished, strict=True):
+        tried[place] = (fit.cost - anew.cost, anew, tried[place][2])
     tried.sort(key=lambda t: (-t[0], t[2].key))
     best: dict[str, Rival] = {}
     for gain, refit, term in tried:
@@ -403,19 +401,28 @@ def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
 def settled(
     problem: Problem, terms: Sequence[Term], values: Mapping[str, float], held: Mapping[str, Raw] = MappingProxyType({})
 ) -> Fit:
-    """A finished fit; where it bends the description, the better of that and one that starts from what is described.
+    """A finished fit, or one that starts from what is described where that is better.
 
-    Numbers that were bent to stand for a missing mechanism may keep a fit in a valley of their own.
+    Numbers that were bent to stand for a missing mechanism may keep a fit in a valley of their own; a dent that teeth
+    leave before its bottom may be deeper and narrower as well.
     """
     fit = problem.fit(terms, values, held=held, to_end=True)
-    if fit.cost - fit.misfit < BENT:
-        return fit
     own = {p.name: fit.values[p.name] for term in terms for p in term.parameters}
+    starts = [own] if fit.cost - fit.misfit > BENT else []
+    for term in terms:
+        depth, width = term.parameters[0], term.parameters[-1]
+        if term.mechanism == "tooth_damage" and own[depth.name] > LEFT * depth.high:
+            starts.append({**own, depth.name: 2.0 * own[depth.name], width.name: 0.5 * own[width.name]})
+    anew = each(lambda start: _fitted(problem, terms, start), starts)
+    return min([fit, *(f for f in anew if f)], key=lambda f: f.cost)
+
+
+def _fitted(problem: Problem, terms: Sequence[Term], start: Mapping[str, float]) -> Fit | None:
+    """A finished fit, None where that cannot be simulated."""
     try:
-        straight = problem.fit(terms, own, to_end=True)
+        return problem.fit(terms, start, to_end=True)
     except ChainError:
-        return fit
-    return min(fit, straight, key=lambda f: f.cost)
+        return None
 
 
 def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from sim.chain_model import Array, ChainError
-from sim.discrepancy.fit import Fit, Problem
+from sim.discrepancy.fit import Fit, Problem, each
 from sim.discrepancy.nameless import CURVES
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weights import WEIGHTS, Weights
@@ -74,11 +74,9 @@ def standings(
             less = problem.fit(rest, fit.values, held=fit.sensitivities)
             shared = min(beyond, max(0.0, gains[term.key] - (less.cost - fit.cost)))
         present = {t.key for t in plain.terms}
-        against = []
-        for other, values in [r for r in rivals.get(term.key, ()) if r[0].key not in present][:CLOSEST]:
-            instead = in_place(problem, plain, term, other, values)
-            if instead is not None:
-                against.append((other, paired(advantage(instead, plain))))
+        tried = [r for r in rivals.get(term.key, ()) if r[0].key not in present][:CLOSEST]
+        instead = each(lambda r, term=term: in_place(problem, plain, term, *r), tried)  # type: ignore[misc]
+        against = [(r[0], paired(advantage(f, plain))) for r, f in zip(tried, instead, strict=True) if f]
         out[term.key] = Standing(gains[term.key], gains[term.key] / fit.misfit, shared, tuple(against))
     return out
 
