@@ -131,7 +131,9 @@ def _stribeck(level: float, top: float) -> Term:
         Parameter(speed, 0.07 * top, 0.007 * top, 0.2 * top, 0.01 * top, 0.4 * top),
     )
     probes = tuple(({torque: step, speed: share * top},) for share in (0.03, 0.08, 0.2))
-    return Term("stribeck_friction", "motor", parameters, probes, report, apply, positive=True, size=0.1 * step)
+    return Term(
+        "stribeck_friction", "motor", parameters, probes, report, apply, positive=True, size=0.1 * step, shape=(speed,)
+    )
 
 
 def _asymmetry(level: float, top: float) -> Term:
@@ -277,7 +279,7 @@ def _resonance(axis: Axis) -> Term:
     return Term(
         "structural_resonance", "load", parameters, probes,
         lambda v: {"frequency_hz": v[frequency], "share": v[share], "damping_ratio": v[damping]},
-        load_torque=torque, positive=True, nonlinear=True, size=0.02,
+        load_torque=torque, positive=True, nonlinear=True, size=0.02, shape=(frequency, damping),
         magnitude=lambda v: v[share] if v[damping] < 0.95 * SOFT else 0.0,
     )  # fmt: skip
 
@@ -394,7 +396,7 @@ def _hysteresis(name: str, k: int, torque: float, twist: float) -> Term:
     probes = tuple(({level: 0.03 * torque, width: share * twist},) for share in (0.05, 0.2, 0.6))
     return Term(
         "hysteresis", name, parameters, probes, lambda v: {"torque_n_m": v[level], "width_rad": v[width]},
-        apply, positive=True, nonlinear=True, size=0.005 * torque,
+        apply, positive=True, nonlinear=True, size=0.005 * torque, shape=(width,),
     )  # fmt: skip
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from copy import copy
 from dataclasses import dataclass, field, replace
@@ -104,14 +104,18 @@ class Fit:
         unit = steps / scale
         return curved * np.outer(unit, unit), pulls * unit
 
-    def deviation(self, change: Mapping[str, float]) -> float:
-        """Standard deviation of a number that changes by `change` per unit of each parameter.
+    def deviation(self, change: Mapping[str, float], known: Collection[str] = ()) -> float:
+        """Standard deviation of a number that changes by `change` per unit of each parameter, were `known` known.
 
         By the curvature at the optimum, or by how blocks of time disagree where that says more: the sandwich of White
         (Econometrica 48 (1980) 817) over contiguous blocks holds for noise that the whitening has left coloured and
         for a form that is not quite that of the axis.
         """
         curved, pulls = self._influence
+        held = [k for k, p in enumerate(self.parameters) if p.name in known]
+        if held:
+            share = curved[:, held] @ np.linalg.pinv(curved[np.ix_(held, held)], hermitian=True)
+            curved, pulls = curved - share @ curved[held], pulls - pulls[:, held] @ share.T
         slope = np.array([change.get(p.name, 0.0) for p in self.parameters])
         return math.sqrt(max(float(slope @ curved @ slope), float(np.sum((pulls @ slope) ** 2))))
 

@@ -19,7 +19,7 @@ from sim.discrepancy.scan import Place, scan
 from sim.discrepancy.screening import screen
 from sim.discrepancy.size import beyond, magnitude
 from sim.discrepancy.terms import Term
-from sim.discrepancy.weighing import Standing, advantage, named_alone, paired, standings
+from sim.discrepancy.weighing import Standing, advantage, in_place, named_alone, paired, standings
 
 Progress = Callable[[str, float], None]
 SHORTLIST = 5
@@ -32,8 +32,8 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
 ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
 LEAST_SHARE = 0.0012  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
-    OVER_SPEED: 0.01, OVER_ANGLE: 0.04, FIXED: 0.003,
-    "structural_resonance": 0.01, "hysteresis": 0.01, "stiffness_hardening": 0.002, "tooth_damage": 0.012,
+    OVER_SPEED: 0.004, OVER_ANGLE: 0.012, FIXED: 0.002,
+    "structural_resonance": 0.005, "hysteresis": 0.002, "stiffness_hardening": 0.002, "tooth_damage": 0.012,
 }  # fmt: skip
 LEAST_GAIN = 40.0  # the same for a short record
 MOTION_BAND_HZ = 40.0
@@ -311,29 +311,34 @@ def swap(
     better on unseen blocks. Rivals keep the numbers of their last fit.
     """
     for term in fit.terms:
-        tried = rivals.get(term.key, ())
-        own = next((r for r in tried if r.term.key == term.key), None)
+        tried = {r.term.key: r for r in rivals.get(term.key, ())}
+        own = tried.get(term.key)
         if own is None:
             continue
         present = {t.key for t in fit.terms}
         moved = elsewhere(problem, fit, own)
         others = {r.term.key for r in moved} | present
-        close = [r for r in tried if r.term.key not in others and r.gain > SWAP_SHARE * own.gain][:SWAPS]
-        for rival in [*moved, *close]:
-            rest = tuple(t for t in fit.terms if t is not term)
-            start = {**fit.values, **{p.name: rival.values[p.name] for p in rival.term.parameters}}
-            try:
-                instead = problem.fit((*rest, rival.term), start, held=fit.sensitivities)
-                if instead.cost - fit.cost < (1.0 - SWAP_SHARE) * rival.gain:
-                    instead = settled(problem, instead.terms, instead.values, instead.sensitivities)
-            except ChainError:
+        close = [r for key, r in tried.items() if key not in others and r.gain > SWAP_SHARE * own.gain][:SWAPS]
+
+        def instead(rival: Rival, term: Term = term, tried: Mapping[str, Rival] = tried) -> Fit | None:
+            known = tried.get(rival.term.key, rival)
+            fits = [
+                in_place(problem, fit, term, rival.term, r.values) for r in {id(r): r for r in (rival, known)}.values()
+            ]
+            return min((f for f in fits if f), key=lambda f: f.cost, default=None)
+
+        best = fit
+        for rival, other in zip([*moved, *close], each(instead, [*moved, *close]), strict=True):
+            if other is None:
                 continue
-            seen = replace(rival, gain=own.gain - (instead.cost - fit.cost), values=instead.values)
-            tried = (*(r for r in tried if r.term.key != rival.term.key), seen)
-            even = abs(instead.cost - fit.cost) < LEAST_SWAP and paired(advantage(fit, instead)) > 0.0
-            if most and (instead.cost < fit.cost - LEAST_SWAP or even):
-                return swap(problem, instead, {**rivals, rival.term.key: tried}, most - 1)
-        rivals = {**rivals, term.key: tuple(sorted(tried, key=lambda r: -r.gain))}
+            tried[rival.term.key] = replace(rival, gain=own.gain - (other.cost - fit.cost), values=other.values)
+            even = abs(other.cost - best.cost) < LEAST_SWAP and paired(advantage(best, other)) > 0.0
+            if other.cost < best.cost - LEAST_SWAP or even:
+                best = other
+        rivals = {**rivals, term.key: tuple(sorted(tried.values(), key=lambda r: (-r.gain, r.term.key)))}
+        if most and best is not fit:
+            rivals = {**rivals, best.terms[-1].key: rivals[term.key]}
+            return swap(problem, best, rivals, most - 1)
     return fit, rivals
 
 
@@ -377,7 +382,7 @@ def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
         if tries.get(term.key, 0) < (2 if term.nonlinear else 1):
             tries[term.key] = tries.get(term.key, 0) + 1
             jobs.append((term, start))
-    refits = each(lambda job: _refitted(problem, fit, job[0], {**fit.values, **job[1]}), jobs)
+    refits = each(lambda job: _refitted(problem, fit, *job), jobs)
     tried = [(fit.cost - refit.cost, refit, job[0]) for refit, job in zip(refits, jobs, strict=True) if refit]
     tried.sort(key=lambda t: (-t[0], t[2].key))
     # sensitivities change where contact is lost and where the rest moves far: anew for those that may be first
@@ -426,11 +431,22 @@ def _fitted(problem: Problem, terms: Sequence[Term], start: Mapping[str, float])
 
 
 def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:
-    """The model with one more term, or None where it cannot be simulated."""
-    try:
-        return problem.fit((*fit.terms, term), start, held=fit.sensitivities)
-    except ChainError:
-        return None
+    """The model with one more term, or None where it cannot be simulated; from what is described where `fit` bends it.
+
+    What is bent stands for the term, and moves back too slowly.
+    """
+    terms = (*fit.terms, term)
+    starts: list[tuple[Mapping[str, float], Mapping[str, Raw]]] = [({**fit.values, **start}, fit.sensitivities)]
+    if fit.cost - fit.misfit > BENT:
+        added = {p.name for t in terms for p in t.parameters}
+        starts.append(({name: value for name, value in starts[0][0].items() if name in added}, {}))
+    fits = []
+    for values, held in starts:
+        try:
+            fits.append(problem.fit(terms, values, held=held))
+        except ChainError:
+            continue
+    return min(fits, key=lambda f: f.cost, default=None)
 
 
 def damage_terms(problem: Problem, fit: Fit) -> list[Term]:

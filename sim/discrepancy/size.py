@@ -3,15 +3,20 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 
 from sim.discrepancy.fit import Fit
 from sim.discrepancy.parameters import Values
 from sim.discrepancy.terms import Term
 
 
-def deviations(fit: Fit, term: Term, numbers: Callable[[Values], Mapping[str, float]]) -> dict[str, float]:
-    """Standard deviation of each of `numbers`, which are made of the parameters of `term`, by small changes."""
+def deviations(
+    fit: Fit, term: Term, numbers: Callable[[Values], Mapping[str, float]], known: Collection[str] = ()
+) -> dict[str, float]:
+    """Standard deviation of each of `numbers`, which are made of the parameters of `term`, by small changes.
+
+    `known`: parameters that are taken as they are.
+    """
     centre = numbers(fit.values)
     slopes: dict[str, dict[str, float]] = {name: {} for name in centre}
     for parameter in term.parameters:
@@ -19,7 +24,7 @@ def deviations(fit: Fit, term: Term, numbers: Callable[[Values], Mapping[str, fl
         moved = numbers({**fit.values, parameter.name: fit.values[parameter.name] + step})
         for name, value in moved.items():
             slopes[name][parameter.name] = (value - centre[name]) / step
-    return {name: fit.deviation(slope) for name, slope in slopes.items()}
+    return {name: fit.deviation(slope, known) for name, slope in slopes.items()}
 
 
 def magnitude(term: Term, values: Values) -> float:
@@ -31,7 +36,7 @@ def beyond(term: Term, fit: Fit) -> float:
     """Standard deviations by which a term is larger than what does not matter or is as new; infinite without a name.
 
     For a dent either infinity: teeth may leave it before its bottom, and then how deep it is cannot be seen. Less than
-    anything for what has no size at all.
+    anything for what has no size at all. How large is asked of the shape as it was found.
     """
     if not term.named:
         return math.inf
@@ -41,5 +46,5 @@ def beyond(term: Term, fit: Fit) -> float:
     excess = size - term.size
     if term.mechanism == "tooth_damage":
         return math.copysign(math.inf, excess)
-    deviation = deviations(fit, term, lambda values: {"size": magnitude(term, values)})["size"]
+    deviation = deviations(fit, term, lambda values: {"size": magnitude(term, values)}, term.shape)["size"]
     return excess / max(deviation, 1e-6 * max(term.size, 1e-300))

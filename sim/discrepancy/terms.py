@@ -45,6 +45,7 @@ class Term:
     positive: bool = False
     nonlinear: bool = False
     replaces: tuple[str, ...] = ()
+    shape: tuple[str, ...] = ()  # parameters that say where it acts and not how much
     size: float = 0.0  # below this it does not matter in practice
     magnitude: Callable[[Values], float] | None = None  # what is held against `size`; default the first number reported
 
