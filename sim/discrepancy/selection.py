@@ -19,7 +19,7 @@ from sim.discrepancy.scan import Place, scan
 from sim.discrepancy.screening import screen
 from sim.discrepancy.size import beyond, magnitude
 from sim.discrepancy.terms import Term
-from sim.discrepancy.weighing import Standing, advantage, in_place, named_alone, paired, standings
+from sim.discrepancy.weighing import Standing, advantage, in_place, named_alone, own_of, paired, standings
 
 Progress = Callable[[str, float], None]
 SHORTLIST = 5
@@ -316,22 +316,21 @@ def swap(
         if own is None:
             continue
         present = {t.key for t in fit.terms}
-        moved = elsewhere(problem, fit, own)
-        others = {r.term.key for r in moved} | present
-        close = [r for key, r in tried.items() if key not in others and r.gain > SWAP_SHARE * own.gain][:SWAPS]
+        options = {r.term.key: [r] for r in elsewhere(problem, fit, own)}
+        for key, known in options.items():
+            known += [tried[key]] if key in tried else []
+        absent = [r for r in tried.values() if r.term.key not in present | options.keys()]
+        options |= {r.term.key: [r] for r in [r for r in absent if r.gain > SWAP_SHARE * own.gain][:SWAPS]}
 
-        def instead(rival: Rival, term: Term = term, tried: Mapping[str, Rival] = tried) -> Fit | None:
-            known = tried.get(rival.term.key, rival)
-            fits = [
-                in_place(problem, fit, term, rival.term, r.values) for r in {id(r): r for r in (rival, known)}.values()
-            ]
-            return min((f for f in fits if f), key=lambda f: f.cost, default=None)
+        def instead(known: Sequence[Rival], term: Term = term) -> Fit | None:
+            other = known[0].term
+            return in_place(problem, fit, term, other, [own_of(term, other, r.values) for r in known])
 
         best = fit
-        for rival, other in zip([*moved, *close], each(instead, [*moved, *close]), strict=True):
+        for (key, known), other in zip(options.items(), each(instead, options.values()), strict=True):
             if other is None:
                 continue
-            tried[rival.term.key] = replace(rival, gain=own.gain - (other.cost - fit.cost), values=other.values)
+            tried[key] = replace(known[0], gain=own.gain - (other.cost - fit.cost), values=other.values)
             even = abs(other.cost - best.cost) < LEAST_SWAP and paired(advantage(best, other)) > 0.0
             if other.cost < best.cost - LEAST_SWAP or even:
                 best = other

@@ -75,27 +75,35 @@ def standings(
             shared = min(beyond, max(0.0, gains[term.key] - (less.cost - fit.cost)))
         present = {t.key for t in plain.terms}
         tried = [r for r in rivals.get(term.key, ()) if r[0].key not in present][:CLOSEST]
-        instead = each(lambda r, term=term: in_place(problem, plain, term, *r), tried)  # type: ignore[misc]
-        against = [(r[0], paired(advantage(f, plain))) for r, f in zip(tried, instead, strict=True) if f]
+
+        def instead(rival: tuple[Term, Mapping[str, float]], term: Term = term) -> Fit | None:
+            other, values = rival
+            return in_place(problem, plain, term, other, (values, own_of(term, other, values)))
+
+        against = [(r[0], paired(advantage(f, plain))) for r, f in zip(tried, each(instead, tried), strict=True) if f]
         out[term.key] = Standing(gains[term.key], gains[term.key] / fit.misfit, shared, tuple(against))
     return out
 
 
-def in_place(problem: Problem, fit: Fit, term: Term, other: Term, values: Mapping[str, float]) -> Fit | None:
-    """`fit` with `other` in place of `term`, None where that cannot be simulated.
+def in_place(problem: Problem, fit: Fit, term: Term, other: Term, starts: Sequence[Mapping[str, float]]) -> Fit | None:
+    """`fit` with `other` in place of `term`, the best from `starts`, None where that cannot be simulated.
 
-    The better of two: from all numbers as they were when `other` was tried, and from those of `fit` with its own of
-    then; where teeth come loose and meet again, the way to the least squares is rough.
+    Where teeth come loose and meet again, the way to the least squares is rough.
     """
     terms = (*(t for t in fit.terms if t is not term), other)
-    own = {p.name for p in other.parameters} | set(term.replaces)
     fits = []
-    for start in (values, {name: value for name, value in values.items() if name in own}):
+    for start in starts:
         try:
             fits.append(problem.fit(terms, {**fit.values, **start}, held=fit.sensitivities, to_end=True))
         except ChainError:
             continue
     return min(fits, key=lambda f: f.cost, default=None)
+
+
+def own_of(term: Term, other: Term, values: Mapping[str, float]) -> dict[str, float]:
+    """Of the numbers with which `other` was tried, its own and those of which `term` takes the place."""
+    own = {p.name for p in other.parameters} | set(term.replaces)
+    return {name: value for name, value in values.items() if name in own}
 
 
 def named_alone(problem: Problem, fit: Fit) -> Fit:

@@ -8,8 +8,9 @@ import pytest
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis, read_axis
 from sim.discrepancy.condition import examine
-from sim.discrepancy.fit import Noise, Problem
+from sim.discrepancy.fit import Fit, Noise, Problem, each
 from sim.discrepancy.investigation import investigate
+from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.size import beyond, magnitude
 from sim.discrepancy.terms import Term
 from tests.discrepancy.telemetry_of import RATE_HZ, one_body
@@ -71,3 +72,33 @@ def test_a_channel_that_is_late_is_named_with_its_delay() -> None:
     said = investigate(axis(), Telemetry(told.time_s, channels))
     assert [f.mechanism for f in said.findings] == ["time_delay"]
     assert said.findings[0].parameters[0].value == pytest.approx(0.004, rel=0.15)
+
+
+def two_columns(alike: float, scores: float = 0.0) -> Fit:
+    """A fit of unit noise to two columns of which only the difference from `alike` tells them apart."""
+    rng = np.random.default_rng(7)
+    first, second = rng.standard_normal((2, 4000))
+    columns = np.stack([first, alike * first + np.sqrt(1.0 - alike**2) * second], axis=1)
+    residual = rng.standard_normal(4000) * (1.0 + scores * np.abs(first))
+    residual -= columns @ np.linalg.lstsq(columns, residual, rcond=None)[0]
+    parameters = (Parameter("a", 0.0, 1.0), Parameter("b", 0.0, 1.0))
+    return Fit((), parameters, {"a": 0.0, "b": 0.0}, residual, columns, float(residual @ residual), 4000)
+
+
+def test_a_sum_is_known_where_its_parts_are_not() -> None:
+    fit = two_columns(0.9999)
+    parts, together = fit.deviations(), fit.deviation({"a": 1.0, "b": 1.0})
+    assert together < 0.03 * min(parts.values())
+    assert fit.deviation({"a": 1.0}, known=["b"]) == pytest.approx(1.0 / np.sqrt(4000), rel=0.2)
+
+
+def test_noise_that_grows_with_what_is_fitted_widens_its_deviation() -> None:
+    even, grown = two_columns(0.0), two_columns(0.0, scores=4.0)
+    assert grown.deviation({"a": 1.0}) > 3.0 * even.deviation({"a": 1.0})
+
+
+def test_what_is_fitted_side_by_side_is_what_is_fitted_one_after_the_other() -> None:
+    one = problem(one_body(0.3, 1.0, 0.02, 6))
+    starts = [{"motor.inertia_kg_m2": j} for j in (0.2, 0.3, 0.4)]
+    together = each(lambda start: one.fit((), start), starts)
+    assert [f.cost for f in together] == [one.fit((), start).cost for start in starts]

@@ -31,6 +31,7 @@ def test_the_low_pass_halves_the_power_at_its_cut() -> None:
 def test_standstill_does_not_count() -> None:
     t = np.arange(4000) / 1000.0
     angle = np.where(t < 2.0, 30.0 * t, 60.0)
-    prepared = prepare(1000.0, np.zeros(t.size), angle, None)
+    prepared = prepare(1000.0, np.zeros(t.size), angle, angle / 10.0)
     assert prepared.weight[prepared.time_s > 2.2].max() == 0.0
+    assert prepared.load_weight[prepared.time_s > 2.2].max() == 0.0  # dry friction at the load holds what it likes
     assert prepared.weight[(prepared.time_s > 0.5) & (prepared.time_s < 1.8)].min() == 1.0

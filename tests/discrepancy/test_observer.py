@@ -6,6 +6,7 @@ import pytest
 from sim.chain_model import Chain, Link, Shaft
 from sim.discrepancy.measurement import prepare
 from sim.discrepancy.observer import Nuisance, Observer
+from sim.discrepancy.observer_kernel import _sine_cosine
 from tests.discrepancy.telemetry_of import RATE_HZ, swing
 
 
@@ -46,3 +47,26 @@ def test_a_late_torque_channel_is_predicted_late(delay: float) -> None:
     late = observer.predict(chain, Nuisance(torque_delay_s=delay)).torque
     shifted = np.interp(m.time_s - delay, m.time_s, early)
     assert np.abs(late - shifted)[50:-50].max() < 2e-3 * np.abs(early).max()
+
+
+def test_a_known_error_of_the_load_encoder_is_taken_out_in_angle_and_speed() -> None:
+    t, angle, _, acceleration = swing()
+    inertia, stiffness, ratio = 2.0, 4e5, 10.0
+    load = angle / ratio - inertia * acceleration / ratio / stiffness
+    read = load + 1e-4 * np.sin(load)
+    chain = Chain((Shaft(0.01), Shaft(inertia)), (Link(ratio, stiffness, 60.0),))
+
+    def guide(encoder: np.ndarray, nuisance: Nuisance) -> np.ndarray:
+        observer = Observer(prepare(RATE_HZ, np.zeros(t.size), angle, encoder), inertia, 0.01)
+        observer.learn_noise(chain, nuisance)
+        return observer.predict(chain, nuisance).guide[500:-500]
+
+    true, wrong = guide(load, Nuisance()), guide(read, Nuisance())
+    mended = guide(read, Nuisance(load_error_rad=(1e-4, 0.0)))
+    assert np.std(mended - true) < 0.01 * np.std(wrong - true)
+
+
+def test_sine_and_cosine_of_one_angle() -> None:
+    angles = np.random.default_rng(1).uniform(-3e4, 3e4, 2000)
+    found = np.array([_sine_cosine(float(x)) for x in angles])
+    assert np.abs(found - np.stack([np.sin(angles), np.cos(angles)], axis=1)).max() < 1e-8
