@@ -213,13 +213,29 @@ def _finding(selection: Selection, term: Term) -> Finding:
     fit, standing = selection.fit, selection.standings[term.key]
     duration = float(selection.problem.measurement.time_s[-1])
     far = max(0.0, fit.misfit - FAR * fit.residual.size)  # the best model is not adequate
-    close = sorted({r.mechanism for r, t in standing.rivals if is_close(t)} - {term.mechanism})[:2]
+    alike = looks_like(selection.problem, term)
+    close = sorted({*alike, *(r.mechanism for r, t in standing.rivals if is_close(t))} - {term.mechanism})
+    close = [*alike, *(name for name in close if name not in alike)][:2]
     others = tuple(t for r, t in standing.rivals if r.mechanism not in close)
     seen = Evidence(standing.share, others, (standing.shared + far) / standing.gain)
     return Finding(
         term.mechanism, term.location, probability(seen), _term_estimates(fit, term, duration), tuple(close),
         explain(term.mechanism, term.location, term.report(fit.values)), seen,
     )  # fmt: skip
+
+
+def looks_like(problem: Problem, term: Term) -> tuple[str, ...]:
+    """What no measurement of motor and load tells from `term`.
+
+    Runout of the last gear and an error of the load encoder differ by the torque of the load's inertia along the
+    error: by the square of once per turn over the natural frequency, 0.2 % on a robot's joint.
+    """
+    last = problem.axis.stages[-1].name if problem.axis.stages else None
+    if not problem.guided or last is None:
+        return ()
+    if term.mechanism == "encoder_error":
+        return ("eccentricity",)
+    return ("encoder_error",) if (term.mechanism, term.location) == ("eccentricity", last) else ()
 
 
 def _term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, ...]:
