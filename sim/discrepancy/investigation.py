@@ -28,8 +28,8 @@ from sim.discrepancy.weighing import Evidence, is_close, probability
 
 VERSION = "1"
 NINETY = 1.645
-INFLATION = 2.5  # of deviations, so that intervals hold on the calibration seeds
-FORM_SHARE = 0.05  # of a size, which the form of its law leaves open
+INFLATION = 3.0  # of deviations, so that intervals hold on the calibration seeds
+FORM_SHARE = 0.08  # of a size, which the form of its law leaves open
 NO_SIZE = ("angle_rad", "phase_rad", "flank", "order", "frequency_hz")
 SAID = 0.5  # probability from which a name is said
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
