@@ -32,7 +32,7 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
 ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
 LEAST_SHARE = 0.0012  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
-    OVER_SPEED: 0.004, OVER_ANGLE: 0.012, FIXED: 0.002,
+    OVER_SPEED: 0.01, OVER_ANGLE: 0.012, FIXED: 0.002,
     "structural_resonance": 0.005, "hysteresis": 0.002, "stiffness_hardening": 0.002, "tooth_damage": 0.012,
 }  # fmt: skip
 LEAST_GAIN = 40.0  # the same for a short record
