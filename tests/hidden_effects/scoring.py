@@ -11,6 +11,7 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
+from statistics import median
 from typing import Any
 
 SAID = 0.5
@@ -219,8 +220,7 @@ def tables(scored: Sequence[Scored], seconds: Sequence[float]) -> str:
     ]
     lines += _size_lines(scored) + _calibration_lines(scored) + _outcome_lines(scored)
     if seconds:
-        ordered = sorted(seconds)
-        lines += ["", f"seconds per run: median {ordered[len(ordered) // 2]:.1f}, longest {ordered[-1]:.1f}"]
+        lines += ["", f"seconds per run: median {median(seconds):.1f}, longest {max(seconds):.1f}"]
     return "\n".join(lines)
 
 
