@@ -28,6 +28,7 @@ from sim.discrepancy.terms import Term
 
 Array = NDArray[np.float64]
 Raw = tuple[Array, Array]  # motor torque and guide torque
+Start = tuple[Mapping[str, float], Mapping[str, Raw]]  # numbers and sensitivities
 A = TypeVar("A")
 B = TypeVar("B")
 FILTER_S = 0.4  # length of the whitening filters: what noise remembers
@@ -78,6 +79,11 @@ class Fit:
     def misfit(self) -> float:
         """Sum of squares of the whitened residual."""
         return float(self.residual @ self.residual)
+
+    @property
+    def strain(self) -> float:
+        """What the fit costs by bending what was known: squared deviations of the numbers from it."""
+        return self.cost - self.misfit
 
     def blocks(self, count: int) -> list[NDArray[np.int64]]:
         """Rows of each of `count` equal parts of the time, of both channels."""
@@ -278,6 +284,21 @@ class Problem:
         return Fit(
             tuple(terms), parameters, state.values, state.residual, columns, state.cost, self.measurement.samples, known
         )
+
+    def best(self, terms: Sequence[Term], starts: Sequence[Start], *, to_end: bool = True) -> Fit | None:
+        """The best fit from several starts, each with the sensitivities known there; None where none can be simulated.
+
+        Where teeth come loose and meet again, the way to the least squares is rough.
+        """
+
+        def fitted(start: Start) -> Fit | None:
+            values, held = start
+            try:
+                return self.fit(terms, values, held=held, to_end=to_end)
+            except ChainError:
+                return None
+
+        return min((f for f in each(fitted, starts) if f), key=lambda f: f.cost, default=None)
 
     def _step(
         self, terms: Sequence[Term], parameters: Sequence[Parameter], state: _State, system: _System, damping: float

@@ -214,8 +214,8 @@ def _finding(selection: Selection, term: Term) -> Finding:
     duration = float(selection.problem.measurement.time_s[-1])
     far = max(0.0, fit.misfit - FAR * fit.residual.size)  # the best model is not adequate
     alike = looks_like(selection.problem, term)
-    close = sorted({*alike, *(r.mechanism for r, t in standing.rivals if is_close(t))} - {term.mechanism})
-    close = [*alike, *(name for name in close if name not in alike)][:2]
+    near = {r.mechanism for r, t in standing.rivals if is_close(t)} - {term.mechanism, *alike}
+    close = [*alike, *sorted(near)][:2]
     others = tuple(t for r, t in standing.rivals if r.mechanism not in close)
     seen = Evidence(standing.share, others, (standing.shared + far) / standing.gain)
     return Finding(

@@ -47,10 +47,10 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
     ends = [("motor", fit.residual[:n], m.rate_hz, level)]
     if problem.guided:
         ends.append(("load", fit.residual[n:], m.rate_hz / problem.guide_stride, level * problem.axis.ratio))
+    turned = [order for order in ORDERS if order * float(np.ptp(m.angle)) > math.pi * problem.axis.ratio]
     out = []
     for place, left, rate_hz, step in ends:
         out.append(over_speed(place, m, step))
-        turned = [order for order in ORDERS if order * float(np.ptp(m.angle)) > math.pi * problem.axis.ratio]
         if turned:
             out.append(over_angle(place, m, problem.axis.ratio, step, turned))
         if turned[-2:] == list(ORDERS[1:]):
@@ -80,7 +80,7 @@ def over_speed(place: str, m: Measurement, step: float) -> Term:
     return _shaped(OVER_SPEED, place, shapes, step, where)
 
 
-def over_angle(place: str, m: Measurement, ratio: float, step: float, orders: Sequence[int] = ORDERS) -> Term:
+def over_angle(place: str, m: Measurement, ratio: float, step: float, orders: Sequence[int]) -> Term:
     """Dry and viscous friction whose size is a wave over the angle of the load, which turns half of each at least."""
     waves = _waves(m, ratio, orders)
     even = m.speed / float(np.abs(m.speed).max())

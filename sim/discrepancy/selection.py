@@ -9,9 +9,8 @@ from types import MappingProxyType
 
 import numpy as np
 
-from sim.chain_model import ChainError
 from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
-from sim.discrepancy.fit import Fit, Noise, Problem, Raw, each
+from sim.discrepancy.fit import Fit, Noise, Problem, Raw, Start, each
 from sim.discrepancy.measurement import gaussian_kernel
 from sim.discrepancy.model import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.nameless import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED, nameless_terms
@@ -210,12 +209,12 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
     A mechanism goes before what has no name, unless that explains clearly more and holds on unseen rows.
     """
     rows = fit.residual.size
-    worth = [(r, evidence(r.term, r.gain, rows)) for r in tried]
-    fitting = [r for r, much in worth if much > ENOUGH and wanted(r.term, r.beyond)]
-    most = max((much for r, much in worth if r in fitting and r.term.named), default=0.0)
+    worth = {r.term.key: evidence(r.term, r.gain, rows) for r in tried}
+    fitting = [r for r in tried if worth[r.term.key] > ENOUGH and wanted(r.term, r.beyond)]
+    most = max((worth[r.term.key] for r in fitting if r.term.named), default=0.0)
     as_new = [r for r in fitting if r.term.mechanism == AS_NEW or r.beyond <= BEYOND]
     for best in fitting:
-        if not best.term.named and best not in as_new and evidence(best.term, best.gain, rows) < CLEARLY * most:
+        if not best.term.named and best not in as_new and worth[best.term.key] < CLEARLY * most:
             continue
         new = [best]
         if best in as_new and best.term.named:
@@ -412,21 +411,14 @@ def settled(
     """
     fit = problem.fit(terms, values, held=held, to_end=True)
     own = {p.name: fit.values[p.name] for term in terms for p in term.parameters}
-    starts = [own] if fit.cost - fit.misfit > BENT else []
+    starts: list[Start] = [(own, {})] if fit.strain > BENT else []
     for term in terms:
         depth, width = term.parameters[0], term.parameters[-1]
         if term.mechanism == "tooth_damage" and own[depth.name] > LEFT * depth.high:
-            starts.append({**own, depth.name: 2.0 * own[depth.name], width.name: 0.5 * own[width.name]})
-    anew = each(lambda start: _fitted(problem, terms, start), starts)
-    return min([fit, *(f for f in anew if f)], key=lambda f: f.cost)
-
-
-def _fitted(problem: Problem, terms: Sequence[Term], start: Mapping[str, float]) -> Fit | None:
-    """A finished fit, None where that cannot be simulated."""
-    try:
-        return problem.fit(terms, start, to_end=True)
-    except ChainError:
-        return None
+            deeper = {**own, depth.name: 2.0 * own[depth.name], width.name: 0.5 * own[width.name]}
+            starts.append((deeper, {}))
+    anew = problem.best(terms, starts)
+    return anew if anew and anew.cost < fit.cost else fit
 
 
 def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:
@@ -435,17 +427,11 @@ def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]
     What is bent stands for the term, and moves back too slowly.
     """
     terms = (*fit.terms, term)
-    starts: list[tuple[Mapping[str, float], Mapping[str, Raw]]] = [({**fit.values, **start}, fit.sensitivities)]
-    if fit.cost - fit.misfit > BENT:
-        added = {p.name for t in terms for p in t.parameters}
-        starts.append(({name: value for name, value in starts[0][0].items() if name in added}, {}))
-    fits = []
-    for values, held in starts:
-        try:
-            fits.append(problem.fit(terms, values, held=held))
-        except ChainError:
-            continue
-    return min(fits, key=lambda f: f.cost, default=None)
+    values = {**fit.values, **start}
+    starts: list[Start] = [(values, fit.sensitivities)]
+    if fit.strain > BENT:
+        starts.append(({p.name: values[p.name] for t in terms for p in t.parameters if p.name in values}, {}))
+    return problem.best(terms, starts, to_end=False)
 
 
 def damage_terms(problem: Problem, fit: Fit) -> list[Term]:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import log_ndtr
 
-from sim.chain_model import Array, ChainError
+from sim.chain_model import Array
 from sim.discrepancy.fit import Fit, Problem, each
 from sim.discrepancy.nameless import CURVES
 from sim.discrepancy.terms import Term
@@ -86,18 +86,9 @@ def standings(
 
 
 def in_place(problem: Problem, fit: Fit, term: Term, other: Term, starts: Sequence[Mapping[str, float]]) -> Fit | None:
-    """`fit` with `other` in place of `term`, the best from `starts`, None where that cannot be simulated.
-
-    Where teeth come loose and meet again, the way to the least squares is rough.
-    """
+    """`fit` with `other` in place of `term`, the best from `starts`, None where that cannot be simulated."""
     terms = (*(t for t in fit.terms if t is not term), other)
-    fits = []
-    for start in starts:
-        try:
-            fits.append(problem.fit(terms, {**fit.values, **start}, held=fit.sensitivities, to_end=True))
-        except ChainError:
-            continue
-    return min(fits, key=lambda f: f.cost, default=None)
+    return problem.best(terms, [({**fit.values, **start}, fit.sensitivities) for start in starts])
 
 
 def own_of(term: Term, other: Term, values: Mapping[str, float]) -> dict[str, float]:
@@ -120,7 +111,7 @@ def advantage(less: Fit, more: Fit) -> Array:
     """
     drop = held_out_squares(less) - held_out_squares(more)
     rest = np.delete(drop, int(np.argmax(np.abs(drop))))
-    return np.asarray(rest + ((less.cost - less.misfit) - (more.cost - more.misfit)) / BLOCKS)
+    return np.asarray(rest + (less.strain - more.strain) / BLOCKS)
 
 
 def paired(drop: Array) -> float:
