@@ -14,6 +14,7 @@ Array = NDArray[np.float64]
 RATE_HZ = 1000.0  # of the prepared channels: four times the fastest mode that matters
 WIDE_SHARE = 0.3  # -3 dB frequency of torque and acceleration over the sample rate
 ANGLE_CUT_HZ = 150.0  # motor angle that drives the chain: far above its modes, below the encoder's noise
+SLOW_ANGLE_CUT_HZ = 40.0  # the same without its encoder's noise, which a spring and a damper turn into torque
 DIRECT_ANGLE_CUT_HZ = 25.0  # the same without gears: a stiff coupling makes torque of the encoder's noise
 LOAD_CUT_HZ = 50.0  # above this a load encoder of 20 bits says nothing about torque
 LOAD_MOTION_CUT_HZ = 10.0  # the same for the load's angle
@@ -28,8 +29,8 @@ class Measurement:
     """Channels over one clock after smoothing; every array has shape (n,).
 
     `torque` and `acceleration` share one wide kernel [N m], [rad/s2]; `slow_acceleration` is nearly free of noise;
-    `angle`, `speed` drive the chain; `load_angle`, `load_speed` are None without a load encoder, `slow_...` are nearly
-    free of noise. `weight`: 1 where the motor torque counts, 0 where it does not.
+    `angle`, `speed` are of the motor; `load_angle`, `load_speed` are None without a load encoder; `slow_...` drive the
+    chain, nearly free of noise. `weight`: 1 where the motor torque counts, 0 where it does not.
     """
 
     rate_hz: float
@@ -39,6 +40,8 @@ class Measurement:
     slow_acceleration: Array
     angle: Array
     speed: Array
+    slow_angle: Array
+    slow_speed: Array
     load_angle: Array | None
     load_speed: Array | None
     slow_load_angle: Array | None
@@ -91,9 +94,10 @@ def prepare(
     stride = max(1, round(rate_hz / RATE_HZ))
     rate = rate_hz / stride
     wide, cut = WIDE_SHARE * rate, min(angle_cut_hz, 0.2 * rate)
+    slow_cut = min(cut, SLOW_ANGLE_CUT_HZ)
     load_cut, slow = min(LOAD_CUT_HZ, 0.1 * rate), min(MOTION_CUT_HZ, 0.1 * rate)
     load_slow = min(LOAD_MOTION_CUT_HZ, 0.05 * rate)
-    margin = max(gaussian_kernel(c, rate_hz, 0).size // 2 for c in (wide, cut, load_cut, slow, load_slow))
+    margin = max(gaussian_kernel(c, rate_hz, 0).size // 2 for c in (wide, cut, slow_cut, load_cut, slow, load_slow))
 
     def channel(values: Array | None, cut_hz: float, derivative: int) -> Array:
         return smooth(np.zeros(0) if values is None else values, cut_hz, rate_hz, derivative, margin)[::stride].copy()
@@ -119,6 +123,8 @@ def prepare(
         slow_acceleration=channel(angle, slow, 2),
         angle=channel(angle, cut, 0),
         speed=speed,
+        slow_angle=channel(angle, slow_cut, 0),
+        slow_speed=channel(angle, slow_cut, 1),
         load_angle=load(load_cut, 0),
         load_speed=load(load_cut, 1),
         slow_load_angle=load(load_slow, 0),

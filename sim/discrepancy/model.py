@@ -28,7 +28,7 @@ def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float) -> tuple[P
         out.append(_share("motor.viscous_friction_n_m_s_per_rad", axis.motor.viscous_friction_n_m_s_per_rad, 0.1))
     if has_links(axis):
         out += _link_parameters(axis)
-        out += _load_parameters(axis, load_encoder)
+        out += _load_parameters(axis, load_encoder, level_n_m)
     out.append(Parameter("offset_n_m", 0.0, 0.002 * level_n_m, 0.003 * level_n_m))
     out.append(Parameter("torque_delay_s", 0.0, 1e-4, 3e-4, -0.02, 0.02))
     return tuple(out)
@@ -61,7 +61,7 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
     return out
 
 
-def _load_parameters(axis: Axis, load_encoder: bool) -> list[Parameter]:
+def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float) -> list[Parameter]:
     out = [_share("load.inertia_kg_m2", axis.load.inertia_kg_m2, 0.15)]
     if axis.load.coulomb_friction_n_m:
         out.append(_share("load.coulomb_friction_n_m", axis.load.coulomb_friction_n_m, 0.1))
@@ -77,6 +77,11 @@ def _load_parameters(axis: Axis, load_encoder: bool) -> list[Parameter]:
             spread = math.hypot(0.5 * new, RUNOUT_OVER_MESH * mesh)
             for part in PARTS:
                 out.append(Parameter(f"load_encoder.error_{part}_rad", 0.0, 0.3 * new, spread, -3 * new, 3 * new))
+    else:  # it may swing when the record begins
+        twist = level_n_m * axis.ratio * compliance(axis)
+        rate = twist / math.sqrt(compliance(axis) * max(axis.load.inertia_kg_m2, 1e-12))
+        out.append(Parameter("start_rad", 0.0, 0.03 * twist, 2.0 * twist))
+        out.append(Parameter("start_rad_s", 0.0, 0.03 * rate, 2.0 * rate))
     return out
 
 
@@ -188,4 +193,5 @@ def nuisance_of(values: Values) -> Nuisance:
         get("load_offset_rad", 0.0),
         get("loss_split", 0.5),
         (1e-3, get("friction_width.load", 1.5e-3)),
+        (get("start_rad", 0.0), get("start_rad_s", 0.0)),
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import Lock
@@ -11,7 +12,7 @@ import numpy as np
 from sim.chain_model import Array, Chain
 from sim.discrepancy.measurement import LOAD_MOTION_CUT_HZ, Measurement
 from sim.discrepancy.observer_kernel import motor_torque, run
-from sim.discrepancy.packing import Packed, pack, steady_twist, substeps
+from sim.discrepancy.packing import Packed, lag_of, pack, steady_twist, substeps
 
 GUIDE_RAD_S = 2.0 * np.pi * 25.0  # bandwidth of the guide: above the drive train's modes that matter
 
@@ -24,7 +25,8 @@ class Nuisance:
     """What belongs to the measurement and not to the axis.
 
     `torque_delay_s`: the torque channel is late by this; `load_delay_s` the load encoder; `load_error_rad` sine and
-    cosine amplitude of the encoder's error once per revolution; `loss_split`: share of mesh losses on the driven side.
+    cosine amplitude of the encoder's error once per revolution; `loss_split`: share of mesh losses on the driven side;
+    `start`: angle [rad] and speed [rad/s] by which a load without encoder is ahead of where the motor takes it.
     """
 
     torque_delay_s: float = 0.0
@@ -33,6 +35,7 @@ class Nuisance:
     load_offset_rad: float = 0.0
     loss_split: float = 0.5
     friction_width: tuple[float, float] = (1e-3, 1e-3)  # of the largest speed: motor, load
+    start: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)
@@ -65,6 +68,10 @@ class Observer:
         return np.stack([self.measurement.angle, self.measurement.speed])
 
     @cached_property
+    def _slow_motion(self) -> Array:
+        return np.stack([self.measurement.slow_angle, self.measurement.slow_speed])
+
+    @cached_property
     def _top(self) -> float:
         return float(np.abs(self.measurement.speed).max())
 
@@ -81,14 +88,14 @@ class Observer:
     def predict(self, chain: Chain, nuisance: Nuisance) -> Prediction:
         """Simulate `chain` along the measured motion."""
         m = self.measurement
-        model, motion = pack(chain), self._motion
+        model, motion = pack(chain), self._slow_motion
         motor = np.empty(m.samples)
         width = nuisance.friction_width[0] * self._top
         motor_torque(model[0], model[8], motion, width, 1.0 / m.rate_hz, motor)
         motor += chain.shafts[0].inertia_kg_m2 * m.slow_acceleration
         guide, angle = np.zeros(m.samples), motion[0]
         if chain.links:
-            out = self._links(chain, model, motion, nuisance, slow=True)
+            out = self._links(chain, model, nuisance, slow=True)
             motor, guide, angle = motor + out[0], out[2] * self._even(chain), out[1]
         if nuisance.torque_delay_s:
             motor = _delayed(motor, nuisance.torque_delay_s * m.rate_hz)
@@ -112,14 +119,15 @@ class Observer:
         """Keep what the fast part of both encoders' signals, which is noise, makes of this chain."""
         self.noise_inertia = chain.shafts[0].inertia_kg_m2
         self._noise = None
-        if chain.links and self.measurement.load_angle is not None:
+        if chain.links:
             model = pack(chain)
-            self._noise = self._links(chain, model, self._motion, nuisance, False) - self._links(
-                chain, model, self._motion, nuisance, True
+            self._noise = self._links(chain, model, nuisance, slow=False) - self._links(
+                chain, model, nuisance, slow=True
             )
 
-    def _links(self, chain: Chain, model: Packed, motion: Array, nuisance: Nuisance, slow: bool) -> Array:
+    def _links(self, chain: Chain, model: Packed, nuisance: Nuisance, *, slow: bool) -> Array:
         m = self.measurement
+        motion = self._slow_motion if slow else self._motion
         n = len(chain.shafts)
         guide, gains = np.zeros((2, 1)), np.zeros(2)
         angle, speed = (m.slow_load_angle, m.slow_load_speed) if slow else (m.load_angle, m.load_speed)
@@ -133,9 +141,12 @@ class Observer:
             gains = self.guide_inertia * np.array([GUIDE_RAD_S**2, 1.4 * GUIDE_RAD_S])
         ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
         widths = nuisance.friction_width[1] * self._top / ratios
-        start = np.concatenate([*steady_twist(chain, motion[:, 0]), np.zeros(n - 1)])
+        angles, speeds = steady_twist(chain, motion[:, 0], float(m.slow_acceleration[0]))
         if gains[0] > 0.0:
-            start[n - 2], start[2 * n - 3] = guide[0, 0], guide[1, 0]
+            angles[-1], speeds[-1] = guide[0, 0], guide[1, 0]
+        else:
+            angles, speeds = (x + s * lag_of(chain) for x, s in zip((angles, speeds), nuisance.start, strict=True))
+        start = np.concatenate([angles, speeds, np.zeros(n - 1)])
         steps = substeps(chain, m.rate_hz, gains)
         setting = np.array([nuisance.loss_split, steps, slow])
         inner = (
@@ -175,6 +186,16 @@ def loudness(chain: Chain, inertia: float) -> float:
 
 
 def _delayed(values: Array, samples: float) -> Array:
-    """Shift by a fraction of a sample or a few of them (cubic through four neighbours would gain nothing here)."""
-    grid = np.arange(values.size, dtype=np.float64)
-    return np.interp(grid - samples, grid, values) if abs(samples) > 1.0 else values - samples * np.gradient(values)
+    """Shift by a part of a sample or more: the cubic through four neighbours (Lagrange), smooth in `samples`."""
+    whole = math.floor(samples)
+    u = 1.0 - (samples - whole)  # place between the second and the third neighbour
+    weights = (
+        -u * (u - 1.0) * (u - 2.0) / 6.0,
+        (u + 1.0) * (u - 1.0) * (u - 2.0) / 2.0,
+        -(u + 1.0) * u * (u - 2.0) / 2.0,
+        (u + 1.0) * u * (u - 1.0) / 6.0,
+    )
+    before, after = max(0, whole + 2), max(0, 1 - whole)
+    padded = np.concatenate([np.full(before, values[0]), values, np.full(after, values[-1])])
+    first = before - whole - 2
+    return np.asarray(sum(w * padded[first + k : first + k + values.size] for k, w in enumerate(weights)))
