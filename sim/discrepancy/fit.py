@@ -21,7 +21,7 @@ from sim.axis import Axis
 from sim.chain_model import Chain, ChainError
 from sim.discrepancy.entries import swinging, with_entries
 from sim.discrepancy.measurement import LOAD_CUT_HZ, Measurement
-from sim.discrepancy.model import base_parameters, chain_of, nuisance_of
+from sim.discrepancy.model import base_parameters, chain_of, locked_mode_hz, nuisance_of
 from sim.discrepancy.observer import Observer
 from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.terms import Term
@@ -35,6 +35,8 @@ FILTER_S = 0.4  # length of the whitening filters: what noise remembers
 WORKERS = 2
 SCORE_BLOCKS = 40
 FEWEST_BLOCKS = 16  # for the quartile of a spectrum
+MODE_BAND = 0.3  # around the load's own frequency
+MODE_NOISE = 100.0  # power of the noise there over its floor, where no encoder sees the load
 ACTIVE_ROUNDS = 4
 MOST_STEPS = 16
 DAMPINGS = 8
@@ -336,7 +338,7 @@ class Problem:
         """Filters that make the noise under the residual of `fit` white."""
         torque, guide = self.raw_residuals(fit.terms, fit.values)
         m = self.measurement
-        first, level = _whitener(torque, m.weight, m.rate_hz)
+        first, level = _whitener(torque, m.weight, m.rate_hz, None if self.guided else locked_mode_hz(self.axis))
         if not guide.size:
             return Noise(first, np.ones(1), level)
         stride = self.guide_stride
@@ -349,9 +351,14 @@ class Problem:
         return other
 
 
-def _whitener(values: Array, weight: Array, rate_hz: float) -> tuple[Array, Array]:
-    """Filter and level over time of the noise under `values`."""
-    taps = floor_filter(values, weight, int(rate_hz), int(FILTER_S * rate_hz))
+def _whitener(values: Array, weight: Array, rate_hz: float, mode_hz: float | None = None) -> tuple[Array, Array]:
+    """Filter and level over time of the noise under `values`; nearly deaf around `mode_hz`.
+
+    What shakes the load shakes it at its own frequency, and the drive answers: there the motor's motion, from which the
+    torque is predicted, is not independent of the noise, and a fit would damp the load to make it quiet.
+    """
+    deaf = None if mode_hz is None else mode_hz / rate_hz * np.array([1.0 - MODE_BAND, 1.0 + MODE_BAND])
+    taps = floor_filter(values, weight, int(rate_hz), int(FILTER_S * rate_hz), deaf)
     white = _filtered(taps, values)
     level = level_over_time(white, weight, int(rate_hz))
     moving = np.abs(white / level)[weight > 0.5]
@@ -376,7 +383,7 @@ def level_over_time(white: Array, weight: Array, block: int) -> Array:
     return np.asarray(np.maximum(np.interp(np.arange(white.size), centres, levels), 1.0), dtype=np.float64)
 
 
-def floor_filter(values: Array, weight: Array, block: int, length: int) -> Array:
+def floor_filter(values: Array, weight: Array, block: int, length: int, deaf: Array | None = None) -> Array:
     """Whitening filter (length,) of the noise under a residual that may still hold effects.
 
     The lower quartile over blocks of the spectrum, at each frequency, then a running median over frequency: neither
@@ -399,6 +406,9 @@ def floor_filter(values: Array, weight: Array, block: int, length: int) -> Array
     half = 4
     padded = np.concatenate([floor[half:0:-1], floor, floor[-2 : -2 - half : -1]])
     smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1)
+    if deaf is not None:
+        place = np.arange(smooth.size) / block
+        smooth[(place > deaf[0]) & (place < deaf[1])] *= MODE_NOISE
     return minimum_phase(1.0 / np.maximum(smooth, 1e-9 * smooth.max() + 1e-300), length)
 
 

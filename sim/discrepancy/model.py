@@ -62,7 +62,7 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
 
 
 def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float) -> list[Parameter]:
-    out = [_share("load.inertia_kg_m2", axis.load.inertia_kg_m2, 0.15)]
+    out = [_share("load.inertia_kg_m2", axis.load.inertia_kg_m2, 0.3)]
     if axis.load.coulomb_friction_n_m:
         out.append(_share("load.coulomb_friction_n_m", axis.load.coulomb_friction_n_m, 0.1))
         out.append(Parameter("friction_width.load", 1.5e-3, 3e-4, 1.5e-3, 2e-4, 2e-2))
@@ -114,6 +114,13 @@ def link_stiffness(axis: Axis, k: int) -> float:
 def compliance(axis: Axis) -> float:
     """Twist of the whole transmission per torque, at the load [rad/(N m)]."""
     return sum(1.0 / (link_stiffness(axis, k) * ratio_after(axis, k) ** 2) for k in range(len(stages_of(axis))))
+
+
+def locked_mode_hz(axis: Axis) -> float | None:
+    """Natural frequency of the load while the motor stands [Hz]; None for one body."""
+    if not has_links(axis):
+        return None
+    return 1.0 / (2.0 * math.pi * math.sqrt(compliance(axis) * max(axis.load.inertia_kg_m2, 1e-12)))
 
 
 def link_damping(axis: Axis, k: int) -> float:
