@@ -49,6 +49,61 @@ def test_a_late_torque_channel_is_predicted_late(delay: float) -> None:
     assert np.abs(late - shifted)[50:-50].max() < 2e-3 * np.abs(early).max()
 
 
+def test_a_delay_of_one_sample_is_between_a_little_less_and_a_little_more() -> None:
+    t, angle, _, _ = swing()
+    observer = Observer(prepare(RATE_HZ, np.zeros(t.size), angle, None), 1.0, 0.3)
+    chain = Chain((Shaft(0.3, 1.0, 0.02),))
+    less, one, more = (
+        observer.predict(chain, Nuisance(torque_delay_s=(1.0 + by) / RATE_HZ)).torque[50:-50] for by in (-0.01, 0.0, 0.01)
+    )
+    slope = more - less
+    assert np.std(less + more - 2.0 * one) < 0.3 * np.std(slope)
+
+
+def test_a_load_that_is_let_go_swings_at_its_own_frequency() -> None:
+    """Torque of its spring at the motor: that of an oscillator that starts at rest, ahead by one angle."""
+    inertia, stiffness, ratio, damping, ahead = 2.0, 8e3, 10.0, 5.0, 1e-3
+    t = np.arange(4000) / RATE_HZ
+    m = prepare(RATE_HZ, np.zeros(t.size), 50.0 * t, None)
+    chain = Chain((Shaft(0.01), Shaft(inertia)), (Link(ratio, stiffness, damping),))
+    observer = Observer(m, inertia, 0.01)
+    swung = observer.predict(chain, Nuisance(start=(ahead, 0.0))).torque - observer.predict(chain, Nuisance()).torque
+    since = m.time_s - m.time_s[0]
+    decay = 0.5 * damping / inertia
+    own = np.sqrt(stiffness / inertia - decay**2)
+    behind = -ahead * np.exp(-decay * since) * (np.cos(own * since) + decay / own * np.sin(own * since))
+    rate = ahead * np.exp(-decay * since) * (own + decay**2 / own) * np.sin(own * since)
+    expected = (stiffness * behind + damping * rate) / ratio
+    assert np.abs(swung - expected).max() < 1e-3 * np.abs(expected).max()
+
+
+def test_a_load_that_starts_with_the_motor_does_not_swing() -> None:
+    """Under constant acceleration the spring holds what the inertia needs, from the first sample on."""
+    inertia, stiffness, ratio, acceleration = 2.0, 8e3, 10.0, 30.0
+    t = np.arange(3000) / RATE_HZ
+    m = prepare(RATE_HZ, np.zeros(t.size), 5.0 * t + 0.5 * acceleration * t**2, None)
+    chain = Chain((Shaft(0.01), Shaft(inertia)), (Link(ratio, stiffness, 5.0),))
+    torque = Observer(m, inertia, 0.01).predict(chain, Nuisance()).torque
+    assert torque == pytest.approx((0.01 + inertia / ratio**2) * acceleration, rel=2e-3)
+
+
+def test_a_damper_makes_no_torque_of_the_noise_of_the_motor_encoder() -> None:
+    """What chains differ in above the motion does not depend on what the encoder adds."""
+    t, angle, _, _ = swing()
+    read = angle + 2e-5 * np.random.default_rng(1).standard_normal(t.size)
+    first = Chain((Shaft(0.01), Shaft(2.0)), (Link(10.0, 2e4, 20.0),))
+    damped = Chain(first.shafts, (Link(10.0, 2e4, 200.0),))
+
+    def differ(seen: np.ndarray) -> np.ndarray:
+        observer = Observer(prepare(RATE_HZ, np.zeros(t.size), seen, None), 1.0, 0.01)
+        observer.learn_noise(first, Nuisance())
+        return observer.predict(damped, Nuisance()).torque - observer.predict(first, Nuisance()).torque
+
+    added = np.std(differ(read) - differ(angle))
+    whole = 180.0 / 10.0**2 * 2e-5 * 2 * np.pi * 150.0 / np.sqrt(6.0)  # the damper's own of all noise below 150 Hz
+    assert added < 0.3 * whole
+
+
 def test_a_known_error_of_the_load_encoder_is_taken_out_in_angle_and_speed() -> None:
     t, angle, _, acceleration = swing()
     inertia, stiffness, ratio = 2.0, 4e5, 10.0

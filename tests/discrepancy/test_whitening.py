@@ -1,6 +1,7 @@
 """Noise becomes white and even: over frequency by a causal filter, over time by its level."""
 
 import numpy as np
+import pytest
 from scipy.signal import lfilter
 
 from sim.discrepancy.fit import floor_filter, level_over_time, minimum_phase
@@ -37,3 +38,13 @@ def test_a_burst_has_its_level_and_a_rare_spike_has_none() -> None:
     assert 3.4 < level[12_500] < 4.6
     assert level[5_000] < 1.2
     assert level[25_010] < 1.2
+
+
+def test_a_band_in_which_nothing_can_be_known_is_kept_out() -> None:
+    noise = np.random.default_rng(3).standard_normal(40 * RATE_HZ)
+    heard, deaf = (
+        np.abs(np.fft.rfft(floor_filter(noise, np.ones(noise.size), RATE_HZ, 400, band), RATE_HZ)) ** 2
+        for band in (None, np.array([0.010, 0.018]))
+    )
+    assert (deaf[12:17] < 0.05 * heard[12:17]).all()
+    assert deaf[30:] == pytest.approx(heard[30:], rel=0.2)
