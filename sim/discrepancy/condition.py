@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis
 from sim.chain_model import Array
-from sim.discrepancy.measurement import ANGLE_CUT_HZ, DIRECT_ANGLE_CUT_HZ, Measurement, prepare
+from sim.discrepancy.measurement import SLOW_ANGLE_CUT_HZ, SLOW_DIRECT_ANGLE_CUT_HZ, Measurement, prepare
 from sim.errors import SimulationError
 
 LEAST_SECONDS = 2.0
@@ -63,7 +63,7 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
     valid = np.where(held, 0.0, valid)
     valid = valid * _unclipped(even["torque"], faults)
     load_valid = None if load_lost is None else np.interp(grid, telemetry.time_s, (~load_lost).astype(float))
-    cut = ANGLE_CUT_HZ if axis.stages else DIRECT_ANGLE_CUT_HZ
+    cut = SLOW_ANGLE_CUT_HZ if axis.stages else SLOW_DIRECT_ANGLE_CUT_HZ
     measurement = prepare(rate, even["torque"], even["angle"], even.get("load"), valid, load_valid, cut)
     _check_torque(axis, measurement)
     remarks = [f"column {name} is no known channel and was not used" for name in telemetry.ignored]

@@ -14,8 +14,8 @@ Array = NDArray[np.float64]
 RATE_HZ = 1000.0  # of the prepared channels: four times the fastest mode that matters
 WIDE_SHARE = 0.3  # -3 dB frequency of torque and acceleration over the sample rate
 ANGLE_CUT_HZ = 150.0  # motor angle that drives the chain: far above its modes, below the encoder's noise
-SLOW_ANGLE_CUT_HZ = 40.0  # the same without its encoder's noise, which a spring and a damper turn into torque
-DIRECT_ANGLE_CUT_HZ = 25.0  # the same without gears: a stiff coupling makes torque of the encoder's noise
+SLOW_ANGLE_CUT_HZ = 40.0  # the same without its encoder's noise, which springs and dampers turn into torque
+SLOW_DIRECT_ANGLE_CUT_HZ = 12.0  # the same without gears, where a stiff coupling makes far more of it
 LOAD_CUT_HZ = 50.0  # above this a load encoder of 20 bits says nothing about torque
 LOAD_MOTION_CUT_HZ = 10.0  # the same for the load's angle
 MOTION_CUT_HZ = (
@@ -88,13 +88,13 @@ def prepare(
     load_angle: Array | None,
     valid: Array | None = None,
     load_valid: Array | None = None,
-    angle_cut_hz: float = ANGLE_CUT_HZ,
+    slow_angle_cut_hz: float = SLOW_ANGLE_CUT_HZ,
 ) -> Measurement:
     """Smooth evenly sampled channels of shape (n,), thin them to about `RATE_HZ`; `valid` is 1 where a row counts."""
     stride = max(1, round(rate_hz / RATE_HZ))
     rate = rate_hz / stride
-    wide, cut = WIDE_SHARE * rate, min(angle_cut_hz, 0.2 * rate)
-    slow_cut = min(cut, SLOW_ANGLE_CUT_HZ)
+    wide, cut = WIDE_SHARE * rate, min(ANGLE_CUT_HZ, 0.2 * rate)
+    slow_cut = min(cut, slow_angle_cut_hz)
     load_cut, slow = min(LOAD_CUT_HZ, 0.1 * rate), min(MOTION_CUT_HZ, 0.1 * rate)
     load_slow = min(LOAD_MOTION_CUT_HZ, 0.05 * rate)
     margin = max(gaussian_kernel(c, rate_hz, 0).size // 2 for c in (wide, cut, slow_cut, load_cut, slow, load_slow))

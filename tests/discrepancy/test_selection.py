@@ -46,7 +46,7 @@ def test_a_part_on_a_spring_adds_its_mass_below_its_frequency_and_nothing_far_ab
         w = 2.0 * np.pi * frequency_hz
         still = np.zeros(time.size)
         speed = np.cos(w * time) / w
-        m = Measurement(rate_hz, time, *[still] * 6, speed, still, speed, still, still)
+        m = Measurement(rate_hz, time, *[still] * 8, speed, still, speed, still, still)
         asked = swing(m, 2.0, 0.25, 6.0, 0.02)[20_000:]
         acceleration = -np.sin(w * time)[20_000:]
         assert asked @ acceleration / (acceleration @ acceleration) == pytest.approx(0.5 * wanted, abs=0.01)
