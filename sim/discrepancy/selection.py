@@ -29,12 +29,12 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
     (frozenset({"mesh_error", "torque_ripple"}), 0.05),
 )
 ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
-LEAST_SHARE = 0.0012  # of the squared residual: what the form of a model differs from any real axis
+LEAST_SHARE = 0.0008  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
     OVER_SPEED: 0.01, OVER_ANGLE: 0.012, FIXED: 0.002,
     "structural_resonance": 0.005, "hysteresis": 0.002, "stiffness_hardening": 0.002, "tooth_damage": 0.012,
 }  # fmt: skip
-LEAST_GAIN = 40.0  # the same for a short record
+LEAST_GAIN = 28.0  # the same for a short record
 MOTION_BAND_HZ = 40.0
 MOST_TRIES = 7
 DEPTHS = (0.03, 0.1, 0.3)  # of the working twist, where a dent is looked for
@@ -57,7 +57,7 @@ SWAP_SHARE = 0.7  # of the gain of what came in
 LEAST_SWAP = 10.0  # drop of the squared residual
 BEYOND = 2.0  # standard deviations
 ENOUGH = 2.5  # tempered nats that a term must bring
-WORTH_TRYING = 40.0  # drop of the whitened sum of squares that a screened term must promise
+WORTH_TRYING = 28.0  # drop of the whitened sum of squares that a screened term must promise
 TEMPERATURE = 0.3  # model errors make the residual less informative than its whitened length says
 
 
