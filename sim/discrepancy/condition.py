@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
 
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis
@@ -61,6 +62,7 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
     _check_motion(even["angle"])
     _check_load(axis, even["angle"], even.get("load"))
     valid = np.where(held, 0.0, valid)
+    even = {name: _bridged(values, valid) for name, values in even.items()}
     valid = valid * _unclipped(even["torque"], faults)
     load_valid = None if load_lost is None else np.interp(grid, telemetry.time_s, (~load_lost).astype(float))
     cut = SLOW_ANGLE_CUT_HZ if axis.stages else SLOW_DIRECT_ANGLE_CUT_HZ
@@ -131,10 +133,25 @@ def _held(angle: Array, torque: Array, valid: Array) -> NDArray[np.bool_]:
     usual = float(np.median(step))
     jump = np.abs(np.diff(torque))
     same = (step < 1e-4 * usual) & (jump <= 1e-4 * float(np.median(jump)))
-    local = np.convolve(step, np.ones(41) / 41, "same")
-    moving = (local > 0.2 * usual) & (local > 3.0 * _quantum(angle))
+    way = np.concatenate([[0.0], np.cumsum(step)])
+    rows = np.arange(step.size)
+    before = (way[rows] - way[np.maximum(rows - 20, 0)]) / 20
+    after = (way[np.minimum(rows + 21, step.size)] - way[rows + 1]) / 20
+    moving = np.minimum(before, after) > max(0.01 * usual, 8.0 * _quantum(angle))
     held: NDArray[np.bool_] = np.concatenate([[False], same & moving])
     return held & (valid > 0.5)
+
+
+def _bridged(values: Array, valid: Array) -> Array:
+    """Rows that were lost, on a smooth way between those beside them: a step would make the chain ring long after."""
+    good = np.flatnonzero(valid > 0.5)
+    if good.size == values.size or good.size < 2:
+        return values
+    out = values.copy()
+    lost = np.flatnonzero(valid <= 0.5)
+    lost = lost[(lost > good[0]) & (lost < good[-1])]
+    out[lost] = PchipInterpolator(good, values[good])(lost)
+    return out
 
 
 def _quantum(values: Array) -> float:

@@ -21,6 +21,7 @@ LOAD_MOTION_CUT_HZ = 10.0  # the same for the load's angle
 MOTION_CUT_HZ = (
     12.0  # acceleration below it is the motion's own; above, mostly the encoder's noise, which would shrink inertias
 )
+REACH = 4  # rows on either side of a gap that are felt, per row of it
 STANDSTILL_SHARE = 0.012  # of the largest speed: below, dry friction is whatever it needs to be
 
 
@@ -108,10 +109,11 @@ def prepare(
     speed = channel(angle, cut, 1)
     weight = standstill_weight(speed)
     load_weight = weight.copy()
+    least = gaussian_kernel(ANGLE_CUT_HZ, rate_hz, 0).size // 2
     if valid is not None:
-        weight = weight * _eroded(valid, margin)[::stride]
+        weight = weight * _trusted(valid, margin, least)[::stride]
     if load_valid is not None:
-        load_weight = load_weight * _eroded(load_valid, margin)[::stride]
+        load_weight = load_weight * _trusted(load_valid, margin, least)[::stride]
     settle = int(0.06 * rate)
     weight[:settle] = 0.0
     load_weight[:settle] = 0.0
@@ -141,8 +143,14 @@ def standstill_weight(speed: Array) -> Array:
     return u * u * (3.0 - 2.0 * u)
 
 
-def _eroded(valid: Array, margin: int) -> Array:
-    """1 where the whole smoothing window of a row can be trusted."""
-    bad = (valid < 0.5).astype(np.float64)
-    reach = np.convolve(bad, np.ones(2 * margin + 1), "valid")
-    return (reach < 0.5).astype(np.float64)
+def _trusted(valid: Array, margin: int, least: int) -> Array:
+    """1 where what was put in the place of lost rows is not felt: a long gap is felt further off, shape (n - 2 margin,).
+
+    `margin`: reach of the slowest kernel, in rows; `least`: of a kernel that a gap of a few rows still disturbs.
+    """
+    lost = np.diff(np.concatenate([[0], (valid < 0.5).astype(np.int64), [0]]))
+    out = np.ones(valid.size)
+    for first, end in zip(np.flatnonzero(lost > 0), np.flatnonzero(lost < 0), strict=True):
+        reach = min(margin, least + REACH * int(end - first))
+        out[max(first - reach, 0) : end + reach] = 0.0
+    return out[margin : valid.size - margin]
