@@ -81,6 +81,21 @@ def test_missing_and_repeated_rows_are_named_lost_samples() -> None:
     assert [f.mechanism for f in examine(AXIS, repeated).faults] == ["lost_samples"]
 
 
+def test_held_rows_are_bridged_and_most_rows_around_them_still_count() -> None:
+    """Two in a hundred rows hold the last value, at any speed; what moved is known as well as before."""
+    telemetry = one_body(0.3, 1.0, 0.0, 5)
+    rows, rng = np.arange(telemetry.rows), np.random.default_rng(2)
+    slow = int(np.argmin(np.abs(np.gradient(telemetry["motor_position_rad"]) - 0.003)))
+    for start in (slow, *rng.integers(1, rows.size - 10, 50)):
+        rows[start : start + 4] = rows[start - 1]
+    held = Telemetry(telemetry.time_s, {k: v[rows] for k, v in telemetry.channels.items()})
+    bridged, whole = examine(AXIS, held).measurement, examine(AXIS, telemetry).measurement
+    assert bridged.weight.mean() > 0.4 * whole.weight.mean()
+    assert np.abs(bridged.slow_acceleration - whole.slow_acceleration).max() < 5e-3 * np.abs(whole.acceleration).max()
+    fast = np.abs(bridged.acceleration - whole.acceleration)[bridged.weight > 0.5]
+    assert fast.max() < 0.02 * np.abs(whole.acceleration).max()
+
+
 def test_a_cut_torque_channel_is_named_clipping() -> None:
     telemetry = one_body(0.3, 1.0, 0.0, 6)
     torque = telemetry["motor_torque_nm"]
