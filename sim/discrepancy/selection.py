@@ -56,7 +56,7 @@ RIVAL_SHARE = 0.25  # of the gain of the best: less is no rival
 SWAP_SHARE = 0.7  # of the gain of what came in
 LEAST_SWAP = 10.0  # drop of the squared residual
 BEYOND = 2.0  # standard deviations
-ENOUGH = 2.5  # tempered nats that a term must bring
+ENOUGH = 2.0  # tempered nats that a term must bring
 WORTH_TRYING = 28.0  # drop of the whitened sum of squares that a screened term must promise
 TEMPERATURE = 0.3  # model errors make the residual less informative than its whitened length says
 
