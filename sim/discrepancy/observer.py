@@ -198,4 +198,4 @@ def _delayed(values: Array, samples: float) -> Array:
     before, after = max(0, whole + 2), max(0, 1 - whole)
     padded = np.concatenate([np.full(before, values[0]), values, np.full(after, values[-1])])
     first = before - whole - 2
-    return np.asarray(sum(w * padded[first + k : first + k + values.size] for k, w in enumerate(weights)))
+    return np.convolve(padded[first : first + values.size + 3], weights[::-1], "valid")
