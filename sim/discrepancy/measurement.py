@@ -144,7 +144,7 @@ def standstill_weight(speed: Array) -> Array:
 
 
 def _trusted(valid: Array, margin: int, least: int) -> Array:
-    """1 where what was put in the place of lost rows is not felt: a long gap is felt further off, shape (n - 2 margin,).
+    """1 where what stands in place of lost rows is not felt, shape (n - 2 margin,); a long gap is felt further off.
 
     `margin`: reach of the slowest kernel, in rows; `least`: of a kernel that a gap of a few rows still disturbs.
     """

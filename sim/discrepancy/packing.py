@@ -79,7 +79,7 @@ def substeps(chain: Chain, rate_hz: float, guide: Array) -> int:
 
 
 def steady_twist(chain: Chain, motion: Array, acceleration: float) -> tuple[Array, Array]:
-    """Angles and speeds (shafts - 1,) of the driven shafts that follow the motor, every spring in balance with its load.
+    """Angles and speeds (shafts - 1,) of driven shafts that follow the motor, every spring in balance with its load.
 
     `motion`: angle and speed of the motor; `acceleration`: its acceleration [rad/s2].
     """
