@@ -37,7 +37,7 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
     travel = float(np.ptp(measurement.angle))
     out += [_motor_wave("torque_ripple", order, level) for order in RIPPLE_ORDERS if travel * order > 4.0 * math.pi]
     out += [hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
-    out.append(_delay("torque_delay_s", "motor", 1e-3))
+    out.append(_delay("torque_delay_s", "motor", 6e-4))
     if has_links(axis):
         out += [
             term

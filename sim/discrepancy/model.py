@@ -12,6 +12,7 @@ from sim.discrepancy.parameters import Parameter, Values
 
 UNKNOWN_STIFFNESS_HZ = 80.0
 PARTS = ("sine", "cosine")
+SHARED_SPREAD = 0.4  # of a stage's stiffness, where only that of the whole transmission is given
 RUNOUT_OVER_MESH = 2.0  # of a gear as new: error once per turn over that per tooth
 
 
@@ -30,16 +31,18 @@ def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float) -> tuple[P
         out += _link_parameters(axis)
         out += _load_parameters(axis, load_encoder, level_n_m)
     out.append(Parameter("offset_n_m", 0.0, 0.002 * level_n_m, 0.003 * level_n_m))
-    out.append(Parameter("torque_delay_s", 0.0, 1e-4, 3e-4, -0.02, 0.02))
+    out.append(Parameter("torque_delay_s", 0.0, 1e-4, 2e-4, -0.02, 0.02))
     return tuple(out)
 
 
 def _link_parameters(axis: Axis) -> list[Parameter]:
     out = []
     stiffness = axis.stiffness()
+    open_stages = {stage.name for stage in axis.stages if stage.stiffness_n_m_per_rad is None}
     for k, stage in enumerate(stages_of(axis)):
         where = f"stages.{stage}"
-        out.append(_share(f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k), 0.05 if stiffness[k] else 1.0))
+        spread = SHARED_SPREAD if len(open_stages) > 1 and stage in open_stages else 0.05
+        out.append(_share(f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k), spread if stiffness[k] else 1.0))
         damp = link_damping(axis, k)
         out.append(Parameter(f"{where}.damping_n_m_s_per_rad", damp, 0.1 * damp, 0.4 * damp, 0.02 * damp, 30 * damp))
         if not axis.stages:
