@@ -57,7 +57,9 @@ SWAP_SHARE = 0.7  # of the gain of what came in
 LEAST_SWAP = 10.0  # drop of the squared residual
 BEYOND = 2.0  # standard deviations
 ENOUGH = 2.0  # tempered nats that a term must bring
+MORE = 4.0  # the same for what is as new or has no name: it only stands aside
 WORTH_TRYING = 28.0  # drop of the whitened sum of squares that a screened term must promise
+LINEAR, FAR_FROM_LINEAR = 0.1, 0.03  # of the best promise: less is no rival
 TEMPERATURE = 0.3  # model errors make the residual less informative than its whitened length says
 
 
@@ -210,7 +212,11 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
     """
     rows = fit.residual.size
     worth = {r.term.key: evidence(r.term, r.gain, rows) for r in tried}
-    fitting = [r for r in tried if worth[r.term.key] > ENOUGH and wanted(r.term, r.beyond)]
+    fitting = [
+        r
+        for r in tried
+        if worth[r.term.key] > (ENOUGH if r.term.named and r.beyond > BEYOND else MORE) and wanted(r.term, r.beyond)
+    ]
     most = max((worth[r.term.key] for r in fitting if r.term.named), default=0.0)
     as_new = [r for r in fitting if r.term.mechanism == AS_NEW or r.beyond <= BEYOND]
     for best in fitting:
@@ -375,8 +381,10 @@ def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
     for promised, term, start in screened:
         if not term.named:
             continue
-        if promised < max(WORTH_TRYING, 0.03 * screened[0][0]) or len(jobs) >= MOST_TRIES:
+        if promised < WORTH_TRYING or len(jobs) >= MOST_TRIES:
             break
+        if promised < (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]:
+            continue
         if tries.get(term.key, 0) < (2 if term.nonlinear else 1):
             tries[term.key] = tries.get(term.key, 0) + 1
             jobs.append((term, start))
