@@ -11,7 +11,7 @@ from sim.axis import Axis
 from sim.chain_model import Chain, Dent, with_link, with_shaft
 from sim.discrepancy.entries import DENT_SHARE, swing
 from sim.discrepancy.measurement import LOAD_MOTION_CUT_HZ, Array, Measurement
-from sim.discrepancy.model import PARTS, compliance, has_links, ratio_after, stages_of, wave
+from sim.discrepancy.model import PARTS, has_links, locked_mode_hz, ratio_after, stages_of, wave
 from sim.discrepancy.parameters import Parameter, Values
 from sim.discrepancy.terms import Report, Term
 
@@ -263,7 +263,7 @@ def _resonance(axis: Axis) -> Term:
     """A part of the load that swings on a spring of its own, where the load's motion is known well enough."""
     names = [_name("structural_resonance", "load", p) for p in ("share", "frequency_hz", "damping_ratio")]
     share, frequency, damping = names
-    mode = math.sqrt(1.0 / (compliance(axis) * max(axis.load.inertia_kg_m2, 1e-12))) / (2.0 * math.pi)
+    mode = locked_mode_hz(axis)
     start = min(mode, 0.8 * HIGHEST_SWING_HZ)
 
     def torque(m: Measurement, values: Values) -> Array:

@@ -21,7 +21,7 @@ from sim.axis import Axis
 from sim.chain_model import Chain, ChainError
 from sim.discrepancy.entries import swinging, with_entries
 from sim.discrepancy.measurement import LOAD_CUT_HZ, Measurement
-from sim.discrepancy.model import base_parameters, chain_of, locked_mode_hz, nuisance_of
+from sim.discrepancy.model import base_parameters, chain_of, has_links, locked_mode_hz, nuisance_of
 from sim.discrepancy.observer import Observer
 from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.terms import Term
@@ -171,7 +171,7 @@ class Problem:
     @property
     def guided(self) -> bool:
         m = self.measurement
-        return m.load_angle is not None and len(chain_of(self.axis, {}).links) > 0
+        return m.load_angle is not None and has_links(self.axis)
 
     @property
     def guide_stride(self) -> int:
@@ -338,7 +338,8 @@ class Problem:
         """Filters that make the noise under the residual of `fit` white."""
         torque, guide = self.raw_residuals(fit.terms, fit.values)
         m = self.measurement
-        first, level = _whitener(torque, m.weight, m.rate_hz, None if self.guided else locked_mode_hz(self.axis))
+        unseen = has_links(self.axis) and not self.guided
+        first, level = _whitener(torque, m.weight, m.rate_hz, locked_mode_hz(self.axis) if unseen else None)
         if not guide.size:
             return Noise(first, np.ones(1), level)
         stride = self.guide_stride

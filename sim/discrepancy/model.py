@@ -82,7 +82,7 @@ def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float) -> list[P
                 out.append(Parameter(f"load_encoder.error_{part}_rad", 0.0, 0.3 * new, spread, -3 * new, 3 * new))
     else:  # it may swing when the record begins
         twist = level_n_m * axis.ratio * compliance(axis)
-        rate = twist / math.sqrt(compliance(axis) * max(axis.load.inertia_kg_m2, 1e-12))
+        rate = 2.0 * math.pi * locked_mode_hz(axis) * twist
         out.append(Parameter("start_rad", 0.0, 0.03 * twist, 2.0 * twist))
         out.append(Parameter("start_rad_s", 0.0, 0.03 * rate, 2.0 * rate))
     return out
@@ -119,10 +119,8 @@ def compliance(axis: Axis) -> float:
     return sum(1.0 / (link_stiffness(axis, k) * ratio_after(axis, k) ** 2) for k in range(len(stages_of(axis))))
 
 
-def locked_mode_hz(axis: Axis) -> float | None:
-    """Natural frequency of the load while the motor stands [Hz]; None for one body."""
-    if not has_links(axis):
-        return None
+def locked_mode_hz(axis: Axis) -> float:
+    """Natural frequency of the load while the motor stands [Hz]."""
     return 1.0 / (2.0 * math.pi * math.sqrt(compliance(axis) * max(axis.load.inertia_kg_m2, 1e-12)))
 
 

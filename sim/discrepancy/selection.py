@@ -29,6 +29,8 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
     (frozenset({"mesh_error", "torque_ripple"}), 0.05),
 )
 ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
+LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
+LEFT_OUT_SHARE = 0.5  # of what others must gain
 LEAST_SHARE = 0.0008  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
     OVER_SPEED: 0.01, OVER_ANGLE: 0.012, FIXED: 0.002,
@@ -131,7 +133,12 @@ def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
 
 
 def penalty(term: Term, rows: int) -> float:
-    """Nats that a term must pay: half a log of the rows for each number, and for the places it was looked for."""
+    """Nats that a term must pay: half a log of the rows for each number, and for the places it was looked for.
+
+    Nothing for what every axis has: a description without friction is one that leaves it out.
+    """
+    if term.mechanism in LEFT_OUT:
+        return 0.0
     looks = 8.0 if term.mechanism == "tooth_damage" else math.log(max(len(term.probes), 1) + 1.0)
     return 0.5 * len(term.parameters) * math.log(rows) + looks
 
@@ -236,8 +243,9 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
 
 def matters(term: Term, gain: float, fit: Fit) -> bool:
     """Whether a gain is more than what the form of a model differs from any axis."""
+    part = LEFT_OUT_SHARE if term.mechanism in LEFT_OUT else 1.0
     share = LEAST_SHARES.get(term.mechanism, LEAST_SHARE)
-    return gain >= max(share * fit.misfit, LEAST_GAIN * max(1.0, fit.misfit / fit.residual.size))
+    return gain >= part * max(share * fit.misfit, LEAST_GAIN * max(1.0, fit.misfit / fit.residual.size))
 
 
 def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, dict[str, float]]:
@@ -333,8 +341,8 @@ def swap(
 
         best = fit
         for (key, known), other in zip(options.items(), each(instead, options.values()), strict=True):
-            if other is None:
-                continue
+            if other is None or not wanted(known[0].term, beyond(known[0].term, other)):
+                continue  # it would be taken away again
             tried[key] = replace(known[0], gain=own.gain - (other.cost - fit.cost), values=other.values)
             even = abs(other.cost - best.cost) < LEAST_SWAP and paired(advantage(best, other)) > 0.0
             if other.cost < best.cost - LEAST_SWAP or even:
@@ -381,8 +389,10 @@ def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
     for promised, term, start in screened:
         if not term.named:
             continue
-        if promised < WORTH_TRYING or len(jobs) >= MOST_TRIES:
+        if promised < LEFT_OUT_SHARE * WORTH_TRYING or len(jobs) >= MOST_TRIES:
             break
+        if promised < WORTH_TRYING and term.mechanism not in LEFT_OUT:
+            continue
         if promised < (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]:
             continue
         if tries.get(term.key, 0) < (2 if term.nonlinear else 1):
