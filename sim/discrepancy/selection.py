@@ -12,7 +12,7 @@ import numpy as np
 from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
 from sim.discrepancy.fit import Fit, Noise, Problem, Raw, Start, each
 from sim.discrepancy.measurement import gaussian_kernel
-from sim.discrepancy.model import link_stiffness, ratio_after, stages_of
+from sim.discrepancy.model import has_links, link_stiffness, ratio_after, stages_of
 from sim.discrepancy.nameless import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED, nameless_terms
 from sim.discrepancy.scan import Place, scan
 from sim.discrepancy.screening import screen
@@ -123,7 +123,7 @@ def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     Whitened rows weigh most what is fast, where a body's model is least true to its form; the least squares of the
     band in which torque is predicted are what its numbers are for.
     """
-    if problem.guided:
+    if has_links(problem.axis):
         return problem, fit
     torque, _ = problem.raw_residuals(fit.terms, fit.values)
     kernel = gaussian_kernel(MOTION_BAND_HZ, problem.measurement.rate_hz, 0)
