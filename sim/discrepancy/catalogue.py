@@ -11,11 +11,12 @@ from sim.axis import Axis
 from sim.chain_model import Chain, Dent, with_link, with_shaft
 from sim.discrepancy.entries import DENT_SHARE, swing
 from sim.discrepancy.measurement import LOAD_MOTION_CUT_HZ, Array, Measurement
-from sim.discrepancy.model import PARTS, has_links, locked_mode_hz, ratio_after, stages_of, wave
+from sim.discrepancy.model import PARTS, has_links, link_stiffness, locked_mode_hz, ratio_after, stages_of, wave
 from sim.discrepancy.parameters import Parameter, Values
 from sim.discrepancy.terms import Report, Term
 
 RIPPLE_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0)  # pole pairs, slots and their multiples
+FEWEST_TEETH = 8.0  # of a pinion
 LEAST_TURN = 0.5  # rad of the load over which weight shows
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
 SOFT = 0.03  # damping ratio at which a peak is the form of the model and no part that swings
@@ -35,7 +36,7 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
     if any(shaft.coulomb_n_m > 0.0 for shaft in present.shafts):
         out.append(_stribeck(level, top))
     travel = float(np.ptp(measurement.angle))
-    out += [_motor_wave("torque_ripple", order, level) for order in RIPPLE_ORDERS if travel * order > 4.0 * math.pi]
+    out += [_ripple(order, level, axis) for order in RIPPLE_ORDERS if travel * order > 4.0 * math.pi]
     out += [hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
     out.append(_delay("torque_delay_s", "motor", 6e-4))
     if has_links(axis):
@@ -218,8 +219,9 @@ def hum(frequency: float, level: float) -> Term:
     )
 
 
-def _motor_wave(mechanism: str, order: float, level: float) -> Term:
-    prefix = f"{mechanism}{order:g}@motor"
+def _ripple(order: float, level: float, axis: Axis) -> Term:
+    """Torque over the motor's angle; teeth of the first pair as new, where it may be theirs, are none."""
+    prefix = f"torque_ripple{order:g}@motor"
     step = 0.01 * level
 
     def torque(m: Measurement, values: Values) -> Array:
@@ -232,9 +234,20 @@ def _motor_wave(mechanism: str, order: float, level: float) -> Term:
             "phase_rad": math.atan2(values[f"{prefix}.cosine"], values[f"{prefix}.sine"]),
         }
 
+    size = max(0.3 * step, AS_NEW_FACTOR * _torque_of_teeth(axis, order))
     return Term(
-        mechanism, "motor", _pair(prefix, step), _pair_probe(prefix, step), report, torque=torque, size=0.3 * step
+        "torque_ripple", "motor", _pair(prefix, step), _pair_probe(prefix, step), report, torque=torque, size=size
     )
+
+
+def _torque_of_teeth(axis: Axis, order: float) -> float:
+    """What errors of the first gear pair as new may make at the motor once per `order` of its turns [N m]."""
+    if not axis.stages:
+        return 0.0
+    first = axis.stages[0]
+    teeth = first.driver_teeth
+    theirs = order >= FEWEST_TEETH if teeth is None else order % teeth == 0
+    return first.transmission_error_rad * link_stiffness(axis, 0) / first.ratio if theirs else 0.0
 
 
 def _gravity(step: float, shaft: int) -> Term:

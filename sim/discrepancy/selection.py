@@ -27,6 +27,7 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
     (frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"}), 0.1),
     (frozenset({"stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.35),
     (frozenset({"mesh_error", "torque_ripple"}), 0.05),
+    (frozenset({"eccentricity", "torque_ripple"}), 0.05),
 )
 ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
 LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
