@@ -6,10 +6,15 @@ import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
+from sim.axis import read_axis
+from sim.chain_model import Chain, Shaft
+from sim.discrepancy.catalogue import terms_of
 from sim.discrepancy.entries import swing
-from sim.discrepancy.measurement import Measurement
+from sim.discrepancy.measurement import Measurement, prepare
 from sim.discrepancy.nameless import line_of
 from sim.discrepancy.screening import least_squares_within
+from tests.discrepancy.telemetry_of import RATE_HZ
+from tests.discrepancy.telemetry_of import swing as motion
 
 
 def test_of_two_columns_that_are_alike_none_is_negative_where_it_may_not_be() -> None:
@@ -50,3 +55,22 @@ def test_a_part_on_a_spring_adds_its_mass_below_its_frequency_and_nothing_far_ab
         asked = swing(m, 2.0, 0.25, 6.0, 0.02)[20_000:]
         acceleration = -np.sin(w * time)[20_000:]
         assert asked @ acceleration / (acceleration @ acceleration) == pytest.approx(0.5 * wanted, abs=0.01)
+
+
+KNOWN, UNKNOWN = {"driver_teeth": 12, "driven_teeth": 60}, {"ratio": 5.0}
+
+
+@pytest.mark.parametrize(("teeth", "theirs"), [(UNKNOWN, {8.0, 10.0, 12.0, 18.0, 24.0}), (KNOWN, {12.0, 24.0})])
+def test_ripple_at_the_orders_of_the_first_pinion_must_be_more_than_its_teeth_as_new(
+    teeth: dict[str, float], theirs: set[float]
+) -> None:
+    stage = {"name": "output", **teeth, "stiffness_n_m_per_rad": 2e5, "transmission_error_rad": 3e-5}
+    axis = read_axis({"motor": {"inertia_kg_m2": 0.01}, "stages": [stage], "load": {"inertia_kg_m2": 0.3}})
+    _, angle, _, acceleration = motion()
+    m = prepare(RATE_HZ, 0.02 * acceleration, angle, None)
+    ripples = [term for term in terms_of(axis, m, Chain((Shaft(0.01),))) if term.mechanism == "torque_ripple"]
+    new = 3e-5 * 2e5 / 5.0
+    held = {
+        float(r.parameters[0].name.split("@")[0].removeprefix("torque_ripple")): r.size >= 3.0 * new for r in ripples
+    }
+    assert {order for order, is_held in held.items() if is_held} == theirs
