@@ -353,7 +353,7 @@ class Problem:
 
 
 def _whitener(values: Array, weight: Array, rate_hz: float, mode_hz: float | None = None) -> tuple[Array, Array]:
-    """Filter and level over time of the noise under `values`; nearly deaf around `mode_hz`.
+    """Filter and level over time of the noise under `values`; it counts less around `mode_hz`.
 
     What shakes the load shakes it at its own frequency, and the drive answers: there the motor's motion, from which the
     torque is predicted, is not independent of the noise, and a fit would damp the load to make it quiet.
@@ -389,6 +389,7 @@ def floor_filter(values: Array, weight: Array, block: int, length: int, deaf: Ar
 
     The lower quartile over blocks of the spectrum, at each frequency, then a running median over frequency: neither
     what comes and goes (reversals, passages of a tooth) nor lines of one order are taken for noise.
+    `deaf`: ends of a band [1 over a sample] in which the noise is taken for louder than it is.
     """
     block = max(64, min(block, values.size // 8))
     window = np.hanning(block)
