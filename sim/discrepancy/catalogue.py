@@ -22,6 +22,7 @@ HUM_HZ = (50.0, 60.0, 100.0, 120.0)
 SOFT = 0.03  # damping ratio at which a peak is the form of the model and no part that swings
 HIGHEST_SWING_HZ = 1.2 * LOAD_MOTION_CUT_HZ
 MOTOR = "motor"
+WIDEST_GAP = 6.0  # over the working twist, where play is looked for
 AS_NEW_FACTOR = 3.0  # more than this above as new is a finding
 
 
@@ -174,7 +175,7 @@ def _drift(n: int, duration: float) -> Term:
     step = 0.1 / duration
     return Term(
         "friction_drift", None, (Parameter(rate, 0.0, step),), (({rate: step},),), lambda v: {"rate_per_s": v[rate]},
-        apply, size=0.5 * step,
+        apply, size=0.3 * step,
     )  # fmt: skip
 
 
@@ -332,11 +333,12 @@ def _backlash(name: str, k: int, new: float, twist: float) -> Term:
     def apply(chain: Chain, values: Values) -> Chain:
         return with_link(chain, k, gap_rad=values[gap])
 
-    probes = tuple(({gap: max(share * twist, 4.0 * new)},) for share in (0.1, 0.4, 1.5))
+    widest = max(WIDEST_GAP * twist, 16.0 * new)
+    probes = tuple(({gap: float(x)},) for x in np.geomspace(max(0.05 * twist, 4.0 * new), widest, 12))
     step = max(0.3 * new, 0.01 * twist)
     return Term(
         "backlash", name, (Parameter(gap, 0.0, step, low=0.0),), probes, lambda v: {"gap_rad": v[gap]}, apply,
-        positive=True, nonlinear=True, replaces=(f"stages.{name}.backlash_rad",),
+        positive=True, nonlinear=True, contact=True, replaces=(f"stages.{name}.backlash_rad",),
         size=max(AS_NEW_FACTOR * new, 0.01 * twist),
     )  # fmt: skip
 
@@ -450,4 +452,6 @@ def tooth_damage(
         Parameter(width, 1.2 * pitch, 0.02 * pitch, 0.3 * pitch, 0.4 * pitch, 2.5 * pitch),
     )
     probes = tuple(({angle: a, depth: d},) for a, d in starts)
-    return Term("tooth_damage", name, parameters, probes, report, apply, positive=True, nonlinear=True, size=size)
+    return Term(
+        "tooth_damage", name, parameters, probes, report, apply, positive=True, nonlinear=True, contact=True, size=size
+    )

@@ -35,9 +35,12 @@ SENTENCES: Mapping[str, str] = {
 }  # fmt: skip
 
 
-def explain(mechanism: str, location: str | None, numbers: Mapping[str, float]) -> str:
-    """One sentence with the fitted numbers."""
-    return SENTENCES.get(mechanism, mechanism.replace("_", " ")).format(where=location or "", **numbers)
+def explain(mechanism: str, location: str | None, numbers: Mapping[str, float], elsewhere: Sequence[str] = ()) -> str:
+    """One sentence with the fitted numbers; `elsewhere`: where it would explain the data as well."""
+    said = SENTENCES.get(mechanism, mechanism.replace("_", " ")).format(where=location or "", **numbers)
+    return " ".join(
+        [said, *(f"Its place is not certain: at {place} it explains the data as well." for place in elsewhere)]
+    )
 
 
 def next_measurement(axis: Axis, findings: Sequence[Finding], rest: Sequence[Unexplained], load_encoder: bool) -> str:

@@ -15,6 +15,8 @@ from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.fft import irfft, next_fast_len, rfft
+from scipy.linalg.blas import dger
 from scipy.signal import oaconvolve
 
 from sim.axis import Axis
@@ -53,10 +55,28 @@ class Noise:
     guide: Array
     torque_level: Array = field(default_factory=lambda: np.ones(1))
     guide_level: Array = field(default_factory=lambda: np.ones(1))
+    _spectra: dict[str, NDArray[np.complex128]] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     @staticmethod
     def flat(torque_sd: float, guide_sd: float) -> Noise:
         return Noise(np.array([1.0 / torque_sd]), np.array([1.0 / guide_sd]))
+
+    def whiten(self, torque: Array, guide: Array) -> Array:
+        """Both residuals in one row, white and of unit level."""
+        first = self._filtered("torque", torque) / self.torque_level
+        if not guide.size:
+            return first
+        return np.concatenate([first, self._filtered("guide", guide) / self.guide_level])
+
+    def _filtered(self, channel: str, values: Array) -> Array:
+        """By one transform: the filter's own is kept, as all signals of a channel have one length."""
+        taps: Array = getattr(self, channel)
+        if taps.size == 1:
+            return np.asarray(taps[0] * values)
+        size = next_fast_len(values.size + taps.size - 1, real=True)
+        if channel not in self._spectra:
+            self._spectra[channel] = rfft(taps, size)
+        return np.asarray(irfft(rfft(values, size) * self._spectra[channel], size)[: values.size])
 
 
 @dataclass(frozen=True)
@@ -208,13 +228,7 @@ class Problem:
     def residual(self, terms: Sequence[Term], values: Mapping[str, float]) -> Array:
         """Whitened residuals of all channels in one row."""
         torque, guide = self.raw_residuals(terms, values)
-        return self.whiten(torque, guide)
-
-    def whiten(self, torque: Array, guide: Array) -> Array:
-        first = _filtered(self.noise.torque, torque) / self.noise.torque_level
-        if not guide.size:
-            return first
-        return np.concatenate([first, _filtered(self.noise.guide, guide) / self.noise.guide_level])
+        return self.noise.whiten(torque, guide)
 
     def sensitivities(
         self, terms: Sequence[Term], values: Mapping[str, float], parameters: Sequence[Parameter], base: Raw
@@ -234,7 +248,7 @@ class Problem:
         out = np.empty((rows, len(parameters)), order="F")
 
         def fill(k: int) -> None:
-            out[:, k] = self.whiten(*raw[parameters[k].name]) * parameters[k].step
+            out[:, k] = self.noise.whiten(*raw[parameters[k].name]) * parameters[k].step
 
         each(fill, range(len(parameters)))
         return out
@@ -260,9 +274,10 @@ class Problem:
         values.update({k: v for k, v in (start or {}).items() if k in values})
         values = {p.name: min(max(values[p.name], p.low), p.high) for p in parameters}
         raw = self.raw_residuals(terms, values)
-        state = _State(values, raw, self.whiten(*raw), 0.0)
+        state = _State(values, raw, self.noise.whiten(*raw), 0.0)
         state.cost = _cost(state.residual, parameters, values)
-        known = {p.name: held[p.name] for p in parameters if p.name in held and p.name not in follow}
+        acts = {name for name, column in held.items() if any(part.any() for part in column)}  # what did not, may now
+        known = {p.name: held[p.name] for p in parameters if p.name in acts - follow}
         known |= self.sensitivities(terms, values, [p for p in parameters if p.name not in known], raw)
         columns = self.whitened(parameters, known)
         system = _System.of(parameters, columns)
@@ -306,14 +321,15 @@ class Problem:
         self, terms: Sequence[Term], parameters: Sequence[Parameter], state: _State, system: _System, damping: float
     ) -> tuple[float, float]:
         """Move `state` to a smaller cost if there is one on the way; its gain and the next damping."""
+        pull = system.columns.T @ state.residual
         for _ in range(DAMPINGS):
-            trial = system.stepped(parameters, state.values, state.residual, damping)
+            trial = system.stepped(parameters, state.values, pull, damping)
             damping *= 10.0
             try:
                 raw = self.raw_residuals(terms, trial)
             except ChainError:
                 continue
-            residual = self.whiten(*raw)
+            residual = self.noise.whiten(*raw)
             cost = _cost(residual, parameters, trial)
             if cost < state.cost:
                 gain = state.cost - cost
@@ -328,10 +344,17 @@ class Problem:
         return chain
 
     def learned(self, fit: Fit) -> Problem:
-        """The same with what the encoders' noise makes of the chain of `fit`, under what `fit` leaves as noise."""
+        """The same with what the encoders' noise makes of the chain of `fit`, under what `fit` leaves as noise.
+
+        Of the chain as new where a term is far from linear: what noise makes of teeth that hit and leave each other
+        hangs on when they do, and kept from one fit it would hold every other to the same hits.
+        """
         other = copy(self)
         other.observer = copy(self.observer)
-        other.observer.learn_noise(self.chain(fit.terms, fit.values), nuisance_of(fit.values))
+        terms = tuple(t for t in fit.terms if not t.nonlinear)
+        values = {p.name: p.start for p in self.parameters(terms)} | dict(fit.values)
+        hits = any(t.contact for t in fit.terms)
+        other.observer.learn_noise(self.chain(terms, values), nuisance_of(values), hits=hits)
         return other.with_noise(other.noise_of(fit))
 
     def noise_of(self, fit: Fit) -> Noise:
@@ -360,7 +383,7 @@ def _whitener(values: Array, weight: Array, rate_hz: float, mode_hz: float | Non
     """
     deaf = None if mode_hz is None else mode_hz / rate_hz * np.array([1.0 - MODE_BAND, 1.0 + MODE_BAND])
     taps = floor_filter(values, weight, int(rate_hz), int(FILTER_S * rate_hz), deaf)
-    white = _filtered(taps, values)
+    white = oaconvolve(values, taps)[: values.size]
     level = level_over_time(white, weight, int(rate_hz))
     moving = np.abs(white / level)[weight > 0.5]
     # quartiles over few blocks lie high where the floor is steep: half of all rows are below 0.67 deviations
@@ -427,10 +450,6 @@ def minimum_phase(power: Array, length: int) -> Array:
     return np.asarray(taps[: min(length, size // 2)])
 
 
-def _filtered(taps: Array, values: Array) -> Array:
-    return np.asarray(oaconvolve(values, taps)[: values.size]) if taps.size > 1 else taps[0] * values
-
-
 def _cost(residual: Array, parameters: Sequence[Parameter], values: Mapping[str, float]) -> float:
     known = sum(((values[p.name] - p.expected) / p.spread) ** 2 for p in parameters)
     return float(residual @ residual) + known
@@ -457,7 +476,8 @@ def _correct(parameters: Sequence[Parameter], known: dict[str, Raw], columns: Ar
     for p, part in zip(parameters, share, strict=True):
         by = part / p.step
         known[p.name] = (known[p.name][0] + torque * by, known[p.name][1] + guide * by)
-    columns += np.outer(new.residual - old.residual - columns @ moved, share)
+    left = new.residual - old.residual - columns @ moved
+    dger(1.0, left, share, a=columns, overwrite_a=True)  # in place: the columns lie one after the other
 
 
 @dataclass(frozen=True)
@@ -476,11 +496,14 @@ class _System:
         return _System(columns, columns.T @ columns + np.diag((steps / spread) ** 2), steps, spread)
 
     def stepped(
-        self, parameters: Sequence[Parameter], values: Mapping[str, float], residual: Array, damping: float
+        self, parameters: Sequence[Parameter], values: Mapping[str, float], pull: Array, damping: float
     ) -> dict[str, float]:
-        """Where the linear picture has its least squares, held back by `damping`, within what is allowed."""
+        """Where the linear picture has its least squares, held back by `damping`, within what is allowed.
+
+        `pull`: columns times residual, shape (p,).
+        """
         offset = np.array([values[p.name] - p.expected for p in parameters])
-        gradient = -self.columns.T @ residual - offset * self.steps / self.spread**2
+        gradient = -pull - offset * self.steps / self.spread**2
         scale = np.sqrt(np.maximum(np.diag(self.information), 1e-12))
         scaled = self.information / np.outer(scale, scale) + damping * np.eye(len(parameters))
         goal = gradient / scale

@@ -209,18 +209,19 @@ def _sound_alone(axis: Axis, sounds: Sequence[Recording], progress: Progress) ->
 
 
 def _finding(selection: Selection, term: Term) -> Finding:
-    """The probability is that of the name or one of those that it cannot be told from."""
+    """The probability is that of the name or one of those that it cannot be told from, wherever it acts."""
     fit, standing = selection.fit, selection.standings[term.key]
     duration = float(selection.problem.measurement.time_s[-1])
     far = max(0.0, fit.misfit - FAR * fit.residual.size)  # the best model is not adequate
     alike = looks_like(selection.problem, term)
     near = {r.mechanism for r, t in standing.rivals if is_close(t)} - {term.mechanism, *alike}
     close = [*alike, *sorted(near)][:2]
-    others = tuple(t for r, t in standing.rivals if r.mechanism not in close)
+    others = tuple(t for r, t in standing.rivals if r.mechanism not in (term.mechanism, *close))
+    elsewhere = [r.location for r, t in standing.rivals if r.mechanism == term.mechanism and is_close(t)]
     seen = Evidence(standing.share, others, (standing.shared + far) / standing.gain)
     return Finding(
         term.mechanism, term.location, probability(seen), _term_estimates(fit, term, duration), tuple(close),
-        explain(term.mechanism, term.location, term.report(fit.values)), seen,
+        explain(term.mechanism, term.location, term.report(fit.values), [place for place in elsewhere if place]), seen,
     )  # fmt: skip
 
 

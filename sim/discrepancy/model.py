@@ -72,8 +72,8 @@ def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float) -> list[P
     if axis.load.viscous_friction_n_m_s_per_rad:
         out.append(_share("load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad, 0.1))
     if load_encoder:
-        out.append(Parameter("load_offset_rad", 0.0, compliance(axis), math.inf))
-        out.append(Parameter("load_delay_s", 0.0, 1e-5, 5e-5, -0.02, 0.02))
+        out.append(Parameter("load_offset_rad", 0.0, 0.02 * compliance(axis), math.inf))
+        out.append(Parameter("load_delay_s", 0.0, 1e-6, 5e-5, -0.02, 0.02))
         new = axis.load_encoder.error_rad
         if new:  # what it has at most, and the runout of the last gear, which looks the same
             mesh = axis.stages[-1].transmission_error_rad if axis.stages else 0.0

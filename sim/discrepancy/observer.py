@@ -52,12 +52,14 @@ class Observer:
     """Runs chains along one measurement; `guide_inertia` fixes the guide's stiffness for all of them.
 
     `noise_inertia` multiplies the fast part of the measured acceleration, which is the encoder's noise: were it the
-    fitted inertia, a fit would make the noise small by making the inertia small.
+    fitted inertia, a fit would make the noise small by making the inertia small. `hits`: teeth leave each other and
+    meet again, so that what is fast in the motor's motion is no longer noise alone.
     """
 
     measurement: Measurement
     guide_inertia: float
     noise_inertia: float
+    hits: bool = False
     _noise: Array | None = None
     _loudness: float = 0.0
     _lock: Lock = field(default_factory=Lock)
@@ -88,14 +90,14 @@ class Observer:
     def predict(self, chain: Chain, nuisance: Nuisance) -> Prediction:
         """Simulate `chain` along the measured motion."""
         m = self.measurement
-        model, motion = pack(chain), self._slow_motion
+        model, motion = pack(chain), self._motion if self.hits else self._slow_motion
         motor = np.empty(m.samples)
         width = nuisance.friction_width[0] * self._top
         motor_torque(model[0], model[8], motion, width, 1.0 / m.rate_hz, motor)
         motor += chain.shafts[0].inertia_kg_m2 * m.slow_acceleration
         guide, angle = np.zeros(m.samples), motion[0]
         if chain.links:
-            out = self._links(chain, model, nuisance, slow=True)
+            out = self._links(chain, model, nuisance, slow=(not self.hits, True))
             motor, guide, angle = motor + out[0], out[2] * self._even(chain), out[1]
         if nuisance.torque_delay_s:
             motor = _delayed(motor, nuisance.torque_delay_s * m.rate_hz)
@@ -115,22 +117,24 @@ class Observer:
             self._loudness = loudness(chain, self.guide_inertia)
         return self._loudness / loudness(chain, self.guide_inertia)
 
-    def learn_noise(self, chain: Chain, nuisance: Nuisance) -> None:
+    def learn_noise(self, chain: Chain, nuisance: Nuisance, *, hits: bool = False) -> None:
         """Keep what the fast part of both encoders' signals, which is noise, makes of this chain."""
+        self.hits = hits
         self.noise_inertia = chain.shafts[0].inertia_kg_m2
         self._noise = None
         if chain.links:
             model = pack(chain)
-            self._noise = self._links(chain, model, nuisance, slow=False) - self._links(
-                chain, model, nuisance, slow=True
+            self._noise = self._links(chain, model, nuisance, slow=(False, False)) - self._links(
+                chain, model, nuisance, slow=(not hits, True)
             )
 
-    def _links(self, chain: Chain, model: Packed, nuisance: Nuisance, *, slow: bool) -> Array:
+    def _links(self, chain: Chain, model: Packed, nuisance: Nuisance, *, slow: tuple[bool, bool]) -> Array:
+        """`slow`: whether the slow part of the motor's and of the load's motion alone is meant."""
         m = self.measurement
-        motion = self._slow_motion if slow else self._motion
+        motion = self._slow_motion if slow[0] else self._motion
         n = len(chain.shafts)
         guide, gains = np.zeros((2, 1)), np.zeros(2)
-        angle, speed = (m.slow_load_angle, m.slow_load_speed) if slow else (m.load_angle, m.load_speed)
+        angle, speed = (m.slow_load_angle, m.slow_load_speed) if slow[1] else (m.load_angle, m.load_speed)
         if angle is not None and speed is not None:
             sine, cosine = nuisance.load_error_rad
             wave, other = self._turn
@@ -148,7 +152,7 @@ class Observer:
             angles, speeds = (x + s * lag_of(chain) for x, s in zip((angles, speeds), nuisance.start, strict=True))
         start = np.concatenate([angles, speeds, np.zeros(n - 1)])
         steps = substeps(chain, m.rate_hz, gains)
-        setting = np.array([nuisance.loss_split, steps, slow])
+        setting = np.array([nuisance.loss_split, steps, *slow])
         inner = (
             model[0][1:],
             *model[1:],

@@ -32,7 +32,7 @@ def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[floa
         if not np.isfinite(block).all():
             return 0.0, term, {}
         own, pull, relief = rest[term.replaces].against(block, fit.residual)
-        share = least_squares_within(own, pull, lowest_shares(term, group, values))
+        share = np.ones(1) if term.contact else least_squares_within(own, pull, lowest_shares(term, group, values))
         if term.positive and share[0] <= 0.0:
             return 0.0, term, {}
         drop = float(2.0 * share @ pull - share @ own @ share)
@@ -101,9 +101,9 @@ def least_squares_within(matrix: Array, pull: Array, low: Array) -> Array:
 def _start(
     term: Term, group: tuple[Mapping[str, float], ...], share: Array, values: Mapping[str, float]
 ) -> dict[str, float]:
-    """Jump as far as the linear picture says, but of what cannot be linear no further than the probe."""
+    """Jump as far as the linear picture says, of what cannot be linear no further than the probe, of contact so far."""
     limits = {p.name: p for p in term.parameters}
-    if term.mechanism == "tooth_damage":
+    if term.contact:
         return dict(group[0])
     out: dict[str, float] = {}
     for jump, part in zip(group, share, strict=True):

@@ -22,6 +22,7 @@ from sim.discrepancy.weighing import Standing, advantage, in_place, named_alone,
 
 Progress = Callable[[str, float], None]
 SHORTLIST = 5
+FORM_SHARE = 0.01  # of the largest gain: what any law leaves of its own form
 DELAY_SHARE = 0.1  # a shift in time has the shape of what most errors of form leave
 LAWS = (  # of one part of the machine, and the share of another's gain below which one is the error of its form
     (frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"}), 0.1),
@@ -32,12 +33,12 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
 ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
 LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
 LEFT_OUT_SHARE = 0.5  # of what others must gain
-LEAST_SHARE = 0.0008  # of the squared residual: what the form of a model differs from any real axis
+LEAST_SHARE = 0.0006  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
     OVER_SPEED: 0.01, OVER_ANGLE: 0.012, FIXED: 0.002,
     "structural_resonance": 0.005, "hysteresis": 0.002, "stiffness_hardening": 0.002, "tooth_damage": 0.012,
 }  # fmt: skip
-LEAST_GAIN = 28.0  # the same for a short record
+LEAST_GAIN = 20.0  # the same for a short record
 MOTION_BAND_HZ = 40.0
 MOST_TRIES = 7
 DEPTHS = (0.03, 0.1, 0.3)  # of the working twist, where a dent is looked for
@@ -59,9 +60,9 @@ RIVAL_SHARE = 0.25  # of the gain of the best: less is no rival
 SWAP_SHARE = 0.7  # of the gain of what came in
 LEAST_SWAP = 10.0  # drop of the squared residual
 BEYOND = 2.0  # standard deviations
-ENOUGH = 2.0  # tempered nats that a term must bring
+ENOUGH = 0.0  # tempered nats that a term must bring
 MORE = 4.0  # the same for what is as new or has no name: it only stands aside
-WORTH_TRYING = 28.0  # drop of the whitened sum of squares that a screened term must promise
+WORTH_TRYING = 20.0  # drop of the whitened sum of squares that a screened term must promise
 LINEAR, FAR_FROM_LINEAR = 0.1, 0.03  # of the best promise: less is no rival
 TEMPERATURE = 0.3  # model errors make the residual less informative than its whitened length says
 
@@ -292,7 +293,8 @@ def is_form(rival: Rival, entered: Mapping[str, float]) -> bool:
     what each term gained when it came in; later, with what stands for its errors beside it, taking it away says far
     too much.
     """
-    if rival.term.mechanism == "time_delay" and rival.gain < DELAY_SHARE * max(entered.values(), default=0.0):
+    share = DELAY_SHARE if rival.term.mechanism == "time_delay" else FORM_SHARE
+    if rival.gain < share * max(entered.values(), default=0.0):
         return True
     return any(
         rival.term.mechanism in laws and key.split("@")[0] in laws and rival.gain < share * gain

@@ -30,7 +30,8 @@ class Term:
 
     `probes`: starts worth trying; each is a group of columns, a column being the values to jump to. `report` turns
     the fitted numbers into the parameters of the mechanism; `positive`: the first number cannot be below 0;
-    `nonlinear`: the rest of the model moves far when it comes in.
+    `nonlinear`: the rest of the model moves far when it comes in; `contact`: teeth leave each other by it, and no
+    linear picture reaches beyond a probe.
     """
 
     mechanism: str
@@ -44,6 +45,7 @@ class Term:
     named: bool = True
     positive: bool = False
     nonlinear: bool = False
+    contact: bool = False
     replaces: tuple[str, ...] = ()
     shape: tuple[str, ...] = ()  # parameters that say where it acts and not how much
     size: float = 0.0  # below this it does not matter in practice
