@@ -1,0 +1,103 @@
+"""Fits of a gear whose teeth leave each other: what noise makes of them, how far a linear picture reaches."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from casebase.signals.telemetry import Telemetry
+from sim.axis import Axis, read_axis
+from sim.discrepancy.catalogue import terms_of
+from sim.discrepancy.condition import examine
+from sim.discrepancy.explanation import explain
+from sim.discrepancy.fit import Fit, Noise, Problem
+from sim.discrepancy.screening import screen
+from sim.discrepancy.terms import Term
+from tests.discrepancy.telemetry_of import swing
+
+INERTIA, LOAD, RATIO, STIFFNESS, GAP = 0.01, 0.7, 9.0, 7e3, 1.2e-5
+NEW = read_axis(
+    {
+        "motor": {"inertia_kg_m2": INERTIA, "coulomb_friction_n_m": 0.1},
+        "stages": [
+            {
+                "name": "output",
+                "ratio": RATIO,
+                "stiffness_n_m_per_rad": STIFFNESS,
+                "damping_n_m_s_per_rad": 3.0,
+                "backlash_rad": GAP,
+            }
+        ],
+        "load": {"inertia_kg_m2": LOAD},
+        "load_encoder": {"error_rad": 1e-5},
+    }
+)
+
+
+def telemetry(noise_rad: float = 2e-6) -> Telemetry:
+    """A load that follows the motor by the twist of its inertia, on either flank of a gap as new."""
+    t, angle, speed, acceleration = swing()
+    rng = np.random.default_rng(5)
+    moment = LOAD * acceleration / RATIO
+    load = angle / RATIO - moment / STIFFNESS - 0.25 * GAP * np.tanh(moment / 0.5)
+    torque = INERTIA * acceleration + moment / RATIO + 0.1 * np.tanh(speed / 0.05)
+    return Telemetry(
+        t,
+        {
+            "motor_torque_nm": torque + 0.01 * rng.standard_normal(t.size),
+            "motor_position_rad": angle + noise_rad * rng.standard_normal(t.size),
+            "load_position_rad": load + 0.1 * noise_rad * rng.standard_normal(t.size),
+        },
+    )
+
+
+def problem(axis: Axis = NEW) -> Problem:
+    return Problem(axis, examine(axis, telemetry()).measurement, Noise.flat(0.02, 0.5))
+
+
+def play(one: Problem) -> Term:
+    described = {p.name: p.start for p in one.base()}
+    return next(t for t in terms_of(NEW, one.measurement, one.chain((), described)) if t.mechanism == "backlash")
+
+
+def with_gap(one: Problem, gap: float) -> Fit:
+    term = play(one)
+    return one.fit((term,), {term.parameters[0].name: gap}, iterations=0)
+
+
+def test_what_noise_makes_of_teeth_does_not_hang_on_the_gap_it_was_learned_with() -> None:
+    one = problem()
+    fits = [with_gap(one, gap) for gap in (1e-3, 3e-4)]
+    first, second = (one.learned(fit) for fit in fits)
+    for fit in fits:
+        torque, guide = first.raw_residuals(fit.terms, fit.values)
+        other_torque, other_guide = second.raw_residuals(fit.terms, fit.values)
+        assert torque == pytest.approx(other_torque, abs=1e-12)
+        assert guide == pytest.approx(other_guide, abs=1e-9)
+
+
+def test_sensitivities_to_what_shifts_the_load_are_taken_within_a_gap_as_new() -> None:
+    """Over wider steps teeth change flanks, and a fit that follows such slopes stands still."""
+    one = problem()
+    steps = {p.name: p.step for p in one.base()}
+    speed = one.measurement.load_speed
+    assert speed is not None
+    assert steps["load_offset_rad"] < 0.5 * GAP
+    assert steps["load_delay_s"] * float(np.abs(speed).max()) < GAP
+
+
+def test_a_gap_promises_what_it_brings_at_the_gap_that_was_simulated() -> None:
+    one = problem()
+    fit = one.fit(to_end=True)
+    term = play(one)
+    (promised, _, start), *_ = screen(one, fit, [term])
+    brought = fit.cost - one.fit((term,), start, iterations=0).cost
+    assert term.contact
+    assert start[term.parameters[0].name] in {next(iter(group[0].values())) for group in term.probes}
+    assert promised >= brought - 1e-6 * fit.cost  # the rest of the model follows, which can only help
+
+
+def test_an_explanation_says_where_else_it_may_be() -> None:
+    numbers = {"gap_rad": 1e-3}
+    assert "not certain" not in explain("backlash", "output", numbers)
+    assert "at transfer it explains" in explain("backlash", "output", numbers, ["transfer"])
