@@ -22,7 +22,7 @@ from sim.discrepancy.weighing import Standing, advantage, in_place, named_alone,
 
 Progress = Callable[[str, float], None]
 SHORTLIST = 5
-FORM_SHARE = 0.01  # of the largest gain: what any law leaves of its own form
+FORM_SHARE, HITS_SHARE = 0.005, 0.03  # of another's gain: what any law, and what teeth that hit leave of their form
 DELAY_SHARE = 0.1  # a shift in time has the shape of what most errors of form leave
 LAWS = (  # of one part of the machine, and the share of another's gain below which one is the error of its form
     (frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"}), 0.1),
@@ -30,6 +30,7 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
     (frozenset({"mesh_error", "torque_ripple"}), 0.05),
     (frozenset({"eccentricity", "torque_ripple"}), 0.05),
 )
+HITS = ("backlash", "tooth_damage")
 ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
 LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
 LEFT_OUT_SHARE = 0.5  # of what others must gain
@@ -293,14 +294,19 @@ def is_form(rival: Rival, entered: Mapping[str, float]) -> bool:
     what each term gained when it came in; later, with what stands for its errors beside it, taking it away says far
     too much.
     """
-    share = DELAY_SHARE if rival.term.mechanism == "time_delay" else FORM_SHARE
-    if rival.gain < share * max(entered.values(), default=0.0):
-        return True
-    return any(
-        rival.term.mechanism in laws and key.split("@")[0] in laws and rival.gain < share * gain
-        for laws, share in LAWS
-        for key, gain in entered.items()
-    )
+    if rival.term.mechanism in LEFT_OUT:
+        return False
+    return any(rival.gain < form_share(rival.term.mechanism, key.split("@")[0]) * gain for key, gain in entered.items())
+
+
+def form_share(mechanism: str, other: str) -> float:
+    """Share of the gain of `other` below which `mechanism` is the error of its form."""
+    shares = [share for laws, share in LAWS if {mechanism, other} <= laws]
+    if mechanism == "time_delay":
+        shares.append(DELAY_SHARE)
+    if other in HITS:
+        shares.append(HITS_SHARE)
+    return max(shares, default=FORM_SHARE)
 
 
 def holds(less: Fit, more: Fit) -> bool:
