@@ -15,8 +15,10 @@ import numpy as np
 from scipy.signal import freqz, welch
 
 from sim.chain_model import Array
+from sim.discrepancy.candidates import Rival
+from sim.discrepancy.criteria import evidence
 from sim.discrepancy.fit import Fit, Problem
-from sim.discrepancy.selection import Rival, Selection, evidence
+from sim.discrepancy.selection import Selection
 
 if TYPE_CHECKING:
     from sim.discrepancy.investigation import Investigation

@@ -1,0 +1,166 @@
+"""Terms that may come in: proposed by the residual, screened, refitted by simulation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from types import MappingProxyType
+
+import numpy as np
+
+from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
+from sim.discrepancy.criteria import LEAST_GAIN, least_gain
+from sim.discrepancy.fit import Fit, Problem, Raw, Start, each
+from sim.discrepancy.model import link_stiffness, ratio_after, stages_of
+from sim.discrepancy.nameless import nameless_terms
+from sim.discrepancy.scan import Place, scan
+from sim.discrepancy.screening import screen
+from sim.discrepancy.size import beyond, magnitude
+from sim.discrepancy.terms import Term
+
+MOST_TRIES = 7
+DEPTHS = (0.03, 0.1, 0.3)  # of the working twist, where a dent is looked for
+SHIFTS = np.linspace(-1.0, 1.0, 11)  # pitches around the place that the scan proposes
+CLOSE = 2  # best candidates of which those that are far from linear are refitted in full
+BENT = 60.0  # squared deviations of what is described from what the fit makes of it
+LEFT = 0.1  # depth of a dent over the working twist
+FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
+LINEAR, FAR_FROM_LINEAR = 0.1, 0.03  # of the best promise: less is no rival
+
+
+@dataclass(frozen=True)
+class Rival:
+    """A term that was refitted in place of another or on top of the rest, and what it gained.
+
+    `beyond`: standard deviations by which it is larger than what does not matter or is as new; `finished`: its fit on
+    top of the rest, where that was finished.
+    """
+
+    term: Term
+    gain: float
+    values: Mapping[str, float]
+    beyond: float = math.inf
+    finished: Fit | None = field(default=None, repr=False, compare=False)
+
+
+def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
+    """Candidates by what they gain once refitted, best first; what has no name is linear, its promise is its gain."""
+    present = {term.key for term in fit.terms}
+    candidates = [
+        t
+        for t in (
+            *terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values)),
+            *damage_terms(problem, fit),
+            *nameless_terms(problem, fit),
+        )
+        if t.key not in present
+    ]
+    screened = screen(problem, fit, candidates)
+    tries: dict[str, int] = {}
+    straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
+    jobs: list[tuple[Term, Mapping[str, float]]] = []
+    for promised, term, start in screened:
+        least = (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]
+        if len(jobs) == MOST_TRIES or not term.named or promised < max(least, least_gain(term)):
+            continue
+        if tries.get(term.key, 0) < (2 if term.nonlinear else 1):
+            tries[term.key] = tries.get(term.key, 0) + 1
+            jobs.append((term, start))
+    refits = each(lambda job: _refitted(problem, fit, *job), jobs)
+    tried = [(fit.cost - refit.cost, refit, job[0]) for refit, job in zip(refits, jobs, strict=True) if refit]
+    tried.sort(key=lambda t: (-t[0], t[2].key))
+    # sensitivities change where contact is lost and where the rest moves far: anew for those that may be first
+    far = [
+        place
+        for place, (gain, _, term) in enumerate(tried[:CLOSE])
+        if gain > 0.3 * tried[0][0] and (term.nonlinear or gain > FAR_MOVED)
+    ]
+    near = [tried[place][1] for place in far]
+    finished = each(lambda f: settled(problem, f.terms, f.values, f.sensitivities), near)
+    for place, anew in zip(far, finished, strict=True):
+        tried[place] = (fit.cost - anew.cost, anew, tried[place][2])
+    tried.sort(key=lambda t: (-t[0], t[2].key))
+    best: dict[str, Rival] = {}
+    for gain, refit, term in tried:
+        done = refit if any(refit is one for one in finished) else None
+        best.setdefault(term.key, Rival(term, gain, refit.values, beyond(term, refit), done))
+    return sorted([*best.values(), *straight], key=lambda r: (-r.gain, r.term.key))
+
+
+def settled(
+    problem: Problem, terms: Sequence[Term], values: Mapping[str, float], held: Mapping[str, Raw] = MappingProxyType({})
+) -> Fit:
+    """A finished fit, or one that starts from what is described where that is better.
+
+    Numbers that were bent to stand for a missing mechanism may keep a fit in a valley of their own; a dent that teeth
+    leave before its bottom may be deeper and narrower as well.
+    """
+    fit = problem.fit(terms, values, held=held, to_end=True)
+    own = {p.name: fit.values[p.name] for term in terms for p in term.parameters}
+    starts: list[Start] = [(own, {})] if fit.strain > BENT else []
+    for term in terms:
+        depth, width = term.parameters[0], term.parameters[-1]
+        if term.mechanism == "tooth_damage" and own[depth.name] > LEFT * depth.high:
+            deeper = {**own, depth.name: 2.0 * own[depth.name], width.name: 0.5 * own[width.name]}
+            starts.append((deeper, {}))
+    anew = problem.best(terms, starts)
+    return anew if anew and anew.cost < fit.cost else fit
+
+
+def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:
+    """The model with one more term, or None where it cannot be simulated; from what is described where `fit` bends it.
+
+    What is bent stands for the term, and moves back too slowly.
+    """
+    terms = (*fit.terms, term)
+    values = {**fit.values, **start}
+    starts: list[Start] = [(values, fit.sensitivities)]
+    if fit.strain > BENT:
+        starts.append(({p.name: values[p.name] for t in terms for p in t.parameters if p.name in values}, {}))
+    return problem.best(terms, starts, to_end=False)
+
+
+def elsewhere(problem: Problem, fit: Fit, own: Rival) -> list[Rival]:
+    """Play in every other gear pair, with the same lost motion at the load."""
+    if own.term.mechanism != "backlash":
+        return []
+    stages = stages_of(problem.axis)
+    gap = magnitude(own.term, fit.values) / ratio_after(problem.axis, stages.index(own.term.location or ""))
+    present = {t.key for t in fit.terms}
+    return [
+        Rival(
+            t, own.gain, {p.name: gap * ratio_after(problem.axis, stages.index(t.location or "")) for p in t.parameters}
+        )
+        for t in terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values))
+        if t.mechanism == own.term.mechanism and t.key not in present
+    ]
+
+
+def damage_terms(problem: Problem, fit: Fit) -> list[Term]:
+    """Tooth damage where the scan along the wheels proposes it."""
+    axis = problem.axis
+    teeth = {k: s.driven_teeth for k, s in enumerate(axis.stages) if s.driven_teeth}
+    if not teeth:
+        return []
+    places = sorted(scan(problem, fit, teeth), key=lambda p: -p.gain)
+    if not places or places[0].gain < LEAST_GAIN:
+        return []
+    first = places[0]
+    return [_damage_term(problem, fit, replace(first, flank=flank)) for flank in (first.flank, -first.flank)]
+
+
+def _damage_term(problem: Problem, fit: Fit, place: Place) -> Term:
+    """A dent at a place, to be tried on a grid around it: contact lost makes it far from linear."""
+    stage = problem.axis.stages[place.link]
+    pitch = 2.0 * math.pi / (stage.driven_teeth or 1)
+    level = float(np.sqrt(np.mean(problem.measurement.torque**2)))
+    ratio = problem.axis.ratio / problem.axis.ratio_from(stage.name)
+    twist = level * ratio / link_stiffness(problem.axis, place.link)
+    seen = 0.003 if problem.guided else 0.01  # of the twist, which is measured or not
+    size = AS_NEW_FACTOR * max(stage.transmission_error_rad, seen * twist)
+
+    starts = [(place.angle_rad + shift * pitch, share * twist) for share in DEPTHS for shift in SHIFTS]
+    return tooth_damage(
+        stage.name, place.link, stage.driven_teeth or 1, place.flank, place.angle_rad, starts, size, twist
+    )

@@ -1,0 +1,107 @@
+"""Whether a term is worth its place: what it must bring, how large it must be, on which rows it must hold."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+
+import numpy as np
+
+from sim.discrepancy.fit import Fit
+from sim.discrepancy.nameless import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED
+from sim.discrepancy.terms import Term
+from sim.discrepancy.weighing import advantage, paired
+
+FORM_SHARE, HITS_SHARE = 0.005, 0.03  # of another's gain: what any law, and what teeth that hit leave of their form
+DELAY_SHARE = 0.1  # a shift in time has the shape of what most errors of form leave
+LAWS = (  # of one part of the machine, and the share of another's gain below which one is the error of its form
+    (frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"}), 0.1),
+    (frozenset({"stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.35),
+    (frozenset({"mesh_error", "torque_ripple"}), 0.05),
+    (frozenset({"eccentricity", "torque_ripple"}), 0.05),
+)
+HITS = ("backlash", "tooth_damage")
+ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
+LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
+LEFT_OUT_SHARE = 0.5  # of what others must gain
+LEAST_SHARE = 0.0006  # of the squared residual: what the form of a model differs from any real axis
+LEAST_SHARES = {  # of what bends to much
+    OVER_SPEED: 0.01, OVER_ANGLE: 0.012, FIXED: 0.002,
+    "structural_resonance": 0.005, "hysteresis": 0.002, "stiffness_hardening": 0.002, "tooth_damage": 0.012,
+}  # fmt: skip
+LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
+HOLDS_T = 1.5
+KEPT_SHARE = 0.33  # of a gain, on rows not seen
+LARGEST_LOSS = 3.0  # times the median over blocks
+BEYOND = 2.0  # standard deviations
+TEMPERATURE = 0.3  # model errors make the residual less informative than its whitened length says
+
+
+def penalty(term: Term, rows: int) -> float:
+    """Nats that a term must pay: half a log of the rows for each number, and for the places it was looked for.
+
+    Nothing for what every axis has: a description without friction is one that leaves it out.
+    """
+    if term.mechanism in LEFT_OUT:
+        return 0.0
+    looks = 8.0 if term.mechanism == "tooth_damage" else math.log(max(len(term.probes), 1) + 1.0)
+    return 0.5 * len(term.parameters) * math.log(rows) + looks
+
+
+def evidence(term: Term, gain: float, rows: int) -> float:
+    """Tempered log odds that the term belongs to the model."""
+    return TEMPERATURE * (0.5 * gain - penalty(term, rows))
+
+
+def least_gain(term: Term) -> float:
+    """Drop of the whitened sum of squares below which a term is not looked at."""
+    return LEFT_OUT_SHARE * LEAST_GAIN if term.mechanism in LEFT_OUT else LEAST_GAIN
+
+
+def matters(term: Term, gain: float, fit: Fit) -> bool:
+    """Whether a gain is more than what the form of a model differs from any axis."""
+    share = LEAST_SHARES.get(term.mechanism, LEAST_SHARE)
+    form = share / LEAST_GAIN * fit.misfit  # over what counts in a short record
+    return gain >= least_gain(term) * max(form, 1.0, fit.misfit / fit.residual.size)
+
+
+def wanted(term: Term, far: float) -> bool:
+    """Whether a term `far` beyond as new is worth a place: it matters, or nothing always fitted stands for it."""
+    return far > BEYOND or (far > -math.inf and term.mechanism in ERRORS and not term.replaces)
+
+
+def is_form(term: Term, gain: float, entered: Mapping[str, float]) -> bool:
+    """Whether a mechanism explains so little beside another that it is the error of the other's form.
+
+    Two laws of a spring (gap, bend, loop, dent) or of friction leave each other's errors of form behind. `entered`:
+    what each term gained when it came in; later, with what stands for its errors beside it, taking it away says far
+    too much.
+    """
+    if term.mechanism in LEFT_OUT:
+        return False
+    return any(gain < form_share(term.mechanism, key.split("@")[0]) * brought for key, brought in entered.items())
+
+
+def form_share(mechanism: str, other: str) -> float:
+    """Share of the gain of `other` below which `mechanism` is the error of its form."""
+    shares = [share for laws, share in LAWS if {mechanism, other} <= laws]
+    if mechanism == "time_delay":
+        shares.append(DELAY_SHARE)
+    if other in HITS:
+        shares.append(HITS_SHARE)
+    return max(shares, default=FORM_SHARE)
+
+
+def holds(less: Fit, more: Fit) -> bool:
+    """Whether the larger model predicts better what it has not seen.
+
+    By 1.5 standard errors and 2.6 to one in sum, both of signed roots, as in `paired`; or, where an effect acts in a
+    few blocks only (low speed, large twist, a tooth that is passed once), by a third of what it gains on seen rows. A
+    loss counts as three typical blocks at most: it may be the linear refit that fails without that block.
+    """
+    drop = advantage(less, more)
+    root = np.sign(drop) * np.sqrt(np.abs(drop))
+    even = paired(drop) > HOLDS_T and float(root.sum()) > 0.45 * float(np.abs(root).sum())
+    kept = float(np.maximum(drop, -LARGEST_LOSS * np.median(np.abs(drop))).sum())
+    few = kept > KEPT_SHARE * (less.cost - more.cost) > 0.0
+    return even or few
