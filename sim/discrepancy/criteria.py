@@ -12,7 +12,7 @@ from sim.discrepancy.nameless import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import advantage, paired
 
-FORM_SHARE, HITS_SHARE = 0.005, 0.03  # of another's gain: what any law, and what teeth that hit leave of their form
+FORM_SHARE, HITS_SHARE = 0.015, 0.03  # of another's gain: what any law, and what teeth that hit leave of their form
 DELAY_SHARE = 0.1  # a shift in time has the shape of what most errors of form leave
 LAWS = (  # of one part of the machine, and the share of another's gain below which one is the error of its form
     (frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"}), 0.1),
@@ -27,7 +27,7 @@ LEFT_OUT_SHARE = 0.5  # of what others must gain
 LEAST_SHARE = 0.0006  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
     OVER_SPEED: 0.01, OVER_ANGLE: 0.012, FIXED: 0.002,
-    "structural_resonance": 0.005, "hysteresis": 0.002, "stiffness_hardening": 0.002, "tooth_damage": 0.012,
+    "structural_resonance": 0.008, "hysteresis": 0.002, "stiffness_hardening": 0.002, "tooth_damage": 0.012,
 }  # fmt: skip
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
 HOLDS_T = 1.5

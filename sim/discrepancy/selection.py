@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.discrepancy.candidates import FAR_MOVED, Rival, elsewhere, settled, try_terms
-from sim.discrepancy.criteria import BEYOND, evidence, holds, is_form, matters, wanted
+from sim.discrepancy.criteria import BEYOND, evidence, holds, is_form, least_gain, matters, wanted
 from sim.discrepancy.fit import Fit, Noise, Problem, each
 from sim.discrepancy.measurement import gaussian_kernel
 from sim.discrepancy.model import has_links
@@ -109,7 +109,7 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         rivals = {**rivals, **{r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}}
         if sum(beyond(t, fit) > BEYOND for t in fit.terms) >= MOST_TERMS:
             break
-    fit, rivals = swap(problem, fit, rivals)
+    fit, rivals = swap(problem, fit, rivals, entered)
     problem, fit, gains = prune(problem, fit, strict=True)
     in_place = {
         key: [(r.term, r.values) for r in tried if r.beyond > 0.0 and r.gain > RIVAL_SHARE * max(x.gain for x in tried)]
@@ -198,6 +198,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
             t
             for t in fit.terms
             if evidence(t, gains[t.key], rows) <= ENOUGH
+            or gains[t.key] < least_gain(t)
             or not wanted(t, beyond(t, fit))
             or (strict and not matters(t, gains[t.key], fit))
         ]
@@ -210,12 +211,16 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
 
 
 def swap(
-    problem: Problem, fit: Fit, rivals: Mapping[str, tuple[Rival, ...]], most: int = MOST_TERMS
+    problem: Problem,
+    fit: Fit,
+    rivals: Mapping[str, tuple[Rival, ...]],
+    entered: Mapping[str, float],
+    most: int = MOST_TERMS,
 ) -> tuple[Fit, Mapping[str, tuple[Rival, ...]]]:
     """Put in place of a mechanism one that was close to it when it came in, where that is better now.
 
     What comes in first is chosen while other things are still missing. Of two that explain as much, the one that does
-    better on unseen blocks. Rivals keep the numbers of their last fit.
+    better on unseen blocks. Rivals keep the numbers of their last fit. `entered`: what terms gained when they came in.
     """
     for term in fit.terms:
         tried = {r.term.key: r for r in rivals.get(term.key, ())}
@@ -235,14 +240,20 @@ def swap(
 
         best = fit
         for (key, known), other in zip(options.items(), each(instead, options.values()), strict=True):
-            if other is None or not wanted(known[0].term, beyond(known[0].term, other)):
-                continue  # it would be taken away again
-            tried[key] = replace(known[0], gain=own.gain - (other.cost - fit.cost), values=other.values)
+            if other is None:
+                continue
+            rival = replace(known[0], gain=own.gain - (other.cost - fit.cost), values=other.values)
+            others = {k: gain for k, gain in entered.items() if k in present - {term.key}}
+            form = is_form(rival.term, rival.gain, others) and not is_form(term, own.gain, others)
+            if form or not wanted(rival.term, beyond(rival.term, other)):
+                continue  # it would not have come in, or be taken away again
+            tried[key] = rival
             even = abs(other.cost - best.cost) < LEAST_SWAP and paired(advantage(best, other)) > 0.0
             if other.cost < best.cost - LEAST_SWAP or even:
                 best = other
         rivals = {**rivals, term.key: tuple(sorted(tried.values(), key=lambda r: (-r.gain, r.term.key)))}
         if most and best is not fit:
             rivals = {**rivals, best.terms[-1].key: rivals[term.key]}
-            return swap(problem, best, rivals, most - 1)
+            now = {**entered, best.terms[-1].key: entered.get(term.key, own.gain)}
+            return swap(problem, best, rivals, now, most - 1)
     return fit, rivals
