@@ -151,11 +151,11 @@ def investigate(
     problem, fit = polish(problem, fit)
     selection = replace(selection, problem=problem, base=base, fit=fit)
     progress("what is left", 0.92)
-    damaged: list[Term | Heard] = [*selection.found, *heard]
+    struck, loud = _struck(axis, [*selection.found, *heard]), _loud(axis, selection.found)
     findings = (
         *(_finding(selection, term) for term in selection.found),
         *(_fault_finding(fault) for fault in gate.faults),
-        *(_heard_finding(h) for h in beside(named, heard, problem.guided, _struck(axis, damaged))),
+        *(_heard_finding(h) for h in beside(named, heard, problem.guided, struck, loud)),
     )
     named_well = any(f.probability >= SAID for f in findings)
     if findings and not named_well:
@@ -182,6 +182,13 @@ def _said(problem: Problem, fit: Fit, findings: Sequence[Finding]) -> Fit:
 def _struck(axis: Axis, found: Sequence[Term | Heard]) -> list[float]:
     """Turns per turn of the motor of gears with a damaged tooth."""
     return [axis.ratio_from(t.location) / axis.ratio for t in found if t.mechanism == "tooth_damage" and t.location]
+
+
+def _loud(axis: Axis, found: Sequence[Term]) -> list[float]:
+    """Teeth per turn of the motor of gears whose teeth err."""
+    teeth = {stage.name: stage.driven_teeth or 0 for stage in axis.stages}
+    erring = [t.location for t in found if t.mechanism == "mesh_error" and t.location in teeth]
+    return [teeth[place] * axis.ratio_from(place) / axis.ratio for place in erring]
 
 
 def _left(places: Sequence[Unexplained], fit: Fit) -> list[Unexplained]:

@@ -21,6 +21,7 @@ SAID = 0.5
 SURE = 0.9  # of what telemetry does not show, though it could
 LEAST_S = 4.0
 GEAR = frozenset({"tooth_damage", "backlash"})
+UNEVEN, SMALL = 0.005, 5  # of a speed while cruising; small numbers
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,13 +62,19 @@ def listen_alone(axis: Axis, sounds: Sequence[Recording]) -> Listening:
 
 
 def beside(
-    named: Sequence[str], heard: Sequence[Heard], load_encoder: bool, struck: Sequence[float] = ()
+    named: Sequence[str],
+    heard: Sequence[Heard],
+    load_encoder: bool,
+    struck: Sequence[float] = (),
+    loud: Sequence[float] = (),
 ) -> tuple[Heard, ...]:
     """What sound adds to mechanisms that telemetry has named: no name twice, and no gear fault against an encoder.
 
     With a load encoder telemetry shows damaged teeth and play below what can be heard; without one, sound may name
     them where telemetry found nothing else that it could have taken for them. `struck`: turns per turn of the motor
-    of the gears with a damaged tooth; impacts at their multiples are that tooth and no bearing.
+    of the gears with a damaged tooth; impacts at their multiples are that tooth and no bearing. `loud`: teeth per turn
+    of the motor of the gears whose teeth err; a family at a ratio of small numbers to them is what these leave beside
+    their lines while the speed is not quite even.
     """
     blind = not load_encoder and not set(named)
     return tuple(
@@ -76,12 +83,19 @@ def beside(
         if h.mechanism not in named
         and (h.mechanism not in GEAR or blind)
         and not (h.mechanism == "bearing_defect" and any(_is_multiple(h, order) for order in struck))
+        and not (h.mechanism == "bearing_defect" and any(_is_ratio(h, order) for order in loud))
     )
 
 
 def _is_multiple(h: Heard, order: float) -> bool:
     value, low, high = h.parameters["order"]
     return low <= round(value / order) * order <= high
+
+
+def _is_ratio(h: Heard, order: float) -> bool:
+    value, low, high = h.parameters["order"]
+    half = 0.5 * (high - low) + UNEVEN * value
+    return any(abs(value - order * j / k) <= half for j in range(1, SMALL + 1) for k in range(1, SMALL + 1))
 
 
 def _remarks(axis: Axis, courses: Sequence[Course]) -> tuple[str, ...]:

@@ -185,6 +185,16 @@ def test_beside_telemetry_no_name_is_said_twice_and_none_against_an_encoder() ->
     assert beside(["backlash"], [tooth], load_encoder=False) == ()
 
 
+def test_a_family_at_a_ratio_of_loud_teeth_is_no_bearing() -> None:
+    """Beside thirteen teeth that err, 2.601 is their fifth within what the speed is uneven; 2.75 is none of them."""
+    fifth, bearing = (
+        Heard("bearing_defect", None, 0.95, {"order": (order, order - 0.01, order + 0.01)}, "")
+        for order in (2.601, 2.75)
+    )
+    assert beside(["mesh_error"], [fifth, bearing], load_encoder=True, loud=[13.0]) == (bearing,)
+    assert beside([], [fifth], load_encoder=True) == (fifth,)
+
+
 def test_the_document_says_what_is_out_of_reach_and_is_the_same_each_time() -> None:
     sounds = [recording(running(17))]
     first, second = (investigate(AXIS, None, sounds).document() for _ in range(2))
