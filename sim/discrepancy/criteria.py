@@ -12,7 +12,7 @@ from sim.discrepancy.nameless import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import advantage, paired
 
-FORM_SHARE, HITS_SHARE = 0.015, 0.03  # of another's gain: what any law, and what teeth that hit leave of their form
+FORM_SHARE, HITS_SHARE = 0.015, 0.06  # of another's gain: what any law, and what teeth that hit leave of their form
 DELAY_SHARE = 0.1  # a shift in time has the shape of what most errors of form leave
 LAWS = (  # of one part of the machine, and the share of another's gain below which one is the error of its form
     (frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"}), 0.1),
