@@ -101,7 +101,10 @@ def least_squares_within(matrix: Array, pull: Array, low: Array) -> Array:
 def _start(
     term: Term, group: tuple[Mapping[str, float], ...], share: Array, values: Mapping[str, float]
 ) -> dict[str, float]:
-    """Jump as far as the linear picture says, of what cannot be linear no further than the probe, of contact so far."""
+    """Jump as far as the linear picture says.
+
+    Of what cannot be linear no further than the probe; where teeth leave each other, to the probe.
+    """
     limits = {p.name: p for p in term.parameters}
     if term.contact:
         return dict(group[0])

@@ -82,9 +82,12 @@ def beside(
         for h in heard
         if h.mechanism not in named
         and (h.mechanism not in GEAR or blind)
-        and not (h.mechanism == "bearing_defect" and any(_is_multiple(h, order) for order in struck))
-        and not (h.mechanism == "bearing_defect" and any(_is_ratio(h, order) for order in loud))
+        and not (h.mechanism == "bearing_defect" and _is_of_gears(h, struck, loud))
     )
+
+
+def _is_of_gears(h: Heard, struck: Sequence[float], loud: Sequence[float]) -> bool:
+    return any(_is_multiple(h, order) for order in struck) or any(_is_ratio(h, order) for order in loud)
 
 
 def _is_multiple(h: Heard, order: float) -> bool:
