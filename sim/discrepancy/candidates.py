@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -138,16 +138,15 @@ def elsewhere(problem: Problem, fit: Fit, own: Rival) -> list[Rival]:
 
 
 def damage_terms(problem: Problem, fit: Fit) -> list[Term]:
-    """Tooth damage where the scan along the wheels proposes it."""
-    axis = problem.axis
-    teeth = {k: s.driven_teeth for k, s in enumerate(axis.stages) if s.driven_teeth}
+    """Tooth damage where the scan along the wheels proposes it, one place of each gear pair."""
+    teeth = {k: s.driven_teeth for k, s in enumerate(problem.axis.stages) if s.driven_teeth}
     if not teeth:
         return []
-    places = sorted(scan(problem, fit, teeth), key=lambda p: -p.gain)
-    if not places or places[0].gain < LEAST_GAIN:
-        return []
-    first = places[0]
-    return [_damage_term(problem, fit, replace(first, flank=flank)) for flank in (first.flank, -first.flank)]
+    best: dict[int, Place] = {}
+    for place in sorted(scan(problem, fit, teeth), key=lambda p: -p.gain):
+        best.setdefault(place.link, place)
+    least = max(LEAST_GAIN, LINEAR * max((place.gain for place in best.values()), default=0.0))
+    return [_damage_term(problem, fit, place) for place in best.values() if place.gain >= least]
 
 
 def _damage_term(problem: Problem, fit: Fit, place: Place) -> Term:

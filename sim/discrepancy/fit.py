@@ -107,6 +107,11 @@ class Fit:
         """What the fit costs by bending what was known: squared deviations of the numbers from it."""
         return self.cost - self.misfit
 
+    @property
+    def at_limit(self) -> NDArray[np.bool_]:
+        """Which parameters lie as low or as high as they may, shape (p,)."""
+        return np.array([not p.low < self.values[p.name] < p.high for p in self.parameters], dtype=np.bool_)
+
     def blocks(self, count: int) -> list[NDArray[np.int64]]:
         """Rows of each of `count` equal parts of the time, of both channels."""
         torque = np.linspace(0, self.torque_rows, count + 1).astype(np.int64)

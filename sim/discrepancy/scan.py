@@ -90,7 +90,7 @@ def scan(problem: Problem, fit: Fit, teeth: dict[int, int]) -> list[Place]:
         power = np.abs(filter_torque[k]) ** 2
         if guide.size:
             response = to_guide[k, : second.size] * slow
-            spectrum[: second.size] += np.conj(response) * second
+            spectrum[: second.size] -= np.conj(response) * second  # the guide's torque is itself the residual
             power[: second.size] += np.abs(response) ** 2 / stride
         match = np.fft.irfft(spectrum, count)
         ratio = math.prod(link.ratio for link in chain.links[: k + 1])

@@ -47,7 +47,8 @@ def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[floa
 class _Rest:
     """The model around a new term, in the linear picture, without the parameters whose place it takes.
 
-    `relief`: what these cost by what was known of them.
+    What is at a limit stays there: free to pass it, it would take away what the term is there for. `relief`: what
+    those whose place is taken cost by what was known of them.
     """
 
     columns: Array
@@ -60,12 +61,13 @@ class _Rest:
     def of(fit: Fit, gone: Sequence[str]) -> _Rest:
         offset = np.array([(fit.values[p.name] - p.expected) / p.spread for p in fit.parameters])
         stays = np.array([p.name not in gone for p in fit.parameters])
-        columns = fit.jacobian[:, stays]
-        steps = np.array([p.step / p.spread for p in fit.parameters])[stays]
+        follows = stays & ~fit.at_limit
+        columns = fit.jacobian[:, follows]
+        steps = np.array([p.step / p.spread for p in fit.parameters])[follows]
         information = columns.T @ columns + np.diag(steps**2)
         scale = np.sqrt(np.maximum(np.diag(information), 1e-300))
         factor = cho_factor(information / np.outer(scale, scale) + 1e-10 * np.eye(scale.size))
-        gradient = (columns.T @ fit.residual + steps * offset[stays]) / scale
+        gradient = (columns.T @ fit.residual + steps * offset[follows]) / scale
         return _Rest(columns, scale, factor, gradient, float(np.sum(offset[~stays] ** 2)))
 
     def against(self, block: Array, residual: Array) -> tuple[Array, Array, float]:

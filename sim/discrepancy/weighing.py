@@ -133,8 +133,7 @@ def held_out_squares(fit: Fit) -> Array:
     The fit is taken for stationary in everything that is not at a limit, and what is stays there. A `KEPT` part of all
     that is known goes into every refit: the other blocks cannot be asked for what one block alone knows.
     """
-    values = [fit.values[p.name] for p in fit.parameters]
-    free = np.array([p.low < v < p.high for p, v in zip(fit.parameters, values, strict=True)])
+    free = ~fit.at_limit
     steps = np.array([p.step / p.spread for p in fit.parameters])[free]
     jacobian = fit.jacobian[:, free]
     information = jacobian.T @ jacobian + np.diag(steps**2 + 1e-9)
