@@ -193,7 +193,7 @@ def _link(train: DriveTrain, place: Place, k: int) -> Link:
 
 
 def _imperfect(link: Link, mesh: GearMesh, k: int) -> Link:
-    dents = (Dent(k + (d.wheel == "driven"), d.angle, d.half_width, d.depth, d.flank) for d in mesh.dents)
+    dents = (Dent(k + (d.wheel == "driven"), d.angle, d.half_width, d.depth, d.flank, d.form) for d in mesh.dents)
     return replace(
         link,
         errors=_lines(mesh.errors, k),

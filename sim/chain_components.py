@@ -28,7 +28,7 @@ class MeshLine:
 
 @dataclass(frozen=True)
 class MeshDent:
-    """Missing material on one flank of one wheel: depth (1 - u^2)^4, u = (theta - angle) / half_width; all in rad.
+    """Missing material on one flank of one wheel: depth (1 - |u|^form)^4, u = (theta - angle) / half_width; in rad.
 
     `depth` is felt at the driven gear. flank 1 carries positive torque to the driven gear, flank -1 the other.
     """
@@ -38,6 +38,7 @@ class MeshDent:
     depth: float
     flank: int = 1
     wheel: Wheel = "driven"
+    form: float = 2.0
 
 
 class SeriesOnly(Component):
@@ -89,6 +90,7 @@ class GearMesh(ElastoBacklash, SeriesOnly):
         for dent in self.dents:
             number("GearMesh.dents.depth", dent.depth, "rad", at_least=0)
             number("GearMesh.dents.half_width", dent.half_width, "rad", above=0)
+            number("GearMesh.dents.form", dent.form, "1", above=1)
             if dent.flank not in (-1, 1):
                 raise ParameterError(f"GearMesh.dents.flank: must be 1 or -1, got {dent.flank}")
 

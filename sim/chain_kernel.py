@@ -33,7 +33,7 @@ WIDTH, LINKS, DRIVE, EXT, ROWS = 16, 64, 112, 120, 128
  OFFSET, FRICTIONAL) = range(13)  # fmt: skip
 INV, C, D, HALF, LAW, ETA1, ETA2, BF1, BF2, TURN, LOSSY, CUBIC, HYST, HYST_X = range(14)
 # rows of lines, waves, ripples: shaft, order, amplitude, phase, shaft acted on
-# rows of dents: shaft, angle, 1 / half width, depth, flank
+# rows of dents: shaft, angle, 1 / half width with the sign of the flank, depth, form
 ROW = 5
 # q: number of shafts, kind of drive, then offsets into p where the rows of link (ripples: all) begin and end
 SHAFTS, KIND, RIPPLES, LINES, WAVES, DENTS, CONTACT, LOOP, WAY, SIDE = 0, 1, 2, 4, 8, 12, 16, 20, 24, 28
@@ -77,15 +77,16 @@ def _dent(k: int, side: float, p: Floats, q: Ints, w: Floats) -> tuple[float, fl
     rate = 0.0
     j = q[DENTS + k]
     while j < q[DENTS + k + 1]:
-        if p[j + 4] == side:
+        if p[j + 2] * side > 0.0:
             shaft = int(p[j])
             r = w[STAGE + shaft] - p[j + 1]
             u = (r - TWO_PI * math.floor(r / TWO_PI + 0.5)) * p[j + 2]
-            room = 1.0 - u * u
-            if room > 0.0:
+            if abs(u) < 1.0:
+                steep = abs(u) if p[j + 4] == 2.0 else abs(u) ** (p[j + 4] - 1.0)
+                room = 1.0 - steep * abs(u)
                 cube = p[j + 3] * room * room * room
                 depth += cube * room
-                rate -= 8.0 * cube * u * w[STAGE + 4 + shaft] * p[j + 2]
+                rate -= math.copysign(4.0 * p[j + 4] * cube * steep, u) * w[STAGE + 4 + shaft] * p[j + 2]
         j += ROW
     return depth, rate
 

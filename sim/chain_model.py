@@ -41,13 +41,17 @@ class Line:
 
 @dataclass(frozen=True)
 class Dent:
-    """Missing material on one flank of one wheel: depth (1 - u^2)^4 with u = (theta_shaft - angle) / half width."""
+    """Missing material on one flank of one wheel: depth (1 - |u|^form)^4, u = (theta_shaft - angle) / half width.
+
+    `form` 2 is a worn hollow, 10 a piece broken out with a flat bottom.
+    """
 
     shaft: int
     angle_rad: float
     half_width_rad: float
     depth_rad: float  # at the driven gear of the link
     flank: int = 1  # 1: flank that carries positive torque to the driven gear; -1: the other one
+    form: float = 2.0
 
 
 @dataclass(frozen=True)

@@ -82,13 +82,14 @@ def _lines(where: str, lines: Sequence[Line], n: int, acts_on: int = 0) -> list[
 def _dents(where: str, dents: Sequence[Dent], n: int) -> list[tuple[float, ...]]:
     rows: list[tuple[float, ...]] = []
     for dent in dents:
-        numbers = (dent.angle_rad, dent.half_width_rad, dent.depth_rad)
+        numbers = (dent.angle_rad, dent.half_width_rad, dent.depth_rad, dent.form)
         if not (0 <= dent.shaft < n and all(map(math.isfinite, numbers)) and dent.half_width_rad > 0):
             raise ChainError(f"{where}: shaft must be 0 to {n - 1}, half_width_rad > 0, numbers finite, got {dent}")
-        if dent.flank not in (-1, 1) or dent.depth_rad < 0:
-            raise ChainError(f"{where}: flank must be 1 or -1 and depth_rad >= 0, got {dent}")
+        if dent.flank not in (-1, 1) or dent.depth_rad < 0 or not dent.form > 1:
+            raise ChainError(f"{where}: flank must be 1 or -1, depth_rad >= 0 and form > 1, got {dent}")
         if dent.depth_rad:
-            rows.append((float(dent.shaft), dent.angle_rad, 1 / dent.half_width_rad, dent.depth_rad, float(dent.flank)))
+            steepness = dent.flank / dent.half_width_rad
+            rows.append((float(dent.shaft), dent.angle_rad, steepness, dent.depth_rad, dent.form))
     return rows
 
 

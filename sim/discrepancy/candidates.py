@@ -25,6 +25,7 @@ SHIFTS = np.linspace(-1.0, 1.0, 11)  # pitches around the place that the scan pr
 CLOSE = 2  # best candidates of which those that are far from linear are refitted in full
 BENT = 60.0  # squared deviations of what is described from what the fit makes of it
 LEFT = 0.1  # depth of a dent over the working twist
+OTHER_DENTS = ((2.0, 0.5), (0.7, 1.3))  # times as deep and as wide: where its bottom is left, a fit may begin there
 FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
 LINEAR, FAR_FROM_LINEAR = 0.1, 0.03  # of the best promise: less is no rival
 
@@ -100,10 +101,13 @@ def settled(
     own = {p.name: fit.values[p.name] for term in terms for p in term.parameters}
     starts: list[Start] = [(own, {})] if fit.strain > BENT else []
     for term in terms:
-        depth, width = term.parameters[0], term.parameters[-1]
-        if term.mechanism == "tooth_damage" and own[depth.name] > LEFT * depth.high:
-            deeper = {**own, depth.name: 2.0 * own[depth.name], width.name: 0.5 * own[width.name]}
-            starts.append((deeper, {}))
+        if term.mechanism != "tooth_damage":
+            continue
+        depth, _, width, form = term.parameters
+        if own[depth.name] > LEFT * depth.high:
+            for more, wider in OTHER_DENTS:
+                other = {depth.name: more * own[depth.name], width.name: wider * own[width.name], form.name: form.start}
+                starts.append(({**own, **other}, {}))
     anew = problem.best(terms, starts)
     return anew if anew and anew.cost < fit.cost else fit
 

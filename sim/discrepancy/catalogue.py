@@ -9,7 +9,7 @@ import numpy as np
 
 from sim.axis import Axis
 from sim.chain_model import Chain, Dent, with_link, with_shaft
-from sim.discrepancy.entries import DENT_SHARE, swing
+from sim.discrepancy.entries import rounding, swing
 from sim.discrepancy.measurement import LOAD_MOTION_CUT_HZ, Array, Measurement
 from sim.discrepancy.model import PARTS, has_links, link_stiffness, locked_mode_hz, ratio_after, stages_of, wave
 from sim.discrepancy.parameters import Parameter, Values
@@ -427,15 +427,16 @@ def tooth_damage(
 ) -> Term:
     """A dent on one flank of the driven gear of link `k`; `starts`: angles and depths worth trying.
 
-    A half sine about one pitch wide, the window in which that tooth carries. A dent deeper than the twist is left
-    before its bottom: then how long contact is lost says how wide it is, how far the load falls back how deep.
-    `deepest`: a dent as deep as the working twist is never touched at its bottom.
+    About one pitch wide, the window in which that tooth carries, between a worn hollow and a piece broken out. A dent
+    deeper than the twist is left before its bottom: then how long contact is lost says how wide it is, how far the load
+    falls back how deep. `deepest`: a dent as deep as the working twist is never touched at its bottom.
     """
-    depth, angle, width = (_name("tooth_damage", name, p) for p in ("depth_rad", "angle_rad", "width_rad"))
+    numbers = ("depth_rad", "angle_rad", "width_rad", "form")
+    depth, angle, width, form = (_name("tooth_damage", name, p) for p in numbers)
     pitch = 2.0 * math.pi / teeth
 
     def apply(chain: Chain, values: Values) -> Chain:
-        dent = Dent(k + 1, values[angle], 0.5 * values[width], values[depth], flank)
+        dent = Dent(k + 1, values[angle], values[width], values[depth], flank, values[form])
         return with_link(chain, k, dents=(*chain.links[k].dents, dent))
 
     def report(values: Values) -> dict[str, float]:
@@ -443,13 +444,15 @@ def tooth_damage(
             "depth_rad": values[depth],
             "angle_rad": values[angle] % (2 * math.pi),
             "flank": float(flank),
-            "width_rad": 0.5 * values[width] / DENT_SHARE,
+            "width_rad": values[width] * rounding(values[form]),
+            "form": values[form],
         }
 
     parameters = (
         Parameter(depth, 0.0, 0.003 * deepest, low=0.0, high=deepest),
         Parameter(angle, angle_rad, 0.02 * pitch, low=angle_rad - 6 * pitch, high=angle_rad + 6 * pitch),
-        Parameter(width, 1.2 * pitch, 0.02 * pitch, 0.3 * pitch, 0.4 * pitch, 2.5 * pitch),
+        Parameter(width, 0.6 * pitch, 0.01 * pitch, 0.15 * pitch, 0.2 * pitch, 1.5 * pitch),
+        Parameter(form, 4.0, 0.1, 4.0, 1.2, 40.0),
     )
     probes = tuple(({angle: a, depth: d},) for a, d in starts)
     return Term(

@@ -11,8 +11,6 @@ from sim.axis import Axis, MechanismEntry
 from sim.chain_model import Array, Chain, Dent, Line, with_link, with_shaft
 from sim.discrepancy.measurement import Measurement
 
-DENT_SHARE = 0.6  # half width of the half sine over that of the simulator's dent of the same width at half depth
-
 
 def swing(m: Measurement, inertia_kg_m2: float, share: float, frequency_hz: float, damping_ratio: float) -> Array:
     """Torque that a part of the load on a spring of its own needs beyond that of its mass [N m], shape (n,).
@@ -25,6 +23,14 @@ def swing(m: Measurement, inertia_kg_m2: float, share: float, frequency_hz: floa
     digital = bilinear([-1.0, 0.0, 0.0], [1.0, 2.0 * damping_ratio * w, w * w], m.rate_hz)
     moved = lfilter(*digital, np.gradient(m.load_speed) * m.rate_hz)
     return np.asarray(share * inertia_kg_m2 * moved)
+
+
+def rounding(form: float) -> float:
+    """Width of the simulator's dent, whose edges are round, over that of the observer's, equally wide at half depth.
+
+    (1 - |u|^form)^4 keeps an integrator's order, (1 - |u|^form)^2 is nearer to a tooth that leaves its contact.
+    """
+    return float(((1.0 - 0.5**0.5) / (1.0 - 0.5**0.25)) ** (1.0 / form))
 
 
 def swinging(axis: Axis, m: Measurement) -> Array:
@@ -61,8 +67,9 @@ def _with_entry(chain: Chain, axis: Axis, k: int, entry: MechanismEntry) -> Chai
             return with_link(chain, k, errors=(*chain.links[k].errors, line))
         case "tooth_damage":
             pitch = 2.0 * math.pi / float((axis.stages[k].driven_teeth if axis.stages else None) or 100)
-            width = DENT_SHARE * p["width_rad"] if p.get("width_rad") else 0.5 * pitch
-            dent = Dent(k + 1, p["angle_rad"], width, p["depth_rad"], int(p.get("flank", 1.0)))
+            flank, form = int(p.get("flank", 1.0)), p.get("form", 2.0)
+            width = (p.get("width_rad") or pitch) / rounding(form)
+            dent = Dent(k + 1, p["angle_rad"], width, p["depth_rad"], flank, form)
             return with_link(chain, k, dents=(*chain.links[k].dents, dent))
         case "gravity_imbalance":
             return with_shaft(chain, last, gravity_n_m=p["torque_n_m"], gravity_phase_rad=p.get("phase_rad", 0.0))

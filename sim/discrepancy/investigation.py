@@ -30,7 +30,8 @@ VERSION = "1"
 NINETY = 1.645
 INFLATION = 3.0  # of deviations, so that intervals hold on the calibration seeds
 FORM_SHARE = 0.08  # of a size, which the form of its law leaves open
-NO_SIZE = ("angle_rad", "phase_rad", "flank", "order", "frequency_hz")
+DENT_SHARE = 0.3  # the same of a dent: the same torques come from a hollow and from a shallower piece broken out
+NO_SIZE = ("angle_rad", "phase_rad", "flank", "form", "order", "frequency_hz")
 SAID = 0.5  # probability from which a name is said
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
 Progress = Callable[[str, float], None]
@@ -253,7 +254,7 @@ def _term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, 
     for name, value in term.report(fit.values).items():
         half = NINETY * _inflation(fit) * spread[name]
         if name not in NO_SIZE:
-            half = max(half, FORM_SHARE * abs(value))
+            half = max(half, (DENT_SHARE if term.mechanism == "tooth_damage" else FORM_SHARE) * abs(value))
         if name == "frequency_hz":
             half = max(half, 1.0 / duration_s)
         out.append(Estimate(name, float(value), unit_of(name), float(value - half), float(value + half)))

@@ -72,8 +72,11 @@ def _dent(dents, first, last, side, angles, speeds):
             r -= TWO_PI * math.floor(r / TWO_PI + 0.5)
             u = r / dents[j, 2]
             if abs(u) < 1.0:
-                depth += dents[j, 3] * math.cos(0.5 * math.pi * u)
-                rate -= 0.5 * dents[j, 3] * math.pi * math.sin(0.5 * math.pi * u) * speeds[shaft] / dents[j, 2]
+                steep = abs(u) ** (dents[j, 5] - 1.0)
+                room = 1.0 - steep * abs(u)
+                deep = dents[j, 3] * room
+                depth += deep * room
+                rate -= math.copysign(2.0 * dents[j, 5] * deep * steep, u) * speeds[shaft] / dents[j, 2]
     return depth, rate
 
 

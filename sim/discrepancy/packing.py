@@ -24,9 +24,10 @@ def pack(chain: Chain) -> Packed:
     ripples, ripple_first = _lines([shaft.ripples for shaft in chain.shafts])
     acts_on = np.repeat(np.arange(n), np.diff(ripple_first)).reshape(-1, 1)
     dents = [
-        [(d.shaft, d.angle_rad, d.half_width_rad, d.depth_rad, d.flank) for d in link.dents] for link in chain.links
+        [(d.shaft, d.angle_rad, d.half_width_rad, d.depth_rad, d.flank, d.form) for d in link.dents]
+        for link in chain.links
     ]
-    dent_rows, dent_first = _rows(dents, 5)
+    dent_rows, dent_first = _rows(dents, 6)
     return shafts, links, lines, line_first, waves, wave_first, dent_rows, dent_first, np.hstack([ripples, acts_on])
 
 

@@ -15,7 +15,8 @@ class ToothDamage(Mechanics):
     """Contact on the damaged flank comes later by the depth while that tooth is in mesh.
 
     Flank 1 carries positive torque to the driven gear. So the damage is felt when the contact force is on that flank,
-    whatever the direction of motion. Width 0 means one pitch of the teeth on either side.
+    whatever the direction of motion. Width 0 means one pitch of the teeth on either side. Form 2 is a worn
+    hollow, 10 a piece broken out.
     """
 
     name: ClassVar[str] = "tooth_damage"
@@ -24,12 +25,13 @@ class ToothDamage(Mechanics):
         Parameter("depth_rad", "rad", 0.0, 0.05, 1e-3),
         Parameter("flank", "1", -1.0, 1.0, 1.0, choices=(-1.0, 1.0)),
         Parameter("width_rad", "rad", 0.0, math.pi, 0.0),
+        Parameter("form", "1", 1.2, 40.0, 2.0),
     )
     size: ClassVar[str] = "depth_rad"
     signature: ClassVar[Signature] = Signature(
         "angle", order=1, per_cycle=1, flank="one", direction="one", grows_with="load"
     )
-    equations: ClassVar[str] = "contact at x = gap / 2 + depth (1 - u^2)^4, u = (theta - angle) / width, |u| < 1"
+    equations: ClassVar[str] = "contact at x = gap / 2 + depth (1 - |u|^form)^4, u = (theta - angle) / width, |u| < 1"
     source: ClassVar[str] = (
         "local loss of flank as a displacement: Liang, Zuo and Feng, Mech. Syst. Signal Process. 98 (2018)"
     )
@@ -45,5 +47,5 @@ class ToothDamage(Mechanics):
         name, mesh = gear_mesh(train, place)
         width = self["width_rad"] or 2 * math.pi / teeth(axis_of(train), place)
         wheel: Wheel = "driver" if place == "motor" else "driven"
-        dent = MeshDent(self["angle_rad"], width, self["depth_rad"], int(self["flank"]), wheel)
+        dent = MeshDent(self["angle_rad"], width, self["depth_rad"], int(self["flank"]), wheel, self["form"])
         return train.replace(name, replace(mesh, dents=(*mesh.dents, dent)))

@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
-from sim.axis import Axis, read_axis
+from sim.axis import Axis, MechanismEntry, read_axis
 from sim.discrepancy.catalogue import tooth_damage
 from sim.discrepancy.condition import examine
+from sim.discrepancy.entries import with_entries
 from sim.discrepancy.fit import Noise, Problem, Raw
 from sim.discrepancy.measurement import Measurement
+from sim.discrepancy.model import chain_of
 from sim.discrepancy.scan import scan
 from sim.discrepancy.terms import Term
 from tests.discrepancy.telemetry_of import swing
@@ -65,11 +68,22 @@ def test_the_scan_finds_the_tooth_by_all_channels(load_encoder: bool, flank: int
     angle = -flank * 20.3 * PITCH  # where the swing turns round, and that flank carries
     problem = Dented(axis(), measured(load_encoder), Noise.flat(0.01, 0.05))
     term = tooth_damage("output", 0, TEETH, flank, angle, (), 0.0, 1e-2)
-    depth, place, width = (p.name for p in term.parameters)
+    depth, place, width, form = (p.name for p in term.parameters)
     described = {p.name: p.start for p in problem.base()}
-    problem.hide(term, {**described, depth: 1e-5, place: angle, width: 2.0 * PITCH})
+    problem.hide(term, {**described, depth: 1e-5, place: angle, width: 1.2 * PITCH, form: 2.0})
     fit = problem.fit(iterations=0)
     best = max(scan(problem, fit, {0: TEETH}), key=lambda p: p.gain)
     assert best.flank == flank
     assert abs(math.remainder(best.angle_rad - angle, 2.0 * math.pi)) < 0.15 * PITCH
     assert best.gain == pytest.approx(fit.misfit, rel=0.25)
+
+
+def test_a_dent_that_was_found_is_the_same_dent_in_the_extended_axis() -> None:
+    term = tooth_damage("output", 0, TEETH, -1, 1.0, (), 0.0, 1e-2)
+    values = dict(zip((p.name for p in term.parameters), (3e-4, 1.1, 0.05, 6.0), strict=True))
+    chain = chain_of(axis(), {})
+    entry = MechanismEntry("tooth_damage", "output", dict(term.report(values)))
+    (found,) = term.apply(chain, values).links[0].dents
+    (stored,) = with_entries(chain, replace(axis(), mechanisms=(entry,))).links[0].dents
+    assert stored.half_width_rad == pytest.approx(found.half_width_rad, rel=1e-12)
+    assert replace(stored, half_width_rad=found.half_width_rad) == found
