@@ -8,11 +8,12 @@ from collections.abc import Mapping
 import numpy as np
 
 from sim.discrepancy.fit import Fit
-from sim.discrepancy.nameless import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED
+from sim.discrepancy.nameless import AS_NEW, CURVES, FIXED, OVER_ANGLE, OVER_SPEED
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import advantage, paired
 
 FORM_SHARE, HITS_SHARE = 0.015, 0.06  # of another's gain: what any law, and what teeth that hit leave of their form
+CURVE_SHARE = 0.2  # a curve stands for a law that has no name, and leaves much of it
 DELAY_SHARE = 0.1  # a shift in time has the shape of what most errors of form leave
 LAWS = (  # of one part of the machine, and the share of another's gain below which one is the error of its form
     (frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"}), 0.1),
@@ -89,6 +90,8 @@ def form_share(mechanism: str, other: str) -> float:
         shares.append(DELAY_SHARE)
     if other in HITS:
         shares.append(HITS_SHARE)
+    if other in CURVES:
+        shares.append(CURVE_SHARE)
     return max(shares, default=FORM_SHARE)
 
 
