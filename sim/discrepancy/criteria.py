@@ -19,6 +19,7 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
     (frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"}), 0.1),
     (frozenset({"stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.35),
     (frozenset({"mesh_error", "torque_ripple"}), 0.05),
+    (frozenset({"mesh_error", "tooth_damage"}), 0.05),
     (frozenset({"eccentricity", "torque_ripple"}), 0.05),
 )
 HITS = ("backlash", "tooth_damage")
@@ -28,7 +29,7 @@ LEFT_OUT_SHARE = 0.5  # of what others must gain
 LEAST_SHARE = 0.0006  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
     OVER_SPEED: 0.01, OVER_ANGLE: 0.012, FIXED: 0.002,
-    "structural_resonance": 0.008, "hysteresis": 0.001, "stiffness_hardening": 0.001, "tooth_damage": 0.002,
+    "structural_resonance": 0.008, "hysteresis": 0.001, "stiffness_hardening": 0.001, "tooth_damage": 0.006,
 }  # fmt: skip
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
 HOLDS_T = 1.5
