@@ -88,8 +88,8 @@ def _dents(where: str, dents: Sequence[Dent], n: int) -> list[tuple[float, ...]]
         if dent.flank not in (-1, 1) or dent.depth_rad < 0 or not dent.form > 1:
             raise ChainError(f"{where}: flank must be 1 or -1, depth_rad >= 0 and form > 1, got {dent}")
         if dent.depth_rad:
-            steepness = dent.flank / dent.half_width_rad
-            rows.append((float(dent.shaft), dent.angle_rad, steepness, dent.depth_rad, dent.form))
+            signed = dent.flank / dent.half_width_rad
+            rows.append((float(dent.shaft), dent.angle_rad, signed, dent.depth_rad, dent.form))
     return rows
 
 

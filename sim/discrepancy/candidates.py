@@ -95,21 +95,27 @@ def settled(
     """A finished fit, or one that starts from what is described where that is better.
 
     Numbers that were bent to stand for a missing mechanism may keep a fit in a valley of their own; a dent that teeth
-    leave before its bottom may be deeper and narrower as well.
+    leave before its bottom may be deeper and narrower as well, or shallower and wider.
     """
     fit = problem.fit(terms, values, held=held, to_end=True)
     own = {p.name: fit.values[p.name] for term in terms for p in term.parameters}
     starts: list[Start] = [(own, {})] if fit.strain > BENT else []
     for term in terms:
-        if term.mechanism != "tooth_damage":
-            continue
-        depth, _, width, form = term.parameters
-        if own[depth.name] > LEFT * depth.high:
-            for more, wider in OTHER_DENTS:
-                other = {depth.name: more * own[depth.name], width.name: wider * own[width.name], form.name: form.start}
-                starts.append(({**own, **other}, {}))
+        if term.mechanism == "tooth_damage":
+            starts += [({**own, **other}, {}) for other in _other_dents(term, own)]
     anew = problem.best(terms, starts)
     return anew if anew and anew.cost < fit.cost else fit
+
+
+def _other_dents(term: Term, values: Mapping[str, float]) -> list[dict[str, float]]:
+    """Numbers of dents that leave contact about as long as the one found, where its bottom is left."""
+    depth, _, width, form = term.parameters
+    if values[depth.name] <= LEFT * depth.high:
+        return []
+    return [
+        {depth.name: deeper * values[depth.name], width.name: wider * values[width.name], form.name: form.start}
+        for deeper, wider in OTHER_DENTS
+    ]
 
 
 def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:

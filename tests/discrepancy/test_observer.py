@@ -6,7 +6,7 @@ import pytest
 from sim.chain_model import Chain, Link, Shaft
 from sim.discrepancy.measurement import prepare
 from sim.discrepancy.observer import Nuisance, Observer
-from sim.discrepancy.observer_kernel import _sine_cosine
+from sim.discrepancy.observer_kernel import _dent, _sine_cosine
 from tests.discrepancy.telemetry_of import RATE_HZ, swing
 
 
@@ -124,3 +124,18 @@ def test_sine_and_cosine_of_one_angle() -> None:
     angles = np.random.default_rng(1).uniform(-3e4, 3e4, 2000)
     found = np.array([_sine_cosine(float(x)) for x in angles])
     assert np.abs(found - np.stack([np.sin(angles), np.cos(angles)], axis=1)).max() < 1e-8
+
+
+@pytest.mark.parametrize("form", [2.0, 7.5])
+def test_the_rate_of_a_dent_is_the_slope_of_its_depth(form: float) -> None:
+    dents = np.array([[1.0, 0.4, 0.1, 1e-3, 1.0, form]])
+    speeds, step = np.array([0.0, 3.0]), 1e-7
+
+    def at(angle: float) -> tuple[float, float]:
+        return _dent(dents, 0, 1, 1.0, np.array([0.0, angle]), speeds)
+
+    for angle in (0.31, 0.36, 0.44, 0.4 + 2.0 * np.pi + 0.09):
+        slope = (at(angle + step)[0] - at(angle - step)[0]) / (2.0 * step)
+        assert at(angle)[1] == pytest.approx(3.0 * slope, rel=1e-5)
+    assert at(0.4) == pytest.approx((1e-3, 0.0))
+    assert at(0.51) == (0.0, 0.0)

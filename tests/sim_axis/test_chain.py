@@ -171,6 +171,18 @@ def test_a_dent_is_felt_on_its_flank_only() -> None:
     assert turns[-1.0, 1] < 1e-9
 
 
+@pytest.mark.parametrize("form", [2.0, 10.0])
+def test_the_form_of_a_dent_says_how_wide_it_is_at_half_depth(form: float) -> None:
+    """Passed steadily, the load lags by (1 - |u|^form)^4 of the depth: over half of it for |u|^form < 1 - 0.5^(1/4)."""
+    t, half_width, depth = np.arange(20000) / 2000.0, 0.1, 1e-3
+    motion = PrescribedMotion(np.stack([25.0 * t, np.full(t.size, 25.0), np.zeros(t.size)]))
+    dented = with_link(three_shafts(), 1, dents=(Dent(2, 1.3, half_width, depth, 1, form),))
+    runs = [run_chain(chain, motion, 2000.0, t.size).angle_rad[:, 2] for chain in (three_shafts(), dented)]
+    passed = np.abs(runs[0] - 1.3) < 1.5 * half_width
+    turned = float(np.ptp(runs[0][passed & (runs[0] - runs[1] > 0.5 * depth)]))
+    assert turned == pytest.approx(2.0 * half_width * (1.0 - 0.5**0.25) ** (1.0 / form), rel=0.05)
+
+
 def test_prescribing_the_motion_gives_back_the_torque_that_made_it() -> None:
     """Inverse of the forward simulation, through reversals, gaps and losses."""
     chain = three_shafts()
@@ -223,6 +235,7 @@ def test_substeps_follow_the_fastest_mode() -> None:
         (lambda c: with_link(c, 0, law="rubber"), r"links\[0\].law: must be one of linear, elasto, elasto2"),
         (lambda c: with_link(c, 0, errors=(Line(3, 1.0, 1e-4),)), r"links\[0\].errors: shaft must be 0 to 2"),
         (lambda c: with_link(c, 1, dents=(Dent(2, 0.0, 0.1, 1e-3, 0),)), r"links\[1\].dents: flank must be 1 or -1"),
+        (lambda c: with_link(c, 1, dents=(Dent(2, 0.0, 0.1, 1e-3, 1, 1.0),)), r"links\[1\].dents: .* form > 1"),
         (lambda c: with_shaft(c, 2, gravity_n_m=math.nan), r"shafts\[2\]: every parameter must be finite"),
         (lambda c: replace(c, shafts=c.shafts * 2), "shafts: 1 to 4 can be simulated, got 6"),
         (lambda c: replace(c, links=c.links[:1]), "links: 3 shafts need 2, got 1"),
