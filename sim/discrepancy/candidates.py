@@ -10,7 +10,7 @@ from types import MappingProxyType
 import numpy as np
 
 from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
-from sim.discrepancy.criteria import LEAST_GAIN, least_gain
+from sim.discrepancy.criteria import CONSTANT, LEAST_GAIN, least_gain
 from sim.discrepancy.fit import Fit, Problem, Raw, Start, each
 from sim.discrepancy.model import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.nameless import nameless_terms
@@ -45,18 +45,16 @@ class Rival:
     finished: Fit | None = field(default=None, repr=False, compare=False)
 
 
-def try_terms(problem: Problem, fit: Fit) -> list[Rival]:
-    """Candidates by what they gain once refitted, best first; what has no name is linear, its promise is its gain."""
+def try_terms(problem: Problem, fit: Fit, *, all_of_them: bool = True) -> list[Rival]:
+    """Candidates by what they gain once refitted, best first; what has no name is linear, its promise is its gain.
+
+    Not `all_of_them`: only those of `CONSTANT`, which cost next to nothing.
+    """
     present = {term.key for term in fit.terms}
-    candidates = [
-        t
-        for t in (
-            *terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values)),
-            *damage_terms(problem, fit),
-            *nameless_terms(problem, fit),
-        )
-        if t.key not in present
-    ]
+    candidates = list(terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values)))
+    if all_of_them:
+        candidates += [*damage_terms(problem, fit), *nameless_terms(problem, fit)]
+    candidates = [t for t in candidates if t.key not in present and (all_of_them or t.mechanism in CONSTANT)]
     screened = screen(problem, fit, candidates)
     tries: dict[str, int] = {}
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]

@@ -37,7 +37,7 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
     if any(shaft.coulomb_n_m > 0.0 for shaft in present.shafts):
         out.append(_stribeck(level, top))
     travel = float(np.ptp(measurement.angle))
-    out += [_ripple(order, level, axis) for order in RIPPLE_ORDERS if travel * order > 4.0 * math.pi]
+    out += [_ripple(order, level, axis) for order in RIPPLE_ORDERS if travel * order > 2.0 * math.pi]
     out += [hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
     out.append(_delay("torque_delay_s", "motor", 6e-4))
     if has_links(axis):

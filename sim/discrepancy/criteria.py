@@ -20,15 +20,18 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
     (frozenset({"stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.35),
     (frozenset({"mesh_error", "torque_ripple"}), 0.05),
     (frozenset({"mesh_error", "tooth_damage"}), 0.05),
+    (frozenset({"eccentricity", "tooth_damage"}), 0.05),
     (frozenset({"eccentricity", "torque_ripple"}), 0.05),
 )
 HITS = ("backlash", "tooth_damage")
 ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
+CONSTANT = ("torque_offset",)  # known beforehand within a little: what it gains over that is no error of a form
 LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
 LEFT_OUT_SHARE = 0.5  # of what others must gain
 LEAST_SHARE = 0.0006  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
-    OVER_SPEED: 0.01, OVER_ANGLE: 0.012, FIXED: 0.002,
+    f"{OVER_SPEED}@motor": 0.003, f"{OVER_SPEED}@load": 0.006, FIXED: 0.002,
+    f"{OVER_ANGLE}@motor": 0.004, f"{OVER_ANGLE}@load": 0.007,
     "structural_resonance": 0.008, "hysteresis": 0.001, "stiffness_hardening": 0.001, "tooth_damage": 0.006,
 }  # fmt: skip
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
@@ -62,14 +65,18 @@ def least_gain(term: Term) -> float:
 
 def matters(term: Term, gain: float, fit: Fit) -> bool:
     """Whether a gain is more than what the form of a model differs from any axis."""
-    share = LEAST_SHARES.get(term.mechanism, LEAST_SHARE)
+    share = LEAST_SHARES.get(term.key, LEAST_SHARES.get(term.mechanism, LEAST_SHARE))
     form = share / LEAST_GAIN * fit.misfit  # over what counts in a short record
     return gain >= least_gain(term) * max(form, 1.0, fit.misfit / fit.residual.size)
 
 
 def wanted(term: Term, far: float) -> bool:
-    """Whether a term `far` beyond as new is worth a place: it matters, or nothing always fitted stands for it."""
-    return far > BEYOND or (far > -math.inf and term.mechanism in ERRORS and not term.replaces)
+    """Whether a term `far` beyond as new is worth a place: it matters, or nothing always fitted stands for it.
+
+    Play stands for itself: what is always fitted ends below where a gap begins to matter.
+    """
+    always = term.mechanism == "backlash" or (term.mechanism in ERRORS and not term.replaces)
+    return far > BEYOND or (far > -math.inf and always)
 
 
 def is_form(term: Term, gain: float, entered: Mapping[str, float]) -> bool:
@@ -79,7 +86,7 @@ def is_form(term: Term, gain: float, entered: Mapping[str, float]) -> bool:
     what each term gained when it came in; later, with what stands for its errors beside it, taking it away says far
     too much.
     """
-    if term.mechanism in LEFT_OUT:
+    if term.mechanism in LEFT_OUT + CONSTANT:
         return False
     return any(gain < form_share(term.mechanism, key.split("@")[0]) * brought for key, brought in entered.items())
 

@@ -23,7 +23,7 @@ MOTION_BAND_HZ = 40.0
 MOST_TERMS = 4
 MOST_ROUNDS = 6  # with those that are as new or have no name
 MOST_ENTRIES = 3  # of one round
-MOST_RUNS = 1800  # simulations after which no further round begins: what is left then is unnamed
+MOST_RUNS = 1800  # simulations after which only constants are looked for: what is left then is unnamed
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
 SWAPS = 2
 RIVAL_SHARE = 0.25  # of the gain of the best: less is no rival
@@ -93,10 +93,8 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     rejected: tuple[Rival, ...] = ()
     entered: dict[str, float] = {}
     for step in range(MOST_ROUNDS):
-        if problem.runs.count > MOST_RUNS:
-            break
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
-        tried = try_terms(problem, fit)
+        tried = try_terms(problem, fit, all_of_them=problem.runs.count <= MOST_RUNS)
         entry = enter(problem, fit, [r for r in tried if not is_form(r.term, r.gain, entered)])
         tried = [replace(r, finished=None) for r in tried]
         names = {r.term.key for r in entry.new}
@@ -159,7 +157,8 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
     most = max((worth[r.term.key] for r in fitting if r.term.named), default=0.0)
     as_new = [r for r in fitting if r.term.mechanism == AS_NEW or r.beyond <= BEYOND]
     for best in fitting:
-        if not best.term.named and best not in as_new and worth[best.term.key] < CLEARLY * most:
+        clearly = 1.0 if best in as_new else CLEARLY
+        if not best.term.named and worth[best.term.key] < clearly * most:
             continue
         new = [best]
         if best in as_new and best.term.named:

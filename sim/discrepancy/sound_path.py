@@ -14,34 +14,50 @@ from sim.discrepancy.sound_evidence import Heard
 
 PER_TURN = 128  # samples of the envelope per revolution of the motor
 LOWEST_ORDER, HIGHEST_ORDER = 1.2, 30.0  # below, what stands still in Hz at constant speed looks like an order
-LINE = 40.0  # power of a line over the local median: of 10,000 exponential bins the largest is near 10 ln 2 = 14
+HIGHEST_HZ = 1500.0
+LINE = 10.0  # power of a line over the local median; of 10,000 exponential bins the largest is near 10 / ln 2 = 14
+LEAST_LINES = 3  # of the first `HARMONICS`
+LEAST_SCORE = 4.0  # sum of ln(height / LINE): twice what 41 recordings without a bearing reach with two lines
+FIXED = 4.0  # times as high over time as over the path: what is fixed in Hz is no order
 SLIP = 0.004  # of a bearing's balls, by which its order is uncertain
+DRIFT = 0.01  # of the cruising speed
 HARMONICS = 5
+BANDS = ((0.08, 0.25), (0.25, 0.5), (0.5, 0.9))  # of half the rate
+CRUISE = 0.8  # of the largest speed
 
 
 def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement, offset_s: float) -> list[Heard]:
-    """Lines of the envelope over the motor's path at one order and its multiples that no gear explains."""
-    orders, heights = _envelope_orders(values, rate_hz, m, offset_s)
+    """Lines of the envelope over the motor's path at one order and its multiples that no gear explains.
+
+    A family counts by all of its lines together: those of a weak defect hardly stand out one by one.
+    """
+    (orders, heights), (spacing_hz, over_time) = _envelopes(values, rate_hz, m, offset_s)
     if orders.size == 0:
         return []
     spacing = float(orders[1])
+    cruising = np.abs(m.speed) > CRUISE * float(np.abs(m.speed).max())
+    turns_per_s = float(np.median(np.abs(m.speed[cruising]))) / (2.0 * math.pi)
     best = (0.0, 0.0, 0)
-    grid = np.flatnonzero((orders > 0.4) & (orders < HIGHEST_ORDER) & (heights > LINE))
-    for index in grid:
+    for index in np.flatnonzero((orders > LOWEST_ORDER) & (orders < HIGHEST_ORDER) & (heights > LINE)):
         order = _centre(orders, heights, int(index), spacing)
         if _of_gears(axis, order, spacing) or _is_whole(order, spacing):
             continue
-        found = [_height(heights, k * order / spacing, 1 + k // 2) for k in range(1, HARMONICS + 1)]
-        count = sum(h > LINE for h in found)
-        score = sum(math.log(max(h / LINE, 1.0)) for h in found)
-        if count >= 2 and order > LOWEST_ORDER and found[0] > LINE and score > best[0]:
-            best = (score, order, count)
-    if best[2] < 2 or _fixed_line(values, rate_hz) > float(heights[orders < 4.0 * HIGHEST_ORDER].max()):
+        numbers = range(1, HARMONICS + 1)
+        found = [_height(heights, k * order / spacing, 1 + k // 2) for k in numbers]
+        lines = [k for k, height in zip(numbers, found, strict=True) if height > LINE]
+        score = sum(math.log(found[k - 1] / LINE) for k in lines)
+        if len(lines) < LEAST_LINES or score < max(LEAST_SCORE, best[0]):
+            continue
+        places = {k: k * order * turns_per_s / spacing_hz for k in lines}
+        fixed = [_height(over_time, at, 2 + int(DRIFT * at)) / found[k - 1] for k, at in places.items()]
+        if np.median(fixed) < FIXED:
+            best = (score, order, len(lines))
+    if not best[2]:
         return []
     order = _refined(orders, heights, best[1], spacing)
     half = max(1.5 * spacing, SLIP * order)
     text = (
-        f"Impacts come {order:.2f} times per revolution of the motor, with {best[2]} multiples and a little slip: "
+        f"Impacts come {order:.2f} times per revolution of the motor, with {best[2] - 1} multiples and a little slip: "
         "no gear has this order; a rolling bearing does."
     )
     return [Heard("bearing_defect", None, 0.95, {"order": (order, order - half, order + half)}, text)]
@@ -52,37 +68,37 @@ def _is_whole(order: float, spacing: float) -> bool:
     return abs(order - round(order)) <= max(1.5 * spacing, SLIP * order)
 
 
-def _envelope_orders(values: Array, rate_hz: float, m: Measurement, offset_s: float) -> tuple[Array, Array]:
-    """Orders per motor revolution and the envelope's power over its local median, best of three bands."""
+def _envelopes(
+    values: Array, rate_hz: float, m: Measurement, offset_s: float
+) -> tuple[tuple[Array, Array], tuple[float, Array]]:
+    """Power of the envelope over its local median, best of three bands: over the path and over time.
+
+    Orders per motor revolution (k,) and heights (k,), empty where the motor hardly turns; spacing [Hz] and heights.
+    """
     time = np.arange(values.size) / rate_hz + offset_s
     inside = (time >= m.time_s[0]) & (time <= m.time_s[-1])
     speed = np.abs(np.interp(time[inside], m.time_s, m.speed))
     path = np.cumsum(speed) / rate_hz / (2.0 * math.pi)
     if path.size < rate_hz or path[-1] < 20.0:
-        return np.zeros(0), np.zeros(0)
+        return (np.zeros(0), np.zeros(0)), (1.0, np.zeros(0))
     grid = np.arange(0.0, path[-1], 1.0 / PER_TURN)
-    total = np.zeros(grid.size // 2 + 1)
-    nyquist = 0.5 * rate_hz
-    for low, high in ((0.08, 0.25), (0.25, 0.5), (0.5, 0.9)):
-        sos = butter(4, (low * nyquist, high * nyquist), "bandpass", fs=rate_hz, output="sos")
+    spacing_hz = rate_hz / path.size
+    along, over_time = np.zeros(grid.size // 2 + 1), np.zeros(int(min(HIGHEST_HZ, 0.5 * rate_hz) / spacing_hz))
+    for low, high in BANDS:
+        sos = butter(4, (0.5 * low * rate_hz, 0.5 * high * rate_hz), "bandpass", fs=rate_hz, output="sos")
         envelope = np.abs(hilbert(sosfiltfilt(sos, values)))
         width = int(0.25 * rate_hz) | 1
         envelope = envelope / (np.convolve(envelope, np.ones(width) / width, "same") + 1e-12) - 1.0
-        along = np.interp(grid, path, np.minimum(envelope[inside], 12.0))
-        power = np.abs(np.fft.rfft(along * np.hanning(grid.size))) ** 2
-        total = np.maximum(total, power / np.maximum(medfilt(power, 401), 1e-300))
-    return np.arange(total.size) * PER_TURN / grid.size, total
+        envelope = np.minimum(envelope[inside], 12.0)
+        along = np.maximum(along, _over_median(np.interp(grid, path, envelope), along.size))
+        over_time = np.maximum(over_time, _over_median(envelope, over_time.size))
+    return (np.arange(along.size) * PER_TURN / grid.size, along), (spacing_hz, over_time)
 
 
-def _fixed_line(values: Array, rate_hz: float) -> float:
-    """Height of the strongest line of the envelope over time: what is fixed in Hz is no order."""
-    sos = butter(4, (0.08 * 0.5 * rate_hz, 0.45 * rate_hz), "bandpass", fs=rate_hz, output="sos")
-    envelope = np.abs(hilbert(sosfiltfilt(sos, values)))
-    power = np.abs(np.fft.rfft((envelope - envelope.mean()) * np.hanning(values.size))) ** 2
-    spacing = rate_hz / values.size
-    part = power[: int(100.0 / spacing)]
-    ratio = part / np.maximum(medfilt(part, 401), 1e-300)
-    return float(ratio[int(4.0 / spacing) :].max())
+def _over_median(values: Array, count: int) -> Array:
+    """The first `count` powers of a spectrum, over their running median."""
+    power = np.abs(np.fft.rfft(values * np.hanning(values.size))[:count]) ** 2
+    return np.asarray(power / np.maximum(medfilt(power, 401), 1e-300))
 
 
 def _height(heights: Array, at: float, reach: int) -> float:

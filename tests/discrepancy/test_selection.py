@@ -9,6 +9,7 @@ from scipy.optimize import lsq_linear
 from sim.axis import read_axis
 from sim.chain_model import Chain, Shaft
 from sim.discrepancy.catalogue import terms_of
+from sim.discrepancy.criteria import is_form, wanted
 from sim.discrepancy.entries import swing
 from sim.discrepancy.measurement import Measurement, prepare
 from sim.discrepancy.nameless import line_of
@@ -47,14 +48,42 @@ def test_a_line_is_one_sine_of_constant_phase_and_no_burst_of_its_frequency() ->
 def test_a_part_on_a_spring_adds_its_mass_below_its_frequency_and_nothing_far_above() -> None:
     """At standstill of the spring the swinging part moves with the load; far above its resonance it stands still."""
     rate_hz, time = 1000.0, np.arange(40_000) / 1000.0
-    for frequency_hz, wanted in ((0.2, 0.0), (60.0, -1.0)):
+    for frequency_hz, followed in ((0.2, 0.0), (60.0, -1.0)):
         w = 2.0 * np.pi * frequency_hz
         still = np.zeros(time.size)
         speed = np.cos(w * time) / w
         m = Measurement(rate_hz, time, *[still] * 8, speed, still, speed, still, still)
         asked = swing(m, 2.0, 0.25, 6.0, 0.02)[20_000:]
         acceleration = -np.sin(w * time)[20_000:]
-        assert asked @ acceleration / (acceleration @ acceleration) == pytest.approx(0.5 * wanted, abs=0.01)
+        assert asked @ acceleration / (acceleration @ acceleration) == pytest.approx(0.5 * followed, abs=0.01)
+
+
+TERMS = {
+    t.mechanism: t
+    for t in terms_of(
+        read_axis(
+            {
+                "motor": {"inertia_kg_m2": 0.003, "coulomb_friction_n_m": 0.3},
+                "stages": [{"name": "output", "driver_teeth": 12, "driven_teeth": 96, "stiffness_n_m_per_rad": 1e4}],
+                "load": {"inertia_kg_m2": 2.0},
+            }
+        ),
+        prepare(RATE_HZ, motion()[3] * 0.03, motion()[1], motion()[1] / 8.0),
+        Chain((Shaft(0.003, 0.3, 0.0),)),
+    )
+}
+
+
+def test_play_below_what_matters_stands_for_itself_and_a_bend_does_not() -> None:
+    assert wanted(TERMS["backlash"], -5.0)
+    assert not wanted(TERMS["stiffness_hardening"], -5.0)
+
+
+def test_an_offset_is_no_error_of_the_form_of_what_is_larger() -> None:
+    """It is known beforehand, and what it gains over that is not of the residual."""
+    entered = {"tooth_damage@output": 10_000.0}
+    assert is_form(TERMS["hysteresis"], 40.0, entered)
+    assert not is_form(TERMS["torque_offset"], 40.0, entered)
 
 
 KNOWN, UNKNOWN = {"driver_teeth": 12, "driven_teeth": 60}, {"ratio": 5.0}

@@ -37,18 +37,41 @@ def test_noise_is_silent(seed: int) -> None:
     assert listen(AXIS, recording(noise(seed)), motion(), 0.0) == ()
 
 
-def test_impacts_of_a_bearing_are_named_by_their_order() -> None:
-    m, order = motion(), 4.37
-    t = np.arange(20 * RATE) / RATE
-    path = np.abs(np.interp(t, m.time_s, m.speed)).cumsum() / RATE / (2 * np.pi)
-    hits = np.flatnonzero(np.diff(np.floor(order * path)) > 0)
+def cruise() -> Measurement:
+    """To and fro at 5 turns per second, all but the turns at one speed."""
+    t = np.arange(20_000) / 1000.0
+    speed = 10.0 * np.pi * np.tanh(20.0 * np.sin(2 * np.pi * 0.15 * t))
+    return prepare(1000.0, np.zeros(t.size), np.cumsum(speed) / 1000.0, None)
+
+
+def impacts(phase: np.ndarray, size: float) -> np.ndarray:  # type: ignore[type-arg]
+    """A short ring at every whole number that `phase` (n,) passes."""
     ring = np.exp(-np.arange(80) / 12.0) * np.sin(2 * np.pi * 2300.0 * np.arange(80) / RATE)
-    sound = noise(3)
-    for hit in hits[hits < t.size - 80]:
-        sound[hit : hit + 80] += 0.05 * ring
-    heard = listen(AXIS, recording(sound), m, 0.0)
+    hits = np.zeros(phase.size)
+    hits[1:] = np.diff(np.floor(phase)) > 0
+    return size * np.convolve(hits, ring)[: phase.size]
+
+
+def turns(m: Measurement) -> np.ndarray:  # type: ignore[type-arg]
+    t = np.arange(20 * RATE) / RATE
+    return np.abs(np.interp(t, m.time_s, m.speed)).cumsum() / RATE / (2 * np.pi)
+
+
+@pytest.mark.parametrize(("seed", "size"), [(3, 0.05), (9, 0.014)], ids=["strong", "weak"])
+def test_impacts_of_a_bearing_are_named_by_their_order(seed: int, size: float) -> None:
+    m, order = motion(), 4.37
+    heard = listen(AXIS, recording(noise(seed) + impacts(order * turns(m), size)), m, 0.0)
     assert [h.mechanism for h in heard] == ["bearing_defect"]
     assert heard[0].parameters["order"][0] == pytest.approx(order, rel=0.005)
+
+
+def test_impacts_that_keep_their_rhythm_while_the_axis_turns_are_no_bearing() -> None:
+    """At one speed every frequency is an order, and what goes on through the turns shows which it is."""
+    m = cruise()
+    clock = 21.85 * np.arange(20 * RATE) / RATE
+    assert listen(AXIS, recording(noise(7) + impacts(clock, 0.05)), m, 0.0) == ()
+    heard = listen(AXIS, recording(noise(7) + impacts(4.37 * turns(m), 0.05)), m, 0.0)
+    assert [h.mechanism for h in heard] == ["bearing_defect"]
 
 
 def test_impacts_at_the_order_of_the_teeth_are_no_bearing() -> None:
