@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from sim.chain_model import Array
 from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
 from sim.discrepancy.criteria import CONSTANT, LEAST_GAIN, least_gain
 from sim.discrepancy.fit import Fit, Problem, Raw, Start, each
@@ -27,6 +28,8 @@ BENT = 60.0  # squared deviations of what is described from what the fit makes o
 LEFT = 0.1  # depth of a dent over the working twist
 OTHER_DENTS = ((2.0, 0.5), (0.7, 1.3))  # times as deep and as wide: where its bottom is left, a fit may begin there
 FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
+GAPS = 40  # tried where all else is as described
+HUBER = 3.0
 LINEAR, FAR_FROM_LINEAR = 0.1, 0.03  # of the best promise: less is no rival
 
 
@@ -66,8 +69,12 @@ def try_terms(problem: Problem, fit: Fit, *, all_of_them: bool = True) -> list[R
         if tries.get(term.key, 0) < (2 if term.nonlinear else 1):
             tries[term.key] = tries.get(term.key, 0) + 1
             jobs.append((term, start))
+    loose = (
+        [] if fit.terms else [job for t in candidates if t.mechanism == "backlash" for job in as_described(problem, t)]
+    )
     refits = each(lambda job: _refitted(problem, fit, *job), jobs)
-    tried = [(fit.cost - refit.cost, refit, job[0]) for refit, job in zip(refits, jobs, strict=True) if refit]
+    refits += each(lambda job: problem.best((job[0],), [(job[1], {})], to_end=False), loose)
+    tried = [(fit.cost - refit.cost, refit, job[0]) for refit, job in zip(refits, jobs + loose, strict=True) if refit]
     tried.sort(key=lambda t: (-t[0], t[2].key))
     # sensitivities change where contact is lost and where the rest moves far: anew for those that may be first
     far = [
@@ -85,6 +92,27 @@ def try_terms(problem: Problem, fit: Fit, *, all_of_them: bool = True) -> list[R
         done = refit if any(refit is one for one in finished) else None
         best.setdefault(term.key, Rival(term, gain, refit.values, beyond(term, refit), done))
     return sorted([*best.values(), *straight], key=lambda r: (-r.gain, r.term.key))
+
+
+def as_described(problem: Problem, term: Term) -> list[tuple[Term, Mapping[str, float]]]:
+    """`term` with the gap that explains the data best were all else as described, if one does.
+
+    A fit without play bends what is described until it stands for the play, and then no gap is any better. Outliers
+    count little: after a while it is chance when teeth hit.
+    """
+    gap, *_ = term.parameters
+    described = {p.name: p.start for p in problem.parameters((term,))}
+    gaps = np.geomspace(0.5 * term.size, max(value for (probe,) in term.probes for value in probe.values()), GAPS)
+    before = huber(problem.residual((), {p.name: p.start for p in problem.parameters(())}))
+    after = each(lambda x: huber(problem.residual((term,), {**described, gap.name: float(x)})), gaps)
+    best = int(np.argmin(after))
+    return [(term, {gap.name: float(gaps[best])})] if before - after[best] > least_gain(term) else []
+
+
+def huber(residual: Array) -> float:
+    """Squares within `HUBER` deviations, straight beyond (Ann. Math. Statist. 35 (1964) 73)."""
+    size = np.abs(residual)
+    return float(np.sum(np.where(size > HUBER, HUBER * (2.0 * size - HUBER), size**2)))
 
 
 def settled(

@@ -24,6 +24,10 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
     (frozenset({"eccentricity", "torque_ripple"}), 0.05),
 )
 HITS = ("backlash", "tooth_damage")
+BENDS, OF_STRAIN = (
+    ("tooth_damage", "stiffness_hardening", "hysteresis"),
+    3.0,
+)  # times what the description is bent by beyond chance
 ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
 CONSTANT = ("torque_offset",)  # known beforehand within a little: what it gains over that is no error of a form
 LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
@@ -64,7 +68,13 @@ def least_gain(term: Term) -> float:
 
 
 def matters(term: Term, gain: float, fit: Fit) -> bool:
-    """Whether a gain is more than what the form of a model differs from any axis."""
+    """Whether a gain is more than what the form of a model differs from any axis.
+
+    Laws of a spring bend to whatever is missing, and so does the description beside them: where it is bent by as much,
+    something else is.
+    """
+    if term.mechanism in BENDS and gain < OF_STRAIN * (fit.strain - len(fit.parameters)):
+        return False
     share = LEAST_SHARES.get(term.key, LEAST_SHARES.get(term.mechanism, LEAST_SHARE))
     form = share / LEAST_GAIN * fit.misfit  # over what counts in a short record
     return gain >= least_gain(term) * max(form, 1.0, fit.misfit / fit.residual.size)
