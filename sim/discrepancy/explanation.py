@@ -35,11 +35,18 @@ SENTENCES: Mapping[str, str] = {
 }  # fmt: skip
 
 
+BOTTOMS = ((3.0, "round, like a worn hollow"), (6.0, "between a worn hollow and a piece broken out"))
+BROKEN = "flat with steep edges, like a piece broken out"
+
+
 def explain(mechanism: str, location: str | None, numbers: Mapping[str, float], elsewhere: Sequence[str] = ()) -> str:
-    """One sentence with the fitted numbers; `elsewhere`: where it would explain the data as well."""
-    said = SENTENCES.get(mechanism, mechanism.replace("_", " ")).format(where=location or "", **numbers)
+    """Sentences with the fitted numbers; `elsewhere`: where it would explain the data as well."""
+    said = [SENTENCES.get(mechanism, mechanism.replace("_", " ")).format(where=location or "", **numbers)]
+    if "form" in numbers:
+        bottom = next((text for below, text in BOTTOMS if numbers["form"] < below), BROKEN)
+        said.append(f"Its bottom is {bottom} (form {numbers['form']:.1f}).")
     return " ".join(
-        [said, *(f"Its place is not certain: at {place} it explains the data as well." for place in elsewhere)]
+        [*said, *(f"Its place is not certain: at {place} it explains the data as well." for place in elsewhere)]
     )
 
 

@@ -7,6 +7,7 @@ import pytest
 
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis, read_axis
+from sim.discrepancy.candidates import as_described
 from sim.discrepancy.catalogue import terms_of
 from sim.discrepancy.condition import examine
 from sim.discrepancy.explanation import explain
@@ -34,12 +35,12 @@ NEW = read_axis(
 )
 
 
-def telemetry(noise_rad: float = 2e-6) -> Telemetry:
-    """A load that follows the motor by the twist of its inertia, on either flank of a gap as new."""
+def telemetry(noise_rad: float = 2e-6, gap_rad: float = 0.5 * GAP) -> Telemetry:
+    """A load that follows the motor by the twist of its inertia, on either flank of a gap; default: as new."""
     t, angle, speed, acceleration = swing()
     rng = np.random.default_rng(5)
     moment = LOAD * acceleration / RATIO
-    load = angle / RATIO - moment / STIFFNESS - 0.25 * GAP * np.tanh(moment / 0.5)
+    load = angle / RATIO - moment / STIFFNESS - 0.5 * gap_rad * np.tanh(moment / 0.5)
     torque = INERTIA * acceleration + moment / RATIO + 0.1 * np.tanh(speed / 0.05)
     return Telemetry(
         t,
@@ -51,8 +52,8 @@ def telemetry(noise_rad: float = 2e-6) -> Telemetry:
     )
 
 
-def problem(axis: Axis = NEW) -> Problem:
-    return Problem(axis, examine(axis, telemetry()).measurement, Noise.flat(0.02, 0.5))
+def problem(axis: Axis = NEW, gap_rad: float = 0.5 * GAP) -> Problem:
+    return Problem(axis, examine(axis, telemetry(gap_rad=gap_rad)).measurement, Noise.flat(0.02, 0.5))
 
 
 def play(one: Problem) -> Term:
@@ -97,7 +98,22 @@ def test_a_gap_promises_what_it_brings_at_the_gap_that_was_simulated() -> None:
     assert promised >= brought - 1e-6 * fit.cost  # the rest of the model follows, which can only help
 
 
+def test_the_gap_is_where_the_data_agree_with_the_description_and_none_is_where_they_do_without() -> None:
+    for hidden in (1e-4, 4e-4):
+        one = problem(gap_rad=hidden)
+        ((_, start),) = as_described(one, play(one))
+        assert next(iter(start.values())) == pytest.approx(hidden, rel=0.3)
+    one = problem()
+    assert as_described(one, play(one)) == []
+
+
 def test_an_explanation_says_where_else_it_may_be() -> None:
     numbers = {"gap_rad": 1e-3}
     assert "not certain" not in explain("backlash", "output", numbers)
     assert "at transfer it explains" in explain("backlash", "output", numbers, ["transfer"])
+
+
+def test_an_explanation_says_what_the_form_of_a_dent_means() -> None:
+    dent = {"angle_rad": 1.0, "depth_rad": 1e-4}
+    assert "worn hollow (form 2.0)" in explain("tooth_damage", "output", {**dent, "form": 2.0})
+    assert "piece broken out (form 10.0)" in explain("tooth_damage", "output", {**dent, "form": 10.0})

@@ -9,10 +9,12 @@ from scipy.optimize import lsq_linear
 from sim.axis import read_axis
 from sim.chain_model import Chain, Shaft
 from sim.discrepancy.catalogue import terms_of
-from sim.discrepancy.criteria import is_form, wanted
+from sim.discrepancy.criteria import is_form, matters, wanted
 from sim.discrepancy.entries import swing
+from sim.discrepancy.fit import Fit
 from sim.discrepancy.measurement import Measurement, prepare
 from sim.discrepancy.nameless import line_of
+from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.screening import least_squares_within
 from tests.discrepancy.telemetry_of import RATE_HZ
 from tests.discrepancy.telemetry_of import swing as motion
@@ -77,6 +79,16 @@ TERMS = {
 def test_play_below_what_matters_stands_for_itself_and_a_bend_does_not() -> None:
     assert wanted(TERMS["backlash"], -5.0)
     assert not wanted(TERMS["stiffness_hardening"], -5.0)
+
+
+@pytest.mark.parametrize(("strain", "counts"), [(1.0, True), (31.0, True), (150.0, False)])
+def test_a_bend_must_bring_more_than_the_description_is_bent_by(strain: float, counts: bool) -> None:
+    """By chance it is bent by one square per number."""
+    residual = np.random.default_rng(5).standard_normal(20_000)
+    misfit = float(residual @ residual)
+    fit = Fit((), (Parameter("one", 1.0, 0.1),), {"one": 1.0}, residual, np.zeros((20_000, 1)), misfit + strain, 20_000)
+    assert matters(TERMS["stiffness_hardening"], 100.0, fit) is counts
+    assert matters(TERMS["viscous_friction"], 100.0, fit)
 
 
 def test_an_offset_is_no_error_of_the_form_of_what_is_larger() -> None:
