@@ -29,7 +29,8 @@ CRUISE = 0.8  # of the largest speed
 def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement, offset_s: float) -> list[Heard]:
     """Lines of the envelope over the motor's path at one order and its multiples that no gear explains.
 
-    A family counts by all of its lines together: those of a weak defect hardly stand out one by one.
+    A family counts by all of its lines together: those of a weak defect hardly stand out one by one. A line that a
+    gear explains counts for none.
     """
     (orders, heights), (spacing_hz, over_time) = _envelopes(values, rate_hz, m, offset_s)
     if orders.size == 0:
@@ -44,7 +45,8 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
             continue
         numbers = range(1, HARMONICS + 1)
         found = [_height(heights, k * order / spacing, 1 + k // 2) for k in numbers]
-        lines = [k for k, height in zip(numbers, found, strict=True) if height > LINE]
+        of_gears = [_of_gears(axis, k * order, spacing) for k in numbers]
+        lines = [k for k in numbers if found[k - 1] > LINE and not of_gears[k - 1]]
         score = sum(math.log(found[k - 1] / LINE) for k in lines)
         if len(lines) < LEAST_LINES or score < max(LEAST_SCORE, best[0]):
             continue

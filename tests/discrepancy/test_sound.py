@@ -82,6 +82,15 @@ def test_impacts_at_the_order_of_the_teeth_are_no_bearing() -> None:
     assert "bearing_defect" not in [h.mechanism for h in listen(AXIS, recording(sound), m, 0.0)]
 
 
+def test_a_line_of_the_teeth_counts_for_no_family() -> None:
+    """Three times the order of the teeth is five times 7.2."""
+    m = motion()
+    path = 2 * np.pi * turns(m)
+    two = 0.07 * np.cos(7.2 * path) + 0.07 * np.cos(14.4 * path)
+    sound = noise(4) * (1.0 + 0.8 * np.cos(36.0 * path) + two)
+    assert "bearing_defect" not in [h.mechanism for h in listen(AXIS, recording(sound), m, 0.0)]
+
+
 def test_hum_is_named_by_its_frequency() -> None:
     t = np.arange(20 * RATE) / RATE
     sound = noise(5) + 0.02 * np.sin(2 * np.pi * 50.0 * t) + 0.01 * np.sin(2 * np.pi * 100.0 * t)
