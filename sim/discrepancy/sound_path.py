@@ -41,7 +41,7 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
     best = (0.0, 0.0, 0)
     for index in np.flatnonzero((orders > LOWEST_ORDER) & (orders < HIGHEST_ORDER) & (heights > LINE)):
         order = _centre(orders, heights, int(index), spacing)
-        if _of_gears(axis, order, spacing) or _is_whole(order, spacing):
+        if _of_gears(axis, order, spacing) or _is_whole(order, spacing) or _of_a_comb(axis, heights, order, spacing):
             continue
         numbers = range(1, HARMONICS + 1)
         found = [_height(heights, k * order / spacing, 1 + k // 2) for k in numbers]
@@ -68,6 +68,23 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
 def _is_whole(order: float, spacing: float) -> bool:
     """Whether an order may be a whole number: that is the motor's own, as of its poles and slots."""
     return abs(order - round(order)) <= max(1.5 * spacing, SLIP * order)
+
+
+def _of_a_comb(axis: Axis, heights: Array, order: float, spacing: float) -> bool:
+    """Whether an order is one of many multiples of a shaft's turn that are heard: a tooth that hits once per turn.
+
+    Of shafts whose multiples lie well apart.
+    """
+    turn = 1.0
+    for stage in axis.stages:
+        turn /= stage.ratio
+        number = round(order / turn)
+        if turn < 10.0 * spacing or abs(order - number * turn) > 2.5 * spacing + 0.001 * order:
+            continue
+        beside = [_height(heights, (number + k) * turn / spacing, 2) for k in (-2, -1, 1, 2)]
+        if sum(height > LINE for height in beside) >= 2:
+            return True
+    return False
 
 
 def _envelopes(

@@ -91,6 +91,13 @@ def test_a_line_of_the_teeth_counts_for_no_family() -> None:
     assert "bearing_defect" not in [h.mechanism for h in listen(AXIS, recording(sound), m, 0.0)]
 
 
+def test_a_tooth_that_hits_once_per_turn_of_its_gear_is_no_bearing() -> None:
+    """Its lines are all multiples of one turn of the gear, here an eighth of the motor's."""
+    m = motion()
+    heard = listen(AXIS, recording(noise(4) + impacts(turns(m) / 8.0, 0.3)), m, 0.0)
+    assert "bearing_defect" not in [h.mechanism for h in heard]
+
+
 def test_hum_is_named_by_its_frequency() -> None:
     t = np.arange(20 * RATE) / RATE
     sound = noise(5) + 0.02 * np.sin(2 * np.pi * 50.0 * t) + 0.01 * np.sin(2 * np.pi * 100.0 * t)
