@@ -17,7 +17,9 @@ LOWEST_ORDER, HIGHEST_ORDER = 1.2, 30.0  # below, what stands still in Hz at con
 HIGHEST_HZ = 1500.0
 LINE = 10.0  # power of a line over the local median; of 10,000 exponential bins the largest is near 10 / ln 2 = 14
 LEAST_LINES = 3  # of the first `HARMONICS`
-LEAST_SCORE = 4.0  # sum of ln(height / LINE): twice what 41 recordings without a bearing reach with two lines
+LEAST_SCORE = 6.5  # sum of ln(height / LINE); 60 recordings without a bearing reach 6 at most
+SCORE_AMONG_LINES = 10.0  # where something fixed in Hz is louder than all that turns, and leaves lines everywhere
+LOWEST_FIXED_HZ, HIGHEST_FIXED_HZ = 4.0, 100.0
 FIXED = 4.0  # times as high over time as over the path: what is fixed in Hz is no order
 SLIP = 0.004  # of a bearing's balls, by which its order is uncertain
 DRIFT = 0.01  # of the cruising speed
@@ -38,6 +40,8 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
     spacing = float(orders[1])
     cruising = np.abs(m.speed) > CRUISE * float(np.abs(m.speed).max())
     turns_per_s = float(np.median(np.abs(m.speed[cruising]))) / (2.0 * math.pi)
+    fixed_hz = over_time[int(LOWEST_FIXED_HZ / spacing_hz) : int(HIGHEST_FIXED_HZ / spacing_hz)].max()
+    least = LEAST_SCORE if fixed_hz < heights[orders < 4.0 * HIGHEST_ORDER].max() else SCORE_AMONG_LINES
     best = (0.0, 0.0, 0)
     for index in np.flatnonzero((orders > LOWEST_ORDER) & (orders < HIGHEST_ORDER) & (heights > LINE)):
         order = _centre(orders, heights, int(index), spacing)
@@ -48,7 +52,7 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
         of_gears = [_of_gears(axis, k * order, spacing) for k in numbers]
         lines = [k for k in numbers if found[k - 1] > LINE and not of_gears[k - 1]]
         score = sum(math.log(found[k - 1] / LINE) for k in lines)
-        if len(lines) < LEAST_LINES or score < max(LEAST_SCORE, best[0]):
+        if len(lines) < LEAST_LINES or score < max(least, best[0]):
             continue
         places = {k: k * order * turns_per_s / spacing_hz for k in lines}
         fixed = [_height(over_time, at, 2 + int(DRIFT * at)) / found[k - 1] for k, at in places.items()]
@@ -82,7 +86,8 @@ def _of_a_comb(axis: Axis, heights: Array, order: float, spacing: float) -> bool
         if turn < 10.0 * spacing or abs(order - number * turn) > 2.5 * spacing + 0.001 * order:
             continue
         beside = [_height(heights, (number + k) * turn / spacing, 2) for k in (-2, -1, 1, 2)]
-        if sum(height > LINE for height in beside) >= 2:
+        alike = max(LINE, 0.3 * _height(heights, order / spacing, 1))
+        if sum(height > alike for height in beside) >= 2:
             return True
     return False
 
