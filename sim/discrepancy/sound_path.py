@@ -17,7 +17,7 @@ LOWEST_ORDER, HIGHEST_ORDER = 1.2, 30.0  # below, what stands still in Hz at con
 HIGHEST_HZ = 1500.0
 LINE = 10.0  # power of a line over the local median; of 10,000 exponential bins the largest is near 10 / ln 2 = 14
 LEAST_LINES = 3  # of the first `HARMONICS`
-LEAST_SCORE = 6.5  # sum of ln(height / LINE); 60 recordings without a bearing reach 6 at most
+LEAST_SCORE = 6.5  # sum of ln(height / LINE); without a bearing or a damaged tooth 80 recordings reach 6 at most
 SCORE_AMONG_LINES = 10.0  # where something fixed in Hz is louder than all that turns, and leaves lines everywhere
 LOWEST_FIXED_HZ, HIGHEST_FIXED_HZ = 4.0, 100.0
 FIXED = 4.0  # times as high over time as over the path: what is fixed in Hz is no order
