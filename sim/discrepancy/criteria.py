@@ -24,10 +24,8 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
     (frozenset({"eccentricity", "torque_ripple"}), 0.05),
 )
 HITS = ("backlash", "tooth_damage")
-BENDS, OF_STRAIN = (
-    ("tooth_damage", "stiffness_hardening", "hysteresis"),
-    3.0,
-)  # times what the description is bent by beyond chance
+BENDS = ("tooth_damage", "stiffness_hardening", "hysteresis")
+OF_STRAIN = 3.0  # times what the description is bent by beyond chance
 ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
 CONSTANT = ("torque_offset",)  # known beforehand within a little: what it gains over that is no error of a form
 LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them

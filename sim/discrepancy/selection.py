@@ -94,11 +94,13 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     entered: dict[str, float] = {}
     for step in range(MOST_ROUNDS):
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
-        tried = try_terms(problem, fit, all_of_them=problem.runs.count <= MOST_RUNS)
+        all_of_them = problem.runs.count <= MOST_RUNS
+        tried = try_terms(problem, fit, all_of_them=all_of_them)
         entry = enter(problem, fit, [r for r in tried if not is_form(r.term, r.gain, entered)])
         tried = [replace(r, finished=None) for r in tried]
         names = {r.term.key for r in entry.new}
-        rejected = tuple(r for r in tried if r.term.key not in names and r.term.named)
+        last = tried if all_of_them else rejected  # constants alone say nothing of the others
+        rejected = tuple(r for r in last if r.term.key not in names and r.term.named)
         problem, fit = entry.problem, entry.fit
         if not entry.new:
             break

@@ -40,8 +40,8 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
     spacing = float(orders[1])
     cruising = np.abs(m.speed) > CRUISE * float(np.abs(m.speed).max())
     turns_per_s = float(np.median(np.abs(m.speed[cruising]))) / (2.0 * math.pi)
-    fixed_hz = over_time[int(LOWEST_FIXED_HZ / spacing_hz) : int(HIGHEST_FIXED_HZ / spacing_hz)].max()
-    least = LEAST_SCORE if fixed_hz < heights[orders < 4.0 * HIGHEST_ORDER].max() else SCORE_AMONG_LINES
+    loudest_fixed = over_time[int(LOWEST_FIXED_HZ / spacing_hz) : int(HIGHEST_FIXED_HZ / spacing_hz)].max()
+    least = LEAST_SCORE if loudest_fixed < heights[orders < 4.0 * HIGHEST_ORDER].max() else SCORE_AMONG_LINES
     best = (0.0, 0.0, 0)
     for index in np.flatnonzero((orders > LOWEST_ORDER) & (orders < HIGHEST_ORDER) & (heights > LINE)):
         order = _centre(orders, heights, int(index), spacing)
@@ -49,8 +49,7 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
             continue
         numbers = range(1, HARMONICS + 1)
         found = [_height(heights, k * order / spacing, 1 + k // 2) for k in numbers]
-        of_gears = [_of_gears(axis, k * order, spacing) for k in numbers]
-        lines = [k for k in numbers if found[k - 1] > LINE and not of_gears[k - 1]]
+        lines = [k for k in numbers if found[k - 1] > LINE and not _of_gears(axis, k * order, spacing)]
         score = sum(math.log(found[k - 1] / LINE) for k in lines)
         if len(lines) < LEAST_LINES or score < max(least, best[0]):
             continue
