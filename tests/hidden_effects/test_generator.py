@@ -13,12 +13,12 @@ import numpy as np
 import pytest
 
 from tests.hidden_effects.bank import CALIBRATION_SEEDS, QUICK_BANK, full_bank
-from tests.hidden_effects.generator import EFFECTS, LEVELS, Scenario, draw_recipe, generate, write
+from tests.hidden_effects.generator import EFFECTS, LEVELS, Scenario, draw_recipe, generate, kernel, write
 from tests.hidden_effects.generator.effect import Draw, Effect
 from tests.hidden_effects.generator.joint import KINDS, Joint, draw_joint
 from tests.hidden_effects.generator.kernel import SERVO_RATE_HZ, TELEMETRY_RATE_HZ
 from tests.hidden_effects.generator.motion import SETTLE_S, Motion, _move, draw_motion
-from tests.hidden_effects.generator.plant import Damage, Plant, Run, build_plant, simulate
+from tests.hidden_effects.generator.plant import Damage, Plant, Run, _links, build_plant, simulate
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -96,6 +96,23 @@ def test_lost_motion_grows_by_the_backlash() -> None:
         return float(twist[_cruises(run, joint, -1)].mean() - twist[_cruises(run, joint, 1)].mean())
 
     assert lost(1.1e-3) - lost(1e-4) == pytest.approx(1e-3, rel=0.02)
+
+
+def test_springs_in_series_obey_the_law_told_of_their_stage() -> None:
+    """An answer speaks of a stage; its elasticity sits in coupling, mesh and shaft."""
+    joint, plant, _ = _drawn(6, "two shafts")
+    stage, cubic, loop, twist = joint.stages[0], 2e4, 3.0, 4e-3
+    rows, _inertias = _links(plant.with_mesh(stage.name, gap=0.0, cubic=cubic, hysteresis=loop))
+    part = np.array([stage.stiffness / row[kernel.STIFFNESS] for row in rows])
+    gears = np.array([stage.ratio, 1.0, 1.0])  # the coupling is on the motor's side
+    shares = part / gears**2
+    assert shares.sum() == pytest.approx(1.0)
+    for row, share, gear in zip(np.array(rows), shares, gears, strict=True):
+        torque = kernel._contact(row, share * gear * twist, 0.0)[0]
+        assert torque * gear == pytest.approx(stage.stiffness * twist * (1 + cubic * twist**2))
+        assert row[kernel.HYSTERESIS] * gear == pytest.approx(loop)
+    widths = [row[kernel.YIELD_TWIST] / gear for row, gear in zip(rows, gears, strict=True)]
+    assert widths / shares == pytest.approx([sum(widths)] * len(rows))
 
 
 @pytest.mark.parametrize("flank", [1, -1])

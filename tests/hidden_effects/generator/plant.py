@@ -171,21 +171,21 @@ def _links(plant: Plant) -> tuple[list[list[float]], list[float]]:
     coupling, pinion, shaft, gear = plant.shares
     rows: list[list[float]] = []
 
-    def link(ratio: float, stiffness: float, damping: float, mesh: Mesh | None = None, index: int = -1) -> None:
+    def link(ratio: float, stiffness: float, damping: float) -> list[float]:
         row = [0.0] * 12
         row[kernel.RATIO], row[kernel.STIFFNESS], row[kernel.DAMPING] = ratio, stiffness, damping
-        row[kernel.TEETH], row[kernel.YIELD_TWIST], row[kernel.LOSS_SPEED] = index, 1.0, 1.0
-        if mesh is not None:
-            softness = 0.05 * joint.stages[index].backlash
-            row[kernel.GAP], row[kernel.SOFTNESS] = mesh.gap, softness
-            # the mesh is only a part of the stage's elasticity: in series F = K x (1 + c part^3 x^2)
-            part = joint.stages[index].stiffness / stiffness
-            row[kernel.CUBIC] = mesh.cubic / part**3
-            row[kernel.HYSTERESIS], row[kernel.LOSS] = mesh.hysteresis, mesh.loss
-            row[kernel.YIELD_TWIST] = 0.3 * working_twist(joint, index)
-            row[kernel.LOSS_SPEED] = 0.004 * speed_of(joint, index)
-            row[kernel.LOUDNESS] = 1.0 / torque_of(joint, index)
+        row[kernel.TEETH], row[kernel.YIELD_TWIST], row[kernel.LOSS_SPEED] = -1, 1.0, 1.0
         rows.append(row)
+        return row
+
+    def spring(index: int, share: float, gear: float, ratio: float = 1.0) -> list[float]:
+        """A share of the elasticity of a stage, on a shaft `gear` times faster than its driven gear."""
+        stage, mesh = joint.stages[index], plant.meshes[index]
+        row = link(ratio, stage.stiffness / share / gear**2, stage.damping / share / gear**2)
+        row[kernel.CUBIC] = mesh.cubic / (share * gear) ** 2
+        row[kernel.HYSTERESIS] = mesh.hysteresis / gear
+        row[kernel.YIELD_TWIST] = share * gear * 0.3 * working_twist(joint, index)
+        return row
 
     inertias = [joint.motor_inertia * (1 - pinion), joint.motor_inertia * pinion]
     if not joint.stages:
@@ -197,14 +197,17 @@ def _links(plant: Plant) -> tuple[list[list[float]], list[float]]:
     for index, (stage, mesh) in enumerate(zip(joint.stages, plant.meshes, strict=True)):
         rest = 1.0
         if index == 0:
-            link(1.0, stage.stiffness / coupling / stage.ratio**2, stage.damping / coupling / stage.ratio**2)
+            spring(index, coupling, stage.ratio)
             rest -= coupling
         if index == last:
             rest -= shaft
-        link(stage.ratio, stage.stiffness / rest, stage.damping / rest, mesh, index)
+        row = spring(index, rest, 1.0, stage.ratio)
+        row[kernel.GAP], row[kernel.SOFTNESS] = mesh.gap, 0.05 * stage.backlash
+        row[kernel.LOSS], row[kernel.LOSS_SPEED] = mesh.loss, 0.004 * speed_of(joint, index)
+        row[kernel.TEETH], row[kernel.LOUDNESS] = index, 1.0 / torque_of(joint, index)
         inertias.append(stage.inertia if index != last else joint.load_inertia * gear)
         if index == last:
-            link(1.0, stage.stiffness / shaft, stage.damping / shaft)
+            spring(index, shaft, 1.0)
             inertias.append(joint.load_inertia * (1 - gear))
     return rows, inertias
 
