@@ -10,7 +10,7 @@ import numpy as np
 from sim.axis import Axis
 from sim.chain_model import Chain, Dent, with_link, with_shaft
 from sim.discrepancy.entries import rounding, swing
-from sim.discrepancy.measurement import LOAD_MOTION_CUT_HZ, Array, Measurement
+from sim.discrepancy.measurement import LOAD_CUT_HZ, Array, Measurement
 from sim.discrepancy.model import PARTS, has_links, link_stiffness, locked_mode_hz, ratio_after, stages_of, wave
 from sim.discrepancy.parameters import Parameter, Values
 from sim.discrepancy.terms import Report, Term
@@ -19,8 +19,9 @@ RIPPLE_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0)  # pole p
 FEWEST_TEETH = 8.0  # of a pinion
 LEAST_TURN = 0.5  # rad of the load over which weight shows
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
-SOFT = 0.03  # damping ratio at which a peak is the form of the model and no part that swings
-HIGHEST_SWING_HZ = 1.2 * LOAD_MOTION_CUT_HZ
+SOFTEST = 0.1  # damping ratio of a part that swings
+LEAST_PEAK = 0.8  # torque of a swinging part at its own frequency over that of the whole load: good axes have up to 0.7
+HIGHEST_SWING_HZ = 0.6 * LOAD_CUT_HZ
 MOTOR = "motor"
 WIDEST_GAP = 6.0  # over the working twist, where play is looked for
 AS_NEW_FACTOR = 3.0  # more than this above as new is a finding
@@ -286,15 +287,15 @@ def _resonance(axis: Axis) -> Term:
     parameters = (
         Parameter(share, 0.0, 0.005, low=0.0, high=1.0),
         Parameter(frequency, start, 0.003 * start, low=0.3 * start, high=HIGHEST_SWING_HZ),
-        Parameter(damping, 0.02, 0.002, 0.02, 0.002, SOFT),
+        Parameter(damping, 0.02, 0.002, 0.02, 0.002, SOFTEST),
     )
     grid = np.geomspace(0.5 * start, min(2.0 * mode, HIGHEST_SWING_HZ), 24)
     probes = tuple(({share: 0.02, frequency: float(f)},) for f in grid)
     return Term(
         "structural_resonance", "load", parameters, probes,
         lambda v: {"frequency_hz": v[frequency], "share": v[share], "damping_ratio": v[damping]},
-        load_torque=torque, positive=True, nonlinear=True, size=0.02, shape=(frequency, damping),
-        magnitude=lambda v: v[share] if v[damping] < 0.95 * SOFT else 0.0,
+        load_torque=torque, positive=True, nonlinear=True, size=LEAST_PEAK, shape=(frequency, damping),
+        magnitude=lambda v: v[share] / (2.0 * v[damping]),
     )  # fmt: skip
 
 

@@ -14,6 +14,7 @@ from sim.discrepancy.weighing import advantage, paired
 
 FORM_SHARE, HITS_SHARE = 0.015, 0.06  # of another's gain: what any law, and what teeth that hit leave of their form
 CURVE_SHARE = 0.2  # a curve stands for a law that has no name, and leaves much of it
+SWING_SHARE = 0.2  # a part that swings is driven by the load as it was measured, noise and all
 DELAY_SHARE = 0.1  # a shift in time has the shape of what most errors of form leave
 LAWS = (  # of one part of the machine, and the share of another's gain below which one is the error of its form
     (frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"}), 0.1),
@@ -24,9 +25,10 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
     (frozenset({"eccentricity", "torque_ripple"}), 0.05),
 )
 HITS = ("backlash", "tooth_damage")
-BENDS = ("tooth_damage", "stiffness_hardening", "hysteresis")
-OF_STRAIN = 3.0  # times what the description is bent by beyond chance
-ERRORS = ("mesh_error", "eccentricity", "structural_resonance", AS_NEW)  # every new axis has them, if small
+OF_STRAIN = {  # what must be gained over what the description is bent by beyond chance
+    "tooth_damage": 3.0, "stiffness_hardening": 3.0, "hysteresis": 3.0, "torque_offset": 0.3,
+}  # fmt: skip
+ERRORS = ("mesh_error", "eccentricity", AS_NEW)  # every new axis has them, if small
 CONSTANT = ("torque_offset",)  # known beforehand within a little: what it gains over that is no error of a form
 LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
 LEFT_OUT_SHARE = 0.5  # of what others must gain
@@ -69,9 +71,9 @@ def matters(term: Term, gain: float, fit: Fit) -> bool:
     """Whether a gain is more than what the form of a model differs from any axis.
 
     Laws of a spring bend to whatever is missing, and so does the description beside them: where it is bent by as much,
-    something else is.
+    something else is. An offset is a number of the description itself, and where all are bent, so is it.
     """
-    if term.mechanism in BENDS and gain < OF_STRAIN * (fit.strain - len(fit.parameters)):
+    if gain < OF_STRAIN.get(term.mechanism, 0.0) * (fit.strain - len(fit.parameters)):
         return False
     share = LEAST_SHARES.get(term.key, LEAST_SHARES.get(term.mechanism, LEAST_SHARE))
     form = share / LEAST_GAIN * fit.misfit  # over what counts in a short record
@@ -108,6 +110,8 @@ def form_share(mechanism: str, other: str) -> float:
         shares.append(HITS_SHARE)
     if other in CURVES:
         shares.append(CURVE_SHARE)
+    if other == "structural_resonance":
+        shares.append(SWING_SHARE)
     return max(shares, default=FORM_SHARE)
 
 

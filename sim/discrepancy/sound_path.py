@@ -40,7 +40,9 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
     spacing = float(orders[1])
     cruising = np.abs(m.speed) > CRUISE * float(np.abs(m.speed).max())
     turns_per_s = float(np.median(np.abs(m.speed[cruising]))) / (2.0 * math.pi)
-    loudest_fixed = over_time[int(LOWEST_FIXED_HZ / spacing_hz) : int(HIGHEST_FIXED_HZ / spacing_hz)].max()
+    lowest = int(LOWEST_FIXED_HZ / spacing_hz)
+    at_fixed = lowest + int(np.argmax(over_time[lowest : int(HIGHEST_FIXED_HZ / spacing_hz)]))
+    loudest_fixed = over_time[at_fixed]
     least = LEAST_SCORE if loudest_fixed < heights[orders < 4.0 * HIGHEST_ORDER].max() else SCORE_AMONG_LINES
     best = (0.0, 0.0, 0)
     for index in np.flatnonzero((orders > LOWEST_ORDER) & (orders < HIGHEST_ORDER) & (heights > LINE)):
@@ -52,6 +54,8 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
         lines = [k for k in numbers if found[k - 1] > LINE and not _of_gears(axis, k * order, spacing)]
         score = sum(math.log(found[k - 1] / LINE) for k in lines)
         if len(lines) < LEAST_LINES or score < max(least, best[0]):
+            continue
+        if loudest_fixed > max(found) and _follows(order * turns_per_s / spacing_hz, at_fixed):
             continue
         places = {k: k * order * turns_per_s / spacing_hz for k in lines}
         fixed = [_height(over_time, at, 2 + int(DRIFT * at)) / found[k - 1] for k, at in places.items()]
@@ -66,6 +70,12 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
         "no gear has this order; a rolling bearing does."
     )
     return [Heard("bearing_defect", None, 0.95, {"order": (order, order - half, order + half)}, text)]
+
+
+def _follows(at: float, fixed: int) -> bool:
+    """Whether a line may be a higher multiple of half of one that is fixed in Hz, both in bins at cruising speed."""
+    half = 0.5 * fixed
+    return at > 1.2 * fixed and abs(at - round(at / half) * half) <= 2.0 + SLIP * at
 
 
 def _is_whole(order: float, spacing: float) -> bool:

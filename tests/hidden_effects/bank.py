@@ -85,6 +85,7 @@ QUICK_BANK = tuple(
             ("mechanics", ("bearing_defect",), "full"),
             ("unnamed", ("fixed_frequency_disturbance",), "strong"),
             ("sensor", ("electrical_hum",), "full"),
+            ("mechanics", ("structural_resonance",), "full"),
         )
     )
 )
