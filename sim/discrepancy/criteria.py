@@ -19,6 +19,7 @@ DELAY_SHARE = 0.1  # a shift in time has the shape of what most errors of form l
 LAWS = (  # of one part of the machine, and the share of another's gain below which one is the error of its form
     (frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"}), 0.1),
     (frozenset({"stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.35),
+    (frozenset({"hysteresis", "stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.1),
     (frozenset({"mesh_error", "torque_ripple"}), 0.05),
     (frozenset({"mesh_error", "tooth_damage"}), 0.05),
     (frozenset({"eccentricity", "tooth_damage"}), 0.05),
@@ -41,6 +42,7 @@ LEAST_SHARES = {  # of what bends to much
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
 HOLDS_T = 1.5
 KEPT_SHARE = 0.33  # of a gain, on rows not seen
+PLAIN_PLAY = 0.02  # of the squared residual
 LARGEST_LOSS = 3.0  # times the median over blocks
 BEYOND = 2.0  # standard deviations
 TEMPERATURE = 0.3  # model errors make the residual less informative than its whitened length says
@@ -113,6 +115,11 @@ def form_share(mechanism: str, other: str) -> float:
     if other == "structural_resonance":
         shares.append(SWING_SHARE)
     return max(shares, default=FORM_SHARE)
+
+
+def is_plain(term: Term, gain: float, fit: Fit) -> bool:
+    """Whether play explains so much that it needs no trial on unseen rows; where teeth hit, linear refits say little."""
+    return term.mechanism == "backlash" and gain > PLAIN_PLAY * fit.misfit
 
 
 def holds(less: Fit, more: Fit) -> bool:
