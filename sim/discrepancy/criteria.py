@@ -118,7 +118,7 @@ def form_share(mechanism: str, other: str) -> float:
 
 
 def is_plain(term: Term, gain: float, fit: Fit) -> bool:
-    """Whether play explains so much that it needs no trial on unseen rows; where teeth hit, linear refits say little."""
+    """Whether play explains so much that it needs no trial on unseen rows: where teeth hit, linear refits fail."""
     return term.mechanism == "backlash" and gain > PLAIN_PLAY * fit.misfit
 
 
