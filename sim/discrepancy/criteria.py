@@ -8,13 +8,16 @@ from collections.abc import Mapping
 import numpy as np
 
 from sim.discrepancy.fit import Fit
-from sim.discrepancy.nameless import AS_NEW, CURVES, FIXED, OVER_ANGLE, OVER_SPEED
+from sim.discrepancy.nameless import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import advantage, paired
 
-FORM_SHARE, HITS_SHARE = 0.015, 0.06  # of another's gain: what any law, and what teeth that hit leave of their form
-CURVE_SHARE = 0.2  # a curve stands for a law that has no name, and leaves much of it
-SWING_SHARE = 0.2  # a part that swings is driven by the load as it was measured, noise and all
+FORM_SHARE = 0.015  # of another's gain: what any law leaves of its form
+LEAVES = {  # the same where it is more
+    "backlash": 0.06, "tooth_damage": 0.06,  # teeth that hit
+    OVER_SPEED: 0.2, OVER_ANGLE: 0.2,  # a curve stands for a law that has no name
+    "structural_resonance": 0.2,  # it is driven by the load as it was measured, noise and all
+}  # fmt: skip
 DELAY_SHARE = 0.1  # a shift in time has the shape of what most errors of form leave
 LAWS = (  # of one part of the machine, and the share of another's gain below which one is the error of its form
     (frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"}), 0.1),
@@ -25,7 +28,6 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
     (frozenset({"eccentricity", "tooth_damage"}), 0.05),
     (frozenset({"eccentricity", "torque_ripple"}), 0.05),
 )
-HITS = ("backlash", "tooth_damage")
 OF_STRAIN = {  # what must be gained over what the description is bent by beyond chance
     "tooth_damage": 3.0, "stiffness_hardening": 3.0, "hysteresis": 3.0, "torque_offset": 0.3,
 }  # fmt: skip
@@ -42,7 +44,7 @@ LEAST_SHARES = {  # of what bends to much
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
 HOLDS_T = 1.5
 KEPT_SHARE = 0.33  # of a gain, on rows not seen
-PLAIN_PLAY = 0.02  # of the squared residual
+MUCH_PLAY = 0.02  # of the squared residual
 LARGEST_LOSS = 3.0  # times the median over blocks
 BEYOND = 2.0  # standard deviations
 TEMPERATURE = 0.3  # model errors make the residual less informative than its whitened length says
@@ -108,18 +110,12 @@ def form_share(mechanism: str, other: str) -> float:
     shares = [share for laws, share in LAWS if {mechanism, other} <= laws]
     if mechanism == "time_delay":
         shares.append(DELAY_SHARE)
-    if other in HITS:
-        shares.append(HITS_SHARE)
-    if other in CURVES:
-        shares.append(CURVE_SHARE)
-    if other == "structural_resonance":
-        shares.append(SWING_SHARE)
-    return max(shares, default=FORM_SHARE)
+    return max([LEAVES.get(other, FORM_SHARE), *shares])
 
 
-def is_plain(term: Term, gain: float, fit: Fit) -> bool:
-    """Whether play explains so much that it needs no trial on unseen rows: where teeth hit, linear refits fail."""
-    return term.mechanism == "backlash" and gain > PLAIN_PLAY * fit.misfit
+def needs_no_trial(term: Term, gain: float, fit: Fit) -> bool:
+    """Whether play explains so much that unseen rows need not be asked: where teeth hit, a linear refit says little."""
+    return term.mechanism == "backlash" and gain > MUCH_PLAY * fit.misfit
 
 
 def holds(less: Fit, more: Fit) -> bool:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.discrepancy.candidates import FAR_MOVED, Rival, elsewhere, settled, try_terms
-from sim.discrepancy.criteria import BEYOND, evidence, holds, is_form, is_plain, least_gain, matters, wanted
+from sim.discrepancy.criteria import BEYOND, evidence, holds, is_form, least_gain, matters, needs_no_trial, wanted
 from sim.discrepancy.fit import Fit, Noise, Problem, each
 from sim.discrepancy.measurement import gaussian_kernel
 from sim.discrepancy.model import has_links
@@ -193,7 +193,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
         for term in fit.terms:
             more = plain if term.named else fit
             gain = less[term.key].cost - more.cost
-            held = not strict or is_plain(term, gain, more) or holds(less[term.key], more)
+            held = not strict or needs_no_trial(term, gain, more) or holds(less[term.key], more)
             gains[term.key] = gain if held else 0.0
         rows = fit.residual.size
         weak = [

@@ -178,13 +178,13 @@ def _links(plant: Plant) -> tuple[list[list[float]], list[float]]:
         rows.append(row)
         return row
 
-    def spring(index: int, share: float, gear: float, ratio: float = 1.0) -> list[float]:
-        """A share of the elasticity of a stage, on a shaft `gear` times faster than its driven gear."""
+    def spring(index: int, share: float, faster: float, ratio: float = 1.0) -> list[float]:
+        """A share of the elasticity of a stage, on a shaft `faster` times as fast as its driven gear."""
         stage, mesh = joint.stages[index], plant.meshes[index]
-        row = link(ratio, stage.stiffness / share / gear**2, stage.damping / share / gear**2)
-        row[kernel.CUBIC] = mesh.cubic / (share * gear) ** 2
-        row[kernel.HYSTERESIS] = mesh.hysteresis / gear
-        row[kernel.YIELD_TWIST] = share * gear * 0.3 * working_twist(joint, index)
+        row = link(ratio, stage.stiffness / share / faster**2, stage.damping / share / faster**2)
+        row[kernel.CUBIC] = mesh.cubic / (share * faster) ** 2
+        row[kernel.HYSTERESIS] = mesh.hysteresis / faster
+        row[kernel.YIELD_TWIST] = share * faster * 0.3 * working_twist(joint, index)
         return row
 
     inertias = [joint.motor_inertia * (1 - pinion), joint.motor_inertia * pinion]
