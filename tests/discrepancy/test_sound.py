@@ -98,6 +98,16 @@ def test_a_tooth_that_hits_once_per_turn_of_its_gear_is_no_bearing() -> None:
     assert "bearing_defect" not in [h.mechanism for h in heard]
 
 
+@pytest.mark.parametrize("fixed_hz", [8.3, 9.1])
+def test_multiples_of_what_is_fixed_in_frequency_are_no_bearing(fixed_hz: float) -> None:
+    """At one speed its multiples are a family of orders, and its first ones are louder than all of them."""
+    t = np.arange(20 * RATE) / RATE
+    heights = (0.6, 0.6, 0.5, 0.5, 0.5, 0.4, 0.4, 0.4, 0.4)
+    wave = sum(h * np.cos(2 * np.pi * k * fixed_hz * t) for k, h in enumerate(heights, start=1))
+    heard = listen(AXIS, recording(noise(4) * np.maximum(1.0 + 0.3 * wave, 0.0)), cruise(), 0.0)
+    assert "bearing_defect" not in [h.mechanism for h in heard]
+
+
 def test_hum_is_named_by_its_frequency() -> None:
     t = np.arange(20 * RATE) / RATE
     sound = noise(5) + 0.02 * np.sin(2 * np.pi * 50.0 * t) + 0.01 * np.sin(2 * np.pi * 100.0 * t)
