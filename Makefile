@@ -59,8 +59,8 @@ bench: $(BENCH_STAMP)
 	$(BIN)/python -m benchmarks
 
 challenge: setup
-	$(BIN)/python -m pytest -m slow tests/discrepancy tests/hidden_effects
 	$(BIN)/python -m tests.hidden_effects
+	$(BIN)/python -m pytest -m slow tests/discrepancy tests/hidden_effects
 
 screenshots: setup
 	$(BIN)/python -m docs.screenshots
