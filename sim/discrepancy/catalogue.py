@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -23,6 +24,7 @@ SOFTEST = 0.1  # largest damping ratio of a part that swings
 LEAST_PEAK = 0.8  # torque of a swinging part at its own frequency over that of the whole load: good axes have up to 0.7
 HIGHEST_SWING_HZ = 0.6 * LOAD_CUT_HZ
 MOTOR = "motor"
+ENCODER_ERROR = ("load_encoder.error_sine_rad", "load_encoder.error_cosine_rad")
 WIDEST_GAP = 6.0  # over the working twist, where play is looked for
 AS_NEW_FACTOR = 3.0  # more than this above as new is a finding
 
@@ -266,7 +268,7 @@ def _gravity(step: float, shaft: int) -> Term:
 
 
 def _encoder_error(axis: Axis) -> Term:
-    names = ("load_encoder.error_sine_rad", "load_encoder.error_cosine_rad")
+    names = ENCODER_ERROR
     step = max(axis.load_encoder.error_rad, 1e-5)
     parameters = tuple(Parameter(name, 0.0, step) for name in names)
     probes = (tuple({name: 2.0 * AS_NEW_FACTOR * step} for name in names),)
@@ -316,7 +318,8 @@ def _link_terms(axis: Axis, k: int, level: float, load_encoder: bool) -> list[Te
         return out
     out.append(_backlash(name, k, stage.backlash_rad, twist))
     new = max(stage.transmission_error_rad or 0.01 * twist, axis.load_encoder.error_rad / ratio_after(axis, k))
-    out.append(_error("eccentricity", name, k, 1.0, twist, new))
+    runout = _error("eccentricity", name, k, 1.0, twist, new)
+    out.append(_with_encoder(runout) if load_encoder and k == len(axis.stages) - 1 else runout)
     if k == 0:
         out.append(_error("eccentricity", MOTOR, k, 1.0, twist, stage.transmission_error_rad))
     if stage.driven_teeth:
@@ -370,6 +373,15 @@ def _error(
         mechanism, name, (*first, *second), (probe,), _amplitude(first, "amplitude_rad", "phase_rad"), apply,
         replaces=replaces, size=AS_NEW_FACTOR * new,
     )  # fmt: skip
+
+
+def _with_encoder(runout: Term) -> Term:
+    """Runout of the load's own gear, held against what is as new together with what the load encoder errs.
+
+    They add up in the twist, and no measurement of motor and load parts them.
+    """
+    pairs = tuple(zip((p.name for p in runout.parameters), ENCODER_ERROR, strict=True))
+    return replace(runout, magnitude=lambda v: math.hypot(*(v[own] - v.get(error, 0.0) for own, error in pairs)))
 
 
 def _loss(name: str, k: int) -> Term:

@@ -2,20 +2,23 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
 
 from sim.axis import read_axis
-from sim.chain_model import Chain, Shaft
+from sim.chain_model import Array, Chain, Shaft
 from sim.discrepancy.catalogue import terms_of
-from sim.discrepancy.criteria import is_form, matters, wanted
+from sim.discrepancy.criteria import holds, is_form, matters, wanted
 from sim.discrepancy.entries import swing
 from sim.discrepancy.fit import Fit
 from sim.discrepancy.measurement import Measurement, prepare
-from sim.discrepancy.nameless import line_of
+from sim.discrepancy.nameless import FIXED, line_of
 from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.screening import least_squares_within
+from sim.discrepancy.size import magnitude
 from tests.discrepancy.telemetry_of import RATE_HZ
 from tests.discrepancy.telemetry_of import swing as motion
 
@@ -60,20 +63,18 @@ def test_a_part_on_a_spring_adds_its_mass_below_its_frequency_and_nothing_far_ab
         assert asked @ acceleration / (acceleration @ acceleration) == pytest.approx(0.5 * followed, abs=0.01)
 
 
-TERMS = {
-    t.mechanism: t
-    for t in terms_of(
-        read_axis(
-            {
-                "motor": {"inertia_kg_m2": 0.003, "coulomb_friction_n_m": 0.3},
-                "stages": [{"name": "output", "driver_teeth": 12, "driven_teeth": 96, "stiffness_n_m_per_rad": 1e4}],
-                "load": {"inertia_kg_m2": 2.0},
-            }
-        ),
-        prepare(RATE_HZ, motion()[3] * 0.03, motion()[1], motion()[1] / 8.0),
-        Chain((Shaft(0.003, 0.3, 0.0),)),
-    )
-}
+ALL = terms_of(
+    read_axis(
+        {
+            "motor": {"inertia_kg_m2": 0.003, "coulomb_friction_n_m": 0.3},
+            "stages": [{"name": "output", "driver_teeth": 12, "driven_teeth": 96, "stiffness_n_m_per_rad": 1e4}],
+            "load": {"inertia_kg_m2": 2.0},
+        }
+    ),
+    prepare(RATE_HZ, motion()[3] * 0.03, motion()[1], motion()[1] / 8.0),
+    Chain((Shaft(0.003, 0.3, 0.0),)),
+)
+TERMS = {t.mechanism: t for t in ALL}
 
 
 def test_play_below_what_matters_stands_for_itself_and_a_bend_does_not() -> None:
@@ -96,6 +97,36 @@ def test_an_offset_is_no_error_of_the_form_of_what_is_larger() -> None:
     entered = {"tooth_damage@output": 10_000.0}
     assert is_form(TERMS["hysteresis"], 40.0, entered)
     assert not is_form(TERMS["torque_offset"], 40.0, entered)
+
+
+def test_what_never_rests_must_hold_in_more_than_a_few_blocks() -> None:
+    """A tooth may be passed twice in a record; a line of fixed frequency is always there."""
+    rng = np.random.default_rng(6)
+    quiet = rng.standard_normal(15_000)
+    parameter, column = Parameter("one", 1.0, 0.1), np.zeros((15_000, 1))
+
+    def fitted(residual: Array) -> Fit:
+        return Fit((), (parameter,), {"one": 1.0}, residual, column, float(residual @ residual), residual.size)
+
+    where = np.zeros(15_000)
+    where[[*range(3000, 4000), *range(9000, 10_000)]] = 0.5 * np.sin(np.arange(2000))
+    everywhere = 0.2 * np.sin(np.arange(15_000))
+    few, all_of_them, more = fitted(quiet + where), fitted(quiet + everywhere), fitted(quiet)
+    line = replace(TERMS["backlash"], mechanism=FIXED)
+    assert holds(TERMS["backlash"], few, more)
+    assert not holds(line, few, more)
+    assert holds(line, all_of_them, more)
+
+
+def test_runout_at_the_load_is_held_against_what_is_as_new_together_with_the_error_of_its_encoder() -> None:
+    """Half of one error each: neither is more than new, their sum is."""
+    runout = next(t for t in ALL if t.key == "eccentricity@output")
+    sine, cosine = (p.name for p in runout.parameters)
+    half = 0.8 * runout.size
+    shared = {sine: half, cosine: 0.0, "load_encoder.error_sine_rad": -half, "load_encoder.error_cosine_rad": 0.0}
+    assert magnitude(runout, shared) == pytest.approx(2.0 * half)
+    assert magnitude(runout, {**shared, "load_encoder.error_sine_rad": half}) == 0.0
+    assert runout.report(shared)["amplitude_rad"] == pytest.approx(half)
 
 
 KNOWN, UNKNOWN = {"driver_teeth": 12, "driven_teeth": 60}, {"ratio": 5.0}
