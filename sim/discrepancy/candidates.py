@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
 from types import MappingProxyType
 
@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.chain_model import Array
 from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
-from sim.discrepancy.criteria import CONSTANT, LEAST_GAIN, least_gain
+from sim.discrepancy.criteria import LEAST_GAIN, least_gain
 from sim.discrepancy.fit import Fit, Problem, Raw, Start, each
 from sim.discrepancy.model import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.nameless import nameless_terms
@@ -48,16 +48,16 @@ class Rival:
     finished: Fit | None = field(default=None, repr=False, compare=False)
 
 
-def try_terms(problem: Problem, fit: Fit, *, all_of_them: bool = True) -> list[Rival]:
+def try_terms(problem: Problem, fit: Fit, only: Collection[str] | None = None) -> list[Rival]:
     """Candidates by what they gain once refitted, best first; what has no name is linear, its promise is its gain.
 
-    Not `all_of_them`: only those of `CONSTANT`, which cost next to nothing.
+    `only`: mechanisms that are asked for, default all.
     """
     present = {term.key for term in fit.terms}
     candidates = list(terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values)))
-    if all_of_them:
+    if only is None:
         candidates += [*damage_terms(problem, fit), *nameless_terms(problem, fit)]
-    candidates = [t for t in candidates if t.key not in present and (all_of_them or t.mechanism in CONSTANT)]
+    candidates = [t for t in candidates if t.key not in present and (only is None or t.mechanism in only)]
     screened = screen(problem, fit, candidates)
     tries: dict[str, int] = {}
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]

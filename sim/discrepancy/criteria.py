@@ -42,6 +42,7 @@ LEAST_SHARES = {  # of what bends to much
     "structural_resonance": 0.008, "hysteresis": 0.001, "stiffness_hardening": 0.001, "tooth_damage": 0.006,
 }  # fmt: skip
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
+RESTLESS = (FIXED, "electrical_hum")
 HOLDS_T = 1.5
 KEPT_SHARE = 0.33  # of a gain, on rows not seen
 MUCH_PLAY = 0.02  # of the squared residual
@@ -118,16 +119,17 @@ def needs_no_trial(term: Term, gain: float, fit: Fit) -> bool:
     return term.mechanism == "backlash" and gain > MUCH_PLAY * fit.misfit
 
 
-def holds(less: Fit, more: Fit) -> bool:
-    """Whether the larger model predicts better what it has not seen.
+def holds(term: Term, less: Fit, more: Fit) -> bool:
+    """Whether the model with `term` predicts better what it has not seen.
 
     By 1.5 standard errors and 2.6 to one in sum, both of signed roots, as in `paired`; or, where an effect acts in a
     few blocks only (low speed, large twist, a tooth that is passed once), by a third of what it gains on seen rows. A
-    loss counts as three typical blocks at most: it may be the linear refit that fails without that block.
+    loss counts as three typical blocks at most: it may be the linear refit that fails without that block. What never
+    rests acts in all of them.
     """
     drop = advantage(less, more)
     root = np.sign(drop) * np.sqrt(np.abs(drop))
     even = paired(drop) > HOLDS_T and float(root.sum()) > 0.45 * float(np.abs(root).sum())
     kept = float(np.maximum(drop, -LARGEST_LOSS * np.median(np.abs(drop))).sum())
     few = kept > KEPT_SHARE * (less.cost - more.cost) > 0.0
-    return even or few
+    return even or (few and term.mechanism not in RESTLESS)

@@ -22,7 +22,7 @@ from scipy.signal import oaconvolve
 from sim.axis import Axis
 from sim.chain_model import Chain, ChainError
 from sim.discrepancy.entries import swinging, with_entries
-from sim.discrepancy.measurement import LOAD_CUT_HZ, Measurement
+from sim.discrepancy.measurement import LOAD_CUT_HZ, NEAR_STANDSTILL_SHARE, Measurement
 from sim.discrepancy.model import base_parameters, chain_of, has_links, locked_mode_hz, nuisance_of
 from sim.discrepancy.observer import Observer
 from sim.discrepancy.parameters import Parameter
@@ -35,6 +35,7 @@ A = TypeVar("A")
 B = TypeVar("B")
 FILTER_S = 0.4  # length of the whitening filters: what noise remembers
 WORKERS = 2
+WITH_TEETH, WITHOUT = 0.25, 0.5  # quantile over blocks that is noise: without teeth little else comes and goes
 SCORE_BLOCKS = 40
 FEWEST_BLOCKS = 16  # for the quartile of a spectrum
 MODE_BAND = 0.2  # around the load's own frequency
@@ -367,12 +368,19 @@ class Problem:
         torque, guide = self.raw_residuals(fit.terms, fit.values)
         m = self.measurement
         unseen = has_links(self.axis) and not self.guided
-        first, level = _whitener(torque, m.weight, m.rate_hz, locked_mode_hz(self.axis) if unseen else None)
+        mode_hz = locked_mode_hz(self.axis) if unseen else None
+        first, level = _whitener(torque, m.weight, m.rate_hz, mode_hz, teeth=bool(self.axis.stages))
         if not guide.size:
             return Noise(first, np.ones(1), level)
         stride = self.guide_stride
-        second, other = _whitener(guide, m.load_weight[::stride], m.rate_hz / stride)
+        second, other = _whitener(guide, m.load_weight[::stride], m.rate_hz / stride, teeth=bool(self.axis.stages))
         return Noise(first, second, level, other)
+
+    def near_standstill(self) -> Problem:
+        """The same with the rows at low speed that count where no teeth leave each other."""
+        other = copy(self)
+        other.measurement = replace(self.measurement, standstill=NEAR_STANDSTILL_SHARE)
+        return other
 
     def with_noise(self, noise: Noise) -> Problem:
         other = copy(self)
@@ -380,16 +388,20 @@ class Problem:
         return other
 
 
-def _whitener(values: Array, weight: Array, rate_hz: float, mode_hz: float | None = None) -> tuple[Array, Array]:
+def _whitener(
+    values: Array, weight: Array, rate_hz: float, mode_hz: float | None = None, *, teeth: bool
+) -> tuple[Array, Array]:
     """Filter and level over time of the noise under `values`; it counts less around `mode_hz`.
 
     What shakes the load shakes it at its own frequency, and the drive answers: there the motor's motion, from which the
     torque is predicted, is not independent of the noise, and a fit would damp the load to make it quiet.
     """
     deaf = None if mode_hz is None else mode_hz / rate_hz * np.array([1.0 - MODE_BAND, 1.0 + MODE_BAND])
-    taps = floor_filter(values, weight, int(rate_hz), int(FILTER_S * rate_hz), deaf)
+    taps = floor_filter(values, weight, int(rate_hz), int(FILTER_S * rate_hz), deaf, teeth=teeth)
     white = oaconvolve(values, taps)[: values.size]
     level = level_over_time(white, weight, int(rate_hz))
+    if not teeth:
+        return taps, level
     moving = np.abs(white / level)[weight > 0.5]
     # quartiles over few blocks lie high where the floor is steep: half of all rows are below 0.67 deviations
     return taps, level * min(1.0, 1.4826 * float(np.median(moving))) if moving.size else level
@@ -412,18 +424,21 @@ def level_over_time(white: Array, weight: Array, block: int) -> Array:
     return np.asarray(np.maximum(np.interp(np.arange(white.size), centres, levels), 1.0), dtype=np.float64)
 
 
-def floor_filter(values: Array, weight: Array, block: int, length: int, deaf: Array | None = None) -> Array:
+def floor_filter(
+    values: Array, weight: Array, block: int, length: int, deaf: Array | None = None, *, teeth: bool = True
+) -> Array:
     """Whitening filter (length,) of the noise under a residual that may still hold effects.
 
     The lower quartile over blocks of the spectrum, at each frequency, then a running median over frequency: neither
-    what comes and goes (reversals, passages of a tooth) nor lines of one order are taken for noise.
+    what comes and goes (reversals, passages of a tooth) nor lines of one order are taken for noise. Without `teeth` the
+    median over all blocks: the steps of an encoder are quiet at even speed and loud while it changes.
     `deaf`: ends of a band [1 over a sample] in which the noise is taken for louder than it is.
     """
     block = max(64, min(block, values.size // 8))
     window = np.hanning(block)
     starts = range(0, values.size - block + 1, block // 2)
     used = [s for s in starts if weight[s : s + block].min() > 0.99]
-    if len(used) < FEWEST_BLOCKS:
+    if len(used) < FEWEST_BLOCKS or not teeth:
         used = [s for s in starts if weight[s : s + block].mean() > 0.6] or list(starts)
     power = np.array(
         [
@@ -432,7 +447,8 @@ def floor_filter(values: Array, weight: Array, block: int, length: int, deaf: Ar
             for s in used
         ]
     )
-    floor = np.quantile(power, 0.25, axis=0) / -math.log(0.75)
+    share = WITH_TEETH if teeth else WITHOUT
+    floor = np.quantile(power, share, axis=0) / -math.log(1.0 - share)
     half = 4
     padded = np.concatenate([floor[half:0:-1], floor, floor[-2 : -2 - half : -1]])
     smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,6 +24,7 @@ MOTION_CUT_HZ = (
 )
 REACH = 4  # rows on either side of a gap that are felt, per row of it
 STANDSTILL_SHARE = 0.012  # of the largest speed: below, dry friction is whatever it needs to be
+NEAR_STANDSTILL_SHARE = 0.006  # the same where no teeth leave each other, which they do first at reversals
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,8 @@ class Measurement:
 
     `torque` and `acceleration` share one wide kernel [N m], [rad/s2]; `slow_acceleration` is nearly free of noise;
     `angle`, `speed` are of the motor; `load_angle`, `load_speed` are None without a load encoder; `slow_...` drive the
-    chain, nearly free of noise. `weight`: 1 where the motor torque counts, 0 where it does not.
+    chain, nearly free of noise. `valid`, `load_valid`: 1 where a row can be trusted, else 0; `standstill`: share of
+    the largest speed below which it does not count.
     """
 
     rate_hz: float
@@ -47,8 +50,24 @@ class Measurement:
     load_speed: Array | None
     slow_load_angle: Array | None
     slow_load_speed: Array | None
-    weight: Array
-    load_weight: Array
+    valid: Array
+    load_valid: Array
+    standstill: float = STANDSTILL_SHARE
+
+    @cached_property
+    def weight(self) -> Array:
+        """1 where the motor torque counts, 0 where it does not, shape (n,)."""
+        return standstill_weight(self.speed, self.standstill) * self.valid
+
+    @cached_property
+    def load_weight(self) -> Array:
+        """The same of the load's motion."""
+        return standstill_weight(self.speed, self.standstill) * self.load_valid
+
+    @property
+    def near_standstill(self) -> bool:
+        """Whether rows count down to the lower of the two speeds."""
+        return self.standstill <= NEAR_STANDSTILL_SHARE
 
     @property
     def samples(self) -> int:
@@ -107,16 +126,15 @@ def prepare(
         return None if load_angle is None else channel(load_angle, cut_hz, derivative)
 
     speed = channel(angle, cut, 1)
-    weight = standstill_weight(speed)
-    load_weight = weight.copy()
+    trusted, load_trusted = np.ones(speed.size), np.ones(speed.size)
     least = gaussian_kernel(ANGLE_CUT_HZ, rate_hz, 0).size // 2
     if valid is not None:
-        weight = weight * _trusted(valid, margin, least)[::stride]
+        trusted *= _trusted(valid, margin, least)[::stride]
     if load_valid is not None:
-        load_weight = load_weight * _trusted(load_valid, margin, least)[::stride]
+        load_trusted *= _trusted(load_valid, margin, least)[::stride]
     settle = int(0.06 * rate)
-    weight[:settle] = 0.0
-    load_weight[:settle] = 0.0
+    trusted[:settle] = 0.0
+    load_trusted[:settle] = 0.0
     return Measurement(
         rate_hz=rate,
         time_s=(margin + stride * np.arange(speed.size)) / rate_hz,
@@ -131,14 +149,14 @@ def prepare(
         load_speed=load(load_cut, 1),
         slow_load_angle=load(load_slow, 0),
         slow_load_speed=load(load_slow, 1),
-        weight=weight,
-        load_weight=load_weight,
+        valid=trusted,
+        load_valid=load_trusted,
     )
 
 
-def standstill_weight(speed: Array) -> Array:
-    """0 at standstill, 1 in motion, a smooth step between."""
-    limit = STANDSTILL_SHARE * float(np.abs(speed).max())
+def standstill_weight(speed: Array, share: float) -> Array:
+    """0 at standstill, 1 in motion, a smooth step from `share` of the largest speed to three times that."""
+    limit = share * float(np.abs(speed).max())
     u = np.clip((np.abs(speed) / max(limit, 1e-300) - 1.0) / 2.0, 0.0, 1.0)
     return u * u * (3.0 - 2.0 * u)
 

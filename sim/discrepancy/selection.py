@@ -2,13 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sim.discrepancy.candidates import FAR_MOVED, Rival, elsewhere, settled, try_terms
-from sim.discrepancy.criteria import BEYOND, evidence, holds, is_form, least_gain, matters, needs_no_trial, wanted
+from sim.discrepancy.criteria import (
+    BEYOND,
+    CONSTANT,
+    evidence,
+    holds,
+    is_form,
+    least_gain,
+    matters,
+    needs_no_trial,
+    wanted,
+)
 from sim.discrepancy.fit import Fit, Noise, Problem, each
 from sim.discrepancy.measurement import gaussian_kernel
 from sim.discrepancy.model import has_links
@@ -23,6 +33,8 @@ MOTION_BAND_HZ = 40.0
 MOST_TERMS = 4
 MOST_ROUNDS = 6  # with those that are as new or have no name
 MOST_ENTRIES = 3  # of one round
+FEWEST_ROUNDS = 2  # in which everything is looked for
+AT_LOW_SPEED = ("stribeck_friction",)
 MOST_RUNS = 1800  # simulations after which only constants are looked for: what is left then is unnamed
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
 SWAPS = 2
@@ -94,16 +106,17 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     entered: dict[str, float] = {}
     for step in range(MOST_ROUNDS):
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
-        all_of_them = problem.runs.count <= MOST_RUNS
-        tried = try_terms(problem, fit, all_of_them=all_of_them)
-        entry = enter(problem, fit, [r for r in tried if not is_form(r.term, r.gain, entered)])
-        tried = [replace(r, finished=None) for r in tried]
+        only = None if step < FEWEST_ROUNDS or problem.runs.count <= MOST_RUNS else CONSTANT
+        tried, entry = search(problem, fit, entered, only)
+        last = tried if only is None else rejected  # constants alone say nothing of the others
+        if not entry.new and asks_low_speed(problem, fit):
+            slow, entry = search(*rewhiten(problem.near_standstill(), fit), entered, AT_LOW_SPEED)
+            tried = sorted([*slow, *tried], key=lambda r: (-r.gain, r.term.key))
         names = {r.term.key for r in entry.new}
-        last = tried if all_of_them else rejected  # constants alone say nothing of the others
         rejected = tuple(r for r in last if r.term.key not in names and r.term.named)
-        problem, fit = entry.problem, entry.fit
         if not entry.new:
             break
+        problem, fit = entry.problem, entry.fit
         gains = entry.gains
         entered |= {r.term.key: r.gain for r in entry.new}
         rivals = {**rivals, **{r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}}
@@ -118,6 +131,21 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     found = tuple(t for t in fit.terms if t.named and beyond(t, fit) > BEYOND)
     standing = standings(problem, fit, found, gains, in_place)
     return Selection(problem, base, fit, gains, rivals, rejected, found, standing)
+
+
+def asks_low_speed(problem: Problem, fit: Fit) -> bool:
+    """Whether the rows near standstill may tell more: not yet asked, and no teeth leave each other there."""
+    there = any(t.contact or t.mechanism in AT_LOW_SPEED for t in fit.terms)
+    return not there and not problem.measurement.near_standstill
+
+
+def search(
+    problem: Problem, fit: Fit, entered: Mapping[str, float], only: Collection[str] | None
+) -> tuple[list[Rival], Entry]:
+    """What was tried on top of `fit`, best first, and what of it comes in; `only`: mechanisms, default all."""
+    tried = try_terms(problem, fit, only)
+    entry = enter(problem, fit, [r for r in tried if not is_form(r.term, r.gain, entered)])
+    return [replace(r, finished=None) for r in tried], entry
 
 
 @dataclass(frozen=True)
@@ -169,7 +197,8 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
         held = fit.sensitivities if best.gain < FAR_MOVED else {}
         more = best.finished if len(new) == 1 else None
         more = more or settled(problem, (*fit.terms, *(r.term for r in new)), start, held)
-        if best.term.named or best in as_new or (holds(fit, more) and matters(best.term, fit.cost - more.cost, more)):
+        gain = fit.cost - more.cost
+        if best.term.named or best in as_new or (holds(best.term, fit, more) and matters(best.term, gain, more)):
             return new, more
     return [], None
 
@@ -193,7 +222,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
         for term in fit.terms:
             more = plain if term.named else fit
             gain = less[term.key].cost - more.cost
-            held = not strict or needs_no_trial(term, gain, more) or holds(less[term.key], more)
+            held = not strict or needs_no_trial(term, gain, more) or holds(term, less[term.key], more)
             gains[term.key] = gain if held else 0.0
         rows = fit.residual.size
         weak = [
@@ -251,7 +280,8 @@ def swap(
                 continue  # it would not have come in, or be taken away again
             tried[key] = rival
             even = abs(other.cost - best.cost) < LEAST_SWAP and paired(advantage(best, other)) > 0.0
-            if other.cost < best.cost - LEAST_SWAP or even:
+            as_new = beyond(rival.term, other) <= BEYOND  # it would have come in by itself
+            if other.cost < best.cost - LEAST_SWAP or (even and not as_new):
                 best = other
         rivals = {**rivals, term.key: tuple(sorted(tried.values(), key=lambda r: (-r.gain, r.term.key)))}
         if most and best is not fit:

@@ -1,7 +1,9 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
-from sim.discrepancy.measurement import gaussian_kernel, prepare
+from sim.discrepancy.measurement import NEAR_STANDSTILL_SHARE, gaussian_kernel, prepare
 
 
 @pytest.mark.parametrize("derivative", [0, 1, 2])
@@ -35,3 +37,16 @@ def test_standstill_does_not_count() -> None:
     assert prepared.weight[prepared.time_s > 2.2].max() == 0.0
     assert prepared.load_weight[prepared.time_s > 2.2].max() == 0.0  # dry friction at the load holds what it likes
     assert prepared.weight[(prepared.time_s > 0.5) & (prepared.time_s < 1.8)].min() == 1.0
+
+
+def test_where_no_teeth_leave_each_other_rows_count_down_to_half_the_speed() -> None:
+    t = np.arange(8000) / 1000.0
+    prepared = prepare(1000.0, np.zeros(t.size), 40.0 * np.sin(t), None, valid=np.where(t > 6.0, 0.0, 1.0))
+    closer = replace(prepared, standstill=NEAR_STANDSTILL_SHARE)
+    assert (closer.weight >= prepared.weight).all()
+    rising = np.argsort(np.abs(prepared.speed))
+    rising = rising[prepared.valid[rising] > 0.0]
+    top = np.abs(prepared.speed).max()
+    slowest = [np.abs(m.speed[rising][m.weight[rising] > 0.0]).min() / top for m in (closer, prepared)]
+    assert slowest == pytest.approx([0.006, 0.012], abs=1e-3)
+    assert closer.weight[closer.time_s > 6.2].max() == 0.0  # what cannot be trusted stays out

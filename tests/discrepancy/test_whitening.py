@@ -43,8 +43,22 @@ def test_a_burst_has_its_level_and_a_rare_spike_has_none() -> None:
 def test_a_band_in_which_nothing_can_be_known_is_kept_out() -> None:
     noise = np.random.default_rng(3).standard_normal(40 * RATE_HZ)
     heard, deaf = (
-        np.abs(np.fft.rfft(floor_filter(noise, np.ones(noise.size), RATE_HZ, 400, band), RATE_HZ)) ** 2
+        np.abs(np.fft.rfft(floor_filter(noise, np.ones(noise.size), RATE_HZ, 400, deaf=band), RATE_HZ)) ** 2
         for band in (None, np.array([0.010, 0.018]))
     )
     assert (deaf[12:17] < 0.5 * heard[12:17]).all()
     assert deaf[30:] == pytest.approx(heard[30:], rel=0.2)
+
+
+def test_without_teeth_noise_that_is_loud_while_the_speed_changes_is_noise() -> None:
+    """An encoder's steps: lines at even speed, a broad noise while it changes; here a third of the time."""
+    rng = np.random.default_rng(4)
+    loud = np.arange(60 * RATE_HZ) % 2500 < 900
+    noise = rng.standard_normal(loud.size) * np.where(loud, 5.0, 1.0)
+    weight = np.where(np.arange(loud.size) % 2500 == 450, 0.0, 1.0)  # the speed passes 0 in the middle of a change
+    left = {}
+    for teeth in (True, False):
+        taps = floor_filter(noise, weight, RATE_HZ, 400, teeth=teeth)
+        left[teeth] = float(np.mean(np.convolve(noise, taps)[: noise.size] ** 2))
+    assert left[True] > 5.0
+    assert 0.6 < left[False] < 0.5 * left[True]
