@@ -159,7 +159,7 @@ def _refined(orders: Array, heights: Array, order: float, spacing: float) -> flo
 
 
 def _of_gears(axis: Axis, order: float, spacing: float) -> bool:
-    """Whether an order per motor revolution is a multiple of a shaft next to the motor or of a mesh."""
+    """Whether an order per motor revolution is a multiple of the motor's turn, of a shaft next to it or of a mesh."""
     turn = 1.0
     known = [1.0]
     for stage in axis.stages:
@@ -170,7 +170,7 @@ def _of_gears(axis: Axis, order: float, spacing: float) -> bool:
         if stage.driven_teeth:
             known.append(stage.driven_teeth * turn)
     tolerance = 2.5 * spacing + 0.001 * order
-    return any(
+    return abs(order - round(order)) < tolerance or any(
         abs(order - round(order / one) * one) < tolerance and round(order / one) >= 1 and round(order / one) <= 12
         for one in known
     )
