@@ -140,8 +140,8 @@ class Observer:
             wave, other = self._turn
             error = sine * wave + cosine * other + nuisance.load_offset_rad
             drift = (sine * other - cosine * wave) * speed
-            late = nuisance.load_delay_s
-            guide = np.stack([angle - error + late * speed, speed - drift + late * np.gradient(speed) * m.rate_hz])
+            late = nuisance.load_delay_s * m.rate_hz
+            guide = np.stack([_delayed(angle, -late) - error, _delayed(speed, -late) - drift])
             gains = self.guide_inertia * np.array([GUIDE_RAD_S**2, 1.4 * GUIDE_RAD_S])
         ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
         widths = nuisance.friction_width[1] * self._top / ratios
@@ -200,6 +200,6 @@ def _delayed(values: Array, samples: float) -> Array:
         (u + 1.0) * u * (u - 1.0) / 6.0,
     )
     before, after = max(0, whole + 2), max(0, 1 - whole)
-    padded = np.concatenate([np.full(before, values[0]), values, np.full(after, values[-1])])
+    padded = np.pad(values, (before, after), "reflect", reflect_type="odd")
     first = before - whole - 2
     return np.convolve(padded[first : first + values.size + 3], weights[::-1], "valid")

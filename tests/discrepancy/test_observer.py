@@ -120,6 +120,23 @@ def test_a_known_error_of_the_load_encoder_is_taken_out_in_angle_and_speed() -> 
     assert np.std(mended - true) < 0.01 * np.std(wrong - true)
 
 
+def test_a_load_encoder_that_is_late_is_read_as_what_it_was_late_for() -> None:
+    """Not by its speed alone: half the square of 4 ms times the acceleration would be left."""
+    t, angle, _, acceleration = swing()
+    inertia, stiffness, ratio = 2.0, 4e5, 10.0
+    load = angle / ratio - inertia * acceleration / ratio / stiffness
+    chain = Chain((Shaft(0.01), Shaft(inertia)), (Link(ratio, stiffness, 60.0),))
+
+    def guide(encoder: np.ndarray, nuisance: Nuisance) -> np.ndarray:
+        observer = Observer(prepare(RATE_HZ, np.zeros(t.size), angle, encoder), inertia, 0.01)
+        observer.learn_noise(chain, nuisance)
+        return observer.predict(chain, nuisance).guide[500:-500]
+
+    true, late = guide(load, Nuisance()), guide(np.interp(t - 4e-3, t, load), Nuisance())
+    mended = guide(np.interp(t - 4e-3, t, load), Nuisance(load_delay_s=4e-3))
+    assert np.std(mended - true) < 1e-3 * np.std(late - true)
+
+
 def test_sine_and_cosine_of_one_angle() -> None:
     angles = np.random.default_rng(1).uniform(-3e4, 3e4, 2000)
     found = np.array([_sine_cosine(float(x)) for x in angles])
