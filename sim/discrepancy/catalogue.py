@@ -20,7 +20,7 @@ RIPPLE_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0)  # pole p
 FEWEST_TEETH = 8.0  # of a pinion
 LEAST_TURN = 0.5  # rad of the load over which weight shows
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
-SOFTEST = 0.1  # largest damping ratio of a part that swings
+SOFTEST = 0.1  # damping ratio from which nothing swings: what is late or wrong in form asks for more
 LEAST_PEAK = 0.8  # torque of a swinging part at its own frequency over that of the whole load: good axes have up to 0.7
 HIGHEST_SWING_HZ = 0.6 * LOAD_CUT_HZ
 MOTOR = "motor"
@@ -297,7 +297,7 @@ def _resonance(axis: Axis) -> Term:
         "structural_resonance", "load", parameters, probes,
         lambda v: {"frequency_hz": v[frequency], "share": v[share], "damping_ratio": v[damping]},
         load_torque=torque, positive=True, nonlinear=True, size=LEAST_PEAK, shape=(frequency, damping),
-        magnitude=lambda v: v[share] / (2.0 * v[damping]),
+        magnitude=lambda v: v[share] / (2.0 * v[damping]) if v[damping] < SOFTEST else 0.0,
     )  # fmt: skip
 
 
@@ -407,7 +407,7 @@ def _hardening(name: str, k: int, twist: float) -> Term:
 
     return Term(
         "stiffness_hardening", name, (Parameter(cubic, 0.0, step, low=0.0),), (({cubic: step},),),
-        lambda v: {"cubic_per_rad2": v[cubic]}, apply, positive=True, nonlinear=True, size=0.3 * step,
+        lambda v: {"cubic_per_rad2": v[cubic]}, apply, positive=True, nonlinear=True, size=0.1 * step,
     )  # fmt: skip
 
 

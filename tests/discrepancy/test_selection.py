@@ -10,7 +10,7 @@ from scipy.optimize import lsq_linear
 
 from sim.axis import read_axis
 from sim.chain_model import Array, Chain, Shaft
-from sim.discrepancy.catalogue import terms_of
+from sim.discrepancy.catalogue import SOFTEST, terms_of
 from sim.discrepancy.criteria import holds, is_form, matters, wanted
 from sim.discrepancy.entries import swing
 from sim.discrepancy.fit import Fit
@@ -127,6 +127,13 @@ def test_runout_at_the_load_is_held_against_what_is_as_new_together_with_the_err
     assert magnitude(runout, shared) == pytest.approx(2.0 * half)
     assert magnitude(runout, {**shared, "load_encoder.error_sine_rad": half}) == 0.0
     assert runout.report(shared)["amplitude_rad"] == pytest.approx(half)
+
+
+def test_what_is_as_damped_as_it_may_be_is_no_part_that_swings() -> None:
+    share, frequency, damping = (p.name for p in TERMS["structural_resonance"].parameters)
+    half = {share: 0.5, frequency: 20.0}
+    assert magnitude(TERMS["structural_resonance"], {**half, damping: 0.02}) == pytest.approx(12.5)
+    assert magnitude(TERMS["structural_resonance"], {**half, damping: SOFTEST}) == 0.0
 
 
 KNOWN, UNKNOWN = {"driver_teeth": 12, "driven_teeth": 60}, {"ratio": 5.0}
