@@ -33,7 +33,6 @@ MOTION_BAND_HZ = 40.0
 MOST_TERMS = 4
 MOST_ROUNDS = 6  # with those that are as new or have no name
 MOST_ENTRIES = 3  # of one round
-FEWEST_ROUNDS = 2  # in which everything is looked for
 AT_LOW_SPEED = ("stribeck_friction",)
 MOST_RUNS = 1800  # simulations after which only constants are looked for: what is left then is unnamed
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
@@ -106,7 +105,7 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     entered: dict[str, float] = {}
     for step in range(MOST_ROUNDS):
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
-        only = None if step < FEWEST_ROUNDS or problem.runs.count <= MOST_RUNS else CONSTANT
+        only = None if problem.runs.count <= MOST_RUNS else CONSTANT
         tried, entry = search(problem, fit, entered, only)
         last = tried if only is None else rejected  # constants alone say nothing of the others
         if not entry.new and asks_low_speed(problem, fit):
