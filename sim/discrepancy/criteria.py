@@ -42,7 +42,7 @@ LEAST_SHARES = {  # of what bends to much
     "structural_resonance": 0.008, "hysteresis": 0.001, "stiffness_hardening": 0.001, "tooth_damage": 0.006,
 }  # fmt: skip
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
-RESTLESS = (FIXED, "electrical_hum")
+RESTLESS = (FIXED, "electrical_hum")  # there all the time: a gain in a few blocks is not theirs
 HOLDS_T = 1.5
 KEPT_SHARE = 0.33  # of a gain, on rows not seen
 MUCH_PLAY = 0.02  # of the squared residual

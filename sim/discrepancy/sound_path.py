@@ -161,7 +161,7 @@ def _refined(orders: Array, heights: Array, order: float, spacing: float) -> flo
 def _of_gears(axis: Axis, order: float, spacing: float) -> bool:
     """Whether an order per motor revolution is a multiple of the motor's turn, of a shaft next to it or of a mesh."""
     turn = 1.0
-    known = [1.0]
+    known: list[float] = []
     for stage in axis.stages:
         if stage.driver_teeth:
             known.append(stage.driver_teeth * turn)
