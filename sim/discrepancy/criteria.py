@@ -34,14 +34,19 @@ OF_STRAIN = {  # what must be gained over what the description is bent by beyond
 ERRORS = ("mesh_error", "eccentricity", AS_NEW)  # every new axis has them, if small
 CONSTANT = ("torque_offset",)  # known beforehand within a little: what it gains over that is no error of a form
 LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
-LEFT_OUT_SHARE = 0.5  # of what others must gain
 LEAST_SHARE = 0.0006  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
     f"{OVER_SPEED}@motor": 0.003, f"{OVER_SPEED}@load": 0.006, FIXED: 0.002,
     f"{OVER_ANGLE}@motor": 0.004, f"{OVER_ANGLE}@load": 0.007,
-    "structural_resonance": 0.008, "hysteresis": 0.001, "stiffness_hardening": 0.001, "tooth_damage": 0.006,
+    "structural_resonance": 0.008, "hysteresis": 0.001, "stiffness_hardening": 0.0007, "tooth_damage": 0.006,
 }  # fmt: skip
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
+LEAST_GAINS = {  # of what nothing else bends to: new axes promise it 1, 8, 8 and 6 squares at most
+    "coulomb_friction": 10.0, "viscous_friction": 10.0, "torque_offset": 10.0,
+    "stribeck_friction": 13.0, "friction_asymmetry": 13.0, "load_dependent_loss": 13.0,
+}  # fmt: skip
+OVER_STROKES = ("torque_offset", "stribeck_friction", "friction_asymmetry", "load_dependent_loss")
+STROKE_ROWS = 50.0  # of theirs, for one that says something of its own: they act over whole strokes
 RESTLESS = (FIXED, "electrical_hum")  # there all the time: a gain in a few blocks is not theirs
 HOLDS_T = 1.5
 KEPT_SHARE = 0.33  # of a gain, on rows not seen
@@ -59,7 +64,8 @@ def penalty(term: Term, rows: int) -> float:
     if term.mechanism in LEFT_OUT:
         return 0.0
     looks = 8.0 if term.mechanism == "tooth_damage" else math.log(max(len(term.probes), 1) + 1.0)
-    return 0.5 * len(term.parameters) * math.log(rows) + looks
+    telling = rows / STROKE_ROWS if term.mechanism in OVER_STROKES else rows
+    return 0.5 * len(term.parameters) * math.log(max(telling, 2.0)) + looks
 
 
 def evidence(term: Term, gain: float, rows: int) -> float:
@@ -69,7 +75,7 @@ def evidence(term: Term, gain: float, rows: int) -> float:
 
 def least_gain(term: Term) -> float:
     """Drop of the whitened sum of squares below which a term is not looked at."""
-    return LEFT_OUT_SHARE * LEAST_GAIN if term.mechanism in LEFT_OUT else LEAST_GAIN
+    return LEAST_GAINS.get(term.mechanism, LEAST_GAIN)
 
 
 def matters(term: Term, gain: float, fit: Fit) -> bool:

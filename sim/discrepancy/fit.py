@@ -22,7 +22,7 @@ from scipy.signal import oaconvolve
 from sim.axis import Axis
 from sim.chain_model import Chain, ChainError
 from sim.discrepancy.entries import swinging, with_entries
-from sim.discrepancy.measurement import LOAD_CUT_HZ, NEAR_STANDSTILL_SHARE, Measurement
+from sim.discrepancy.measurement import LOAD_CUT_HZ, Measurement
 from sim.discrepancy.model import base_parameters, chain_of, has_links, locked_mode_hz, nuisance_of
 from sim.discrepancy.observer import Observer
 from sim.discrepancy.parameters import Parameter
@@ -376,10 +376,10 @@ class Problem:
         second, other = _whitener(guide, m.load_weight[::stride], m.rate_hz / stride, teeth=bool(self.axis.stages))
         return Noise(first, second, level, other)
 
-    def near_standstill(self) -> Problem:
-        """The same with the rows at low speed that count where no teeth leave each other."""
+    def down_to(self, standstill: float) -> Problem:
+        """The same with the rows that are faster than this share of the largest speed."""
         other = copy(self)
-        other.measurement = replace(self.measurement, standstill=NEAR_STANDSTILL_SHARE)
+        other.measurement = replace(self.measurement, standstill=standstill)
         return other
 
     def with_noise(self, noise: Noise) -> Problem:

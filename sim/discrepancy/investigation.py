@@ -139,7 +139,7 @@ def investigate(
     progress("calibration of what the description has", 0.08)
     problem = Problem(axis, gate.measurement, _first_noise(gate))
     problem, base = calibrate(problem)
-    selection = select(problem, base, progress)
+    selection = told_apart(select(problem, base, progress))
     problem, fit = selection.problem, selection.fit
     progress("sound", 0.78)
     heard = listen(axis, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
@@ -231,6 +231,19 @@ def _finding(selection: Selection, term: Term) -> Finding:
         term.mechanism, term.location, probability(seen), _term_estimates(fit, term, duration), tuple(close),
         explain(term.mechanism, term.location, term.report(fit.values), [place for place in elsewhere if place]), seen,
     )  # fmt: skip
+
+
+def told_apart(selection: Selection) -> Selection:
+    """Of two that no measurement tells apart, only the one that takes away more is found: only their sum is known."""
+    alike = {t.key: looks_like(selection.problem, t) for t in selection.found}
+    gains = selection.gains
+    found = tuple(
+        t
+        for t in selection.found
+        if not any(t.mechanism in alike[o.key] and o.mechanism in alike[t.key] and gains[o.key] > gains[t.key]
+                   for o in selection.found)
+    )  # fmt: skip
+    return replace(selection, found=found)
 
 
 def looks_like(problem: Problem, term: Term) -> tuple[str, ...]:

@@ -65,11 +65,6 @@ class Measurement:
         return standstill_weight(self.speed, self.standstill) * self.load_valid
 
     @property
-    def near_standstill(self) -> bool:
-        """Whether rows count down to the lower of the two speeds."""
-        return self.standstill <= NEAR_STANDSTILL_SHARE
-
-    @property
     def samples(self) -> int:
         return int(self.time_s.size)
 

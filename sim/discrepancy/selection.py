@@ -20,7 +20,7 @@ from sim.discrepancy.criteria import (
     wanted,
 )
 from sim.discrepancy.fit import Fit, Noise, Problem, each
-from sim.discrepancy.measurement import gaussian_kernel
+from sim.discrepancy.measurement import NEAR_STANDSTILL_SHARE, STANDSTILL_SHARE, gaussian_kernel
 from sim.discrepancy.model import has_links
 from sim.discrepancy.nameless import AS_NEW
 from sim.discrepancy.size import beyond
@@ -99,7 +99,6 @@ def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
 def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     """Forward selection with refits, backward elimination after every step."""
     fit = base
-    gains: Mapping[str, float] = {}
     rivals: Mapping[str, tuple[Rival, ...]] = {}
     rejected: tuple[Rival, ...] = ()
     entered: dict[str, float] = {}
@@ -109,33 +108,38 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         tried, entry = search(problem, fit, entered, only)
         last = tried if only is None else rejected  # constants alone say nothing of the others
         if not entry.new and asks_low_speed(problem, fit):
-            slow, entry = search(*rewhiten(problem.near_standstill(), fit), entered, AT_LOW_SPEED)
-            tried = sorted([*slow, *tried], key=lambda r: (-r.gain, r.term.key))
+            more, entry = search(*rewhiten(problem.down_to(NEAR_STANDSTILL_SHARE), fit), entered, AT_LOW_SPEED)
+            anew = {r.term.key for r in more}
+            tried = sorted([*more, *(r for r in tried if r.term.key not in anew)], key=lambda r: (-r.gain, r.term.key))
         names = {r.term.key for r in entry.new}
         rejected = tuple(r for r in last if r.term.key not in names and r.term.named)
         if not entry.new:
             break
         problem, fit = entry.problem, entry.fit
-        gains = entry.gains
+        if any(t.contact for t in fit.terms) and problem.measurement.standstill < STANDSTILL_SHARE:
+            problem, fit = rewhiten(problem.down_to(STANDSTILL_SHARE), fit)
         entered |= {r.term.key: r.gain for r in entry.new}
         rivals = {**rivals, **{r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}}
         if sum(beyond(t, fit) > BEYOND for t in fit.terms) >= MOST_TERMS:
             break
     fit, rivals = swap(problem, fit, rivals, entered)
     problem, fit, gains = prune(problem, fit, strict=True)
-    in_place = {
-        key: [(r.term, r.values) for r in tried if r.beyond > 0.0 and r.gain > RIVAL_SHARE * max(x.gain for x in tried)]
-        for key, tried in rivals.items()
-    }
+    in_place = {key: [(r.term, r.values) for r in likely(tried)] for key, tried in rivals.items()}
     found = tuple(t for t in fit.terms if t.named and beyond(t, fit) > BEYOND)
     standing = standings(problem, fit, found, gains, in_place)
     return Selection(problem, base, fit, gains, rivals, rejected, found, standing)
 
 
+def likely(tried: Sequence[Rival]) -> list[Rival]:
+    """Those of a size that may matter which gain at least a share of what the best of them does."""
+    large = [r for r in tried if r.beyond > 0.0]
+    return [r for r in large if r.gain > RIVAL_SHARE * max(x.gain for x in large)]
+
+
 def asks_low_speed(problem: Problem, fit: Fit) -> bool:
     """Whether the rows near standstill may tell more: not yet asked, and no teeth leave each other there."""
     there = any(t.contact or t.mechanism in AT_LOW_SPEED for t in fit.terms)
-    return not there and not problem.measurement.near_standstill
+    return not there and problem.measurement.standstill > NEAR_STANDSTILL_SHARE
 
 
 def search(
@@ -149,12 +153,11 @@ def search(
 
 @dataclass(frozen=True)
 class Entry:
-    """What came in, the fit with it and what each of its terms gains; nothing new: the fit as it was."""
+    """What came in and the fit with it; nothing new: the fit as it was."""
 
     new: Sequence[Rival]
     problem: Problem
     fit: Fit
-    gains: Mapping[str, float]
 
 
 def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
@@ -166,9 +169,9 @@ def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
         wider, more = rewhiten(problem, more)
         wider, more, gains = prune(wider, more, strict=False)
         if new[0].term.key in gains:
-            return Entry(new, wider, more, gains)
+            return Entry(new, wider, more)
         tried = [r for r in tried if r.term.key != new[0].term.key]
-    return Entry((), problem, fit, {})
+    return Entry((), problem, fit)
 
 
 def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[Rival], Fit | None]:

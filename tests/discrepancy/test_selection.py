@@ -7,17 +7,20 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
+from scipy.stats import chi2
 
 from sim.axis import read_axis
 from sim.chain_model import Array, Chain, Shaft
+from sim.discrepancy.candidates import Rival
 from sim.discrepancy.catalogue import SOFTEST, terms_of
-from sim.discrepancy.criteria import holds, is_form, matters, wanted
+from sim.discrepancy.criteria import LEAST_GAINS, evidence, holds, is_form, matters, wanted
 from sim.discrepancy.entries import swing
 from sim.discrepancy.fit import Fit
 from sim.discrepancy.measurement import Measurement, prepare
 from sim.discrepancy.nameless import FIXED, line_of
 from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.screening import least_squares_within
+from sim.discrepancy.selection import likely
 from sim.discrepancy.size import magnitude
 from tests.discrepancy.telemetry_of import RATE_HZ
 from tests.discrepancy.telemetry_of import swing as motion
@@ -97,6 +100,29 @@ def test_an_offset_is_no_error_of_the_form_of_what_is_larger() -> None:
     entered = {"tooth_damage@output": 10_000.0}
     assert is_form(TERMS["hysteresis"], 40.0, entered)
     assert not is_form(TERMS["torque_offset"], 40.0, entered)
+
+
+@pytest.mark.parametrize("mechanism", sorted(LEAST_GAINS))
+def test_noise_alone_promises_what_is_asked_for_less_than_once_in_five_hundred_axes(mechanism: str) -> None:
+    """The squares that k numbers take away from white noise are chi-squared with k degrees of freedom."""
+    numbers = 1 if mechanism.endswith(("coulomb_friction", "viscous_friction")) else len(TERMS[mechanism].parameters)
+    assert chi2.sf(LEAST_GAINS[mechanism], numbers) < 0.002
+
+
+def test_what_acts_over_strokes_pays_for_the_rows_that_say_something_of_their_own() -> None:
+    """A law of friction is held against noise some hundred times in half a minute, teeth thousands of times."""
+    rows = 30_000
+    assert evidence(TERMS["friction_asymmetry"], 16.0, rows) > 0.0
+    assert evidence(TERMS["eccentricity"], 16.0, rows) < 0.0
+
+
+def test_what_is_as_new_hides_no_rival() -> None:
+    """However many squares a part takes that swings no more than a good one does."""
+    asymmetry, offset = TERMS["friction_asymmetry"], TERMS["torque_offset"]
+    swings = Rival(TERMS["structural_resonance"], 160.0, {}, beyond=-4.0)
+    tried = [swings, Rival(asymmetry, 19.0, {}, beyond=2.8), Rival(offset, 18.0, {}, beyond=7.0)]
+    assert [r.term for r in likely(tried)] == [asymmetry, offset]
+    assert [r.term for r in likely([*tried, Rival(TERMS["backlash"], 500.0, {}, beyond=9.0)])] == [TERMS["backlash"]]
 
 
 def test_what_never_rests_must_hold_in_more_than_a_few_blocks() -> None:

@@ -21,7 +21,7 @@ from tests.hidden_effects.generator import Scenario
 from tests.hidden_effects.product import ROOT, investigate, investigate_folder, peak_mib
 from tests.hidden_effects.scoring import Scored, complete, judge, tables
 
-KEPT = ("verdict", "findings", "unexplained", "parameters", "gain")
+KEPT = ("verdict", "findings", "unexplained", "parameters", "gain", "rejected")
 
 
 def _state_of_product() -> str:
