@@ -24,6 +24,8 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
     (frozenset({"stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.35),
     (frozenset({"hysteresis", "stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.1),
     (frozenset({"mesh_error", "torque_ripple"}), 0.05),
+    (frozenset({"mesh_error", "hysteresis"}), 0.4),  # both damp what the errors shake, and errors are as large as
+    (frozenset({"mesh_error", "load_dependent_loss"}), 0.1),  # that damping has them
     (frozenset({"mesh_error", "tooth_damage"}), 0.05),
     (frozenset({"eccentricity", "tooth_damage"}), 0.05),
     (frozenset({"eccentricity", "torque_ripple"}), 0.05),
@@ -50,7 +52,7 @@ STROKE_ROWS = 50.0  # of theirs, for one that says something of its own: they ac
 RESTLESS = (FIXED, "electrical_hum")  # there all the time: a gain in a few blocks is not theirs
 HOLDS_T = 1.5
 KEPT_SHARE = 0.33  # of a gain, on rows not seen
-MUCH_PLAY = 0.02  # of the squared residual
+MUCH = {"backlash": 0.02, "tooth_damage": 0.2}  # of the squared residual
 LARGEST_LOSS = 3.0  # times the median over blocks
 BEYOND = 2.0  # standard deviations
 TEMPERATURE = 0.3  # model errors make the residual less informative than its whitened length says
@@ -121,8 +123,8 @@ def form_share(mechanism: str, other: str) -> float:
 
 
 def needs_no_trial(term: Term, gain: float, fit: Fit) -> bool:
-    """Whether play explains so much that unseen rows need not be asked: where teeth hit, a linear refit says little."""
-    return term.mechanism == "backlash" and gain > MUCH_PLAY * fit.misfit
+    """Whether so much is explained that unseen rows need not be asked: where teeth hit, a linear refit says little."""
+    return gain > MUCH.get(term.mechanism, math.inf) * fit.misfit
 
 
 def holds(term: Term, less: Fit, more: Fit) -> bool:

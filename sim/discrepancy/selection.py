@@ -177,7 +177,8 @@ def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
 def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[Rival], Fit | None]:
     """The candidate that explains most and the fit with it; all that are as new come in together.
 
-    A mechanism goes before what has no name, unless that explains clearly more and holds on unseen rows.
+    A mechanism goes before what has no name, unless that explains clearly more and holds on unseen rows; any that keeps
+    the teeth in contact before a dent, which bends to whatever is missing.
     """
     rows = fit.residual.size
     worth = {r.term.key: evidence(r.term, r.gain, rows) for r in tried}
@@ -186,11 +187,16 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
         for r in tried
         if worth[r.term.key] > (ENOUGH if r.term.named and r.beyond > BEYOND else MORE) and wanted(r.term, r.beyond)
     ]
-    most = max((worth[r.term.key] for r in fitting if r.term.named), default=0.0)
     as_new = [r for r in fitting if r.term.mechanism == AS_NEW or r.beyond <= BEYOND]
+    most = max((worth[r.term.key] for r in fitting if r.term.named), default=0.0)
+    touching = max(
+        (worth[r.term.key] for r in fitting if r.term.named and not (r in as_new or r.term.contact)), default=0.0
+    )
     for best in fitting:
         clearly = 1.0 if best in as_new else CLEARLY
         if not best.term.named and worth[best.term.key] < clearly * most:
+            continue
+        if best.term.mechanism == "tooth_damage" and worth[best.term.key] < CLEARLY * touching:
             continue
         new = [best]
         if best in as_new and best.term.named:

@@ -13,14 +13,15 @@ from sim.axis import read_axis
 from sim.chain_model import Array, Chain, Shaft
 from sim.discrepancy.candidates import Rival
 from sim.discrepancy.catalogue import SOFTEST, terms_of
-from sim.discrepancy.criteria import LEAST_GAINS, evidence, holds, is_form, matters, wanted
+from sim.discrepancy.criteria import LEAST_GAINS, evidence, holds, is_form, matters, needs_no_trial, wanted
 from sim.discrepancy.entries import swing
-from sim.discrepancy.fit import Fit
+from sim.discrepancy.fit import Fit, Noise, Problem
+from sim.discrepancy.investigation import told_apart
 from sim.discrepancy.measurement import Measurement, prepare
 from sim.discrepancy.nameless import FIXED, line_of
 from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.screening import least_squares_within
-from sim.discrepancy.selection import likely
+from sim.discrepancy.selection import Selection, likely
 from sim.discrepancy.size import magnitude
 from tests.discrepancy.telemetry_of import RATE_HZ
 from tests.discrepancy.telemetry_of import swing as motion
@@ -66,17 +67,15 @@ def test_a_part_on_a_spring_adds_its_mass_below_its_frequency_and_nothing_far_ab
         assert asked @ acceleration / (acceleration @ acceleration) == pytest.approx(0.5 * followed, abs=0.01)
 
 
-ALL = terms_of(
-    read_axis(
-        {
-            "motor": {"inertia_kg_m2": 0.003, "coulomb_friction_n_m": 0.3},
-            "stages": [{"name": "output", "driver_teeth": 12, "driven_teeth": 96, "stiffness_n_m_per_rad": 1e4}],
-            "load": {"inertia_kg_m2": 2.0},
-        }
-    ),
-    prepare(RATE_HZ, motion()[3] * 0.03, motion()[1], motion()[1] / 8.0),
-    Chain((Shaft(0.003, 0.3, 0.0),)),
+AXIS = read_axis(
+    {
+        "motor": {"inertia_kg_m2": 0.003, "coulomb_friction_n_m": 0.3},
+        "stages": [{"name": "output", "driver_teeth": 12, "driven_teeth": 96, "stiffness_n_m_per_rad": 1e4}],
+        "load": {"inertia_kg_m2": 2.0},
+    }
 )
+MOVED = prepare(RATE_HZ, motion()[3] * 0.03, motion()[1], motion()[1] / 8.0)
+ALL = terms_of(AXIS, MOVED, Chain((Shaft(0.003, 0.3, 0.0),)))
 TERMS = {t.mechanism: t for t in ALL}
 
 
@@ -153,6 +152,36 @@ def test_runout_at_the_load_is_held_against_what_is_as_new_together_with_the_err
     assert magnitude(runout, shared) == pytest.approx(2.0 * half)
     assert magnitude(runout, {**shared, "load_encoder.error_sine_rad": half}) == 0.0
     assert runout.report(shared)["amplitude_rad"] == pytest.approx(half)
+
+
+def test_a_loop_or_a_loss_of_erring_teeth_is_the_damping_of_what_they_shake() -> None:
+    """And a loop alone, or one that brings as much as the errors, is one."""
+    entered = {"mesh_error@output": 1000.0}
+    assert is_form(TERMS["hysteresis"], 250.0, entered)
+    assert is_form(TERMS["load_dependent_loss"], 60.0, entered)
+    assert not is_form(TERMS["hysteresis"], 450.0, entered)
+    assert not is_form(TERMS["hysteresis"], 250.0, {})
+
+
+@pytest.mark.parametrize(("teeth", "share"), [("backlash", 0.03), ("tooth_damage", 0.3)])
+def test_what_teeth_do_that_explains_most_is_not_asked_on_rows_not_seen(teeth: str, share: float) -> None:
+    """Where they hit, the linear refit without a block may be thousands of squares off."""
+    fit = Fit((), (), {}, np.ones(1000), np.zeros((1000, 0)), 1000.0, 1000)
+    term = replace(TERMS["backlash"], mechanism=teeth)
+    assert needs_no_trial(term, share * fit.misfit, fit)
+    assert not needs_no_trial(term, 0.01 * fit.misfit, fit)
+    assert not needs_no_trial(TERMS["hysteresis"], 10.0 * fit.misfit, fit)
+
+
+def test_of_runout_at_the_load_and_the_error_of_its_encoder_one_is_found() -> None:
+    """Both in one model share what only their sum is known of; runout elsewhere stands for itself."""
+    problem = Problem(AXIS, MOVED, Noise.flat(0.1, 1.0))
+    fit = Fit((), (), {}, np.zeros(1), np.zeros((1, 0)), 0.0, 1)
+    at_load, at_motor = (next(t for t in ALL if t.key == f"eccentricity@{place}") for place in ("output", "motor"))
+    found = (at_load, TERMS["encoder_error"], at_motor)
+    gains = {at_load.key: 60.0, TERMS["encoder_error"].key: 90.0, at_motor.key: 40.0}
+    told = told_apart(Selection(problem, fit, fit, gains, {}, (), found, {}))
+    assert told.found == (TERMS["encoder_error"], at_motor)
 
 
 def test_what_is_as_damped_as_it_may_be_is_no_part_that_swings() -> None:
