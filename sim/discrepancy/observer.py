@@ -64,6 +64,7 @@ class Observer:
     _loudness: float = 0.0
     _lock: Lock = field(default_factory=Lock)
     _recent: dict[bytes, Array] = field(default_factory=dict)
+    _shifted: tuple[tuple[float, bool], Array] | None = None  # the load's motion as it was asked for last
 
     @cached_property
     def _motion(self) -> Array:
@@ -134,14 +135,14 @@ class Observer:
         motion = self._slow_motion if slow[0] else self._motion
         n = len(chain.shafts)
         guide, gains = np.zeros((2, 1)), np.zeros(2)
-        angle, speed = (m.slow_load_angle, m.slow_load_speed) if slow[1] else (m.load_angle, m.load_speed)
-        if angle is not None and speed is not None:
+        if m.load_angle is not None:
             sine, cosine = nuisance.load_error_rad
             wave, other = self._turn
+            speed = m.slow_load_speed if slow[1] else m.load_speed
+            assert speed is not None
             error = sine * wave + cosine * other + nuisance.load_offset_rad
             drift = (sine * other - cosine * wave) * speed
-            late = nuisance.load_delay_s * m.rate_hz
-            guide = np.stack([_delayed(angle, -late) - error, _delayed(speed, -late) - drift])
+            guide = self._load_motion(nuisance.load_delay_s, slow[1]) - np.stack([error, drift])
             gains = self.guide_inertia * np.array([GUIDE_RAD_S**2, 1.4 * GUIDE_RAD_S])
         ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
         widths = nuisance.friction_width[1] * self._top / ratios
@@ -174,6 +175,15 @@ class Observer:
                 if len(self._recent) > RECENT:
                     del self._recent[next(iter(self._recent))]
         return out
+
+    def _load_motion(self, late_s: float, slow: bool) -> Array:
+        """Angle and speed of the load that its encoder tells `late_s` later, shape (2, n); the delay seldom changes."""
+        m, last = self.measurement, self._shifted
+        if last is None or last[0] != (late_s, slow):
+            told = (m.slow_load_angle, m.slow_load_speed) if slow else (m.load_angle, m.load_speed)
+            moved = np.stack([_delayed(channel, -late_s * m.rate_hz) for channel in told if channel is not None])
+            last = self._shifted = ((late_s, slow), moved)
+        return last[1]
 
 
 def loudness(chain: Chain, inertia: float) -> float:
