@@ -169,7 +169,7 @@ def investigate(
         axis, verdict, findings, rest[0] if rest else None, _estimates(problem, fit), gained,
         next_measurement(axis, findings, rest, problem.guided), extended_axis(axis, extended),
         _provenance(axis, telemetry, sounds, problem),
-        tuple((r.term.key, r.gain) for r in selection.rejected[:6]), gate.remarks, selection,
+        tuple((r.term.key, r.gain) for r in selection.rejected[:6]), (*gate.remarks, _rested(problem)), selection,
     )  # fmt: skip
 
 
@@ -231,6 +231,14 @@ def _finding(selection: Selection, term: Term) -> Finding:
         term.mechanism, term.location, probability(seen), _term_estimates(fit, term, duration), tuple(close),
         explain(term.mechanism, term.location, term.report(fit.values), [place for place in elsewhere if place]), seen,
     )  # fmt: skip
+
+
+def _rested(problem: Problem) -> str:
+    """Which rows did not count."""
+    m = problem.measurement
+    slowest = m.standstill * float(np.abs(m.speed).max())
+    told = f"Rows in which the motor turns slower than {slowest:.2g} rad/s did not count"
+    return f"{told}: at rest dry friction holds whatever it likes."
 
 
 def told_apart(selection: Selection) -> Selection:
