@@ -24,12 +24,11 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
     (frozenset({"stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.35),
     (frozenset({"hysteresis", "stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.1),
     (frozenset({"mesh_error", "torque_ripple"}), 0.05),
-    (frozenset({"mesh_error", "hysteresis"}), 0.4),  # both damp what the errors shake, and errors are as large as
-    (frozenset({"mesh_error", "load_dependent_loss"}), 0.1),  # that damping has them
     (frozenset({"mesh_error", "tooth_damage"}), 0.05),
     (frozenset({"eccentricity", "tooth_damage"}), 0.05),
     (frozenset({"eccentricity", "torque_ripple"}), 0.05),
 )
+DAMPING = {"hysteresis": 0.4, "load_dependent_loss": 0.1}  # of what erring teeth gain: less damps what they shake
 OF_STRAIN = {  # what must be gained over what the description is bent by beyond chance
     "tooth_damage": 3.0, "stiffness_hardening": 3.0, "hysteresis": 3.0, "torque_offset": 0.3,
 }  # fmt: skip
@@ -119,6 +118,8 @@ def form_share(mechanism: str, other: str) -> float:
     shares = [share for laws, share in LAWS if {mechanism, other} <= laws]
     if mechanism == "time_delay":
         shares.append(DELAY_SHARE)
+    if other == "mesh_error" and mechanism in DAMPING:
+        shares.append(DAMPING[mechanism])
     return max([LEAVES.get(other, FORM_SHARE), *shares])
 
 

@@ -161,6 +161,8 @@ def test_a_loop_or_a_loss_of_erring_teeth_is_the_damping_of_what_they_shake() ->
     assert is_form(TERMS["load_dependent_loss"], 60.0, entered)
     assert not is_form(TERMS["hysteresis"], 450.0, entered)
     assert not is_form(TERMS["hysteresis"], 250.0, {})
+    mesh = replace(TERMS["eccentricity"], mechanism="mesh_error")
+    assert not is_form(mesh, 250.0, {"hysteresis@output": 1000.0})  # and not the other way round
 
 
 @pytest.mark.parametrize(("teeth", "share"), [("backlash", 0.03), ("tooth_damage", 0.3)])
