@@ -48,10 +48,10 @@ class Rival:
     finished: Fit | None = field(default=None, repr=False, compare=False)
 
 
-def try_terms(problem: Problem, fit: Fit, only: Collection[str] | None = None) -> list[Rival]:
+def try_terms(problem: Problem, fit: Fit, only: Collection[str] | None = None, least: float = 0.0) -> list[Rival]:
     """Candidates by what they gain once refitted, best first; what has no name is linear, its promise is its gain.
 
-    `only`: mechanisms that are asked for, default all.
+    `only`: mechanisms that are asked for, default all. `least`: squares that a mechanism must promise to be fitted.
     """
     present = {term.key for term in fit.terms}
     candidates = list(terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values)))
@@ -63,8 +63,8 @@ def try_terms(problem: Problem, fit: Fit, only: Collection[str] | None = None) -
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
     jobs: list[tuple[Term, Mapping[str, float]]] = []
     for promised, term, start in screened:
-        least = (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]
-        if len(jobs) == MOST_TRIES or not term.named or promised < max(least, least_gain(term)):
+        rival = (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]
+        if len(jobs) == MOST_TRIES or not term.named or promised < max(rival, least, least_gain(term)):
             continue
         if tries.get(term.key, 0) < (2 if term.nonlinear else 1):
             tries[term.key] = tries.get(term.key, 0) + 1

@@ -37,8 +37,8 @@ CONSTANT = ("torque_offset",)  # known beforehand within a little: what it gains
 LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
 LEAST_SHARE = 0.0006  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
-    f"{OVER_SPEED}@motor": 0.003, f"{OVER_SPEED}@load": 0.006, FIXED: 0.002,
-    f"{OVER_ANGLE}@motor": 0.004, f"{OVER_ANGLE}@load": 0.007,
+    f"{OVER_SPEED}@motor": 0.003, f"{OVER_SPEED}@load": 0.003, FIXED: 0.002,
+    f"{OVER_ANGLE}@motor": 0.004, f"{OVER_ANGLE}@load": 0.003,
     "structural_resonance": 0.008, "hysteresis": 0.001, "stiffness_hardening": 0.0007, "tooth_damage": 0.006,
 }  # fmt: skip
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
@@ -48,7 +48,7 @@ LEAST_GAINS = {  # of what nothing else bends to: new axes promise it 1, 8, 8 an
 }  # fmt: skip
 OVER_STROKES = ("torque_offset", "stribeck_friction", "friction_asymmetry", "load_dependent_loss")
 STROKE_ROWS = 50.0  # of theirs, for one that says something of its own: they act over whole strokes
-RESTLESS = (FIXED, "electrical_hum")  # there all the time: a gain in a few blocks is not theirs
+RESTLESS = (FIXED, "electrical_hum", "gravity_imbalance", "friction_drift")  # a gain in a few blocks is not theirs
 HOLDS_T = 1.5
 KEPT_SHARE = 0.33  # of a gain, on rows not seen
 MUCH = {"backlash": 0.02, "tooth_damage": 0.2}  # of the squared residual

@@ -33,7 +33,7 @@ Raw = tuple[Array, Array]  # motor torque and guide torque
 Start = tuple[Mapping[str, float], Mapping[str, Raw]]  # numbers and sensitivities
 A = TypeVar("A")
 B = TypeVar("B")
-FILTER_S = 0.4  # length of the whitening filters: what noise remembers
+SMOOTH_BINS = 4  # half of the running median over a noise spectrum, and at most this many hertz
 WORKERS = 2
 WITH_TEETH, WITHOUT = 0.25, 0.5  # quantile over blocks that is noise: without teeth little else comes and goes
 SCORE_BLOCKS = 40
@@ -46,6 +46,17 @@ DAMPINGS = 8
 FIRST_DAMPING = 1e-4
 UNKNOWN = 1e-6  # information of one step below which a parameter is not known
 LEAST_DROP = 1.0  # of the squared residual in one step: less says nothing
+
+
+@dataclass(frozen=True)
+class Memory:
+    """How long noise is taken to remember: whitening filters of `filter_s`, spectra over blocks of `block_s`."""
+
+    block_s: float
+    filter_s: float
+
+
+SHORT, LONG = Memory(1.0, 0.4), Memory(4.0, 2.0)
 
 
 @dataclass(frozen=True)
@@ -70,14 +81,19 @@ class Noise:
         return np.concatenate([first, self._filtered("guide", guide) / self.guide_level])
 
     def _filtered(self, channel: str, values: Array) -> Array:
-        """By one transform: the filter's own is kept, as all signals of a channel have one length."""
+        """By one transform: the filter's own is kept, as all signals of a channel have one length.
+
+        What was before the first row is taken for its mirror: slow noise does not begin with the record.
+        """
         taps: Array = getattr(self, channel)
         if taps.size == 1:
             return np.asarray(taps[0] * values)
-        size = next_fast_len(values.size + taps.size - 1, real=True)
+        before = values[taps.size - 1 : 0 : -1]
+        padded = np.concatenate([before, values])
+        size = next_fast_len(padded.size + taps.size - 1, real=True)
         if channel not in self._spectra:
             self._spectra[channel] = rfft(taps, size)
-        return np.asarray(irfft(rfft(values, size) * self._spectra[channel], size)[: values.size])
+        return np.asarray(irfft(rfft(padded, size) * self._spectra[channel], size)[before.size : padded.size])
 
 
 @dataclass(frozen=True)
@@ -183,6 +199,7 @@ class Problem:
     axis: Axis
     measurement: Measurement
     noise: Noise
+    memory: Memory = SHORT
     observer: Observer = field(init=False)
     swinging: Array = field(init=False)
     runs: Runs = field(default_factory=Runs)
@@ -367,19 +384,25 @@ class Problem:
         """Filters that make the noise under the residual of `fit` white."""
         torque, guide = self.raw_residuals(fit.terms, fit.values)
         m = self.measurement
-        unseen = has_links(self.axis) and not self.guided
+        unseen, teeth = has_links(self.axis) and not self.guided, bool(self.axis.stages)
         mode_hz = locked_mode_hz(self.axis) if unseen else None
-        first, level = _whitener(torque, m.weight, m.rate_hz, mode_hz, teeth=bool(self.axis.stages))
+        first, level = _whitener(torque, m.weight, m.rate_hz, self.memory, mode_hz, teeth=teeth)
         if not guide.size:
             return Noise(first, np.ones(1), level)
         stride = self.guide_stride
-        second, other = _whitener(guide, m.load_weight[::stride], m.rate_hz / stride, teeth=bool(self.axis.stages))
+        second, other = _whitener(guide, m.load_weight[::stride], m.rate_hz / stride, self.memory, teeth=teeth)
         return Noise(first, second, level, other)
 
     def down_to(self, standstill: float) -> Problem:
         """The same with the rows that are faster than this share of the largest speed."""
         other = copy(self)
         other.measurement = replace(self.measurement, standstill=standstill)
+        return other
+
+    def remembering(self, memory: Memory) -> Problem:
+        """The same for noise that is taken anew to remember otherwise."""
+        other = copy(self)
+        other.memory = memory
         return other
 
     def with_noise(self, noise: Noise) -> Problem:
@@ -389,7 +412,7 @@ class Problem:
 
 
 def _whitener(
-    values: Array, weight: Array, rate_hz: float, mode_hz: float | None = None, *, teeth: bool
+    values: Array, weight: Array, rate_hz: float, memory: Memory, mode_hz: float | None = None, *, teeth: bool
 ) -> tuple[Array, Array]:
     """Filter and level over time of the noise under `values`; it counts less around `mode_hz`.
 
@@ -397,7 +420,8 @@ def _whitener(
     torque is predicted, is not independent of the noise, and a fit would damp the load to make it quiet.
     """
     deaf = None if mode_hz is None else mode_hz / rate_hz * np.array([1.0 - MODE_BAND, 1.0 + MODE_BAND])
-    taps = floor_filter(values, weight, int(rate_hz), int(FILTER_S * rate_hz), deaf, teeth=teeth)
+    block, length = int(memory.block_s * rate_hz), int(memory.filter_s * rate_hz)
+    taps = floor_filter(values, weight, block, length, deaf, teeth=teeth, smooth=int(SMOOTH_BINS * memory.block_s))
     white = oaconvolve(values, taps)[: values.size]
     level = level_over_time(white, weight, int(rate_hz))
     if not teeth:
@@ -425,7 +449,14 @@ def level_over_time(white: Array, weight: Array, block: int) -> Array:
 
 
 def floor_filter(
-    values: Array, weight: Array, block: int, length: int, deaf: Array | None = None, *, teeth: bool = True
+    values: Array,
+    weight: Array,
+    block: int,
+    length: int,
+    deaf: Array | None = None,
+    *,
+    teeth: bool = True,
+    smooth: int = SMOOTH_BINS,
 ) -> Array:
     """Whitening filter (length,) of the noise under a residual that may still hold effects.
 
@@ -449,13 +480,24 @@ def floor_filter(
     )
     share = WITH_TEETH if teeth else WITHOUT
     floor = np.quantile(power, share, axis=0) / -math.log(1.0 - share)
-    half = 4
-    padded = np.concatenate([floor[half:0:-1], floor, floor[-2 : -2 - half : -1]])
-    smooth = np.median(np.lib.stride_tricks.sliding_window_view(padded, 2 * half + 1), axis=1)
+    level = running_median(floor, smooth)
     if deaf is not None:
-        place = np.arange(smooth.size) / block
-        smooth[(place > deaf[0]) & (place < deaf[1])] *= MODE_NOISE
-    return minimum_phase(1.0 / np.maximum(smooth, 1e-9 * smooth.max() + 1e-300), length)
+        place = np.arange(level.size) / block
+        level[(place > deaf[0]) & (place < deaf[1])] *= MODE_NOISE
+    return minimum_phase(1.0 / np.maximum(level, 1e-9 * level.max() + 1e-300), length)
+
+
+def running_median(values: Array, most: int) -> Array:
+    """Of half its place to either side, between SMOOTH_BINS and `most`: slow noise is steep over frequency."""
+    padded = np.concatenate([values[most:0:-1], values, values[-2 : -2 - most : -1]])
+    places = np.arange(values.size)
+    reach = np.clip(places // 2, SMOOTH_BINS, most)
+    out = np.empty(values.size)
+    for half in np.unique(reach):
+        windows = np.lib.stride_tricks.sliding_window_view(padded, 2 * int(half) + 1)
+        mine = places[reach == half]
+        out[mine] = np.median(windows[mine + most - half], axis=1)
+    return out
 
 
 def minimum_phase(power: Array, length: int) -> Array:

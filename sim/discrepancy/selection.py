@@ -19,7 +19,7 @@ from sim.discrepancy.criteria import (
     needs_no_trial,
     wanted,
 )
-from sim.discrepancy.fit import Fit, Noise, Problem, each
+from sim.discrepancy.fit import LONG, Fit, Noise, Problem, each
 from sim.discrepancy.measurement import NEAR_STANDSTILL_SHARE, STANDSTILL_SHARE, gaussian_kernel
 from sim.discrepancy.model import has_links
 from sim.discrepancy.nameless import AS_NEW
@@ -36,10 +36,11 @@ MOST_ENTRIES = 3  # of one round
 AT_LOW_SPEED = ("stribeck_friction",)
 MOST_RUNS = 1800  # simulations after which only constants are looked for: what is left then is unnamed
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
-SWAPS = 2
+SWAPS = 3
 RIVAL_SHARE = 0.25  # of the gain of the best: less is no rival
-SWAP_SHARE = 0.7  # of the gain of what came in
+SWAP_SHARE = 0.5  # of the gain of what came in
 LEAST_SWAP = 10.0  # drop of the squared residual
+LARGE = 0.01  # of the squared residual: what brings less waits until slow noise is known
 ENOUGH = 0.0  # tempered nats that a term must bring
 MORE = 4.0  # the same for what is as new or has no name: it only stands aside
 
@@ -106,6 +107,9 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
         only = None if problem.runs.count <= MOST_RUNS else CONSTANT
         tried, entry = search(problem, fit, entered, only)
+        if not entry.new and problem.memory != LONG:
+            problem, fit = rewhiten(problem.remembering(LONG), fit)
+            tried, entry = search(problem, fit, entered, only)
         last = tried if only is None else rejected  # constants alone say nothing of the others
         if not entry.new and asks_low_speed(problem, fit):
             more, entry = search(*rewhiten(problem.down_to(NEAR_STANDSTILL_SHARE), fit), entered, AT_LOW_SPEED)
@@ -122,6 +126,8 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         rivals = {**rivals, **{r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}}
         if sum(beyond(t, fit) > BEYOND for t in fit.terms) >= MOST_TERMS:
             break
+    if problem.memory != LONG:
+        problem, fit = rewhiten(problem.remembering(LONG), fit)
     fit, rivals = swap(problem, fit, rivals, entered)
     problem, fit, gains = prune(problem, fit, strict=True)
     in_place = {key: [(r.term, r.values) for r in likely(tried)] for key, tried in rivals.items()}
@@ -146,8 +152,9 @@ def search(
     problem: Problem, fit: Fit, entered: Mapping[str, float], only: Collection[str] | None
 ) -> tuple[list[Rival], Entry]:
     """What was tried on top of `fit`, best first, and what of it comes in; `only`: mechanisms, default all."""
-    tried = try_terms(problem, fit, only)
-    entry = enter(problem, fit, [r for r in tried if not is_form(r.term, r.gain, entered)])
+    least = 0.0 if problem.memory == LONG else LARGE * fit.misfit
+    tried = try_terms(problem, fit, only, least)
+    entry = enter(problem, fit, [r for r in tried if r.gain > least and not is_form(r.term, r.gain, entered)])
     return [replace(r, finished=None) for r in tried], entry
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sim.discrepancy.fit import floor_filter, level_over_time, minimum_phase
+from sim.discrepancy.fit import LONG, SHORT, SMOOTH_BINS, floor_filter, level_over_time, minimum_phase, running_median
 
 RATE_HZ = 1000
 
@@ -27,6 +27,36 @@ def test_noise_of_two_colours_becomes_white_over_the_whole_band() -> None:
     hertz = np.fft.rfftfreq(white.size, 1.0 / RATE_HZ)
     for low, high in ((2, 5), (5, 20), (20, 100), (100, 450)):
         assert 0.75 < power[(hertz >= low) & (hertz < high)].mean() < 1.3
+
+
+def test_noise_that_is_slower_than_a_short_filter_is_white_after_a_long_one() -> None:
+    """What shakes a load may do so at half a hertz; the law that acts over strokes must not gain by it."""
+    rate = 200
+    rng = np.random.default_rng(5)
+    left = {memory: [] for memory in (SHORT, LONG)}
+    hertz = np.fft.rfftfreq(40 * rate, 1.0 / rate)
+    for _ in range(12):
+        pole = float(np.exp(-2.0 * np.pi * 0.5 / rate))
+        slow = lfilter([np.sqrt(1.0 - pole**2)], [1.0, -pole], rng.standard_normal(42 * rate))[2 * rate :]
+        noise = slow + 0.02 * rng.standard_normal(slow.size)
+        for memory, powers in left.items():
+            sizes = int(memory.block_s * rate), int(memory.filter_s * rate)
+            taps = floor_filter(noise, np.ones(noise.size), *sizes, smooth=int(SMOOTH_BINS * memory.block_s))
+            powers.append(np.abs(np.fft.rfft(np.convolve(noise, taps)[: noise.size])) ** 2 / noise.size)
+    short, long = (np.mean(left[memory], axis=0) for memory in (SHORT, LONG))
+    for low, high in ((0.5, 2), (2, 10), (10, 90)):
+        assert 0.7 < long[(hertz >= low) & (hertz < high)].mean() < 1.4
+    slowest = (hertz >= 0.05) & (hertz < 0.5)
+    assert long[slowest].mean() < 2.0
+    assert short[slowest].mean() > 3.0 * long[slowest].mean()
+
+
+def test_a_running_median_keeps_what_is_even_and_drops_a_line() -> None:
+    steep = 1.0 / (1.0 + np.arange(200.0) ** 2)
+    steep[150] += 3.0
+    smooth = running_median(steep, 16)
+    assert smooth[150] == pytest.approx(1.0 / (1.0 + 150.0**2), rel=0.05)
+    assert running_median(np.ones(50), 4) == pytest.approx(np.ones(50))
 
 
 def test_a_burst_has_its_level_and_a_rare_spike_has_none() -> None:
