@@ -465,7 +465,8 @@ def floor_filter(
     median over all blocks: the steps of an encoder are quiet at even speed and loud while it changes.
     `deaf`: ends of a band [1 over a sample] in which the noise is taken for louder than it is.
     """
-    block = max(64, min(block, values.size // 8))
+    wanted, block = block, max(64, min(block, values.size // 4))
+    smooth = max(SMOOTH_BINS, smooth * block // wanted)
     window = np.hanning(block)
     starts = range(0, values.size - block + 1, block // 2)
     used = [s for s in starts if weight[s : s + block].min() > 0.99]
