@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.chain_model import Array
 from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
-from sim.discrepancy.criteria import LEAST_GAIN, least_gain
+from sim.discrepancy.criteria import LEAST_GAIN, LEFT_OUT, least_gain
 from sim.discrepancy.fit import Fit, Problem, Raw, Start, each
 from sim.discrepancy.model import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.nameless import nameless_terms
@@ -76,11 +76,12 @@ def try_terms(problem: Problem, fit: Fit, only: Collection[str] | None = None, l
     refits += each(lambda job: problem.best((job[0],), [(job[1], {})], to_end=False), loose)
     tried = [(fit.cost - refit.cost, refit, job[0]) for refit, job in zip(refits, jobs + loose, strict=True) if refit]
     tried.sort(key=lambda t: (-t[0], t[2].key))
-    # sensitivities change where contact is lost and where the rest moves far: anew for those that may be first
+    # sensitivities change where contact is lost, where the rest moves far, and where friction comes in that may hold at
+    # rest: anew for those that may be first
     far = [
         place
         for place, (gain, _, term) in enumerate(tried[:CLOSE])
-        if gain > 0.3 * tried[0][0] and (term.nonlinear or gain > FAR_MOVED)
+        if gain > 0.3 * tried[0][0] and (term.nonlinear or term.mechanism in LEFT_OUT or gain > FAR_MOVED)
     ]
     near = [tried[place][1] for place in far]
     finished = each(lambda f: settled(problem, f.terms, f.values, f.sensitivities), near)

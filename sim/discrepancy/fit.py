@@ -222,7 +222,7 @@ class Problem:
 
     def base(self) -> tuple[Parameter, ...]:
         level = float(np.sqrt(np.mean(self.measurement.torque**2)))
-        return base_parameters(self.axis, self.guided, level)
+        return base_parameters(self.axis, self.guided, level, self.measurement.rests)
 
     def parameters(self, terms: Sequence[Term]) -> tuple[Parameter, ...]:
         """Those of the description that no term replaces, then those of the terms."""
@@ -394,9 +394,20 @@ class Problem:
         return Noise(first, second, level, other)
 
     def down_to(self, standstill: float) -> Problem:
-        """The same with the rows that are faster than this share of the largest speed."""
+        """The same with the rows that are faster than this share of the largest speed and no others."""
         other = copy(self)
-        other.measurement = replace(self.measurement, standstill=standstill)
+        other.measurement = replace(self.measurement, standstill=standstill, rests=False)
+        return other
+
+    def resting(self, fit: Fit) -> Problem:
+        """The same with the rows at rest, where `fit` can say what friction holds there.
+
+        Ahead of gears, whose encoder sees how far friction gives way before it slides, and while no teeth leave each
+        other, which they do first at rest.
+        """
+        other = copy(self)
+        rests = bool(self.axis.stages) and not any(t.contact for t in fit.terms)
+        other.measurement = replace(self.measurement, rests=rests)
         return other
 
     def remembering(self, memory: Memory) -> Problem:

@@ -169,7 +169,7 @@ def investigate(
         axis, verdict, findings, rest[0] if rest else None, _estimates(problem, fit), gained,
         next_measurement(axis, findings, rest, problem.guided), extended_axis(axis, extended),
         _provenance(axis, telemetry, sounds, problem),
-        tuple((r.term.key, r.gain) for r in selection.rejected[:6]), (*gate.remarks, _rested(problem)), selection,
+        tuple((r.term.key, r.gain) for r in selection.rejected[:6]), (*gate.remarks, *_rested(problem)), selection,
     )  # fmt: skip
 
 
@@ -233,12 +233,15 @@ def _finding(selection: Selection, term: Term) -> Finding:
     )  # fmt: skip
 
 
-def _rested(problem: Problem) -> str:
-    """Which rows did not count."""
+def _rested(problem: Problem) -> tuple[str, ...]:
+    """Which rows did not count, if any."""
     m = problem.measurement
+    if m.rests and not problem.guided:
+        return ()
     slowest = m.standstill * float(np.abs(m.speed).max())
-    told = f"Rows in which the motor turns slower than {slowest:.2g} rad/s did not count"
-    return f"{told}: at rest dry friction holds whatever it likes."
+    where = " at the load" if m.rests else ""
+    told = f"Rows in which the motor turns slower than {slowest:.2g} rad/s did not count{where}"
+    return (f"{told}: at rest dry friction holds whatever it likes.",)
 
 
 def told_apart(selection: Selection) -> Selection:

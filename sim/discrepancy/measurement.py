@@ -34,7 +34,7 @@ class Measurement:
     `torque` and `acceleration` share one wide kernel [N m], [rad/s2]; `slow_acceleration` is nearly free of noise;
     `angle`, `speed` are of the motor; `load_angle`, `load_speed` are None without a load encoder; `slow_...` drive the
     chain, nearly free of noise. `valid`, `load_valid`: 1 where a row can be trusted, else 0; `standstill`: share of
-    the largest speed below which it does not count.
+    the largest speed below which it does not count; `rests`: it counts at the motor, from the first motion on.
     """
 
     rate_hz: float
@@ -53,16 +53,24 @@ class Measurement:
     valid: Array
     load_valid: Array
     standstill: float = STANDSTILL_SHARE
+    rests: bool = False
+
+    @cached_property
+    def moving(self) -> Array:
+        """1 in motion, 0 at standstill, shape (n,)."""
+        return standstill_weight(self.speed, self.standstill)
 
     @cached_property
     def weight(self) -> Array:
         """1 where the motor torque counts, 0 where it does not, shape (n,)."""
-        return standstill_weight(self.speed, self.standstill) * self.valid
+        if not self.rests:
+            return self.moving * self.valid
+        return np.maximum.accumulate(self.moving) * self.valid
 
     @cached_property
     def load_weight(self) -> Array:
         """The same of the load's motion."""
-        return standstill_weight(self.speed, self.standstill) * self.load_valid
+        return self.moving * self.load_valid
 
     @property
     def samples(self) -> int:

@@ -7,12 +7,15 @@ from dataclasses import replace
 
 from sim.axis import Axis
 from sim.chain_model import Chain, Line, Link, Shaft
-from sim.discrepancy.observer import Nuisance
+from sim.discrepancy.observer import NO_STRETCH_RAD, Nuisance
 from sim.discrepancy.parameters import Parameter, Values
 
 UNKNOWN_STIFFNESS_HZ = 80.0
 PARTS = ("sine", "cosine")
 SHARED_SPREAD = 0.4  # of a stage's stiffness, where only that of the whole transmission is given
+MOTOR_STRETCH_RAD, LOAD_STRETCH_RAD = 2e-3, 3e-5  # contacts give way by micrometres, of millimetres and decimetres
+NONE = math.log(NO_STRETCH_RAD)
+SLOW = -5.0  # a contact lets go within a second, and not while it moves
 RUNOUT_OVER_MESH = 2.0  # of a gear as new: error once per turn over that per tooth
 
 
@@ -20,16 +23,34 @@ def _share(name: str, value: float, spread: float, low: float = 0.4, high: float
     return Parameter(name, value, 0.01 * value, spread * value, low * value, high * value)
 
 
-def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float) -> tuple[Parameter, ...]:
-    """What a description already has, with the spread of a data sheet, and what belongs to every measurement."""
+def _log(name: str, value: float, spread: float) -> Parameter:
+    return Parameter(name, value, 0.1, spread, value - 2.5 * spread, value + 2.5 * spread)
+
+
+def _at_rest(where: str, stretch_rad: float) -> list[Parameter]:
+    """How far a contact gives way before it slides, and at which speed it lets go of what it holds then."""
+    return [
+        _log(f"log_stretch_rad.{where}", math.log(stretch_rad), 1.5),
+        _log(f"log_release.{where}", SLOW, 3.0),
+    ]
+
+
+def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: bool = False) -> tuple[Parameter, ...]:
+    """What a description already has, with the spread of a data sheet, and what belongs to every measurement.
+
+    `rests`: rows at rest count, where the load is not seen also at the load.
+    """
     out = [_share("motor.inertia_kg_m2", axis.motor.inertia_kg_m2, 0.05)]
     if axis.motor.coulomb_friction_n_m:
         out.append(_share("motor.coulomb_friction_n_m", axis.motor.coulomb_friction_n_m, 0.1))
     if axis.motor.viscous_friction_n_m_s_per_rad:
         out.append(_share("motor.viscous_friction_n_m_s_per_rad", axis.motor.viscous_friction_n_m_s_per_rad, 0.1))
+    if rests:
+        out += _at_rest("motor", MOTOR_STRETCH_RAD)
+        out += [] if load_encoder else _at_rest("load", LOAD_STRETCH_RAD)
     if has_links(axis):
         out += _link_parameters(axis)
-        out += _load_parameters(axis, load_encoder, level_n_m)
+        out += _load_parameters(axis, load_encoder, level_n_m, rests)
     out.append(Parameter("offset_n_m", 0.0, 0.002 * level_n_m, 0.003 * level_n_m))
     out.append(Parameter("torque_delay_s", 0.0, 1e-4, 2e-4, -0.02, 0.02))
     return tuple(out)
@@ -64,11 +85,12 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
     return out
 
 
-def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float) -> list[Parameter]:
+def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: bool) -> list[Parameter]:
     out = [_share("load.inertia_kg_m2", axis.load.inertia_kg_m2, 0.3)]
     if axis.load.coulomb_friction_n_m:
         out.append(_share("load.coulomb_friction_n_m", axis.load.coulomb_friction_n_m, 0.1))
-        out.append(Parameter("friction_width.load", 1.5e-3, 3e-4, 1.5e-3, 2e-4, 2e-2))
+        if load_encoder or not rests:
+            out.append(Parameter("friction_width.load", 1.5e-3, 3e-4, 1.5e-3, 2e-4, 2e-2))
     if axis.load.viscous_friction_n_m_s_per_rad:
         out.append(_share("load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad, 0.1))
     if load_encoder:
@@ -194,12 +216,15 @@ def wave(shaft: int, order: float, sine: float, cosine: float) -> tuple[Line, ..
 def nuisance_of(values: Values) -> Nuisance:
     """The measurement's own numbers among `values`."""
     get = values.get
+    width = get("friction_width.load", 1.5e-3)
     return Nuisance(
         get("torque_delay_s", 0.0),
         get("load_delay_s", 0.0),
         (get("load_encoder.error_sine_rad", 0.0), get("load_encoder.error_cosine_rad", 0.0)),
         get("load_offset_rad", 0.0),
         get("loss_split", 0.5),
-        (1e-3, get("friction_width.load", 1.5e-3)),
+        (1e-3 * math.exp(get("log_release.motor", 0.0)), width * math.exp(get("log_release.load", 0.0))),
+        width,
+        (math.exp(get("log_stretch_rad.motor", NONE)), math.exp(get("log_stretch_rad.load", NONE))),
         (get("start_rad", 0.0), get("start_rad_s", 0.0)),
     )

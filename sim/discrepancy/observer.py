@@ -15,7 +15,7 @@ from sim.discrepancy.observer_kernel import motor_torque, run
 from sim.discrepancy.packing import Packed, lag_of, pack, steady_twist, substeps
 
 GUIDE_RAD_S = 2.0 * np.pi * 25.0  # bandwidth of the guide: above the drive train's modes that matter
-
+NO_STRETCH_RAD = 1e-9
 
 RECENT = 6  # changes of the motor shaft alone need no new run of the rest
 
@@ -26,6 +26,8 @@ class Nuisance:
 
     `torque_delay_s`: the torque channel is late by this; `load_delay_s` the load encoder; `load_error_rad` sine and
     cosine amplitude of the encoder's error once per revolution; `loss_split`: share of mesh losses on the driven side;
+    `friction_width`, `loss_width`: speed over which friction and losses turn their sign, of the largest;
+    `stretch_rad`: by which a contact gives way before friction slides;
     `start`: angle [rad] and speed [rad/s] by which a load without encoder is ahead of where the motor takes it.
     """
 
@@ -35,6 +37,8 @@ class Nuisance:
     load_offset_rad: float = 0.0
     loss_split: float = 0.5
     friction_width: tuple[float, float] = (1e-3, 1e-3)  # of the largest speed: motor, load
+    loss_width: float = 1e-3
+    stretch_rad: tuple[float, float] = (NO_STRETCH_RAD, NO_STRETCH_RAD)  # motor, load
     start: tuple[float, float] = (0.0, 0.0)
 
 
@@ -93,8 +97,8 @@ class Observer:
         m = self.measurement
         model, motion = pack(chain), self._motion if self.hits else self._slow_motion
         motor = np.empty(m.samples)
-        width = nuisance.friction_width[0] * self._top
-        motor_torque(model[0], model[8], motion, width, 1.0 / m.rate_hz, motor)
+        width, stretch = nuisance.friction_width[0] * self._top, nuisance.stretch_rad[0]
+        motor_torque(model[0], model[8], motion, width, stretch, 1.0 / m.rate_hz, motor)
         motor += chain.shafts[0].inertia_kg_m2 * m.slow_acceleration
         guide, angle = np.zeros(m.samples), motion[0]
         if chain.links:
@@ -145,7 +149,8 @@ class Observer:
             guide = self._load_motion(nuisance.load_delay_s, slow[1]) - np.stack([error, drift])
             gains = self.guide_inertia * np.array([GUIDE_RAD_S**2, 1.4 * GUIDE_RAD_S])
         ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
-        widths = nuisance.friction_width[1] * self._top / ratios
+        widths = np.array([[nuisance.loss_width], [nuisance.friction_width[1]]]) * self._top / ratios
+        stretch = nuisance.stretch_rad[1]
         angles, speeds = steady_twist(chain, motion[:, 0], float(m.slow_acceleration[0]))
         if gains[0] > 0.0:
             angles[-1], speeds[-1] = guide[0, 0], guide[1, 0]
@@ -153,7 +158,7 @@ class Observer:
             angles, speeds = (x + s * lag_of(chain) for x, s in zip((angles, speeds), nuisance.start, strict=True))
         start = np.concatenate([angles, speeds, np.zeros(n - 1)])
         steps = substeps(chain, m.rate_hz, gains)
-        setting = np.array([nuisance.loss_split, steps, *slow])
+        setting = np.array([nuisance.loss_split, stretch, steps, *slow])
         inner = (
             model[0][1:],
             *model[1:],
@@ -169,7 +174,7 @@ class Observer:
         if out is None:
             out = np.zeros((3, m.samples))
             step = 1.0 / m.rate_hz
-            run(*model, motion, guide, gains, widths, nuisance.loss_split, step, steps, start, out)
+            run(*model, motion, guide, gains, widths, stretch, nuisance.loss_split, step, steps, start, out)
             with self._lock:
                 self._recent[key] = out
                 if len(self._recent) > RECENT:

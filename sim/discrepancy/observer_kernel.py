@@ -49,8 +49,20 @@ def _sine_cosine(x):
 
 
 @_jit
-def _friction(shafts, k, w, width, t):
-    way = _sign(w / width)
+def _slid(slip, w, width, stretch, h):
+    """Share of its friction that a contact holds after time `h` at speed `w`: 1 or -1 once it slides (Dahl 1968).
+
+    It gives way by `stretch` before, and lets go of what it holds at rest in the time in which that is moved at speed
+    `width`. Without a stretch, friction is a smooth sign of the speed.
+    """
+    slides = w * h / stretch
+    both = math.hypot(slides, width * h / stretch)
+    goal = slides / both if both > 0.0 else 0.0
+    return goal + (slip - goal) * math.exp(-both)
+
+
+@_jit
+def _friction(shafts, k, w, way, t):
     ahead = 0.5 * (1.0 + way)
     level = ahead * shafts[k, COULOMB_F] + (1.0 - ahead) * shafts[k, COULOMB_B]
     viscous = ahead * shafts[k, VISCOUS_F] + (1.0 - ahead) * shafts[k, VISCOUS_B]
@@ -81,9 +93,9 @@ def _dent(dents, first, last, side, angles, speeds):
 
 
 @_jit
-def _external(shafts, ripples, k, angles, w, width, t):
+def _external(shafts, ripples, k, angles, w, way, t):
     """Friction, gravity, offset and ripple of shaft k: torque against its motion."""
-    torque = _friction(shafts, k, w, width, t) - shafts[k, OFFSET]
+    torque = _friction(shafts, k, w, way, t) - shafts[k, OFFSET]
     if shafts[k, GRAVITY] != 0.0:
         torque += shafts[k, GRAVITY] * math.sin(angles[k] + shafts[k, PHASE])
     for j in range(ripples.shape[0]):
@@ -182,14 +194,15 @@ def propagators(shafts, links, gains, h, step):
 
 @_jit
 def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, ripples, motion, guide, gains, widths,
-        split, dt, substeps, start, out):  # fmt: skip
+        stretch, split, dt, substeps, start, out):  # fmt: skip
     """Integrate; rows of `out`: torque that the first mesh asks of the motor, load angle, torque of the guide [N m].
 
     Springs in contact, guide and measured motion are propagated exactly; what is not linear is predicted from the
     step before, evaluated once at the step's end and corrected there: order 2, and free of error without it.
 
     `motion`, `guide`: rows angle and speed, cubic in between; `gains`: stiffness and damping of the guide (0: none);
-    `widths`: speed over which friction of each shaft turns its sign; `split`: share of mesh losses on the driven side;
+    `widths`: rows of speeds over which mesh losses and friction of each shaft turn their sign; `stretch`: by which
+    shafts give way before friction slides; `split`: share of mesh losses on the driven side;
     `start`: angles and speeds of shafts 1 to n - 1, then hysteresis torques.
     """
     n = shafts.shape[0]
@@ -214,6 +227,7 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
     twist = np.zeros(m)
     new = np.zeros(m)
     acted = _acted(shafts, ripples)
+    slip = np.zeros(n)
     guided = gains[0] > 0.0
     closed = -1
     first = True
@@ -308,7 +322,7 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                 driver[k] = force * links[k, INV]
                 driven[k] = force
                 if links[k, LOSSY] != 0.0:
-                    way = _sign(speeds[k + 1] / widths[k + 1])
+                    way = _sign(speeds[k + 1] / widths[0, k + 1])
                     drives = force * way > 0.0
                     before = 1.0 / links[k, ETA1] - 1.0 if drives else 1.0 - links[k, ETA2]
                     after = 1.0 - links[k, ETA1] if drives else 1.0 / links[k, ETA2] - 1.0
@@ -320,7 +334,11 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                     new[k - 1] -= driver[k] - linear * links[k, INV]
             for k in range(1, n):
                 if acted[k]:
-                    new[k - 1] -= _external(shafts, ripples, k, angles, speeds[k], widths[k], t)
+                    if first:
+                        slip[k] = _sign(speeds[k] / widths[1, k])
+                    else:
+                        slip[k] = _slid(slip[k], speeds[k], widths[1, k], stretch, h)
+                    new[k - 1] -= _external(shafts, ripples, k, angles, speeds[k], slip[k], t)
             asked = driver[0]
             if not first and now == closed:
                 for q in range(size):
@@ -348,9 +366,12 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
 
 
 @_jit
-def motor_torque(shafts, ripples, motion, width, dt, out):
+def motor_torque(shafts, ripples, motion, width, stretch, dt, out):
     """Friction, gravity, offset and ripple of the motor's own shaft as it moves [N m]."""
     angles = np.zeros(shafts.shape[0])
+    slip = _sign(motion[1, 0] / width)
     for i in range(motion.shape[1]):
+        if i > 0:
+            slip = _slid(slip, motion[1, i], width, stretch, dt)
         angles[0] = motion[0, i]
-        out[i] = _external(shafts, ripples, 0, angles, motion[1, i], width, i * dt)
+        out[i] = _external(shafts, ripples, 0, angles, motion[1, i], slip, i * dt)

@@ -95,7 +95,7 @@ def scan(problem: Problem, fit: Fit, teeth: dict[int, int]) -> list[Place]:
         match = np.fft.irfft(spectrum, count)
         ratio = math.prod(link.ratio for link in chain.links[: k + 1])
         angle, speed = m.angle[:count] / ratio, m.speed[:count] / ratio
-        moving = m.weight[:count] > 0.5
+        moving = (m.moving * m.valid)[:count] > 0.5
         for flank in (1, -1):
             places += _best(k, flank, number, angle, speed, match, moving & (load == flank), frequency, power)
     return places

@@ -108,7 +108,7 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         only = None if problem.runs.count <= MOST_RUNS else CONSTANT
         tried, entry = search(problem, fit, entered, only)
         if not entry.new and problem.memory != LONG:
-            problem, fit = rewhiten(problem.remembering(LONG), fit)
+            problem, fit = rewhiten(problem.resting(fit).remembering(LONG), fit)
             tried, entry = search(problem, fit, entered, only)
         last = tried if only is None else rejected  # constants alone say nothing of the others
         if not entry.new and asks_low_speed(problem, fit):
@@ -120,14 +120,15 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         if not entry.new:
             break
         problem, fit = entry.problem, entry.fit
-        if any(t.contact for t in fit.terms) and problem.measurement.standstill < STANDSTILL_SHARE:
+        m = problem.measurement
+        if any(t.contact for t in fit.terms) and (m.rests or m.standstill < STANDSTILL_SHARE):
             problem, fit = rewhiten(problem.down_to(STANDSTILL_SHARE), fit)
         entered |= {r.term.key: r.gain for r in entry.new}
         rivals = {**rivals, **{r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}}
         if sum(beyond(t, fit) > BEYOND for t in fit.terms) >= MOST_TERMS:
             break
     if problem.memory != LONG:
-        problem, fit = rewhiten(problem.remembering(LONG), fit)
+        problem, fit = rewhiten(problem.resting(fit).remembering(LONG), fit)
     fit, rivals = swap(problem, fit, rivals, entered)
     problem, fit, gains = prune(problem, fit, strict=True)
     in_place = {key: [(r.term, r.values) for r in likely(tried)] for key, tried in rivals.items()}
@@ -144,8 +145,9 @@ def likely(tried: Sequence[Rival]) -> list[Rival]:
 
 def asks_low_speed(problem: Problem, fit: Fit) -> bool:
     """Whether the rows near standstill may tell more: not yet asked, and no teeth leave each other there."""
+    m = problem.measurement
     there = any(t.contact or t.mechanism in AT_LOW_SPEED for t in fit.terms)
-    return not there and problem.measurement.standstill > NEAR_STANDSTILL_SHARE
+    return not (there or m.rests) and m.standstill > NEAR_STANDSTILL_SHARE
 
 
 def search(

@@ -150,7 +150,7 @@ class _Residuals:
     def by_speed(self) -> Panel:
         m = self.problem.measurement
         speed = self._means(m.speed)
-        moving = speed[self._means(m.weight) >= 0.5]
+        moving = speed[self._means(m.moving) >= 0.5]
         edges = np.unique(np.quantile(moving if moving.size else speed, np.linspace(0.0, 1.0, SPEEDS + 1)))
         return self._binned("By speed and direction", "speed of the motor [rad/s]", m.speed, edges)
 
@@ -201,7 +201,7 @@ class _Residuals:
         return math.sqrt(float(np.trapezoid(density, frequency)))
 
     def _moving(self) -> tuple[tuple[str, Array], ...]:
-        """At standstill dry friction is whatever it needs to be: nothing is left there that would mean anything."""
+        """Where dry friction holds whatever it likes, nothing is left that would mean anything."""
         still = self.problem.measurement.weight < 0.5
         return tuple((name, np.where(still, np.nan, left)) for name, left in self.left)
 

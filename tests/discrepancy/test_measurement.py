@@ -39,6 +39,16 @@ def test_standstill_does_not_count() -> None:
     assert prepared.weight[(prepared.time_s > 0.5) & (prepared.time_s < 1.8)].min() == 1.0
 
 
+def test_at_the_motor_of_a_gear_rest_counts_once_it_has_moved() -> None:
+    """Before, nobody knows what friction holds; at the load the encoder does not see how far it gives way."""
+    t = np.arange(6000) / 1000.0
+    angle = np.clip(30.0 * (t - 2.0), 0.0, 60.0)
+    prepared = replace(prepare(1000.0, np.zeros(t.size), angle, angle / 10.0), rests=True)
+    assert prepared.weight[prepared.time_s < 1.8].max() == 0.0
+    assert prepared.weight[prepared.time_s > 2.2].min() == 1.0
+    assert prepared.load_weight[prepared.time_s > 4.2].max() == 0.0
+
+
 def test_where_no_teeth_leave_each_other_rows_count_down_to_half_the_speed() -> None:
     t = np.arange(8000) / 1000.0
     prepared = prepare(1000.0, np.zeros(t.size), 40.0 * np.sin(t), None, valid=np.where(t > 6.0, 0.0, 1.0))

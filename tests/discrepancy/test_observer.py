@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from sim.chain_model import Chain, Link, Shaft
-from sim.discrepancy.measurement import prepare
+from sim.discrepancy.measurement import Measurement, prepare
 from sim.discrepancy.observer import Nuisance, Observer
 from sim.discrepancy.observer_kernel import _dent, _sine_cosine
 from tests.discrepancy.telemetry_of import RATE_HZ, swing
@@ -47,6 +47,48 @@ def test_a_late_torque_channel_is_predicted_late(delay: float) -> None:
     late = observer.predict(chain, Nuisance(torque_delay_s=delay)).torque
     shifted = np.interp(m.time_s - delay, m.time_s, early)
     assert np.abs(late - shifted)[50:-50].max() < 2e-3 * np.abs(early).max()
+
+
+def _friction_along(angle: np.ndarray, stretch_rad: float, width: float) -> tuple[np.ndarray, Measurement]:
+    """Dry friction of 1 N m along a motion of 12 s."""
+    m = prepare(RATE_HZ, np.zeros(angle.size), angle, None)
+    nuisance = Nuisance(stretch_rad=(stretch_rad, stretch_rad), friction_width=(width, width))
+    chain = Chain((Shaft(0.3, 1.0),))
+    return Observer(m, 1.0, 0.3).predict(chain, nuisance).torque - 0.3 * m.acceleration, m
+
+
+def _ramp(t: np.ndarray, first: float, last: float) -> np.ndarray:
+    """0 before `first`, 1 after `last`, without a jump of acceleration."""
+    u = np.clip((t - first) / (last - first), 0.0, 1.0)
+    return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+
+
+def test_friction_gives_way_before_it_turns_its_sign() -> None:
+    """After a reversal Dahl's friction of 1 N m is 1 - 2 exp(-way / stretch), however fast."""
+    t = np.arange(12000) / RATE_HZ
+    friction, m = _friction_along(40.0 * _ramp(t, 1.0, 4.0) - 4e-3 * _ramp(t, 6.0, 11.0), 2e-3, 1e-9)
+    back = m.time_s > 5.0
+    way = 40.0 - m.slow_angle[back]
+    assert friction[back] == pytest.approx(2.0 * np.exp(-way / 2e-3) - 1.0, abs=2e-3)
+
+
+def test_what_friction_holds_at_rest_is_let_go() -> None:
+    """By exp(-width / stretch * time)."""
+    t = np.arange(12000) / RATE_HZ
+    friction, m = _friction_along(40.0 * _ramp(t, 1.0, 4.0), 2e-3, 3e-5)
+    rest = m.time_s > 4.5
+    rate = 3e-5 * float(np.abs(m.speed).max()) / 2e-3
+    held = np.log(friction[rest])
+    assert np.polyfit(m.time_s[rest], held, 1)[0] == pytest.approx(-rate, rel=1e-3)
+
+
+def test_friction_that_holds_nothing_turns_over_a_speed() -> None:
+    """Where it lets go faster than it gives way, a smooth sign of the speed is left, whatever the stretch."""
+    _, angle, _, _ = swing()
+    for stretch in (1e-6, 1e-5):
+        friction, m = _friction_along(angle, stretch, 1e-3)
+        share = m.slow_speed / (1e-3 * float(np.abs(m.speed).max()))
+        assert friction[100:-100] == pytest.approx((share / np.sqrt(1.0 + share**2))[100:-100], abs=0.06)
 
 
 def test_a_delay_of_one_sample_is_between_a_little_less_and_a_little_more() -> None:
