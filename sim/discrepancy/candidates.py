@@ -148,13 +148,16 @@ def _other_dents(term: Term, values: Mapping[str, float]) -> list[dict[str, floa
 def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:
     """The model with one more term, or None where it cannot be simulated; from what is described where `fit` bends it.
 
-    What is bent stands for the term, and moves back too slowly.
+    What is bent stands for the term, and moves back too slowly. Friction that was left out begins at none as well: of
+    a load that nobody sees, the linear picture may say far too much.
     """
     terms = (*fit.terms, term)
     values = {**fit.values, **start}
     starts: list[Start] = [(values, fit.sensitivities)]
     if fit.strain > BENT:
         starts.append(({p.name: values[p.name] for t in terms for p in t.parameters if p.name in values}, {}))
+    if term.mechanism in LEFT_OUT:
+        starts.append((fit.values, fit.sensitivities))
     return problem.best(terms, starts, to_end=False)
 
 
