@@ -148,17 +148,21 @@ def _other_dents(term: Term, values: Mapping[str, float]) -> list[dict[str, floa
 def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:
     """The model with one more term, or None where it cannot be simulated; from what is described where `fit` bends it.
 
-    What is bent stands for the term, and moves back too slowly. Friction that was left out begins at none as well: of
-    a load that nobody sees, the linear picture may say far too much.
+    What is bent stands for the term, and moves back too slowly. A jump as large as the linear picture says may lead to
+    where no step is any better: then from none of it, and of friction that was left out always, by sensitivities of its
+    own, as all others hang on it.
     """
     terms = (*fit.terms, term)
     values = {**fit.values, **start}
+    if term.mechanism in LEFT_OUT:
+        return problem.best(terms, [(values, {}), (fit.values, {})])
     starts: list[Start] = [(values, fit.sensitivities)]
     if fit.strain > BENT:
         starts.append(({p.name: values[p.name] for t in terms for p in t.parameters if p.name in values}, {}))
-    if term.mechanism in LEFT_OUT:
-        starts.append((fit.values, fit.sensitivities))
-    return problem.best(terms, starts, to_end=False)
+    best = problem.best(terms, starts, to_end=False)
+    if term.contact or (best and best.cost < fit.cost):
+        return best
+    return problem.best(terms, [(fit.values, fit.sensitivities)], to_end=False)
 
 
 def elsewhere(problem: Problem, fit: Fit, own: Rival) -> list[Rival]:

@@ -116,9 +116,9 @@ def _both(mechanism: str, parameter: str, field: str, step: float, scale: float,
     def report(values: Values) -> dict[str, float]:
         return {parameter: values[names[0]] + (values[names[1]] / scale if n else 0.0)}
 
-    parameters = tuple(Parameter(name, 0.0, 0.3 * size, low=0.0) for name, size in zip(names, sizes, strict=True))
+    parameters = tuple(Parameter(name, 0.0, 0.05 * size, low=0.0) for name, size in zip(names, sizes, strict=True))
     probes = (tuple({name: size} for name, size in zip(names, sizes, strict=True)),)
-    return Term(mechanism, None if n else "motor", parameters, probes, report, apply, size=0.1 * step)
+    return Term(mechanism, None if n else "motor", parameters, probes, report, apply, size=0.05 * step)
 
 
 def _stribeck(level: float, top: float) -> Term:
@@ -264,7 +264,7 @@ def _gravity(step: float, shaft: int) -> Term:
 
     probes = (tuple({p.name: step} for p in pair),)
     report = _amplitude(pair, "torque_n_m", "phase_rad")
-    return Term("gravity_imbalance", "load", pair, probes, report, apply, size=0.1 * step)
+    return Term("gravity_imbalance", "load", pair, probes, report, apply, size=0.05 * step)
 
 
 def _encoder_error(axis: Axis) -> Term:

@@ -30,7 +30,7 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
 )
 DAMPING = {"hysteresis": 0.4, "load_dependent_loss": 0.1}  # of what erring teeth gain: less damps what they shake
 OF_STRAIN = {  # what must be gained over what the description is bent by beyond chance
-    "tooth_damage": 3.0, "stiffness_hardening": 3.0, "hysteresis": 3.0, "torque_offset": 0.3,
+    "tooth_damage": 3.0, "stiffness_hardening": 3.0, "hysteresis": 3.0, "torque_offset": 1.0,
 }  # fmt: skip
 ERRORS = ("mesh_error", "eccentricity", AS_NEW)  # every new axis has them, if small
 CONSTANT = ("torque_offset",)  # known beforehand within a little: what it gains over that is no error of a form
@@ -42,13 +42,14 @@ LEAST_SHARES = {  # of what bends to much
     "structural_resonance": 0.008, "hysteresis": 0.001, "stiffness_hardening": 0.0007, "tooth_damage": 0.006,
 }  # fmt: skip
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
-LEAST_GAINS = {  # of what nothing else bends to: new axes promise it 1, 8, 8 and 6 squares at most
+LEAST_GAINS = {  # of what nothing else bends to: 110 new axes promise it 2, 14, 7, 9, 7, 15 and 14 squares at most
     "coulomb_friction": 10.0, "viscous_friction": 10.0, "torque_offset": 10.0,
     "stribeck_friction": 13.0, "friction_asymmetry": 13.0, "load_dependent_loss": 13.0,
+    "time_delay": 13.0, "gravity_imbalance": 16.0, "friction_drift": 16.0,
 }  # fmt: skip
 OVER_STROKES = ("torque_offset", "stribeck_friction", "friction_asymmetry", "load_dependent_loss")
 STROKE_ROWS = 50.0  # of theirs, for one that says something of its own: they act over whole strokes
-RESTLESS = (FIXED, "electrical_hum", "gravity_imbalance", "friction_drift")  # a gain in a few blocks is not theirs
+RESTLESS = (FIXED, "electrical_hum", "gravity_imbalance", "friction_drift", "torque_offset")  # gain in all blocks
 HOLDS_T = 1.5
 KEPT_SHARE = 0.33  # of a gain, on rows not seen
 MUCH = {"backlash": 0.02, "tooth_damage": 0.2}  # of the squared residual

@@ -159,10 +159,11 @@ class Fit:
 
         By the curvature at the optimum, or by how blocks of time disagree where that says more: the sandwich of White
         (Econometrica 48 (1980) 817) over contiguous blocks holds for noise that the whitening has left coloured and
-        for a form that is not quite that of the axis.
+        for a form that is not quite that of the axis. What has run into a limit stays there, as in any step of a fit.
         """
         curved, pulls = self._influence
-        held = [k for k, p in enumerate(self.parameters) if p.name in known]
+        limit = self.at_limit
+        held = [k for k, p in enumerate(self.parameters) if p.name in known or (limit[k] and p.name not in change)]
         if held:
             share = curved[:, held] @ np.linalg.pinv(curved[np.ix_(held, held)], hermitian=True)
             curved, pulls = curved - share @ curved[held], pulls - pulls[:, held] @ share.T

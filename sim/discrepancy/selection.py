@@ -82,6 +82,14 @@ def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     return problem, problem.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
 
 
+def look_closely(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
+    """Rows at rest, where they tell, and slow noise; what friction holds at rest is fitted before noise is taken."""
+    problem = problem.resting(fit)
+    if problem.measurement.rests:
+        fit = problem.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
+    return rewhiten(problem.remembering(LONG), fit)
+
+
 def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Last fit of one stiff body by plain least squares in the band of its motion.
 
@@ -108,7 +116,7 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         only = None if problem.runs.count <= MOST_RUNS else CONSTANT
         tried, entry = search(problem, fit, entered, only)
         if not entry.new and problem.memory != LONG:
-            problem, fit = rewhiten(problem.resting(fit).remembering(LONG), fit)
+            problem, fit = look_closely(problem, fit)
             tried, entry = search(problem, fit, entered, only)
         last = tried if only is None else rejected  # constants alone say nothing of the others
         if not entry.new and asks_low_speed(problem, fit):
@@ -128,7 +136,7 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         if sum(beyond(t, fit) > BEYOND for t in fit.terms) >= MOST_TERMS:
             break
     if problem.memory != LONG:
-        problem, fit = rewhiten(problem.resting(fit).remembering(LONG), fit)
+        problem, fit = look_closely(problem, fit)
     fit, rivals = swap(problem, fit, rivals, entered)
     problem, fit, gains = prune(problem, fit, strict=True)
     in_place = {key: [(r.term, r.values) for r in likely(tried)] for key, tried in rivals.items()}

@@ -2,15 +2,21 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis, read_axis
+from sim.chain_model import Array
 from sim.discrepancy.condition import examine
 from sim.discrepancy.fit import Fit, Noise, Problem, each
 from sim.discrepancy.investigation import investigate
+from sim.discrepancy.measurement import prepare
+from sim.discrepancy.model import nuisance_of
 from sim.discrepancy.parameters import Parameter
+from sim.discrepancy.selection import calibrate, look_closely
 from sim.discrepancy.size import beyond, magnitude
 from sim.discrepancy.terms import Term
 from tests.discrepancy.telemetry_of import RATE_HZ, one_body
@@ -90,6 +96,44 @@ def test_a_sum_is_known_where_its_parts_are_not() -> None:
     parts, together = fit.deviations(), fit.deviation({"a": 1.0, "b": 1.0})
     assert together < 0.03 * min(parts.values())
     assert fit.deviation({"a": 1.0}, known=["b"]) == pytest.approx(1.0 / np.sqrt(4000), rel=0.2)
+
+
+def test_what_has_run_into_a_limit_leaves_the_others_known() -> None:
+    fit = two_columns(0.9999)
+    held = replace(fit, parameters=(fit.parameters[0], Parameter("b", 0.0, 1.0, low=0.0)))
+    assert held.deviation({"a": 1.0}) == pytest.approx(fit.deviation({"a": 1.0}, known=["b"]), rel=1e-9)
+    assert held.deviation({"b": 1.0}) == pytest.approx(fit.deviation({"b": 1.0}), rel=1e-9)
+
+
+def to_and_fro(duration_s: int) -> Array:
+    """Angle [rad] that goes one way for 1.5 s, rests for half a second and comes back, over and over."""
+    t = np.arange(int(duration_s * RATE_HZ)) / RATE_HZ
+    u = np.clip((t % 4.0) / 1.5, 0.0, 1.0) - np.clip((t % 4.0 - 2.0) / 1.5, 0.0, 1.0)
+    return np.asarray(60.0 * u**3 * (10.0 - 15.0 * u + 6.0 * u**2))
+
+
+def test_noise_is_that_of_rows_at_rest_after_what_friction_holds_there_is_fitted() -> None:
+    """What it holds before would pass for slow noise, and hide whatever acts over whole strokes."""
+    geared = read_axis(
+        {
+            "motor": {"inertia_kg_m2": 0.02, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.01},
+            "stages": [{"name": "output", "driver_teeth": 12, "driven_teeth": 96, "stiffness_n_m_per_rad": 1e5}],
+            "load": {"inertia_kg_m2": 0.5},
+        }
+    )
+    angle = to_and_fro(30)
+    still = prepare(RATE_HZ, np.zeros(angle.size), angle, angle / 8.0)
+    one = Problem(geared, still, Noise.flat(0.05, 1.0))
+    start = {p.name: p.start for p in one.base()}
+    holds = replace(nuisance_of(start), stretch_rad=(0.05, 1e-9), friction_width=(2e-5, 1e-3))
+    moved = one.observer.predict(one.chain((), start), holds).torque
+    noise = 0.02 * np.random.default_rng(8).standard_normal(moved.size)
+    one = Problem(geared, replace(still, torque=moved + noise), Noise.flat(0.05, 1.0))
+    closely, fit = look_closely(*calibrate(one))
+    assert closely.measurement.rests
+    rows = fit.residual[: fit.torque_rows] * (closely.measurement.moving > 0.5)
+    slow = np.convolve(rows, np.ones(500) / np.sqrt(500.0), "same")[closely.measurement.moving > 0.5]
+    assert np.mean(slow**2) == pytest.approx(1.0, rel=0.7)
 
 
 def test_noise_that_grows_with_what_is_fitted_widens_its_deviation() -> None:
