@@ -21,6 +21,7 @@ SAID = 0.5
 SURE = 0.9  # of what telemetry does not show, though it could
 LEAST_S = 4.0
 GEAR = frozenset({"tooth_damage", "backlash"})
+OF_TEETH = GEAR | {"mesh_error", "eccentricity"}  # what leaves families of lines of its own
 UNEVEN, SMALL = 0.005, 5  # of a speed while cruising; small numbers
 
 
@@ -74,7 +75,7 @@ def beside(
     them where telemetry found nothing else that it could have taken for them. `struck`: turns per turn of the motor
     of the gears with a damaged tooth; impacts at their multiples are that tooth and no bearing. `loud`: teeth per turn
     of the motor of the gears whose teeth err; a family at a ratio of small numbers to them is what these leave beside
-    their lines while the speed is not quite even.
+    their lines while the speed is not quite even. A weak family beside any fault of teeth is theirs.
     """
     blind = not load_encoder and not set(named)
     return tuple(
@@ -83,6 +84,7 @@ def beside(
         if h.mechanism not in named
         and (h.mechanism not in GEAR or blind)
         and not (h.mechanism == "bearing_defect" and _is_of_gears(h, struck, loud))
+        and not (h.mechanism == "bearing_defect" and h.probability < SURE and OF_TEETH & set(named))
     )
 
 

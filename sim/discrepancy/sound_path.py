@@ -18,6 +18,11 @@ HIGHEST_HZ = 1500.0
 LINE = 10.0  # power of a line over the local median; of 10,000 exponential bins the largest is near 10 / ln 2 = 14
 LEAST_LINES = 3  # of the first `HARMONICS`
 LEAST_SCORE = 6.5  # sum of ln(height / LINE); without a bearing or a damaged tooth 80 recordings reach 6 at most
+WEAK_SCORE = 2.0  # where the first `LEAST_LINES` are lines, the first not far below the largest, nothing fixed near
+WEAK_ORDER = 2.0
+WEAK_FIRST = 0.5
+WEAK_FIXED = 2.0
+SURE, WEAK = 0.95, 0.85  # probabilities of a bearing
 SCORE_AMONG_LINES = 10.0  # where something fixed in Hz is louder than all that turns, and leaves lines everywhere
 LOWEST_FIXED_HZ, HIGHEST_FIXED_HZ = 4.0, 100.0
 FIXED = 4.0  # times as high over time as over the path: what is fixed in Hz is no order
@@ -43,7 +48,8 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
     lowest = int(LOWEST_FIXED_HZ / spacing_hz)
     at_fixed = lowest + int(np.argmax(over_time[lowest : int(HIGHEST_FIXED_HZ / spacing_hz)]))
     loudest_fixed = over_time[at_fixed]
-    least = LEAST_SCORE if loudest_fixed < heights[orders < 4.0 * HIGHEST_ORDER].max() else SCORE_AMONG_LINES
+    among_lines = loudest_fixed >= heights[orders < 4.0 * HIGHEST_ORDER].max()
+    least = SCORE_AMONG_LINES if among_lines else LEAST_SCORE
     best = (0.0, 0.0, 0)
     for index in np.flatnonzero((orders > LOWEST_ORDER) & (orders < HIGHEST_ORDER) & (heights > LINE)):
         order = _centre(orders, heights, int(index), spacing)
@@ -53,13 +59,16 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
         found = [_height(heights, k * order / spacing, 1 + k // 2) for k in numbers]
         lines = [k for k in numbers if found[k - 1] > LINE and not _of_gears(axis, k * order, spacing)]
         score = sum(math.log(found[k - 1] / LINE) for k in lines)
-        if len(lines) < LEAST_LINES or score < max(least, best[0]):
+        weak = score < least
+        if weak and (among_lines or score < WEAK_SCORE or not _begins(order, lines, found)):
+            continue
+        if len(lines) < LEAST_LINES or score < best[0]:
             continue
         if loudest_fixed > max(found) and _follows(order * turns_per_s / spacing_hz, at_fixed):
             continue
         places = {k: k * order * turns_per_s / spacing_hz for k in lines}
         fixed = [_height(over_time, at, 2 + int(DRIFT * at)) / found[k - 1] for k, at in places.items()]
-        if np.median(fixed) < FIXED:
+        if np.median(fixed) < (WEAK_FIXED if weak else FIXED):
             best = (score, order, len(lines))
     if not best[2]:
         return []
@@ -69,7 +78,14 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
         f"Impacts come {order:.2f} times per revolution of the motor, with {best[2] - 1} multiples and a little slip: "
         "no gear has this order; a rolling bearing does."
     )
-    return [Heard("bearing_defect", None, 0.95, {"order": (order, order - half, order + half)}, text)]
+    probability = SURE if best[0] >= least else WEAK
+    return [Heard("bearing_defect", None, probability, {"order": (order, order - half, order + half)}, text)]
+
+
+def _begins(order: float, lines: list[int], found: list[float]) -> bool:
+    """Whether the first multiples of an order are all lines and the very first is among the largest: impacts."""
+    first = list(range(1, LEAST_LINES + 1))
+    return order > WEAK_ORDER and lines[:LEAST_LINES] == first and found[0] >= WEAK_FIRST * max(found)
 
 
 def _follows(at: float, fixed: int) -> bool:

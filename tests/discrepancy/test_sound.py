@@ -6,7 +6,7 @@ import pytest
 from casebase.signals.recording import Recording
 from sim.axis import read_axis
 from sim.discrepancy.measurement import Measurement, prepare
-from sim.discrepancy.sound import listen
+from sim.discrepancy.sound import beside, listen
 
 RATE = 8000
 AXIS = read_axis(
@@ -63,6 +63,17 @@ def test_impacts_of_a_bearing_are_named_by_their_order(seed: int, size: float) -
     heard = listen(AXIS, recording(noise(seed) + impacts(order * turns(m), size)), m, 0.0)
     assert [h.mechanism for h in heard] == ["bearing_defect"]
     assert heard[0].parameters["order"][0] == pytest.approx(order, rel=0.005)
+
+
+def test_weak_impacts_are_a_bearing_unless_teeth_err() -> None:
+    """Three lines, the first the largest; teeth at fault leave families of lines as weak as these."""
+    m = motion()
+    (heard,) = listen(AXIS, recording(noise(9) + impacts(4.37 * turns(m), 0.009)), m, 0.0)
+    assert heard.mechanism == "bearing_defect"
+    assert 0.5 < heard.probability < 0.9
+    assert heard.parameters["order"][0] == pytest.approx(4.37, rel=0.005)
+    assert beside(["time_delay"], [heard], load_encoder=True) == (heard,)
+    assert beside(["mesh_error"], [heard], load_encoder=True) == ()
 
 
 def test_impacts_that_keep_their_rhythm_while_the_axis_turns_are_no_bearing() -> None:
