@@ -32,6 +32,7 @@ DAMPING = {"hysteresis": 0.4, "load_dependent_loss": 0.1}  # of what erring teet
 OF_STRAIN = {  # what must be gained over what the description is bent by beyond chance
     "tooth_damage": 3.0, "stiffness_hardening": 3.0, "hysteresis": 3.0, "torque_offset": 1.0,
 }  # fmt: skip
+BENDING = 20.0  # gain over what the description is bent by more with a term: less, and the term stands for another
 ERRORS = ("mesh_error", "eccentricity", AS_NEW)  # every new axis has them, if small
 CONSTANT = ("torque_offset",)  # known beforehand within a little: what it gains over that is no error of a form
 LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
@@ -42,10 +43,10 @@ LEAST_SHARES = {  # of what bends to much
     "structural_resonance": 0.008, "hysteresis": 0.001, "stiffness_hardening": 0.0007, "tooth_damage": 0.006,
 }  # fmt: skip
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
-LEAST_GAINS = {  # of what nothing else bends to: 110 new axes promise it 2, 14, 7, 9, 7, 15 and 14 squares at most
+LEAST_GAINS = {  # of what nothing else bends to: 110 new axes promise it 2, 14, 7, 7, 24, 15 and 14 squares at most
     "coulomb_friction": 10.0, "viscous_friction": 10.0, "torque_offset": 10.0,
-    "stribeck_friction": 13.0, "friction_asymmetry": 13.0, "load_dependent_loss": 13.0,
-    "time_delay": 13.0, "gravity_imbalance": 16.0, "friction_drift": 16.0,
+    "stribeck_friction": 13.0, "friction_asymmetry": 13.0, "time_delay": 13.0,
+    "load_dependent_loss": 20.0, "gravity_imbalance": 16.0, "friction_drift": 16.0,
 }  # fmt: skip
 OVER_STROKES = ("torque_offset", "stribeck_friction", "friction_asymmetry", "load_dependent_loss")
 STROKE_ROWS = 50.0  # of theirs, for one that says something of its own: they act over whole strokes
@@ -91,6 +92,11 @@ def matters(term: Term, gain: float, fit: Fit) -> bool:
     share = LEAST_SHARES.get(term.key, LEAST_SHARES.get(term.mechanism, LEAST_SHARE))
     form = share / LEAST_GAIN * fit.misfit  # over what counts in a short record
     return gain >= least_gain(term) * max(form, 1.0, fit.misfit / fit.residual.size)
+
+
+def bends(less: Fit, more: Fit, gain: float) -> bool:
+    """Whether a term bends the description further, for what it gains: a cause that was missing lets it go back."""
+    return gain < BENDING * (more.strain - less.strain)
 
 
 def wanted(term: Term, far: float) -> bool:

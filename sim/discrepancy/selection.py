@@ -11,6 +11,7 @@ from sim.discrepancy.candidates import FAR_MOVED, Rival, elsewhere, settled, try
 from sim.discrepancy.criteria import (
     BEYOND,
     CONSTANT,
+    bends,
     evidence,
     holds,
     is_form,
@@ -248,6 +249,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
             more = plain if term.named else fit
             gain = less[term.key].cost - more.cost
             held = not strict or needs_no_trial(term, gain, more) or holds(term, less[term.key], more)
+            held = held and not (strict and term.named and bends(less[term.key], more, gain))
             gains[term.key] = gain if held else 0.0
         rows = fit.residual.size
         weak = [

@@ -13,7 +13,7 @@ from sim.axis import read_axis
 from sim.chain_model import Array, Chain, Shaft
 from sim.discrepancy.candidates import Rival
 from sim.discrepancy.catalogue import SOFTEST, terms_of
-from sim.discrepancy.criteria import LEAST_GAINS, evidence, holds, is_form, matters, needs_no_trial, wanted
+from sim.discrepancy.criteria import LEAST_GAINS, bends, evidence, holds, is_form, matters, needs_no_trial, wanted
 from sim.discrepancy.entries import swing
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.investigation import told_apart
@@ -92,6 +92,17 @@ def test_a_bend_must_bring_more_than_the_description_is_bent_by(strain: float, c
     fit = Fit((), (Parameter("one", 1.0, 0.1),), {"one": 1.0}, residual, np.zeros((20_000, 1)), misfit + strain, 20_000)
     assert matters(TERMS["stiffness_hardening"], 100.0, fit) is counts
     assert matters(TERMS["viscous_friction"], 100.0, fit)
+
+
+@pytest.mark.parametrize(("before", "after", "bent"), [(10.0, 35.0, True), (10.0, 12.0, False), (40.0, 10.0, False)])
+def test_a_cause_that_was_missing_bends_the_description_no_further(before: float, after: float, bent: bool) -> None:
+    """What it was bent by stood for the cause; 400 squares are worth the 20 that they may cost by chance."""
+
+    def fit(strain: float) -> Fit:
+        none = np.zeros(100)
+        return Fit((), (), {}, none, np.zeros((100, 0)), strain, 100)
+
+    assert bends(fit(before), fit(after), 400.0) is bent
 
 
 def test_an_offset_is_no_error_of_the_form_of_what_is_larger() -> None:
