@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.chain_model import Array
 from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
-from sim.discrepancy.criteria import LEAST_GAIN, LEFT_OUT, least_gain
+from sim.discrepancy.criteria import LEAST_GAIN, LEFT_OUT, least_gain, wanted
 from sim.discrepancy.fit import Fit, Problem, Raw, Start, each
 from sim.discrepancy.model import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.nameless import nameless_terms
@@ -27,6 +27,7 @@ CLOSE = 2  # best candidates of which those that are far from linear are refitte
 BENT = 60.0  # squared deviations of what is described from what the fit makes of it
 LEFT = 0.1  # depth of a dent over the working twist
 OTHER_DENTS = ((2.0, 0.5), (0.7, 1.3))  # times as deep and as wide: where its bottom is left, a fit may begin there
+GROWTH = 5.0  # standard deviations by which a size may grow while its fit is finished: of 45 at -3 or less none did
 FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
 GAPS = 40  # tried where all else is as described
 HUBER = 3.0
@@ -62,6 +63,7 @@ def try_terms(problem: Problem, fit: Fit, only: Collection[str] | None = None, l
     tries: dict[str, int] = {}
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
     jobs: list[tuple[Term, Mapping[str, float]]] = []
+    leading: set[str] = set()  # friction that was left out and promises more than all others
     for promised, term, start in screened:
         rival = (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]
         if len(jobs) == MOST_TRIES or not term.named or promised < max(rival, least, least_gain(term)):
@@ -69,19 +71,23 @@ def try_terms(problem: Problem, fit: Fit, only: Collection[str] | None = None, l
         if tries.get(term.key, 0) < (2 if term.nonlinear else 1):
             tries[term.key] = tries.get(term.key, 0) + 1
             jobs.append((term, start))
+            if term.mechanism in LEFT_OUT and len(leading) == len(jobs) - 1:
+                leading.add(term.key)
     loose = (
         [] if fit.terms else [job for t in candidates if t.mechanism == "backlash" for job in as_described(problem, t)]
     )
-    refits = each(lambda job: _refitted(problem, fit, *job), jobs)
+    refits = each(lambda job: _refitted(problem, fit, *job, anew=job[0].key in leading), jobs)
     refits += each(lambda job: problem.best((job[0],), [(job[1], {})], to_end=False), loose)
     tried = [(fit.cost - refit.cost, refit, job[0]) for refit, job in zip(refits, jobs + loose, strict=True) if refit]
     tried.sort(key=lambda t: (-t[0], t[2].key))
     # sensitivities change where contact is lost, where the rest moves far, and where friction comes in that may hold at
-    # rest: anew for those that may be first
+    # rest: anew for those that may be first and are not far below what matters
     far = [
         place
-        for place, (gain, _, term) in enumerate(tried[:CLOSE])
-        if gain > 0.3 * tried[0][0] and (term.nonlinear or term.mechanism in LEFT_OUT or gain > FAR_MOVED)
+        for place, (gain, refit, term) in enumerate(tried[:CLOSE])
+        if gain > 0.3 * tried[0][0]
+        and (term.nonlinear or term.mechanism in LEFT_OUT or gain > FAR_MOVED)
+        and wanted(term, beyond(term, refit) + GROWTH)
     ]
     near = [tried[place][1] for place in far]
     finished = each(lambda f: settled(problem, f.terms, f.values, f.sensitivities), near)
@@ -145,16 +151,16 @@ def _other_dents(term: Term, values: Mapping[str, float]) -> list[dict[str, floa
     ]
 
 
-def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:
+def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float], *, anew: bool) -> Fit | None:
     """The model with one more term, or None where it cannot be simulated; from what is described where `fit` bends it.
 
     What is bent stands for the term, and moves back too slowly. A jump as large as the linear picture says may lead to
-    where no step is any better: then from none of it, and of friction that was left out always, by sensitivities of its
-    own, as all others hang on it.
+    where no step is any better: then from none of it. `anew`: from both, by sensitivities of its own, as of friction
+    that was left out, on which all others hang.
     """
     terms = (*fit.terms, term)
     values = {**fit.values, **start}
-    if term.mechanism in LEFT_OUT:
+    if anew:
         return problem.best(terms, [(values, {}), (fit.values, {})])
     starts: list[Start] = [(values, fit.sensitivities)]
     if fit.strain > BENT:
