@@ -1,7 +1,10 @@
 """Compile the simulator's inner loops once, at set-up: `python -m sim` runs each engine for a moment."""
 
 import sys
+from dataclasses import replace
 
+from sim.discrepancy.condition import examine
+from sim.discrepancy.fit import Noise, Problem
 from sim.drive_train import DriveTrain
 from sim.measurement import measure
 from sim.paper import PAPER_AXIS
@@ -9,9 +12,12 @@ from sim.solver import simulate
 
 
 def main() -> int:
-    """Run both engines; what they compile is cached beside the code."""
+    """Run all engines, that of investigations for one and two stages; what they compile is cached beside the code."""
     simulate(DriveTrain.from_axis(PAPER_AXIS), 0.05, 1000.0)
-    measure(PAPER_AXIS, 0.2, seed=0)
+    for stages in (PAPER_AXIS.stages[-1:], PAPER_AXIS.stages):
+        axis = replace(PAPER_AXIS, stages=stages)
+        seen = examine(axis, measure(axis, 2.0, seed=0).telemetry).measurement
+        Problem(axis, seen, Noise.flat(1.0, 1.0)).fit(iterations=0)
     return 0
 
 

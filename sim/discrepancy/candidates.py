@@ -49,6 +49,9 @@ class Rival:
     finished: Fit | None = field(default=None, repr=False, compare=False)
 
 
+Tried = tuple[Rival, Mapping[str, Raw]]
+
+
 def try_terms(problem: Problem, fit: Fit, only: Collection[str] | None = None, least: float = 0.0) -> list[Rival]:
     """Candidates by what they gain once refitted, best first; what has no name is linear, its promise is its gain.
 
@@ -76,29 +79,45 @@ def try_terms(problem: Problem, fit: Fit, only: Collection[str] | None = None, l
     loose = (
         [] if fit.terms else [job for t in candidates if t.mechanism == "backlash" for job in as_described(problem, t)]
     )
-    refits = each(lambda job: _refitted(problem, fit, *job, anew=job[0].key in leading), jobs)
-    refits += each(lambda job: problem.best((job[0],), [(job[1], {})], to_end=False), loose)
-    tried = [(fit.cost - refit.cost, refit, job[0]) for refit, job in zip(refits, jobs + loose, strict=True) if refit]
-    tried.sort(key=lambda t: (-t[0], t[2].key))
+
+    def refitted(job: tuple[Term, Mapping[str, float]]) -> Tried | None:
+        term, start = job
+        return _tried(fit, term, _refitted(problem, fit, term, start, anew=term.key in leading))
+
+    def begun(job: tuple[Term, Mapping[str, float]]) -> Tried | None:
+        term, start = job
+        return _tried(fit, term, problem.best((term,), [(start, {})], to_end=False))
+
+    tried = [t for t in each(refitted, jobs) + each(begun, loose) if t]
+    tried.sort(key=lambda t: (-t[0].gain, t[0].term.key))
     # sensitivities change where contact is lost, where the rest moves far, and where friction comes in that may hold at
     # rest: anew for those that may be first and are not far below what matters
     far = [
         place
-        for place, (gain, refit, term) in enumerate(tried[:CLOSE])
-        if gain > 0.3 * tried[0][0]
-        and (term.nonlinear or term.mechanism in LEFT_OUT or gain > FAR_MOVED)
-        and wanted(term, beyond(term, refit) + GROWTH)
+        for place, (r, _) in enumerate(tried[:CLOSE])
+        if r.gain > 0.3 * tried[0][0].gain
+        and (r.term.nonlinear or r.term.mechanism in LEFT_OUT or r.gain > FAR_MOVED)
+        and wanted(r.term, r.beyond + GROWTH)
     ]
-    near = [tried[place][1] for place in far]
-    finished = each(lambda f: settled(problem, f.terms, f.values, f.sensitivities), near)
+    near = [tried[place] for place in far]
+    finished = each(lambda t: settled(problem, (*fit.terms, t[0].term), t[0].values, t[1]), near)
+    rivals = [t[0] for t in tried]
     for place, anew in zip(far, finished, strict=True):
-        tried[place] = (fit.cost - anew.cost, anew, tried[place][2])
-    tried.sort(key=lambda t: (-t[0], t[2].key))
+        rivals[place] = _rival(fit, rivals[place].term, anew, finished=anew)
+    rivals.sort(key=lambda r: (-r.gain, r.term.key))
     best: dict[str, Rival] = {}
-    for gain, refit, term in tried:
-        done = refit if any(refit is one for one in finished) else None
-        best.setdefault(term.key, Rival(term, gain, refit.values, beyond(term, refit), done))
+    for r in rivals:
+        best.setdefault(r.term.key, r)
     return sorted([*best.values(), *straight], key=lambda r: (-r.gain, r.term.key))
+
+
+def _rival(fit: Fit, term: Term, more: Fit, finished: Fit | None = None) -> Rival:
+    return Rival(term, fit.cost - more.cost, more.values, beyond(term, more), finished)
+
+
+def _tried(fit: Fit, term: Term, more: Fit | None) -> Tried | None:
+    """What is left to know of a fit with `term`, and what to go on from: fits of all candidates at once are large."""
+    return None if more is None else (_rival(fit, term, more), more.sensitivities)
 
 
 def as_described(problem: Problem, term: Term) -> list[tuple[Term, Mapping[str, float]]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from threading import Lock
@@ -16,8 +17,9 @@ from sim.discrepancy.packing import Packed, lag_of, pack, steady_twist, substeps
 
 GUIDE_RAD_S = 2.0 * np.pi * 25.0  # bandwidth of the guide: above the drive train's modes that matter
 NO_STRETCH_RAD = 1e-9
+TONES = 2j * np.pi * np.linspace(1.0, LOAD_MOTION_CUT_HZ, 12)  # [rad/s] at which noise is compared
 
-RECENT = 6  # changes of the motor shaft alone need no new run of the rest
+RECENT = 8  # changes of the motor shaft alone need no new run of the rest, nor those of the rest one of the motor's
 
 
 @dataclass(frozen=True)
@@ -64,11 +66,12 @@ class Observer:
     guide_inertia: float
     noise_inertia: float
     hits: bool = False
-    _noise: Array | None = None
+    _noise: tuple[Array, Array] | None = None  # of the motor's torque and the guide's
     _loudness: float = 0.0
     _lock: Lock = field(default_factory=Lock)
     _recent: dict[bytes, Array] = field(default_factory=dict)
-    _shifted: tuple[tuple[float, bool], Array] | None = None  # the load's motion as it was asked for last
+    _shifted: dict[bool, tuple[float, Array]] = field(default_factory=dict)  # the load's motion as asked for last
+    _told: dict[bool, tuple[tuple[float, ...], Array]] = field(default_factory=dict)  # and what its encoder says
 
     @cached_property
     def _motion(self) -> Array:
@@ -96,21 +99,45 @@ class Observer:
         """Simulate `chain` along the measured motion."""
         m = self.measurement
         model, motion = pack(chain), self._motion if self.hits else self._slow_motion
-        motor = np.empty(m.samples)
-        width, stretch = nuisance.friction_width[0] * self._top, nuisance.stretch_rad[0]
-        motor_torque(model[0], model[8], motion, width, stretch, 1.0 / m.rate_hz, motor)
-        motor += chain.shafts[0].inertia_kg_m2 * m.slow_acceleration
+        motor = self._motor(model, motion, nuisance) + chain.shafts[0].inertia_kg_m2 * m.slow_acceleration
         guide, angle = np.zeros(m.samples), motion[0]
         if chain.links:
             out = self._links(chain, model, nuisance, slow=(not self.hits, True))
-            motor, guide, angle = motor + out[0], out[2] * self._even(chain), out[1]
+            motor += out[0]
+            guide, angle = out[2] * self._even(chain), out[1]
         if nuisance.torque_delay_s:
             motor = _delayed(motor, nuisance.torque_delay_s * m.rate_hz)
         # noise is added as it is: a fit would choose whatever smooths it
-        motor = motor + self.noise_inertia * self._fast
-        if chain.links and self._noise is not None:
-            motor, guide = motor + self._noise[0], guide + self._noise[2]
+        if self._noise is None:
+            motor += self.noise_inertia * self._fast
+        else:
+            motor += self._noise[0]
+            guide += self._noise[1]
         return Prediction(motor, guide, angle)
+
+    def _motor(self, model: Packed, motion: Array, nuisance: Nuisance) -> Array:
+        """Torque of what acts on the motor's own shaft, without its inertia."""
+        width, stretch = nuisance.friction_width[0] * self._top, nuisance.stretch_rad[0]
+        setting = np.array([width, stretch, self.hits])
+        key = b"motor".join(part.tobytes() for part in (setting, model[0][0, 1:], model[8]))
+
+        def simulated() -> Array:
+            out = np.empty(self.measurement.samples)
+            motor_torque(model[0], model[8], motion, width, stretch, 1.0 / self.measurement.rate_hz, out)
+            return out
+
+        return self._kept(key, simulated)
+
+    def _kept(self, key: bytes, simulated: Callable[[], Array]) -> Array:
+        """What was simulated with the same numbers a moment ago, else `simulated`."""
+        out = self._recent.get(key)
+        if out is None:
+            out = simulated()
+            with self._lock:
+                self._recent[key] = out
+                if len(self._recent) > RECENT:
+                    del self._recent[next(iter(self._recent))]
+        return out
 
     def _even(self, chain: Chain) -> float:
         """Factor that makes noise equally loud in the guide's torque for every chain.
@@ -129,9 +156,9 @@ class Observer:
         self._noise = None
         if chain.links:
             model = pack(chain)
-            self._noise = self._links(chain, model, nuisance, slow=(False, False)) - self._links(
-                chain, model, nuisance, slow=(not hits, True)
-            )
+            all_of_it = self._links(chain, model, nuisance, slow=(False, False))
+            left = all_of_it - self._links(chain, model, nuisance, slow=(not hits, True))
+            self._noise = self.noise_inertia * self._fast + left[0], left[2]
 
     def _links(self, chain: Chain, model: Packed, nuisance: Nuisance, *, slow: tuple[bool, bool]) -> Array:
         """`slow`: whether the slow part of the motor's and of the load's motion alone is meant."""
@@ -140,13 +167,7 @@ class Observer:
         n = len(chain.shafts)
         guide, gains = np.zeros((2, 1)), np.zeros(2)
         if m.load_angle is not None:
-            sine, cosine = nuisance.load_error_rad
-            wave, other = self._turn
-            speed = m.slow_load_speed if slow[1] else m.load_speed
-            assert speed is not None
-            error = sine * wave + cosine * other + nuisance.load_offset_rad
-            drift = (sine * other - cosine * wave) * speed
-            guide = self._load_motion(nuisance.load_delay_s, slow[1]) - np.stack([error, drift])
+            guide = self._guide(nuisance, slow[1])
             gains = self.guide_inertia * np.array([GUIDE_RAD_S**2, 1.4 * GUIDE_RAD_S])
         ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
         widths = np.array([[nuisance.loss_width], [nuisance.friction_width[1]]]) * self._top / ratios
@@ -170,30 +191,42 @@ class Observer:
             guide[:, :1],
         )
         key = b"".join(part.tobytes() for part in inner) + repr(nuisance.load_delay_s).encode()
-        out = self._recent.get(key)
-        if out is None:
+
+        def simulated() -> Array:
             out = np.zeros((3, m.samples))
+            stages = (0.0,) * len(chain.links)
             step = 1.0 / m.rate_hz
-            run(*model, motion, guide, gains, widths, stretch, nuisance.loss_split, step, steps, start, out)
-            with self._lock:
-                self._recent[key] = out
-                if len(self._recent) > RECENT:
-                    del self._recent[next(iter(self._recent))]
-        return out
+            run(*model, motion, guide, gains, widths, stretch, nuisance.loss_split, step, steps, start, out, stages)
+            return out
+
+        return self._kept(key, simulated)
+
+    def _guide(self, nuisance: Nuisance, slow: bool) -> Array:
+        """Angle and speed of the load as its encoder tells them, without that encoder's own errors, shape (2, n)."""
+        m, last = self.measurement, self._told.get(slow)
+        late_s, offset, (sine, cosine) = nuisance.load_delay_s, nuisance.load_offset_rad, nuisance.load_error_rad
+        asked = (late_s, offset, sine, cosine)
+        if last is None or last[0] != asked:
+            wave, other = self._turn
+            speed = m.slow_load_speed if slow else m.load_speed
+            assert speed is not None
+            error = np.stack([sine * wave + cosine * other + offset, (sine * other - cosine * wave) * speed])
+            last = self._told[slow] = (asked, self._load_motion(late_s, slow) - error)
+        return last[1]
 
     def _load_motion(self, late_s: float, slow: bool) -> Array:
         """Angle and speed of the load that its encoder tells `late_s` later, shape (2, n); the delay seldom changes."""
-        m, last = self.measurement, self._shifted
-        if last is None or last[0] != (late_s, slow):
+        m, last = self.measurement, self._shifted.get(slow)
+        if last is None or last[0] != late_s:
             told = (m.slow_load_angle, m.slow_load_speed) if slow else (m.load_angle, m.load_speed)
             moved = np.stack([_delayed(channel, -late_s * m.rate_hz) for channel in told if channel is not None])
-            last = self._shifted = ((late_s, slow), moved)
+            last = self._shifted[slow] = (late_s, moved)
         return last[1]
 
 
 def loudness(chain: Chain, inertia: float) -> float:
     """Geometric mean over the load's frequencies of |guide torque per error of the load encoder| [N m/rad]."""
-    s = 2j * np.pi * np.linspace(1.0, LOAD_MOTION_CUT_HZ, 12)
+    s = TONES
     stiffness = np.full(s.size, np.inf, dtype=complex)
     for k, link in enumerate(chain.links):
         spring = link.stiffness_n_m_per_rad + link.damping_n_m_s_per_rad * s

@@ -16,6 +16,7 @@ import numpy as np
 from numba import njit
 
 TWO_PI = 2.0 * math.pi
+FORGOTTEN = 40.0  # times the way by which a contact gives way: nothing is left of what it held
 TAYLOR = 24  # terms of the exponential: enough for a phase of 3 per step
 (J, COULOMB_F, COULOMB_B, VISCOUS_F, VISCOUS_B, STRIBECK, STRIBECK_W, STRIBECK_EXP, DRIFT, GRAVITY, PHASE,
  OFFSET) = range(12)  # fmt: skip
@@ -56,8 +57,11 @@ def _slid(slip, w, width, stretch, h):
     `width`. Without a stretch, friction is a smooth sign of the speed.
     """
     slides = w * h / stretch
-    both = math.hypot(slides, width * h / stretch)
+    lets = width * h / stretch
+    both = math.sqrt(slides * slides + lets * lets)
     goal = slides / both if both > 0.0 else 0.0
+    if both > FORGOTTEN:
+        return goal
     return goal + (slip - goal) * math.exp(-both)
 
 
@@ -194,7 +198,7 @@ def propagators(shafts, links, gains, h, step):
 
 @_jit
 def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, ripples, motion, guide, gains, widths,
-        stretch, split, dt, substeps, start, out):  # fmt: skip
+        stretch, split, dt, substeps, start, out, stages):  # fmt: skip
     """Integrate; rows of `out`: torque that the first mesh asks of the motor, load angle, torque of the guide [N m].
 
     Springs in contact, guide and measured motion are propagated exactly; what is not linear is predicted from the
@@ -203,10 +207,11 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
     `motion`, `guide`: rows angle and speed, cubic in between; `gains`: stiffness and damping of the guide (0: none);
     `widths`: rows of speeds over which mesh losses and friction of each shaft turn their sign; `stretch`: by which
     shafts give way before friction slides; `split`: share of mesh losses on the driven side;
-    `start`: angles and speeds of shafts 1 to n - 1, then hysteresis torques.
+    `start`: angles and speeds of shafts 1 to n - 1, then hysteresis torques; `stages`: a tuple with one entry per link,
+    of which only the length is used: the compiler knows it and unrolls the loops over shafts.
     """
-    n = shafts.shape[0]
-    m = n - 1
+    m = len(stages)
+    n = m + 1
     size = 2 * m
     samples = motion.shape[1]
     h = dt / substeps
@@ -231,7 +236,6 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
     guided = gains[0] > 0.0
     closed = -1
     first = True
-    w = step[0]
     b0 = b1 = b2 = b3 = 0.0
     for i in range(samples):
         for sub in range(substeps):
@@ -246,7 +250,6 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                     g0, g1 = guide[0, i - 1], guide[0, i]
                     n0, n1 = guide[1, i - 1] * dt, guide[1, i] * dt
                     b0, b1, b2, b3 = _piece(g0, n0, g1, n1, sub, substeps)
-                w = step[closed]
                 s = v = 0.0
                 if closed & 1:
                     s = links[0, C] * links[0, INV]
@@ -264,7 +267,7 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                 for q in range(size):
                     total = 0.0
                     for k in range(width):
-                        total += w[q, k] * z[k]
+                        total += step[closed, q, k] * z[k]
                     ahead[q] = total
                 angles[0] = a0 + a1 + a2 + a3
                 speeds[0] = (a1 + 2.0 * a2 + 3.0 * a3) / h
@@ -343,7 +346,7 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
             if not first and now == closed:
                 for q in range(size):
                     for k in range(m):
-                        ahead[q] += w[q, slope + k] * (new[k] - z[rest + k] - z[slope + k])
+                        ahead[q] += step[closed, q, slope + k] * (new[k] - z[rest + k] - z[slope + k])
                 if now & 1:
                     asked -= links[0, INV] * (
                         links[0, C] * (ahead[0] - angles[1]) + links[0, D] * (ahead[m] / h - speeds[1])
