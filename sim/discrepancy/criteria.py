@@ -10,7 +10,7 @@ import numpy as np
 from sim.discrepancy.fit import Fit
 from sim.discrepancy.nameless import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED
 from sim.discrepancy.terms import Term
-from sim.discrepancy.weighing import advantage, paired
+from sim.discrepancy.weighing import advantage, gain_elsewhere, paired
 
 FORM_SHARE = 0.015  # of another's gain: what any law leaves of its form
 LEAVES = {  # the same where it is more
@@ -23,6 +23,7 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
     (frozenset({"backlash", "tooth_damage", "stiffness_hardening", "hysteresis"}), 0.1),
     (frozenset({"stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.35),
     (frozenset({"hysteresis", "stribeck_friction", "load_dependent_loss", "friction_asymmetry"}), 0.1),
+    (frozenset({"torque_offset", "friction_asymmetry"}), 0.1),  # they differ at rest
     (frozenset({"mesh_error", "torque_ripple"}), 0.05),
     (frozenset({"mesh_error", "tooth_damage"}), 0.05),
     (frozenset({"eccentricity", "tooth_damage"}), 0.05),
@@ -115,14 +116,14 @@ def is_form(term: Term, gain: float, entered: Mapping[str, float]) -> bool:
     what each term gained when it came in; later, with what stands for its errors beside it, taking it away says far
     too much.
     """
-    if term.mechanism in LEFT_OUT + CONSTANT:
-        return False
     return any(gain < form_share(term.mechanism, key.split("@")[0]) * brought for key, brought in entered.items())
 
 
 def form_share(mechanism: str, other: str) -> float:
     """Share of the gain of `other` below which `mechanism` is the error of its form."""
     shares = [share for laws, share in LAWS if {mechanism, other} <= laws]
+    if mechanism in LEFT_OUT + CONSTANT:
+        return max(shares, default=0.0)
     if mechanism == "time_delay":
         shares.append(DELAY_SHARE)
     if other == "mesh_error" and mechanism in DAMPING:
@@ -139,13 +140,14 @@ def holds(term: Term, less: Fit, more: Fit) -> bool:
     """Whether the model with `term` predicts better what it has not seen.
 
     By 1.5 standard errors and 2.6 to one in sum, both of signed roots, as in `paired`; or, where an effect acts in a
-    few blocks only (low speed, large twist, a tooth that is passed once), by a third of what it gains on seen rows. A
-    loss counts as three typical blocks at most: it may be the linear refit that fails without that block. What never
-    rests acts in all of them.
+    few blocks only (low speed, large twist, a tooth that is passed once), by a third of what it gains on the same
+    blocks where they are seen. A loss counts as three typical blocks at most: it may be the linear refit that fails
+    without that block. What never rests acts in all of them.
     """
     drop = advantage(less, more)
     root = np.sign(drop) * np.sqrt(np.abs(drop))
     even = paired(drop) > HOLDS_T and float(root.sum()) > 0.45 * float(np.abs(root).sum())
     kept = float(np.maximum(drop, -LARGEST_LOSS * np.median(np.abs(drop))).sum())
-    few = kept > KEPT_SHARE * (less.cost - more.cost) > 0.0
+    fitted = gain_elsewhere(less, more)
+    few = fitted > least_gain(term) and kept > KEPT_SHARE * fitted
     return even or (few and term.mechanism not in RESTLESS)

@@ -110,8 +110,20 @@ def advantage(less: Fit, more: Fit) -> Array:
     the data is no better. The block of the largest difference is left out: what hangs on one is not known on any other.
     """
     drop = held_out_squares(less) - held_out_squares(more)
-    rest = np.delete(drop, int(np.argmax(np.abs(drop))))
+    rest = np.delete(drop, largest(drop))
     return np.asarray(rest + (less.strain - more.strain) / BLOCKS)
+
+
+def gain_elsewhere(less: Fit, more: Fit) -> float:
+    """What `more` gains, as it was fitted, on all blocks but the one that `advantage` leaves out."""
+    out = largest(held_out_squares(less) - held_out_squares(more))
+    there = [float(np.sum(fit.residual[fit.blocks(BLOCKS)[out]] ** 2)) for fit in (less, more)]
+    return less.cost - more.cost - (there[0] - there[1])
+
+
+def largest(drop: Array) -> int:
+    """Place of the largest difference."""
+    return int(np.argmax(np.abs(drop)))
 
 
 def paired(drop: Array) -> float:

@@ -112,6 +112,13 @@ def test_an_offset_is_no_error_of_the_form_of_what_is_larger() -> None:
     assert not is_form(TERMS["torque_offset"], 40.0, entered)
 
 
+def test_an_offset_beside_an_asymmetry_is_what_the_other_holds_at_rest_unless_it_is_large() -> None:
+    """While anything moves they are the same torque."""
+    entered = {"friction_asymmetry@motor": 5500.0}
+    assert is_form(TERMS["torque_offset"], 85.0, entered)
+    assert not is_form(TERMS["torque_offset"], 900.0, entered)
+
+
 @pytest.mark.parametrize("mechanism", sorted(LEAST_GAINS))
 def test_noise_alone_promises_what_is_asked_for_less_than_once_in_five_hundred_axes(mechanism: str) -> None:
     """The squares that k numbers take away from white noise are chi-squared with k degrees of freedom."""
@@ -152,6 +159,23 @@ def test_what_never_rests_must_hold_in_more_than_a_few_blocks() -> None:
     assert holds(TERMS["backlash"], few, more)
     assert not holds(line, few, more)
     assert holds(line, all_of_them, more)
+
+
+def test_what_is_left_out_as_the_largest_is_left_out_of_both() -> None:
+    """A tooth that is passed in four blocks of fifteen, once much harder, holds; what is there once only does not."""
+    rng = np.random.default_rng(5)
+    quiet = rng.standard_normal(15_000)
+
+    def fitted(squares: dict[int, float]) -> Fit:
+        there = quiet.copy()
+        for block, square in squares.items():
+            part = slice(1000 * block, 1000 * (block + 1))
+            there[part] *= np.sqrt(1.0 + square / float(quiet[part] @ quiet[part]))
+        return Fit((), (), {}, there, np.zeros((15_000, 0)), float(there @ there), 15_000)
+
+    dent, more = TERMS["backlash"], fitted({})
+    assert holds(dent, fitted({2: 240.0, 5: 35.0, 8: 35.0, 11: 35.0}), more)
+    assert not holds(dent, fitted({2: 240.0}), more)
 
 
 def test_runout_at_the_load_is_held_against_what_is_as_new_together_with_the_error_of_its_encoder() -> None:
