@@ -22,6 +22,7 @@ LEAST_TURN = 0.5  # rad of the load over which weight shows
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
 SOFTEST = 0.1  # damping ratio from which nothing swings: what is late or wrong in form asks for more
 LEAST_PEAK = 0.8  # torque of a swinging part at its own frequency over that of the whole load: good axes have up to 0.7
+SHARP = 0.035  # damping ratio at which the peak counts as it is: what shakes a good load looks like a softer one
 HIGHEST_SWING_HZ = 0.6 * LOAD_CUT_HZ
 MOTOR = "motor"
 ENCODER_ERROR = ("load_encoder.error_sine_rad", "load_encoder.error_cosine_rad")
@@ -54,8 +55,7 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
         if measurement.load_angle is not None:
             out.append(_encoder_error(axis))
             out.append(_delay("load_delay_s", "load", 4e-4))
-            if axis.stages:
-                out.append(_resonance(axis))
+            out.append(_resonance(axis))
     elif travel > LEAST_TURN:
         out.append(_gravity(0.05 * level, 0))
     return tuple(out)
@@ -297,7 +297,7 @@ def _resonance(axis: Axis) -> Term:
         "structural_resonance", "load", parameters, probes,
         lambda v: {"frequency_hz": v[frequency], "share": v[share], "damping_ratio": v[damping]},
         load_torque=torque, positive=True, nonlinear=True, size=LEAST_PEAK, shape=(frequency, damping),
-        magnitude=lambda v: v[share] / (2.0 * v[damping]) if v[damping] < SOFTEST else 0.0,
+        magnitude=lambda v: v[share] / (2.0 * v[damping]) * SHARP / v[damping] if v[damping] < SOFTEST else 0.0,
     )  # fmt: skip
 
 

@@ -12,7 +12,7 @@ from scipy.stats import chi2
 from sim.axis import read_axis
 from sim.chain_model import Array, Chain, Shaft
 from sim.discrepancy.candidates import Rival
-from sim.discrepancy.catalogue import SOFTEST, terms_of
+from sim.discrepancy.catalogue import SHARP, SOFTEST, terms_of
 from sim.discrepancy.criteria import LEAST_GAINS, bends, evidence, holds, is_form, matters, needs_no_trial, wanted
 from sim.discrepancy.entries import swing
 from sim.discrepancy.fit import Fit, Noise, Problem
@@ -224,7 +224,9 @@ def test_of_runout_at_the_load_and_the_error_of_its_encoder_one_is_found() -> No
 def test_what_is_as_damped_as_it_may_be_is_no_part_that_swings() -> None:
     share, frequency, damping = (p.name for p in TERMS["structural_resonance"].parameters)
     half = {share: 0.5, frequency: 20.0}
-    assert magnitude(TERMS["structural_resonance"], {**half, damping: 0.02}) == pytest.approx(12.5)
+    assert magnitude(TERMS["structural_resonance"], {**half, damping: SHARP}) == pytest.approx(0.5 / (2.0 * SHARP))
+    sharper = magnitude(TERMS["structural_resonance"], {**half, damping: 0.5 * SHARP})
+    assert sharper == pytest.approx(4.0 * 0.5 / (2.0 * SHARP))
     assert magnitude(TERMS["structural_resonance"], {**half, damping: SOFTEST}) == 0.0
 
 
