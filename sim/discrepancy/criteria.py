@@ -17,6 +17,7 @@ LEAVES = {  # the same where it is more
     "backlash": 0.06, "tooth_damage": 0.06,  # teeth that hit
     OVER_SPEED: 0.2, OVER_ANGLE: 0.2,  # a curve stands for a law that has no name
     "structural_resonance": 0.2,  # it is driven by the load as it was measured, noise and all
+    "electrical_hum": 0.0,  # a sine in the current has no other form
 }  # fmt: skip
 DELAY_SHARE = 0.1  # a shift in time has the shape of what most errors of form leave
 LAWS = (  # of one part of the machine, and the share of another's gain below which one is the error of its form

@@ -112,6 +112,12 @@ def test_an_offset_is_no_error_of_the_form_of_what_is_larger() -> None:
     assert not is_form(TERMS["torque_offset"], 40.0, entered)
 
 
+def test_hum_leaves_nothing_of_its_form() -> None:
+    """However loud it is, what is small beside it is something else."""
+    assert not is_form(TERMS["eccentricity"], 24.0, {"electrical_hum@motor": 3000.0})
+    assert is_form(TERMS["eccentricity"], 24.0, {"torque_ripple@motor": 3000.0})
+
+
 def test_an_offset_beside_an_asymmetry_is_what_the_other_holds_at_rest_unless_it_is_large() -> None:
     """While anything moves they are the same torque."""
     entered = {"friction_asymmetry@motor": 5500.0}
