@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import takewhile
 from types import MappingProxyType
 
 import numpy as np
@@ -66,7 +67,6 @@ def try_terms(problem: Problem, fit: Fit, only: Collection[str] | None = None, l
     tries: dict[str, int] = {}
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
     jobs: list[tuple[Term, Mapping[str, float]]] = []
-    leading: set[str] = set()  # friction that was left out and promises more than all others
     for promised, term, start in screened:
         rival = (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]
         if len(jobs) == MOST_TRIES or not term.named or promised < max(rival, least, least_gain(term)):
@@ -74,21 +74,13 @@ def try_terms(problem: Problem, fit: Fit, only: Collection[str] | None = None, l
         if tries.get(term.key, 0) < (2 if term.nonlinear else 1):
             tries[term.key] = tries.get(term.key, 0) + 1
             jobs.append((term, start))
-            if term.mechanism in LEFT_OUT and len(leading) == len(jobs) - 1:
-                leading.add(term.key)
+    leading = {t.key for t, _ in takewhile(lambda job: job[0].mechanism in LEFT_OUT, jobs)}  # promising most of all
     loose = (
         [] if fit.terms else [job for t in candidates if t.mechanism == "backlash" for job in as_described(problem, t)]
     )
-
-    def refitted(job: tuple[Term, Mapping[str, float]]) -> Tried | None:
-        term, start = job
-        return _tried(fit, term, _refitted(problem, fit, term, start, anew=term.key in leading))
-
-    def begun(job: tuple[Term, Mapping[str, float]]) -> Tried | None:
-        term, start = job
-        return _tried(fit, term, problem.best((term,), [(start, {})], to_end=False))
-
-    tried = [t for t in each(refitted, jobs) + each(begun, loose) if t]
+    refits = each(lambda job: _tried(fit, job[0], _refitted(problem, fit, *job, anew=job[0].key in leading)), jobs)
+    refits += each(lambda job: _tried(fit, job[0], problem.best((job[0],), [(job[1], {})], to_end=False)), loose)
+    tried = [t for t in refits if t]
     tried.sort(key=lambda t: (-t[0].gain, t[0].term.key))
     # sensitivities change where contact is lost, where the rest moves far, and where friction comes in that may hold at
     # rest: anew for those that may be first and are not far below what matters

@@ -13,7 +13,7 @@ from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import advantage, gain_elsewhere, paired
 
 FORM_SHARE = 0.015  # of another's gain: what any law leaves of its form
-LEAVES = {  # the same where it is more
+LEAVES = {  # the same of laws that leave more or less
     "backlash": 0.06, "tooth_damage": 0.06,  # teeth that hit
     OVER_SPEED: 0.2, OVER_ANGLE: 0.2,  # a curve stands for a law that has no name
     "structural_resonance": 0.2,  # it is driven by the load as it was measured, noise and all
@@ -121,7 +121,10 @@ def is_form(term: Term, gain: float, entered: Mapping[str, float]) -> bool:
 
 
 def form_share(mechanism: str, other: str) -> float:
-    """Share of the gain of `other` below which `mechanism` is the error of its form."""
+    """Share of the gain of `other` below which `mechanism` is the error of its form.
+
+    What every axis has, or what is known beforehand, is that of its like only.
+    """
     shares = [share for laws, share in LAWS if {mechanism, other} <= laws]
     if mechanism in LEFT_OUT + CONSTANT:
         return max(shares, default=0.0)
@@ -148,7 +151,8 @@ def holds(term: Term, less: Fit, more: Fit) -> bool:
     drop = advantage(less, more)
     root = np.sign(drop) * np.sqrt(np.abs(drop))
     even = paired(drop) > HOLDS_T and float(root.sum()) > 0.45 * float(np.abs(root).sum())
+    if even or term.mechanism in RESTLESS:
+        return even
     kept = float(np.maximum(drop, -LARGEST_LOSS * np.median(np.abs(drop))).sum())
     fitted = gain_elsewhere(less, more)
-    few = fitted > least_gain(term) and kept > KEPT_SHARE * fitted
-    return even or (few and term.mechanism not in RESTLESS)
+    return fitted > least_gain(term) and kept > KEPT_SHARE * fitted
