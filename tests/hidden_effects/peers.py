@@ -17,6 +17,7 @@ import numpy as np
 import pysindy
 from numpy.typing import NDArray
 from scipy.signal.windows import blackmanharris
+from threadpoolctl import threadpool_limits
 
 from tests.hidden_effects.generator import Scenario
 from tests.hidden_effects.scoring import judge
@@ -251,6 +252,12 @@ def sindy(scenario: Scenario) -> dict[str, Any]:
 
 
 PEERS: dict[str, Callable[[Scenario], dict[str, Any]]] = {"PySINDy STLSQ": sindy, "i.i.d. BIC": independent_bic}
+
+
+def ask_all(scenario: Scenario) -> dict[str, Any]:
+    """Return every peer's document, by its name."""
+    with threadpool_limits(1):  # small matrices: more threads only wait for each other, five times as long
+        return {name: peer(scenario) for name, peer in PEERS.items()}
 
 
 def side_by_side(results: Sequence[dict[str, Any]]) -> str:
