@@ -27,6 +27,7 @@ HIGHEST_SWING_HZ = 0.6 * LOAD_CUT_HZ
 MOTOR = "motor"
 ENCODER_ERROR = ("load_encoder.error_sine_rad", "load_encoder.error_cosine_rad")
 WIDEST_GAP = 6.0  # over the working twist, where play is looked for
+HUM_SHARE = 0.003  # of the torque: less hum does not matter
 AS_NEW_FACTOR = 3.0  # more than this above as new is a finding
 
 
@@ -219,8 +220,9 @@ def hum(frequency: float, level: float) -> Term:
         }
 
     return Term(
-        "electrical_hum", "motor", _pair(prefix, step), _pair_probe(prefix, step), report, torque=torque, size=step
-    )
+        "electrical_hum", "motor", _pair(prefix, step), _pair_probe(prefix, step), report, torque=torque,
+        size=HUM_SHARE * level,
+    )  # fmt: skip
 
 
 def _ripple(order: float, level: float, axis: Axis) -> Term:
