@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, field
-from itertools import takewhile
 from types import MappingProxyType
 
 import numpy as np
@@ -33,6 +32,7 @@ FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
 GAPS = 40  # tried where all else is as described
 HUBER = 3.0
 LINEAR, FAR_FROM_LINEAR = 0.1, 0.03  # of the best promise: less is no rival
+UNSURE = 0.5  # of what friction that was left out must gain, as on it all others hang: less is not tried
 
 
 @dataclass(frozen=True)
@@ -60,8 +60,10 @@ def try_terms(problem: Problem, fit: Fit, only: Collection[str] | None = None, l
     """
     present = {term.key for term in fit.terms}
     candidates = list(terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values)))
+    if only is None or "tooth_damage" in only:
+        candidates += damage_terms(problem, fit)
     if only is None:
-        candidates += [*damage_terms(problem, fit), *nameless_terms(problem, fit)]
+        candidates += nameless_terms(problem, fit)
     candidates = [t for t in candidates if t.key not in present and (only is None or t.mechanism in only)]
     screened = screen(problem, fit, candidates)
     tries: dict[str, int] = {}
@@ -69,16 +71,16 @@ def try_terms(problem: Problem, fit: Fit, only: Collection[str] | None = None, l
     jobs: list[tuple[Term, Mapping[str, float]]] = []
     for promised, term, start in screened:
         rival = (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]
-        if len(jobs) == MOST_TRIES or not term.named or promised < max(rival, least, least_gain(term)):
+        asked = UNSURE * least_gain(term) if term.mechanism in LEFT_OUT else max(rival, least_gain(term))
+        if len(jobs) == MOST_TRIES or not term.named or promised < max(asked, least):
             continue
         if tries.get(term.key, 0) < (2 if term.nonlinear else 1):
             tries[term.key] = tries.get(term.key, 0) + 1
             jobs.append((term, start))
-    leading = {t.key for t, _ in takewhile(lambda job: job[0].mechanism in LEFT_OUT, jobs)}  # promising most of all
     loose = (
         [] if fit.terms else [job for t in candidates if t.mechanism == "backlash" for job in as_described(problem, t)]
     )
-    refits = each(lambda job: _tried(fit, job[0], _refitted(problem, fit, *job, anew=job[0].key in leading)), jobs)
+    refits = each(lambda job: _tried(fit, job[0], _refitted(problem, fit, *job)), jobs)
     refits += each(lambda job: _tried(fit, job[0], problem.best((job[0],), [(job[1], {})], to_end=False)), loose)
     tried = [t for t in refits if t]
     tried.sort(key=lambda t: (-t[0].gain, t[0].term.key))
@@ -162,16 +164,16 @@ def _other_dents(term: Term, values: Mapping[str, float]) -> list[dict[str, floa
     ]
 
 
-def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float], *, anew: bool) -> Fit | None:
+def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:
     """The model with one more term, or None where it cannot be simulated; from what is described where `fit` bends it.
 
     What is bent stands for the term, and moves back too slowly. A jump as large as the linear picture says may lead to
-    where no step is any better: then from none of it. `anew`: from both, by sensitivities of its own, as of friction
-    that was left out, on which all others hang.
+    where no step is any better: then from none of it. Friction that was left out: from both, by sensitivities of its
+    own, as all others hang on it.
     """
     terms = (*fit.terms, term)
     values = {**fit.values, **start}
-    if anew:
+    if term.mechanism in LEFT_OUT:
         return problem.best(terms, [(values, {}), (fit.values, {})])
     starts: list[Start] = [(values, fit.sensitivities)]
     if fit.strain > BENT:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg.blas import dger
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.signal import oaconvolve
 
 from sim.axis import Axis
@@ -45,6 +46,9 @@ MOST_STEPS = 16
 DAMPINGS = 8
 FIRST_DAMPING = 1e-4
 UNKNOWN = 1e-6  # information of one step below which a parameter is not known
+KICK = 0.01  # of a step, by which all numbers are moved to see where a simulation is not to be told
+MOST_BENT = 0.02  # noise deviations by which twice the kick may do other than twice as much
+FELT_S = 0.05  # on either side of a row
 LEAST_DROP = 1.0  # of the squared residual in one step: less says nothing
 
 
@@ -260,7 +264,7 @@ class Problem:
         """Change of both residuals per unit of each parameter; `base` are those at `values`."""
 
         def column(p: Parameter) -> Raw:
-            step = p.step if values[p.name] + p.step <= p.high else -p.step
+            step = _inwards(p, values[p.name])
             torque, guide = self.raw_residuals(terms, {**values, p.name: values[p.name] + step})
             return (torque - base[0]) / step, (guide - base[1]) / step
 
@@ -411,6 +415,34 @@ class Problem:
         other.measurement = replace(self.measurement, rests=rests)
         return other
 
+    def told(self, terms: Sequence[Term], values: Mapping[str, float]) -> Problem:
+        """The same without the rows whose torque this model cannot tell.
+
+        Teeth that nothing presses together rattle in the play that is as new, and any change of a number changes all
+        that they do from there on: what is left there says nothing, and no sensitivity is true. Play and dents that
+        are there show in the same rows.
+        """
+        other = self.with_all_told()
+        if not self.axis.stages or any(t.contact for t in terms):
+            return other
+        parameters = self.parameters(terms)
+        values = {p.name: values.get(p.name, p.start) for p in parameters}
+        moved = [
+            other.residual(terms, {p.name: values[p.name] + share * _inwards(p, values[p.name]) for p in parameters})
+            for share in (0.0, KICK, 2.0 * KICK)
+        ]
+        bent = (moved[0] - 2.0 * moved[1] + moved[2])[: self.measurement.samples]
+        reach = 2 * int(FELT_S * self.measurement.rate_hz) + 1
+        rough = uniform_filter1d(bent**2, reach) > MOST_BENT**2
+        other.measurement = replace(other.measurement, told=1.0 - maximum_filter1d(rough.astype(np.float64), reach))
+        return other
+
+    def with_all_told(self) -> Problem:
+        """The same with the rows in which teeth rattle."""
+        other = copy(self)
+        other.measurement = replace(self.measurement, told=np.ones(1))
+        return other
+
     def remembering(self, memory: Memory) -> Problem:
         """The same for noise that is taken anew to remember otherwise."""
         other = copy(self)
@@ -524,6 +556,11 @@ def minimum_phase(power: Array, length: int) -> Array:
     fold[0], fold[1 : size // 2], fold[size // 2] = 1.0, 2.0, 1.0
     taps = np.fft.irfft(np.exp(np.fft.rfft(cepstrum * fold)), size)
     return np.asarray(taps[: min(length, size // 2)])
+
+
+def _inwards(parameter: Parameter, value: float) -> float:
+    """The parameter's step, backwards where it would lead beyond what is allowed."""
+    return parameter.step if value + parameter.step <= parameter.high else -parameter.step
 
 
 def _cost(residual: Array, parameters: Sequence[Parameter], values: Mapping[str, float]) -> float:

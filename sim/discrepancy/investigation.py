@@ -169,7 +169,8 @@ def investigate(
         axis, verdict, findings, rest[0] if rest else None, _estimates(problem, fit), gained,
         next_measurement(axis, findings, rest, problem.guided), extended_axis(axis, extended),
         _provenance(axis, telemetry, sounds, problem),
-        tuple((r.term.key, r.gain) for r in selection.rejected[:6]), (*gate.remarks, *_rested(problem)), selection,
+        tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
+        (*gate.remarks, *_rested(problem), *_rattled(problem)), selection,
     )  # fmt: skip
 
 
@@ -242,6 +243,18 @@ def _rested(problem: Problem) -> tuple[str, ...]:
     where = " at the load" if m.rests else ""
     told = f"Rows in which the motor turns slower than {slowest:.2g} rad/s did not count{where}"
     return (f"{told}: at rest dry friction holds whatever it likes.",)
+
+
+def _rattled(problem: Problem) -> tuple[str, ...]:
+    """In how many rows teeth rattle, if in any."""
+    lost = 1.0 - float(problem.measurement.told.mean())
+    if lost == 0.0:
+        return ()
+    return (
+        f"In {100.0 * lost:.2g} % of the rows nothing presses the teeth together, and they rattle within the play that "
+        "is as new: what torque that takes cannot be told, and these rows did not count. A load that always pulls one "
+        "way presses them together.",
+    )
 
 
 def told_apart(selection: Selection) -> Selection:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
@@ -34,7 +34,8 @@ class Measurement:
     `torque` and `acceleration` share one wide kernel [N m], [rad/s2]; `slow_acceleration` is nearly free of noise;
     `angle`, `speed` are of the motor; `load_angle`, `load_speed` are None without a load encoder; `slow_...` drive the
     chain, nearly free of noise. `valid`, `load_valid`: 1 where a row can be trusted, else 0; `standstill`: share of
-    the largest speed below which it does not count; `rests`: it counts at the motor, from the first motion on.
+    the largest speed below which it does not count; `rests`: it counts at the motor, from the first motion on;
+    `told`: 1 where a model can tell what the motor's torque must have been, 0 where teeth rattle.
     """
 
     rate_hz: float
@@ -54,6 +55,7 @@ class Measurement:
     load_valid: Array
     standstill: float = STANDSTILL_SHARE
     rests: bool = False
+    told: Array = field(default_factory=lambda: np.ones(1))
 
     @cached_property
     def moving(self) -> Array:
@@ -63,9 +65,8 @@ class Measurement:
     @cached_property
     def weight(self) -> Array:
         """1 where the motor torque counts, 0 where it does not, shape (n,)."""
-        if not self.rests:
-            return self.moving * self.valid
-        return np.maximum.accumulate(self.moving) * self.valid
+        counts = np.maximum.accumulate(self.moving) if self.rests else self.moving
+        return np.asarray(counts * self.valid * self.told)
 
     @cached_property
     def load_weight(self) -> Array:

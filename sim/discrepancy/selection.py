@@ -34,6 +34,7 @@ MOTION_BAND_HZ = 40.0
 MOST_TERMS = 4
 MOST_ROUNDS = 6  # with those that are as new or have no name
 MOST_ENTRIES = 3  # of one round
+BY_CONTACT = ("backlash", "tooth_damage")
 AT_LOW_SPEED = ("stribeck_friction",)
 MOST_RUNS = 2400  # simulations after which only constants are looked for: what is left then is unnamed
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
@@ -73,13 +74,19 @@ class Selection:
 def calibrate(problem: Problem) -> tuple[Problem, Fit]:
     """Fit what the description has, whitened by what the description itself leaves, then by what the fit leaves."""
     described = problem.fit(iterations=0)
-    problem = problem.with_noise(problem.noise_of(described))
+    problem = problem.with_noise(problem.noise_of(described)).told((), described.values)
     return rewhiten(problem, problem.fit(held=described.sensitivities))
 
 
 def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Take the noise from the residual of `fit`, fit again."""
-    problem = problem.learned(fit)
+    problem = problem.learned(fit).told(fit.terms, fit.values)
+    return problem, problem.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
+
+
+def all_rows(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
+    """With those in which teeth rattle, where play and dents show."""
+    problem = problem.with_all_told().learned(fit)
     return problem, problem.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
 
 
@@ -124,6 +131,8 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
             more, entry = search(*rewhiten(problem.down_to(NEAR_STANDSTILL_SHARE), fit), entered, AT_LOW_SPEED)
             anew = {r.term.key for r in more}
             tried = sorted([*more, *(r for r in tried if r.term.key not in anew)], key=lambda r: (-r.gain, r.term.key))
+        if not entry.new and only is None and not problem.measurement.told.all():
+            _, entry = search(*all_rows(problem, fit), entered, BY_CONTACT)
         names = {r.term.key for r in entry.new}
         rejected = tuple(r for r in last if r.term.key not in names and r.term.named)
         if not entry.new:
