@@ -47,7 +47,7 @@ DAMPINGS = 8
 FIRST_DAMPING = 1e-4
 UNKNOWN = 1e-6  # information of one step below which a parameter is not known
 KICK = 0.01  # of a step, by which all numbers are moved to see where a simulation is not to be told
-MOST_BENT = 0.02  # noise deviations by which twice the kick may do other than twice as much
+MOST_BENT = 0.01  # noise deviations by which twice the kick may do other than twice as much: a step, one
 FELT_S = 0.05  # on either side of a row
 LEAST_DROP = 1.0  # of the squared residual in one step: less says nothing
 
