@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg.blas import dger
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
+from scipy.ndimage import label, maximum, uniform_filter1d
 from scipy.signal import oaconvolve
 
 from sim.axis import Axis
@@ -48,7 +48,8 @@ FIRST_DAMPING = 1e-4
 UNKNOWN = 1e-6  # information of one step below which a parameter is not known
 KICK = 0.01  # of a step, by which all numbers are moved to see where a simulation is not to be told
 MOST_BENT = 0.01  # noise deviations by which twice the kick may do other than twice as much: a step, one
-FELT_S = 0.05  # on either side of a row
+LEAST_BENT = 0.002  # the same where such a spell begins and ends
+FELT_S = 0.05  # on either side of a row, over which that is asked
 LEAST_DROP = 1.0  # of the squared residual in one step: less says nothing
 
 
@@ -251,7 +252,7 @@ class Problem:
                 guide = guide - term.load_torque(m, values)[:: self.guide_stride]
         if not weighted:
             return torque, guide
-        return torque * m.weight, guide * m.load_weight[:: self.guide_stride] if guide.size else guide
+        return m.bridge.across(torque) * m.counts, guide * m.load_weight[:: self.guide_stride] if guide.size else guide
 
     def residual(self, terms: Sequence[Term], values: Mapping[str, float]) -> Array:
         """Whitened residuals of all channels in one row."""
@@ -433,8 +434,11 @@ class Problem:
         ]
         bent = (moved[0] - 2.0 * moved[1] + moved[2])[: self.measurement.samples]
         reach = 2 * int(FELT_S * self.measurement.rate_hz) + 1
-        rough = uniform_filter1d(bent**2, reach) > MOST_BENT**2
-        other.measurement = replace(other.measurement, told=1.0 - maximum_filter1d(rough.astype(np.float64), reach))
+        rough = uniform_filter1d(bent**2, reach)
+        spells, count = label(rough > LEAST_BENT**2)
+        worst = maximum(rough, spells, np.arange(count + 1))
+        told = (spells == 0) | (worst[spells] < MOST_BENT**2)
+        other.measurement = replace(other.measurement, told=told.astype(np.float64))
         return other
 
     def with_all_told(self) -> Problem:

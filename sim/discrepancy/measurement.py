@@ -23,6 +23,7 @@ MOTION_CUT_HZ = (
     12.0  # acceleration below it is the motion's own; above, mostly the encoder's noise, which would shrink inertias
 )
 REACH = 4  # rows on either side of a gap that are felt, per row of it
+PIER = 50  # rows on either side of lost ones from whose mean a line leads over them
 STANDSTILL_SHARE = 0.012  # of the largest speed: below, dry friction is whatever it needs to be
 NEAR_STANDSTILL_SHARE = 0.006  # the same where no teeth leave each other, which they do first at reversals
 
@@ -63,10 +64,19 @@ class Measurement:
         return standstill_weight(self.speed, self.standstill)
 
     @cached_property
+    def counts(self) -> Array:
+        """1 where the motor torque counts by its speed, 0 where it does not, shape (n,)."""
+        return np.maximum.accumulate(self.moving) if self.rests else self.moving
+
+    @cached_property
     def weight(self) -> Array:
-        """1 where the motor torque counts, 0 where it does not, shape (n,)."""
-        counts = np.maximum.accumulate(self.moving) if self.rests else self.moving
-        return np.asarray(counts * self.valid * self.told)
+        """The same, and 0 where it cannot be trusted or told."""
+        return np.asarray(self.counts * self.valid * self.told)
+
+    @cached_property
+    def bridge(self) -> Bridge:
+        """Over rows of the motor torque that cannot be trusted or told."""
+        return Bridge.over(self.valid * self.told < 0.5)
 
     @cached_property
     def load_weight(self) -> Array:
@@ -76,6 +86,43 @@ class Measurement:
     @property
     def samples(self) -> int:
         return int(self.time_s.size)
+
+
+@dataclass(frozen=True)
+class Bridge:
+    """Straight lines over lost rows, from the mean of the `PIER` rows before a gap to that of those behind it.
+
+    Left at zero, the rows would cut slow noise off with edges that are louder than all else.
+    """
+
+    lost: NDArray[np.int64]
+    kept: NDArray[np.int64]
+    behind: NDArray[np.int64]  # place among the kept rows of the first behind each lost one
+    share: Array
+
+    @staticmethod
+    def over(lost: NDArray[np.bool_]) -> Bridge:
+        """`lost`: shape (n,); nothing is bridged where all are."""
+        gone, kept = np.flatnonzero(lost), np.flatnonzero(~lost)
+        behind = np.searchsorted(kept, gone)
+        if not kept.size:
+            return Bridge(gone[:0], kept, behind[:0], np.zeros(0))
+        before, after = kept[np.maximum(behind - 1, 0)], kept[np.minimum(behind, kept.size - 1)]
+        share = np.where(after > before, (gone - before) / np.maximum(after - before, 1), 0.5)
+        return Bridge(gone, kept, behind, share)
+
+    def across(self, values: Array) -> Array:
+        """`values`, shape (n,), with lines in place of the lost rows."""
+        if not self.lost.size:
+            return values
+        sums = np.concatenate([[0.0], np.cumsum(values[self.kept])])
+        low, high = np.maximum(self.behind - PIER, 0), np.minimum(self.behind + PIER, self.kept.size)
+        before = (sums[self.behind] - sums[low]) / np.maximum(self.behind - low, 1)
+        after = (sums[high] - sums[self.behind]) / np.maximum(high - self.behind, 1)
+        before, after = np.where(self.behind > 0, before, after), np.where(high > self.behind, after, before)
+        out = values.copy()
+        out[self.lost] = before + self.share * (after - before)
+        return out
 
 
 def gaussian_kernel(cut_hz: float, rate_hz: float, derivative: int) -> Array:

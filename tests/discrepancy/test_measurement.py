@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.discrepancy.measurement import NEAR_STANDSTILL_SHARE, gaussian_kernel, prepare
+from sim.discrepancy.measurement import NEAR_STANDSTILL_SHARE, PIER, Bridge, gaussian_kernel, prepare
 
 
 @pytest.mark.parametrize("derivative", [0, 1, 2])
@@ -60,3 +60,19 @@ def test_where_no_teeth_leave_each_other_rows_count_down_to_half_the_speed() -> 
     slowest = [np.abs(m.speed[rising][m.weight[rising] > 0.0]).min() / top for m in (closer, prepared)]
     assert slowest == pytest.approx([0.006, 0.012], abs=1e-3)
     assert closer.weight[closer.time_s > 6.2].max() == 0.0  # what cannot be trusted stays out
+
+
+def test_lost_rows_are_bridged_by_what_is_on_either_side() -> None:
+    lost = np.zeros(1000, dtype=np.bool_)
+    lost[:30] = lost[400:460] = lost[-10:] = True
+    bridge = Bridge.over(lost)
+    rng = np.random.default_rng(3)
+    one, other = rng.standard_normal((2, lost.size))
+    assert bridge.across(np.full(lost.size, 2.0)) == pytest.approx(2.0)
+    assert bridge.across(one + 3.0 * other) == pytest.approx(bridge.across(one) + 3.0 * bridge.across(other))
+    assert (bridge.across(one)[~lost] == one[~lost]).all()
+    left, right = one[400 - PIER : 400].mean(), one[460 : 460 + PIER].mean()
+    middle = bridge.across(one)[400:460]
+    assert middle == pytest.approx(np.interp(np.arange(400, 460), [399, 460], [left, right]))
+    assert bridge.across(one)[0] == pytest.approx(one[30 : 30 + PIER].mean())
+    assert Bridge.over(np.ones(5, dtype=np.bool_)).across(one[:5]) == pytest.approx(one[:5])
