@@ -80,14 +80,16 @@ def calibrate(problem: Problem) -> tuple[Problem, Fit]:
 
 def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Take the noise from the residual of `fit`, fit again."""
-    problem = problem.learned(fit).told(fit.terms, fit.values)
-    return problem, problem.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
+    anew = problem.learned(fit).told(fit.terms, fit.values)
+    same = np.array_equal(anew.measurement.told, problem.measurement.told)
+    held = fit.sensitivities if same else {}  # those of rows that did not count are not known
+    return anew, anew.fit(fit.terms, fit.values, held=held, to_end=True)
 
 
 def all_rows(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """With those in which teeth rattle, where play and dents show."""
     problem = problem.with_all_told().learned(fit)
-    return problem, problem.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
+    return problem, problem.fit(fit.terms, fit.values, to_end=True)
 
 
 def look_closely(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
