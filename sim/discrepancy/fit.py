@@ -49,6 +49,7 @@ UNKNOWN = 1e-6  # information of one step below which a parameter is not known
 KICK = 0.01  # of a step, by which all numbers are moved to see where a simulation is not to be told
 MOST_BENT = 0.01  # noise deviations by which twice the kick may do other than twice as much: a step, one
 LEAST_BENT = 0.002  # the same where such a spell begins and ends
+FEWEST_TOLD = 1.0 / 3.0  # of all rows; fewer say less than what is rough
 FELT_S = 0.05  # on either side of a row, over which that is asked
 LEAST_DROP = 1.0  # of the squared residual in one step: less says nothing
 
@@ -438,7 +439,8 @@ class Problem:
         spells, count = label(rough > LEAST_BENT**2)
         worst = maximum(rough, spells, np.arange(count + 1))
         told = (spells == 0) | (worst[spells] < MOST_BENT**2)
-        other.measurement = replace(other.measurement, told=told.astype(np.float64))
+        if told.mean() > FEWEST_TOLD:
+            other.measurement = replace(other.measurement, told=told.astype(np.float64))
         return other
 
     def with_all_told(self) -> Problem:
