@@ -17,11 +17,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.linalg.blas import dger
-from scipy.ndimage import label, maximum, uniform_filter1d
 from scipy.signal import oaconvolve
 
 from sim.axis import Axis
 from sim.chain_model import Chain, ChainError
+from sim.discrepancy import rattle
 from sim.discrepancy.entries import swinging, with_entries
 from sim.discrepancy.measurement import LOAD_CUT_HZ, Measurement
 from sim.discrepancy.model import base_parameters, chain_of, has_links, locked_mode_hz, nuisance_of
@@ -46,11 +46,6 @@ MOST_STEPS = 16
 DAMPINGS = 8
 FIRST_DAMPING = 1e-4
 UNKNOWN = 1e-6  # information of one step below which a parameter is not known
-KICK = 0.01  # of a step, by which all numbers are moved to see where a simulation is not to be told
-MOST_BENT = 0.01  # noise deviations by which twice the kick may do other than twice as much: a step, one
-LEAST_BENT = 0.002  # the same where such a spell begins and ends
-FEWEST_TOLD = 1.0 / 3.0  # of all rows; fewer say less than what is rough
-FELT_S = 0.05  # on either side of a row, over which that is asked
 LEAST_DROP = 1.0  # of the squared residual in one step: less says nothing
 
 
@@ -429,18 +424,13 @@ class Problem:
             return other
         parameters = self.parameters(terms)
         values = {p.name: values.get(p.name, p.start) for p in parameters}
-        moved = [
-            other.residual(terms, {p.name: values[p.name] + share * _inwards(p, values[p.name]) for p in parameters})
-            for share in (0.0, KICK, 2.0 * KICK)
+        rows = self.measurement.samples
+        kicked = [
+            other.residual(terms, {p.name: values[p.name] + kick * _inwards(p, values[p.name]) for p in parameters})
+            for kick in (0.0, rattle.KICK, 2.0 * rattle.KICK)
         ]
-        bent = (moved[0] - 2.0 * moved[1] + moved[2])[: self.measurement.samples]
-        reach = 2 * int(FELT_S * self.measurement.rate_hz) + 1
-        rough = uniform_filter1d(bent**2, reach)
-        spells, count = label(rough > LEAST_BENT**2)
-        worst = maximum(rough, spells, np.arange(count + 1))
-        told = (spells == 0) | (worst[spells] < MOST_BENT**2)
-        if told.mean() > FEWEST_TOLD:
-            other.measurement = replace(other.measurement, told=told.astype(np.float64))
+        counts = rattle.told([left[:rows] for left in kicked], self.measurement.rate_hz)
+        other.measurement = replace(other.measurement, told=counts)
         return other
 
     def with_all_told(self) -> Problem:

@@ -15,6 +15,7 @@ from sim.discrepancy.condition import examine
 from sim.discrepancy.explanation import explain
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.investigation import investigate
+from sim.discrepancy.rattle import told
 from sim.discrepancy.screening import screen
 from sim.discrepancy.terms import Term
 from tests.discrepancy.telemetry_of import swing
@@ -171,3 +172,16 @@ def test_friction_is_named_without_which_teeth_would_rattle() -> None:
     found = investigate(without, measured)
     assert [f.mechanism for f in found.findings] == ["coulomb_friction"]
     assert found.findings[0].probability > 0.5
+
+
+def test_a_spell_of_rattle_lasts_from_its_first_sign_to_its_last() -> None:
+    """Rough by 0.05 in the middle and by 0.005 around; rough by 0.005 alone is none, nor what bends nowhere."""
+    rows = np.zeros(3000)
+    rows[1000:1600], rows[1200:1300], rows[2300:2600] = 0.005, 0.05, 0.005
+    still = np.zeros(rows.size)
+    lost = np.flatnonzero(told([still, still, rows], 1000.0) < 0.5)
+    assert lost.min() == pytest.approx(1000, abs=50)
+    assert lost.max() == pytest.approx(1600, abs=50)
+    assert lost.size == lost.max() - lost.min() + 1
+    assert told([still, rows, 2.0 * rows], 1000.0).all()
+    assert told([still, still, still + 1.0], 1000.0).all()  # nothing would be left
