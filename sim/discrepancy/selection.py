@@ -81,7 +81,7 @@ def calibrate(problem: Problem) -> tuple[Problem, Fit]:
 def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Take the noise from the residual of `fit`, fit again."""
     anew = problem.learned(fit).told(fit.terms, fit.values)
-    same = np.array_equal(anew.measurement.told, problem.measurement.told)
+    same = (anew.measurement.told == problem.measurement.told).all()  # one may be a single 1 for all rows
     held = fit.sensitivities if same else {}  # those of rows that did not count are not known
     return anew, anew.fit(fit.terms, fit.values, held=held, to_end=True)
 
