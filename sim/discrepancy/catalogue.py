@@ -10,7 +10,7 @@ import numpy as np
 
 from sim.axis import Axis
 from sim.chain_model import Chain, Dent, with_link, with_shaft
-from sim.discrepancy.entries import rounding, swing
+from sim.discrepancy.entries import lopsided, rounding, swing
 from sim.discrepancy.measurement import LOAD_CUT_HZ, Array, Measurement
 from sim.discrepancy.model import PARTS, has_links, link_stiffness, locked_mode_hz, ratio_after, stages_of, wave
 from sim.discrepancy.parameters import Parameter, Values
@@ -41,6 +41,9 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
     out = [*_friction_terms(axis, level, top, measurement), _offset(level)]
     if any(shaft.coulomb_n_m > 0.0 for shaft in present.shafts):
         out.append(_stribeck(level, top))
+    if all(shaft.coulomb_backward_n_m is None for shaft in present.shafts):
+        seen_apart = has_links(axis) and measurement.load_angle is not None
+        out += [_asymmetry(level, top, place) for place in ((MOTOR, None) if seen_apart else (MOTOR,))]
     travel = float(np.ptp(measurement.angle))
     out += [_ripple(order, level, axis) for order in RIPPLE_ORDERS if travel * order > 2.0 * math.pi]
     out += [hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
@@ -97,7 +100,6 @@ def _friction_terms(axis: Axis, level: float, top: float, m: Measurement) -> lis
     if not (motor.viscous_friction_n_m_s_per_rad or load.viscous_friction_n_m_s_per_rad):
         step = 0.05 * level / top
         out.append(_both("viscous_friction", "coefficient_n_m_s_per_rad", "viscous_n_m_s", step, scale * scale, n))
-    out.append(_asymmetry(level, top))
     out.append(_drift(n, float(m.time_s[-1])))
     return out
 
@@ -142,19 +144,12 @@ def _stribeck(level: float, top: float) -> Term:
     )
 
 
-def _asymmetry(level: float, top: float) -> Term:
-    coulomb, viscous = (_name("friction_asymmetry", "motor", p) for p in ("coulomb", "viscous"))
+def _asymmetry(level: float, top: float, location: str | None) -> Term:
+    """Of the motor's friction, or of motor's and load's alike."""
+    coulomb, viscous = (_name("friction_asymmetry", location, p) for p in ("coulomb", "viscous"))
 
     def apply(chain: Chain, values: Values) -> Chain:
-        shaft = chain.shafts[0]
-        return with_shaft(
-            chain,
-            0,
-            coulomb_n_m=shaft.coulomb_n_m + values[coulomb],
-            coulomb_backward_n_m=shaft.coulomb_n_m - values[coulomb],
-            viscous_n_m_s=shaft.viscous_n_m_s + values[viscous],
-            viscous_backward_n_m_s=shaft.viscous_n_m_s - values[viscous],
-        )
+        return lopsided(chain, location, values[coulomb], values[viscous])
 
     def report(values: Values) -> dict[str, float]:
         return {"torque_n_m": values[coulomb], "coefficient_n_m_s_per_rad": values[viscous]}
@@ -165,7 +160,7 @@ def _asymmetry(level: float, top: float) -> Term:
     step = 0.03 * level
     parameters = (Parameter(coulomb, 0.0, step), Parameter(viscous, 0.0, step / top))
     probes = (({viscous: step / top},), ({coulomb: step}, {viscous: step / top}))
-    return Term("friction_asymmetry", "motor", parameters, probes, report, apply, size=0.1 * step, magnitude=magnitude)
+    return Term("friction_asymmetry", location, parameters, probes, report, apply, size=0.1 * step, magnitude=magnitude)
 
 
 def _drift(n: int, duration: float) -> Term:

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PchipInterpolator
+from scipy.ndimage import find_objects, label
 
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis
@@ -128,17 +129,21 @@ def _present(t: Telemetry, grid: Array) -> Array:
 
 
 def _held(angle: Array, torque: Array, valid: Array) -> NDArray[np.bool_]:
-    """Rows that repeat the row before although the motor moves by many steps of its encoder per row."""
+    """Rows that repeat the row before although the motor moves, by many steps of its encoder per row.
+
+    How far it has moved is told by the first row that repeats no more, however long that lasts.
+    """
     step = np.abs(np.diff(angle))
     usual = float(np.median(step))
     jump = np.abs(np.diff(torque))
     same = (step < 1e-4 * usual) & (jump <= 1e-4 * float(np.median(jump)))
-    way = np.concatenate([[0.0], np.cumsum(step)])
-    rows = np.arange(step.size)
-    before = (way[rows] - way[np.maximum(rows - 20, 0)]) / 20
-    after = (way[np.minimum(rows + 21, step.size)] - way[rows + 1]) / 20
-    moving = np.minimum(before, after) > max(0.01 * usual, 8.0 * _quantum(angle))
-    held: NDArray[np.bool_] = np.concatenate([[False], same & moving])
+    spells, _ = label(same)
+    held = np.zeros(angle.size, dtype=np.bool_)
+    for (rows,) in find_objects(spells):
+        if rows.stop < step.size and step[rows.stop] / (rows.stop - rows.start + 1) > max(
+            0.01 * usual, 8.0 * _quantum(angle)
+        ):
+            held[rows.start + 1 : rows.stop + 1] = True
     return held & (valid > 0.5)
 
 

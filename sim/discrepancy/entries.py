@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 
 import numpy as np
 from scipy.signal import bilinear, lfilter
@@ -31,6 +32,32 @@ def rounding(form: float) -> float:
     (1 - |u|^form)^4 keeps an integrator's order, (1 - |u|^form)^2 is nearer to a tooth that leaves its contact.
     """
     return float(((1.0 - 0.5**0.5) / (1.0 - 0.5**0.25)) ** (1.0 / form))
+
+
+def lopsided(chain: Chain, location: str | None, coulomb_n_m: float, viscous_n_m_s: float) -> Chain:
+    """Friction that is larger forward and smaller backward, by as much at the motor; no location: of motor and load.
+
+    There each has its share of it, as it has of the friction that the motor feels.
+    """
+    ratio = math.prod(link.ratio for link in chain.links)
+    ends = {0: 1.0} if location is not None or not chain.links else {0: 1.0, len(chain.shafts) - 1: 1.0 / ratio}
+    dry = {k: chain.shafts[k].coulomb_n_m * felt for k, felt in ends.items()}
+    viscous = {k: chain.shafts[k].viscous_n_m_s * felt**2 for k, felt in ends.items()}
+    for k, felt in ends.items():
+        c = coulomb_n_m * _part(dry, k) / felt
+        v = viscous_n_m_s * _part(viscous, k) / felt**2
+        shaft = chain.shafts[k]
+        chain = with_shaft(
+            chain, k, coulomb_n_m=shaft.coulomb_n_m + c, coulomb_backward_n_m=shaft.coulomb_n_m - c,
+            viscous_n_m_s=shaft.viscous_n_m_s + v, viscous_backward_n_m_s=shaft.viscous_n_m_s - v,
+        )  # fmt: skip
+    return chain
+
+
+def _part(values: Mapping[int, float], k: int) -> float:
+    """Share of the value of shaft `k` in all; the motor has all of nothing."""
+    whole = sum(values.values())
+    return values[k] / whole if whole > 0.0 else float(k == 0)
 
 
 def swinging(axis: Axis, m: Measurement) -> Array:
@@ -76,12 +103,8 @@ def _with_entry(chain: Chain, axis: Axis, k: int, entry: MechanismEntry) -> Chai
         case "stribeck_friction":
             return with_shaft(chain, 0, stribeck_n_m=p["torque_n_m"], stribeck_speed_rad_s=p["speed_rad_s"])
         case "friction_asymmetry":
-            shaft = chain.shafts[0]
-            c, v = p.get("torque_n_m", 0.0), p.get("coefficient_n_m_s_per_rad", 0.0)
-            return with_shaft(
-                chain, 0, coulomb_n_m=shaft.coulomb_n_m + c, coulomb_backward_n_m=shaft.coulomb_n_m - c,
-                viscous_n_m_s=shaft.viscous_n_m_s + v, viscous_backward_n_m_s=shaft.viscous_n_m_s - v,
-            )  # fmt: skip
+            torque, coefficient = p.get("torque_n_m", 0.0), p.get("coefficient_n_m_s_per_rad", 0.0)
+            return lopsided(chain, entry.location, torque, coefficient)
         case "friction_drift":
             for index in {0, last}:
                 chain = with_shaft(chain, index, drift_per_s=p["rate_per_s"])

@@ -46,6 +46,7 @@ MOST_STEPS = 16
 DAMPINGS = 8
 FIRST_DAMPING = 1e-4
 UNKNOWN = 1e-6  # information of one step below which a parameter is not known
+BURST = 1e6  # times the torque: what a simulation that has burst is off by
 LEAST_DROP = 1.0  # of the squared residual in one step: less says nothing
 
 
@@ -246,6 +247,8 @@ class Problem:
         for term in terms:
             if term.load_torque is not None and guide.size:
                 guide = guide - term.load_torque(m, values)[:: self.guide_stride]
+        if not math.isfinite(float(torque @ torque) + float(guide @ guide)):
+            torque, guide = (_within(BURST * float(np.std(m.torque)), x) for x in (torque, guide))
         if not weighted:
             return torque, guide
         return m.bridge.across(torque) * m.counts, guide * m.load_weight[:: self.guide_stride] if guide.size else guide
@@ -552,6 +555,11 @@ def minimum_phase(power: Array, length: int) -> Array:
     fold[0], fold[1 : size // 2], fold[size // 2] = 1.0, 2.0, 1.0
     taps = np.fft.irfft(np.exp(np.fft.rfft(cepstrum * fold)), size)
     return np.asarray(taps[: min(length, size // 2)])
+
+
+def _within(far: float, values: Array) -> Array:
+    """No further from 0 than `far`: numbers with which a simulation bursts are worse than any others, and no error."""
+    return np.clip(np.nan_to_num(values, nan=far), -far, far)
 
 
 def _inwards(parameter: Parameter, value: float) -> float:

@@ -14,6 +14,8 @@ UNKNOWN_STIFFNESS_HZ = 80.0
 PARTS = ("sine", "cosine")
 SHARED_SPREAD = 0.4  # of a stage's stiffness, where only that of the whole transmission is given
 MOTOR_STRETCH_RAD, LOAD_STRETCH_RAD = 2e-3, 3e-5  # contacts give way by micrometres, of millimetres and decimetres
+LOSS_SPLITS = ("loss_split.driving", "loss_split.driven")
+MOTOR_STRETCH = "log_stretch_rad.motor"
 NONE = math.log(NO_STRETCH_RAD)
 SLOW = -5.0  # a contact lets go within a second, and not while it moves
 RUNOUT_OVER_MESH = 2.0  # of a gear as new: error once per turn over that per tooth
@@ -81,7 +83,7 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
             new = entry.transmission_error_rad
             out += [Parameter(f"mesh.{stage}.{part}_rad", 0.0, 0.3 * new, new, -3 * new, 3 * new) for part in PARTS]
     if any(entry.mesh_efficiency < 1.0 for entry in axis.stages):
-        out.append(Parameter("loss_split", 0.5, 0.1, 0.5, 0.0, 1.0))
+        out += [Parameter(name, 0.5, 0.1, 0.5, 0.0, 1.0) for name in LOSS_SPLITS]
     return out
 
 
@@ -222,9 +224,9 @@ def nuisance_of(values: Values) -> Nuisance:
         get("load_delay_s", 0.0),
         (get("load_encoder.error_sine_rad", 0.0), get("load_encoder.error_cosine_rad", 0.0)),
         get("load_offset_rad", 0.0),
-        get("loss_split", 0.5),
+        (get(LOSS_SPLITS[0], 0.5), get(LOSS_SPLITS[1], 0.5)),
         (1e-3 * math.exp(get("log_release.motor", 0.0)), width * math.exp(get("log_release.load", 0.0))),
         width,
-        (math.exp(get("log_stretch_rad.motor", NONE)), math.exp(get("log_stretch_rad.load", NONE))),
+        (math.exp(get(MOTOR_STRETCH, NONE)), math.exp(get("log_stretch_rad.load", NONE))),
         (get("start_rad", 0.0), get("start_rad_s", 0.0)),
     )

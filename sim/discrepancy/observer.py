@@ -27,7 +27,8 @@ class Nuisance:
     """What belongs to the measurement and not to the axis.
 
     `torque_delay_s`: the torque channel is late by this; `load_delay_s` the load encoder; `load_error_rad` sine and
-    cosine amplitude of the encoder's error once per revolution; `loss_split`: share of mesh losses on the driven side;
+    cosine amplitude of the encoder's error once per revolution; `loss_split`: share of mesh losses behind the spring,
+    while the motor drives and while the load does;
     `friction_width`, `loss_width`: speed over which friction and losses turn their sign, of the largest;
     `stretch_rad`: by which a contact gives way before friction slides;
     `start`: angle [rad] and speed [rad/s] by which a load without encoder is ahead of where the motor takes it.
@@ -37,7 +38,7 @@ class Nuisance:
     load_delay_s: float = 0.0
     load_error_rad: tuple[float, float] = (0.0, 0.0)
     load_offset_rad: float = 0.0
-    loss_split: float = 0.5
+    loss_split: tuple[float, float] = (0.5, 0.5)
     friction_width: tuple[float, float] = (1e-3, 1e-3)  # of the largest speed: motor, load
     loss_width: float = 1e-3
     stretch_rad: tuple[float, float] = (NO_STRETCH_RAD, NO_STRETCH_RAD)  # motor, load
@@ -179,7 +180,7 @@ class Observer:
             angles, speeds = (x + s * lag_of(chain) for x, s in zip((angles, speeds), nuisance.start, strict=True))
         start = np.concatenate([angles, speeds, np.zeros(n - 1)])
         steps = substeps(chain, m.rate_hz, gains)
-        setting = np.array([nuisance.loss_split, stretch, steps, *slow])
+        setting = np.array([*nuisance.loss_split, stretch, steps, *slow])
         inner = (
             model[0][1:],
             *model[1:],

@@ -206,7 +206,8 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
 
     `motion`, `guide`: rows angle and speed, cubic in between; `gains`: stiffness and damping of the guide (0: none);
     `widths`: rows of speeds over which mesh losses and friction of each shaft turn their sign; `stretch`: by which
-    shafts give way before friction slides; `split`: share of mesh losses on the driven side;
+    shafts give way before friction slides; `split`: share of mesh losses on the driven side while the
+    motor drives, and while the load does;
     `start`: angles and speeds of shafts 1 to n - 1, then hysteresis torques; `stages`: a tuple with one entry per link,
     of which only the length is used: the compiler knows it and unrolls the loops over shafts.
     """
@@ -329,9 +330,10 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                     drives = force * way > 0.0
                     before = 1.0 / links[k, ETA1] - 1.0 if drives else 1.0 - links[k, ETA2]
                     after = 1.0 - links[k, ETA1] if drives else 1.0 / links[k, ETA2] - 1.0
-                    driver[k] += (1.0 - split) * before * abs(force) * links[k, INV] * way
+                    share = split[0] if drives else split[1]
+                    driver[k] += (1.0 - share) * before * abs(force) * links[k, INV] * way
                     driver[k] += way * (links[k, BF1] if drives else links[k, BF2])
-                    driven[k] -= split * after * abs(force) * way
+                    driven[k] -= share * after * abs(force) * way
                 new[k] += driven[k] - linear
                 if k > 0:
                     new[k - 1] -= driver[k] - linear * links[k, INV]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 
@@ -22,7 +23,7 @@ from sim.discrepancy.criteria import (
 )
 from sim.discrepancy.fit import LONG, Fit, Noise, Problem, each
 from sim.discrepancy.measurement import NEAR_STANDSTILL_SHARE, STANDSTILL_SHARE, gaussian_kernel
-from sim.discrepancy.model import has_links
+from sim.discrepancy.model import MOTOR_STRETCH, has_links
 from sim.discrepancy.nameless import AS_NEW
 from sim.discrepancy.size import beyond
 from sim.discrepancy.terms import Term
@@ -36,7 +37,8 @@ MOST_ROUNDS = 6  # with those that are as new or have no name
 MOST_ENTRIES = 3  # of one round
 BY_CONTACT = ("backlash", "tooth_damage")
 AT_LOW_SPEED = ("stribeck_friction",)
-MOST_RUNS = 2400  # simulations after which only constants are looked for: what is left then is unnamed
+MOST_RUNS = 2400  # simulations after which only constants and what promised much are looked for: the rest is unnamed
+LEAST_STRETCH_RAD = 1.5e-4  # a micrometre and a half on a centimetre, three steps of an encoder of 17 bits
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
 SWAPS = 3
 RIVAL_SHARE = 0.25  # of the gain of the best: less is no rival
@@ -93,11 +95,18 @@ def all_rows(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
 
 
 def look_closely(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
-    """Rows at rest, where they tell, and slow noise; what friction holds at rest is fitted before noise is taken."""
-    problem = problem.resting(fit)
-    if problem.measurement.rests:
-        fit = problem.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
-    return rewhiten(problem.remembering(LONG), fit)
+    """Rows at rest, where they tell, and slow noise; what friction holds at rest is fitted before noise is taken.
+
+    A contact that gives way by less than the motor's encoder sees holds whatever it likes: rows at rest say nothing.
+    """
+    problem = problem.remembering(LONG)
+    resting = problem.resting(fit)
+    if resting.measurement.rests:
+        more = resting.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
+        resting, more = rewhiten(resting, more)
+        if math.exp(more.values[MOTOR_STRETCH]) > LEAST_STRETCH_RAD:
+            return resting, more
+    return rewhiten(problem, fit)
 
 
 def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
@@ -121,14 +130,16 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     rivals: Mapping[str, tuple[Rival, ...]] = {}
     rejected: tuple[Rival, ...] = ()
     entered: dict[str, float] = {}
+    promised: frozenset[str] = frozenset()
     for step in range(MOST_ROUNDS):
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
-        only = None if problem.runs.count <= MOST_RUNS else CONSTANT
+        only = None if problem.runs.count <= MOST_RUNS else {*CONSTANT, *promised}
         tried, entry = search(problem, fit, entered, only)
         if not entry.new and problem.memory != LONG:
             problem, fit = look_closely(problem, fit)
             tried, entry = search(problem, fit, entered, only)
-        last = tried if only is None else rejected  # constants alone say nothing of the others
+        last = tried if only is None else rejected  # some alone say nothing of the others
+        promised = frozenset(r.term.mechanism for r in tried if is_large(r, fit))
         if not entry.new and asks_low_speed(problem, fit):
             more, entry = search(*rewhiten(problem.down_to(NEAR_STANDSTILL_SHARE), fit), entered, AT_LOW_SPEED)
             anew = {r.term.key for r in more}
@@ -155,6 +166,12 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     found = tuple(t for t in fit.terms if t.named and beyond(t, fit) > BEYOND)
     standing = standings(problem, fit, found, gains, in_place)
     return Selection(problem, base, fit, gains, rivals, rejected, found, standing)
+
+
+def is_large(rival: Rival, fit: Fit) -> bool:
+    """Whether a mechanism of a size that matters, teeth in contact, takes away much."""
+    sure = rival.term.named and not rival.term.contact and rival.beyond > BEYOND
+    return sure and rival.gain > LARGE * fit.misfit
 
 
 def likely(tried: Sequence[Rival]) -> list[Rival]:

@@ -22,6 +22,7 @@ WEAK_SCORE = 2.0  # where the first `LEAST_LINES` are lines, the first not far b
 WEAK_ORDER = 2.0
 WEAK_FIRST = 0.5
 WEAK_FIXED = 2.0
+WEAK_BESIDE = 10.0  # times as loud: beside what is fixed in Hz a weak one may be what that and gears make together
 SURE, WEAK = 0.95, 0.85  # probabilities of a bearing
 SCORE_AMONG_LINES = 10.0  # where something fixed in Hz is louder than all that turns, and leaves lines everywhere
 LOWEST_FIXED_HZ, HIGHEST_FIXED_HZ = 4.0, 100.0
@@ -61,6 +62,8 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
         score = sum(math.log(found[k - 1] / LINE) for k in lines)
         weak = score < least
         if weak and (among_lines or score < WEAK_SCORE or not _begins(order, lines, found)):
+            continue
+        if weak and loudest_fixed > WEAK_BESIDE * max(found):
             continue
         if len(lines) < LEAST_LINES or score < best[0]:
             continue
