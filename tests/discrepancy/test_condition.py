@@ -81,6 +81,18 @@ def test_missing_and_repeated_rows_are_named_lost_samples() -> None:
     assert [f.mechanism for f in examine(AXIS, repeated).faults] == ["lost_samples"]
 
 
+@pytest.mark.parametrize("length", [1, 29, 60])
+def test_rows_are_held_however_long_the_motor_has_gone_on_meanwhile(length: int) -> None:
+    telemetry = one_body(0.3, 1.0, 0.0, 5)
+    first = int(np.argmax(np.gradient(telemetry["motor_position_rad"])))  # fast all around
+    rows = np.arange(telemetry.rows)
+    rows[first : first + length] = first - 1
+    held = Telemetry(telemetry.time_s, {k: v[rows] for k, v in telemetry.channels.items()})
+    counts = examine(AXIS, held).measurement.weight > 0.5
+    assert not counts[first : first + length].any()
+    assert counts.mean() > 0.4
+
+
 def test_held_rows_are_bridged_and_most_rows_around_them_still_count() -> None:
     """Two in a hundred rows hold the last value, at any speed; what moved is known as well as before."""
     telemetry = one_body(0.3, 1.0, 0.0, 5)

@@ -112,8 +112,8 @@ def to_and_fro(duration_s: int) -> Array:
     return np.asarray(60.0 * u**3 * (10.0 - 15.0 * u + 6.0 * u**2))
 
 
-def test_noise_is_that_of_rows_at_rest_after_what_friction_holds_there_is_fitted() -> None:
-    """What it holds before would pass for slow noise, and hide whatever acts over whole strokes."""
+def looked_at_closely(stretch_rad: float, release: float) -> tuple[Problem, Fit]:
+    """An axis whose friction gives way by `stretch_rad` before it slides, to and fro with rests between."""
     geared = read_axis(
         {
             "motor": {"inertia_kg_m2": 0.02, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.01},
@@ -125,15 +125,31 @@ def test_noise_is_that_of_rows_at_rest_after_what_friction_holds_there_is_fitted
     still = prepare(RATE_HZ, np.zeros(angle.size), angle, angle / 8.0)
     one = Problem(geared, still, Noise.flat(0.05, 1.0))
     start = {p.name: p.start for p in one.base()}
-    holds = replace(nuisance_of(start), stretch_rad=(0.05, 1e-9), friction_width=(2e-5, 1e-3))
+    holds = replace(nuisance_of(start), stretch_rad=(stretch_rad, 1e-9), friction_width=(release, 1e-3))
     moved = one.observer.predict(one.chain((), start), holds).torque
     noise = 0.02 * np.random.default_rng(8).standard_normal(moved.size)
-    one = Problem(geared, replace(still, torque=moved + noise), Noise.flat(0.05, 1.0))
-    closely, fit = look_closely(*calibrate(one))
+    return look_closely(*calibrate(Problem(geared, replace(still, torque=moved + noise), Noise.flat(0.05, 1.0))))
+
+
+def test_noise_is_that_of_rows_at_rest_after_what_friction_holds_there_is_fitted() -> None:
+    """What it holds before would pass for slow noise, and hide whatever acts over whole strokes."""
+    closely, fit = looked_at_closely(0.05, 2e-5)
     assert closely.measurement.rests
     rows = fit.residual[: fit.torque_rows] * (closely.measurement.moving > 0.5)
     slow = np.convolve(rows, np.ones(500) / np.sqrt(500.0), "same")[closely.measurement.moving > 0.5]
     assert np.mean(slow**2) == pytest.approx(1.0, rel=0.7)
+
+
+def test_rows_at_rest_say_nothing_where_friction_gives_way_by_less_than_the_encoder_sees() -> None:
+    assert not looked_at_closely(2e-5, 1e-9)[0].measurement.rests
+
+
+def test_a_simulation_that_bursts_is_far_off_and_no_number_is_lost() -> None:
+    closely, fit = looked_at_closely(0.05, 2e-5)
+    burst = {**fit.values, "stages.output.damping_n_m_s_per_rad": -1e9}
+    residual = closely.residual((), burst)
+    assert np.isfinite(residual).all()
+    assert residual @ residual > 1e6 * fit.misfit
 
 
 def test_noise_that_grows_with_what_is_fitted_widens_its_deviation() -> None:

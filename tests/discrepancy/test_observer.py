@@ -128,6 +128,26 @@ def test_a_load_that_starts_with_the_motor_does_not_swing() -> None:
     assert torque == pytest.approx((0.01 + inertia / ratio**2) * acceleration, rel=2e-3)
 
 
+@pytest.mark.parametrize("braking", [False, True])
+@pytest.mark.parametrize("behind", [0.0, 1.0])
+def test_losses_before_or_behind_the_spring_ask_the_motor_for_the_same_and_twist_it_otherwise(
+    behind: float, braking: bool
+) -> None:
+    """A mesh of 0.9 takes a tenth of the power: behind the spring that turns it further, or less where it brakes."""
+    inertia, stiffness, ratio, efficiency = 2.0, 8e3, 10.0, 0.9
+    change = -20.0 if braking else 20.0
+    t = np.arange(3000) / RATE_HZ
+    m = prepare(RATE_HZ, np.zeros(t.size), 100.0 * t + 0.5 * change * t**2, None)
+    chain = Chain((Shaft(0.0), Shaft(inertia)), (Link(ratio, stiffness, 20.0, efficiency=(efficiency, efficiency)),))
+    split = (1.0 - behind, behind) if braking else (behind, 1.0 - behind)
+    told = Observer(m, inertia, 0.0).predict(chain, Nuisance(loss_split=split))
+    needed, kept = inertia * change / ratio, efficiency if braking else 1.0 / efficiency
+    still = slice(2000, 2800)  # it has swung until then
+    assert told.torque[still] == pytest.approx(needed / ratio * kept, rel=2e-3)
+    twist = m.slow_angle[still] / ratio - told.load_angle[still]
+    assert twist == pytest.approx(needed / stiffness * (kept if behind else 1.0), rel=2e-3)
+
+
 def test_a_damper_makes_no_torque_of_the_noise_of_the_motor_encoder() -> None:
     """What chains differ in above the motion does not depend on what the encoder adds."""
     t, angle, _, _ = swing()
