@@ -379,7 +379,7 @@ class Problem:
         """
         other = copy(self)
         other.observer = copy(self.observer)
-        terms = tuple(t for t in fit.terms if not t.nonlinear)
+        terms = tuple(t for t in fit.terms if not t.contact)
         values = {p.name: p.start for p in self.parameters(terms)} | dict(fit.values)
         hits = any(t.contact for t in fit.terms)
         other.observer.learn_noise(self.chain(terms, values), nuisance_of(values), hits=hits)
