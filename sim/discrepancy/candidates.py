@@ -27,6 +27,7 @@ CLOSE = 2  # best candidates of which those that are far from linear are refitte
 BENT = 60.0  # squared deviations of what is described from what the fit makes of it
 LEFT = 0.1  # depth of a dent over the working twist
 OTHER_DENTS = ((2.0, 0.5), (0.7, 1.3))  # times as deep and as wide: where its bottom is left, a fit may begin there
+BOTTOMS = ((1.0, 1.2, 2.0), (1.3, 1.2, 2.0), (1.6, 1.2, 2.0), (2.0, 1.2, 2.0))  # times as deep, as wide, and the form
 GROWTH = 5.0  # standard deviations by which a size may grow while its fit is finished: of 45 at -3 or less none did
 FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
 GAPS = 40  # tried where all else is as described
@@ -162,6 +163,23 @@ def _other_dents(term: Term, values: Mapping[str, float]) -> list[dict[str, floa
         {depth.name: deeper * values[depth.name], width.name: wider * values[width.name], form.name: form.start}
         for deeper, wider in OTHER_DENTS
     ]
+
+
+def bottomed(problem: Problem, fit: Fit) -> Fit:
+    """`fit`, or a better one that starts from dents of another depth and form.
+
+    Teeth that leave each other in a dent say little of its bottom, and the way to the least squares is rough.
+    """
+    starts: list[Start] = []
+    for term in fit.terms:
+        if term.mechanism == "tooth_damage":
+            depth, _, width, form = (p.name for p in term.parameters)
+            starts += [
+                ({**fit.values, depth: deeper * fit.values[depth], width: wider * fit.values[width], form: bulge}, {})
+                for deeper, wider, bulge in BOTTOMS
+            ]
+    anew = problem.best(fit.terms, starts)
+    return anew if anew and anew.cost < fit.cost else fit
 
 
 def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:

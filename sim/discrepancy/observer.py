@@ -60,7 +60,7 @@ class Observer:
 
     `noise_inertia` multiplies the fast part of the measured acceleration, which is the encoder's noise: were it the
     fitted inertia, a fit would make the noise small by making the inertia small. `hits`: teeth leave each other and
-    meet again, so that what is fast in the motor's motion is no longer noise alone.
+    meet again, so that what is fast in the motion of motor and load is no longer noise alone.
     """
 
     measurement: Measurement
@@ -103,7 +103,7 @@ class Observer:
         motor = self._motor(model, motion, nuisance) + chain.shafts[0].inertia_kg_m2 * m.slow_acceleration
         guide, angle = np.zeros(m.samples), motion[0]
         if chain.links:
-            out = self._links(chain, model, nuisance, slow=(not self.hits, True))
+            out = self._links(chain, model, nuisance, slow=not self.hits)
             motor += out[0]
             guide, angle = out[2] * self._even(chain), out[1]
         if nuisance.torque_delay_s:
@@ -157,18 +157,18 @@ class Observer:
         self._noise = None
         if chain.links:
             model = pack(chain)
-            all_of_it = self._links(chain, model, nuisance, slow=(False, False))
-            left = all_of_it - self._links(chain, model, nuisance, slow=(not hits, True))
+            all_of_it = self._links(chain, model, nuisance, slow=False)
+            left = all_of_it - self._links(chain, model, nuisance, slow=not hits)
             self._noise = self.noise_inertia * self._fast + left[0], left[2]
 
-    def _links(self, chain: Chain, model: Packed, nuisance: Nuisance, *, slow: tuple[bool, bool]) -> Array:
-        """`slow`: whether the slow part of the motor's and of the load's motion alone is meant."""
+    def _links(self, chain: Chain, model: Packed, nuisance: Nuisance, *, slow: bool) -> Array:
+        """`slow`: whether the slow part of the motion alone is meant."""
         m = self.measurement
-        motion = self._slow_motion if slow[0] else self._motion
+        motion = self._slow_motion if slow else self._motion
         n = len(chain.shafts)
         guide, gains = np.zeros((2, 1)), np.zeros(2)
         if m.load_angle is not None:
-            guide = self._guide(nuisance, slow[1])
+            guide = self._guide(nuisance, slow)
             gains = self.guide_inertia * np.array([GUIDE_RAD_S**2, 1.4 * GUIDE_RAD_S])
         ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
         widths = np.array([[nuisance.loss_width], [nuisance.friction_width[1]]]) * self._top / ratios
@@ -180,7 +180,7 @@ class Observer:
             angles, speeds = (x + s * lag_of(chain) for x, s in zip((angles, speeds), nuisance.start, strict=True))
         start = np.concatenate([angles, speeds, np.zeros(n - 1)])
         steps = substeps(chain, m.rate_hz, gains)
-        setting = np.array([*nuisance.loss_split, stretch, steps, *slow])
+        setting = np.array([*nuisance.loss_split, stretch, steps, slow])
         inner = (
             model[0][1:],
             *model[1:],

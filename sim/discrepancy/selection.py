@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim.discrepancy.candidates import FAR_MOVED, Rival, elsewhere, settled, try_terms
+from sim.discrepancy.candidates import FAR_MOVED, Rival, bottomed, elsewhere, settled, try_terms
 from sim.discrepancy.criteria import (
     BEYOND,
     CONSTANT,
@@ -161,7 +161,7 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     if problem.memory != LONG:
         problem, fit = look_closely(problem, fit)
     fit, rivals = swap(problem, fit, rivals, entered)
-    problem, fit, gains = prune(problem, fit, strict=True)
+    problem, fit, gains = prune(problem, bottomed(problem, fit), strict=True)
     in_place = {key: [(r.term, r.values) for r in likely(tried)] for key, tried in rivals.items()}
     found = tuple(t for t in fit.terms if t.named and beyond(t, fit) > BEYOND)
     standing = standings(problem, fit, found, gains, in_place)
