@@ -218,3 +218,18 @@ def test_the_rate_of_a_dent_is_the_slope_of_its_depth(form: float) -> None:
         assert at(angle)[1] == pytest.approx(3.0 * slope, rel=1e-5)
     assert at(0.4) == pytest.approx((1e-3, 0.0))
     assert at(0.51) == (0.0, 0.0)
+
+
+@pytest.mark.parametrize("hits", [False, True])
+def test_what_is_fast_of_the_load_acts_on_a_spring_only_where_teeth_hit(hits: bool) -> None:
+    """A load that shakes at 25 Hz while the motor does not: its spring feels it, or it is noise as it was learned."""
+    t, angle, _, _ = swing()
+    shake = 1e-4 * np.sin(2.0 * np.pi * 25.0 * t)
+    m = prepare(RATE_HZ, np.zeros(t.size), angle, angle / 10.0 + shake)
+    chains = [Chain((Shaft(0.01), Shaft(2.0)), (Link(10.0, stiffness, 5.0),)) for stiffness in (1e4, 2e4)]
+    observer = Observer(m, 2.0, 0.01)
+    observer.learn_noise(chains[0], Nuisance(), hits=hits)
+    softer, stiffer = (observer.predict(chain, Nuisance()).torque[500:-500] for chain in chains)
+    tone = np.exp(-2j * np.pi * 25.0 * m.time_s[500:-500]) * np.hanning(softer.size)
+    felt = 2.0 * abs((stiffer - softer) @ tone) / np.hanning(softer.size).sum()
+    assert felt == pytest.approx(1e4 * 1e-4 / 10.0, rel=0.35) if hits else felt < 0.002
