@@ -28,7 +28,7 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
     (frozenset({"mesh_error", "torque_ripple"}), 0.05),
     (frozenset({"mesh_error", "tooth_damage"}), 0.05),
     (frozenset({"eccentricity", "tooth_damage"}), 0.05),
-    (frozenset({"eccentricity", "torque_ripple"}), 0.05),
+    (frozenset({"eccentricity", "torque_ripple"}), 0.1),  # an error of teeth also varies the ratio of the torques
 )
 DAMPING = {"hysteresis": 0.4, "load_dependent_loss": 0.1}  # of what erring teeth gain: less damps what they shake
 OF_STRAIN = {  # what must be gained over what the description is bent by beyond chance

@@ -15,7 +15,7 @@ PARTS = ("sine", "cosine")
 SHARED_SPREAD = 0.4  # of a stage's stiffness, where only that of the whole transmission is given
 MOTOR_STRETCH_RAD, LOAD_STRETCH_RAD = 2e-3, 3e-5  # contacts give way by micrometres, of millimetres and decimetres
 LOSS_SPLITS = ("loss_split.driving", "loss_split.driven")
-MOTOR_STRETCH = "log_stretch_rad.motor"
+MOTOR_STRETCH, MOTOR_RELEASE = "log_stretch_rad.motor", "log_release.motor"
 NONE = math.log(NO_STRETCH_RAD)
 SLOW = -5.0  # a contact lets go within a second, and not while it moves
 RUNOUT_OVER_MESH = 2.0  # of a gear as new: error once per turn over that per tooth
@@ -225,7 +225,7 @@ def nuisance_of(values: Values) -> Nuisance:
         (get("load_encoder.error_sine_rad", 0.0), get("load_encoder.error_cosine_rad", 0.0)),
         get("load_offset_rad", 0.0),
         (get(LOSS_SPLITS[0], 0.5), get(LOSS_SPLITS[1], 0.5)),
-        (1e-3 * math.exp(get("log_release.motor", 0.0)), width * math.exp(get("log_release.load", 0.0))),
+        (1e-3 * math.exp(get(MOTOR_RELEASE, 0.0)), width * math.exp(get("log_release.load", 0.0))),
         width,
         (math.exp(get(MOTOR_STRETCH, NONE)), math.exp(get("log_stretch_rad.load", NONE))),
         (get("start_rad", 0.0), get("start_rad_s", 0.0)),

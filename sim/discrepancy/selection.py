@@ -23,7 +23,7 @@ from sim.discrepancy.criteria import (
 )
 from sim.discrepancy.fit import LONG, Fit, Noise, Problem, each
 from sim.discrepancy.measurement import NEAR_STANDSTILL_SHARE, STANDSTILL_SHARE, gaussian_kernel
-from sim.discrepancy.model import MOTOR_STRETCH, has_links
+from sim.discrepancy.model import MOTOR_RELEASE, MOTOR_STRETCH, has_links
 from sim.discrepancy.nameless import AS_NEW
 from sim.discrepancy.size import beyond
 from sim.discrepancy.terms import Term
@@ -97,14 +97,15 @@ def all_rows(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
 def look_closely(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Rows at rest, where they tell, and slow noise; what friction holds at rest is fitted before noise is taken.
 
-    A contact that gives way by less than the motor's encoder sees holds whatever it likes: rows at rest say nothing.
+    A contact that gives way by less than the motor's encoder sees, and holds on within a thousandth of the largest
+    speed, holds whatever it likes: rows at rest say nothing.
     """
     problem = problem.remembering(LONG)
     resting = problem.resting(fit)
     if resting.measurement.rests:
         more = resting.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
         resting, more = rewhiten(resting, more)
-        if math.exp(more.values[MOTOR_STRETCH]) > LEAST_STRETCH_RAD:
+        if math.exp(more.values[MOTOR_STRETCH]) > LEAST_STRETCH_RAD or more.values[MOTOR_RELEASE] > 0.0:
             return resting, more
     return rewhiten(problem, fit)
 
