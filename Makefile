@@ -60,6 +60,8 @@ bench: $(BENCH_STAMP)
 
 challenge: setup
 	$(BIN)/python -m tests.hidden_effects
+	$(BIN)/python -m tests.hidden_effects.second out/second --seed 1
+	$(BIN)/python -m tests.hidden_effects --folder out/second
 	$(BIN)/python -m pytest -m slow tests/discrepancy tests/hidden_effects
 
 screenshots: setup
