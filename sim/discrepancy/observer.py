@@ -9,14 +9,18 @@ from functools import cached_property
 from threading import Lock
 
 import numpy as np
+from numpy.typing import NDArray
+from scipy.fft import irfft, rfft
 
 from sim.chain_model import Array, Chain
 from sim.discrepancy.measurement import LOAD_MOTION_CUT_HZ, Measurement
 from sim.discrepancy.observer_kernel import motor_torque, run
 from sim.discrepancy.packing import Packed, lag_of, pack, steady_twist, substeps
 
+Spectrum = NDArray[np.complex128]
 GUIDE_RAD_S = 2.0 * np.pi * 25.0  # bandwidth of the guide: above the drive train's modes that matter
 NO_STRETCH_RAD = 1e-9
+SHAKEN_HZ = 350.0  # above this little is kept of any motion
 TONES = 2j * np.pi * np.linspace(1.0, LOAD_MOTION_CUT_HZ, 12)  # [rad/s] at which noise is compared
 
 RECENT = 8  # changes of the motor shaft alone need no new run of the rest, nor those of the rest one of the motor's
@@ -60,7 +64,8 @@ class Observer:
 
     `noise_inertia` multiplies the fast part of the measured acceleration, which is the encoder's noise: were it the
     fitted inertia, a fit would make the noise small by making the inertia small. `hits`: teeth leave each other and
-    meet again, so that what is fast in the motion of motor and load is no longer noise alone.
+    meet again, so that what is fast in the motion of motor and load is no longer noise alone: it drives the chain, but
+    what springs in contact make of it stays what it was for the chain of which the noise was learned.
     """
 
     measurement: Measurement
@@ -104,8 +109,9 @@ class Observer:
         guide, angle = np.zeros(m.samples), motion[0]
         if chain.links:
             out = self._links(chain, model, nuisance, slow=not self.hits)
-            motor += out[0]
-            guide, angle = out[2] * self._even(chain), out[1]
+            shaken = self._shaken(chain, nuisance) if self.hits else np.zeros((2, 1))
+            motor += out[0] - shaken[0]
+            guide, angle = (out[2] - shaken[1]) * self._even(chain), out[1]
         if nuisance.torque_delay_s:
             motor = _delayed(motor, nuisance.torque_delay_s * m.rate_hz)
         # noise is added as it is: a fit would choose whatever smooths it
@@ -156,20 +162,52 @@ class Observer:
         self.noise_inertia = chain.shafts[0].inertia_kg_m2
         self._noise = None
         if chain.links:
-            model = pack(chain)
-            all_of_it = self._links(chain, model, nuisance, slow=False)
-            left = all_of_it - self._links(chain, model, nuisance, slow=not hits)
-            self._noise = self.noise_inertia * self._fast + left[0], left[2]
+            if hits:
+                torque, guide = self._shaken(chain, nuisance)
+            else:
+                model = pack(chain)
+                left = self._links(chain, model, nuisance, slow=False) - self._links(chain, model, nuisance, slow=True)
+                torque, guide = left[0], left[2]
+            self._noise = self.noise_inertia * self._fast + torque, guide
+
+    @cached_property
+    def _shakes(self) -> tuple[Spectrum, Spectrum]:
+        """Places on the imaginary axis [rad/s] up to where much is kept of motion, and what is fast of both there."""
+        m = self.measurement
+        rates = 2j * np.pi * np.fft.rfftfreq(m.samples, 1.0 / m.rate_hz)
+        rates = rates[rates.imag < 2.0 * np.pi * SHAKEN_HZ]
+        load = np.zeros(m.samples)
+        if m.load_angle is not None and m.slow_load_angle is not None:
+            load = m.load_angle - m.slow_load_angle
+        return rates, rfft(np.stack([m.angle - m.slow_angle, load]))[:, : rates.size]
+
+    def _shaken(self, chain: Chain, nuisance: Nuisance) -> Array:
+        """Torque of motor and guide that springs in contact make of what is fast of the motion [N m], shape (2, n)."""
+        rates, (motor, load) = self._shakes
+        gains = self._gains
+        numbers = [(s.inertia_kg_m2, s.viscous_n_m_s) for s in chain.shafts[1:]]
+        numbers += [(link.stiffness_n_m_per_rad, link.damping_n_m_s_per_rad) for link in chain.links]
+        key = np.array([*np.ravel(numbers), nuisance.load_delay_s]).tobytes()
+
+        def answered() -> Array:
+            late = np.exp(rates * nuisance.load_delay_s)
+            return irfft(np.stack(shaken(chain, gains, rates, motor, load * late)), self.measurement.samples)
+
+        return self._kept(b"shaken" + key, answered)
+
+    @property
+    def _gains(self) -> Array:
+        """Stiffness and damping of the guide, 0 without a load encoder."""
+        seen = self.measurement.load_angle is not None
+        return float(seen) * self.guide_inertia * np.array([GUIDE_RAD_S**2, 1.4 * GUIDE_RAD_S])
 
     def _links(self, chain: Chain, model: Packed, nuisance: Nuisance, *, slow: bool) -> Array:
         """`slow`: whether the slow part of the motion alone is meant."""
         m = self.measurement
         motion = self._slow_motion if slow else self._motion
         n = len(chain.shafts)
-        guide, gains = np.zeros((2, 1)), np.zeros(2)
-        if m.load_angle is not None:
-            guide = self._guide(nuisance, slow)
-            gains = self.guide_inertia * np.array([GUIDE_RAD_S**2, 1.4 * GUIDE_RAD_S])
+        gains = self._gains
+        guide = np.zeros((2, 1)) if m.load_angle is None else self._guide(nuisance, slow)
         ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
         widths = np.array([[nuisance.loss_width], [nuisance.friction_width[1]]]) * self._top / ratios
         stretch = nuisance.stretch_rad[1]
@@ -223,6 +261,27 @@ class Observer:
             moved = np.stack([_delayed(channel, -late_s * m.rate_hz) for channel in told if channel is not None])
             last = self._shifted[slow] = (late_s, moved)
         return last[1]
+
+
+def shaken(chain: Chain, guide: Array, s: Spectrum, motor: Spectrum, load: Spectrum) -> tuple[Spectrum, Spectrum]:
+    """Spectra of the torque asked of the motor and of the guide's, were all springs in contact and friction viscous.
+
+    `guide`: its stiffness and damping; `s`: places on the imaginary axis [rad/s]; `motor`, `load`: spectra of the
+    motor's angle and of what the load is drawn along, shape (k,).
+    """
+    pull = guide[0] + guide[1] * s
+    behind, drawn = pull, pull * load  # torque per angle, and torque while it stands still, of all beyond a shaft
+    passed = []
+    for link, shaft in zip(chain.links[::-1], chain.shafts[:0:-1], strict=True):
+        spring = link.stiffness_n_m_per_rad + link.damping_n_m_s_per_rad * s
+        share = 1.0 / (spring + behind + (shaft.inertia_kg_m2 * s + shaft.viscous_n_m_s) * s)
+        passed.append((spring * share / link.ratio, drawn * share))
+        drawn = drawn * spring * share / link.ratio
+        behind = (spring - spring**2 * share) / link.ratio**2
+    angle = motor
+    for share, ahead in passed[::-1]:
+        angle = share * angle + ahead
+    return behind * motor - drawn, pull * (load - angle)
 
 
 def loudness(chain: Chain, inertia: float) -> float:
