@@ -11,6 +11,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from sim.chain_model import Array
 from sim.discrepancy.fit import Fit, Problem
+from sim.discrepancy.measurement import Bridge
 
 FOLDS = 4
 CUT_HZ = 40.0
@@ -29,7 +30,7 @@ class Gain:
 
 
 def gains(problem: Problem, base: Fit, fit: Fit) -> tuple[Gain, ...]:
-    """Per channel; folds are contiguous quarters of the record, each predicted from the other three."""
+    """Per channel, of the rows that can be trusted; folds are quarters of the record, predicted from the others."""
     m = problem.measurement
     before, after = _held_out(problem, base), _held_out(problem, fit)
     out = []
@@ -38,8 +39,13 @@ def gains(problem: Problem, base: Fit, fit: Fit) -> tuple[Gain, ...]:
         a, b = before[index], after[index]
         rate = m.rate_hz / (1 if index == 0 else problem.guide_stride)
         settle = int(0.1 * rate)
-        a, b = _motion_band(a, rate)[settle:], _motion_band(b, rate)[settle:]
-        out.append(Gain(channel, unit, _rms(a), _rms(b), _significant(a, b), _rms(m.torque) if index == 0 else 0.0))
+        trusted = (m.valid if index == 0 else m.load_valid[:: problem.guide_stride]) > 0.5
+        over = Bridge.over(~trusted)
+        trusted[:settle] = False
+        a, b = (_motion_band(over.across(values), rate)[trusted] for values in (a, b))
+        out.append(
+            Gain(channel, unit, _rms(a), _rms(b), _significant(a, b), _rms(m.torque[trusted]) if index == 0 else 0.0)
+        )
     return tuple(out)
 
 

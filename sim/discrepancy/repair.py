@@ -125,7 +125,7 @@ def _off(left: Array, rows: slice, used: Rows) -> bool:
 def _motor(r: Repaired, ratio: float) -> None:
     angle = r.channels["angle"]
     alone = spikes(bridged(angle, ~r.lost)) & ~r.lost
-    again = alone & (np.diff(angle, prepend=np.nan) == 0.0) & r.lost.any()  # one more of the rows that repeat
+    again = alone & binary_dilation(r.lost, iterations=2)  # of the same kind as those beside them
     r.lost |= again
     alone &= ~again
     if alone.any():
