@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,8 +11,10 @@ from scipy.ndimage import find_objects, label
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis
 from sim.chain_model import Array
+from sim.discrepancy.channels import check_channels
 from sim.discrepancy.fault import Fault, InvestigationError
 from sim.discrepancy.measurement import SLOW_ANGLE_CUT_HZ, SLOW_DIRECT_ANGLE_CUT_HZ, Measurement, prepare
+from sim.discrepancy.plausible import check_description
 from sim.discrepancy.repair import repair
 from sim.discrepancy.rows import bridged, quantum
 
@@ -46,11 +47,12 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
     load_lost = telemetry.lost.get("load_position_rad")
     channels = {"torque": torque, "angle": angle} | ({} if load is None else {"load": load})
     even = {name: np.interp(grid, telemetry.time_s, values) for name, values in channels.items()}
+    reference = telemetry.channels.get("reference_position_rad")
+    beside = {} if reference is None else {"reference": np.interp(grid, telemetry.time_s, reference)}
+    check_channels(axis, even | beside, rate)
     valid = valid * _present(telemetry, grid)
     held = _held(even["angle"], even["torque"], valid)
     faults = _lost(valid, held) + _clipped(even["torque"])
-    _check_motion(even["angle"])
-    _check_load(axis, even["angle"], even.get("load"))
     lost = held | (valid <= 0.5)
     even = {name: bridged(values, ~lost) for name, values in even.items()}
     mended = repair(even, axis.ratio, rate, float(grid[0]), lost)
@@ -61,8 +63,8 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
         load_valid *= np.interp(grid, telemetry.time_s, (~load_lost).astype(float))
     cut = SLOW_ANGLE_CUT_HZ if axis.stages else SLOW_DIRECT_ANGLE_CUT_HZ
     measurement = prepare(rate, even["torque"], even["angle"], even.get("load"), valid, load_valid, cut)
-    _check_torque(axis, measurement)
-    remarks = [f"column {name} is no known channel and was not used" for name in telemetry.ignored]
+    remarks = list(check_description(axis, measurement, _used(measurement)))
+    remarks += [f"column {name} is no known channel and was not used" for name in telemetry.ignored]
     if load is None and axis.stages:
         remarks.append(
             "Without a load encoder a stiffness that hardens or holds back cannot be told from friction at reversals: "
@@ -185,76 +187,10 @@ def _unclipped(torque: Array, faults: list[Fault]) -> Array:
     return inside
 
 
-def _check_motion(angle: Array) -> None:
-    if float(np.ptp(angle)) < 20.0 * quantum(angle) or np.ptp(angle) == 0.0:
-        raise InvestigationError("motor_position_rad: the motor stands still; a record of the axis in motion is needed")
-
-
-def _check_load(axis: Axis, angle: Array, load: Array | None) -> None:
-    if load is None:
-        return
-    slope = _slope(angle, load) * axis.ratio
-    if not math.isfinite(slope) or np.ptp(load) == 0.0:
-        raise InvestigationError("load_position_rad: the load encoder does not move while the motor does")
-    if abs(slope - 1.0) < 0.05:
-        return
-    if abs(slope + 1.0) < 0.05:
-        raise InvestigationError(
-            "load_position_rad: runs against the motor: the load encoder counts the other way round; turn its sign"
-        )
-    for factor, words in (
-        (1e3, "in mrad"),
-        (1e-3, "too small by 1000"),
-        (180.0 / math.pi, "in degrees"),
-        (1e6, "in microrad"),
-    ):
-        if abs(abs(slope) / factor - 1.0) < 0.05:
-            raise InvestigationError(
-                f"load_position_rad: moves {abs(slope):.4g} times as far as ratio and motor say, "
-                f"as if it were {words}; rad are needed"
-            )
-    raise InvestigationError(
-        f"load_position_rad: moves {slope:.4g} times as far as motor_position_rad over "
-        f"the ratio {axis.ratio:.6g} says; "
-        "are two channels swapped, is a unit not rad, or is the ratio another?"
-    )
-
-
-def _slope(angle: Array, other: Array) -> float:
-    """Change of `other` over that of `angle`, the median over where the motor is fast: some rows may be of no use."""
-    lag = max(1, angle.size // 1000)
-    turned, moved = angle[lag:] - angle[:-lag], other[lag:] - other[:-lag]
-    fast = np.abs(turned) > 0.3 * float(np.quantile(np.abs(turned), 0.95))
-    return float(np.median(moved[fast] / turned[fast])) if fast.any() else math.nan
-
-
-def _check_torque(axis: Axis, m: Measurement) -> None:
-    """The inertia that torque and acceleration show must be of the order that the description says."""
-    expected = (
-        axis.motor.inertia_kg_m2
-        + (axis.load.inertia_kg_m2 + sum(s.inertia_kg_m2 * axis.ratio_from(s.name) ** 2 for s in axis.stages))
-        / axis.ratio**2
-    )
-    columns = np.stack(
-        [m.slow_acceleration, np.sign(m.speed), m.speed / float(np.abs(m.speed).max()), np.ones(m.samples)], 1
-    )
+def _used(m: Measurement) -> NDArray[np.bool_]:
     used = m.weight > 0.5
     if used.sum() < 200:
         raise InvestigationError(
             "telemetry: too few rows in motion that count; a longer record of the axis in motion is needed"
         )
-    found = np.linalg.lstsq(columns[used], m.torque[used], rcond=None)[0]
-    accelerating = float(np.std(m.slow_acceleration[used]) * expected)
-    if accelerating < 0.02 * float(np.std(m.torque[used])) and np.abs(found[0] / expected) < 30.0:
-        return
-    share = float(found[0]) / expected
-    if share < -0.2:
-        raise InvestigationError(
-            "motor_torque_nm: pushes against the acceleration: the sign of torque or of position is turned; "
-            "turn one of them"
-        )
-    if share > 8.0 or share < 0.12:
-        raise InvestigationError(
-            f"motor_torque_nm: fits an inertia {share:.4g} times the described {expected:.4g} kg m2: "
-            "a unit is wrong (N m, rad and s are needed), channels are swapped, or this is another axis"
-        )
+    return np.asarray(used)
