@@ -19,6 +19,10 @@ SHORT_S = 0.1  # over which the torque of the motion tells whether it can have s
 MOVES = 0.1  # of the usual speed: below, torque may stay by itself
 SHOWN = 6  # times that a text gives
 SMOOTH_S = 0.02
+SHIFT_HZ = 100.0  # at which a slow slip is looked for
+SHIFT_SHARE = 0.5  # of the squares left that one step must explain
+SHIFT_TURNS = 2  # reversals before and after it, so that what a reversal does is known
+SHIFT_REACH_S = 0.05
 OFF = 2.5  # standard deviations
 
 
@@ -156,7 +160,9 @@ def _motor(r: Repaired, ratio: float) -> None:
             _name_lost(r, places, None, f"{what} that time_s does not show")
         r.lost |= places
     real = [s for s in slips if s not in skipped]
-    r.channels["angle"] = bridged(_put_back(r, angle, real, "motor", "motor_position_rad", r.lost), ~r.lost)
+    r.channels["angle"] = bridged(
+        _put_back(r, angle, real, "motor", "motor_position_rad", "jumps from one row to the next and stays", 1), ~r.lost
+    )
 
 
 def _held_back(angle: Array) -> Rows:
@@ -198,7 +204,41 @@ def _load(r: Repaired, ratio: float) -> None:
         _name_lost(r, found, "load", f"Of load_position_rad, {'; '.join(parts)}")
     r.load_lost |= found
     clean = bridged(load, ~found)
-    r.channels["load"] = bridged(_put_back(r, clean, slips, "load", "load_position_rad", r.load_lost), ~r.load_lost)
+    at_once = "jumps from one row to the next and stays"
+    clean = bridged(_put_back(r, clean, slips, "load", "load_position_rad", at_once, 1), ~r.load_lost)
+    shift = _shift(clean - motor, motor, r.channels["torque"], r.rate_hz)
+    if shift:
+        slowly = "shifts against the motor by more than torque, speed and angle explain, and stays"
+        reach = round(SHIFT_REACH_S * r.rate_hz)
+        clean = bridged(_put_back(r, clean, [shift], "load", "load_position_rad", slowly, reach), ~r.load_lost)
+    r.channels["load"] = clean
+
+
+def _shift(twist: Array, motor: Array, torque: Array, rate_hz: float) -> tuple[int, float] | None:
+    """Row and size of one step of the twist that explains most of what torque, speed and angle leave of it.
+
+    `twist`, `motor` [rad at the load], each of shape (n,). Play and springs come back with the motion, a step does not:
+    of good and faulty axes alike a step explains a quarter at most of what is left.
+    """
+    thin = max(1, round(rate_hz / SHIFT_HZ))
+    count = twist.size // thin
+    even, angle, pull = (x[: count * thin].reshape(count, thin).mean(axis=1) for x in (twist, motor, torque))
+    speed = np.gradient(angle)
+    top = float(np.abs(speed).max()) + 1e-300
+    columns = [np.ones(count), pull, np.gradient(speed), speed, np.tanh(30.0 * speed / top), np.sin(angle)]
+    columns += [np.cos(angle), np.linspace(-1.0, 1.0, count)]
+    basis = np.linalg.qr(np.stack([c / (np.abs(c).max() + 1e-300) for c in columns], 1))[0]
+    left = even - basis @ (basis.T @ even)
+    after = np.cumsum(left[::-1])[::-1]
+    free = np.arange(count, 0, -1) - (np.cumsum(basis[::-1], axis=0)[::-1] ** 2).sum(axis=1)
+    turns = np.cumsum(np.abs(np.diff(np.sign(speed[np.abs(speed) > 0.1 * top]), prepend=0.0)) > 1.0)
+    turned = np.interp(np.arange(count), np.flatnonzero(np.abs(speed) > 0.1 * top), turns)
+    inside = (turned >= SHIFT_TURNS) & (turned <= turned[-1] - SHIFT_TURNS) & (free > 1.0)
+    gain = np.where(inside, after**2 / np.maximum(free, 1.0), 0.0)
+    row = int(gain.argmax())
+    if gain[row] < SHIFT_SHARE * float(left @ left) or gain[row] == 0.0:
+        return None
+    return row * thin, float(after[row] / free[row])
 
 
 def _frozen(load: Array, motor: Array, good: Rows) -> Rows:
@@ -251,21 +291,28 @@ def _returning(
 
 
 def _put_back(
-    r: Repaired, values: Array, slips: Sequence[tuple[int, float]], location: str, channel: str, lost: Rows
+    r: Repaired,
+    values: Array,
+    slips: Sequence[tuple[int, float]],
+    location: str,
+    channel: str,
+    does: str,
+    reach: int,
 ) -> Array:
-    """The channel without its slips; the rows beside them are `lost`."""
+    """The channel without its slips; the `reach` rows beside each do not count."""
     if not slips:
         return values
     out = values.copy()
+    lost = r.load_lost if location == "load" else r.lost
     for row, size in slips:
         out[row + 1 :] -= size
-        lost[row : row + 2] = True
+        lost[max(row + 1 - reach, 0) : row + 1 + reach] = True
     row, size = max(slips, key=lambda s: abs(s[1]))
     times = ", ".join(f"{1e3 * s:.4g} mrad at {r.at(i + 1):.5g} s" for i, s in slips[:SHOWN])
     more = f" and {len(slips) - SHOWN} times more" if len(slips) > SHOWN else ""
     text = (
-        f"{channel} jumps from one row to the next and stays: by {times}{more}. A drive train cannot move so fast: "
-        "the encoder or its coupling has slipped, or it has lost counts. What it slipped by was put back."
+        f"{channel} {does}: by {times}{more}. No drive train moves so: the encoder or its coupling has slipped, it has "
+        "lost counts, or a clutch, belt or hub has slipped. What it slipped by was put back."
     )
     r.faults.append(Fault("encoder_error", location, {"slip_rad": size, "time_s": r.at(row + 1)}, text))
     return out
