@@ -93,7 +93,7 @@ def _stuck(torque: Array, angle: Array, r: Repaired) -> Rows:
     found = np.zeros_like(out)
     for rows in runs:
         length, level = rows.stop - rows.start, float(torque[rows.start])
-        gone = abs(angle[rows.stop - 1] - angle[rows.start]) / length
+        gone = float(np.ptp(angle[rows])) / length
         edges = [abs(float(torque[i] - torque[i - 1])) for i in (rows.start, rows.stop) if 0 < i < torque.size]
         cut = level in (torque.max(), torque.min()) and abs(level) > 0.3 * largest and abs(level) < 2.0 * largest
         jumped = max(edges, default=0.0) > 2.0 * usual and length / r.rate_hz <= RETURNS_S
