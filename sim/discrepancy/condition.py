@@ -57,8 +57,8 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
     even = {name: bridged(values, ~lost) for name, values in even.items()}
     mended = repair(even, axis.ratio, rate, float(grid[0]), lost)
     even, faults = mended.channels, [*faults, *mended.faults]
-    valid = (~mended.lost).astype(float) * _unclipped(even["torque"], faults)
-    load_valid = (~(mended.load_lost & ~lost | _long(lost, rate))).astype(float)
+    valid = (~mended.torque_lost).astype(float) * _unclipped(even["torque"], faults)
+    load_valid = (~((mended.load_lost & ~lost) | _long(mended.lost, rate))).astype(float)
     if load_lost is not None:
         load_valid *= np.interp(grid, telemetry.time_s, (~load_lost).astype(float))
     cut = SLOW_ANGLE_CUT_HZ if axis.stages else SLOW_DIRECT_ANGLE_CUT_HZ
