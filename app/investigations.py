@@ -19,7 +19,7 @@ from app.job import JobError, JobKind, JobNotFoundError, Json, Report
 from app.jobs import Jobs
 from app.settings import Settings
 from casebase import audit
-from casebase.axes import add_axis
+from casebase.axes import add_axis, find_axis
 from casebase.errors import ConflictError, NotFoundError
 from casebase.library import CaseLibrary
 from casebase.models import AxisRevision, StoredInvestigation, new_id, now
@@ -127,13 +127,21 @@ def document_of(row: StoredInvestigation, state: str | None = None) -> Mapping[s
 def accept(session: Session, row: StoredInvestigation) -> AxisRevision:
     """Store the extended axis as the next revision of its axis; accepting it twice makes one revision.
 
+    The first revision of an axis that is new here is the description as it was given.
+
     Raises:
         ConflictError: if it is not finished or found nothing that would extend the model.
     """
-    extended = document_of(row).get("extended_axis")
-    if not isinstance(extended, dict) or not extended:
-        raise ConflictError(f"investigation {row.id} has no extended axis: nothing would change")
+    document = document_of(row)
+    extended = document.get("extended_axis")
+    if document.get("verdict") != "named" or not isinstance(extended, dict) or not extended:
+        raise ConflictError(
+            f"investigation {row.id} names nothing that would extend the model (verdict: {document.get('verdict')}); "
+            "change the description itself with POST /axes"
+        )
     axis = read_axis(extended)
+    if find_axis(session, axis.name) is None:
+        add_axis(session, axis.name, row.axis_document, note=f"as described for investigation {row.id}")
     return add_axis(
         session, axis.name, axis.to_mapping(), note=f"accepted investigation {row.id}", investigation_id=row.id
     )

@@ -18,6 +18,7 @@ from sim.discrepancy.explanation import explain, next_measurement
 from sim.discrepancy.extension import extended_axis
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.gain import Gain, gains
+from sim.discrepancy.nameless import apart
 from sim.discrepancy.selection import Selection, calibrate, polish, select
 from sim.discrepancy.size import deviations
 from sim.discrepancy.sound import Listening, beside, listen, listen_alone
@@ -33,6 +34,8 @@ FORM_SHARE = 0.08  # of a size, which the form of its law leaves open
 DENT_SHARE = 0.3  # the same of a dent: the same torques come from a hollow and from a shallower piece broken out
 NO_SIZE = ("angle_rad", "phase_rad", "flank", "form", "order", "frequency_hz")
 SAID = 0.5  # probability from which a name is said
+UNREACHED = 0.5  # of the torque: a model that leaves more says nothing of the axis
+SOLID = ("inertia_kg_m2", "stiffness_n_m_per_rad")  # what no data sheet is far wrong in
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
 Progress = Callable[[str, float], None]
 UNITS = {
@@ -149,7 +152,7 @@ def investigate(
     places = look(problem, fit)
     rest = [nameless(selection, term) for term in selection.nameless] + _left(places, fit)
     _, base = polish(problem, base)
-    problem, fit = polish(problem, fit)
+    problem, fit = polish(problem, plainly(problem, fit))
     selection = replace(selection, problem=problem, base=base, fit=fit)
     progress("what is left", 0.92)
     struck, loud = _struck(axis, [*selection.found, *heard]), _loud(axis, selection.found)
@@ -161,24 +164,36 @@ def investigate(
     named_well = any(f.probability >= SAID for f in findings)
     if findings and not named_well:
         rest = rest or places[:1]  # something is there, but no name is more likely than not
-    extended = _said(problem, fit, findings)
-    gained = gains(problem, base, extended)
+    said = _said(fit, findings)
+    gained = gains(problem, base, fit, said)
+    doubts = _doubts(fit, gained)
+    if doubts and not named_well:
+        rest = rest or places[:1]  # a model that does not hold is not complete
     verdict = "named" if named_well else "unnamed" if rest else "nothing_missing"
     progress("done", 1.0)
     return Investigation(
         axis, verdict, findings, rest[0] if rest else None, _estimates(problem, fit), gained,
-        next_measurement(axis, findings, rest, problem.guided), extended_axis(axis, extended),
+        next_measurement(axis, findings, rest, problem.guided), extended_axis(axis, fit, said),
         _provenance(axis, telemetry, sounds, problem),
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
-        (*gate.remarks, *_rested(problem), *_rattled(problem)), selection,
+        (*gate.remarks, *doubts, *_rested(problem), *_rattled(problem)), selection,
     )  # fmt: skip
 
 
-def _said(problem: Problem, fit: Fit, findings: Sequence[Finding]) -> Fit:
-    """The fit with nothing on top of the description but what is said."""
+def plainly(problem: Problem, fit: Fit) -> Fit:
+    """`fit` with curves over the speed that share nothing with the numbers of friction."""
+    terms = tuple(apart(t, problem.measurement) for t in fit.terms)
+    if all(a is b for a, b in zip(terms, fit.terms, strict=True)):
+        return fit
+    own = {p.name for a, b in zip(terms, fit.terms, strict=True) if a is not b for p in a.parameters}
+    start = {name: 0.0 if name in own else value for name, value in fit.values.items()}
+    return problem.fit(terms, start, to_end=True)
+
+
+def _said(fit: Fit, findings: Sequence[Finding]) -> tuple[Term, ...]:
+    """Terms that are said to be there."""
     said = {(f.mechanism, f.location) for f in findings if f.probability >= SAID}
-    kept = tuple(t for t in fit.terms if t.named and (t.mechanism, t.location) in said)
-    return fit if len(kept) == len(fit.terms) else problem.fit(kept, fit.values, held=fit.sensitivities, to_end=True)
+    return tuple(t for t in fit.terms if t.named and (t.mechanism, t.location) in said)
 
 
 def _struck(axis: Axis, found: Sequence[Term | Heard]) -> list[float]:
@@ -232,6 +247,29 @@ def _finding(selection: Selection, term: Term) -> Finding:
         term.mechanism, term.location, probability(seen), _term_estimates(fit, term, duration), tuple(close),
         explain(term.mechanism, term.location, term.report(fit.values), [place for place in elsewhere if place]), seen,
     )  # fmt: skip
+
+
+def _doubts(fit: Fit, gained: Sequence[Gain]) -> tuple[str, ...]:
+    """Why the numbers of the last fit are not to be trusted, if anything says so."""
+    out = []
+    torque = gained[0]
+    if torque.rms_after > UNREACHED * torque.rms_measured:
+        out.append(
+            f"The model does not reach the measurement: of {torque.rms_measured:.3g} {torque.unit} effective torque it "
+            f"leaves {torque.rms_after:.3g}. Check the description, the channels' units and signs, and what happened "
+            "during the record before any of these numbers is used."
+        )
+    bent = [
+        f"{p.name} {p.expected:.3g} -> {fit.values[p.name]:.3g}"
+        for p, limit in zip(fit.parameters, fit.at_limit, strict=True)
+        if limit and p.name.endswith(SOLID)
+    ]
+    if bent:
+        out.append(
+            f"To explain the data the description would have to be wrong by a factor of 2.5: {', '.join(bent)}. "
+            "Either the description is of another axis, or something is missing that no mechanism explains."
+        )
+    return tuple(out)
 
 
 def _rested(problem: Problem) -> tuple[str, ...]:

@@ -54,8 +54,32 @@ def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: boo
         out += _link_parameters(axis)
         out += _load_parameters(axis, load_encoder, level_n_m, rests)
     out.append(Parameter("offset_n_m", 0.0, 0.002 * level_n_m, 0.003 * level_n_m))
-    out.append(Parameter("torque_delay_s", 0.0, 1e-4, 2e-4, -0.02, 0.02))
+    late_s = _described(axis, "time_delay", "motor", "delay_s")
+    out.append(Parameter("torque_delay_s", late_s, 1e-4, 2e-4, -0.02, 0.02))
+    for name, _, waves in hums(axis):  # as large as it is described, whatever its phase in this record
+        spread = math.hypot(*waves)
+        out += [
+            Parameter(f"{name}.{part}", wave, 0.01 * spread, spread) for part, wave in zip(PARTS, waves, strict=True)
+        ]
     return tuple(out)
+
+
+def _described(axis: Axis, mechanism: str, location: str, number: str) -> float:
+    """Sum of a number over what the description already has of a mechanism, 0 where it has none."""
+    there = (e for e in axis.mechanisms if (e.name, e.location or location) == (mechanism, location))
+    return sum(entry.parameters[number] for entry in there)
+
+
+def hums(axis: Axis) -> list[tuple[str, float, tuple[float, float]]]:
+    """Name, frequency [Hz], and sine and cosine amplitude [N m] of every hum that is described."""
+    described = [entry.parameters for entry in axis.mechanisms if entry.name == "electrical_hum"]
+    return [(f"hum.{k}", p["frequency_hz"], _parts(p, "torque_n_m")) for k, p in enumerate(described)]
+
+
+def _parts(numbers: Values, amplitude: str) -> tuple[float, float]:
+    """Sine and cosine amplitude of amplitude * sin(x + phase)."""
+    phase = numbers.get("phase_rad", 0.0)
+    return numbers[amplitude] * math.cos(phase), numbers[amplitude] * math.sin(phase)
 
 
 def _link_parameters(axis: Axis) -> list[Parameter]:
@@ -97,13 +121,18 @@ def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: bo
         out.append(_share("load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad, 0.1))
     if load_encoder:
         out.append(Parameter("load_offset_rad", 0.0, 0.02 * compliance(axis), math.inf))
-        out.append(Parameter("load_delay_s", 0.0, 1e-6, 5e-5, -0.02, 0.02))
-        new = axis.load_encoder.error_rad
+        out.append(
+            Parameter("load_delay_s", _described(axis, "time_delay", "load", "delay_s"), 1e-6, 5e-5, -0.02, 0.02)
+        )
+        known = [_parts(e.parameters, "amplitude_rad") for e in axis.mechanisms if e.name == "encoder_error"]
+        errs = [sum(wave) for wave in zip((0.0, 0.0), *known, strict=True)]
+        new = axis.load_encoder.error_rad or 0.1 * math.hypot(*errs)
         if new:  # what it has at most, and the runout of the last gear, which looks the same
             mesh = axis.stages[-1].transmission_error_rad if axis.stages else 0.0
             spread = math.hypot(0.5 * new, RUNOUT_OVER_MESH * mesh)
-            for part in PARTS:
-                out.append(Parameter(f"load_encoder.error_{part}_rad", 0.0, 0.3 * new, spread, -3 * new, 3 * new))
+            for part, err in zip(PARTS, errs, strict=True):
+                name, far = f"load_encoder.error_{part}_rad", 3.0 * new
+                out.append(Parameter(name, err, 0.3 * new, spread, err - far, err + far))
     else:  # it may swing when the record begins
         twist = level_n_m * axis.ratio * compliance(axis)
         rate = 2.0 * math.pi * locked_mode_hz(axis) * twist

@@ -7,7 +7,9 @@ import math
 import httpx
 import pytest
 
-from app.investigations import get_investigation
+from app.investigations import accept, get_investigation
+from casebase.axes import get_axis
+from casebase.errors import ConflictError
 from casebase.library import CaseLibrary
 from casebase.models import StoredInvestigation, now
 from tests.app.sounds import sound
@@ -84,3 +86,26 @@ def test_several_sounds_are_kept_and_none_beside_telemetry(operator: httpx.Clien
     assert "3 sounds beside one telemetry" in refused.json()["detail"]
     twice = [("telemetry", ("t.csv", telemetry())) for _ in range(2)]
     assert "twice" in operator.post(URL, files=twice, data={"axis": AXIS}).json()["detail"]
+
+
+@pytest.mark.parametrize("verdict", ["named", "nothing_missing", "unnamed"])
+def test_only_what_is_named_extends_an_axis_and_its_description_stays(live_server: LiveServer, verdict: str) -> None:
+    """The first revision of an axis that is new here is what was described, the second what was found."""
+    library = CaseLibrary.open(live_server.data_dir)
+    described = {"name": f"of-{verdict}", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 1.0}}
+    extended = described | {"motor": {"inertia_kg_m2": 0.006, "coulomb_friction_n_m": 0.4}}
+    with library.transaction("test") as session:
+        row = StoredInvestigation(
+            state="done", axis=str(described["name"]), axis_document=described, inputs={}, created_by="me",
+            document={"verdict": verdict, "extended_axis": extended},
+        )  # fmt: skip
+        session.add(row)
+        session.flush()
+        if verdict != "named":
+            with pytest.raises(ConflictError, match="names nothing"):
+                accept(session, row)
+        else:
+            assert accept(session, row).revision == accept(session, row).revision == 2
+            first, second = (get_axis(session, str(described["name"]), k).document for k in (1, 2))
+            assert (first["motor"], second["motor"]) == (described["motor"], extended["motor"])
+    library.close()
