@@ -27,6 +27,7 @@ Mask = NDArray[np.bool_]
 MARGIN_S = 0.1  # loudness is full before the speed is
 SAME_CYCLE = 0.02
 SAME_TIME = 0.03  # of a period: a standstill is heard early or late
+ENOUGH = 3  # standstills, to show a period
 MOST = 0.7  # of the standstills; a dropout makes one more
 SHORTEST_CRUISE_S = 0.4
 LEAST_CRUISES = 3
@@ -82,17 +83,21 @@ def described_period_s(axis: Axis) -> float | None:
 def contradiction_of(described_s: float, heard: Motion, duration_s: float) -> str | None:
     """What the standstills in a recording say against a described period, in words; None where they fit it.
 
-    Two standstills say little: strokes need not take the same time in both directions.
+    Two standstills say little, since strokes need not take the same time in both directions, but that they are few.
     """
     times = np.array(heard.reversal_times_s)
     own = heard.period_in_sound_s
     told = f"The description gives the motion a period of {described_s:.3g} s, but the {times.size} standstills heard"
-    if times.size < 3:
-        return None
+    if times.size < ENOUGH:
+        missed = 2.0 * duration_s / described_s - times.size
+        if times.size == 0 or (missed < ENOUGH and np.ptp(times) < (1.0 + SAME_CYCLE) * described_s):
+            return None
     if own is not None:
         if abs(own / described_s - 1.0) < SAME_CYCLE:
             return None
         return f"{told} come with one of {own:.3g} s: the recording's own is used."
+    if times.size < ENOUGH:
+        return f"{told} are too few for it in {duration_s:.3g} s: no period is used."
     later = times[:, None] + described_s * np.array([-1.0, 1.0])
     apart = np.abs(later[:, :, None] - times).min(axis=2)
     inside = (later > 0.0) & (later < duration_s)

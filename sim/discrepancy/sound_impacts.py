@@ -80,9 +80,10 @@ def notch_hindrance(course: Course) -> str | None:
     if folded is None:
         return _rate_too_low(analysis)
     if not course.repeats:
-        return NO_REPEAT
+        few = len(analysis.motion.reversal_times_s) < LEAST_REVERSALS
+        return "too few standstills are heard to tell whether the motion repeats" if few else NO_REPEAT
     if analysis.motion.cycles < LEAST_CYCLES:
-        return f"the recording has {analysis.motion.cycles:.1f} cycles of the motion and {LEAST_CYCLES:.0f} are needed"
+        return f"{LEAST_CYCLES:.0f} cycles of the motion are needed and the recording has {analysis.motion.cycles:.1f}"
     if _cruising(analysis, folded).sum() < LEAST_HOPS:
         return "the axis hardly cruises between its standstills"
     return None if _complete(folded) else NOT_WHOLE
@@ -98,7 +99,7 @@ def play_hindrance(course: Course) -> str | None:
     if low is None or _folded(analysis, *TEETH_BAND_HZ) is None:
         return _rate_too_low(analysis)
     if count < LEAST_REVERSALS:
-        return f"{count} standstill(s) are heard and {LEAST_REVERSALS} are needed"
+        return f"{LEAST_REVERSALS} standstills are needed and {count} heard"
     if not _complete(low):
         return NOT_WHOLE
     return None if _braking(low).any() else "no braking is heard before the standstills"

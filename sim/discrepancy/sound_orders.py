@@ -48,19 +48,18 @@ class Family:
 
 def bearing_hindrance(axis: Axis, course: Course) -> str | None:
     """Why a bearing cannot be looked for; None where it can."""
-    highest = course.analysis.highest_hz
     if axis.stages and not mesh_orders(axis):
         return "the description gives no tooth numbers, by which teeth are told from bearings"
+    if course.analysis.highest_hz < BANDS_HZ[0][1]:
+        return f"the sample rate of {course.analysis.recording.sample_rate_hz:.0f} Hz is too low"
     if not course.analysis.motion.reversal_times_s:
         return NO_STANDSTILL
     if len(course.cruises) < LEAST_CRUISES:
-        return f"{len(course.cruises)} stroke(s) at constant speed are heard and {LEAST_CRUISES} are needed"
+        return f"{LEAST_CRUISES} strokes at constant speed are needed and {len(course.cruises)} heard"
     if course.speed is None:
         return "no tooth of this axis is heard as a line, so that the speed is unknown"
     if len(_known(course)) < LEAST_KNOWN:
         return "the speed is known of one stroke only"
-    if highest < BANDS_HZ[0][1]:
-        return f"the sample rate of {course.analysis.recording.sample_rate_hz:.0f} Hz is too low"
     return None
 
 

@@ -264,6 +264,9 @@ def test_a_described_period_is_held_against_standstills_that_do_not_repeat() -> 
     assert "do not repeat" in str(contradiction_of(9.0, heard, 16.0))
     uneven = Motion(reversal_times_s=(1.0, 2.5, 5.0, 6.5, 9.0, 10.5, 12.1))
     assert contradiction_of(4.0, uneven, 14.0) is None
+    two = Motion(reversal_times_s=(1.0, 3.5))
+    assert contradiction_of(4.0, two, 6.0) is None
+    assert "too few" in str(contradiction_of(1.0, two, 6.0))
 
 
 def test_where_the_sound_does_not_tell_the_stage_text_and_document_say_so() -> None:
