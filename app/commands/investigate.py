@@ -25,7 +25,7 @@ def run(
     axis: Annotated[
         Path,
         typer.Option(
-            metavar="AXIS.toml", help="what the axis is believed to be; sound alone uses period_s of its [motion]"
+            metavar="AXIS.toml", help="what the axis is believed to be; sound alone uses its motion.period_s"
         ),
     ],
     telemetry: Annotated[Path | None, typer.Option(metavar="T.csv", help="measured channels, CSV or Parquet")] = None,
@@ -34,7 +34,7 @@ def run(
         typer.Option(metavar="S.wav", help="recording of the same motion; without telemetry, several of the same axis"),
     ] = None,
     sound_offset: Annotated[
-        float, typer.Option(metavar="S", help="start of the sound after the telemetry's [s]")
+        float, typer.Option(metavar="S", help="start of the sound after the telemetry's, in s")
     ] = 0.0,
     report: Annotated[
         Path | None, typer.Option(metavar="OUT.html", help="one file with plots that works offline")

@@ -28,7 +28,7 @@ WORDS: Mapping[str, str] = {
 ALWAYS_HEARD = ("mesh_error", "eccentricity", "structural_resonance")
 NO_GEAR = "the axis has no gear"
 AS_NEW = "every axis sounds of it, and one recording does not tell what is as new"
-SILENT = "it cannot be heard"
+UNTOLD = "sound alone does not tell it"
 
 
 @dataclass(frozen=True)
@@ -73,7 +73,7 @@ def reach(axis: Axis, sounds: Sequence[Recording], courses: Sequence[Course]) ->
         examined.append(name)
         if reasons:
             partly[name] = len(each) - len(reasons)
-    rest = {name: AS_NEW if name in ALWAYS_HEARD else SILENT for name in sorted(MECHANISMS) if name not in WORDS}
+    rest = {name: AS_NEW if name in ALWAYS_HEARD else UNTOLD for name in sorted(MECHANISMS) if name not in WORDS}
     return Reach(tuple(examined), {**not_examined, **rest}, partly, len(each))
 
 
