@@ -24,9 +24,7 @@ def run(
     context: typer.Context,
     axis: Annotated[
         Path,
-        typer.Option(
-            metavar="AXIS.toml", help="what the axis is believed to be; sound alone uses its motion.period_s"
-        ),
+        typer.Option(metavar="AXIS.toml", help="what the axis is believed to be; sound alone uses its motion.period_s"),
     ],
     telemetry: Annotated[Path | None, typer.Option(metavar="T.csv", help="measured channels, CSV or Parquet")] = None,
     sound: Annotated[
