@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import sleep
 from typing import Any
@@ -201,7 +201,7 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
     found = investigate(
         read_axis(row.axis_document),
         read_telemetry(telemetry[0]) if telemetry else None,
-        [read_recording(sound) for sound in sounds],
+        [replace(read_recording(path), name=name) for path, name in zip(sounds, _names(row), strict=True)],
         sound_offset_s=float(offset) if isinstance(offset, int | float) else 0.0,
         progress=report,
     )
@@ -211,8 +211,16 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
 
 
 def _paths(library: CaseLibrary, row: StoredInvestigation, name: str) -> list[Path]:
+    return [library.audio.path(str(one["sha256"])) for one in _inputs(row, name)]
+
+
+def _names(row: StoredInvestigation) -> list[str]:
+    return [str(one.get("name", "")) for one in _inputs(row, "sound")]
+
+
+def _inputs(row: StoredInvestigation, name: str) -> list[dict[str, object]]:
     kept: Any = row.inputs.get(name, [])
-    return [library.audio.path(str(one["sha256"])) for one in (kept if isinstance(kept, list) else [kept])]
+    return kept if isinstance(kept, list) else [kept]
 
 
 def _finish(

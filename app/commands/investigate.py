@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Annotated
 
@@ -21,14 +22,17 @@ def register(app: typer.Typer) -> None:
 
 def run(
     context: typer.Context,
-    axis: Annotated[Path, typer.Option(metavar="AXIS.toml", help="what the axis is believed to be")],
+    axis: Annotated[
+        Path,
+        typer.Option(metavar="AXIS.toml", help="what the axis is believed to be; sound alone uses its motion.period_s"),
+    ],
     telemetry: Annotated[Path | None, typer.Option(metavar="T.csv", help="measured channels, CSV or Parquet")] = None,
     sound: Annotated[
         list[Path] | None,
         typer.Option(metavar="S.wav", help="recording of the same motion; without telemetry, several of the same axis"),
     ] = None,
     sound_offset: Annotated[
-        float, typer.Option(metavar="S", help="start of the sound after the telemetry's [s]")
+        float, typer.Option(metavar="S", help="start of the sound after the telemetry's, in s")
     ] = 0.0,
     report: Annotated[
         Path | None, typer.Option(metavar="OUT.html", help="one file with plots that works offline")
@@ -39,7 +43,7 @@ def run(
     frame = frame_of(context)
     described = read_axis(axis)
     measured = None if telemetry is None else read_telemetry(telemetry)
-    heard = [read_recording(one) for one in sound or ()]
+    heard = [replace(read_recording(one), name=one.name) for one in sound or ()]
     result = _watched(frame, lambda watch: investigate(described, measured, heard, watch, sound_offset))
     if report is not None:
         report.write_text(html_report(result), encoding="utf-8")

@@ -23,6 +23,7 @@ from sim.discrepancy.selection import Selection, calibrate, polish, select
 from sim.discrepancy.size import deviations
 from sim.discrepancy.sound import Listening, beside, listen, listen_alone
 from sim.discrepancy.sound_evidence import Heard
+from sim.discrepancy.sound_match import mismatch
 from sim.discrepancy.terms import Term
 from sim.discrepancy.unexplained import Unexplained, look, nameless, stands_out
 from sim.discrepancy.weighing import Evidence, is_close, probability
@@ -67,6 +68,7 @@ class Finding:
     indistinguishable_from: tuple[str, ...]
     explanation: str
     evidence: Evidence | None = None
+    elsewhere: tuple[str, ...] = ()  # places at which the data would be the same
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,16 @@ class Investigation:
     remarks: tuple[str, ...] = ()
     selection: Selection | None = field(default=None, repr=False, compare=False)
     listening: Listening | None = field(default=None, repr=False, compare=False)
+
+    @property
+    def examined(self) -> tuple[str, ...]:
+        """Mechanisms that sound alone let be looked for; empty with telemetry, by which `rejected` tells."""
+        return () if self.listening is None else self.listening.examined
+
+    @property
+    def not_examined(self) -> Mapping[str, str]:
+        """Mechanisms that sound alone did not let be looked for, to the reason; empty with telemetry."""
+        return {} if self.listening is None else self.listening.not_examined
 
     def document(self) -> dict[str, object]:
         """JSON of the contract: finite numbers only, the same for the same bytes."""
@@ -109,6 +121,8 @@ class Investigation:
             "rejected": [{"mechanism": name, "gain": _round(gain)} for name, gain in self.rejected],
             "remarks": list(self.remarks),
             "provenance": dict(self.provenance),
+            **({} if self.listening is None else
+               {"examined": list(self.examined), "not_examined": dict(self.not_examined)}),
         }  # fmt: skip
 
 
@@ -146,6 +160,7 @@ def investigate(
     problem, fit = selection.problem, selection.fit
     progress("sound", 0.78)
     heard = listen(axis, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
+    strange = mismatch(sounds[0], gate.measurement, sound_offset_s) if sounds else ()
     named = [term.mechanism for term in selection.found] + [fault.mechanism for fault in gate.faults]
     progress("gain on rows not used", 0.85)
     base = problem.fit((), base.values, held=base.sensitivities) if fit.terms else fit
@@ -176,7 +191,7 @@ def investigate(
         next_measurement(axis, findings, rest, problem.guided), extended_axis(axis, fit, said),
         _provenance(axis, telemetry, sounds, problem),
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
-        (*gate.remarks, *doubts, *_rested(problem), *_rattled(problem)), selection,
+        (*gate.remarks, *doubts, *strange, *_rested(problem), *_rattled(problem)), selection,
     )  # fmt: skip
 
 
@@ -377,7 +392,10 @@ def _fault_finding(fault: Fault) -> Finding:
 
 def _heard_finding(h: Heard) -> Finding:
     estimates = tuple(Estimate(k, v, unit_of(k), low, high) for k, (v, low, high) in h.parameters.items())
-    return Finding(h.mechanism, h.location, h.probability, estimates, h.indistinguishable_from, h.explanation)
+    return Finding(
+        h.mechanism, h.location, h.probability, estimates, h.indistinguishable_from, h.explanation,
+        elsewhere=h.elsewhere,
+    )  # fmt: skip
 
 
 def _provenance(
@@ -414,6 +432,7 @@ def _finding_json(f: Finding) -> dict[str, object]:
         ],
         "indistinguishable_from": list(f.indistinguishable_from),
         "explanation": f.explanation,
+        **({"elsewhere": list(f.elsewhere)} if f.elsewhere else {}),
     }
 
 

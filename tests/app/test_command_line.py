@@ -36,6 +36,11 @@ def test_help_names_every_verb() -> None:
         assert verb in words
 
 
+def test_help_of_an_investigation_says_which_motion_sound_alone_uses() -> None:
+    words = [sys.executable, "-m", "app", "investigate", "--help"]
+    assert "motion.period_s" in subprocess.run(words, capture_output=True, text=True, check=True).stdout
+
+
 def test_help_imports_nothing_heavy() -> None:
     program = "import sys; from app.cli import run; run(['--help']); print(*sys.modules, file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)
