@@ -26,12 +26,6 @@ _jit = njit(cache=True, error_model="numpy", fastmath=True, nogil=True)
 
 
 @_jit
-def _sign(x):
-    """Smooth sign, cheaper than tanh."""
-    return x / math.sqrt(1.0 + x * x)
-
-
-@_jit
 def _tanh(x):
     """To 3e-4, by Padé's approximant of order 7 over 6, cut where it reaches 1."""
     x = min(max(x, -4.97), 4.97)
@@ -334,7 +328,7 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                 driver[k] = force * links[k, INV]
                 driven[k] = force
                 if links[k, LOSSY] != 0.0:
-                    way = _sign(speeds[k + 1] / widths[0, k + 1])
+                    way = _tanh(speeds[k + 1] / widths[0, k + 1])
                     drives = force * way > 0.0
                     before = 1.0 / links[k, ETA1] - 1.0 if drives else 1.0 - links[k, ETA2]
                     after = 1.0 - links[k, ETA1] if drives else 1.0 / links[k, ETA2] - 1.0
