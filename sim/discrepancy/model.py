@@ -255,7 +255,6 @@ def nuisance_of(values: Values) -> Nuisance:
         get("load_offset_rad", 0.0),
         (get(LOSS_SPLITS[0], 0.5), get(LOSS_SPLITS[1], 0.5)),
         (1e-3 * math.exp(get(MOTOR_RELEASE, 0.0)), width * math.exp(get("log_release.load", 0.0))),
-        width,
         (math.exp(get(MOTOR_STRETCH, NONE)), math.exp(get("log_stretch_rad.load", NONE))),
         (get("start_rad", 0.0), get("start_rad_s", 0.0)),
     )

@@ -209,11 +209,8 @@ class Observer:
         gains = self._gains
         guide = np.zeros((2, 1)) if m.load_angle is None else self._guide(nuisance, slow)
         ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
-        widths = (
-            np.array([[max(nuisance.friction_width[0], LEAST_WIDTH)], [nuisance.friction_width[1]]])
-            * self._top
-            / ratios
-        )
+        motor, load = nuisance.friction_width
+        widths = np.array([[max(motor, LEAST_WIDTH)], [load]]) * self._top / ratios
         stretch = nuisance.stretch_rad[1]
         angles, speeds = steady_twist(chain, motion[:, 0], float(m.slow_acceleration[0]))
         if gains[0] > 0.0:
