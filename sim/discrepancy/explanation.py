@@ -3,14 +3,19 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sim.axis import Axis
+from sim.discrepancy.actions import BEHIND_THE_MOTOR, MEASUREMENTS, OF_THE_MEASUREMENT, measurement
 from sim.discrepancy.unexplained import Unexplained
+from sim.discrepancy.written import named, number, words_of
 
 if TYPE_CHECKING:
-    from sim.discrepancy.investigation import Finding
+    from sim.discrepancy.investigation import Finding, Investigation
 
 SENTENCES: Mapping[str, str] = {
     "backlash": "The {where} gear pair has play of {gap_rad:.3g} rad: around every reversal of torque the load moves freely until the other flank meets.",
@@ -35,6 +40,21 @@ SENTENCES: Mapping[str, str] = {
 }  # fmt: skip
 
 
+KINDS = {
+    "frequency": "A fixed frequency",
+    "speed": "Friction that changes with the speed",
+    "angle": "Torque that changes with the angle",
+    "time": "Something that changes with time",
+}
+REST = {
+    "frequency": "Repeat the same motion at half the speed: what stays at its frequency is a structure or the supply, what moves with the speed is a gear, a bearing or the motor.",
+    "speed": "Move at five even speeds in both directions: friction at the motor or the load shows as a curve of torque over speed, something that swings does not.",
+    "angle": "Turn the load slowly through more than one revolution in both directions: friction keeps its angle and turns its sign with the direction, weight and runout keep theirs.",
+    "time": "Repeat the motion twice in a row with the temperature logged: heat goes on from where it was, what happened once does not come again.",
+}
+OF_SOUND = ("tooth_damage", "backlash", "bearing_defect")
+OF_RECORDINGS = ("clipping", "lost_samples", "electrical_hum")
+SAID = 0.5  # probability from which a name is said
 BOTTOMS = ((3.0, "round, like a worn hollow"), (6.0, "between a worn hollow and a piece broken out"))
 BROKEN = "flat with steep edges, like a piece broken out"
 
@@ -50,27 +70,118 @@ def explain(mechanism: str, location: str | None, numbers: Mapping[str, float], 
     )
 
 
+def headline(result: Investigation) -> str:
+    """The verdict in one line: what is missing, or what was examined where nothing is."""
+    if result.verdict == "unnamed":
+        return "Something is missing in the model that no catalogued mechanism explains."
+    said = [f for f in result.findings if f.probability >= SAID]
+    machine = [f for f in said if f.mechanism not in OF_THE_MEASUREMENT]
+    faults = ", ".join(dict.fromkeys(named(f.mechanism) for f in said if f not in machine))
+    if not said:
+        return _silent(result)
+    if not machine:
+        rest = "the sound" if result.selection is None else "the data"
+        return f"The measurement has faults: {faults}. Beyond them nothing stands out of {rest}."
+    beside = f" The measurement has faults besides: {faults}." if faults else ""
+    if result.selection is None:
+        return f"Heard: {_names(machine)}.{beside}"
+    return f"Missing in the model: {_names(machine)}.{beside}"
+
+
+def _silent(result: Investigation) -> str:
+    if result.selection is not None:
+        return "Nothing is missing in the model that these data could show."
+    examined = ", ".join(named(name) for name in listened_for(result))
+    return f"Nothing stands out of the sound. Listened for: {examined}; nothing else was examined."
+
+
+def _names(findings: Sequence[Finding]) -> str:
+    return ", ".join(named(f.mechanism, f.location) for f in findings)
+
+
+def listened_for(result: Investigation) -> list[str]:
+    """What a sound alone was examined for; faults of the recording always are."""
+    if result.listening is None:
+        return []
+    weighed = [*(h.mechanism for h in result.listening.heard), *(name for name, _ in result.listening.rejected)]
+    cruising = any(course.speed and course.mesh_orders for course in result.listening.courses)
+    machine = [name for name in OF_SOUND if name in weighed or (name == "bearing_defect" and cruising)]
+    return [*machine, *OF_RECORDINGS]
+
+
+def not_examined(result: Investigation) -> list[str]:
+    """What these data say nothing of, whatever the verdict, in sentences."""
+    if result.selection is None:
+        missed = [named(name) for name in OF_SOUND if name not in listened_for(result)]
+        unheard = [f"Not examined in this sound: {', '.join(missed)}."] if missed else []
+        return [*unheard, *result.remarks]
+    m, axis = result.selection.problem.measurement, result.axis
+    out = list(result.remarks)
+    travel = math.degrees(float(np.ptp(m.angle)) / axis.ratio)
+    if axis.stages and travel < 359.0:
+        out.append(f"The load moved through {travel:.0f}° of a turn: teeth beyond were not in mesh and not examined.")
+    if axis.stages and m.load_angle is None:
+        out.append(
+            "No encoder at the load: small play, runout and errors of teeth behind the motor stay below what shows."
+        )
+    if not result.sounds:
+        out.append("No sound was given: rolling bearings were not examined.")
+    return out
+
+
 def next_measurement(axis: Axis, findings: Sequence[Finding], rest: Sequence[Unexplained], load_encoder: bool) -> str:
-    """The one measurement that would settle most of what is open."""
+    """The one measurement that would settle most of what is open, with what each rival would show in it."""
     for finding in findings:
         if finding.indistinguishable_from:
-            return _separate(finding.mechanism, finding.indistinguishable_from[0], load_encoder)
-    if rest and not findings:
+            return telling_apart(finding.mechanism, finding.indistinguishable_from[0], load_encoder)
+    if not findings and rest:
+        return REST.get(rest[0].kind, REST["frequency"])
+    blind = not load_encoder and bool(axis.stages)
+    if blind and all(finding.mechanism in BEHIND_THE_MOTOR for finding in findings):
         return (
-            "Repeat the same motion at half the speed: what stays at its frequency is a structure or the supply, "
-            "what moves with the speed is a gear, a bearing or the motor."
+            "Add an encoder at the load and repeat the motion: play, runout and soft springs inside the gear move the "
+            "load against the motor, friction and weight do not."
         )
-    if not load_encoder and axis.stages:
-        return "Add an encoder at the load: without it play, eccentricity and stiffness inside the gear can hardly be told apart."
-    if findings:
-        return f"After the repair or after a month, repeat the same motion and compare the size of {findings[0].mechanism.replace('_', ' ')}."
+    for finding in sorted(findings, key=lambda f: (f.mechanism in OF_THE_MEASUREMENT, f.probability)):
+        return measurement(axis, finding.mechanism, finding.location, numbers_of(finding))
     return "Nothing is open; repeat the same motion after maintenance or in half a year, and compare."
 
 
-def _separate(first: str, second: str, load_encoder: bool) -> str:
+def numbers_of(finding: Finding) -> dict[str, float]:
+    """Fitted numbers of a finding by name."""
+    return {e.name: e.value for e in finding.parameters}
+
+
+def unexplained_words(rest: Unexplained) -> str:
+    """Where something is left that no mechanism explains, and how much of what the mechanisms leave."""
+    place = ", ".join(f"{words_of(name)} {number(value)} {unit}" for name, value, unit in _places(rest))
+    way = {1.0: ", while turning forward", -1.0: ", while turning backward"}.get(rest.numbers.get("direction", 0.0), "")
+    what = KINDS.get(rest.kind, rest.kind)
+    return (
+        f"{what} in the {words_of(rest.channel)}: {place.strip()}{way}. It makes up {min(max(rest.share, 0.0), 1.0):.0%} "
+        "of the squares, in units of noise, that the named mechanisms leave."
+    )
+
+
+def _places(rest: Unexplained) -> list[tuple[str, float, str]]:
+    units = {"_hz": "Hz", "_rad_s": "rad/s", "_rad": "rad", "_s": "s"}
+    out = []
+    for name, value in rest.numbers.items():
+        unit = next((unit for ending, unit in units.items() if name.endswith(ending)), "")
+        if name == "order":
+            out.append(("times per turn of the load", value, ""))
+        elif name != "direction":
+            out.append((name, value, unit))
+    return out
+
+
+def telling_apart(first: str, second: str, load_encoder: bool) -> str:
+    """The measurement in which two mechanisms differ."""
     pair = {first, second}
-    if pair & {"friction_asymmetry", "torque_offset"}:
-        return "Hold the axis at rest with the brake open and log the torque, then move at two speeds in both directions: an offset stays, a friction that differs by direction grows with speed."
+    if "torque_offset" in pair:
+        return MEASUREMENTS["torque_offset"]
+    if pair == {"eccentricity", "encoder_error"}:
+        return "Put a dial gauge, a second encoder or a laser at the load and turn it slowly once: runout of the gear moves the load, an error of the encoder does not."
     if pair & {"backlash", "stiffness_hardening", "hysteresis"}:
         return "Block the load, let the motor push slowly to and fro up to its torque limit and log torque against angle: play shows a flat middle, hardening a bend, hysteresis a loop."
     if pair & {"eccentricity", "encoder_error", "gravity_imbalance", "mesh_error"}:

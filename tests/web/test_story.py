@@ -31,7 +31,7 @@ def rising() -> dict[str, Any]:
 
 
 def test_friction_lives_at_its_speed_and_is_taken_away(rising: dict[str, Any]) -> None:
-    found, lines = panel(rising, "residual", "By speed and direction")
+    found, lines = panel(rising, "residual", "Motor torque by speed and direction")
     speed = np.abs(np.array(found["x"]))
     before, after = lines["description, calibrated"], lines["with what was found"]
     assert speed[np.nanargmax(before)] < 6.0
@@ -62,7 +62,7 @@ def test_a_line_stands_at_its_frequency_above_the_floor() -> None:
     """A torque of 0.3 N m at 37 Hz that nothing names: 10 log10(0.3² / 2 / 0.75 Hz) in the spectrum of what is left."""
     time, *_ = swing()
     told = story(investigated(0.3 * np.sin(2 * np.pi * 37.0 * time), 8))
-    found, lines = panel(told, "overlay", "Spectrum: what is left")
+    found, lines = panel(told, "overlay", "Motor torque, spectrum: what is left")
     left = lines["description, calibrated"]
     at = int(np.nanargmax(left))
     assert found["x"][at] == pytest.approx(37.0, abs=0.5)

@@ -78,6 +78,7 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "unexplained": unexplained_words(document["unexplained"]) if document.get("unexplained") else None,
         "overlay": panels_of(document, "overlay"),
         "residual": panels_of(document, "residual"),
+        "sound": panels_of(document, "sound"),
         "candidates": candidates_of(document),
     }
     return render(request, "investigation.html", context, principal=principal, section=SECTION)
