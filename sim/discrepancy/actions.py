@@ -103,8 +103,12 @@ def tooth(axis: Axis, location: str | None, angle_rad: float) -> str:
 
 
 def place_of(axis: Axis, location: str | None, numbers: Mapping[str, float]) -> str:
-    """Where on a gear something is: degrees, tooth, and how often it comes back; empty where that is not known."""
+    """Where something is: degrees, tooth and how often it comes back, or order or frequency; empty where not known."""
     out = _angle(numbers)
+    if "order" in numbers:
+        return f"at {numbers['order']:.3g} times per turn of the motor"
+    if "frequency_hz" in numbers:
+        return f"at {numbers['frequency_hz']:.3g} Hz"
     if not out or "angle_rad" not in numbers:
         return out
     if location in axis.locations and (turns := axis.ratio_from(location or "")) > 1.0 + 1e-9:

@@ -12,16 +12,16 @@ import numpy as np
 from sim.axis import Axis
 from sim.discrepancy.actions import BEHIND_THE_MOTOR, MEASUREMENTS, OF_THE_MEASUREMENT, measurement
 from sim.discrepancy.unexplained import Unexplained
-from sim.discrepancy.written import named, number, words_of
+from sim.discrepancy.written import angle, named, number, percent, words_of
 
 if TYPE_CHECKING:
     from sim.discrepancy.investigation import Finding, Investigation
 
 SENTENCES: Mapping[str, str] = {
-    "backlash": "The {where} gear pair has play of {gap_rad:.3g} rad: around every reversal of torque the load moves freely until the other flank meets.",
-    "tooth_damage": "A flank of the {where} gear lacks material near {angle_rad:.3f} rad, {depth_rad:.2g} rad deep: torque breaks down there once per revolution, in one direction of torque.",
-    "eccentricity": "The {where} gear runs out of true by {amplitude_rad:.3g} rad once per revolution.",
-    "mesh_error": "The teeth of the {where} gear pair err by {amplitude_rad:.3g} rad at tooth frequency, more than as new.",
+    "backlash": "The {where} gear pair has play of {gap_rad:.3g} rad ({gap_rad_shown}): around every reversal of torque the load moves freely until the other flank meets.",
+    "tooth_damage": "A flank of the {where} gear lacks material near {angle_rad:.3f} rad ({angle_rad_shown}), {depth_rad:.2g} rad ({depth_rad_shown}) deep: torque breaks down there once per revolution, in one direction of torque.",
+    "eccentricity": "The {where} gear runs out of true by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution.",
+    "mesh_error": "The teeth of the {where} gear pair err by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) at tooth frequency, more than as new.",
     "coulomb_friction": "Dry friction of {torque_n_m:.3g} N m as felt at the motor is missing from the description.",
     "viscous_friction": "Viscous friction of {coefficient_n_m_s_per_rad:.3g} N m s/rad as felt at the motor is missing from the description.",
     "stribeck_friction": "At low speed friction rises by {torque_n_m:.3g} N m, below about {speed_rad_s:.3g} rad/s of the motor: the lubricant film breaks down.",
@@ -33,7 +33,7 @@ SENTENCES: Mapping[str, str] = {
     "stiffness_hardening": "The {where} gear pair is stiffer at large twist than at small.",
     "hysteresis": "The {where} gear pair holds back {torque_n_m:.3g} N m when the twist turns: its spring has a loop.",
     "torque_offset": "The torque channel reads {torque_n_m:.3g} N m too much, whatever the motion.",
-    "encoder_error": "The load encoder errs by {amplitude_rad:.3g} rad once per revolution, more than its data sheet says.",
+    "encoder_error": "The load encoder errs by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution, more than its data sheet says.",
     "time_delay": "A channel is late by {delay_s:.3g} s against the others.",
     "structural_resonance": "Part of the load, {share:.0%} of its inertia, swings by itself at {frequency_hz:.3g} Hz: an arm, a tool or the stand is soft or loose.",
     "electrical_hum": "A hum of {frequency_hz:g} Hz from the mains is on the torque channel.",
@@ -61,7 +61,8 @@ BROKEN = "flat with steep edges, like a piece broken out"
 
 def explain(mechanism: str, location: str | None, numbers: Mapping[str, float], elsewhere: Sequence[str] = ()) -> str:
     """Sentences with the fitted numbers; `elsewhere`: where it would explain the data as well."""
-    said = [SENTENCES.get(mechanism, mechanism.replace("_", " ")).format(where=location or "", **numbers)]
+    shown = {f"{name}_shown": angle(value) for name, value in numbers.items() if name.endswith("_rad")}
+    said = [SENTENCES.get(mechanism, mechanism.replace("_", " ")).format(where=location or "", **numbers, **shown)]
     if "form" in numbers:
         bottom = next((text for below, text in BOTTOMS if numbers["form"] < below), BROKEN)
         said.append(f"Its bottom is {bottom} (form {numbers['form']:.1f}).")
@@ -154,24 +155,25 @@ def numbers_of(finding: Finding) -> dict[str, float]:
 
 def unexplained_words(rest: Unexplained) -> str:
     """Where something is left that no mechanism explains, and how much of what the mechanisms leave."""
-    place = ", ".join(f"{words_of(name)} {number(value)} {unit}" for name, value, unit in _places(rest))
+    place = ", ".join(_places(rest))
     way = {1.0: ", while turning forward", -1.0: ", while turning backward"}.get(rest.numbers.get("direction", 0.0), "")
-    what = KINDS.get(rest.kind, rest.kind)
     return (
-        f"{what} in the {words_of(rest.channel)}: {place.strip()}{way}. It makes up {min(max(rest.share, 0.0), 1.0):.0%} "
-        "of the squares, in units of noise, that the named mechanisms leave."
+        f"{KINDS.get(rest.kind, rest.kind)} in the {words_of(rest.channel)}: {place}{way}. It makes up "
+        f"{percent(min(max(rest.share, 0.0), 1.0))} of what the named mechanisms leave (squared, in units of noise)."
     )
 
 
-def _places(rest: Unexplained) -> list[tuple[str, float, str]]:
+def _places(rest: Unexplained) -> list[str]:
     units = {"_hz": "Hz", "_rad_s": "rad/s", "_rad": "rad", "_s": "s"}
     out = []
     for name, value in rest.numbers.items():
         unit = next((unit for ending, unit in units.items() if name.endswith(ending)), "")
         if name == "order":
-            out.append(("times per turn of the load", value, ""))
+            out.append(f"{value:g} times per turn of the load")
+        elif name.startswith("angle_"):
+            out.append(f"{angle(value)} of {words_of(name).removeprefix('angle ')}")
         elif name != "direction":
-            out.append((name, value, unit))
+            out.append(f"{number(value)} {unit}")
     return out
 
 

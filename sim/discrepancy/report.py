@@ -21,8 +21,8 @@ from sim.discrepancy.explanation import (
     unexplained_words,
 )
 from sim.discrepancy.panels import FLOOR, Panel
-from sim.discrepancy.story import ALIKE, Candidate, candidates, panels
-from sim.discrepancy.written import angle, interval, named, number, sure, unit_in_words, words_of
+from sim.discrepancy.story import ALIKE, Candidate, asked_for, candidates, panels
+from sim.discrepancy.written import angle, interval, named, number, percent, sure, unit_in_words, words_of
 
 if TYPE_CHECKING:
     from sim.discrepancy.investigation import Estimate, Finding, Investigation
@@ -53,6 +53,7 @@ STEPS = (
 HIDDEN = ("form",)  # numbers that say nothing to a reader; the explanation says what they mean
 FLANKS = {1.0: "the one that carries positive torque", -1.0: "the one that carries negative torque"}
 LEAST_COUNTS = 0.5
+MOST_PLACES = 6
 LINEAR = "Where this axis is a linear one, read N, m and kg for N m, rad and kg m²: N s/m for N m s/rad, m/s for rad/s."
 
 
@@ -64,11 +65,11 @@ def html_report(result: Investigation, files: Sequence[str] = ()) -> str:
         _condition(result),
         _calibration(result),
         _left(result, overlay, residual, sound),
-        _compared(weighed),
+        _compared(result, weighed),
         _verdict(result),
         _extended(result),
         _gain(result),
-        _unexplained(result),
+        _unexplained(result, residual),
         _alike(result, weighed),
         [_p(result.next_measurement)],
     )
@@ -106,9 +107,9 @@ def _told(result: Investigation, finding: Finding) -> list[tuple[str, str]]:
     at = place_of(result.axis, finding.location, numbers_of(finding))
     place = ", ".join(part for part in (finding.location or "", at) if part)
     return [
-        ("What", f"{named(finding.mechanism).capitalize()} ({kind})"),
-        ("Where", place or "not told by these data"),
-        ("How sure", f"{sure(finding.probability)}, {finding.probability:.0%}"),
+        ("What", f"{named(finding.mechanism).capitalize()} ({kind}). {finding.explanation}"),
+        ("Where", place or ("the recording" if finding.mechanism in OF_THE_MEASUREMENT else "not told by these data")),
+        ("How sure", f"{sure(finding.probability)}, {percent(finding.probability)}"),
         ("What to do now", finding.action),
     ]
 
@@ -146,7 +147,7 @@ def _of_telemetry(result: Investigation) -> list[tuple[str, str]]:
     return [
         ("channels", f"{', '.join(channels)}; {number(m.samples / m.rate_hz)} s at {number(m.rate_hz)} rows per second once made even"),
         ("units, signs, order of the channels", "torque, angle and ratio agree with the description"),
-        ("rows that count", f"{float(np.mean(m.weight >= LEAST_COUNTS)):.1%}; {float(np.mean(~kept)):.1%} left out as lost, cut or beside such, {float(np.mean(kept & (m.weight < LEAST_COUNTS))):.1%} at standstill or with rattling teeth"),
+        ("rows that count", f"{percent(float(np.mean(m.weight >= LEAST_COUNTS)), 1)}; {percent(float(np.mean(~kept)), 1)} left out at the start, as lost or cut, or beside such, {percent(float(np.mean(kept & (m.weight < LEAST_COUNTS))), 1)} at standstill or with rattling teeth"),
         ("torque from row to row", f"{number(fast)} N m rms, whatever the model: its noise is no less"),
         ("travel of the load", f"{moved}, at up to {number(top)} rad/s"),
     ]  # fmt: skip
@@ -183,7 +184,7 @@ def _calibration(result: Investigation) -> list[str]:
 
 
 def _change(e: Estimate) -> str:
-    return f"{e.value / e.nominal - 1.0:+.1%}".replace("-", "−") if e.nominal else "–"
+    return percent(e.value / e.nominal - 1.0, 1) if e.nominal else "–"
 
 
 def _estimate(e: Estimate) -> tuple[str, str, str]:
@@ -195,7 +196,7 @@ def _left(result: Investigation, overlay: list[Panel], residual: list[Panel], so
     if result.selection is None:
         text = "The sound falls where the axis stands still and turns back; strokes are laid over each other from there on. What stands inside the band cannot be told from noise. The first recording is shown."
         return [_p(text), _plots([*overlay, *residual], "what noise reaches")]
-    floor = "The noise floor is what the quieter parts of the record have, at each frequency of whichever model leaves less; what a model gets wrong all the time counts as noise. Values over time are means of 10 ms, bands over time are two standard deviations. Standstill is left out."
+    floor = "The noise floor is what the quieter parts of the record have, at each frequency of whichever model leaves less; what a model gets wrong all the time counts as noise. Values over time are means of 10 ms, bands over time are two standard deviations. Rows that do not count are left out."
     out = [_p(floor), _plots(overlay)]
     for title in ("Motor torque", "Torque at the load"):
         shown = [panel for panel in residual if panel.title.startswith(title)]
@@ -216,17 +217,20 @@ def _plots(shown: Sequence[Panel], band: str = FLOOR) -> str:
     return f'<div class="plots">{"".join(svg(panel, band) for panel in shown)}</div>'
 
 
-def _compared(weighed: Sequence[Candidate]) -> list[str]:
-    """Who was weighed and not named, with what it explains against what would have been needed."""
-    if not weighed:
-        return [_p("No other candidate came near.")]
-    rows = [(named(c.mechanism, c.location), _explains(c), _needed(c), c.reason) for c in weighed]
-    return [
-        _p(
-            "What a candidate explains is the drop of the squared residual in units of its noise. Those below were rejected."
-        ),
-        _table(("candidate", "explains", "needed", "why rejected"), rows, numeric=(1, 2)),
-    ]
+def _compared(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:
+    """What came in and what did not, with what it explains against what would have been needed."""
+    rows = []
+    if result.selection is not None:
+        fit, gains = result.selection.fit, result.selection.gains
+        rows = [
+            (named(t.mechanism, t.location), number(gains[t.key]), number(asked_for(t, fit)), "Named: see the verdict.")
+            for t in result.selection.found
+        ]
+    rows += [(named(c.mechanism, c.location), _explains(c), _needed(c), f"Rejected. {c.reason}") for c in weighed]
+    if not rows:
+        return [_p("No candidate came near.")]
+    text = "What a candidate explains is the drop of the squared residual in units of its noise, beside what the others explain."
+    return [_p(text), _table(("candidate", "explains", "needed", "outcome"), rows, numeric=(1, 2))]
 
 
 def _explains(c: Candidate) -> str:
@@ -243,7 +247,7 @@ def _verdict(result: Investigation) -> list[str]:
     out = [f"<p><strong>{html.escape(headline(result))}</strong></p>"]
     for f in result.findings:
         out.append(
-            f"<h3>{html.escape(named(f.mechanism, f.location))}: {f.probability:.0%}, {sure(f.probability)}</h3>"
+            f"<h3>{html.escape(named(f.mechanism, f.location))}: {percent(f.probability)}, {sure(f.probability)}</h3>"
         )
         out += [_p(f.explanation), f"<p><strong>What to do now:</strong> {html.escape(f.action)}</p>"]
     if result.findings:
@@ -295,25 +299,41 @@ def _gain(result: Investigation) -> list[str]:
     rows = [
         (
             words_of(g.channel), number(g.rms_before), number(g.rms_after), g.unit,
-            "–" if not g.rms_before else f"{g.rms_after / g.rms_before - 1.0:+.0%}".replace("-", "−"),
+            "–" if not g.rms_before else percent(g.rms_after / g.rms_before - 1.0),
             "distinguishable from zero" if g.significant else "not distinguishable from zero",
         )
         for g in result.gain
     ]  # fmt: skip
-    return [
-        _table(("channel", "left before, rms", "left after, rms", "unit", "change", "gain"), rows, numeric=(1, 2, 4))
-    ]
+    how = "Each quarter of the record is predicted by fits to the other three, below 40 Hz; before: the description, calibrated; after: with what was named."
+    if result.selection is not None and not result.selection.found:
+        how += " Nothing was added to this model, so that the two differ by their calibration alone."
+    head = ("channel", "left before, rms", "left after, rms", "unit", "change", "gain")
+    return [_p(how), _table(head, rows, numeric=(1, 2, 4))]
 
 
-def _unexplained(result: Investigation) -> list[str]:
-    if result.unexplained is not None:
-        return [_p(unexplained_words(result.unexplained))]
+def _unexplained(result: Investigation, residual: Sequence[Panel]) -> list[str]:
+    """What has no name, and where what is left is highest over its noise floor."""
     if result.selection is None:
         return [_p("What of a sound is left without a name is not looked for.")]
-    white = result.selection.fit.misfit / result.selection.fit.residual.size
-    return [
-        _p(f"Nothing stands out. What is left has {number(white)} times the squares of its noise (1 is noise alone).")
-    ]
+    fit = result.selection.fit
+    white = number(fit.misfit / fit.residual.size)
+    told = "Nothing stands out." if result.unexplained is None else unexplained_words(result.unexplained)
+    out = [_p(f"{told} What the last model leaves has {white} times the squares of its noise; 1 is noise alone.")]
+    if result.selection.nameless:
+        out.append(_p("The last model holds what has no name as well, so that the plots show what is beyond it."))
+    rows = sorted((place for panel in residual if (place := _highest(panel))), reverse=True)[:MOST_PLACES]
+    shown = [(title, f"{ratio:.1f} times", f"{number(x)} {unit}") for ratio, title, x, unit in rows]
+    return [*out, _p("Where it is highest over its noise floor:"), _table(("plot", "noise floor", "at"), shown, (1, 2))]
+
+
+def _highest(panel: Panel) -> tuple[float, str, float, str] | None:
+    """How far the last model leaves more than noise at most, by the bins of a panel, and where."""
+    _, values = panel.lines[-1]
+    if panel.noise is None or panel.noise[0] < 0.0 or not np.isfinite(values).any():
+        return None
+    at = int(np.nanargmax(values))
+    unit = panel.x_label.partition("[")[2].removesuffix("]")
+    return float(values[at]) / panel.noise[1], panel.title, float(panel.x[at]), unit
 
 
 def _alike(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:

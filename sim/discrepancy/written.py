@@ -90,6 +90,15 @@ def angle(value_rad: float, half_rad: float = 0.0) -> str:
     return f"{number(3600.0 * degrees, 3600.0 * half)}{NO_BREAK}arc s"
 
 
+def percent(share: float, digits: int = 0) -> str:
+    """A share in per cent.
+
+    >>> percent(0.95), percent(-0.024, 1)
+    ('95\\xa0%', '−2.4\\xa0%')
+    """
+    return f"{100.0 * share:.{digits}f}{NO_BREAK}%".replace("-", MINUS)
+
+
 def sure(probability: float) -> str:
     """A probability in words.
 

@@ -17,7 +17,7 @@ from sim.discrepancy.investigation import Finding, Investigation, advised, inves
 from sim.discrepancy.report import STEPS, html_report
 from sim.discrepancy.story import candidates, panels, story
 from sim.discrepancy.unexplained import Unexplained
-from sim.discrepancy.written import angle, interval, number
+from sim.discrepancy.written import angle, interval, number, percent
 from sim.mechanisms import MECHANISMS
 from tests.discrepancy.telemetry_of import one_body, swing
 from tests.discrepancy.test_sound_alone import AXIS, recording, running
@@ -80,7 +80,7 @@ def test_it_begins_with_what_a_technician_needs(rising: Investigation) -> None:
     box = words(html_report(rising).split("</header>")[0])
     for told in ("What ", "Where ", "How sure ", "What to do now ", "Not examined ", "Next measurement "):
         assert told in box
-    assert f"{rising.findings[0].probability:.0%}" in box
+    assert percent(rising.findings[0].probability) in box
     assert "rolling bearings were not examined" in box
 
 
@@ -206,7 +206,7 @@ def test_a_sound_says_what_was_listened_for_and_what_was_not(heard: Investigatio
 
 def test_what_is_unexplained_is_never_more_than_all() -> None:
     text = unexplained_words(Unexplained("frequency", "motor_torque_nm", 36.7, 9.0, {"frequency_hz": 9.1}))
-    assert "100%" in text
+    assert percent(1.0) in text
     assert "9.10 Hz" in text
 
 
