@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 import html
-import math
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from sim.discrepancy.actions import OF_THE_MEASUREMENT, place_of
+from sim.discrepancy.checked import checked
 from sim.discrepancy.drawing import svg
 from sim.discrepancy.explanation import (
     headline,
@@ -52,7 +52,6 @@ STEPS = (
 
 HIDDEN = ("form",)  # numbers that say nothing to a reader; the explanation says what they mean
 FLANKS = {1.0: "the one that carries positive torque", -1.0: "the one that carries negative torque"}
-LEAST_COUNTS = 0.5
 MOST_PLACES = 6
 LINEAR = "Where this axis is a linear one, read N, m and kg for N m, rad and kg m²: N s/m for N m s/rad, m/s for rad/s."
 
@@ -116,58 +115,12 @@ def _told(result: Investigation, finding: Finding) -> list[tuple[str, str]]:
 
 def _condition(result: Investigation) -> list[str]:
     """Sensors and recordings before any physics, also where all is well."""
-    faults = {f.mechanism: f for f in result.findings if f.mechanism in ("clipping", "lost_samples", "electrical_hum")}
-    rows = [*_of_telemetry(result), *_of_sound(result)]
-    rows += [
-        (words, faults[name].explanation if name in faults else f"none found{of}")
-        for name, words, of in (
-            ("lost_samples", "rows or samples missing, or held while it moves", " (less than 0.05 % of all)"),
-            ("clipping", "values cut at their extremes", ""),
-            ("electrical_hum", "hum of the mains", ""),
-        )
-    ]
     return [
         _p("Faults of sensors and recorders come before any physics: what they touch does not count."),
-        _table(("checked", "result"), rows),
+        _table(("checked", "result"), checked(result)),
         *(_p(remark) for remark in (result.gate.remarks if result.gate else ())),
         *([] if result.axis.stages or result.selection is None else [_p(LINEAR)]),
     ]
-
-
-def _of_telemetry(result: Investigation) -> list[tuple[str, str]]:
-    if result.selection is None:
-        return []
-    m = result.selection.problem.measurement
-    axis = result.axis
-    channels = ["motor torque", "motor angle", *(["load angle"] if m.load_angle is not None else [])]
-    fast = float(np.std(np.diff(m.torque))) / math.sqrt(2.0)
-    travel, top = float(np.ptp(m.angle)) / axis.ratio, float(np.abs(m.speed).max()) / axis.ratio
-    moved = angle(travel) if axis.stages else f"{number(travel)} rad"
-    kept = m.valid >= LEAST_COUNTS
-    return [
-        ("channels", f"{', '.join(channels)}; {number(m.samples / m.rate_hz)} s at {number(m.rate_hz)} rows per second once made even"),
-        ("units, signs, order of the channels", "torque, angle and ratio agree with the description"),
-        ("rows that count", f"{percent(float(np.mean(m.weight >= LEAST_COUNTS)), 1)}; {percent(float(np.mean(~kept)), 1)} left out at the start, as lost or cut, or beside such, {percent(float(np.mean(kept & (m.weight < LEAST_COUNTS))), 1)} at standstill or with rattling teeth"),
-        ("torque from row to row", f"{number(fast)} N m rms, whatever the model: its noise is no less"),
-        ("travel of the load", f"{moved}, at up to {number(top)} rad/s"),
-    ]  # fmt: skip
-
-
-def _of_sound(result: Investigation) -> list[tuple[str, str]]:
-    rows = [
-        (f"sound {place}", f"{number(one.duration_s)} s at {one.sample_rate_hz:.0f} samples per second")
-        for place, one in enumerate(result.sounds, start=1)
-    ]
-    for place, course in enumerate(result.listening.courses if result.listening else (), start=1):
-        ends, motion = len(course.analysis.motion.reversal_times_s), "repeats" if course.repeats else "does not repeat"
-        speed = "known from the lines of its teeth" if course.speed else "not known"
-        rows.append(
-            (
-                f"motion heard in sound {place}",
-                f"{ends} standstills, {len(course.cruises)} stretches at even speed; it {motion}; its speed is {speed}",
-            )
-        )
-    return rows
 
 
 def _calibration(result: Investigation) -> list[str]:

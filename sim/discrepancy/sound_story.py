@@ -70,7 +70,9 @@ def along_path(result: Investigation) -> list[Panel]:
     found = tuple((k * order, "bearing") for order in bearings for k in (1, 2, 3) if k * order < SHOWN_ORDER)
     labels = ("times per turn of the motor", "over its surroundings [dB]")
     noise = (-10.0, 10.0 * float(np.log10(LINE)))
-    return [Panel("Impacts in the sound, by order", *labels, "order", centre, lines, noise, (*found, *teeth))]
+    return [
+        Panel("Impacts in the sound, by order", *labels, "order", centre, lines, noise, tuple(sorted((*found, *teeth))))
+    ]
 
 
 def _loudness(course: Course) -> Panel:

@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from sim.discrepancy.candidates import Rival
+from sim.discrepancy.checked import checked
 from sim.discrepancy.criteria import BEYOND, evidence, form_share, matters
-from sim.discrepancy.explanation import headline
+from sim.discrepancy.explanation import headline, not_examined
 from sim.discrepancy.fit import Fit
 from sim.discrepancy.panels import Panel
 from sim.discrepancy.residuals import overlay_panels, residual_panels
@@ -60,10 +61,12 @@ class Candidate:
 
 
 def story(result: Investigation) -> dict[str, object]:
-    """Headline, panels and candidates as JSON."""
+    """Headline, checks, panels and candidates as JSON."""
     overlay, residual, sound = panels(result)
     return {
         "headline": headline(result),
+        "checked": [{"check": check, "result": told} for check, told in checked(result)],
+        "not_examined": not_examined(result),
         "overlay": [panel.document() for panel in overlay],
         "residual": [panel.document() for panel in residual],
         "sound": [panel.document() for panel in sound],

@@ -8,10 +8,12 @@ from typing import Any
 import numpy as np
 import pytest
 
+from casebase.signals.telemetry import Telemetry
 from sim.axis import read_axis
 from sim.discrepancy.actions import ACTIONS, MEASUREMENTS, OF_THE_MEASUREMENT, action, measurement
 from sim.discrepancy.candidates import Rival
 from sim.discrepancy.catalogue import terms_of
+from sim.discrepancy.checked import checked
 from sim.discrepancy.explanation import headline, next_measurement, unexplained_words
 from sim.discrepancy.investigation import Finding, Investigation, advised, investigate
 from sim.discrepancy.report import STEPS, html_report
@@ -101,6 +103,30 @@ def test_page_and_report_show_the_same_panels(any_result: Investigation) -> None
     assert sorted(unescape(one) for one in drawn) == sorted(
         panel["title"] for part in ("overlay", "residual", "sound") for panel in told[part]
     )
+
+
+def test_the_condition_is_told_even_where_all_is_well(any_result: Investigation) -> None:
+    rows = dict(checked(any_result))
+    for check in (
+        "rows or samples missing, or held while it moves",
+        "values cut at their extremes",
+        "hum of the mains",
+    ):
+        assert rows[check].startswith("none found")
+    page = words(html_report(any_result))
+    told: Any = story(any_result)["checked"]
+    assert [(one["check"], one["result"]) for one in told] == list(checked(any_result))
+    assert all(result in page for result in rows.values())
+
+
+def test_a_fault_of_the_recording_stands_in_its_condition() -> None:
+    whole = one_body(0.3, 1.0, 0.02, 9)
+    kept = np.ones(whole.rows, dtype=bool)
+    kept[3000:3100] = False
+    gap = Telemetry(whole.time_s[kept], {name: values[kept] for name, values in whole.channels.items()})
+    result = investigate(BODY, gap)
+    assert headline(result).startswith("The measurement has faults: lost samples.")
+    assert "100 rows are missing" in dict(checked(result))["rows or samples missing, or held while it moves"]
 
 
 def test_a_model_that_was_not_extended_is_not_drawn(good: Investigation) -> None:

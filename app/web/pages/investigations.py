@@ -80,6 +80,8 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "residual": panels_of(document, "residual"),
         "sound": panels_of(document, "sound"),
         "candidates": candidates_of(document),
+        "checked": document.get("story", {}).get("checked", ()),
+        "not_examined": document.get("story", {}).get("not_examined", ()),
     }
     return render(request, "investigation.html", context, principal=principal, section=SECTION)
 
