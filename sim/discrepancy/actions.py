@@ -75,15 +75,22 @@ MEASUREMENTS: Mapping[str, str] = {
 }  # fmt: skip
 
 
+OTHERWISE = (
+    "Look at what is described here, and change no parts on it alone.",
+    "Repeat the same motion at half the speed and in both directions: what stays the same does not come from the motion.",
+)
+"""The same of what the catalogue does not know."""
+
+
 def action(axis: Axis, mechanism: str, location: str | None, numbers: Mapping[str, float], probability: float) -> str:
     """What to do now; of a name that is not sure, to measure first."""
-    text = _filled(ACTIONS[mechanism], axis, location, numbers)
+    text = _filled(ACTIONS.get(mechanism, OTHERWISE[0]), axis, location, numbers)
     return text if probability >= SURE else f"Measure first, as it is not sure (see the next measurement). Then: {text}"
 
 
 def measurement(axis: Axis, mechanism: str, location: str | None, numbers: Mapping[str, float]) -> str:
     """The measurement that tells a mechanism from what looks like it."""
-    return _filled(MEASUREMENTS[mechanism], axis, location, numbers)
+    return _filled(MEASUREMENTS.get(mechanism, OTHERWISE[1]), axis, location, numbers)
 
 
 def tooth(axis: Axis, location: str | None, angle_rad: float) -> str:

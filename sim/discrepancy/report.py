@@ -92,6 +92,8 @@ def _box(result: Investigation, files: Sequence[str]) -> str:
     if result.unexplained is not None and result.verdict == "unnamed":
         doing = "Do not change parts on this alone: make the next measurement first."
         rest = [("What", unexplained_words(result.unexplained)), ("What to do now", doing), *rest]
+    elif result.unexplained is not None:
+        rest = [("Unexplained besides", unexplained_words(result.unexplained)), *rest]
     if not result.findings and result.verdict == "nothing_missing":
         rest = [("What to do now", "Nothing to repair."), *rest]
     rest.append(("Next measurement", result.next_measurement))

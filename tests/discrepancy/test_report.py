@@ -54,6 +54,14 @@ def any_result(request: pytest.FixtureRequest) -> Investigation:
     return result
 
 
+PAGES: dict[int, str] = {}
+
+
+def page_of(result: Investigation) -> str:
+    """The report of a result that lives as long as this module."""
+    return PAGES.setdefault(id(result), PAGES.get(id(result)) or html_report(result))
+
+
 def words(page: str) -> str:
     return unescape(re.sub(r"<svg.*?</svg>|<style>.*?</style>|<[^>]+>", " ", page, flags=re.DOTALL))
 
@@ -63,7 +71,7 @@ def finding(mechanism: str, probability: float = 0.95, **given: Any) -> Finding:
 
 
 def test_every_step_is_told_in_order(any_result: Investigation) -> None:
-    headings = re.findall(r"<h2>\d+\. (.*?)</h2>", html_report(any_result))
+    headings = re.findall(r"<h2>\d+\. (.*?)</h2>", page_of(any_result))
     assert tuple(unescape(one) for one in headings) == STEPS
 
 
@@ -79,7 +87,7 @@ def test_the_report_loads_nothing_and_fits_a_phone(any_result: Investigation) ->
 
 
 def test_it_begins_with_what_a_technician_needs(rising: Investigation) -> None:
-    box = words(html_report(rising).split("</header>")[0])
+    box = words(page_of(rising).split("</header>")[0])
     for told in ("What ", "Where ", "How sure ", "What to do now ", "Not examined ", "Next measurement "):
         assert told in box
     assert percent(rising.findings[0].probability) in box
@@ -99,7 +107,7 @@ def test_what_is_left_is_always_held_against_its_noise(rising: Investigation, go
 
 def test_page_and_report_show_the_same_panels(any_result: Investigation) -> None:
     told: dict[str, Any] = story(any_result)
-    drawn = re.findall("<figcaption>(.*?)</figcaption>", html_report(any_result))
+    drawn = re.findall("<figcaption>(.*?)</figcaption>", page_of(any_result))
     assert sorted(unescape(one) for one in drawn) == sorted(
         panel["title"] for part in ("overlay", "residual", "sound") for panel in told[part]
     )
@@ -113,7 +121,7 @@ def test_the_condition_is_told_even_where_all_is_well(any_result: Investigation)
         "hum of the mains",
     ):
         assert rows[check].startswith("none found")
-    page = words(html_report(any_result))
+    page = words(page_of(any_result))
     told: Any = story(any_result)["checked"]
     assert [(one["check"], one["result"]) for one in told] == list(checked(any_result))
     assert all(result in page for result in rows.values())
@@ -130,7 +138,7 @@ def test_a_fault_of_the_recording_stands_in_its_condition() -> None:
 
 
 def test_a_model_that_was_not_extended_is_not_drawn(good: Investigation) -> None:
-    assert "with what was found" not in html_report(good)
+    assert "with what was found" not in page_of(good)
 
 
 def test_a_bad_model_does_not_widen_the_noise_floor(rising: Investigation) -> None:
@@ -166,7 +174,7 @@ def test_what_was_rejected_has_a_reason_and_no_probability(weighed: Investigatio
     assert all("probability" not in candidate.document() for candidate in found)
     told: Any = story(weighed)["candidates"]
     assert [one["reason"] for one in told] == [candidate.reason for candidate in found]
-    section = html_report(weighed).split("4. Candidate causes")[1].split("</section>")[0]
+    section = page_of(weighed).split("4. Candidate causes")[1].split("</section>")[0]
     assert "%" not in words(section)
     assert all(candidate.reason in words(section) for candidate in found)
 
@@ -225,7 +233,7 @@ def test_a_fault_of_the_measurement_is_not_missing_in_the_model(good: Investigat
 def test_a_sound_says_what_was_listened_for_and_what_was_not(heard: Investigation) -> None:
     assert headline(heard).startswith("Nothing stands out of the sound. Listened for:")
     assert "nothing else was examined" in headline(heard)
-    box = words(html_report(heard).split("</header>")[0])
+    box = words(page_of(heard).split("</header>")[0])
     assert "Not examined" in box
     assert "friction, stiffness" in box
 

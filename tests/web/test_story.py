@@ -1,10 +1,13 @@
 """The panels of an investigation show an effect where it was put, and that the better model takes it away."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import app
+from app.web.story import candidates_of
 from sim.axis import read_axis
 from sim.discrepancy.investigation import Investigation, investigate
 from sim.discrepancy.story import story
@@ -68,3 +71,11 @@ def test_a_line_stands_at_its_frequency_above_the_floor() -> None:
     assert found["x"][at] == pytest.approx(37.0, abs=0.5)
     assert left[at] == pytest.approx(10 * np.log10(0.3**2 / 2 / 0.75), abs=2.0)
     assert left[at] > lines["noise floor"][at] + 10
+
+
+def test_an_older_document_shows_no_probability_of_what_was_rejected() -> None:
+    kept = {"mechanism": "backlash", "location": "output", "probability": 1.0, "reason": "It explains nothing."}
+    (candidate,) = candidates_of({"story": {"candidates": [kept]}})
+    assert (candidate["explains"], candidate["needed"], candidate["instead_of"]) == (None, None, None)
+    template = (Path(app.__file__).parent / "web" / "templates" / "investigation.html").read_text()
+    assert "one.probability" not in template
