@@ -13,7 +13,8 @@ from sim.discrepancy.panels import FLOOR, Panel
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-WIDTH_IN, HEIGHT_IN = 6.2, 3.0
+WIDTH_IN, HEIGHT_IN = 6.2, 3.3
+LONGEST = 26  # characters of a label that stands beside a plot
 TEXT = 12.0  # points: 9 pixels on a phone of 390
 FEW, FEWEST = 24, 3  # values that are drawn as dots besides, or as dots alone
 CLOSE = 0.22  # of the width: words nearer than that stand in rows
@@ -45,7 +46,7 @@ def svg(panel: Panel, band: str = FLOOR) -> str:
             plot.axhspan(*panel.noise, color=BAND, lw=0, label=band)
         _markers(plot, panel)
         plot.set_xlabel(panel.x_label)
-        plot.set_ylabel(panel.y_label)
+        plot.set_ylabel(panel.y_label if len(panel.y_label) <= LONGEST else panel.y_label.replace(" [", "\n["))
         figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=TEXT - 1.0, handlelength=2.5)
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None})

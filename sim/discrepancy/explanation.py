@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from sim.axis import Axis
-from sim.discrepancy.actions import BEHIND_THE_MOTOR, MEASUREMENTS, OF_THE_MEASUREMENT, measurement
+from sim.discrepancy.actions import BEHIND_THE_MOTOR, MEASUREMENTS, OF_THE_MEASUREMENT, SHOWN_RAD, measurement
 from sim.discrepancy.unexplained import Unexplained
 from sim.discrepancy.written import angle, named, number, percent, words_of
 
@@ -54,6 +54,7 @@ REST = {
 }
 OF_SOUND = ("tooth_damage", "backlash", "bearing_defect")
 OF_RECORDINGS = ("clipping", "lost_samples", "electrical_hum")
+PLACED = {"angle_rad": SHOWN_RAD}  # to which a place is said
 SAID = 0.5  # probability from which a name is said
 BOTTOMS = ((3.0, "round, like a worn hollow"), (6.0, "between a worn hollow and a piece broken out"))
 BROKEN = "flat with steep edges, like a piece broken out"
@@ -61,7 +62,7 @@ BROKEN = "flat with steep edges, like a piece broken out"
 
 def explain(mechanism: str, location: str | None, numbers: Mapping[str, float], elsewhere: Sequence[str] = ()) -> str:
     """Sentences with the fitted numbers; `elsewhere`: where it would explain the data as well."""
-    shown = {f"{name}_shown": angle(value) for name, value in numbers.items() if name.endswith("_rad")}
+    shown = {f"{name}_shown": angle(value, PLACED.get(name, 0.0)) for name, value in numbers.items() if "_rad" in name}
     said = [SENTENCES.get(mechanism, mechanism.replace("_", " ")).format(where=location or "", **numbers, **shown)]
     if "form" in numbers:
         bottom = next((text for below, text in BOTTOMS if numbers["form"] < below), BROKEN)
@@ -81,8 +82,8 @@ def headline(result: Investigation) -> str:
     if not said:
         return _silent(result)
     if not machine:
-        rest = "the sound" if result.selection is None else "the data"
-        return f"The measurement has faults: {faults}. Beyond them nothing stands out of {rest}."
+        beyond = _silent(result) if result.selection is None else "Beyond them nothing stands out of the data."
+        return f"The measurement has faults: {faults}. {beyond}"
     beside = f" The measurement has faults besides: {faults}." if faults else ""
     if result.selection is None:
         return f"Heard: {_names(machine)}.{beside}"
