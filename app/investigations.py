@@ -207,18 +207,21 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
     )
     told = {**found.document(), "story": story(found)}
     document: dict[str, object] = json.loads(json.dumps(told, allow_nan=False))
-    return document, html_report(found)
+    return document, html_report(
+        found, [str(one["name"]) for one in (*_given(row, "telemetry"), *_given(row, "sound"))]
+    )
 
 
 def _paths(library: CaseLibrary, row: StoredInvestigation, name: str) -> list[Path]:
-    return [library.audio.path(str(one["sha256"])) for one in _inputs(row, name)]
+    return [library.audio.path(str(one["sha256"])) for one in _given(row, name)]
 
 
 def _names(row: StoredInvestigation) -> list[str]:
-    return [str(one.get("name", "")) for one in _inputs(row, "sound")]
+    return [str(one.get("name", "")) for one in _given(row, "sound")]
 
 
-def _inputs(row: StoredInvestigation, name: str) -> list[dict[str, object]]:
+def _given(row: StoredInvestigation, name: str) -> list[dict[str, object]]:
+    """What was measured, as it was kept: name and hash."""
     kept: Any = row.inputs.get(name, [])
     return kept if isinstance(kept, list) else [kept]
 

@@ -12,6 +12,7 @@ from app.commands.frame import Frame, frame_of
 from casebase.signals.decode import read_recording
 from casebase.signals.telemetry import read_telemetry
 from sim.axis import read_axis
+from sim.discrepancy.explanation import headline
 from sim.discrepancy.investigation import Investigation, investigate
 from sim.discrepancy.report import html_report
 
@@ -46,7 +47,8 @@ def run(
     heard = [replace(read_recording(one), name=one.name) for one in sound or ()]
     result = _watched(frame, lambda watch: investigate(described, measured, heard, watch, sound_offset))
     if report is not None:
-        report.write_text(html_report(result), encoding="utf-8")
+        files = [path.name for path in (axis, telemetry, *(sound or ())) if path is not None]
+        report.write_text(html_report(result, files), encoding="utf-8")
         frame.say(f"report: {report}")
     if json:
         frame.print_json(result.document())
@@ -68,12 +70,7 @@ def _watched(frame: Frame, work: object) -> Investigation:
 
 
 def _show(frame: Frame, result: Investigation) -> None:
-    words = {
-        "nothing_missing": "Nothing is missing in the model.",
-        "named": "The model misses:",
-        "unnamed": "The model misses something that has no name here:",
-    }
-    frame.print(words[result.verdict])
+    frame.print(headline(result))
     for f in result.findings:
         place = f" ({f.location})" if f.location else ""
         frame.print(f"  {f.mechanism}{place}, probability {f.probability:.2f}: {f.explanation}")
@@ -81,6 +78,7 @@ def _show(frame: Frame, result: Investigation) -> None:
             frame.print(f"    {e.name} = {e.value:.5g} {e.unit} ({e.low:.5g} to {e.high:.5g})")
         if f.indistinguishable_from:
             frame.print(f"    these data cannot tell it from {', '.join(f.indistinguishable_from)}")
+        frame.print(f"    what to do now: {f.action}")
     if result.unexplained is not None:
         where = ", ".join(f"{name} {value:.4g}" for name, value in result.unexplained.numbers.items())
         frame.print(f"  unexplained: {where} in {result.unexplained.channel}")

@@ -13,8 +13,9 @@ import numpy as np
 from casebase.signals.recording import Recording
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis
+from sim.discrepancy.actions import action
 from sim.discrepancy.condition import Fault, Gate, InvestigationError, examine
-from sim.discrepancy.explanation import explain, next_measurement
+from sim.discrepancy.explanation import explain, next_measurement, numbers_of
 from sim.discrepancy.extension import extended_axis
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.gain import Gain, gains
@@ -69,6 +70,7 @@ class Finding:
     explanation: str
     evidence: Evidence | None = None
     elsewhere: tuple[str, ...] = ()  # places at which the data would be the same
+    action: str = ""
 
 
 @dataclass(frozen=True)
@@ -88,6 +90,9 @@ class Investigation:
     remarks: tuple[str, ...] = ()
     selection: Selection | None = field(default=None, repr=False, compare=False)
     listening: Listening | None = field(default=None, repr=False, compare=False)
+    gate: Gate | None = field(default=None, repr=False, compare=False)
+    sounds: tuple[Recording, ...] = field(default=(), repr=False, compare=False)
+    sound_offset_s: float = 0.0
 
     @property
     def examined(self) -> tuple[str, ...]:
@@ -176,6 +181,7 @@ def investigate(
         *(_fault_finding(fault) for fault in gate.faults),
         *(_heard_finding(h) for h in beside(named, heard, problem.guided, struck, loud)),
     )
+    findings = tuple(advised(axis, f) for f in findings)
     named_well = any(f.probability >= SAID for f in findings)
     if findings and not named_well:
         rest = rest or places[:1]  # something is there, but no name is more likely than not
@@ -192,6 +198,7 @@ def investigate(
         _provenance(axis, telemetry, sounds, problem),
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
         (*gate.remarks, *doubts, *strange, *_rested(problem), *_rattled(problem)), selection,
+        gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,
     )  # fmt: skip
 
 
@@ -239,11 +246,12 @@ def _first_noise(gate: Gate) -> Noise:
 def _sound_alone(axis: Axis, sounds: Sequence[Recording], progress: Progress) -> Investigation:
     progress("sound", 0.2)
     listened = listen_alone(axis, sounds)
-    findings = tuple(_heard_finding(h) for h in listened.heard)
+    findings = tuple(advised(axis, _heard_finding(h)) for h in listened.heard)
     progress("done", 1.0)
     return Investigation(
         axis, "named" if findings else "nothing_missing", findings, None, (), (), listened.next_measurement, axis,
         _provenance(axis, None, sounds, None), remarks=listened.remarks, listening=listened,
+        sounds=tuple(sounds),
     )  # fmt: skip
 
 
@@ -285,6 +293,12 @@ def _doubts(fit: Fit, gained: Sequence[Gain]) -> tuple[str, ...]:
             "Either the description is of another axis, or something is missing that no mechanism explains."
         )
     return tuple(out)
+
+
+def advised(axis: Axis, finding: Finding) -> Finding:
+    """With what to do now about it."""
+    f = finding
+    return replace(f, action=action(axis, f.mechanism, f.location, numbers_of(f), f.probability))
 
 
 def _rested(problem: Problem) -> tuple[str, ...]:
@@ -431,7 +445,7 @@ def _finding_json(f: Finding) -> dict[str, object]:
             for e in f.parameters
         ],
         "indistinguishable_from": list(f.indistinguishable_from),
-        "explanation": f.explanation,
+        "explanation": f"{f.explanation} {f.action}".strip(),
         **({"elsewhere": list(f.elsewhere)} if f.elsewhere else {}),
     }
 

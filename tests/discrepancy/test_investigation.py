@@ -131,7 +131,7 @@ def test_the_same_bytes_give_the_same_document_of_finite_numbers() -> None:
 def test_the_report_is_one_file_that_loads_nothing() -> None:
     page = html_report(investigate(axis(coulomb=0.0), one_body(0.3, 1.0, 0.02, 5)))
     assert "<svg" in page
-    assert "coulomb_friction" in page
+    assert "coulomb friction" in page
     assert "slower than 0.71 rad/s did not count" in page  # 1.2 % of the largest speed
     assert "<script" not in page
     assert 'src="http' not in page

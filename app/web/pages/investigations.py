@@ -78,7 +78,10 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "unexplained": unexplained_words(document["unexplained"]) if document.get("unexplained") else None,
         "overlay": panels_of(document, "overlay"),
         "residual": panels_of(document, "residual"),
+        "sound": panels_of(document, "sound"),
         "candidates": candidates_of(document),
+        "checked": document.get("story", {}).get("checked", ()),
+        "not_examined": document.get("story", {}).get("not_examined", ()),
     }
     return render(request, "investigation.html", context, principal=principal, section=SECTION)
 
