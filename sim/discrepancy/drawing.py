@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 WIDTH_IN, HEIGHT_IN = 6.2, 3.3
 LONGEST = 26  # characters of a label that stands beside a plot
 TEXT = 12.0  # points: 9 pixels on a phone of 390
-FEW, FEWEST = 24, 3  # values that are drawn as dots besides, or as dots alone
+FEW, FEWEST = 24, 3  # values that are drawn as dots besides; bins that are dots alone
 CLOSE = 0.22  # of the width: words nearer than that stand in rows
 MEASURED = "measured"
 INKS = {  # what is drawn, and the colour of the page that takes its place
@@ -29,7 +29,6 @@ RC: Any = {
     "svg.hashsalt": "gearcase", "svg.fonttype": "none", "text.parse_math": False, "font.size": TEXT,
     "text.color": INK, "axes.edgecolor": INK, "axes.labelcolor": INK, "xtick.color": INK, "ytick.color": INK,
     "axes.facecolor": "none", "figure.facecolor": "none", "axes.spines.top": False, "axes.spines.right": False,
-    "axes.xmargin": 0.01,
 }  # fmt: skip
 
 
@@ -50,9 +49,8 @@ def svg(panel: Panel, band: str = FLOOR) -> str:
         figure.legend(loc="outside upper left", ncols=2, frameon=False, fontsize=TEXT - 1.0, handlelength=2.5)
         buffer = io.StringIO()
         figure.savefig(buffer, format="svg", metadata={"Date": None})
-    return (
-        f"<figure><figcaption>{html.escape(panel.title)}</figcaption>{_inline(buffer.getvalue(), panel.title)}</figure>"
-    )
+    title = html.escape(panel.title)
+    return f"<figure><figcaption>{title}</figcaption>{_inline(buffer.getvalue(), title)}</figure>"
 
 
 def _inline(text: str, title: str) -> str:
@@ -68,11 +66,14 @@ def _lines(plot: Axes, panel: Panel) -> None:
     for name, values in panel.lines:
         ink, style, dot = plain.get(name) or next(styles)
         way = "none" if panel.x.size <= FEWEST else style
-        marker = dot if panel.x.size <= FEW else ""
+        marker = dot if np.isfinite(values).sum() <= FEW else ""
         plot.plot(panel.x, values, ls=way, color=ink, lw=1.8 if name == FLOOR else 1.2, label=name, marker=marker, ms=5)
     if panel.x.size <= FEWEST:
         plot.set_xticks(panel.x)
         plot.margins(x=0.3)
+    elif panel.x.size:
+        edge = 0.01 * float(panel.x[-1] - panel.x[0])
+        plot.set_xlim(float(panel.x[0]) - edge, float(panel.x[-1]) + edge)
 
 
 def _markers(plot: Axes, panel: Panel) -> None:

@@ -52,8 +52,6 @@ REST = {
     "angle": "Turn the load slowly through more than one revolution in both directions: friction keeps its angle and turns its sign with the direction, weight and runout keep theirs.",
     "time": "Repeat the motion twice in a row with the temperature logged: heat goes on from where it was, what happened once does not come again.",
 }
-OF_SOUND = ("tooth_damage", "backlash", "bearing_defect")
-OF_RECORDINGS = ("clipping", "lost_samples", "electrical_hum")
 PLACED = {"angle_rad": SHOWN_RAD}  # to which a place is said
 SAID = 0.5  # probability from which a name is said
 BOTTOMS = ((3.0, "round, like a worn hollow"), (6.0, "between a worn hollow and a piece broken out"))
@@ -93,7 +91,9 @@ def headline(result: Investigation) -> str:
 def _silent(result: Investigation) -> str:
     if result.selection is not None:
         return "Nothing is missing in the model that these data could show."
-    examined = ", ".join(named(name) for name in listened_for(result))
+    if not result.examined:
+        return "Nothing could be examined in this sound."
+    examined = ", ".join(named(name) for name in result.examined)
     return f"Nothing stands out of the sound. Listened for: {examined}; nothing else was examined."
 
 
@@ -101,22 +101,10 @@ def _names(findings: Sequence[Finding]) -> str:
     return ", ".join(named(f.mechanism, f.location) for f in findings)
 
 
-def listened_for(result: Investigation) -> list[str]:
-    """What a sound alone was examined for; faults of the recording always are."""
-    if result.listening is None:
-        return []
-    weighed = [*(h.mechanism for h in result.listening.heard), *(name for name, _ in result.listening.rejected)]
-    cruising = any(course.speed and course.mesh_orders for course in result.listening.courses)
-    machine = [name for name in OF_SOUND if name in weighed or (name == "bearing_defect" and cruising)]
-    return [*machine, *OF_RECORDINGS]
-
-
 def not_examined(result: Investigation) -> list[str]:
     """What these data say nothing of, whatever the verdict, in sentences."""
     if result.selection is None:
-        missed = [named(name) for name in OF_SOUND if name not in listened_for(result)]
-        unheard = [f"Not examined in this sound: {', '.join(missed)}."] if missed else []
-        return [*unheard, *result.remarks]
+        return list(result.remarks)  # the first says what was examined and what not, and why
     m, axis = result.selection.problem.measurement, result.axis
     out = list(result.remarks)
     travel = math.degrees(float(np.ptp(m.angle)) / axis.ratio)

@@ -14,7 +14,6 @@ from sim.discrepancy.checked import checked
 from sim.discrepancy.drawing import svg
 from sim.discrepancy.explanation import (
     headline,
-    listened_for,
     not_examined,
     numbers_of,
     telling_apart,
@@ -22,7 +21,7 @@ from sim.discrepancy.explanation import (
 )
 from sim.discrepancy.panels import FLOOR, Panel
 from sim.discrepancy.story import ALIKE, Candidate, asked_for, candidates, panels
-from sim.discrepancy.written import angle, interval, named, number, percent, sure, unit_in_words, words_of
+from sim.discrepancy.written import angle, changed, interval, named, number, percent, sure, unit_in_words, words_of
 
 if TYPE_CHECKING:
     from sim.discrepancy.investigation import Estimate, Finding, Investigation
@@ -95,7 +94,8 @@ def _box(result: Investigation, files: Sequence[str]) -> str:
     elif result.unexplained is not None:
         rest = [("Unexplained besides", unexplained_words(result.unexplained)), *rest]
     if not result.findings and result.verdict == "nothing_missing":
-        rest = [("What to do now", "Nothing to repair."), *rest]
+        nothing = "Nothing to repair by what was examined; what was not examined stays open."
+        rest = [("What to do now", nothing), *rest]
     rest.append(("Next measurement", result.next_measurement))
     return (
         f'<header class="box"><p class="quiet">Model against measurement: {html.escape(result.axis.name)}{from_files}</p>'
@@ -104,7 +104,7 @@ def _box(result: Investigation, files: Sequence[str]) -> str:
 
 
 def _told(result: Investigation, finding: Finding) -> list[tuple[str, str]]:
-    kind = "fault of the measurement" if finding.mechanism in OF_THE_MEASUREMENT else "cause in the machine"
+    kind = "fault of the measurement" if finding.mechanism in OF_THE_MEASUREMENT else "missing in the model"
     at = place_of(result.axis, finding.location, numbers_of(finding))
     place = ", ".join(part for part in (finding.location or "", at) if part)
     return [
@@ -139,7 +139,7 @@ def _calibration(result: Investigation) -> list[str]:
 
 
 def _change(e: Estimate) -> str:
-    return percent(e.value / e.nominal - 1.0, 1) if e.nominal else "–"
+    return changed(e.nominal, e.value, 1) if e.nominal else "–"
 
 
 def _estimate(e: Estimate) -> tuple[str, str, str]:
@@ -254,7 +254,7 @@ def _gain(result: Investigation) -> list[str]:
     rows = [
         (
             words_of(g.channel), number(g.rms_before), number(g.rms_after), g.unit,
-            "–" if not g.rms_before else percent(g.rms_after / g.rms_before - 1.0),
+            "–" if not g.rms_before else changed(g.rms_before, g.rms_after),
             "distinguishable from zero" if g.significant else "not distinguishable from zero",
         )
         for g in result.gain
@@ -308,7 +308,7 @@ def _alike(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:
         found = "No other cause that was tried explains these data as well as what was named."
         out = [found if result.findings else "No two causes were found to be equal here."]
     if result.listening is not None:
-        out.append(f"Listened for: {', '.join(named(name) for name in listened_for(result))}.")
+        out.append(f"Listened for: {', '.join(named(name) for name in result.examined)}.")
     return [_list([*out, *not_examined(result)])]
 
 

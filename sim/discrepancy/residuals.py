@@ -114,7 +114,8 @@ class Channel:
         return self._spectra(f"{self.name}, spectrum: measured and simulated", [(n, self._level(y)) for n, y in lines])
 
     def spectrum(self) -> Panel:
-        lines = [(name, self._level(left)) for name, left in self.left]
+        """Of the rows that count, as loud as if all did; a line leads over lost ones, whose edges would be loudest."""
+        lines = [(name, self._level(self._counted(left), self._share)) for name, left in self.left]
         frequency = lines[0][1][0]
         floor = 10 * np.log10(np.interp(frequency, *self._density))
         return self._spectra(f"{self.name}, spectrum: what is left", [*lines, (FLOOR, (frequency, floor))])
@@ -232,11 +233,22 @@ class Channel:
         whole = values.size // size * size
         return np.asarray(values[:whole].reshape(-1, size).mean(axis=1))
 
-    def _level(self, values: Array) -> tuple[Array, Array]:
+    def _counted(self, left: Array) -> Array:
+        if self.stride > 1:
+            return left * self.weight[: self.size]
+        m = self.problem.measurement
+        return np.asarray(m.bridge.across(left) * m.counts)
+
+    @property
+    def _share(self) -> float:
+        """Of the energy of noise, what is left of it by the weights."""
+        return max(float(np.mean(self.weight[: self.size] ** 2)), 1e-3)
+
+    def _level(self, values: Array, share: float = 1.0) -> tuple[Array, Array]:
         size = min(round(self.rate_hz / LINE_HZ), values.size)
         frequency, power = welch(values, self.rate_hz, nperseg=size)
         used = (frequency > 0) & (frequency <= SHOWN_HZ)
-        return frequency[used], 10 * np.log10(np.maximum(power[used], 1e-30))
+        return frequency[used], 10 * np.log10(np.maximum(power[used] / share, 1e-30))
 
     def _spectra(self, title: str, lines: Sequence[tuple[str, tuple[Array, Array]]]) -> Panel:
         drawn = tuple((name, level) for name, (_, level) in lines)

@@ -99,6 +99,16 @@ def percent(share: float, digits: int = 0) -> str:
     return f"{100.0 * share:.{digits}f}{NO_BREAK}%".replace("-", MINUS)
 
 
+def changed(before: float, after: float, digits: int = 0) -> str:
+    """By what share something has changed, with its sign.
+
+    >>> changed(2.0, 3.0), changed(2.0, 1.0)
+    ('+50\\xa0%', '−50\\xa0%')
+    """
+    share = after / before - 1.0
+    return f"{'+' if share > 0.0 else ''}{percent(share, digits)}"
+
+
 def sure(probability: float) -> str:
     """A probability in words.
 

@@ -14,8 +14,10 @@ from sim.discrepancy.actions import ACTIONS, MEASUREMENTS, OF_THE_MEASUREMENT, a
 from sim.discrepancy.candidates import Rival
 from sim.discrepancy.catalogue import terms_of
 from sim.discrepancy.checked import checked
+from sim.discrepancy.drawing import svg
 from sim.discrepancy.explanation import headline, next_measurement, unexplained_words
 from sim.discrepancy.investigation import Finding, Investigation, advised, investigate
+from sim.discrepancy.panels import FLOOR, Panel
 from sim.discrepancy.report import STEPS, html_report
 from sim.discrepancy.story import candidates, panels, story
 from sim.discrepancy.unexplained import Unexplained
@@ -262,3 +264,12 @@ def test_numbers_have_the_digits_that_their_interval_deserves() -> None:
     assert number(3.2e-6, 5e-7) == "3.2 × 10⁻⁶"
     assert angle(np.radians(154.7), np.radians(0.3)) == "154.7°"
     assert angle(0.00119, 0.00009).endswith("arc min")
+
+
+def test_names_of_shafts_are_text() -> None:
+    x = np.linspace(0.0, 1.0, 5)
+    drawn = svg(Panel('by "<b>" $x$', "<i> [°]", "y", "x", x, (("line", x), (FLOOR, x)), markers=((0.5, "<u>"),)))
+    assert "<b>" not in drawn
+    assert "<i>" not in drawn
+    assert "<u>" not in drawn
+    assert 'aria-label="by &quot;&lt;b&gt;&quot; $x$"' in drawn
