@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -53,21 +54,36 @@ REST = {
     "time": "Repeat the motion twice in a row with the temperature logged: heat goes on from where it was, what happened once does not come again.",
 }
 PLACED = {"angle_rad": SHOWN_RAD}  # to which a place is said
+ALIKE = 0.25  # of what a mechanism explains, from which another looks like it
 SAID = 0.5  # probability from which a name is said
 BOTTOMS = ((3.0, "round, like a worn hollow"), (6.0, "between a worn hollow and a piece broken out"))
 BROKEN = "flat with steep edges, like a piece broken out"
 
 
-def explain(mechanism: str, location: str | None, numbers: Mapping[str, float], elsewhere: Sequence[str] = ()) -> str:
-    """Sentences with the fitted numbers; `elsewhere`: where it would explain the data as well."""
+def explain(
+    mechanism: str,
+    location: str | None,
+    numbers: Mapping[str, float],
+    elsewhere: Sequence[str] = (),
+    instead: Mapping[str, float] = MappingProxyType({}),
+) -> str:
+    """Sentences with the fitted numbers; `elsewhere`: where it would explain the data as well.
+
+    `instead`: what looks like it but predicts unseen rows worse, to the share that it explains in its place.
+    """
     shown = {f"{name}_shown": angle(value, PLACED.get(name, 0.0)) for name, value in numbers.items() if "_rad" in name}
     said = [SENTENCES.get(mechanism, mechanism.replace("_", " ")).format(where=location or "", **numbers, **shown)]
     if "form" in numbers:
         bottom = next((text for below, text in BOTTOMS if numbers["form"] < below), BROKEN)
         said.append(f"Its bottom is {bottom} (form {numbers['form']:.1f}).")
-    return " ".join(
-        [*said, *(f"Its place is not certain: at {place} it explains the data as well." for place in elsewhere)]
-    )
+    said += [f"Its place is not certain: at {place} it explains the data as well." for place in elsewhere]
+    said += [
+        f"It looks like {named(other)}, which in its place explains {percent(share)} of that but predicts rows that "
+        "the fit has not seen worse."
+        for other, share in instead.items()
+        if share > ALIKE
+    ]
+    return " ".join(said)
 
 
 def headline(result: Investigation) -> str:

@@ -264,11 +264,18 @@ def _finding(selection: Selection, term: Term) -> Finding:
     near = {r.mechanism for r, t in standing.rivals if is_close(t)} - {term.mechanism, *alike}
     close = [*alike, *sorted(near)][:2]
     others = tuple(t for r, t in standing.rivals if r.mechanism not in (term.mechanism, *close))
-    elsewhere = [r.location for r, t in standing.rivals if r.mechanism == term.mechanism and is_close(t)]
+    places = [r.location for r, t in standing.rivals if r.mechanism == term.mechanism and is_close(t)]
+    elsewhere = tuple(place for place in places if place)
+    brought = {r.term.key: r.gain for r in selection.rivals.get(term.key, ())}
+    instead = {
+        r.mechanism: brought[r.key] / brought[term.key]
+        for r, t in standing.rivals
+        if t > 0.0 and r.mechanism not in (term.mechanism, *close) and r.key in brought and term.key in brought
+    }
     seen = Evidence(standing.share, others, (standing.shared + far) / standing.gain)
     return Finding(
         term.mechanism, term.location, probability(seen), _term_estimates(fit, term, duration), tuple(close),
-        explain(term.mechanism, term.location, term.report(fit.values), [place for place in elsewhere if place]), seen,
+        explain(term.mechanism, term.location, term.report(fit.values), elsewhere, instead), seen, elsewhere,
     )  # fmt: skip
 
 
