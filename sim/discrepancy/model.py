@@ -14,7 +14,10 @@ UNKNOWN_STIFFNESS_HZ = 80.0
 PARTS = ("sine", "cosine")
 SHARED_SPREAD = 0.4  # of a stage's stiffness, where only that of the whole transmission is given
 MOTOR_STRETCH_RAD, LOAD_STRETCH_RAD = 2e-3, 3e-5  # contacts give way by micrometres, of millimetres and decimetres
-LOSS_SPLITS = ("loss_split.driving", "loss_split.driven")
+DRIVING, DRIVEN = "loss_split.driving", "loss_split.driven"
+# of mesh losses behind the spring; and of that, also while the load drives: no law bears losses at the sending end
+LOSS_SPLITS = {DRIVING: 1.0, DRIVEN: 0.5}
+LOSS_WIDTH, LOSS_TURNS = "log_loss_width", 2e-3  # of the largest speed, over which losses turn their sign
 MOTOR_STRETCH, MOTOR_RELEASE = "log_stretch_rad.motor", "log_release.motor"
 NONE = math.log(NO_STRETCH_RAD)
 SLOW = -5.0  # a contact lets go within a second, and not while it moves
@@ -107,7 +110,8 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
             new = entry.transmission_error_rad
             out += [Parameter(f"mesh.{stage}.{part}_rad", 0.0, 0.3 * new, new, -3 * new, 3 * new) for part in PARTS]
     if any(entry.mesh_efficiency < 1.0 for entry in axis.stages):
-        out += [Parameter(name, 0.5, 0.1, 0.5, 0.0, 1.0) for name in LOSS_SPLITS]
+        out += [Parameter(name, share, 0.1, 0.5, 0.0, 1.0) for name, share in LOSS_SPLITS.items()]
+        out.append(_log(LOSS_WIDTH, math.log(LOSS_TURNS), 1.0))
     return out
 
 
@@ -253,8 +257,9 @@ def nuisance_of(values: Values) -> Nuisance:
         get("load_delay_s", 0.0),
         (get("load_encoder.error_sine_rad", 0.0), get("load_encoder.error_cosine_rad", 0.0)),
         get("load_offset_rad", 0.0),
-        (get(LOSS_SPLITS[0], 0.5), get(LOSS_SPLITS[1], 0.5)),
+        (get(DRIVING, 1.0), get(DRIVING, 1.0) * get(DRIVEN, 0.5)),
         (1e-3 * math.exp(get(MOTOR_RELEASE, 0.0)), width * math.exp(get("log_release.load", 0.0))),
+        math.exp(get(LOSS_WIDTH, math.log(LOSS_TURNS))),
         (math.exp(get(MOTOR_STRETCH, NONE)), math.exp(get("log_stretch_rad.load", NONE))),
         (get("start_rad", 0.0), get("start_rad_s", 0.0)),
     )

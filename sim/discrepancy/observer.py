@@ -20,7 +20,6 @@ from sim.discrepancy.packing import Packed, lag_of, pack, steady_twist, substeps
 Spectrum = NDArray[np.complex128]
 GUIDE_RAD_S = 2.0 * np.pi * 25.0  # bandwidth of the guide: above the drive train's modes that matter
 NO_STRETCH_RAD = 1e-9
-LEAST_WIDTH = 1e-3  # of the largest speed, over which losses turn their sign
 SHAKEN_HZ = 350.0  # above this little is kept of any motion
 TONES = 2j * np.pi * np.linspace(1.0, LOAD_MOTION_CUT_HZ, 12)  # [rad/s] at which noise is compared
 
@@ -34,7 +33,7 @@ class Nuisance:
     `torque_delay_s`: the torque channel is late by this; `load_delay_s` the load encoder; `load_error_rad` sine and
     cosine amplitude of the encoder's error once per revolution; `loss_split`: share of mesh losses behind the spring,
     while the motor drives and while the load does;
-    `friction_width`: speed over which friction turns its sign, of the largest; losses turn theirs over the motor's;
+    `friction_width`, `loss_width`: speed over which friction and losses turn their sign, of the largest;
     `stretch_rad`: by which a contact gives way before friction slides;
     `start`: angle [rad] and speed [rad/s] by which a load without encoder is ahead of where the motor takes it.
     """
@@ -45,6 +44,7 @@ class Nuisance:
     load_offset_rad: float = 0.0
     loss_split: tuple[float, float] = (0.5, 0.5)
     friction_width: tuple[float, float] = (1e-3, 1e-3)  # of the largest speed: motor, load
+    loss_width: float = 1e-3
     stretch_rad: tuple[float, float] = (NO_STRETCH_RAD, NO_STRETCH_RAD)  # motor, load
     start: tuple[float, float] = (0.0, 0.0)
 
@@ -209,8 +209,7 @@ class Observer:
         gains = self._gains
         guide = np.zeros((2, 1)) if m.load_angle is None else self._guide(nuisance, slow)
         ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
-        motor, load = nuisance.friction_width
-        widths = np.array([[max(motor, LEAST_WIDTH)], [load]]) * self._top / ratios
+        widths = np.array([[nuisance.loss_width], [nuisance.friction_width[1]]]) * self._top / ratios
         stretch = nuisance.stretch_rad[1]
         angles, speeds = steady_twist(chain, motion[:, 0], float(m.slow_acceleration[0]))
         if gains[0] > 0.0:

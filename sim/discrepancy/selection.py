@@ -91,7 +91,7 @@ def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
 
 
 def afresh(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
-    """Where a fit bends what is described, the one from the described numbers and their noise, if that is likelier.
+    """Where a fit bends what is described, the one from there and its noise, if it bends less and is likelier.
 
     Numbers that stood for a mechanism before it came in make noise of what they get wrong, and that keeps them there.
     """
@@ -100,7 +100,8 @@ def afresh(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     own = {p.name: fit.values[p.name] for term in fit.terms for p in term.parameters}
     anew, more = rewhiten(problem, problem.fit(fit.terms, own, iterations=0))
     anew, more = rewhiten(anew, more)
-    return (anew, more) if anew.unlikelihood(more) < problem.unlikelihood(fit) else (problem, fit)
+    better = more.strain < fit.strain and anew.unlikelihood(more) < problem.unlikelihood(fit)
+    return (anew, more) if better else (problem, fit)
 
 
 def all_rows(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
