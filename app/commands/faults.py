@@ -40,4 +40,6 @@ def sentence(error: Exception) -> str:
         return "; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
     if isinstance(error, OperationalError):
         return f"the database does not answer: {error.orig}"
+    if isinstance(error, FileNotFoundError) and error.filename is not None:
+        return f"{error.filename}: no such file"
     return str(error)

@@ -2,37 +2,27 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import PchipInterpolator
 from scipy.ndimage import find_objects, label
 
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis
 from sim.chain_model import Array
+from sim.discrepancy.channels import check_channels
+from sim.discrepancy.fault import Fault, InvestigationError
 from sim.discrepancy.measurement import SLOW_ANGLE_CUT_HZ, SLOW_DIRECT_ANGLE_CUT_HZ, Measurement, prepare
-from sim.errors import SimulationError
+from sim.discrepancy.plausible import check_description
+from sim.discrepancy.repair import repair
+from sim.discrepancy.rows import bridged, quantum
+
+__all__ = ["Fault", "Gate", "InvestigationError", "examine"]
 
 LEAST_SECONDS = 2.0
 SLOWEST_HZ, FASTEST_HZ = 100.0, 50_000.0
-
-
-class InvestigationError(SimulationError):
-    """The data cannot be investigated; the text says what is wrong and what would be right."""
-
-
-@dataclass(frozen=True)
-class Fault:
-    """A fault of the measurement itself, found before any physics."""
-
-    mechanism: str
-    location: str | None
-    parameters: Mapping[str, float]
-    explanation: str
+LONG_GAP_S = 5e-3
 
 
 @dataclass(frozen=True)
@@ -57,19 +47,24 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
     load_lost = telemetry.lost.get("load_position_rad")
     channels = {"torque": torque, "angle": angle} | ({} if load is None else {"load": load})
     even = {name: np.interp(grid, telemetry.time_s, values) for name, values in channels.items()}
+    reference = telemetry.channels.get("reference_position_rad")
+    beside = {} if reference is None else {"reference": np.interp(grid, telemetry.time_s, reference)}
+    check_channels(axis, even | beside, rate)
     valid = valid * _present(telemetry, grid)
     held = _held(even["angle"], even["torque"], valid)
     faults = _lost(valid, held) + _clipped(even["torque"])
-    _check_motion(even["angle"])
-    _check_load(axis, even["angle"], even.get("load"))
-    valid = np.where(held, 0.0, valid)
-    even = {name: _bridged(values, valid) for name, values in even.items()}
-    valid = valid * _unclipped(even["torque"], faults)
-    load_valid = None if load_lost is None else np.interp(grid, telemetry.time_s, (~load_lost).astype(float))
+    lost = held | (valid <= 0.5)
+    even = {name: bridged(values, ~lost) for name, values in even.items()}
+    mended = repair(even, axis.ratio, rate, float(grid[0]), lost)
+    even, faults = mended.channels, [*faults, *mended.faults]
+    valid = (~mended.lost).astype(float) * _unclipped(even["torque"], faults)
+    load_valid = (~(mended.load_lost & ~lost | _long(lost, rate))).astype(float)
+    if load_lost is not None:
+        load_valid *= np.interp(grid, telemetry.time_s, (~load_lost).astype(float))
     cut = SLOW_ANGLE_CUT_HZ if axis.stages else SLOW_DIRECT_ANGLE_CUT_HZ
     measurement = prepare(rate, even["torque"], even["angle"], even.get("load"), valid, load_valid, cut)
-    _check_torque(axis, measurement)
-    remarks = [f"column {name} is no known channel and was not used" for name in telemetry.ignored]
+    remarks = list(check_description(axis, measurement, _used(measurement)))
+    remarks += [f"column {name} is no known channel and was not used" for name in telemetry.ignored]
     if load is None and axis.stages:
         remarks.append(
             "Without a load encoder a stiffness that hardens or holds back cannot be told from friction at reversals: "
@@ -141,28 +136,18 @@ def _held(angle: Array, torque: Array, valid: Array) -> NDArray[np.bool_]:
     held = np.zeros(angle.size, dtype=np.bool_)
     for (rows,) in find_objects(spells):
         if rows.stop < step.size and step[rows.stop] / (rows.stop - rows.start + 1) > max(
-            0.01 * usual, 8.0 * _quantum(angle)
+            0.01 * usual, 8.0 * quantum(angle)
         ):
             held[rows.start + 1 : rows.stop + 1] = True
     return held & (valid > 0.5)
 
 
-def _bridged(values: Array, valid: Array) -> Array:
-    """Rows that were lost, on a smooth way between those beside them: a step would make the chain ring long after."""
-    good = np.flatnonzero(valid > 0.5)
-    if good.size == values.size or good.size < 2:
-        return values
-    out = values.copy()
-    lost = np.flatnonzero(valid <= 0.5)
-    lost = lost[(lost > good[0]) & (lost < good[-1])]
-    out[lost] = PchipInterpolator(good, values[good])(lost)
+def _long(lost: NDArray[np.bool_], rate: float) -> NDArray[np.bool_]:
+    """Lost rows of gaps too long for a smooth way over them to be as good as the load's encoder."""
+    out = np.zeros(lost.size, dtype=np.bool_)
+    for (rows,) in find_objects(label(lost)[0]):
+        out[rows] = (rows.stop - rows.start) > LONG_GAP_S * rate
     return out
-
-
-def _quantum(values: Array) -> float:
-    steps = np.abs(np.diff(values))
-    steps = steps[steps > 0.0]
-    return float(steps.min()) if steps.size else 0.0
 
 
 def _lost(valid: Array, held: NDArray[np.bool_]) -> list[Fault]:
@@ -202,69 +187,10 @@ def _unclipped(torque: Array, faults: list[Fault]) -> Array:
     return inside
 
 
-def _check_motion(angle: Array) -> None:
-    if float(np.ptp(angle)) < 20.0 * _quantum(angle) or np.ptp(angle) == 0.0:
-        raise InvestigationError("motor_position_rad: the motor stands still; a record of the axis in motion is needed")
-
-
-def _check_load(axis: Axis, angle: Array, load: Array | None) -> None:
-    if load is None:
-        return
-    x = angle - angle.mean()
-    slope = float(x @ (load - load.mean()) / (x @ x)) * axis.ratio
-    if not math.isfinite(slope) or np.ptp(load) == 0.0:
-        raise InvestigationError("load_position_rad: the load encoder does not move while the motor does")
-    if abs(slope - 1.0) < 0.05:
-        return
-    if abs(slope + 1.0) < 0.05:
-        raise InvestigationError(
-            "load_position_rad: runs against the motor: the load encoder counts the other way round; turn its sign"
-        )
-    for factor, words in (
-        (1e3, "in mrad"),
-        (1e-3, "too small by 1000"),
-        (180.0 / math.pi, "in degrees"),
-        (1e6, "in microrad"),
-    ):
-        if abs(abs(slope) / factor - 1.0) < 0.05:
-            raise InvestigationError(
-                f"load_position_rad: moves {abs(slope):.4g} times as far as ratio and motor say, "
-                f"as if it were {words}; rad are needed"
-            )
-    raise InvestigationError(
-        f"load_position_rad: moves {slope:.4g} times as far as motor_position_rad over "
-        f"the ratio {axis.ratio:.6g} says; "
-        "are two channels swapped, is a unit not rad, or is the ratio another?"
-    )
-
-
-def _check_torque(axis: Axis, m: Measurement) -> None:
-    """The inertia that torque and acceleration show must be of the order that the description says."""
-    expected = (
-        axis.motor.inertia_kg_m2
-        + (axis.load.inertia_kg_m2 + sum(s.inertia_kg_m2 * axis.ratio_from(s.name) ** 2 for s in axis.stages))
-        / axis.ratio**2
-    )
-    columns = np.stack(
-        [m.slow_acceleration, np.sign(m.speed), m.speed / float(np.abs(m.speed).max()), np.ones(m.samples)], 1
-    )
+def _used(m: Measurement) -> NDArray[np.bool_]:
     used = m.weight > 0.5
     if used.sum() < 200:
         raise InvestigationError(
             "telemetry: too few rows in motion that count; a longer record of the axis in motion is needed"
         )
-    found = np.linalg.lstsq(columns[used], m.torque[used], rcond=None)[0]
-    accelerating = float(np.std(m.slow_acceleration[used]) * expected)
-    if accelerating < 0.02 * float(np.std(m.torque[used])) and np.abs(found[0] / expected) < 30.0:
-        return
-    share = float(found[0]) / expected
-    if share < -0.2:
-        raise InvestigationError(
-            "motor_torque_nm: pushes against the acceleration: the sign of torque or of position is turned; "
-            "turn one of them"
-        )
-    if share > 8.0 or share < 0.12:
-        raise InvestigationError(
-            f"motor_torque_nm: fits an inertia {share:.4g} times the described {expected:.4g} kg m2: "
-            "a unit is wrong (N m, rad and s are needed), channels are swapped, or this is another axis"
-        )
+    return np.asarray(used)

@@ -11,6 +11,7 @@ from scipy.signal import butter, sosfiltfilt
 
 from sim.chain_model import Array
 from sim.discrepancy.fit import Fit, Problem
+from sim.discrepancy.measurement import Bridge
 from sim.discrepancy.terms import Term
 
 FOLDS = 4
@@ -30,7 +31,7 @@ class Gain:
 
 
 def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple[Gain, ...]:
-    """Per channel; folds are contiguous quarters of the record, each predicted from the other three.
+    """Per channel, of the rows that can be trusted; folds are quarters of the record, predicted from the others.
 
     Before: the description as it is given or calibrated, whichever leaves less of the torque; numbers that a fit bends
     to stand for something missing may be worse than any data sheet. After: numbers of `fit`, by `terms` alone.
@@ -38,7 +39,9 @@ def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple
     m = problem.measurement
     given = problem.raw_residuals((), {p.name: p.start for p in base.parameters}, weighted=False)
     before, after = _held_out(problem, base, base.terms), _held_out(problem, fit, terms)
-    if _rms(_motion_band(given[0], m.rate_hz)) < _rms(_motion_band(before[0], m.rate_hz)):
+    trusted, over = m.valid > 0.5, Bridge.over(m.valid <= 0.5)
+    as_given, calibrated = (_motion_band(over.across(one[0]), m.rate_hz)[trusted] for one in (given, before))
+    if _rms(as_given) < _rms(calibrated):
         before = given
     out = []
     names = [("motor_torque_nm", "N m")] + ([("load_torque_nm", "N m")] if before[1].size else [])
@@ -46,8 +49,13 @@ def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple
         a, b = before[index], after[index]
         rate = m.rate_hz / (1 if index == 0 else problem.guide_stride)
         settle = int(0.1 * rate)
-        a, b = _motion_band(a, rate)[settle:], _motion_band(b, rate)[settle:]
-        out.append(Gain(channel, unit, _rms(a), _rms(b), _significant(a, b), _rms(m.torque) if index == 0 else 0.0))
+        trusted = (m.valid if index == 0 else m.load_valid[:: problem.guide_stride]) > 0.5
+        over = Bridge.over(~trusted)
+        trusted[:settle] = False
+        a, b = (_motion_band(over.across(values), rate)[trusted] for values in (a, b))
+        out.append(
+            Gain(channel, unit, _rms(a), _rms(b), _significant(a, b), _rms(m.torque[trusted]) if index == 0 else 0.0)
+        )
     return tuple(out)
 
 

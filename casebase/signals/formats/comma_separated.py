@@ -7,6 +7,14 @@ from pyarrow import csv
 
 from casebase.signals.errors import TelemetryError
 
+MAGIC = {
+    b"RIFF": "a WAV file (a sound)",
+    b"fLaC": "a FLAC file (a sound)",
+    b"OggS": "an Ogg file (a sound)",
+    b"PK": "an archive or a spreadsheet",
+    b"\xff\xfe": "text in UTF-16",
+}
+
 
 def read_comma_separated(path: Path) -> pa.Table:
     """Return the table of a CSV file; empty cells are missing values.
@@ -14,6 +22,13 @@ def read_comma_separated(path: Path) -> pa.Table:
     Raises:
         TelemetryError: if it is no such table.
     """
+    with path.open("rb") as file:
+        start = file.read(4096)
+    if b"\0" in start:  # what a parser says of such bytes cannot be read either
+        kind = next((words for magic, words in MAGIC.items() if start.startswith(magic)), "a binary file")
+        raise TelemetryError(
+            f"this is {kind}, not a CSV table (UTF-8, comma between columns, a header, decimal point) or Parquet"
+        )
     try:
         return csv.read_csv(path, convert_options=csv.ConvertOptions(strings_can_be_null=True))
     except (pa.ArrowException, UnicodeDecodeError) as error:
