@@ -238,6 +238,11 @@ def _check_stiffness(axis: Axis, seen: Seen) -> None:
         f"the described stiffness would twist by {torque * soft:.3g} rad (rms) under the {torque:.4g} N m that "
         f"accelerate the described load; both encoders say {twist:.3g} rad"
     )
+    if 1.0 / NEAR < share / SLIP < NEAR and _short_of(inertias(axis), seen.inertia, NEAR) == "load.inertia_kg_m2":
+        value = axis.load.inertia_kg_m2
+        raise InvestigationError(
+            f"load.inertia_kg_m2: {value:.6g} kg m2 cannot be: {text}. Is its unit right? {value * SLIP:.6g} would fit"
+        )
     for name, part in parts.items():
         for factor in (SLIP, 1.0 / SLIP):
             right = soft + part * (factor - 1.0)
@@ -246,11 +251,6 @@ def _check_stiffness(axis: Axis, seen: Seen) -> None:
                 raise InvestigationError(
                     f"{name}: {value:.6g} N m/rad cannot be: {text}. Is its unit right? {value / factor:.6g} would fit"
                 )
-    if 1.0 / 1.5 < share / SLIP < 1.5:
-        value = axis.load.inertia_kg_m2
-        raise InvestigationError(
-            f"load.inertia_kg_m2: {value:.6g} kg m2 cannot be: {text}. Is its unit right? {value * SLIP:.6g} would fit"
-        )
     if not 1.0 / FAR_BEYOND < share < FAR_BEYOND:
         raise InvestigationError(
             f"{min(parts, key=lambda n: 1.0 / parts[n])}: {text}; stiffness or load.inertia_kg_m2 is wrong by far"

@@ -54,10 +54,9 @@ def spikes(values: Array) -> Rows:
     level = values - uniform_filter1d(values, TREND_ROWS)
     off = np.abs(level - median_filter(level, MEDIAN_ROWS))
     changes = np.abs(np.diff(level, prepend=level[0]))
-    noise = max(1.4826 * float(np.median(off)), float(off.mean()))
-    least = np.maximum(
-        STANDS_OUT * _largest_beside(changes, *BESIDE), max(ABOVE_NOISE * noise, QUANTA * quantum(values))
-    )
+    noise = ABOVE_NOISE * max(1.4826 * float(np.median(off)), float(off.mean()))
+    floor = max(noise, ABOVE_COMMON * float(np.quantile(changes, COMMON)))
+    least = np.maximum(STANDS_OUT * _largest_beside(changes, *BESIDE), floor)
     found: Rows = off > least
     found[:TREND_ROWS] = found[-TREND_ROWS:] = False
     return found
@@ -75,7 +74,7 @@ def jumps(values: Array, trusted: Rows) -> tuple[tuple[int, float], ...]:
     noise = float(np.quantile(np.abs(np.diff(steps)), COMMON))
     whole = maximum_filter1d((~trusted).astype(np.int8), 2 * NEIGHBOURS + 3)[:-1] == 0
     whole[: 2 * NEIGHBOURS] = whole[-2 * NEIGHBOURS :] = False
-    least = np.maximum(high - low, max(QUANTA * quantum(values), ABOVE_COMMON * noise))
+    least = np.maximum(high - low, ABOVE_COMMON * noise)
     return tuple((int(row), float(steps[row])) for row in np.flatnonzero(whole & (beyond > least)))
 
 

@@ -35,3 +35,13 @@ def one_body(
     torque = torque + noise_n_m * rng.standard_normal(t.size)
     step = 2 * np.pi / 2**20
     return Telemetry(t, {"motor_torque_nm": torque, "motor_position_rad": np.round(angle / step) * step})
+
+
+def geared(inertia: float, ratio: float, load_inertia: float, stiffness: float, seed: int) -> Telemetry:
+    """A motor with friction of 1 N m, a gear and a load on its spring, which twists by the torque of its inertia."""
+    t, angle, _, acceleration = swing()
+    plain = one_body(inertia + load_inertia / ratio**2, 1.0, 0.02, seed)
+    rng = np.random.default_rng(seed + 1)
+    twist = load_inertia * acceleration / ratio / stiffness
+    load = angle / ratio - twist + 2e-6 * rng.standard_normal(t.size)
+    return Telemetry(t, {**plain.channels, "load_position_rad": load, "reference_position_rad": angle})
