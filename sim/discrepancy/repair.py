@@ -93,7 +93,7 @@ def _stuck(torque: Array, angle: Array, r: Repaired) -> Rows:
     found = np.zeros_like(out)
     for rows in runs:
         length, level = rows.stop - rows.start, float(torque[rows.start])
-        gone = abs(angle[rows.stop - 1] - angle[rows.start]) / length
+        gone = float(np.ptp(angle[rows])) / length
         edges = [abs(float(torque[i] - torque[i - 1])) for i in (rows.start, rows.stop) if 0 < i < torque.size]
         cut = level in (torque.max(), torque.min()) and abs(level) > 0.3 * largest and abs(level) < 2.0 * largest
         jumped = max(edges, default=0.0) > 2.0 * usual and length / r.rate_hz <= RETURNS_S
@@ -117,13 +117,11 @@ def _beyond_rigid(torque: Array, angle: Array, rate_hz: float, used: Rows) -> Ar
 
 
 def _off(left: Array, rows: slice, used: Rows) -> bool:
-    """Whether a mean over some rows lies beyond what means over as many others do.
+    """Whether what is left over some rows is larger than over all others.
 
-    Of a motor without current, which coasts, it does not: it moves as its torque says.
+    Of a motor without current, which coasts, it is not: it moves as its torque says.
     """
-    length = rows.stop - rows.start
-    usual = uniform_filter1d(np.where(used, left, 0.0), length)[:: max(1, length // 4)]
-    return bool(abs(left[rows].mean()) > OFF * float(np.sqrt(np.mean(usual**2))))
+    return bool(np.mean(left[rows] ** 2) > OFF**2 * np.mean(left[used] ** 2))
 
 
 def _motor(r: Repaired, ratio: float) -> None:

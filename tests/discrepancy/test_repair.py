@@ -33,7 +33,8 @@ def changed(**channels: Array) -> Telemetry:
 
 def test_a_good_record_has_no_fault() -> None:
     gate = examine(AXIS, GOOD)
-    assert gate.faults == () and gate.remarks == ()
+    assert gate.faults == ()
+    assert gate.remarks == ()
 
 
 @pytest.mark.parametrize("slip", [2e-4, -1e-3, 2e-2])
@@ -45,7 +46,8 @@ def test_a_load_encoder_that_slips_is_named_and_put_back(slip: float) -> None:
     assert fault.parameters["slip_rad"] == pytest.approx(slip, abs=2e-5)
     assert fault.parameters["time_s"] == pytest.approx(ROW / 1000)
     mended, whole = gate.measurement.load_angle, examine(AXIS, GOOD).measurement.load_angle
-    assert mended is not None and whole is not None
+    assert mended is not None
+    assert whole is not None
     assert np.abs(mended - whole).max() < 2e-5
 
 
@@ -87,7 +89,8 @@ def test_single_values_of_the_torque_are_left_out_and_named(size: float) -> None
     (fault,) = gate.faults
     assert (fault.mechanism, fault.location) == ("lost_samples", "motor")
     assert fault.parameters["fraction"] * GOOD.rows == pytest.approx(4)
-    assert "4 values" in fault.explanation and "at 2, 5, 7, 9.001 s" in fault.explanation
+    assert "4 values" in fault.explanation
+    assert "at 2, 5, 7, 9.001 s" in fault.explanation
     difference = gate.measurement.torque - examine(AXIS, GOOD).measurement.torque
     assert np.abs(difference).max() < 0.5  # of 500, had it been smoothed
 
@@ -99,7 +102,7 @@ def test_a_torque_that_drops_to_zero_is_lost(rows: int) -> None:
     gate = examine(AXIS, changed(motor_torque_nm=torque))
     (fault,) = gate.faults
     assert (fault.mechanism, fault.location) == ("lost_samples", "motor")
-    assert fault.parameters["fraction"] == pytest.approx(rows / GOOD.rows)
+    assert fault.parameters["fraction"] == pytest.approx(rows / GOOD.rows, abs=1.5 / GOOD.rows)  # one lies half in
     at = np.abs(gate.measurement.time_s - (ROW + 0.5 * rows) / 1000) < 0.4 * rows / 1000
     assert not gate.measurement.weight[at].any()
 
@@ -149,4 +152,5 @@ def test_a_change_of_speed_is_no_jump() -> None:
     good = np.ones(t.size, dtype=np.bool_)
     assert jumps(place, good) == ()
     ((row, size),) = jumps(place + 1e-3 * (t >= 3.0), good)
-    assert row == 2999 and size == pytest.approx(2e-3, rel=0.02)
+    assert row == 2999
+    assert size == pytest.approx(2e-3, rel=0.02)
