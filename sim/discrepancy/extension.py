@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 
 from sim.axis import Axis, MechanismEntry, Stage
@@ -13,7 +14,12 @@ SIMPLE = ("coulomb_friction", "viscous_friction")
 
 def extended_axis(axis: Axis, fit: Fit) -> Axis:
     """An axis that `simulate` and a further investigation take."""
-    values = fit.values
+    entries = {(t.mechanism, t.location): t.report(fit.values) for t in fit.terms}
+    return extended_by(axis, fit.values, entries)
+
+
+def extended_by(axis: Axis, values: Values, found: Mapping[tuple[str, str | None], Mapping[str, float]]) -> Axis:
+    """The axis with the numbers `values` in their places and the mechanisms `found` with their parameters."""
     get = values.get
     motor = replace(
         axis.motor,
@@ -37,9 +43,9 @@ def extended_axis(axis: Axis, fit: Fit) -> Axis:
     )
     stages = tuple(_stage(axis, k, values) for k in range(len(axis.stages)))
     entries = tuple(
-        MechanismEntry(t.mechanism, t.location, {k: float(v) for k, v in t.report(values).items()})
-        for t in fit.terms
-        if t.mechanism not in SIMPLE
+        MechanismEntry(mechanism, location, {k: float(v) for k, v in numbers.items()})
+        for (mechanism, location), numbers in found.items()
+        if mechanism not in SIMPLE
     )
     return replace(axis, motor=motor, load=load, stages=stages, mechanisms=(*axis.mechanisms, *entries))
 

@@ -83,6 +83,8 @@ class Investigation:
     remarks: tuple[str, ...] = ()
     selection: Selection | None = field(default=None, repr=False, compare=False)
     listening: Listening | None = field(default=None, repr=False, compare=False)
+    weighed: Selection | None = field(default=None, repr=False, compare=False)
+    """As it was weighed, before the last fit of `polish`: what another recording found is held against this."""
 
     def document(self) -> dict[str, object]:
         """JSON of the contract: finite numbers only, the same for the same bytes."""
@@ -139,7 +141,7 @@ def investigate(
     progress("calibration of what the description has", 0.08)
     problem = Problem(axis, gate.measurement, _first_noise(gate))
     problem, base = calibrate(problem)
-    selection = told_apart(select(problem, base, progress))
+    weighed = selection = told_apart(select(problem, base, progress))
     problem, fit = selection.problem, selection.fit
     progress("sound", 0.78)
     heard = listen(axis, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
@@ -147,7 +149,7 @@ def investigate(
     progress("gain on rows not used", 0.85)
     base = problem.fit((), base.values, held=base.sensitivities) if fit.terms else fit
     places = look(problem, fit)
-    rest = [nameless(selection, term) for term in selection.nameless] + _left(places, fit)
+    rest = [nameless(selection, term) for term in selection.nameless] + left(places, fit)
     _, base = polish(problem, base)
     problem, fit = polish(problem, fit)
     selection = replace(selection, problem=problem, base=base, fit=fit)
@@ -166,11 +168,11 @@ def investigate(
     verdict = "named" if named_well else "unnamed" if rest else "nothing_missing"
     progress("done", 1.0)
     return Investigation(
-        axis, verdict, findings, rest[0] if rest else None, _estimates(problem, fit), gained,
+        axis, verdict, findings, rest[0] if rest else None, estimates(problem, fit), gained,
         next_measurement(axis, findings, rest, problem.guided), extended_axis(axis, extended),
         _provenance(axis, telemetry, sounds, problem),
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
-        (*gate.remarks, *_rested(problem), *_rattled(problem)), selection,
+        (*gate.remarks, *_rested(problem), *_rattled(problem)), selection, weighed=weighed,
     )  # fmt: skip
 
 
@@ -193,7 +195,7 @@ def _loud(axis: Axis, found: Sequence[Term]) -> list[float]:
     return [teeth[place] * axis.ratio_from(place) / axis.ratio for place in erring]
 
 
-def _left(places: Sequence[Unexplained], fit: Fit) -> list[Unexplained]:
+def left(places: Sequence[Unexplained], fit: Fit) -> list[Unexplained]:
     """What stands out of the residual; where all of it is far above its noise, its strongest place."""
     far = fit.misfit > FAR * fit.residual.size
     return [u for u in places if stands_out(u)] or (list(places[:1]) if far else [])
@@ -229,7 +231,7 @@ def _finding(selection: Selection, term: Term) -> Finding:
     elsewhere = [r.location for r, t in standing.rivals if r.mechanism == term.mechanism and is_close(t)]
     seen = Evidence(standing.share, others, (standing.shared + far) / standing.gain)
     return Finding(
-        term.mechanism, term.location, probability(seen), _term_estimates(fit, term, duration), tuple(close),
+        term.mechanism, term.location, probability(seen), term_estimates(fit, term, duration), tuple(close),
         explain(term.mechanism, term.location, term.report(fit.values), [place for place in elsewhere if place]), seen,
     )  # fmt: skip
 
@@ -284,12 +286,12 @@ def looks_like(problem: Problem, term: Term) -> tuple[str, ...]:
     return ("encoder_error",) if (term.mechanism, term.location) == ("eccentricity", last) else ()
 
 
-def _term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, ...]:
+def term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, ...]:
     """Reported parameters with intervals; a frequency is not known better than the record is long."""
     spread = deviations(fit, term, term.report)
     out = []
     for name, value in term.report(fit.values).items():
-        half = NINETY * _inflation(fit) * spread[name]
+        half = NINETY * inflation(fit) * spread[name]
         if name not in NO_SIZE:
             half = max(half, (DENT_SHARE if term.mechanism == "tooth_damage" else FORM_SHARE) * abs(value))
         if name == "frequency_hz":
@@ -298,14 +300,14 @@ def _term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, 
     return tuple(out)
 
 
-def _inflation(fit: Fit) -> float:
+def inflation(fit: Fit) -> float:
     """Widen intervals by what the residual has beyond white noise (form of the model, slow noise)."""
     return INFLATION * math.sqrt(max(1.0, fit.misfit / fit.residual.size))
 
 
-def _estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
+def estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
     deviations = fit.deviations()
-    scale = _inflation(fit)
+    scale = inflation(fit)
     out = []
     for p in fit.parameters:
         if not p.name.startswith(("motor.", "load.", "stages.")) or "backlash" in p.name:
