@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 from casebase.signals.recording import Recording
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis
+from sim.discrepancy.candidates import BENT
 from sim.discrepancy.extension import SIMPLE, extended_by
 from sim.discrepancy.fit import Fit, Problem
 from sim.discrepancy.gain import Gain, gains
@@ -31,6 +32,7 @@ from sim.discrepancy.sayings import OWN, found_at, said_by, term_name
 from sim.discrepancy.selection import all_rows, polish
 from sim.discrepancy.unexplained import Unexplained, look
 
+OF_THE_AXIS = ("motor.", "load.", "stages.", "mesh.", "loss_split.")
 ANGLES = ("angle_rad", "phase_rad")
 
 
@@ -59,7 +61,10 @@ class Part:
 def under_one_model(
     taken: Taken, result: Investigation, results: Sequence[Investigation], said: Sequence[Name]
 ) -> Part:
-    """A recording under the mechanisms `said` and what it has of its own; refitted where it had others."""
+    """A recording under the mechanisms `said` and what it has of its own; refitted where it had others.
+
+    What has no name takes a share of friction's torque: it stays where all recordings have it, else in none.
+    """
     selection, weighed = result.selection, result.weighed
     assert selection is not None  # of telemetry
     assert weighed is not None
@@ -67,13 +72,14 @@ def under_one_model(
     present = {term_name(t, values): t for t in weighed.fit.terms if t.named}
     wrong = {n for n, t in present.items() if t in weighed.found and n not in said and n.mechanism not in OWN}
     lacking = [found for name in said if name not in present and (found := found_at(results, name))]
-    if not wrong and not lacking:
-        return Part(taken, result, selection.problem, selection.fit, result.unexplained, result.gain)
+    common = set.intersection(*({t.key for t in r.weighed.fit.terms} for r in results if r.weighed))
     kept = [
         t
         for t in weighed.fit.terms
-        if (t.mechanism == AS_NEW or not lacking or t.named) and term_name(t, values) not in wrong
+        if (t.named or t.mechanism == AS_NEW or t.key in common) and term_name(t, values) not in wrong
     ]
+    if not lacking and len(kept) == len(weighed.fit.terms):
+        return Part(taken, result, selection.problem, selection.fit, result.unexplained, result.gain)
     start = {**values, **{p.name: fit.values[p.name] for term, fit in lacking for p in term.parameters}}
     problem, fit = weighed.problem, weighed.fit
     if any(term.contact for term, _ in lacking) and not problem.measurement.told.all():
@@ -86,6 +92,21 @@ def under_one_model(
     _, base = polish(problem, base)
     problem, fit = polish(problem, anew)
     return Part(taken, result, problem, fit, rest[0] if rest else None, gains(problem, base, fit))
+
+
+def from_the_least_bent(parts: Sequence[Part]) -> list[Part]:
+    """Fits that start once more from the numbers of the recording that bends the description least, where those are
+    better: with gears the way to the least squares is rough, and one recording may be caught where another is not."""
+    least = min(parts, key=lambda part: part.fit.strain)
+    theirs = {p.name for t in least.fit.terms if t.mechanism not in OWN for p in t.parameters}
+    axis = {name: value for name, value in least.fit.values.items() if name.startswith(OF_THE_AXIS) or name in theirs}
+    return [part if part is least or not part.fit.strain > BENT else _restarted(part, axis) for part in parts]
+
+
+def _restarted(part: Part, numbers: Mapping[str, float]) -> Part:
+    """The same mechanisms, fitted from `numbers` of the axis and what is the recording's own."""
+    anew = part.problem.best(part.fit.terms, [({**part.fit.values, **numbers}, {})])
+    return replace(part, fit=anew) if anew and anew.cost < part.fit.cost else part
 
 
 def sizes(parts: Sequence[Part], name: Name, sayings: Sequence[Saying]) -> dict[str, tuple[Estimate, ...]]:
@@ -115,18 +136,16 @@ def pooled_sizes(name: Name, by_recording: Mapping[str, Sequence[Estimate]]) -> 
     )  # fmt: skip
 
 
-def pooled_estimate(
-    same: Sequence[Estimate], priors: Sequence[tuple[float, float]] = (), share: float = 0.0
-) -> Estimate:
-    """One number of the same in several recordings; `priors`: its value and deviation as known before each of them.
+def pooled_estimate(same: Sequence[Estimate], priors: Sequence[float] = (), share: float = 0.0) -> Estimate:
+    """One number of the same in several recordings; `priors`: its deviation as known before each of them.
 
     `share` of the value is the least half-width of the interval. One alone stays as it is.
     """
     first = same[0]
     if len(same) == 1:
         return first
-    before = priors or [(0.0, math.inf)] * len(same)
-    known = [Known(e.value, (e.high - e.low) / (2.0 * NINETY), *b) for e, b in zip(same, before, strict=True)]
+    before = priors or [math.inf] * len(same)
+    known = [Known(e.value, (e.high - e.low) / (2.0 * NINETY), b) for e, b in zip(same, before, strict=True)]
     one = pooled(known, 2.0 * math.pi if first.name in ANGLES else 0.0)
     half = max(NINETY * one.sd, share * abs(one.value))
     return replace(first, value=one.value, low=one.value - half, high=one.value + half)
@@ -134,19 +153,12 @@ def pooled_estimate(
 
 def calibrated(parts: Sequence[Part]) -> tuple[Estimate, ...]:
     """What the description has, by all recordings; the data sheet counts once."""
-    by_name: dict[str, list[tuple[Estimate, tuple[float, float], tuple[float, float]]]] = {}
+    by_name: dict[str, list[tuple[Estimate, float]]] = {}
     for part in parts:
-        parameters = {p.name: p for p in part.fit.parameters}
+        before = {p.name: inflation(part.fit) * p.spread for p in part.fit.parameters}
         for e in estimates(part.problem, part.fit):
-            p = parameters[e.name]
-            spread = inflation(part.fit) * p.spread
-            by_name.setdefault(e.name, []).append((e, (p.expected, spread), (p.low, p.high)))
-    out = []
-    for same in by_name.values():
-        one = pooled_estimate([e for e, _, _ in same], [before for _, before, _ in same])
-        low, high = same[0][2]
-        out.append(replace(one, value=min(max(one.value, low), high)))
-    return tuple(out)
+            by_name.setdefault(e.name, []).append((e, before[e.name]))
+    return tuple(pooled_estimate([e for e, _ in same], [sd for _, sd in same]) for same in by_name.values())
 
 
 def extension(

@@ -89,18 +89,18 @@ def against(sayings: Iterable[Saying]) -> dict[Name, float]:
     return out
 
 
-def probability(exists: float, rivals: Iterable[float], showing: int) -> float:
-    """Probability of a name; `showing`: recordings that name it.
+def probability(exists: float, rivals: Iterable[float], own: Sequence[float]) -> float:
+    """Probability of a name; `exists`, `rivals`: log odds; `own`: what each recording that names it says by itself.
 
     No name is surer than names have turned out to be. Half-way between errors that all recordings of an axis share
-    (form of the model) and errors that each has of its own (noise), what is left open is divided by `showing`.
+    (form of the model) and errors that each has of its own (noise), what that leaves open is divided by their number.
 
-    >>> round(probability(logit(0.9), [], 1), 6), round(probability(30.0, [], 2), 6)
+    >>> round(probability(logit(0.9), [], [0.9]), 6), round(probability(30.0, [], [0.95, 0.95]), 6)
     (0.9, 0.975)
     """
     named = logistic(exists) / (1.0 + sum(math.exp(-max(min(r, 60.0), -60.0)) for r in rivals))
-    cap = 1.0 - (1.0 - WEIGHTS.cap) / max(showing, 1)
-    return min(max(named, LEAST), cap)
+    cap = 1.0 - (1.0 - WEIGHTS.cap) / max(len(own), 1)
+    return min(max(named, LEAST), max(cap, *own, LEAST))
 
 
 @dataclass(frozen=True)
@@ -109,15 +109,15 @@ class Known:
 
     value: float
     sd: float
-    prior: float = 0.0
     prior_sd: float = math.inf
 
 
 def pooled(known: Sequence[Known], turn: float = 0.0) -> Known:
     """One number of several; `turn`: its period, for an angle on the circle.
 
-    Each `sd` contains what was known before, which is taken away from all but one:
+    Each `sd` contains what was known before, which counts once:
     1 / sd^2 = sum 1 / sd_k^2 - (1 - 1/n) sum 1 / prior_sd_k^2.
+    The mean is that of the values as they are: where data say little, it stays as near to what was known as they do.
 
     >>> both = pooled([Known(1.0, 0.1), Known(1.1, 0.1)])
     >>> round(both.value, 3), round(both.sd, 4)
@@ -136,7 +136,7 @@ def pooled(known: Sequence[Known], turn: float = 0.0) -> Known:
         centre = value[int(np.argmax(weight))]
         value = centre + (value - centre + 0.5 * turn) % turn - 0.5 * turn
     information = float(np.sum(weight - before))
-    mean = float(weight @ value - before @ np.array([k.prior for k in told])) / information
+    mean = float(weight @ value / weight.sum())
     birge = math.sqrt(float(weight @ (value - mean) ** 2) / max(len(told) - 1, 1))
     if turn:
         signed = any(k.value < 0.0 for k in told)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 from sim.discrepancy.criteria import TEMPERATURE
 from sim.discrepancy.fit import Fit
@@ -23,6 +23,7 @@ from sim.discrepancy.weighing import Standing, log_odds
 from sim.discrepancy.weighing import existence as exists_in
 from sim.discrepancy.weights import WEIGHTS
 
+CLOSE = math.log(3.0)  # log odds below which another name may well be meant
 OWN = ("torque_offset", "time_delay", "electrical_hum", "clipping", "lost_samples")  # of a recording, not of the axis
 
 
@@ -67,26 +68,36 @@ def found_at(results: Sequence[Investigation], name: Name) -> tuple[Term, Fit] |
     return None if best is None else best[1:]
 
 
-def weighed(
-    results: Sequence[Investigation],
-) -> tuple[dict[Name, tuple[float, tuple[str, ...]]], dict[Name, list[Saying]]]:
-    """Probability of every name that any recording gave, with what it is not told from; and what each said."""
+@dataclass(frozen=True)
+class Weighed:
+    """What all recordings say of a name; `sayings` in their order, `elsewhere`: places that explain them as well."""
+
+    probability: float
+    indistinguishable_from: tuple[str, ...]
+    elsewhere: tuple[str, ...]
+    sayings: tuple[Saying, ...]
+
+
+def weighed(results: Sequence[Investigation]) -> dict[Name, Weighed]:
+    """Every name that any recording gave; of names for one effect that nothing tells apart, the better founded."""
     names = list(dict.fromkeys(called(f) for result in results for f in result.findings if f.mechanism not in OWN))
     sayings = {name: [_saying(result, name, results) for result in results] for name in names}
     rivals = {name: against(sayings[name]) for name in names}
-    out: dict[Name, tuple[float, tuple[str, ...]]] = {}
+    out: dict[Name, Weighed] = {}
     for name in names:
-        close = [m for result in results if (f := said_by(result, name)) for m in f.indistinguishable_from]
-        alike = [m for m in dict.fromkeys(close) if all(r.mechanism != m for r in rivals[name])]
-        near = {r.mechanism for r, odds in rivals[name].items() if abs(odds) < math.log(3.0)} - {name.mechanism}
-        told = tuple([*alike, *sorted(near)][:2])
-        lost = [r for r in names if rivals[name].get(r, 0.0) < 0.0]
-        if any(r.mechanism == name.mechanism or r.mechanism in told for r in lost):
-            continue  # one effect, which another of the names has with better right
-        counted = [o for r, o in rivals[name].items() if r.mechanism not in (name.mechanism, *told)]
-        showing = sum(said_by(result, name) is not None for result in results)
-        out[name] = probability(existence(sayings[name]), counted, showing), told
-    return out, sayings
+        given = [finding for result in results if (finding := said_by(result, name))]
+        weighed_too = {r.mechanism for r in rivals[name]}
+        alike = dict.fromkeys(m for f in given for m in f.indistinguishable_from if m not in weighed_too)
+        near = [r for r, odds in rivals[name].items() if abs(odds) < CLOSE]
+        told = tuple([*alike, *sorted({r.mechanism for r in near} - {name.mechanism})][:2])
+        better = [r for r in names if rivals[name].get(r, 0.0) < 0.0]
+        if any(r.mechanism in (name.mechanism, *told) for r in better):
+            continue
+        counted = [odds for r, odds in rivals[name].items() if r.mechanism not in (name.mechanism, *told)]
+        places = tuple(r.location for r in near if r.mechanism == name.mechanism and r.location)
+        p = probability(existence(sayings[name]), counted, [f.probability for f in given])
+        out[name] = Weighed(p, told, places, tuple(sayings[name]))
+    return out
 
 
 def _saying(result: Investigation, name: Name, results: Sequence[Investigation]) -> Saying:
@@ -133,6 +144,7 @@ def _asked(result: Investigation, term: Term, fit: Fit) -> float:
     )
     name = term_name(term, fit.values)
     rest = tuple(t for t in own.terms if term_name(t, own.values) != name)
+    without = own if len(rest) == len(own.terms) else problem.best(rest, [(own.values, own.sensitivities)])
     start = {**own.values, **{p.name: p.start for p in held}}
     with_it = problem.best((*rest, replace(term, parameters=held)), [(start, own.sensitivities)])
-    return 0.0 if with_it is None else silent(own.cost - with_it.cost, TEMPERATURE)
+    return silent(without.cost - with_it.cost, TEMPERATURE) if without and with_it else 0.0

@@ -37,13 +37,14 @@ from sim.discrepancy.joint_numbers import (
     Taken,
     calibrated,
     extension,
+    from_the_least_bent,
     pooled_sizes,
     sizes,
     under_one_model,
 )
 from sim.discrepancy.pairs import distinct
-from sim.discrepancy.pooling import Name, Saying, existence
-from sim.discrepancy.sayings import OWN, found_at, shows, weighed
+from sim.discrepancy.pooling import Name, existence
+from sim.discrepancy.sayings import OWN, Weighed, found_at, shows, weighed
 from sim.discrepancy.unexplained import Unexplained, look
 from sim.errors import SimulationError
 
@@ -124,19 +125,20 @@ def _refuse_twice(recordings: Sequence[Taken]) -> None:
 def _combined(
     axis: Axis, recordings: Sequence[Taken], results: Sequence[Investigation], progress: Progress
 ) -> Together:
-    named, sayings = weighed(results)
-    said = [name for name, (p, _) in named.items() if p >= SAID and found_at(results, name) is not None]
+    named = weighed(results)
+    said = [name for name, one in named.items() if one.probability >= SAID and found_at(results, name) is not None]
     parts = []
     for place, (taken, result) in enumerate(zip(recordings, results, strict=True)):
         progress(f"recording {place + 1} of {len(results)}: numbers under one model", 0.9 + 0.1 * place / len(results))
         parts.append(under_one_model(taken, result, results, said))
-    known = {name: sizes(parts, name, sayings[name]) for name in named}
+    parts = from_the_least_bent(parts)
+    known = {name: sizes(parts, name, one.sayings) for name, one in named.items()}
     numbers = {name: pooled_sizes(name, by_recording) for name, by_recording in known.items()}
     own = _own(parts)
-    told = [(name, _finding(name, p, close, numbers[name])) for name, (p, close) in named.items()]
+    told = [(name, _finding(name, one, numbers[name])) for name, one in named.items()]
     told = sorted([*told, *own.items()], key=lambda one: -one[1].probability)
     findings = tuple(finding for _, finding in told)
-    real = any(existence(sayings[name]) > 0.0 for name in named)
+    real = any(existence(one.sayings) > 0.0 for one in named.values())
     verdict, rest = _verdict(parts, findings, real)
     calibration = calibrated(parts)
     everywhere = {name: f for name, f in own.items() if all(shows(part.result, name) for part in parts)}
@@ -145,7 +147,7 @@ def _combined(
         axis, verdict, findings, rest[0] if rest else None, calibration, tuple(g for part in parts for g in part.gain),
         next_measurement(axis, findings, rest, guided),
         extension(axis, parts, said, known, numbers, calibration, everywhere), _provenance(results),
-        _rejected(results, named), _remarks(parts, told, sayings, known),
+        _rejected(results, named), _remarks(parts, named, known),
     )  # fmt: skip
     progress("done", 1.0)
     return Together(combined, tuple(parts), tuple(_showing(parts, name) for name, _ in told))
@@ -177,31 +179,22 @@ def _own(parts: Sequence[Part]) -> dict[Name, Finding]:
     }
 
 
-def _finding(name: Name, p: float, close: Sequence[str], numbers: Sequence[Estimate]) -> Finding:
-    told = explain(name.mechanism, name.location, {e.name: e.value for e in numbers})
-    return Finding(name.mechanism, name.location, p, tuple(numbers), tuple(close), told)
+def _finding(name: Name, one: Weighed, numbers: Sequence[Estimate]) -> Finding:
+    told = explain(name.mechanism, name.location, {e.name: e.value for e in numbers}, one.elsewhere)
+    return Finding(name.mechanism, name.location, one.probability, tuple(numbers), one.indistinguishable_from, told)
 
 
 def _remarks(
-    parts: Sequence[Part],
-    told: Sequence[tuple[Name, Finding]],
-    sayings: Mapping[Name, Sequence[Saying]],
-    known: Mapping[Name, Mapping[str, Sequence[Estimate]]],
+    parts: Sequence[Part], named: Mapping[Name, Weighed], known: Mapping[Name, Mapping[str, Sequence[Estimate]]]
 ) -> tuple[str, ...]:
     out = []
-    for name, _ in told:
-        if name not in sayings:
-            continue
+    for name, one in named.items():
         showing = _showing(parts, name)
-        line = f"{name}: {len(showing)} of {len(parts)} recordings show it" + (
-            f": {', '.join(showing)}." if showing else "."
-        )
-        other = [
-            part.taken.name
-            for part, saying in zip(parts, sayings[name], strict=True)
-            if part.taken.name not in showing and saying.exists < AGAINST
-        ]
-        out.append(line + (f" Against it: {', '.join(other)}." if other else ""))
+        who = zip(parts, one.sayings, strict=True)
+        other = [part.taken.name for part, saying in who if saying.exists < AGAINST and part.taken.name not in showing]
+        line = f"{name}: {len(showing)} of {len(parts)} recordings show it"
+        out.append(": ".join([line, ", ".join(showing)]) if showing else line)
+        out[-1] += f"; against it: {', '.join(other)}." if other else "."
         out += changed(str(name), known[name])
     unnamed = [part.taken.name for part in parts if part.unexplained]
     if unnamed:
