@@ -5,6 +5,8 @@ A name. Recordings are taken for independent given the axis, so that their log o
     logit(exists) = logit(prior) + sum over recordings of (logit(exists in it) - logit(prior)),
     p = exists / (1 + sum over rivals of exp(-sum over recordings of the log odds of the name against that rival)).
 
+What speaks against it is bounded in sum (`existence`), what names it by `probability`.
+
 A number. Inverse variances add up; what was known before them counts once and not once per recording; where recordings
 disagree by more than their intervals, the interval is wider by Birge's ratio (Phys. Rev. 40 (1932) 207),
 sqrt(chi squared / (n - 1)), if that is above 1.
@@ -76,8 +78,13 @@ def silent(drop: float, temperature: float) -> float:
 
 
 def existence(sayings: Iterable[Saying]) -> float:
-    """Log odds that the effect is there, whatever its name."""
-    return PRIOR + sum(saying.exists for saying in sayings)
+    """Log odds that the effect is there, whatever its name.
+
+    All that speaks against it together counts no more than `LARGEST`: that the axis has changed between recordings is
+    never less likely than that, and one worn recording must not be lost among good ones from before.
+    """
+    said = [saying.exists for saying in sayings]
+    return PRIOR + sum(x for x in said if x > 0.0) + max(-LARGEST, sum(x for x in said if x < 0.0))
 
 
 def against(sayings: Iterable[Saying]) -> dict[Name, float]:

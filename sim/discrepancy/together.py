@@ -16,11 +16,13 @@ Numbers come from models that have the same mechanisms in all recordings, refitt
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
+from typing import TypeVar
 
 from sim.axis import Axis
-from sim.discrepancy.condition import InvestigationError
+from sim.discrepancy.condition import InvestigationError, examine
 from sim.discrepancy.explanation import explain, next_measurement
 from sim.discrepancy.investigation import (
     NO_SIZE,
@@ -48,6 +50,7 @@ from sim.discrepancy.sayings import OWN, Weighed, found_at, shows, weighed
 from sim.discrepancy.unexplained import Unexplained, look
 from sim.errors import SimulationError
 
+Done = TypeVar("Done")
 AGAINST = -1.0  # log odds from which a recording is told to speak against a name
 INVESTIGATING = 0.85  # of the whole time
 
@@ -95,6 +98,8 @@ def investigate_together(
     names = distinct([taken.name for taken in recordings])
     recordings = [replace(taken, name=name) for taken, name in zip(recordings, names, strict=True)]
     _refuse_twice(recordings)
+    for taken in recordings:  # before any of them takes its time
+        _named(taken.name, partial(examine, axis, taken.telemetry))
     results = []
     for place, taken in enumerate(recordings):
 
@@ -102,12 +107,18 @@ def investigate_together(
             done = INVESTIGATING * (place + share) / len(recordings)
             progress(f"recording {place + 1} of {len(recordings)}: {stage}", done)
 
-        try:
-            results.append(investigate(axis, taken.telemetry, taken.sound, told, sound_offset_s))
-        except SimulationError as error:
-            raise InvestigationError(f"{taken.name}: {error}") from error
+        work = partial(investigate, axis, taken.telemetry, taken.sound, told, sound_offset_s)
+        results.append(_named(taken.name, work))
     progress("held against each other", INVESTIGATING)
     return _combined(axis, recordings, results, progress)
+
+
+def _named(name: str, work: Callable[[], Done]) -> Done:
+    """Do it; an error begins with the name of the recording."""
+    try:
+        return work()
+    except SimulationError as error:
+        raise InvestigationError(f"{name}: {error}") from error
 
 
 def _refuse_twice(recordings: Sequence[Taken]) -> None:
@@ -129,8 +140,9 @@ def _combined(
     said = [name for name, one in named.items() if one.probability >= SAID and found_at(results, name) is not None]
     parts = []
     for place, (taken, result) in enumerate(zip(recordings, results, strict=True)):
-        progress(f"recording {place + 1} of {len(results)}: numbers under one model", 0.9 + 0.1 * place / len(results))
+        progress(f"recording {place + 1} of {len(results)}: numbers under one model", 0.9 + 0.07 * place / len(results))
         parts.append(under_one_model(taken, result, results, said))
+    progress("numbers of one recording tried on the others", 0.97)
     parts = from_the_least_bent(parts)
     known = {name: sizes(parts, name, one.sayings) for name, one in named.items()}
     numbers = {name: pooled_sizes(name, by_recording) for name, by_recording in known.items()}
@@ -194,7 +206,7 @@ def _remarks(
         other = [part.taken.name for part, saying in who if saying.exists < AGAINST and part.taken.name not in showing]
         line = f"{name}: {len(showing)} of {len(parts)} recordings show it"
         out.append(": ".join([line, ", ".join(showing)]) if showing else line)
-        out[-1] += f"; against it: {', '.join(other)}." if other else "."
+        out[-1] += f"; against it: {', '.join(other)} (unless the axis has changed in between)." if other else "."
         out += changed(str(name), known[name])
     unnamed = [part.taken.name for part in parts if part.unexplained]
     if unnamed:
