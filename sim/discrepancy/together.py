@@ -46,7 +46,7 @@ from sim.discrepancy.joint_numbers import (
 )
 from sim.discrepancy.pairs import distinct
 from sim.discrepancy.pooling import Name, existence
-from sim.discrepancy.sayings import OWN, Weighed, found_at, shows, weighed
+from sim.discrepancy.sayings import OWN, Weighed, found_at, said_by, shows, weighed
 from sim.discrepancy.unexplained import Unexplained, look
 from sim.errors import SimulationError
 
@@ -147,7 +147,7 @@ def _combined(
     known = {name: sizes(parts, name, one.sayings) for name, one in named.items()}
     numbers = {name: pooled_sizes(name, by_recording) for name, by_recording in known.items()}
     own = _own(parts)
-    told = [(name, _finding(name, one, numbers[name])) for name, one in named.items()]
+    told = [(name, _finding(results, name, one, numbers[name])) for name, one in named.items()]
     told = sorted([*told, *own.items()], key=lambda one: -one[1].probability)
     findings = tuple(finding for _, finding in told)
     real = any(existence(one.sayings) > 0.0 for one in named.values())
@@ -191,8 +191,12 @@ def _own(parts: Sequence[Part]) -> dict[Name, Finding]:
     }
 
 
-def _finding(name: Name, one: Weighed, numbers: Sequence[Estimate]) -> Finding:
-    told = explain(name.mechanism, name.location, {e.name: e.value for e in numbers}, one.elsewhere)
+def _finding(results: Sequence[Investigation], name: Name, one: Weighed, numbers: Sequence[Estimate]) -> Finding:
+    """With the pooled numbers; of what was only heard in the words of the recording that is surest of it."""
+    surest = max((f for r in results if (f := said_by(r, name))), key=lambda f: f.probability)
+    told = surest.explanation
+    if found_at(results, name) is not None:
+        told = explain(name.mechanism, name.location, {e.name: e.value for e in numbers}, one.elsewhere)
     return Finding(name.mechanism, name.location, one.probability, tuple(numbers), one.indistinguishable_from, told)
 
 

@@ -138,6 +138,9 @@ def test_several_telemetries_become_one_document_and_one_report(
     assert {f["mechanism"] for f in document["findings"]} == {"coulomb_friction", "viscous_friction"}
     page = viewer.get(f"{URL}/{identity}/report", headers={"Accept": "text/html"}).text
     assert page.count("<details") == 2
+    cookies = {"gearcase_key": live_server.keys["viewer"]}
+    shown = httpx.get(f"{live_server.url}/investigations/{identity}", cookies=cookies).raise_for_status().text
+    assert shown.index("<h2>Recordings</h2>") < shown.index("monday.csv") < shown.index("friday.csv")
     stored = admin.post(f"{URL}/{identity}/accept").raise_for_status().json()
     friction = stored["document"]["motor"]["coulomb_friction_n_m"]
     assert friction == document["extended_axis"]["motor"]["coulomb_friction_n_m"]

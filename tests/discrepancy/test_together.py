@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -9,10 +10,12 @@ import pytest
 from sim.axis import read_axis
 from sim.chain_model import Array
 from sim.discrepancy.condition import InvestigationError
-from sim.discrepancy.investigation import Estimate, investigate
+from sim.discrepancy.investigation import Estimate, Finding, investigate
 from sim.discrepancy.joint_numbers import Taken, pooled_estimate
 from sim.discrepancy.pairs import check_pairs
 from sim.discrepancy.pooling import PRIOR, Known, Name, Saying, against, existence, logit, pooled, probability, silent
+from sim.discrepancy.sayings import weighed
+from sim.discrepancy.sound_evidence import SILENT
 from sim.discrepancy.together import Together, changed, investigate_together
 from sim.discrepancy.together_report import html_report_together
 from sim.errors import AxisError
@@ -204,6 +207,19 @@ def test_a_fault_of_one_recording_stays_with_it() -> None:
     assert finding.explanation.startswith("In biased: ")
     assert result.shown == (("biased",),)
     assert result.combined.extended.mechanisms == ()
+
+
+def test_what_is_heard_in_one_recording_is_doubted_by_those_with_sound_only() -> None:
+    quiet = investigate(axis(), one_body(0.3, 1.0, 0.02, 5))
+    with_sound = replace(quiet, provenance={**quiet.provenance, "sound_sha256": "0"})
+    order = Estimate("order", 3.5, "1", 3.4, 3.6)
+    finding = Finding("bearing_defect", "motor", 0.9, (order,), (), "Lines at 3.5 per turn.")
+    heard = replace(with_sound, findings=(finding,))
+    name = Name("bearing_defect", "motor")
+    assert weighed([heard])[name].probability == pytest.approx(0.9)
+    assert weighed([heard, quiet])[name].probability == pytest.approx(0.9)
+    assert logit(weighed([heard, with_sound])[name].probability) == pytest.approx(logit(0.9) + math.log(SILENT))
+    assert weighed([heard, heard])[name].probability > 0.95
 
 
 def test_a_bad_recording_among_good_ones_is_named() -> None:
