@@ -28,7 +28,7 @@ from sim.discrepancy.investigation import (
 )
 from sim.discrepancy.nameless import AS_NEW
 from sim.discrepancy.pooling import Known, Name, Saying, pooled
-from sim.discrepancy.sayings import OWN, found_at, said_by, term_name
+from sim.discrepancy.sayings import OWN, found_at, instead, said_by, term_name
 from sim.discrepancy.selection import all_rows, polish
 from sim.discrepancy.unexplained import Unexplained, look
 
@@ -70,8 +70,10 @@ def under_one_model(
     assert weighed is not None
     values = weighed.fit.values
     present = {term_name(t, values): t for t in weighed.fit.terms if t.named}
-    wrong = {n for n, t in present.items() if t in weighed.found and n not in said and n.mechanism not in OWN}
-    lacking = [found for name in said if name not in present and (found := found_at(results, name))]
+    wrong = {n for n, t in present.items() if t in weighed.found and n not in said}
+    tried = instead(result, wrong)
+    wanted = [name for name in said if name not in present and (name.mechanism not in OWN or name in tried)]
+    lacking = [found for name in wanted if (found := found_at(results, name))]
     common = set.intersection(*({t.key for t in r.weighed.fit.terms} for r in results if r.weighed))
     kept = [
         t

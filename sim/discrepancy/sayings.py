@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from sim.discrepancy.criteria import TEMPERATURE
@@ -80,7 +80,7 @@ class Weighed:
 
 def weighed(results: Sequence[Investigation]) -> dict[Name, Weighed]:
     """Every name that any recording gave; of names for one effect that nothing tells apart, the better founded."""
-    names = list(dict.fromkeys(called(f) for result in results for f in result.findings if f.mechanism not in OWN))
+    names = list(dict.fromkeys(called(f) for result in results for f in result.findings))
     sayings = {name: [_saying(result, name, results) for result in results] for name in names}
     rivals = {name: against(sayings[name]) for name in names}
     out: dict[Name, Weighed] = {}
@@ -111,13 +111,22 @@ def _saying(result: Investigation, name: Name, results: Sequence[Investigation])
         return Saying(exists_in(finding.evidence) - PRIOR, _beaten(standings[name], values))
     for other, standing in standings.items():
         beaten = _beaten(standing, values)
-        instead = said_by(result, other)
-        if name in beaten and instead is not None and instead.evidence is not None:
-            return Saying(exists_in(instead.evidence) - PRIOR, {other: -beaten[name]})
+        given = said_by(result, other)
+        if name in beaten and given is not None and given.evidence is not None:
+            return Saying(exists_in(given.evidence) - PRIOR, {other: -beaten[name]})
+    if name.mechanism in OWN:  # another recording knows nothing of it
+        return Saying(0.0)
     found = found_at(results, name)
     if found is None:  # heard only
         return Saying(math.log(SILENT) if result.provenance["sound_sha256"] else 0.0)
     return Saying(_asked(result, *found))
+
+
+def instead(result: Investigation, wrong: Iterable[Name]) -> set[Name]:
+    """What a recording tried in place of the names `wrong` that it gave."""
+    standings = _standings(result)
+    values = {} if result.weighed is None else result.weighed.fit.values
+    return {rival for name in wrong if name in standings for rival in _beaten(standings[name], values)}
 
 
 def _beaten(standing: Standing, values: Mapping[str, float]) -> dict[Name, float]:

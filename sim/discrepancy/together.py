@@ -46,7 +46,7 @@ from sim.discrepancy.joint_numbers import (
 )
 from sim.discrepancy.pairs import distinct
 from sim.discrepancy.pooling import Name, existence
-from sim.discrepancy.sayings import OWN, Weighed, found_at, said_by, shows, weighed
+from sim.discrepancy.sayings import OWN, Weighed, called, found_at, said_by, shows, weighed
 from sim.discrepancy.unexplained import Unexplained, look
 from sim.errors import SimulationError
 
@@ -144,9 +144,11 @@ def _combined(
         parts.append(under_one_model(taken, result, results, said))
     progress("numbers of one recording tried on the others", 0.97)
     parts = from_the_least_bent(parts)
+    own = _own(parts, named)
+    named = {name: one for name, one in named.items() if name.mechanism not in OWN}
+    said = [name for name in said if name.mechanism not in OWN]
     known = {name: sizes(parts, name, one.sayings) for name, one in named.items()}
     numbers = {name: pooled_sizes(name, by_recording) for name, by_recording in known.items()}
-    own = _own(parts)
     told = [(name, _finding(results, name, one, numbers[name])) for name, one in named.items()]
     told = sorted([*told, *own.items()], key=lambda one: -one[1].probability)
     findings = tuple(finding for _, finding in told)
@@ -179,12 +181,11 @@ def _showing(parts: Sequence[Part], name: Name) -> tuple[str, ...]:
     return tuple(part.taken.name for part in parts if shows(part.result, name))
 
 
-def _own(parts: Sequence[Part]) -> dict[Name, Finding]:
+def _own(parts: Sequence[Part], weighed: Iterable[Name]) -> dict[Name, Finding]:
     """What belongs to recordings and not to the axis, each once, as the surest of them says it."""
-    all_of = sorted(
-        (f for part in parts for f in part.result.findings if f.mechanism in OWN), key=lambda f: f.probability
-    )
-    surest = {Name(f.mechanism, f.location): f for f in all_of}
+    kept = set(weighed)
+    all_of = [f for part in parts for f in part.result.findings if f.mechanism in OWN and called(f) in kept]
+    surest = {called(f): f for f in sorted(all_of, key=lambda f: f.probability)}
     return {
         name: replace(f, explanation=f"In {', '.join(_showing(parts, name))}: {f.explanation}")
         for name, f in surest.items()
