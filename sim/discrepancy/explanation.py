@@ -96,16 +96,16 @@ def headline(result: Investigation) -> str:
     if not said:
         return _silent(result)
     if not machine:
-        beyond = _silent(result) if result.selection is None else "Beyond them nothing stands out of the data."
+        beyond = _silent(result) if result.listening is not None else "Beyond them nothing stands out of the data."
         return f"The measurement has faults: {faults}. {beyond}"
     beside = f" The measurement has faults besides: {faults}." if faults else ""
-    if result.selection is None:
+    if result.listening is not None:
         return f"Heard: {_names(machine)}.{beside}"
     return f"Missing in the model: {_names(machine)}.{beside}"
 
 
 def _silent(result: Investigation) -> str:
-    if result.selection is not None:
+    if result.listening is None:
         return "Nothing is missing in the model that these data could show."
     if not result.examined:
         return "Nothing could be examined in this sound."

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from sim.axis import Axis, MechanismEntry, Stage
@@ -15,38 +15,39 @@ SIMPLE = ("coulomb_friction", "viscous_friction")
 
 def extended_axis(axis: Axis, fit: Fit, terms: Sequence[Term]) -> Axis:
     """An axis that `simulate` and a further investigation take: numbers of `fit`, and `terms` of it on top."""
-    values = fit.values
+    unsaid = {p.name for t in fit.terms if t not in terms for p in t.parameters}
+    values = {name: value for name, value in fit.values.items() if name not in unsaid}
+    return extended_by(axis, values, {(t.mechanism, t.location): t.report(fit.values) for t in terms})
+
+
+def extended_by(axis: Axis, values: Values, found: Mapping[tuple[str, str | None], Mapping[str, float]]) -> Axis:
+    """The axis with the numbers `values` in their places and the mechanisms `found` with their parameters."""
     get = values.get
-    said = {p.name for t in terms for p in t.parameters}
-
-    def told(name: str) -> float:
-        return values[name] if name in said else 0.0
-
     motor = replace(
         axis.motor,
         inertia_kg_m2=get("motor.inertia_kg_m2", axis.motor.inertia_kg_m2),
         coulomb_friction_n_m=get("motor.coulomb_friction_n_m", axis.motor.coulomb_friction_n_m)
-        + told("coulomb_friction@None.motor"),
+        + get("coulomb_friction@None.motor", 0.0),
         viscous_friction_n_m_s_per_rad=get(
             "motor.viscous_friction_n_m_s_per_rad", axis.motor.viscous_friction_n_m_s_per_rad
         )
-        + told("viscous_friction@None.motor"),
+        + get("viscous_friction@None.motor", 0.0),
     )
     load = replace(
         axis.load,
         inertia_kg_m2=get("load.inertia_kg_m2", axis.load.inertia_kg_m2),
         coulomb_friction_n_m=get("load.coulomb_friction_n_m", axis.load.coulomb_friction_n_m)
-        + told("coulomb_friction@None.load"),
+        + get("coulomb_friction@None.load", 0.0),
         viscous_friction_n_m_s_per_rad=get(
             "load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad
         )
-        + told("viscous_friction@None.load"),
+        + get("viscous_friction@None.load", 0.0),
     )
     stages = tuple(_stage(axis, k, values) for k in range(len(axis.stages)))
     entries = tuple(
-        MechanismEntry(t.mechanism, t.location, {k: float(v) for k, v in t.report(values).items()})
-        for t in terms
-        if t.mechanism not in SIMPLE
+        MechanismEntry(mechanism, location, {k: float(v) for k, v in numbers.items()})
+        for (mechanism, location), numbers in found.items()
+        if mechanism not in SIMPLE
     )
     return replace(axis, motor=motor, load=load, stages=stages, mechanisms=(*axis.mechanisms, *entries))
 

@@ -93,6 +93,8 @@ class Investigation:
     gate: Gate | None = field(default=None, repr=False, compare=False)
     sounds: tuple[Recording, ...] = field(default=(), repr=False, compare=False)
     sound_offset_s: float = 0.0
+    weighed: Selection | None = field(default=None, repr=False, compare=False)
+    """As it was weighed, before the last fit of `polish`: what another recording found is held against this."""
 
     @property
     def examined(self) -> tuple[str, ...]:
@@ -161,7 +163,7 @@ def investigate(
     progress("calibration of what the description has", 0.08)
     problem = Problem(axis, gate.measurement, _first_noise(gate))
     problem, base = calibrate(problem)
-    selection = told_apart(select(problem, base, progress))
+    weighed = selection = told_apart(select(problem, base, progress))
     problem, fit = selection.problem, selection.fit
     progress("sound", 0.78)
     heard = listen(axis, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
@@ -170,7 +172,7 @@ def investigate(
     progress("gain on rows not used", 0.85)
     base = problem.fit((), base.values, held=base.sensitivities) if fit.terms else fit
     places = look(problem, fit)
-    rest = [nameless(selection, term) for term in selection.nameless] + _left(places, fit)
+    rest = [nameless(selection, term) for term in selection.nameless] + left(places, fit)
     _, base = polish(problem, base)
     problem, fit = polish(problem, plainly(problem, fit))
     selection = replace(selection, problem=problem, base=base, fit=fit)
@@ -193,12 +195,12 @@ def investigate(
     verdict = "named" if named_well else "unnamed" if rest else "nothing_missing"
     progress("done", 1.0)
     return Investigation(
-        axis, verdict, findings, rest[0] if rest else None, _estimates(problem, fit), gained,
+        axis, verdict, findings, rest[0] if rest else None, estimates(problem, fit), gained,
         next_measurement(axis, findings, rest, problem.guided), extended_axis(axis, fit, said),
         _provenance(axis, telemetry, sounds, problem),
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
         (*gate.remarks, *doubts, *strange, *_rested(problem), *_rattled(problem)), selection,
-        gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,
+        weighed=weighed, gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,
     )  # fmt: skip
 
 
@@ -230,7 +232,7 @@ def _loud(axis: Axis, found: Sequence[Term]) -> list[float]:
     return [teeth[place] * axis.ratio_from(place) / axis.ratio for place in erring]
 
 
-def _left(places: Sequence[Unexplained], fit: Fit) -> list[Unexplained]:
+def left(places: Sequence[Unexplained], fit: Fit) -> list[Unexplained]:
     """What stands out of the residual; where all of it is far above its noise, its strongest place."""
     far = fit.misfit > FAR * fit.residual.size
     return [u for u in places if stands_out(u)] or (list(places[:1]) if far else [])
@@ -274,7 +276,7 @@ def _finding(selection: Selection, term: Term) -> Finding:
     }
     seen = Evidence(standing.share, others, (standing.shared + far) / standing.gain)
     return Finding(
-        term.mechanism, term.location, probability(seen), _term_estimates(fit, term, duration), tuple(close),
+        term.mechanism, term.location, probability(seen), term_estimates(fit, term, duration), tuple(close),
         explain(term.mechanism, term.location, term.report(fit.values), elsewhere, instead), seen, elsewhere,
     )  # fmt: skip
 
@@ -358,12 +360,12 @@ def looks_like(problem: Problem, term: Term) -> tuple[str, ...]:
     return ("encoder_error",) if (term.mechanism, term.location) == ("eccentricity", last) else ()
 
 
-def _term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, ...]:
+def term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, ...]:
     """Reported parameters with intervals; a frequency is not known better than the record is long."""
     spread = deviations(fit, term, term.report)
     out = []
     for name, value in term.report(fit.values).items():
-        half = NINETY * _inflation(fit) * spread[name]
+        half = NINETY * inflation(fit) * spread[name]
         if name not in NO_SIZE:
             half = max(half, (DENT_SHARE if term.mechanism == "tooth_damage" else FORM_SHARE) * abs(value))
         if name == "frequency_hz":
@@ -372,14 +374,14 @@ def _term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, 
     return tuple(out)
 
 
-def _inflation(fit: Fit) -> float:
+def inflation(fit: Fit) -> float:
     """Widen intervals by what the residual has beyond white noise (form of the model, slow noise)."""
     return INFLATION * math.sqrt(max(1.0, fit.misfit / fit.residual.size))
 
 
-def _estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
+def estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
     deviations = fit.deviations()
-    scale = _inflation(fit)
+    scale = inflation(fit)
     out = []
     for p in fit.parameters:
         if not p.name.startswith(("motor.", "load.", "stages.")) or "backlash" in p.name:

@@ -59,7 +59,7 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
         for name in ("telemetry", "sound")
     )
     with service.library.transaction(principal.actor) as session:
-        row = submit(service.library, session, axis, telemetry[0] if telemetry else None, sounds)
+        row = submit(service.library, session, axis, telemetry, sounds)
         identity = row.id
     jobs.submit(KIND, {"investigation_id": identity}, job_id=identity, submitted_by=principal.actor)
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/jobs/{identity}", status_code=303)
