@@ -169,10 +169,10 @@ def _held_back(angle: Array) -> Rows:
     steps = np.abs(np.diff(angle))
     for rows in stays(angle):
         last = rows.stop - 1
-        around = np.concatenate(
-            [steps[max(rows.start - REACH_ROWS, 0) : rows.start], steps[last + 1 : last + 1 + REACH_ROWS]]
-        )
-        if last < steps.size and around.size and steps[last] > 3.0 * float(around.max()) + QUANTA * quantum(angle):
+        if rows.start < REACH_ROWS or last + REACH_ROWS >= steps.size:
+            continue  # a record may begin before the motion does, and end after it
+        around = np.concatenate([steps[rows.start - REACH_ROWS : rows.start], steps[last + 1 : last + 1 + REACH_ROWS]])
+        if steps[last] > 3.0 * float(around.max()) + QUANTA * quantum(angle):
             out[rows.start + 1 : rows.stop] = True
     return out
 
