@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from time import sleep
 from typing import Any
@@ -19,7 +19,7 @@ from app.job import JobError, JobKind, JobNotFoundError, Json, Report
 from app.jobs import Jobs
 from app.settings import Settings
 from casebase import audit
-from casebase.axes import add_axis
+from casebase.axes import add_axis, find_axis
 from casebase.errors import ConflictError, NotFoundError
 from casebase.library import CaseLibrary
 from casebase.models import AxisRevision, StoredInvestigation, new_id, now
@@ -27,6 +27,7 @@ from casebase.signals.decode import read_recording
 from casebase.signals.errors import SignalError
 from casebase.signals.telemetry import read_telemetry
 from sim.axis import Axis, read_axis
+from sim.discrepancy.pairs import check_pairs
 from sim.errors import AxisError, SimulationError
 
 KIND = "investigations"
@@ -46,26 +47,28 @@ def submit(
     library: CaseLibrary,
     session: Session,
     axis: Axis,
-    telemetry: Measured | None,
+    telemetries: Sequence[Measured],
     sounds: Sequence[Measured],
     sound_offset_s: float = 0.0,
 ) -> StoredInvestigation:
     """Check and keep what was measured; the caller queues the job under the investigation's id.
 
+    The k-th sound belongs to the k-th telemetry.
+
     Raises:
-        AxisError: if there is nothing to investigate, or several sounds beside one telemetry.
-        SignalError: if telemetry or sound cannot be read.
+        AxisError: if there is nothing to investigate, a sound without its telemetry, or the same telemetry twice.
+        SignalError: if telemetry or sound cannot be read; of several it begins with the name of the file.
     """
-    if telemetry is None and not sounds:
-        raise AxisError("send telemetry, sound or both: an axis alone has nothing to investigate")
-    if telemetry is not None and len(sounds) > 1:
-        raise AxisError(f"{len(sounds)} sounds beside one telemetry: send the one that starts with it")
+    check_pairs(len(telemetries), len(sounds))
+    for measured in telemetries:
+        _readable(measured, read_telemetry, several=len(telemetries) > 1)
+    for measured in sounds:
+        _readable(measured, read_recording, several=len(sounds) > 1)
     inputs: dict[str, object] = {"sound_offset_s": sound_offset_s}
-    if telemetry is not None:
-        read_telemetry(telemetry.path)
-        inputs["telemetry"] = _kept(library, telemetry)
-    for sound in sounds:
-        read_recording(sound.path)
+    if telemetries:
+        kept = [_kept(library, measured) for measured in telemetries]
+        _refuse_twice(kept)
+        inputs["telemetry"] = kept if len(kept) > 1 else kept[0]
     if sounds:
         inputs["sound"] = [_kept(library, sound) for sound in sounds]
     row = StoredInvestigation(
@@ -80,6 +83,26 @@ def submit(
     session.flush()
     audit.record(session, "investigation.asked", ("investigation", row.id), after={"axis": axis.name, **inputs})
     return row
+
+
+def _readable(measured: Measured, read: Callable[[Path], object], *, several: bool) -> None:
+    try:
+        read(measured.path)
+    except SignalError as error:
+        if not several:
+            raise
+        raise type(error)(f"{measured.name}: {error}") from error
+
+
+def _refuse_twice(kept: Sequence[Mapping[str, object]]) -> None:
+    names: dict[object, object] = {}
+    for one in kept:
+        if one["sha256"] in names:
+            raise AxisError(
+                f"telemetry {one['name']} is the same file as {names[one['sha256']]}: send every recording once, "
+                "since the same one twice says no more"
+            )
+        names[one["sha256"]] = one["name"]
 
 
 def _kept(library: CaseLibrary, measured: Measured) -> dict[str, object]:
@@ -127,13 +150,21 @@ def document_of(row: StoredInvestigation, state: str | None = None) -> Mapping[s
 def accept(session: Session, row: StoredInvestigation) -> AxisRevision:
     """Store the extended axis as the next revision of its axis; accepting it twice makes one revision.
 
+    The first revision of an axis that is new here is the description as it was given.
+
     Raises:
         ConflictError: if it is not finished or found nothing that would extend the model.
     """
-    extended = document_of(row).get("extended_axis")
-    if not isinstance(extended, dict) or not extended:
-        raise ConflictError(f"investigation {row.id} has no extended axis: nothing would change")
+    document = document_of(row)
+    extended = document.get("extended_axis")
+    if document.get("verdict") != "named" or not isinstance(extended, dict) or not extended:
+        raise ConflictError(
+            f"investigation {row.id} names nothing that would extend the model (verdict: {document.get('verdict')}); "
+            "change the description itself with POST /axes"
+        )
     axis = read_axis(extended)
+    if find_axis(session, axis.name) is None:
+        add_axis(session, axis.name, row.axis_document, note=f"as described for investigation {row.id}")
     return add_axis(
         session, axis.name, axis.to_mapping(), note=f"accepted investigation {row.id}", investigation_id=row.id
     )
@@ -183,28 +214,64 @@ def _committed(library: CaseLibrary, investigation_id: str) -> StoredInvestigati
 
 
 def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report) -> tuple[dict[str, object], str]:
+    if len(_paths(library, row, "telemetry")) > 1:
+        return _investigated_together(library, row, report)
     # only a worker pays for importing what investigates
     from sim.discrepancy.investigation import investigate
     from sim.discrepancy.report import html_report
     from sim.discrepancy.story import story
 
     telemetry, sounds = _paths(library, row, "telemetry"), _paths(library, row, "sound")
-    offset = row.inputs.get("sound_offset_s", 0.0)
     found = investigate(
         read_axis(row.axis_document),
         read_telemetry(telemetry[0]) if telemetry else None,
-        [read_recording(sound) for sound in sounds],
-        sound_offset_s=float(offset) if isinstance(offset, int | float) else 0.0,
+        [replace(read_recording(path), name=name) for path, name in zip(sounds, names_of(row, "sound"), strict=True)],
+        sound_offset_s=_offset(row),
         progress=report,
     )
-    told = {**found.document(), "story": story(found)}
-    document: dict[str, object] = json.loads(json.dumps(told, allow_nan=False))
-    return document, html_report(found)
+    files = [*names_of(row, "telemetry"), *names_of(row, "sound")]
+    return _plain({**found.document(), "story": story(found)}), html_report(found, files)
 
 
-def _paths(library: CaseLibrary, row: StoredInvestigation, name: str) -> list[Path]:
-    kept: Any = row.inputs.get(name, [])
-    return [library.audio.path(str(one["sha256"])) for one in (kept if isinstance(kept, list) else [kept])]
+def _investigated_together(
+    library: CaseLibrary, row: StoredInvestigation, report: Report
+) -> tuple[dict[str, object], str]:
+    from sim.discrepancy.joint_numbers import Taken
+    from sim.discrepancy.together import investigate_together
+    from sim.discrepancy.together_report import html_report_together
+
+    telemetry, sounds = (
+        list(zip(names_of(row, part), _paths(library, row, part), strict=True)) for part in ("telemetry", "sound")
+    )
+    recordings = [Taken(name, read_telemetry(path)) for name, path in telemetry]
+    for place, (name, path) in enumerate(sounds):
+        recordings[place] = replace(recordings[place], sound=read_recording(path), sound_name=name)
+    found = investigate_together(read_axis(row.axis_document), recordings, report, _offset(row))
+    return _plain(found.document()), html_report_together(found)
+
+
+def _plain(document: Mapping[str, object]) -> dict[str, object]:
+    plain: dict[str, object] = json.loads(json.dumps(document, allow_nan=False))
+    return plain
+
+
+def _offset(row: StoredInvestigation) -> float:
+    offset = row.inputs.get("sound_offset_s", 0.0)
+    return float(offset) if isinstance(offset, int | float) else 0.0
+
+
+def _files(row: StoredInvestigation, part: str) -> list[Mapping[str, Any]]:
+    kept: Any = row.inputs.get(part, [])
+    return kept if isinstance(kept, list) else [kept]
+
+
+def names_of(row: StoredInvestigation, part: str) -> list[str]:
+    """Return what the files of `telemetry` or `sound` were called, in order."""
+    return [str(one["name"]) for one in _files(row, part)]
+
+
+def _paths(library: CaseLibrary, row: StoredInvestigation, part: str) -> list[Path]:
+    return [library.audio.path(str(one["sha256"])) for one in _files(row, part)]
 
 
 def _finish(

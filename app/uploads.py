@@ -22,7 +22,7 @@ from app.settings import Settings
 
 BLOCK = 1024 * 1024
 NAME_CHARACTERS = 255
-SEVERAL = ("sound",)
+SEVERAL = ("sound", "telemetry")
 """Parts that may come more than once: recordings of one axis."""
 
 

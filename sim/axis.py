@@ -9,7 +9,7 @@ import json
 import math
 import tomllib
 from collections.abc import Mapping
-from dataclasses import MISSING, dataclass, fields
+from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -146,7 +146,10 @@ class MechanismEntry:
 
 @dataclass(frozen=True)
 class Axis:
-    """An axis from motor to load; immutable: change it with `dataclasses.replace`."""
+    """An axis from motor to load; immutable: change it with `dataclasses.replace`.
+
+    `motion_keys`: what the description says of the motion; the rest of it is defaults.
+    """
 
     name: str
     motor: Motor
@@ -157,6 +160,7 @@ class Axis:
     motion: Motion = Motion()
     servo: Servo = Servo()
     mechanisms: tuple[MechanismEntry, ...] = ()
+    motion_keys: tuple[str, ...] = field(default=(), compare=False, repr=False)
 
     def __post_init__(self) -> None:
         names = [stage.name for stage in self.stages]
@@ -187,6 +191,15 @@ class Axis:
         """Motor speed over load speed."""
         return math.prod(stage.ratio for stage in self.stages)
 
+    def describes_motion(self, key: str) -> bool:
+        """Whether a number of the motion was given, and be it the default.
+
+        >>> read_axis({"motor": {"inertia_kg_m2": 1}, "load": {"inertia_kg_m2": 1},
+        ...            "motion": {"period_s": 2.1}}).describes_motion("period_s")
+        True
+        """
+        return key in self.motion_keys or getattr(self.motion, key) != getattr(Motion(), key)
+
     def ratio_from(self, location: str) -> float:
         """Return the speed of the shaft at `location` over the load's speed.
 
@@ -215,6 +228,8 @@ class Axis:
         out: dict[str, object] = {"schema": SCHEMA, "name": self.name, "motor": _table(self.motor)}
         for key in ("transmission", "load", "load_encoder", "motion", "servo"):
             table = _table(getattr(self, key))
+            if key == "motion":
+                table |= {one: getattr(self.motion, one) for one in self.motion_keys}
             if table or key == "load":
                 out[key] = table
         if self.stages:
@@ -237,7 +252,7 @@ def read_axis(source: Path | Mapping[str, object]) -> Axis:
     sim.errors.AxisError: load.inertia_kg_m2: must be >= 0 and <= 1e+09 kg m2, got -20
     """
     document = _parse(source) if isinstance(source, Path) else source
-    known = {"schema", *(field.name for field in fields(Axis))}
+    known = {"schema", *(field.name for field in fields(Axis))} - {"motion_keys"}
     _refuse_unknown("", document, known)
     if document.get("schema", SCHEMA) != SCHEMA:
         raise AxisError(f"schema: must be {SCHEMA!r}, got {document['schema']!r}")
@@ -252,6 +267,7 @@ def read_axis(source: Path | Mapping[str, object]) -> Axis:
         motion=_read(Motion, document.get("motion", {}), "motion"),
         servo=_read(Servo, document.get("servo", {}), "servo"),
         mechanisms=tuple(_read_entry(table, i) for i, table in enumerate(_array(document, "mechanisms"))),
+        motion_keys=tuple(sorted(_mapping(document.get("motion", {}), "motion"))),
     )
 
 
@@ -378,10 +394,10 @@ def _read_entry(value: object, i: int) -> MechanismEntry:
 def _table(part: object) -> dict[str, object]:
     """Return what differs from the default, and what has none."""
     out = {}
-    for field in fields(part):  # type: ignore[arg-type]
-        value = getattr(part, field.name)
-        if field.default is MISSING or value != field.default:
-            out[field.name] = value
+    for one in fields(part):  # type: ignore[arg-type]
+        value = getattr(part, one.name)
+        if one.default is MISSING or value != one.default:
+            out[one.name] = value
     return out
 
 

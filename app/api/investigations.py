@@ -42,13 +42,22 @@ BODY = {
                             "type": "string",
                             "description": "axis.toml, the same as JSON, or a stored axis' name",
                         },
-                        "telemetry": {**BINARY, "description": "CSV or Parquet with time_s and known channels"},
+                        "telemetry": {
+                            "type": "array",
+                            "items": BINARY,
+                            "description": "CSV or Parquet with time_s and known channels; several recordings of the "
+                            "same axis are taken together",
+                        },
                         "sound": {
                             "type": "array",
                             "items": BINARY,
-                            "description": "any audio file that is read; without telemetry, several of the same axis",
+                            "description": "any audio file that is read, the first with the first telemetry and so on; "
+                            "without telemetry, several of the same axis",
                         },
-                        "sound_offset_s": {"type": "number", "description": "telemetry's time at the sound's start"},
+                        "sound_offset_s": {
+                            "type": "number",
+                            "description": "telemetry's time at its sound's start, the same for all",
+                        },
                     },
                 }
             }
@@ -96,7 +105,11 @@ class InvestigationDocument(BaseModel):
     "/investigations", status_code=status.HTTP_202_ACCEPTED, response_model=InvestigationJob, openapi_extra=BODY
 )
 def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request) -> Response:
-    """Ask what the model of an axis misses: parts `axis`, and `telemetry`, `sound` or both. Answers the job."""
+    """Ask what the model of an axis misses: parts `axis`, and `telemetry`, `sound` or both. Answers the job.
+
+    `telemetry` and `sound` may come several times: recordings of one axis, whose evidence is taken together. The k-th
+    sound belongs to the k-th telemetry; the document then has `recordings`, each with what it says by itself.
+    """
     upload.only(*PARTS)
     service = once.service
     axis = axis_of(service, upload)
@@ -104,7 +117,7 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
     telemetry, sounds = (tuple(Measured(file.path, file.name) for file in upload.all_of(name)) for name in PARTS[1:3])
 
     def work(session: Session) -> Made:
-        row = submit(service.library, session, axis, telemetry[0] if telemetry else None, sounds, offset)
+        row = submit(service.library, session, axis, telemetry, sounds, offset)
         job_id = service.jobs.submit(
             KIND, {"investigation_id": row.id}, job_id=row.id, submitted_by=once.principal.actor
         )

@@ -2,17 +2,30 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+from dataclasses import replace
+from functools import partial
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, TypeVar
 
 import typer
 
 from app.commands.frame import Frame, frame_of
 from casebase.signals.decode import read_recording
-from casebase.signals.telemetry import read_telemetry
+from casebase.signals.errors import SignalError
+from casebase.signals.recording import Recording
+from casebase.signals.telemetry import Telemetry, read_telemetry
 from sim.axis import read_axis
-from sim.discrepancy.investigation import Investigation, investigate
+from sim.discrepancy.explanation import headline
+from sim.discrepancy.investigation import Investigation, Progress, investigate
+from sim.discrepancy.joint_numbers import Taken
+from sim.discrepancy.pairs import check_pairs
 from sim.discrepancy.report import html_report
+from sim.discrepancy.together import investigate_together
+from sim.discrepancy.together_report import html_report_together
+
+Read = TypeVar("Read")
+Done = TypeVar("Done")
 
 
 def register(app: typer.Typer) -> None:
@@ -21,14 +34,23 @@ def register(app: typer.Typer) -> None:
 
 def run(
     context: typer.Context,
-    axis: Annotated[Path, typer.Option(metavar="AXIS.toml", help="what the axis is believed to be")],
-    telemetry: Annotated[Path | None, typer.Option(metavar="T.csv", help="measured channels, CSV or Parquet")] = None,
+    axis: Annotated[
+        Path,
+        typer.Option(metavar="AXIS.toml", help="what the axis is believed to be; sound alone uses its motion.period_s"),
+    ],
+    telemetry: Annotated[
+        list[Path] | None,
+        typer.Option(metavar="T.csv", help="measured channels, CSV or Parquet; several recordings of the same axis"),
+    ] = None,
     sound: Annotated[
         list[Path] | None,
-        typer.Option(metavar="S.wav", help="recording of the same motion; without telemetry, several of the same axis"),
+        typer.Option(
+            metavar="S.wav",
+            help="recording of the same motion, the k-th of the k-th telemetry; or several without telemetry",
+        ),
     ] = None,
     sound_offset: Annotated[
-        float, typer.Option(metavar="S", help="start of the sound after the telemetry's [s]")
+        float, typer.Option(metavar="S", help="start of every sound after its telemetry's, in s")
     ] = 0.0,
     report: Annotated[
         Path | None, typer.Option(metavar="OUT.html", help="one file with plots that works offline")
@@ -38,19 +60,49 @@ def run(
     """Say what the simulation of an axis gets wrong, why, and what the extended model gains."""
     frame = frame_of(context)
     described = read_axis(axis)
-    measured = None if telemetry is None else read_telemetry(telemetry)
-    heard = [read_recording(one) for one in sound or ()]
-    result = _watched(frame, lambda watch: investigate(described, measured, heard, watch, sound_offset))
+    check_pairs(len(telemetry or ()), len(sound or ()))
+    heard = [replace(_read(one, read_recording), name=one.name) for one in sound or ()]
+    measured = [_read(one, read_telemetry) for one in telemetry or ()]
+    if len(measured) > 1:
+        taken = _taken(telemetry or (), measured, sound or (), heard)
+        together = _watched(frame, lambda watch: investigate_together(described, taken, watch, sound_offset))
+        result, document, page = together.combined, together.document, partial(html_report_together, together)
+        whose = [f"{part.taken.name}: " for part in together.parts for _ in part.gain]
+    else:
+        first = measured[0] if measured else None
+        result = _watched(frame, lambda watch: investigate(described, first, heard, watch, sound_offset))
+        files = [path.name for path in (axis, *(telemetry or ()), *(sound or ()))]
+        document, page, whose = result.document, partial(html_report, result, files), ["" for _ in result.gain]
     if report is not None:
-        report.write_text(html_report(result), encoding="utf-8")
+        report.write_text(page(), encoding="utf-8")
         frame.say(f"report: {report}")
     if json:
-        frame.print_json(result.document())
+        frame.print_json(document())
     else:
-        _show(frame, result)
+        _show(frame, result, whose)
 
 
-def _watched(frame: Frame, work: object) -> Investigation:
+def _read(path: Path, read: Callable[[Path], Read]) -> Read:
+    """Read a file; an error begins with its name."""
+    try:
+        return read(path)
+    except SignalError as error:
+        raise type(error)(f"{path}: {error}") from error
+
+
+def _taken(
+    telemetry: Sequence[Path], measured: Sequence[Telemetry], sound: Sequence[Path], heard: Sequence[Recording]
+) -> list[Taken]:
+    """Recordings with what they are called: file names, or whole paths where those are alike."""
+    alike = len({path.name for path in telemetry}) < len(telemetry)
+    names = [str(path) if alike else path.name for path in telemetry]
+    taken = [Taken(name, one) for name, one in zip(names, measured, strict=True)]
+    for place, (path, one) in enumerate(zip(sound, heard, strict=True)):
+        taken[place] = replace(taken[place], sound=one, sound_name=path.name)
+    return taken
+
+
+def _watched(frame: Frame, work: Callable[[Progress], Done]) -> Done:
     """Run with a line on stderr for every stage."""
     last = ""
 
@@ -60,16 +112,11 @@ def _watched(frame: Frame, work: object) -> Investigation:
             frame.say(f"{share:4.0%} {stage}")
             last = stage
 
-    return work(watch)  # type: ignore[operator, no-any-return]
+    return work(watch)
 
 
-def _show(frame: Frame, result: Investigation) -> None:
-    words = {
-        "nothing_missing": "Nothing is missing in the model.",
-        "named": "The model misses:",
-        "unnamed": "The model misses something that has no name here:",
-    }
-    frame.print(words[result.verdict])
+def _show(frame: Frame, result: Investigation, whose: Sequence[str]) -> None:
+    frame.print(headline(result))
     for f in result.findings:
         place = f" ({f.location})" if f.location else ""
         frame.print(f"  {f.mechanism}{place}, probability {f.probability:.2f}: {f.explanation}")
@@ -77,14 +124,17 @@ def _show(frame: Frame, result: Investigation) -> None:
             frame.print(f"    {e.name} = {e.value:.5g} {e.unit} ({e.low:.5g} to {e.high:.5g})")
         if f.indistinguishable_from:
             frame.print(f"    these data cannot tell it from {', '.join(f.indistinguishable_from)}")
+        frame.print(f"    what to do now: {f.action}")
     if result.unexplained is not None:
         where = ", ".join(f"{name} {value:.4g}" for name, value in result.unexplained.numbers.items())
         frame.print(f"  unexplained: {where} in {result.unexplained.channel}")
     for e in result.parameters:
         frame.print(f"  {e.name}: described {e.nominal:.5g}, found {e.value:.5g} {e.unit}")
-    for g in result.gain:
+    for g, recording in zip(result.gain, whose, strict=True):
         note = "" if g.significant else " (not distinguishable from zero)"
-        frame.print(f"  {g.channel}: {g.rms_before:.4g} -> {g.rms_after:.4g} {g.unit} on held-out rows{note}")
+        frame.print(
+            f"  {recording}{g.channel}: {g.rms_before:.4g} -> {g.rms_after:.4g} {g.unit} on held-out rows{note}"
+        )
     for remark in result.remarks:
         frame.print(f"  note: {remark}")
     frame.print(result.next_measurement)

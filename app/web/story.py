@@ -9,7 +9,8 @@ from app.errors import NotFound
 from app.web.charts import Chart
 from app.web.svg import Band, Marker, Series
 
-Part = Literal["overlay", "residual"]
+Part = Literal["overlay", "residual", "sound"]
+WEIGHED = ("explains", "needed", "instead_of", "behind")
 
 
 def panels_of(document: Mapping[str, Any], part: Part) -> list[Chart]:
@@ -30,9 +31,12 @@ def panel_of(document: Mapping[str, Any], part: Part, number: int) -> Chart:
 
 
 def candidates_of(document: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:
-    """Return what was weighed and rejected: mechanism, location, probability and why."""
-    candidates: Sequence[Mapping[str, Any]] = document.get("story", {}).get("candidates", ())
-    return candidates
+    """Return what was weighed and rejected: mechanism, location, what it explains and needed, and why not.
+
+    An older version kept a probability instead, of a candidate that was rejected: it is not shown.
+    """
+    kept: Sequence[Mapping[str, Any]] = document.get("story", {}).get("candidates", ())
+    return [{**dict.fromkeys(WEIGHED), **candidate} for candidate in kept]
 
 
 def _chart(panel: Mapping[str, Any]) -> Chart:

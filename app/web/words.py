@@ -147,6 +147,9 @@ def investigation_headline(document: Mapping[str, Any]) -> str:
     >>> investigation_headline({"verdict": "nothing_missing", "findings": []})
     'The model misses nothing that this data could show'
     """
+    told = document.get("story", {}).get("headline")
+    if told:
+        return str(told).removesuffix(".")
     if document["verdict"] == "nothing_missing":
         return "The model misses nothing that this data could show"
     if document["verdict"] == "unnamed":

@@ -30,6 +30,7 @@ class Recording:
         channel: index, from 0, of the channel used.
         channels: how many channels the file has.
         unit: UCUM code of the samples; "1" for an uncalibrated microphone.
+        name: what to call it in words, as its file name; "" where it has none.
 
     Raises:
         BrokenAudioError: if there are no samples, a sample is not finite or beyond 1e12, or the rate is not
@@ -41,6 +42,7 @@ class Recording:
     channel: int = 0
     channels: int = 1
     unit: str = "1"
+    name: str = ""
 
     def __post_init__(self) -> None:
         samples = np.ascontiguousarray(self.samples, dtype=np.float32)

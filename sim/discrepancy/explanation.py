@@ -3,20 +3,26 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from sim.axis import Axis
+from sim.discrepancy.actions import BEHIND_THE_MOTOR, MEASUREMENTS, OF_THE_MEASUREMENT, SHOWN_RAD, measurement
 from sim.discrepancy.unexplained import Unexplained
+from sim.discrepancy.written import angle, named, number, percent, words_of
 
 if TYPE_CHECKING:
-    from sim.discrepancy.investigation import Finding
+    from sim.discrepancy.investigation import Finding, Investigation
 
 SENTENCES: Mapping[str, str] = {
-    "backlash": "The {where} gear pair has play of {gap_rad:.3g} rad: around every reversal of torque the load moves freely until the other flank meets.",
-    "tooth_damage": "A flank of the {where} gear lacks material near {angle_rad:.3f} rad, {depth_rad:.2g} rad deep: torque breaks down there once per revolution, in one direction of torque.",
-    "eccentricity": "The {where} gear runs out of true by {amplitude_rad:.3g} rad once per revolution.",
-    "mesh_error": "The teeth of the {where} gear pair err by {amplitude_rad:.3g} rad at tooth frequency, more than as new.",
+    "backlash": "The {where} gear pair has play of {gap_rad:.3g} rad ({gap_rad_shown}): around every reversal of torque the load moves freely until the other flank meets.",
+    "tooth_damage": "A flank of the {where} gear lacks material near {angle_rad:.3f} rad ({angle_rad_shown}), {depth_rad:.2g} rad ({depth_rad_shown}) deep: torque breaks down there once per revolution, in one direction of torque.",
+    "eccentricity": "The {where} gear runs out of true by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution.",
+    "mesh_error": "The teeth of the {where} gear pair err by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) at tooth frequency, more than as new.",
     "coulomb_friction": "Dry friction of {torque_n_m:.3g} N m as felt at the motor is missing from the description.",
     "viscous_friction": "Viscous friction of {coefficient_n_m_s_per_rad:.3g} N m s/rad as felt at the motor is missing from the description.",
     "stribeck_friction": "At low speed friction rises by {torque_n_m:.3g} N m, below about {speed_rad_s:.3g} rad/s of the motor: the lubricant film breaks down.",
@@ -28,49 +34,161 @@ SENTENCES: Mapping[str, str] = {
     "stiffness_hardening": "The {where} gear pair is stiffer at large twist than at small.",
     "hysteresis": "The {where} gear pair holds back {torque_n_m:.3g} N m when the twist turns: its spring has a loop.",
     "torque_offset": "The torque channel reads {torque_n_m:.3g} N m too much, whatever the motion.",
-    "encoder_error": "The load encoder errs by {amplitude_rad:.3g} rad once per revolution, more than its data sheet says.",
+    "encoder_error": "The load encoder errs by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution, more than its data sheet says.",
     "time_delay": "A channel is late by {delay_s:.3g} s against the others.",
     "structural_resonance": "Part of the load, {share:.0%} of its inertia, swings by itself at {frequency_hz:.3g} Hz: an arm, a tool or the stand is soft or loose.",
     "electrical_hum": "A hum of {frequency_hz:g} Hz from the mains is on the torque channel.",
 }  # fmt: skip
 
 
+KINDS = {
+    "frequency": "A fixed frequency",
+    "speed": "Friction that changes with the speed",
+    "angle": "Torque that changes with the angle",
+    "time": "Something that changes with time",
+}
+REST = {
+    "frequency": "Repeat the same motion at half the speed: what stays at its frequency is a structure or the supply, what moves with the speed is a gear, a bearing or the motor.",
+    "speed": "Move at five even speeds in both directions: friction at the motor or the load shows as a curve of torque over speed, something that swings does not.",
+    "angle": "Turn the load slowly through more than one revolution in both directions: friction keeps its angle and turns its sign with the direction, weight and runout keep theirs.",
+    "time": "Repeat the motion twice in a row with the temperature logged: heat goes on from where it was, what happened once does not come again.",
+}
+PLACED = {"angle_rad": SHOWN_RAD}  # to which a place is said
+ALIKE = 0.25  # of what a mechanism explains, from which another looks like it
+SAID = 0.5  # probability from which a name is said
 BOTTOMS = ((3.0, "round, like a worn hollow"), (6.0, "between a worn hollow and a piece broken out"))
 BROKEN = "flat with steep edges, like a piece broken out"
 
 
-def explain(mechanism: str, location: str | None, numbers: Mapping[str, float], elsewhere: Sequence[str] = ()) -> str:
-    """Sentences with the fitted numbers; `elsewhere`: where it would explain the data as well."""
-    said = [SENTENCES.get(mechanism, mechanism.replace("_", " ")).format(where=location or "", **numbers)]
+def explain(
+    mechanism: str,
+    location: str | None,
+    numbers: Mapping[str, float],
+    elsewhere: Sequence[str] = (),
+    instead: Mapping[str, float] = MappingProxyType({}),
+) -> str:
+    """Sentences with the fitted numbers; `elsewhere`: where it would explain the data as well.
+
+    `instead`: what looks like it but predicts unseen rows worse, to the share that it explains in its place.
+    """
+    shown = {f"{name}_shown": angle(value, PLACED.get(name, 0.0)) for name, value in numbers.items() if "_rad" in name}
+    said = [SENTENCES.get(mechanism, mechanism.replace("_", " ")).format(where=location or "", **numbers, **shown)]
     if "form" in numbers:
         bottom = next((text for below, text in BOTTOMS if numbers["form"] < below), BROKEN)
         said.append(f"Its bottom is {bottom} (form {numbers['form']:.1f}).")
-    return " ".join(
-        [*said, *(f"Its place is not certain: at {place} it explains the data as well." for place in elsewhere)]
-    )
+    said += [f"Its place is not certain: at {place} it explains the data as well." for place in elsewhere]
+    said += [
+        f"It looks like {named(other)}, which in its place explains {percent(share)} of that but predicts rows that "
+        "the fit has not seen worse."
+        for other, share in instead.items()
+        if share > ALIKE
+    ]
+    return " ".join(said)
+
+
+def headline(result: Investigation) -> str:
+    """The verdict in one line: what is missing, or what was examined where nothing is."""
+    if result.verdict == "unnamed":
+        return "Something is missing in the model that no catalogued mechanism explains."
+    said = [f for f in result.findings if f.probability >= SAID]
+    machine = [f for f in said if f.mechanism not in OF_THE_MEASUREMENT]
+    faults = ", ".join(dict.fromkeys(named(f.mechanism) for f in said if f not in machine))
+    if not said:
+        return _silent(result)
+    if not machine:
+        beyond = _silent(result) if result.listening is not None else "Beyond them nothing stands out of the data."
+        return f"The measurement has faults: {faults}. {beyond}"
+    beside = f" The measurement has faults besides: {faults}." if faults else ""
+    if result.listening is not None:
+        return f"Heard: {_names(machine)}.{beside}"
+    return f"Missing in the model: {_names(machine)}.{beside}"
+
+
+def _silent(result: Investigation) -> str:
+    if result.listening is None:
+        return "Nothing is missing in the model that these data could show."
+    if not result.examined:
+        return "Nothing could be examined in this sound."
+    examined = ", ".join(named(name) for name in result.examined)
+    return f"Nothing stands out of the sound. Listened for: {examined}; nothing else was examined."
+
+
+def _names(findings: Sequence[Finding]) -> str:
+    return ", ".join(named(f.mechanism, f.location) for f in findings)
+
+
+def not_examined(result: Investigation) -> list[str]:
+    """What these data say nothing of, whatever the verdict, in sentences."""
+    if result.selection is None:
+        return list(result.remarks)  # the first says what was examined and what not, and why
+    m, axis = result.selection.problem.measurement, result.axis
+    out = list(result.remarks)
+    travel = math.degrees(float(np.ptp(m.angle)) / axis.ratio)
+    if axis.stages and travel < 359.0:
+        out.append(f"The load moved through {travel:.0f}° of a turn: teeth beyond were not in mesh and not examined.")
+    if axis.stages and m.load_angle is None:
+        out.append(
+            "No encoder at the load: small play, runout and errors of teeth behind the motor stay below what shows."
+        )
+    if not result.sounds:
+        out.append("No sound was given: rolling bearings were not examined.")
+    return out
 
 
 def next_measurement(axis: Axis, findings: Sequence[Finding], rest: Sequence[Unexplained], load_encoder: bool) -> str:
-    """The one measurement that would settle most of what is open."""
+    """The one measurement that would settle most of what is open, with what each rival would show in it."""
     for finding in findings:
         if finding.indistinguishable_from:
-            return _separate(finding.mechanism, finding.indistinguishable_from[0], load_encoder)
-    if rest and not findings:
+            return telling_apart(finding.mechanism, finding.indistinguishable_from[0], load_encoder)
+    if not findings and rest:
+        return REST.get(rest[0].kind, REST["frequency"])
+    blind = not load_encoder and bool(axis.stages)
+    if blind and all(finding.mechanism in BEHIND_THE_MOTOR for finding in findings):
         return (
-            "Repeat the same motion at half the speed: what stays at its frequency is a structure or the supply, "
-            "what moves with the speed is a gear, a bearing or the motor."
+            "Add an encoder at the load and repeat the motion: play, runout and soft springs inside the gear move the "
+            "load against the motor, friction and weight do not."
         )
-    if not load_encoder and axis.stages:
-        return "Add an encoder at the load: without it play, eccentricity and stiffness inside the gear can hardly be told apart."
-    if findings:
-        return f"After the repair or after a month, repeat the same motion and compare the size of {findings[0].mechanism.replace('_', ' ')}."
+    for finding in sorted(findings, key=lambda f: (f.mechanism in OF_THE_MEASUREMENT, f.probability)):
+        return measurement(axis, finding.mechanism, finding.location, numbers_of(finding))
     return "Nothing is open; repeat the same motion after maintenance or in half a year, and compare."
 
 
-def _separate(first: str, second: str, load_encoder: bool) -> str:
+def numbers_of(finding: Finding) -> dict[str, float]:
+    """Fitted numbers of a finding by name."""
+    return {e.name: e.value for e in finding.parameters}
+
+
+def unexplained_words(rest: Unexplained) -> str:
+    """Where something is left that no mechanism explains, and how much of what the mechanisms leave."""
+    place = ", ".join(_places(rest))
+    way = {1.0: ", while turning forward", -1.0: ", while turning backward"}.get(rest.numbers.get("direction", 0.0), "")
+    return (
+        f"{KINDS.get(rest.kind, rest.kind)} in the {words_of(rest.channel)}: {place}{way}. It makes up "
+        f"{percent(min(max(rest.share, 0.0), 1.0))} of what the named mechanisms leave (squared, in units of noise)."
+    )
+
+
+def _places(rest: Unexplained) -> list[str]:
+    units = {"_hz": "Hz", "_rad_s": "rad/s", "_rad": "rad", "_s": "s"}
+    out = []
+    for name, value in rest.numbers.items():
+        unit = next((unit for ending, unit in units.items() if name.endswith(ending)), "")
+        if name == "order":
+            out.append(f"{value:g} times per turn of the load")
+        elif name.startswith("angle_"):
+            out.append(f"{angle(value)} of {words_of(name).removeprefix('angle ')}")
+        elif name != "direction":
+            out.append(f"{number(value)} {unit}")
+    return out
+
+
+def telling_apart(first: str, second: str, load_encoder: bool) -> str:
+    """The measurement in which two mechanisms differ."""
     pair = {first, second}
-    if pair & {"friction_asymmetry", "torque_offset"}:
-        return "Hold the axis at rest with the brake open and log the torque, then move at two speeds in both directions: an offset stays, a friction that differs by direction grows with speed."
+    if "torque_offset" in pair:
+        return MEASUREMENTS["torque_offset"]
+    if pair == {"eccentricity", "encoder_error"}:
+        return "Put a dial gauge, a second encoder or a laser at the load and turn it slowly once: runout of the gear moves the load, an error of the encoder does not."
     if pair & {"backlash", "stiffness_hardening", "hysteresis"}:
         return "Block the load, let the motor push slowly to and fro up to its torque limit and log torque against angle: play shows a flat middle, hardening a bend, hysteresis a loop."
     if pair & {"eccentricity", "encoder_error", "gravity_imbalance", "mesh_error"}:

@@ -2,18 +2,26 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 
 from sim.axis import Axis, MechanismEntry, Stage
 from sim.discrepancy.fit import Fit
 from sim.discrepancy.parameters import Values
+from sim.discrepancy.terms import Term
 
 SIMPLE = ("coulomb_friction", "viscous_friction")
 
 
-def extended_axis(axis: Axis, fit: Fit) -> Axis:
-    """An axis that `simulate` and a further investigation take."""
-    values = fit.values
+def extended_axis(axis: Axis, fit: Fit, terms: Sequence[Term]) -> Axis:
+    """An axis that `simulate` and a further investigation take: numbers of `fit`, and `terms` of it on top."""
+    unsaid = {p.name for t in fit.terms if t not in terms for p in t.parameters}
+    values = {name: value for name, value in fit.values.items() if name not in unsaid}
+    return extended_by(axis, values, {(t.mechanism, t.location): t.report(fit.values) for t in terms})
+
+
+def extended_by(axis: Axis, values: Values, found: Mapping[tuple[str, str | None], Mapping[str, float]]) -> Axis:
+    """The axis with the numbers `values` in their places and the mechanisms `found` with their parameters."""
     get = values.get
     motor = replace(
         axis.motor,
@@ -37,9 +45,9 @@ def extended_axis(axis: Axis, fit: Fit) -> Axis:
     )
     stages = tuple(_stage(axis, k, values) for k in range(len(axis.stages)))
     entries = tuple(
-        MechanismEntry(t.mechanism, t.location, {k: float(v) for k, v in t.report(values).items()})
-        for t in fit.terms
-        if t.mechanism not in SIMPLE
+        MechanismEntry(mechanism, location, {k: float(v) for k, v in numbers.items()})
+        for (mechanism, location), numbers in found.items()
+        if mechanism not in SIMPLE
     )
     return replace(axis, motor=motor, load=load, stages=stages, mechanisms=(*axis.mechanisms, *entries))
 

@@ -24,7 +24,7 @@ from sim.chain_model import Chain, ChainError
 from sim.discrepancy import rattle
 from sim.discrepancy.entries import swinging, with_entries
 from sim.discrepancy.measurement import LOAD_CUT_HZ, Measurement
-from sim.discrepancy.model import base_parameters, chain_of, has_links, locked_mode_hz, nuisance_of
+from sim.discrepancy.model import base_parameters, chain_of, has_links, hums, locked_mode_hz, nuisance_of
 from sim.discrepancy.observer import Observer
 from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.terms import Term
@@ -36,6 +36,7 @@ A = TypeVar("A")
 B = TypeVar("B")
 SMOOTH_BINS = 4  # half of the running median over a noise spectrum, and at most this many hertz
 WORKERS = 2
+BY_CONTACT = ("backlash", "tooth_damage")  # mechanisms by which teeth leave each other
 WITH_TEETH, WITHOUT = 0.25, 0.5  # quantile over blocks that is noise: without teeth little else comes and goes
 SCORE_BLOCKS = 40
 FEWEST_BLOCKS = 16  # for the quartile of a spectrum
@@ -81,6 +82,14 @@ class Noise:
         if not guide.size:
             return first
         return np.concatenate([first, self._filtered("guide", guide) / self.guide_level])
+
+    def log_scale(self, torque_rows: int, guide_rows: int) -> float:
+        """Twice the log of how much larger residuals are than white ones: fits under different noise are as likely as
+        the sum of this and their cost is small. The first tap of a minimum phase filter is its geometric mean."""
+        loud = [(self.torque, self.torque_level, torque_rows), (self.guide, self.guide_level, guide_rows)]
+        return sum(
+            2.0 * rows * (float(np.mean(np.log(level))) - math.log(abs(taps[0]))) for taps, level, rows in loud if rows
+        )
 
     def _filtered(self, channel: str, values: Array) -> Array:
         """By one transform: the filter's own is kept, as all signals of a channel have one length.
@@ -212,7 +221,11 @@ class Problem:
         self.swinging = swinging(self.axis, self.measurement)
         self.observer = Observer(self.measurement, max(self.axis.load.inertia_kg_m2, 1e-12), inertia)
         start = {p.name: p.start for p in self.base()}
-        self.observer.learn_noise(chain_of(self.axis, start), nuisance_of(start))
+        self.observer.learn_noise(chain_of(self.axis, start), nuisance_of(start), hits=self.hits(()))
+
+    def hits(self, terms: Sequence[Term]) -> bool:
+        """Whether teeth leave each other and meet again, by a term or as described."""
+        return any(t.contact for t in terms) or any(entry.name in BY_CONTACT for entry in self.axis.mechanisms)
 
     @property
     def guided(self) -> bool:
@@ -240,6 +253,9 @@ class Problem:
         self.runs.add()
         prediction = self.observer.predict(self.chain(terms, values), nuisance_of(values))
         torque = m.torque - prediction.torque
+        for name, frequency_hz, _ in hums(self.axis):
+            turn = 2.0 * np.pi * frequency_hz * m.time_s
+            torque = torque - values[f"{name}.sine"] * np.sin(turn) - values[f"{name}.cosine"] * np.cos(turn)
         for term in terms:
             if term.torque is not None:
                 torque = torque - term.torque(m, values)
@@ -381,9 +397,12 @@ class Problem:
         other.observer = copy(self.observer)
         terms = tuple(t for t in fit.terms if not t.contact)
         values = {p.name: p.start for p in self.parameters(terms)} | dict(fit.values)
-        hits = any(t.contact for t in fit.terms)
-        other.observer.learn_noise(self.chain(terms, values), nuisance_of(values), hits=hits)
+        other.observer.learn_noise(self.chain(terms, values), nuisance_of(values), hits=self.hits(fit.terms))
         return other.with_noise(other.noise_of(fit))
+
+    def unlikelihood(self, fit: Fit) -> float:
+        """Minus twice the log likelihood of `fit` with what is known of its numbers, but for a constant."""
+        return fit.cost + self.noise.log_scale(fit.torque_rows, fit.residual.size - fit.torque_rows)
 
     def noise_of(self, fit: Fit) -> Noise:
         """Filters that make the noise under the residual of `fit` white."""
@@ -411,7 +430,7 @@ class Problem:
         other, which they do first at rest.
         """
         other = copy(self)
-        rests = bool(self.axis.stages) and not any(t.contact for t in fit.terms)
+        rests = bool(self.axis.stages) and not self.hits(fit.terms)
         other.measurement = replace(self.measurement, rests=rests)
         return other
 
@@ -423,7 +442,7 @@ class Problem:
         are there show in the same rows.
         """
         other = self.with_all_told()
-        if not self.axis.stages or any(t.contact for t in terms):
+        if not self.axis.stages or self.hits(terms):
             return other
         parameters = self.parameters(terms)
         values = {p.name: values.get(p.name, p.start) for p in parameters}

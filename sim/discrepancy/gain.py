@@ -12,6 +12,7 @@ from scipy.signal import butter, sosfiltfilt
 from sim.chain_model import Array
 from sim.discrepancy.fit import Fit, Problem
 from sim.discrepancy.measurement import Bridge
+from sim.discrepancy.terms import Term
 
 FOLDS = 4
 CUT_HZ = 40.0
@@ -29,10 +30,19 @@ class Gain:
     rms_measured: float
 
 
-def gains(problem: Problem, base: Fit, fit: Fit) -> tuple[Gain, ...]:
-    """Per channel, of the rows that can be trusted; folds are quarters of the record, predicted from the others."""
+def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple[Gain, ...]:
+    """Per channel, of the rows that can be trusted; folds are quarters of the record, predicted from the others.
+
+    Before: the description as it is given or calibrated, whichever leaves less of the torque; numbers that a fit bends
+    to stand for something missing may be worse than any data sheet. After: numbers of `fit`, by `terms` alone.
+    """
     m = problem.measurement
-    before, after = _held_out(problem, base), _held_out(problem, fit)
+    given = problem.raw_residuals((), {p.name: p.start for p in base.parameters}, weighted=False)
+    before, after = _held_out(problem, base, base.terms), _held_out(problem, fit, terms)
+    trusted, over = m.valid > 0.5, Bridge.over(m.valid <= 0.5)
+    as_given, calibrated = (_motion_band(over.across(one[0]), m.rate_hz)[trusted] for one in (given, before))
+    if _rms(as_given) < _rms(calibrated):
+        before = given
     out = []
     names = [("motor_torque_nm", "N m")] + ([("load_torque_nm", "N m")] if before[1].size else [])
     for index, (channel, unit) in enumerate(names):
@@ -56,7 +66,7 @@ def _motion_band(values: Array, rate_hz: float) -> Array:
     return np.asarray(sosfiltfilt(butter(4, CUT_HZ, fs=rate_hz, output="sos"), values))
 
 
-def _held_out(problem: Problem, fit: Fit) -> tuple[Array, Array]:
+def _held_out(problem: Problem, fit: Fit, terms: Sequence[Term]) -> tuple[Array, Array]:
     m = problem.measurement
     stride = problem.guide_stride
     torque, guide = np.zeros(m.samples), np.zeros((m.samples + stride - 1) // stride if problem.guided else 0)
@@ -64,7 +74,7 @@ def _held_out(problem: Problem, fit: Fit) -> tuple[Array, Array]:
     for fold in range(FOLDS):
         first, last = fold * m.samples // FOLDS, (fold + 1) * m.samples // FOLDS
         train = (rows < first) | (rows >= last)
-        a, b = problem.raw_residuals(fit.terms, _refitted(fit, train), weighted=False)
+        a, b = problem.raw_residuals(terms, _refitted(fit, train), weighted=False)
         torque[first:last] = a[first:last]
         inside = (np.arange(guide.size) * stride >= first) & (np.arange(guide.size) * stride < last)
         guide[inside] = b[inside]

@@ -13,15 +13,18 @@ import numpy as np
 from casebase.signals.recording import Recording
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis
+from sim.discrepancy.actions import action
 from sim.discrepancy.condition import Fault, Gate, InvestigationError, examine
-from sim.discrepancy.explanation import explain, next_measurement
+from sim.discrepancy.explanation import explain, next_measurement, numbers_of
 from sim.discrepancy.extension import extended_axis
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.gain import Gain, gains
+from sim.discrepancy.nameless import apart
 from sim.discrepancy.selection import Selection, calibrate, polish, select
 from sim.discrepancy.size import deviations
 from sim.discrepancy.sound import Listening, beside, listen, listen_alone
 from sim.discrepancy.sound_evidence import Heard
+from sim.discrepancy.sound_match import mismatch
 from sim.discrepancy.terms import Term
 from sim.discrepancy.unexplained import Unexplained, look, nameless, stands_out
 from sim.discrepancy.weighing import Evidence, is_close, probability
@@ -33,6 +36,8 @@ FORM_SHARE = 0.08  # of a size, which the form of its law leaves open
 DENT_SHARE = 0.3  # the same of a dent: the same torques come from a hollow and from a shallower piece broken out
 NO_SIZE = ("angle_rad", "phase_rad", "flank", "form", "order", "frequency_hz")
 SAID = 0.5  # probability from which a name is said
+UNREACHED = 0.5  # of the torque: a model that leaves more says nothing of the axis
+SOLID = ("inertia_kg_m2", "stiffness_n_m_per_rad")  # what no data sheet is far wrong in
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
 Progress = Callable[[str, float], None]
 UNITS = {
@@ -64,6 +69,8 @@ class Finding:
     indistinguishable_from: tuple[str, ...]
     explanation: str
     evidence: Evidence | None = None
+    elsewhere: tuple[str, ...] = ()  # places at which the data would be the same
+    action: str = ""
 
 
 @dataclass(frozen=True)
@@ -83,6 +90,21 @@ class Investigation:
     remarks: tuple[str, ...] = ()
     selection: Selection | None = field(default=None, repr=False, compare=False)
     listening: Listening | None = field(default=None, repr=False, compare=False)
+    gate: Gate | None = field(default=None, repr=False, compare=False)
+    sounds: tuple[Recording, ...] = field(default=(), repr=False, compare=False)
+    sound_offset_s: float = 0.0
+    weighed: Selection | None = field(default=None, repr=False, compare=False)
+    """As it was weighed, before the last fit of `polish`: what another recording found is held against this."""
+
+    @property
+    def examined(self) -> tuple[str, ...]:
+        """Mechanisms that sound alone let be looked for; empty with telemetry, by which `rejected` tells."""
+        return () if self.listening is None else self.listening.examined
+
+    @property
+    def not_examined(self) -> Mapping[str, str]:
+        """Mechanisms that sound alone did not let be looked for, to the reason; empty with telemetry."""
+        return {} if self.listening is None else self.listening.not_examined
 
     def document(self) -> dict[str, object]:
         """JSON of the contract: finite numbers only, the same for the same bytes."""
@@ -106,6 +128,8 @@ class Investigation:
             "rejected": [{"mechanism": name, "gain": _round(gain)} for name, gain in self.rejected],
             "remarks": list(self.remarks),
             "provenance": dict(self.provenance),
+            **({} if self.listening is None else
+               {"examined": list(self.examined), "not_examined": dict(self.not_examined)}),
         }  # fmt: skip
 
 
@@ -139,17 +163,18 @@ def investigate(
     progress("calibration of what the description has", 0.08)
     problem = Problem(axis, gate.measurement, _first_noise(gate))
     problem, base = calibrate(problem)
-    selection = told_apart(select(problem, base, progress))
+    weighed = selection = told_apart(select(problem, base, progress))
     problem, fit = selection.problem, selection.fit
     progress("sound", 0.78)
     heard = listen(axis, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
+    strange = mismatch(sounds[0], gate.measurement, sound_offset_s) if sounds else ()
     named = [term.mechanism for term in selection.found] + [fault.mechanism for fault in gate.faults]
     progress("gain on rows not used", 0.85)
     base = problem.fit((), base.values, held=base.sensitivities) if fit.terms else fit
     places = look(problem, fit)
-    rest = [nameless(selection, term) for term in selection.nameless] + _left(places, fit)
+    rest = [nameless(selection, term) for term in selection.nameless] + left(places, fit)
     _, base = polish(problem, base)
-    problem, fit = polish(problem, fit)
+    problem, fit = polish(problem, plainly(problem, fit))
     selection = replace(selection, problem=problem, base=base, fit=fit)
     progress("what is left", 0.92)
     struck, loud = _struck(axis, [*selection.found, *heard]), _loud(axis, selection.found)
@@ -158,27 +183,41 @@ def investigate(
         *(_fault_finding(fault) for fault in gate.faults),
         *(_heard_finding(h) for h in beside(named, heard, problem.guided, struck, loud)),
     )
+    findings = tuple(advised(axis, f) for f in findings)
     named_well = any(f.probability >= SAID for f in findings)
     if findings and not named_well:
         rest = rest or places[:1]  # something is there, but no name is more likely than not
-    extended = _said(problem, fit, findings)
-    gained = gains(problem, base, extended)
+    said = _said(fit, findings)
+    gained = gains(problem, base, fit, said)
+    doubts = _doubts(fit, gained)
+    if doubts and not named_well:
+        rest = rest or places[:1]  # a model that does not hold is not complete
     verdict = "named" if named_well else "unnamed" if rest else "nothing_missing"
     progress("done", 1.0)
     return Investigation(
-        axis, verdict, findings, rest[0] if rest else None, _estimates(problem, fit), gained,
-        next_measurement(axis, findings, rest, problem.guided), extended_axis(axis, extended),
+        axis, verdict, findings, rest[0] if rest else None, estimates(problem, fit), gained,
+        next_measurement(axis, findings, rest, problem.guided), extended_axis(axis, fit, said),
         _provenance(axis, telemetry, sounds, problem),
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
-        (*gate.remarks, *_rested(problem), *_rattled(problem)), selection,
+        (*gate.remarks, *doubts, *strange, *_rested(problem), *_rattled(problem)), selection,
+        weighed=weighed, gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,
     )  # fmt: skip
 
 
-def _said(problem: Problem, fit: Fit, findings: Sequence[Finding]) -> Fit:
-    """The fit with nothing on top of the description but what is said."""
+def plainly(problem: Problem, fit: Fit) -> Fit:
+    """`fit` with curves over the speed that share nothing with the numbers of friction."""
+    terms = tuple(apart(t, problem.measurement) for t in fit.terms)
+    if all(a is b for a, b in zip(terms, fit.terms, strict=True)):
+        return fit
+    own = {p.name for a, b in zip(terms, fit.terms, strict=True) if a is not b for p in a.parameters}
+    start = {name: 0.0 if name in own else value for name, value in fit.values.items()}
+    return problem.fit(terms, start, to_end=True)
+
+
+def _said(fit: Fit, findings: Sequence[Finding]) -> tuple[Term, ...]:
+    """Terms that are said to be there."""
     said = {(f.mechanism, f.location) for f in findings if f.probability >= SAID}
-    kept = tuple(t for t in fit.terms if t.named and (t.mechanism, t.location) in said)
-    return fit if len(kept) == len(fit.terms) else problem.fit(kept, fit.values, held=fit.sensitivities, to_end=True)
+    return tuple(t for t in fit.terms if t.named and (t.mechanism, t.location) in said)
 
 
 def _struck(axis: Axis, found: Sequence[Term | Heard]) -> list[float]:
@@ -193,7 +232,7 @@ def _loud(axis: Axis, found: Sequence[Term]) -> list[float]:
     return [teeth[place] * axis.ratio_from(place) / axis.ratio for place in erring]
 
 
-def _left(places: Sequence[Unexplained], fit: Fit) -> list[Unexplained]:
+def left(places: Sequence[Unexplained], fit: Fit) -> list[Unexplained]:
     """What stands out of the residual; where all of it is far above its noise, its strongest place."""
     far = fit.misfit > FAR * fit.residual.size
     return [u for u in places if stands_out(u)] or (list(places[:1]) if far else [])
@@ -209,11 +248,12 @@ def _first_noise(gate: Gate) -> Noise:
 def _sound_alone(axis: Axis, sounds: Sequence[Recording], progress: Progress) -> Investigation:
     progress("sound", 0.2)
     listened = listen_alone(axis, sounds)
-    findings = tuple(_heard_finding(h) for h in listened.heard)
+    findings = tuple(advised(axis, _heard_finding(h)) for h in listened.heard)
     progress("done", 1.0)
     return Investigation(
         axis, "named" if findings else "nothing_missing", findings, None, (), (), listened.next_measurement, axis,
         _provenance(axis, None, sounds, None), remarks=listened.remarks, listening=listened,
+        sounds=tuple(sounds),
     )  # fmt: skip
 
 
@@ -226,12 +266,48 @@ def _finding(selection: Selection, term: Term) -> Finding:
     near = {r.mechanism for r, t in standing.rivals if is_close(t)} - {term.mechanism, *alike}
     close = [*alike, *sorted(near)][:2]
     others = tuple(t for r, t in standing.rivals if r.mechanism not in (term.mechanism, *close))
-    elsewhere = [r.location for r, t in standing.rivals if r.mechanism == term.mechanism and is_close(t)]
+    places = [r.location for r, t in standing.rivals if r.mechanism == term.mechanism and is_close(t)]
+    elsewhere = tuple(place for place in places if place)
+    brought = {r.term.key: r.gain for r in selection.rivals.get(term.key, ())}
+    instead = {
+        r.mechanism: brought[r.key] / brought[term.key]
+        for r, t in standing.rivals
+        if t > 0.0 and r.mechanism not in (term.mechanism, *close) and r.key in brought and term.key in brought
+    }
     seen = Evidence(standing.share, others, (standing.shared + far) / standing.gain)
     return Finding(
-        term.mechanism, term.location, probability(seen), _term_estimates(fit, term, duration), tuple(close),
-        explain(term.mechanism, term.location, term.report(fit.values), [place for place in elsewhere if place]), seen,
+        term.mechanism, term.location, probability(seen), term_estimates(fit, term, duration), tuple(close),
+        explain(term.mechanism, term.location, term.report(fit.values), elsewhere, instead), seen, elsewhere,
     )  # fmt: skip
+
+
+def _doubts(fit: Fit, gained: Sequence[Gain]) -> tuple[str, ...]:
+    """Why the numbers of the last fit are not to be trusted, if anything says so."""
+    out = []
+    torque = gained[0]
+    if torque.rms_after > UNREACHED * torque.rms_measured:
+        out.append(
+            f"The model does not reach the measurement: of {torque.rms_measured:.3g} {torque.unit} effective torque it "
+            f"leaves {torque.rms_after:.3g}. Check the description, the channels' units and signs, and what happened "
+            "during the record before any of these numbers is used."
+        )
+    bent = [
+        f"{p.name} {p.expected:.3g} -> {fit.values[p.name]:.3g}"
+        for p, limit in zip(fit.parameters, fit.at_limit, strict=True)
+        if limit and p.name.endswith(SOLID)
+    ]
+    if bent:
+        out.append(
+            f"To explain the data the description would have to be wrong by a factor of 2.5: {', '.join(bent)}. "
+            "Either the description is of another axis, or something is missing that no mechanism explains."
+        )
+    return tuple(out)
+
+
+def advised(axis: Axis, finding: Finding) -> Finding:
+    """With what to do now about it."""
+    f = finding
+    return replace(f, action=action(axis, f.mechanism, f.location, numbers_of(f), f.probability))
 
 
 def _rested(problem: Problem) -> tuple[str, ...]:
@@ -284,12 +360,12 @@ def looks_like(problem: Problem, term: Term) -> tuple[str, ...]:
     return ("encoder_error",) if (term.mechanism, term.location) == ("eccentricity", last) else ()
 
 
-def _term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, ...]:
+def term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, ...]:
     """Reported parameters with intervals; a frequency is not known better than the record is long."""
     spread = deviations(fit, term, term.report)
     out = []
     for name, value in term.report(fit.values).items():
-        half = NINETY * _inflation(fit) * spread[name]
+        half = NINETY * inflation(fit) * spread[name]
         if name not in NO_SIZE:
             half = max(half, (DENT_SHARE if term.mechanism == "tooth_damage" else FORM_SHARE) * abs(value))
         if name == "frequency_hz":
@@ -298,14 +374,14 @@ def _term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, 
     return tuple(out)
 
 
-def _inflation(fit: Fit) -> float:
+def inflation(fit: Fit) -> float:
     """Widen intervals by what the residual has beyond white noise (form of the model, slow noise)."""
     return INFLATION * math.sqrt(max(1.0, fit.misfit / fit.residual.size))
 
 
-def _estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
+def estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
     deviations = fit.deviations()
-    scale = _inflation(fit)
+    scale = inflation(fit)
     out = []
     for p in fit.parameters:
         if not p.name.startswith(("motor.", "load.", "stages.")) or "backlash" in p.name:
@@ -339,7 +415,10 @@ def _fault_finding(fault: Fault) -> Finding:
 
 def _heard_finding(h: Heard) -> Finding:
     estimates = tuple(Estimate(k, v, unit_of(k), low, high) for k, (v, low, high) in h.parameters.items())
-    return Finding(h.mechanism, h.location, h.probability, estimates, h.indistinguishable_from, h.explanation)
+    return Finding(
+        h.mechanism, h.location, h.probability, estimates, h.indistinguishable_from, h.explanation,
+        elsewhere=h.elsewhere,
+    )  # fmt: skip
 
 
 def _provenance(
@@ -375,7 +454,8 @@ def _finding_json(f: Finding) -> dict[str, object]:
             for e in f.parameters
         ],
         "indistinguishable_from": list(f.indistinguishable_from),
-        "explanation": f.explanation,
+        "explanation": f"{f.explanation} {f.action}".strip(),
+        **({"elsewhere": list(f.elsewhere)} if f.elsewhere else {}),
     }
 
 

@@ -14,7 +14,10 @@ UNKNOWN_STIFFNESS_HZ = 80.0
 PARTS = ("sine", "cosine")
 SHARED_SPREAD = 0.4  # of a stage's stiffness, where only that of the whole transmission is given
 MOTOR_STRETCH_RAD, LOAD_STRETCH_RAD = 2e-3, 3e-5  # contacts give way by micrometres, of millimetres and decimetres
-LOSS_SPLITS = ("loss_split.driving", "loss_split.driven")
+DRIVING, DRIVEN = "loss_split.driving", "loss_split.driven"
+# of mesh losses behind the spring; and of that, also while the load drives: no law bears losses at the sending end
+LOSS_SPLITS = {DRIVING: 1.0, DRIVEN: 0.5}
+LOSS_WIDTH, LOSS_TURNS = "log_loss_width", 2e-3  # of the largest speed, over which losses turn their sign
 MOTOR_STRETCH, MOTOR_RELEASE = "log_stretch_rad.motor", "log_release.motor"
 NONE = math.log(NO_STRETCH_RAD)
 SLOW = -5.0  # a contact lets go within a second, and not while it moves
@@ -54,8 +57,32 @@ def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: boo
         out += _link_parameters(axis)
         out += _load_parameters(axis, load_encoder, level_n_m, rests)
     out.append(Parameter("offset_n_m", 0.0, 0.002 * level_n_m, 0.003 * level_n_m))
-    out.append(Parameter("torque_delay_s", 0.0, 1e-4, 2e-4, -0.02, 0.02))
+    late_s = _described(axis, "time_delay", "motor", "delay_s")
+    out.append(Parameter("torque_delay_s", late_s, 1e-4, 2e-4, -0.02, 0.02))
+    for name, _, waves in hums(axis):  # as large as it is described, whatever its phase in this record
+        spread = math.hypot(*waves)
+        out += [
+            Parameter(f"{name}.{part}", wave, 0.01 * spread, spread) for part, wave in zip(PARTS, waves, strict=True)
+        ]
     return tuple(out)
+
+
+def _described(axis: Axis, mechanism: str, location: str, number: str) -> float:
+    """Sum of a number over what the description already has of a mechanism, 0 where it has none."""
+    there = (e for e in axis.mechanisms if (e.name, e.location or location) == (mechanism, location))
+    return sum(entry.parameters[number] for entry in there)
+
+
+def hums(axis: Axis) -> list[tuple[str, float, tuple[float, float]]]:
+    """Name, frequency [Hz], and sine and cosine amplitude [N m] of every hum that is described."""
+    described = [entry.parameters for entry in axis.mechanisms if entry.name == "electrical_hum"]
+    return [(f"hum.{k}", p["frequency_hz"], _parts(p, "torque_n_m")) for k, p in enumerate(described)]
+
+
+def _parts(numbers: Values, amplitude: str) -> tuple[float, float]:
+    """Sine and cosine amplitude of amplitude * sin(x + phase)."""
+    phase = numbers.get("phase_rad", 0.0)
+    return numbers[amplitude] * math.cos(phase), numbers[amplitude] * math.sin(phase)
 
 
 def _link_parameters(axis: Axis) -> list[Parameter]:
@@ -83,7 +110,8 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
             new = entry.transmission_error_rad
             out += [Parameter(f"mesh.{stage}.{part}_rad", 0.0, 0.3 * new, new, -3 * new, 3 * new) for part in PARTS]
     if any(entry.mesh_efficiency < 1.0 for entry in axis.stages):
-        out += [Parameter(name, 0.5, 0.1, 0.5, 0.0, 1.0) for name in LOSS_SPLITS]
+        out += [Parameter(name, share, 0.1, 0.5, 0.0, 1.0) for name, share in LOSS_SPLITS.items()]
+        out.append(_log(LOSS_WIDTH, math.log(LOSS_TURNS), 1.0))
     return out
 
 
@@ -97,13 +125,18 @@ def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: bo
         out.append(_share("load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad, 0.1))
     if load_encoder:
         out.append(Parameter("load_offset_rad", 0.0, 0.02 * compliance(axis), math.inf))
-        out.append(Parameter("load_delay_s", 0.0, 1e-6, 5e-5, -0.02, 0.02))
-        new = axis.load_encoder.error_rad
+        out.append(
+            Parameter("load_delay_s", _described(axis, "time_delay", "load", "delay_s"), 1e-6, 5e-5, -0.02, 0.02)
+        )
+        known = [_parts(e.parameters, "amplitude_rad") for e in axis.mechanisms if e.name == "encoder_error"]
+        errs = [sum(wave) for wave in zip((0.0, 0.0), *known, strict=True)]
+        new = axis.load_encoder.error_rad or 0.1 * math.hypot(*errs)
         if new:  # what it has at most, and the runout of the last gear, which looks the same
             mesh = axis.stages[-1].transmission_error_rad if axis.stages else 0.0
             spread = math.hypot(0.5 * new, RUNOUT_OVER_MESH * mesh)
-            for part in PARTS:
-                out.append(Parameter(f"load_encoder.error_{part}_rad", 0.0, 0.3 * new, spread, -3 * new, 3 * new))
+            for part, err in zip(PARTS, errs, strict=True):
+                name, far = f"load_encoder.error_{part}_rad", 3.0 * new
+                out.append(Parameter(name, err, 0.3 * new, spread, err - far, err + far))
     else:  # it may swing when the record begins
         twist = level_n_m * axis.ratio * compliance(axis)
         rate = 2.0 * math.pi * locked_mode_hz(axis) * twist
@@ -224,9 +257,9 @@ def nuisance_of(values: Values) -> Nuisance:
         get("load_delay_s", 0.0),
         (get("load_encoder.error_sine_rad", 0.0), get("load_encoder.error_cosine_rad", 0.0)),
         get("load_offset_rad", 0.0),
-        (get(LOSS_SPLITS[0], 0.5), get(LOSS_SPLITS[1], 0.5)),
+        (get(DRIVING, 1.0), get(DRIVING, 1.0) * get(DRIVEN, 0.5)),
         (1e-3 * math.exp(get(MOTOR_RELEASE, 0.0)), width * math.exp(get("log_release.load", 0.0))),
-        width,
+        math.exp(get(LOSS_WIDTH, math.log(LOSS_TURNS))),
         (math.exp(get(MOTOR_STRETCH, NONE)), math.exp(get("log_stretch_rad.load", NONE))),
         (get("start_rad", 0.0), get("start_rad_s", 0.0)),
     )

@@ -62,16 +62,29 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
     return out
 
 
-def over_speed(place: str, m: Measurement, step: float) -> Term:
+def apart(term: Term, m: Measurement) -> Term:
+    """`term`; a curve over the speed without what friction of either direction is, whose numbers it would share."""
+    if term.mechanism != OVER_SPEED or term.location is None:
+        return term
+    return over_speed(term.location, m, term.parameters[0].step, apart=True)
+
+
+def over_speed(place: str, m: Measurement, step: float, *, apart: bool = False) -> Term:
     """A curve of straight pieces over the speed, one for each direction, beyond dry and viscous friction.
 
-    Tents that stand on the knots in between and are 0 at both ends: a straight line is none of them.
+    Tents that stand on the knots in between and are 0 at both ends: a straight line is none of them, but all together
+    are nearly dry friction. `apart`: orthogonal to both, over the rows that count.
     """
     top = float(np.abs(m.speed).max())
     knots = np.linspace(0.0, top, KNOTS)[1:-1]
     tents = np.maximum(0.0, 1.0 - np.abs(np.abs(m.speed)[:, None] - knots) * (KNOTS - 1) / top)
     turned = _turned(m)[:, None]
-    shapes = np.concatenate([tents * np.maximum(turned, 0.0), tents * np.minimum(turned, 0.0)], axis=1)
+    ways = np.maximum(turned, 0.0), np.minimum(turned, 0.0)
+    shapes = np.concatenate([tents * way for way in ways], axis=1)
+    if apart:
+        friction = np.hstack([*ways, np.abs(m.speed)[:, None] * ways[0], np.abs(m.speed)[:, None] * ways[1]])
+        counts = np.sqrt(m.moving)[:, None]
+        shapes = shapes - friction @ np.linalg.lstsq(friction * counts, shapes * counts, rcond=None)[0]
 
     def where(energy: Array) -> Mapping[str, float]:
         at = int(np.argmax(energy))

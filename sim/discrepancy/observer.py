@@ -174,7 +174,7 @@ class Observer:
     def _shakes(self) -> tuple[Spectrum, Spectrum]:
         """Places on the imaginary axis [rad/s] up to where much is kept of motion, and what is fast of both there."""
         m = self.measurement
-        rates = 2j * np.pi * np.fft.rfftfreq(m.samples, 1.0 / m.rate_hz)
+        rates = np.asarray(2j * np.pi * np.fft.rfftfreq(m.samples, 1.0 / m.rate_hz), dtype=np.complex128)
         rates = rates[rates.imag < 2.0 * np.pi * SHAKEN_HZ]
         load = np.zeros(m.samples)
         if m.load_angle is not None and m.slow_load_angle is not None:

@@ -213,9 +213,15 @@ def _check_efficiency(axis: Axis, seen: Seen) -> None:
         )
 
 
+def _load_of(axis: Axis) -> float:
+    """Inertia of load and last gear [kg m2]."""
+    return axis.load.inertia_kg_m2 + sum(s.inertia_kg_m2 for s in axis.stages[-1:])
+
+
 def _compliances(axis: Axis) -> dict[str, float]:
     """Compliance by entry, as felt at the output [rad/(N m)]."""
-    if any(s.stiffness_n_m_per_rad is None for s in axis.stages) and axis.transmission.stiffness_n_m_per_rad:
+    shared = not axis.stages or any(s.stiffness_n_m_per_rad is None for s in axis.stages)
+    if shared and axis.transmission.stiffness_n_m_per_rad:
         return {"transmission.stiffness_n_m_per_rad": 1.0 / axis.transmission.stiffness_n_m_per_rad}
     return {
         f"stages.{s.name}.stiffness_n_m_per_rad": 1.0 / (s.stiffness_n_m_per_rad * axis.ratio_from(s.name) ** 2)
@@ -226,7 +232,7 @@ def _compliances(axis: Axis) -> dict[str, float]:
 
 def _check_stiffness(axis: Axis, seen: Seen) -> None:
     """Springs and load must twist as far as both encoders say."""
-    parts, load = _compliances(axis), axis.load.inertia_kg_m2 + axis.stages[-1].inertia_kg_m2
+    parts, load = _compliances(axis), _load_of(axis)
     soft = sum(parts.values())
     if not parts or not seen.yields > 0.0 or load <= 0.0:
         return
@@ -259,7 +265,7 @@ def _check_stiffness(axis: Axis, seen: Seen) -> None:
 
 def _check_damping(axis: Axis, seen: Seen) -> list[str]:
     """Damping must not need more torque than moves the load, nor let it swing for minutes."""
-    parts, load = _compliances(axis), axis.load.inertia_kg_m2 + axis.stages[-1].inertia_kg_m2
+    parts, load = _compliances(axis), _load_of(axis)
     soft, torque, remarks = sum(parts.values()), load * seen.swing, []
     mode = 1.0 / math.sqrt(soft * load) if soft * load > 0.0 else 0.0
     for s in axis.stages:

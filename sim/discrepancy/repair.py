@@ -119,13 +119,11 @@ def _beyond_rigid(torque: Array, angle: Array, rate_hz: float, used: Rows) -> Ar
 
 
 def _off(left: Array, rows: slice, used: Rows) -> bool:
-    """Whether a mean over some rows lies beyond what means over as many others do.
+    """Whether what is left over some rows is larger than over all others.
 
-    Of a motor without current, which coasts, it does not: it moves as its torque says.
+    Of a motor without current, which coasts, it is not: it moves as its torque says.
     """
-    length = rows.stop - rows.start
-    usual = uniform_filter1d(np.where(used, left, 0.0), length)[:: max(1, length // 4)]
-    return bool(abs(left[rows].mean()) > OFF * float(np.sqrt(np.mean(usual**2))))
+    return bool(np.mean(left[rows] ** 2) > OFF**2 * np.mean(left[used] ** 2))
 
 
 def _motor(r: Repaired, ratio: float) -> None:
@@ -173,10 +171,10 @@ def _held_back(angle: Array) -> Rows:
     steps = np.abs(np.diff(angle))
     for rows in stays(angle):
         last = rows.stop - 1
-        around = np.concatenate(
-            [steps[max(rows.start - REACH_ROWS, 0) : rows.start], steps[last + 1 : last + 1 + REACH_ROWS]]
-        )
-        if last < steps.size and around.size and steps[last] > 3.0 * float(around.max()) + QUANTA * quantum(angle):
+        if rows.start < REACH_ROWS or last + REACH_ROWS >= steps.size:
+            continue  # a record may begin before the motion does, and end after it
+        around = np.concatenate([steps[rows.start - REACH_ROWS : rows.start], steps[last + 1 : last + 1 + REACH_ROWS]])
+        if steps[last] > 3.0 * float(around.max()) + QUANTA * quantum(angle):
             out[rows.start + 1 : rows.stop] = True
     return out
 

@@ -4,185 +4,336 @@
 from __future__ import annotations
 
 import html
-import io
-from collections.abc import Iterable
-from typing import TYPE_CHECKING, Any
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.signal import welch
 
-from sim.chain_model import Array
-from sim.discrepancy.fit import Fit, Problem
-from sim.discrepancy.sound_story import sound_panels
-from sim.discrepancy.story import Panel
+from sim.discrepancy.actions import OF_THE_MEASUREMENT, place_of
+from sim.discrepancy.checked import checked
+from sim.discrepancy.drawing import svg
+from sim.discrepancy.explanation import (
+    headline,
+    not_examined,
+    numbers_of,
+    telling_apart,
+    unexplained_words,
+)
+from sim.discrepancy.panels import FLOOR, Panel
+from sim.discrepancy.story import ALIKE, Candidate, asked_for, candidates, panels
+from sim.discrepancy.written import angle, changed, interval, named, number, percent, sure, unit_in_words, words_of
 
 if TYPE_CHECKING:
-    from matplotlib.figure import Figure
+    from sim.discrepancy.investigation import Estimate, Finding, Investigation
 
-    from sim.discrepancy.investigation import Investigation
+STYLE = """:root{--ink:#1b1f24;--paper:#fff;--sheet:#f5f7f9;--edge:#c9d1d9;--quiet:#5f6b76;--first:#0b5cad;--second:#c2410c;--third:#15803d;--band:rgba(110,125,140,.28)}
+@media(prefers-color-scheme:dark){:root{--ink:#e6edf3;--paper:#0d1117;--sheet:#161b22;--edge:#3d444d;--quiet:#9aa5b1;--first:#6cb6ff;--second:#ffa657;--third:#7ee787;--band:rgba(150,165,180,.3)}}
+*{box-sizing:border-box}body{font:16px/1.5 system-ui,sans-serif;max-width:72rem;margin:0 auto;padding:1rem;color:var(--ink);background:var(--paper);overflow-wrap:break-word}
+h1{font-size:1.5rem;line-height:1.25;margin:.2rem 0}h2{margin:2.2rem 0 .5rem;border-top:2px solid var(--edge);padding-top:.8rem}h3{margin:1.2rem 0 .3rem}
+.box{background:var(--sheet);border:2px solid var(--edge);border-left-width:8px;border-radius:6px;padding:1rem}.box dl{display:grid;grid-template-columns:max-content 1fr;gap:.4rem 1rem;margin:.6rem 0 0}
+.box dt{font-weight:600}.box dd{margin:0;min-width:0}.box section+section{border-top:1px solid var(--edge);margin-top:1rem;padding-top:.6rem}.quiet,figcaption+.quiet{color:var(--quiet)}
+.scroll{overflow-x:auto}table{border-collapse:collapse;margin:.6rem 0}td,th{border:1px solid var(--edge);padding:.3rem .6rem;text-align:left;vertical-align:top}.n{text-align:right;white-space:nowrap}
+.plots{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,26rem),1fr));gap:1rem}figure{margin:0;min-width:0}figcaption{font-weight:600}svg{display:block;width:100%;height:auto}
+@media(max-width:34rem){.box dl{grid-template-columns:1fr;gap:0}.box dd{margin-bottom:.5rem}body{padding:1rem .7rem}}@media print{h2,figure{break-inside:avoid}}"""
+STEPS = (
+    "Condition of the recordings",
+    "Calibration of what the model already has",
+    "What is left, and where it lives",
+    "Candidate causes, compared",
+    "Verdict",
+    "Extended model",
+    "Gain on data not used for the fit",
+    "What is still unexplained",
+    "What these data cannot tell apart",
+    "Next measurement",
+)
+"""Headings of the steps, in order."""
 
-STYLE = """body{font:16px/1.5 system-ui,sans-serif;max-width:60rem;margin:2rem auto;padding:0 1rem;color:#1b1f24;background:#fff}
-table{border-collapse:collapse;margin:1rem 0}td,th{border:1px solid #c9d1d9;padding:.3rem .6rem;text-align:right}
-td:first-child,th:first-child{text-align:left}svg{max-width:100%;height:auto}.verdict{font-size:1.3rem;font-weight:600}
-@media(prefers-color-scheme:dark){body{color:#e6edf3;background:#0d1117}svg{background:#fff}}"""
-VERDICTS = {
-    "nothing_missing": "Nothing is missing in the model.",
-    "named": "The model misses what is listed here.",
-    "unnamed": "The model misses something that no catalogued mechanism explains.",
-}
+HIDDEN = ("form",)  # numbers that say nothing to a reader; the explanation says what they mean
+FLANKS = {1.0: "the one that carries positive torque", -1.0: "the one that carries negative torque"}
+MOST_PLACES = 6
+LINEAR = "Where this axis is a linear one, read N, m and kg for N m, rad and kg m²: N s/m for N m s/rad, m/s for rad/s."
 
 
-def html_report(result: Investigation) -> str:
-    """The investigation as one HTML page."""
-    parts = [
-        f"<h1>Model against measurement: {html.escape(result.axis.name)}</h1>",
-        f'<p class="verdict">{VERDICTS[result.verdict]}</p>',
-    ]
-    parts += [f"<p>{html.escape(remark)}</p>" for remark in result.remarks]
-    parts += _findings(result)
-    if result.selection is not None:
-        problem, base, fit = result.selection.problem, result.selection.base, result.selection.fit
-        parts.append("<h2>Measurement, model and what is left</h2>")
-        parts += [_svg(figure) for figure in _figures(problem, base, fit)]
-        parts += _numbers(result)
-    if result.listening is not None:
-        overlay, where = sound_panels(result.listening)
-        parts.append("<h2>What was heard</h2>")
-        parts += [_svg(_panel_figure(panel)) for panel in (*overlay, *where)]
-    parts.append(f"<h2>Next measurement</h2><p>{html.escape(result.next_measurement)}</p>")
-    body = "\n".join(parts)
+def html_report(result: Investigation, files: Sequence[str] = ()) -> str:
+    """The investigation as one HTML page; `files`: names of what was measured, where the caller knows them."""
+    overlay, residual, sound = panels(result)
+    weighed = candidates(result)
+    bodies = (
+        _condition(result),
+        _calibration(result),
+        _left(result, overlay, residual, sound),
+        _compared(result, weighed),
+        _verdict(result),
+        _extended(result),
+        _gain(result),
+        _unexplained(result, residual),
+        _alike(result, weighed),
+        [_p(result.next_measurement)],
+    )
+    parts = [_box(result, files)]
+    for place, (title, body) in enumerate(zip(STEPS, bodies, strict=True), start=1):
+        parts += [f"<section><h2>{place}. {title}</h2>", *body, "</section>"]
+    parts.append(_provenance(result))
+    name = html.escape(result.axis.name)
     return (
-        f'<!doctype html><html lang="en"><head><meta charset="utf-8"><title>Investigation of {html.escape(result.axis.name)}</title>'
-        f"<style>{STYLE}</style></head><body>{body}</body></html>"
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f"<title>Investigation of {name}</title><style>{STYLE}</style></head><body>{''.join(parts)}</body></html>"
     )
 
 
-def _findings(result: Investigation) -> list[str]:
-    out = ["<h2>Findings</h2>"]
-    for f in result.findings:
-        place = f" at {html.escape(f.location)}" if f.location else ""
-        out.append(
-            f"<h3>{html.escape(f.mechanism)}{place}: probability {f.probability:.2f}</h3><p>{html.escape(f.explanation)}</p>"
-        )
-        rows = [(e.name, f"{e.value:.5g}", f"{e.low:.5g} to {e.high:.5g}", e.unit) for e in f.parameters]
-        out.append(_table(("parameter", "value", "90 % interval", "unit"), rows))
-        if f.indistinguishable_from:
-            out.append(f"<p>These data cannot tell it from {', '.join(f.indistinguishable_from)}.</p>")
-    if not result.findings:
-        out.append("<p>No mechanism.</p>")
-    if result.unexplained is not None:
-        where = ", ".join(f"{k} = {v:.4g}" for k, v in result.unexplained.numbers.items())
-        out.append(
-            f"<p>Unexplained: {where}, in {result.unexplained.channel} ({result.unexplained.share:.0%} of what is left).</p>"
-        )
-    if result.rejected:
-        out.append("<h3>Considered and rejected</h3>")
-        rejected = [(name, f"{gain:.0f}") for name, gain in result.rejected]
-        out.append(_table(("mechanism", "drop of the squared residual, in units of its noise"), rejected))
+def _box(result: Investigation, files: Sequence[str]) -> str:
+    """What a technician needs: what, where, how sure, what to do, what was not examined."""
+    from_files = f" · {html.escape(', '.join(files))}" if files else ""
+    found = "".join(f"<section>{_facts(_told(result, f))}</section>" for f in result.findings)
+    rest = [("Not examined", one) for one in not_examined(result)]
+    if result.unexplained is not None and result.verdict == "unnamed":
+        doing = "Do not change parts on this alone: make the next measurement first."
+        rest = [("What", unexplained_words(result.unexplained)), ("What to do now", doing), *rest]
+    elif result.unexplained is not None:
+        rest = [("Unexplained besides", unexplained_words(result.unexplained)), *rest]
+    if not result.findings and result.verdict == "nothing_missing":
+        nothing = "Nothing to repair by what was examined; what was not examined stays open."
+        rest = [("What to do now", nothing), *rest]
+    rest.append(("Next measurement", result.next_measurement))
+    return (
+        f'<header class="box"><p class="quiet">Model against measurement: {html.escape(result.axis.name)}{from_files}</p>'
+        f"<h1>{html.escape(headline(result))}</h1>{found}<section>{_facts(rest)}</section></header>"
+    )
+
+
+def _told(result: Investigation, finding: Finding) -> list[tuple[str, str]]:
+    kind = "fault of the measurement" if finding.mechanism in OF_THE_MEASUREMENT else "missing in the model"
+    at = place_of(result.axis, finding.location, numbers_of(finding))
+    place = ", ".join(part for part in (finding.location or "", at) if part)
+    return [
+        ("What", f"{named(finding.mechanism).capitalize()} ({kind}). {finding.explanation}"),
+        ("Where", place or ("the recording" if finding.mechanism in OF_THE_MEASUREMENT else "not told by these data")),
+        ("How sure", f"{sure(finding.probability)}, {percent(finding.probability)}"),
+        ("What to do now", finding.action),
+    ]
+
+
+def _condition(result: Investigation) -> list[str]:
+    """Sensors and recordings before any physics, also where all is well."""
+    return [
+        _p("Faults of sensors and recorders come before any physics: what they touch does not count."),
+        _table(("checked", "result"), checked(result)),
+        *(_p(remark) for remark in (result.gate.remarks if result.gate else ())),
+        *([] if result.axis.stages or result.selection is None else [_p(LINEAR)]),
+    ]
+
+
+def _calibration(result: Investigation) -> list[str]:
+    """Numbers of the description, fitted before anything is called missing."""
+    if not result.parameters:
+        return [_p("A sound has no channel that numbers of the model could be fitted to.")]
+    rows = [(words_of(e.name), number(e.nominal or 0.0), *_estimate(e), f"{_change(e)}") for e in result.parameters]
+    return [
+        _p(
+            "Values of the description that differ are no missing mechanism; they are fitted first, and whatever is missing is looked for beyond them."
+        ),
+        _table(("number", "described", "found", "90 % interval", "unit", "change"), rows, numeric=(1, 2, 3, 5)),
+    ]
+
+
+def _change(e: Estimate) -> str:
+    return changed(e.nominal, e.value, 1) if e.nominal else "–"
+
+
+def _estimate(e: Estimate) -> tuple[str, str, str]:
+    half = 0.5 * (e.high - e.low)
+    return number(e.value, half), interval(e.low, e.high), unit_in_words(e.unit)
+
+
+def _left(result: Investigation, overlay: list[Panel], residual: list[Panel], sound: list[Panel]) -> list[str]:
+    if result.selection is None:
+        text = "The sound falls where the axis stands still and turns back; strokes are laid over each other from there on. What stands inside the band cannot be told from noise. The first recording is shown."
+        return [_p(text), _plots([*overlay, *residual], "what noise reaches")]
+    floor = "The noise floor is what the quieter parts of the record have, at each frequency of whichever model leaves less; what a model gets wrong all the time counts as noise. Values over time are means of 10 ms, bands over time are two standard deviations. Rows that do not count are left out."
+    out = [_p(floor), _plots(overlay)]
+    for title in ("Motor torque", "Torque at the load"):
+        shown = [panel for panel in residual if panel.title.startswith(title)]
+        if shown:
+            out += [f"<h3>{title}: where what is left lives</h3>", _plots(shown)]
+    if sound:
+        out += [
+            "<h3>Sound</h3>",
+            _p(
+                "Impacts that come at an order of their own and its multiples, beside those of the teeth, are a rolling bearing's."
+            ),
+            _plots(sound, "what noise reaches"),
+        ]
     return out
 
 
-def _numbers(result: Investigation) -> list[str]:
-    rows = [
-        (e.name, f"{e.nominal:.5g}", f"{e.value:.5g}", f"{e.low:.5g} to {e.high:.5g}", e.unit)
-        for e in result.parameters
-    ]
-    out = ["<h2>Calibration</h2>", _table(("number", "described", "found", "90 % interval", "unit"), rows)]
-    gains = [
-        (
-            g.channel,
-            f"{g.rms_before:.4g}",
-            f"{g.rms_after:.4g}",
-            g.unit,
-            "" if g.significant else "not distinguishable from zero",
+def _plots(shown: Sequence[Panel], band: str = FLOOR) -> str:
+    return f'<div class="plots">{"".join(svg(panel, band) for panel in shown)}</div>'
+
+
+def _compared(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:
+    """What came in and what did not, with what it explains against what would have been needed."""
+    rows = []
+    if result.selection is not None:
+        fit, gains = result.selection.fit, result.selection.gains
+        rows = [
+            (named(t.mechanism, t.location), number(gains[t.key]), number(asked_for(t, fit)), "Named: see the verdict.")
+            for t in result.selection.found
+        ]
+    rows += [(named(c.mechanism, c.location), _explains(c), _needed(c), f"Rejected. {c.reason}") for c in weighed]
+    if not rows:
+        return [_p("No candidate came near.")]
+    text = "What a candidate explains is the drop of the squared residual in units of its noise, beside what the others explain."
+    return [_p(text), _table(("candidate", "explains", "needed", "outcome"), rows, numeric=(1, 2))]
+
+
+def _explains(c: Candidate) -> str:
+    if c.behind is not None and c.instead_of is not None:
+        return f"{number(c.behind)} standard errors worse than {named(c.instead_of)}"
+    return "–" if c.explains is None else number(c.explains)
+
+
+def _needed(c: Candidate) -> str:
+    return "–" if c.needed is None else number(c.needed)
+
+
+def _verdict(result: Investigation) -> list[str]:
+    out = [f"<p><strong>{html.escape(headline(result))}</strong></p>"]
+    for f in result.findings:
+        out.append(
+            f"<h3>{html.escape(named(f.mechanism, f.location))}: {percent(f.probability)}, {sure(f.probability)}</h3>"
         )
-        for g in result.gain
-    ]
+        out += [_p(f.explanation), f"<p><strong>What to do now:</strong> {html.escape(f.action)}</p>"]
+    if result.findings:
+        out.append(
+            _p(
+                "A probability is calibrated: of findings said with 90 %, nine in ten are right. Those from sound and from faults of the recording are not calibrated in this way."
+            )
+        )
+    return out
+
+
+def _extended(result: Investigation) -> list[str]:
+    """What was added to the model, each number with its interval."""
+    out = []
+    for f in result.findings:
+        rows = [row for e in f.parameters if (row := _number(f, e))]
+        if rows:
+            out += [
+                f"<h3>{html.escape(named(f.mechanism, f.location))}</h3>",
+                _table(("number", "value", "90 % interval", "unit", "in degrees"), rows, numeric=(1, 2, 4)),
+            ]
+    entries = [named(entry.name, entry.location) for entry in result.extended.mechanisms]
+    if result.selection is None:
+        return [*out, _p("Sound extends no model: it says what is there, not how much torque it takes.")]
+    if not out:
+        return [_p("Nothing was added; the model is the description with the calibrated numbers.")]
     return [
         *out,
-        "<h2>Gain on rows that the fit has not seen</h2>",
-        _table(("channel", "before", "after", "unit", "remark"), gains),
+        _p(
+            f"The extended axis can be simulated; its added mechanisms: {', '.join(entries) or 'none, only its numbers changed'}."
+        ),
     ]
 
 
-def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    top = "".join(f"<th>{html.escape(cell)}</th>" for cell in head)
-    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    return f"<table><tr>{top}</tr>{body}</table>"
+def _number(f: Finding, e: Estimate) -> tuple[str, str, str, str, str] | None:
+    if e.name in HIDDEN or (e.name == "phase_rad" and f.mechanism == "electrical_hum"):
+        return None
+    if e.name == "flank":
+        return words_of(e.name), FLANKS.get(e.value, "not told"), "–", "", ""
+    half = 0.5 * (e.high - e.low)
+    degrees = angle(e.value, half) if e.unit == "rad" else ""
+    return words_of(e.name), *_estimate(e), degrees
 
 
-def _figures(problem: Problem, base: Fit, fit: Fit) -> list[Figure]:
-    m = problem.measurement
-    before = problem.raw_residuals((), base.values, weighted=False)
-    after = problem.raw_residuals(fit.terms, fit.values, weighted=False)
-    out = [_time_figure(m.time_s, m.torque, before[0], after[0], m.rate_hz)]
-    out.append(_spectrum_figure("motor torque", "N m", before[0], after[0], m.rate_hz))
-    if after[1].size:
-        rate = m.rate_hz / problem.guide_stride
-        out.append(_spectrum_figure("torque missing at the load", "N m", before[1], after[1], rate))
-    return out
+def _gain(result: Investigation) -> list[str]:
+    """Error of both models on rows that their fit has not seen."""
+    if not result.gain:
+        return [_p("A sound has no channel that a model could be held against, so no gain was measured.")]
+    rows = [
+        (
+            words_of(g.channel), number(g.rms_before), number(g.rms_after), g.unit,
+            "–" if not g.rms_before else changed(g.rms_before, g.rms_after),
+            "distinguishable from zero" if g.significant else "not distinguishable from zero",
+        )
+        for g in result.gain
+    ]  # fmt: skip
+    how = "Each quarter of the record is predicted by fits to the other three, below 40 Hz; before: the description, calibrated; after: with what was named."
+    if result.selection is not None and not result.selection.found:
+        how += " Nothing was added to this model, so that the two differ by their calibration alone."
+    head = ("channel", "left before, rms", "left after, rms", "unit", "change", "gain")
+    return [_p(how), _table(head, rows, numeric=(1, 2, 4))]
 
 
-def _plain(title: str, rows: int) -> tuple[Figure, list[Any]]:
-    from matplotlib.figure import Figure as NewFigure
-
-    figure = NewFigure(figsize=(9, 2.6 * rows), layout="constrained")
-    axes = [figure.add_subplot(rows, 1, k + 1) for k in range(rows)]
-    axes[0].set_title(title)
-    return figure, list(axes)
-
-
-def _time_figure(time: Array, torque: Array, before: Array, after: Array, rate: float) -> Figure:
-    figure, (top, bottom) = _plain("Motor torque: first seconds", 2)
-    part = slice(0, int(min(time.size, 8 * rate)), 4)
-    top.plot(time[part], torque[part], "k-", lw=1.0, label="measured")
-    top.plot(time[part], (torque - after)[part], "C1--", lw=1.0, label="extended model")
-    top.legend(loc="upper right")
-    top.set_ylabel("N m")
-    width = max(1, int(0.01 * rate))
-    kernel = np.ones(width) / width
-    bottom.plot(time[part], np.convolve(before, kernel, "same")[part], "C0-", lw=0.8, label="left by the description")
-    bottom.plot(time[part], np.convolve(after, kernel, "same")[part], "C1-", lw=0.8, label="left by the extended model")
-    noise = float(np.median(np.abs(np.convolve(after, kernel, "same")))) / 0.6745
-    bottom.axhspan(-2 * noise, 2 * noise, color="0.85", label="noise floor, two deviations")
-    bottom.legend(loc="upper right")
-    bottom.set_ylabel("N m")
-    bottom.set_xlabel("time [s]")
-    return figure
+def _unexplained(result: Investigation, residual: Sequence[Panel]) -> list[str]:
+    """What has no name, and where what is left is highest over its noise floor."""
+    if result.selection is None:
+        return [_p("What of a sound is left without a name is not looked for.")]
+    fit = result.selection.fit
+    white = number(fit.misfit / fit.residual.size)
+    told = "Nothing stands out." if result.unexplained is None else unexplained_words(result.unexplained)
+    out = [_p(f"{told} What the last model leaves has {white} times the squares of its noise; 1 is noise alone.")]
+    if result.selection.nameless:
+        out.append(_p("The last model holds what has no name as well, so that the plots show what is beyond it."))
+    rows = sorted((place for panel in residual if (place := _highest(panel))), reverse=True)[:MOST_PLACES]
+    shown = [(title, f"{ratio:.1f} times", f"{number(x)} {unit}") for ratio, title, x, unit in rows]
+    return [*out, _p("Where it is highest over its noise floor:"), _table(("plot", "noise floor", "at"), shown, (1, 2))]
 
 
-def _spectrum_figure(title: str, unit: str, before: Array, after: Array, rate: float) -> Figure:
-    figure, (panel,) = _plain(f"Spectrum of what is left: {title}", 1)
-    size = int(min(4 * rate, before.size // 2))
-    for values, style, label in ((before, "C0-", "description"), (after, "C1--", "extended model")):
-        frequency, power = welch(values, rate, nperseg=size)
-        panel.loglog(frequency[1:], np.sqrt(power[1:]), style, lw=0.9, label=label)
-    panel.legend(loc="upper right")
-    panel.set_xlabel("frequency [Hz]")
-    panel.set_ylabel(f"{unit}/√Hz")
-    return figure
+def _highest(panel: Panel) -> tuple[float, str, float, str] | None:
+    """How far the last model leaves more than noise at most, by the bins of a panel, and where."""
+    _, values = panel.lines[-1]
+    if panel.noise is None or panel.noise[0] < 0.0 or not np.isfinite(values).any():
+        return None
+    at = int(np.nanargmax(values))
+    unit = panel.x_label.partition("[")[2].removesuffix("]")
+    return float(values[at]) / panel.noise[1], panel.title, float(panel.x[at]), unit
 
 
-def _panel_figure(panel: Panel) -> Figure:
-    figure, (plot,) = _plain(panel.title, 1)
-    for (name, values), style in zip(panel.lines, ("C0-", "C1--", "C2-."), strict=False):
-        plot.plot(panel.x, values, style, lw=0.9, label=name)
-    if panel.noise is not None:
-        plot.axhspan(*panel.noise, color="0.85", label="what noise reaches")
-    for x, text in panel.markers:
-        plot.axvline(x, color="0.5", lw=0.6, ls=":")
-        plot.annotate(text, (x, 1.0), xycoords=("data", "axes fraction"), fontsize=6, rotation=90, va="top")
-    plot.legend(loc="best")
-    plot.set_xlabel(panel.x_label)
-    plot.set_ylabel(panel.y_label)
-    return figure
+def _alike(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:
+    """Classes of causes that these data hold for the same, what tells them apart, and what was out of reach."""
+    guided = result.selection is not None and result.selection.problem.guided
+    out = [
+        f"{named(f.mechanism, f.location)} cannot be told from {named(other)}. {telling_apart(f.mechanism, other, guided)}"
+        for f in result.findings
+        for other in f.indistinguishable_from
+    ]
+    out += [
+        f"{named(c.mechanism, c.location)} explains these data as well as {named(c.instead_of or '')}."
+        for c in weighed
+        if c.reason == ALIKE and not any(c.mechanism in f.indistinguishable_from for f in result.findings)
+    ]
+    if not out:
+        found = "No other cause that was tried explains these data as well as what was named."
+        out = [found if result.findings else "No two causes were found to be equal here."]
+    if result.listening is not None:
+        out.append(f"Listened for: {', '.join(named(name) for name in result.examined)}.")
+    return [_list([*out, *not_examined(result)])]
 
 
-def _svg(figure: Figure) -> str:
-    buffer = io.StringIO()
-    from matplotlib import rc_context
+def _provenance(result: Investigation) -> str:
+    rows = [(name.replace("_", " "), str(value)) for name, value in result.provenance.items() if value]
+    return f'<section><h2>Provenance</h2><div class="quiet">{_table(("what", "value"), rows)}</div></section>'
 
-    with rc_context({"svg.hashsalt": "gearcase", "svg.fonttype": "none"}):
-        figure.savefig(buffer, format="svg", metadata={"Date": None})
-    text = buffer.getvalue()
-    return f"<figure>{text[text.index('<svg') :]}</figure>"
+
+def _p(text: str, kind: str = "") -> str:
+    return f"<p{f' class={kind}' if kind else ''}>{html.escape(text)}</p>"
+
+
+def _list(items: Iterable[str]) -> str:
+    return f"<ul>{''.join(f'<li>{html.escape(one)}</li>' for one in items)}</ul>"
+
+
+def _facts(facts: Iterable[tuple[str, str]]) -> str:
+    return f"<dl>{''.join(f'<dt>{html.escape(name)}</dt><dd>{html.escape(text)}</dd>' for name, text in facts)}</dl>"
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]], numeric: Sequence[int] = ()) -> str:
+    """`numeric`: columns of numbers, which stand to the right and do not break; empty columns are left out."""
+    rows = list(rows)
+    shown = [k for k in range(len(head)) if any(row[k] for row in rows)]
+    kinds = [' class="n"' if k in numeric else "" for k in range(len(head))]
+    top = "".join(f"<th{kinds[k]}>{html.escape(head[k])}</th>" for k in shown)
+    body = "".join(f"<tr>{''.join(f'<td{kinds[k]}>{html.escape(row[k])}</td>' for k in shown)}</tr>" for row in rows)
+    return f'<div class="scroll" tabindex="0"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'

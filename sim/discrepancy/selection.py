@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sim.discrepancy.candidates import FAR_MOVED, Rival, bottomed, elsewhere, settled, try_terms
+from sim.axis import MechanismEntry
+from sim.discrepancy.candidates import BENT, FAR_MOVED, Rival, bottomed, elsewhere, settled, try_terms
 from sim.discrepancy.criteria import (
     BEYOND,
     CONSTANT,
+    LEFT_OUT,
     bends,
     evidence,
     holds,
@@ -21,10 +24,10 @@ from sim.discrepancy.criteria import (
     needs_no_trial,
     wanted,
 )
-from sim.discrepancy.fit import LONG, Fit, Noise, Problem, each
+from sim.discrepancy.fit import BY_CONTACT, LONG, Fit, Noise, Problem, each
 from sim.discrepancy.measurement import NEAR_STANDSTILL_SHARE, STANDSTILL_SHARE, gaussian_kernel
 from sim.discrepancy.model import MOTOR_RELEASE, MOTOR_STRETCH, has_links
-from sim.discrepancy.nameless import AS_NEW
+from sim.discrepancy.nameless import AS_NEW, OVER_SPEED
 from sim.discrepancy.size import beyond
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import Standing, advantage, in_place, named_alone, own_of, paired, standings
@@ -35,7 +38,6 @@ MOTION_BAND_HZ = 40.0
 MOST_TERMS = 4
 MOST_ROUNDS = 6  # with those that are as new or have no name
 MOST_ENTRIES = 3  # of one round
-BY_CONTACT = ("backlash", "tooth_damage")
 AT_LOW_SPEED = ("stribeck_friction",)
 MOST_RUNS = 2400  # simulations after which only constants and what promised much are looked for: the rest is unnamed
 LEAST_STRETCH_RAD = 1.5e-4  # a micrometre and a half on a centimetre, three steps of an encoder of 17 bits
@@ -88,6 +90,20 @@ def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     return anew, anew.fit(fit.terms, fit.values, held=held, to_end=True)
 
 
+def afresh(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
+    """Where a fit bends what is described, the one from there and its noise, if it bends less and is likelier.
+
+    Numbers that stood for a mechanism before it came in make noise of what they get wrong, and that keeps them there.
+    """
+    if fit.strain <= BENT:
+        return problem, fit
+    own = {p.name: fit.values[p.name] for term in fit.terms for p in term.parameters}
+    anew, more = rewhiten(problem, problem.fit(fit.terms, own, iterations=0))
+    anew, more = rewhiten(anew, more)
+    better = more.strain < fit.strain and anew.unlikelihood(more) < problem.unlikelihood(fit)
+    return (anew, more) if better else (problem, fit)
+
+
 def all_rows(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """With those in which teeth rattle, where play and dents show."""
     problem = problem.with_all_told().learned(fit)
@@ -111,18 +127,20 @@ def look_closely(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
 
 
 def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
-    """Last fit of one stiff body by plain least squares in the band of its motion.
+    """Last fit of one stiff body by plain least squares in the band of its motion, without curves over the speed.
 
-    Whitened rows weigh most what is fast, where a body's model is least true to its form; the least squares of the
-    band in which torque is predicted are what its numbers are for.
+    A curve takes from the numbers of friction what it can; a body has little else. Whitened rows weigh most what is
+    fast, where a body's model is least true to its form; the least squares of the band in which torque is predicted
+    are what its numbers are for.
     """
     if has_links(problem.axis):
         return problem, fit
-    torque, _ = problem.raw_residuals(fit.terms, fit.values)
+    terms = tuple(t for t in fit.terms if t.mechanism != OVER_SPEED)
+    torque, _ = problem.raw_residuals(terms, problem.fit(terms, fit.values).values)
     kernel = gaussian_kernel(MOTION_BAND_HZ, problem.measurement.rate_hz, 0)
     left = float(np.std(np.convolve(torque, kernel, "same")))
     plain = problem.with_noise(Noise(kernel / max(left, 1e-300), np.ones(1)))
-    return plain, plain.fit(fit.terms, fit.values, held=fit.sensitivities)
+    return plain, plain.fit(terms, fit.values, held=fit.sensitivities)
 
 
 def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
@@ -130,7 +148,7 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     fit = base
     rivals: Mapping[str, tuple[Rival, ...]] = {}
     rejected: tuple[Rival, ...] = ()
-    entered: dict[str, float] = {}
+    entered = described(problem, base)
     promised: frozenset[str] = frozenset()
     for step in range(MOST_ROUNDS):
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
@@ -153,11 +171,11 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
             break
         problem, fit = entry.problem, entry.fit
         m = problem.measurement
-        if any(t.contact for t in fit.terms) and (m.rests or m.standstill < STANDSTILL_SHARE):
+        if problem.hits(fit.terms) and (m.rests or m.standstill < STANDSTILL_SHARE):
             problem, fit = rewhiten(problem.down_to(STANDSTILL_SHARE), fit)
         entered |= {r.term.key: r.gain for r in entry.new}
         rivals = {**rivals, **{r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}}
-        if sum(beyond(t, fit) > BEYOND for t in fit.terms) >= MOST_TERMS:
+        if sum(beyond(t, fit) > BEYOND for t in fit.terms if t.mechanism not in LEFT_OUT) >= MOST_TERMS:
             break
     if problem.memory != LONG:
         problem, fit = look_closely(problem, fit)
@@ -167,6 +185,22 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     found = tuple(t for t in fit.terms if t.named and beyond(t, fit) > BEYOND)
     standing = standings(problem, fit, found, gains, in_place)
     return Selection(problem, base, fit, gains, rivals, rejected, found, standing)
+
+
+def described(problem: Problem, base: Fit) -> dict[str, float]:
+    """What each mechanism that the description already has gains over a description without it."""
+
+    def without(entry: MechanismEntry) -> float:
+        other = copy(problem)
+        other.axis = replace(problem.axis, mechanisms=tuple(e for e in problem.axis.mechanisms if e is not entry))
+        return other.fit(start=base.values, held=base.sensitivities).cost - base.cost
+
+    entries = problem.axis.mechanisms
+    return {_key(e): gain for e, gain in zip(entries, each(without, entries), strict=True)}
+
+
+def _key(entry: MechanismEntry) -> str:
+    return f"{entry.name}@{entry.location}"
 
 
 def is_large(rival: Rival, fit: Fit) -> bool:
@@ -184,7 +218,7 @@ def likely(tried: Sequence[Rival]) -> list[Rival]:
 def asks_low_speed(problem: Problem, fit: Fit) -> bool:
     """Whether the rows near standstill may tell more: not yet asked, and no teeth leave each other there."""
     m = problem.measurement
-    there = any(t.contact or t.mechanism in AT_LOW_SPEED for t in fit.terms)
+    there = problem.hits(fit.terms) or any(t.mechanism in AT_LOW_SPEED for t in fit.terms)
     return not (there or m.rests) and m.standstill > NEAR_STANDSTILL_SHARE
 
 
@@ -213,7 +247,7 @@ def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
         new, more = entering(problem, fit, tried)
         if more is None:
             break
-        wider, more = rewhiten(problem, more)
+        wider, more = afresh(*rewhiten(problem, more))
         wider, more, gains = prune(wider, more, strict=False)
         if new[0].term.key in gains:
             return Entry(new, wider, more)
@@ -330,7 +364,8 @@ def swap(
             if other is None:
                 continue
             rival = replace(known[0], gain=own.gain - (other.cost - fit.cost), values=other.values)
-            others = {k: gain for k, gain in entered.items() if k in present - {term.key}}
+            kept = present - {term.key} | {_key(entry) for entry in problem.axis.mechanisms}
+            others = {k: gain for k, gain in entered.items() if k in kept}
             form = is_form(rival.term, rival.gain, others) and not is_form(term, own.gain, others)
             if form or not wanted(rival.term, beyond(rival.term, other)):
                 continue  # it would not have come in, or be taken away again

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,27 +13,46 @@ from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.sound_course import LEAST_CRUISES, Course, course_of
 from sim.discrepancy.sound_evidence import Heard
 from sim.discrepancy.sound_gears import bearing_defect, play, tooth_damage
-from sim.discrepancy.sound_lines import mesh_orders
 from sim.discrepancy.sound_path import bearing_along_path
+from sim.discrepancy.sound_reach import reach
 from sim.discrepancy.sound_recording import recording_faults
+from sim.discrepancy.sound_several import contradictions, names_of, strangers, with_recordings, without_copies
 
 SAID = 0.5
 SURE = 0.9  # of what telemetry does not show, though it could
 LEAST_S = 4.0
 GEAR = frozenset({"tooth_damage", "backlash"})
 OF_TEETH = GEAR | {"mesh_error", "eccentricity"}  # what leaves families of lines of its own
+ADVICE = (
+    "How deep a notch or how wide play is cannot be heard; record telemetry for that and for what was not examined. "
+    "Whether teeth or housing are louder than as new a recording from when the axis was new tells as well."
+)
 UNEVEN, SMALL = 0.005, 5  # of a speed while cruising; small numbers
 
 
 @dataclass(frozen=True, eq=False)
 class Listening:
-    """Findings, candidates that were rejected with their probability, what is out of reach, what to measure next."""
+    """Findings, candidates that were rejected with their probability, remarks, what to measure next.
+
+    `examined`: mechanisms that the recordings let be looked for; `not_examined`: all others, to the reason. `names`:
+    of the recordings, one per course.
+    """
 
     heard: tuple[Heard, ...]
     rejected: tuple[tuple[str, float], ...]
     remarks: tuple[str, ...]
     next_measurement: str
     courses: tuple[Course, ...]
+    examined: tuple[str, ...]
+    not_examined: Mapping[str, str]
+    names: tuple[str, ...]
+
+    @property
+    def shown(self) -> int:
+        """The recording with the strongest evidence of the first finding; 0 where nothing of the machine is heard."""
+        p_values = self.heard[0].p_values if self.heard else ()
+        known = [(p, index) for index, p in enumerate(p_values) if p is not None]
+        return min(known)[1] if known else 0
 
 
 def listen(axis: Axis, sound: Recording, measurement: Measurement | None, offset_s: float) -> tuple[Heard, ...]:
@@ -51,15 +70,45 @@ def listen(axis: Axis, sound: Recording, measurement: Measurement | None, offset
 
 def listen_alone(axis: Axis, sounds: Sequence[Recording]) -> Listening:
     """Findings of one or more recordings of the same axis, made without telemetry."""
+    sounds, copied = without_copies(sounds)
+    names = names_of(sounds)
     courses = tuple(course_of(axis, sound, None, 0.0) for sound in sounds)
-    faults: dict[str, Heard] = {}
-    for sound, course in zip(sounds, courses, strict=True):
-        for fault in recording_faults(np.asarray(sound.samples, np.float64), sound.sample_rate_hz, course.moving):
-            faults.setdefault(fault.mechanism, fault)
     machine = [*tooth_damage(axis, courses), *play(axis, courses), *bearing_defect(axis, courses)]
-    heard = tuple(h for h in (*machine, *faults.values()) if h.probability >= SAID)
+    found = [h for h in (*machine, *_faults(sounds, courses)) if h.probability >= SAID]
+    heard = tuple(with_recordings(h, names) for h in found)
     rejected = tuple((h.mechanism, h.probability) for h in machine if h.probability < SAID)
-    return Listening(heard, rejected, _remarks(axis, courses), _next(axis, heard, courses), courses)
+    within = reach(axis, sounds, courses)
+    remarks = (
+        within.sentence(),
+        *_contradicted(courses, names),
+        *contradictions(machine, names),
+        *strangers(sounds, names),
+        *copied,
+        ADVICE,
+    )
+    following = _next(axis, heard, courses)
+    return Listening(heard, rejected, remarks, following, courses, within.examined, within.not_examined, names)
+
+
+def _faults(sounds: Sequence[Recording], courses: Sequence[Course]) -> list[Heard]:
+    """Faults of the recordings, each as it is in the first that has it."""
+    each = [
+        {f.mechanism: f for f in recording_faults(np.asarray(s.samples, np.float64), s.sample_rate_hz, c.moving)}
+        for s, c in zip(sounds, courses, strict=True)
+    ]
+    first: dict[str, Heard] = {}
+    for faults in each:
+        first |= {name: fault for name, fault in faults.items() if name not in first}
+    return [
+        replace(fault, p_values=tuple(0.0 if name in faults else 1.0 for faults in each))
+        for name, fault in first.items()
+    ]
+
+
+def _contradicted(courses: Sequence[Course], names: Sequence[str]) -> tuple[str, ...]:
+    """Where recordings do not have the described period."""
+    told = [(name, course.contradiction) for name, course in zip(names, courses, strict=True) if course.contradiction]
+    return tuple(f"{text}" if len(names) == 1 else f"Recording {name}: {text}" for name, text in told)
 
 
 def beside(
@@ -101,26 +150,6 @@ def _is_ratio(h: Heard, order: float) -> bool:
     value, low, high = h.parameters["order"]
     half = 0.5 * (high - low) + UNEVEN * value
     return any(abs(value - order * j / k) <= half for j in range(1, SMALL + 1) for k in range(1, SMALL + 1))
-
-
-def _remarks(axis: Axis, courses: Sequence[Course]) -> tuple[str, ...]:
-    out = [
-        "Sound alone: friction, stiffness, loads, offsets and delays cannot be heard, nor how deep a notch or how wide "
-        "play is; record telemetry for them.",
-        "Whine of the teeth and the housing's own tones are in every recording; whether they are louder than as new "
-        "(mesh_error, eccentricity, structural_resonance) needs telemetry, or a recording from when the axis was new.",
-    ]
-    if not any(course.analysis.motion.reversal_times_s for course in courses):
-        out.append("No standstill is heard, so neither damaged teeth nor play can be told from other impacts.")
-    elif not any(course.repeats for course in courses):
-        out.append("The motion does not repeat, so a damaged tooth cannot be told from other impacts.")
-    if not mesh_orders(axis):
-        out.append("The description gives no tooth numbers, so that bearings cannot be told from teeth.")
-    elif not any(course.speed for course in courses):
-        out.append(
-            "No tooth of this axis is heard as a line, so the speed is unknown and bearings were not looked for."
-        )
-    return tuple(out)
 
 
 def _next(axis: Axis, heard: Sequence[Heard], courses: Sequence[Course]) -> str:

@@ -14,10 +14,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
-from casebase.signals.condition import OperatingCondition
+from casebase.signals.condition import UNKNOWN, OperatingCondition
+from casebase.signals.motion import Motion
 from casebase.signals.recording import Recording
 from casebase.signals.stroke import reversal_times_s
-from sim.axis import Axis, Motion
+from sim.axis import Axis
 from sim.chain_model import Array
 from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.sound_lines import TRANSFORM, heard_speed, mesh_orders, over_surroundings
@@ -25,6 +26,9 @@ from sim.discrepancy.sound_lines import TRANSFORM, heard_speed, mesh_orders, ove
 Mask = NDArray[np.bool_]
 MARGIN_S = 0.1  # loudness is full before the speed is
 SAME_CYCLE = 0.02
+SAME_TIME = 0.03  # of a period: a standstill is heard early or late
+ENOUGH = 3  # standstills, to show a period
+MOST = 0.7  # of the standstills; a dropout makes one more
 SHORTEST_CRUISE_S = 0.4
 LEAST_CRUISES = 3
 
@@ -52,7 +56,7 @@ class Course:
     """Recording and motion. `spectra` (cruises, m): power over its surroundings; `moving` (n,) at the recording's rate.
 
     `repeats`: back and forth between the same two ends in the same time. `mesh_orders`: tooth contacts per
-    revolution of the motor. `load`: None where sound is alone.
+    revolution of the motor. `load`: None where sound is alone. `contradiction`: of the described period, in words.
     """
 
     analysis: Analysis
@@ -62,6 +66,7 @@ class Course:
     repeats: bool
     mesh_orders: tuple[float, ...] = ()
     load: LoadAngle | None = None
+    contradiction: str | None = None
 
     @property
     def speed(self) -> float | None:
@@ -71,8 +76,35 @@ class Course:
 
 
 def described_period_s(axis: Axis) -> float | None:
-    """The period of the motion, where the description says one: the default of `Motion` says nothing."""
-    return None if axis.motion == Motion() else axis.motion.period_s
+    """The period of the motion, where the description says one, and be it the default."""
+    return axis.motion.period_s if axis.describes_motion("period_s") else None
+
+
+def contradiction_of(described_s: float, heard: Motion, duration_s: float) -> str | None:
+    """What the standstills in a recording say against a described period, in words; None where they fit it.
+
+    Two standstills say little, since strokes need not take the same time in both directions, but that they are few.
+    """
+    times = np.array(heard.reversal_times_s)
+    own = heard.period_in_sound_s
+    told = f"The description gives the motion a period of {described_s:.3g} s, but the {times.size} standstills heard"
+    if times.size < ENOUGH:
+        missed = 2.0 * duration_s / described_s - times.size
+        if times.size == 0 or (missed < ENOUGH and np.ptp(times) < (1.0 + SAME_CYCLE) * described_s):
+            return None
+    if own is not None:
+        if abs(own / described_s - 1.0) < SAME_CYCLE:
+            return None
+        return f"{told} come with one of {own:.3g} s: the recording's own is used."
+    if times.size < ENOUGH:
+        return f"{told} are too few for it in {duration_s:.3g} s: no period is used."
+    later = times[:, None] + described_s * np.array([-1.0, 1.0])
+    apart = np.abs(later[:, :, None] - times).min(axis=2)
+    inside = (later > 0.0) & (later < duration_s)
+    if inside.any() and np.mean(apart[inside] < SAME_TIME * described_s) >= MOST:
+        return None
+    usual = float(np.median(np.diff(times)))
+    return f"{told} do not repeat with it; they lie {usual:.3g} s apart on the median: no period is used."
 
 
 def course_of(axis: Axis, sound: Recording, m: Measurement | None, offset_s: float) -> Course:
@@ -80,8 +112,12 @@ def course_of(axis: Axis, sound: Recording, m: Measurement | None, offset_s: flo
     reversals: tuple[float, ...] = ()
     if m is not None:
         reversals = tuple(t for t in reversal_times_s(m.time_s - offset_s, m.angle) if 0.0 <= t <= sound.duration_s)
-    condition = OperatingCondition(motion_period_s=described_period_s(axis), reversal_times_s=reversals)
-    analysis = Analysis(sound, condition)
+    described = described_period_s(axis)
+    analysis = Analysis(sound, OperatingCondition(motion_period_s=described, reversal_times_s=reversals))
+    contradiction = None
+    if m is None and described is not None:
+        contradiction = contradiction_of(described, analysis.motion, sound.duration_s)
+        analysis = analysis if contradiction is None else Analysis(sound, UNKNOWN)
     cruises = _cruises(analysis)
     if m is not None:
         cruises = _with_measured_speed(cruises, m, offset_s)
@@ -90,7 +126,8 @@ def course_of(axis: Axis, sound: Recording, m: Measurement | None, offset_s: flo
         cruises = _with_heard_speed(axis, cruises, spectra, bool(analysis.motion.period_s))
     moving = _moving(analysis, sound)
     if m is None:
-        return Course(analysis, cruises, spectra, moving, bool(analysis.motion.period_s), mesh_orders(axis))
+        repeats = bool(analysis.motion.period_s)
+        return Course(analysis, cruises, spectra, moving, repeats, mesh_orders(axis), contradiction=contradiction)
     angle = m.angle / axis.ratio if m.load_angle is None else m.load_angle
     return Course(
         analysis,
@@ -160,7 +197,9 @@ def _with_measured_speed(cruises: tuple[Cruise, ...], m: Measurement, offset_s: 
 def _with_heard_speed(axis: Axis, cruises: tuple[Cruise, ...], spectra: Array, repeats: bool) -> tuple[Cruise, ...]:
     """Speed of each cruise from the lines of the meshes; of all together where the motion repeats."""
     orders = mesh_orders(axis)
-    described = None if axis.motion == Motion() else axis.motion.load_speed_rad_s * axis.ratio / (2.0 * math.pi)
+    described = None
+    if axis.describes_motion("load_speed_rad_s"):
+        described = axis.motion.load_speed_rad_s * axis.ratio / (2.0 * math.pi)
     if len(cruises) < LEAST_CRUISES:
         return cruises
     if repeats:

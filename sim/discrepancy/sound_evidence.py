@@ -18,7 +18,10 @@ SILENT = 0.4
 
 @dataclass(frozen=True)
 class Heard:
-    """A finding from sound; `parameters`: name to value, low, high."""
+    """A finding from sound; `parameters`: name to value, low, high.
+
+    `elsewhere`: where it would sound the same. `p_values`: one per recording, None where it could not be looked for.
+    """
 
     mechanism: str
     location: str | None
@@ -26,6 +29,8 @@ class Heard:
     parameters: Mapping[str, tuple[float, float, float]]
     explanation: str
     indistinguishable_from: tuple[str, ...] = field(default=())
+    elsewhere: tuple[str, ...] = ()
+    p_values: tuple[float | None, ...] = ()
 
 
 LARGEST = 6.0  # of a logarithm of odds: no recording is worth more than 400 to 1
@@ -46,15 +51,16 @@ def log_ratio(p_value: float) -> float:
     return min(-1.0 - math.log(p) - math.log(-math.log(p)), LARGEST)
 
 
-def probability(p_values: Iterable[float]) -> float:
+def probability(p_values: Iterable[float | None]) -> float:
     """Posterior of a mechanism from one p-value per recording of the same axis, 0.01 to 0.99.
 
-    A recording without a sign speaks against the mechanism, so that many nulls do not add up to an alarm.
+    A recording without a sign speaks against the mechanism, so that many nulls do not add up to an alarm; one in which
+    it could not be looked for (None) says nothing.
 
     >>> probability([1e-4]) > 0.9 > probability([1e-4, 1.0, 1.0]) > 0.5 > probability([0.02])
     True
     >>> probability([0.05] + [1.0] * 9)
     0.01
     """
-    total = math.log(PRIOR_ODDS) + sum(log_ratio(p) for p in p_values)
+    total = math.log(PRIOR_ODDS) + sum(log_ratio(p) for p in p_values if p is not None)
     return min(max(1.0 / (1.0 + math.exp(-max(min(total, 50.0), -50.0))), 0.01), 0.99)

@@ -14,7 +14,7 @@ from sim.chain_model import Array
 from sim.discrepancy.sound_course import Course
 from sim.discrepancy.sound_evidence import Heard, log_ratio, probability
 from sim.discrepancy.sound_impacts import Bump, Tail, notch_bump, play_bump, single_strokes
-from sim.discrepancy.sound_orders import bearing_family
+from sim.discrepancy.sound_orders import bearing_family, bearing_hindrance
 
 # Scores of simulated gearboxes without the fault, of many axes, motions and microphones: 181 recordings whose motion
 # repeats for the notch, 254 for play. Above `start` they fall off exponentially.
@@ -30,17 +30,20 @@ MASKED_DB = 6.0  # a tooth that is damaged this much more is heard while braking
 
 def tooth_damage(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
     """A bump in one direction of motion, at one place of the travel."""
-    found = [(course, bump) for course in courses if (bump := notch_bump(course)) is not None]
+    bumps = [notch_bump(course) for course in courses]
+    found = [(course, bump) for course, bump in zip(courses, bumps, strict=True) if bump is not None]
     if not found or not axis.stages:
         return []
     best, bump = max(found, key=lambda one: one[1].score)
-    places = [place_of(axis, course, one) for course, one in found]
     own = place_of(axis, best, bump)
-    p_values = [
-        NOTCH_TAIL.p_value(one.score) if one is bump or _agree(place, own) else 1.0
-        for (_, one), place in zip(found, places, strict=True)
-    ]
-    stage = _stage_of(axis, best, bump)
+    p_values: list[float | None] = [
+        None if one is None
+        else NOTCH_TAIL.p_value(one.score) if one is bump or _agree(place_of(axis, course, one), own)
+        else 1.0
+        for course, one in zip(courses, bumps, strict=True)
+    ]  # fmt: skip
+    stage, told = _stage_of(axis, best, bump)
+    elsewhere = () if told else tuple(one.name for one in axis.stages if one.name != stage)
     text = (
         f"Once per cycle, in one direction of motion only, an impact stands {bump.height_db:.0f} dB over what noise "
         f"would reach, {_where(best, bump)}: a damaged tooth that meets the mesh on one flank."
@@ -54,17 +57,32 @@ def tooth_damage(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
             numbers["flank"] = (_direction(best, bump),) * 3
         else:
             text += " The angle counts from the middle of the travel, positive the way the axis then moves."
-    return [Heard("tooth_damage", stage, probability(p_values), numbers, text)]
+    text += _not_told(stage, elsewhere)
+    return [
+        Heard(
+            "tooth_damage",
+            stage,
+            probability(p_values),
+            numbers,
+            text,
+            elsewhere=elsewhere,
+            p_values=tuple(p_values),
+        )
+    ]
 
 
 def play(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
     """Impacts where braking begins, at both ends."""
-    found = [(course, bump) for course in courses if (bump := play_bump(course)) is not None]
+    bumps = [play_bump(course) for course in courses]
+    found = [bump for bump in bumps if bump is not None]
     if not found or not axis.stages:
         return []
-    _, bump = max(found, key=lambda one: one[1].score)
-    p_values = []
-    for course, one in found:
+    bump = max(found, key=lambda one: one.score)
+    p_values: list[float | None] = []
+    for course, one in zip(courses, bumps, strict=True):
+        if one is None:
+            p_values.append(None)
+            continue
         notch = notch_bump(course)
         masked = notch is not None and log_ratio(NOTCH_TAIL.p_value(notch.score)) > 2.0
         masked = masked and notch is not None and one.height_db < notch.height_db - MASKED_DB
@@ -72,9 +90,22 @@ def play(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
     text = (
         f"At both ends of the motion, {-bump.offset_s:.2f} s before the standstill, where braking begins and the "
         f"torque changes its sign, an impact stands {bump.height_db:.0f} dB over what noise would reach: flanks meet "
-        "after crossing play. Which stage has it, and how much, sound alone does not tell."
+        "after crossing play; how much, sound alone does not tell."
     )
-    return [Heard("backlash", axis.stages[-1].name, probability(p_values), {}, text)]
+    stage = axis.stages[-1].name
+    elsewhere = tuple(one.name for one in axis.stages[:-1])
+    text += _not_told(stage, elsewhere)
+    return [Heard("backlash", stage, probability(p_values), {}, text, elsewhere=elsewhere, p_values=tuple(p_values))]
+
+
+def _not_told(stage: str, elsewhere: tuple[str, ...]) -> str:
+    """That the place is a guess, where it is one."""
+    if not elsewhere:
+        return ""
+    return (
+        f" Its place is not certain: this sound does not tell {stage} from {' or '.join(elsewhere)}; {stage} is named "
+        "because the last gear carries the largest torque."
+    )
 
 
 def bearing_defect(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
@@ -84,16 +115,18 @@ def bearing_defect(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
     if not known:
         return []
     best = min(known, key=lambda family: family.p_value)
-    p_values = [
-        family.p_value if family is not None and abs(family.order / best.order - 1.0) < SAME_ORDER else 1.0
-        for family in found
-    ]
+    p_values = tuple(
+        None if bearing_hindrance(axis, course)
+        else family.p_value if family is not None and abs(family.order / best.order - 1.0) < SAME_ORDER
+        else 1.0
+        for course, family in zip(courses, found, strict=True)
+    )  # fmt: skip
     text = (
         f"While cruising, lines stand at {best.order:.2f} times the speed of the motor and {best.count - 1} of its "
         "multiples: no gear of this axis has this order; a rolling bearing has."
     )
     numbers = {"order": (best.order, best.order - best.half, best.order + best.half)}
-    return [Heard("bearing_defect", None, probability(p_values), numbers, text)]
+    return [Heard("bearing_defect", None, probability(p_values), numbers, text, p_values=p_values)]
 
 
 def place_of(axis: Axis, course: Course, bump: Bump) -> tuple[float, float] | None:
@@ -145,12 +178,15 @@ def _where(course: Course, bump: Bump) -> str:
     return f"{abs(bump.offset_s):.2f} s {side} the same standstill"
 
 
-def _stage_of(axis: Axis, course: Course, bump: Bump) -> str:
-    """The driven gear whose revolution spaces the impacts of one stroke; the output gear where there is one."""
+def _stage_of(axis: Axis, course: Course, bump: Bump) -> tuple[str, bool]:
+    """The driven gear whose revolution spaces the impacts of one stroke, and whether that is told.
+
+    The output gear where there is one impact; that is told where every other gear would have made more.
+    """
     last = axis.stages[-1].name
     strokes = single_strokes(course)
     if course.speed is None or strokes is None:
-        return last
+        return last, len(axis.stages) == 1
     offsets, single = strokes
     stroke_s = offsets.size / HOP_HZ
     leaving = bump.stroke if bump.offset_s > 0.0 else 1 - bump.stroke
@@ -159,14 +195,16 @@ def _stage_of(axis: Axis, course: Course, bump: Bump) -> str:
     height = np.concatenate([single[leaving][offsets > 0.0], single[1 - leaving][offsets < 0.0]])
     first = bump.offset_s if bump.offset_s > 0.0 else stroke_s + bump.offset_s
     turn = course.speed
+    told = True
     for stage in axis.stages[:-1]:
         turn /= stage.ratio
         steps = np.arange(-60, 61)
         reached = [_highest_near(since, height, t) for t in first + steps[steps != 0] / turn]
         seen = [one for one in reached if one is not None]
         if len(seen) >= LEAST_VISITS and np.mean(np.array(seen) > 0.4 * bump.height_db) >= VISITED:
-            return stage.name
-    return last
+            return stage.name, True
+        told = told and len(seen) >= LEAST_VISITS
+    return last, told
 
 
 def _highest_near(offsets: Array, height: Array, at: float) -> float | None:

@@ -20,13 +20,17 @@ from casebase.signals.fold import SMOOTH_S, TOLERANCE, Fold, fold
 from casebase.signals.motion import HOP_HZ
 from casebase.signals.spectra import band_envelope
 from sim.chain_model import Array
-from sim.discrepancy.sound_course import Course
+from sim.discrepancy.sound_course import Course, Mask
 
 TEETH_BAND_HZ = (40.0, 100.0, 8.0)  # low, high, whitening: above arm and servo, below the housing
 APART_S = 0.06  # an impact is over by then
 RAMP_S = 0.05  # the speed is not yet steady when the loudness is
 LEAST_CYCLES = 2.0
 LEAST_HOPS = 20
+LEAST_REVERSALS = 3
+NO_STANDSTILL = "no standstill is heard"
+NO_REPEAT = "the motion does not repeat"
+NOT_WHOLE = "parts of the stroke are in one direction only"
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,53 @@ def notch_bump(course: Course) -> Bump | None:
     return Bump(height + height - max(rest, 0.0), height, _peak(course_db, folded, place), stroke)
 
 
+def notch_hindrance(course: Course) -> str | None:
+    """Why a damaged tooth cannot be looked for; None where it can."""
+    analysis = course.analysis
+    folded = analysis.folded(Band.LOW)
+    if not analysis.motion.reversal_times_s:
+        return NO_STANDSTILL
+    if folded is None:
+        return _rate_too_low(analysis)
+    if not course.repeats:
+        few = len(analysis.motion.reversal_times_s) < LEAST_REVERSALS
+        return "too few standstills are heard to tell whether the motion repeats" if few else NO_REPEAT
+    if analysis.motion.cycles < LEAST_CYCLES:
+        return f"{LEAST_CYCLES:.0f} cycles of the motion are needed and the recording has {analysis.motion.cycles:.1f}"
+    if _cruising(analysis, folded).sum() < LEAST_HOPS:
+        return "the axis hardly cruises between its standstills"
+    return None if _complete(folded) else NOT_WHOLE
+
+
+def play_hindrance(course: Course) -> str | None:
+    """Why play cannot be looked for; None where it can."""
+    analysis = course.analysis
+    low = analysis.folded(Band.LOW)
+    count = len(analysis.motion.reversal_times_s)
+    if count == 0:
+        return NO_STANDSTILL
+    if low is None or _folded(analysis, *TEETH_BAND_HZ) is None:
+        return _rate_too_low(analysis)
+    if count < LEAST_REVERSALS:
+        return f"{LEAST_REVERSALS} standstills are needed and {count} heard"
+    if not _complete(low):
+        return NOT_WHOLE
+    return None if _braking(low).any() else "no braking is heard before the standstills"
+
+
+def _rate_too_low(analysis: Analysis) -> str:
+    return f"the sample rate of {analysis.recording.sample_rate_hz:.0f} Hz is too low"
+
+
+def _cruising(analysis: Analysis, folded: Fold) -> Mask:
+    start, end = analysis.motion.slow_s
+    return np.asarray((folded.offset_s < start - RAMP_S) | (folded.offset_s > end + RAMP_S))
+
+
+def _braking(low: Fold) -> Mask:
+    return np.asarray(low.in_zone & ~low.in_quiet & (low.offset_s < 0.0))
+
+
 def single_strokes(course: Course) -> tuple[Array, Array] | None:
     """Offsets (m,) [s]; how far either stroke stands over the other, (2, m) [dB], minus infinity but while cruising.
 
@@ -74,12 +125,9 @@ def single_strokes(course: Course) -> tuple[Array, Array] | None:
     """
     analysis = course.analysis
     folded = analysis.folded(Band.LOW)
-    if folded is None or not course.repeats or analysis.motion.cycles < LEAST_CYCLES:
+    if folded is None or notch_hindrance(course):
         return None
-    start, end = analysis.motion.slow_s
-    cruising = (folded.offset_s < start - RAMP_S) | (folded.offset_s > end + RAMP_S)
-    if cruising.sum() < LEAST_HOPS or not _complete(folded):
-        return None
+    cruising = _cruising(analysis, folded)
     strokes = np.stack([folded.forward_db, folded.backward_db])
     other = _widened(strokes[::-1])
     single = np.where(cruising, strokes - np.maximum(other, np.median(other, axis=1, keepdims=True)), -np.inf)
@@ -90,14 +138,11 @@ def play_bump(course: Course) -> Bump | None:
     """A bump at both ends of the motion where braking begins, for there the torque changes its sign."""
     analysis = course.analysis
     low, teeth = analysis.folded(Band.LOW), _folded(analysis, *TEETH_BAND_HZ)
-    if low is None or teeth is None or len(analysis.motion.reversal_times_s) < 3 or not _complete(low):
+    if low is None or teeth is None or play_hindrance(course):
         return None
     both = 0.5 * (_widened(_both(low)) + _widened(_both(teeth)))
     outside = ~low.in_quiet
-    braking = low.in_zone & outside & (low.offset_s < 0.0)
-    if not braking.any():
-        return None
-    place = int(np.argmax(np.where(braking, both, -np.inf)))
+    place = int(np.argmax(np.where(_braking(low), both, -np.inf)))
     offset, height = float(low.offset_s[place]), float(both[place])
     rest = float(np.where(outside & (np.abs(low.offset_s - offset) > APART_S), both, -np.inf).max())
     return Bump(height - max(rest, 0.0), height, offset, 0)

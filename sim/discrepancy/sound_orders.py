@@ -17,7 +17,8 @@ from scipy.stats import binom
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from sim.axis import Axis
 from sim.chain_model import Array
-from sim.discrepancy.sound_course import Course, Mask
+from sim.discrepancy.sound_course import LEAST_CRUISES, Course, Cruise, Mask
+from sim.discrepancy.sound_impacts import NO_STANDSTILL
 from sim.discrepancy.sound_lines import TRANSFORM, gamma_limit, mesh_orders, over_surroundings
 
 BANDS_HZ = ((150.0, 800.0), (800.0, 2000.0), (2000.0, 3700.0))
@@ -26,6 +27,7 @@ HIGHEST_ORDER = 90.0
 LOWEST_ORDER, HIGHEST_BASE = 1.2, 30.0
 MULTIPLES = 8
 LEAST_MULTIPLES = 5
+LEAST_KNOWN = 2
 MAJORITY_OF = 12
 LEAST_FREE = 3
 LARGEST_POWER = 100.0  # of one cruise: none alone makes a line of the mean
@@ -44,17 +46,39 @@ class Family:
     p_value: float
 
 
+def bearing_hindrance(axis: Axis, course: Course) -> str | None:
+    """Why a bearing cannot be looked for; None where it can."""
+    if axis.stages and not mesh_orders(axis):
+        return "the description gives no tooth numbers, by which teeth are told from bearings"
+    if course.analysis.highest_hz < BANDS_HZ[0][1]:
+        return f"the sample rate of {course.analysis.recording.sample_rate_hz:.0f} Hz is too low"
+    if not course.analysis.motion.reversal_times_s:
+        return NO_STANDSTILL
+    if len(course.cruises) < LEAST_CRUISES:
+        return f"{LEAST_CRUISES} strokes at constant speed are needed and {len(course.cruises)} heard"
+    if course.speed is None:
+        return "no tooth of this axis is heard as a line, so that the speed is unknown"
+    if len(_known(course)) < LEAST_KNOWN:
+        return "the speed is known of one stroke only"
+    return None
+
+
+def _known(course: Course) -> list[tuple[Cruise, Array]]:
+    """Cruises at known speed with their spectra, but for short ones, which would blur all."""
+    known = [(c, row) for c, row in zip(course.cruises, course.spectra, strict=True) if c.turns_per_s is not None]
+    turned = [(c.turns_per_s or 0.0) * (c.end_s - c.start_s) for c, _ in known]
+    return [one for one, turns in zip(known, turned, strict=True) if turns > 0.5 * max(turned)]
+
+
 def bearing_family(axis: Axis, course: Course) -> Family | None:
     """The clearest family of lines that no gear explains; None where there is none or the speed is unknown."""
-    known = [(c, row) for c, row in zip(course.cruises, course.spectra, strict=True) if c.turns_per_s is not None]
-    turned = {id(c): (c.turns_per_s or 0.0) * (c.end_s - c.start_s) for c, _ in known}
-    known = [(c, row) for c, row in known if turned[id(c)] > 0.5 * max(turned.values())]  # a short one blurs all
-    if len(known) < 2:
+    if bearing_hindrance(axis, course):
         return None
+    known = _known(course)
     resolution = 2.0 / min(c.turns_per_s * (c.end_s - c.start_s) for c, _ in known if c.turns_per_s)
     grid: Array = np.arange(0.5, HIGHEST_ORDER, STEP, dtype=np.float64)
     kinds = [np.array([_on_orders(grid, row, c.turns_per_s or 1.0) for c, row in known])]
-    for band in BANDS_HZ:
+    for band in (one for one in BANDS_HZ if one[1] <= course.analysis.highest_hz):
         rows = [_on_orders(grid, _envelope(course, c.start_s, c.end_s, band), c.turns_per_s or 1.0) for c, _ in known]
         kinds.append(np.array(rows))
     best: Family | None = None

@@ -40,7 +40,7 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
     A family counts by all of its lines together: those of a weak defect hardly stand out one by one. A line that a
     gear explains counts for none.
     """
-    (orders, heights), (spacing_hz, over_time) = _envelopes(values, rate_hz, m, offset_s)
+    (orders, heights), (spacing_hz, over_time) = envelopes(values, rate_hz, m, offset_s)
     if orders.size == 0:
         return []
     spacing = float(orders[1])
@@ -120,7 +120,7 @@ def _of_a_comb(axis: Axis, heights: Array, order: float, spacing: float) -> bool
     return False
 
 
-def _envelopes(
+def envelopes(
     values: Array, rate_hz: float, m: Measurement, offset_s: float
 ) -> tuple[tuple[Array, Array], tuple[float, Array]]:
     """Power of the envelope over its local median, best of three bands: over the path and over time.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.chain_model import Array
 from sim.discrepancy.sound_course import Mask
@@ -21,6 +22,9 @@ LEAST_S = 2.0
 TAIL = 5.0  # a cut signal has more samples in its outermost level than any tail in the next one
 LEAST_CUT = 20
 HELD_S = 0.005
+LEAST_STEPS = 20.0  # of the recorder up to the extreme
+MOST_STILL = 0.3  # of the samples; where more repeat the last, a gap is nothing special
+HIGHEST_SHARE = 0.45  # of the sample rate
 
 
 def recording_faults(values: Array, rate_hz: float, moving: Mask | None) -> list[Heard]:
@@ -28,6 +32,24 @@ def recording_faults(values: Array, rate_hz: float, moving: Mask | None) -> list
     if values.size < LEAST_S * rate_hz or not np.ptp(values) > 0:
         return []
     return [*_clipping(values), *_lost(values, rate_hz), *_hum(values, rate_hz, moving)]
+
+
+def recording_hindrances(values: Array, rate_hz: float) -> dict[str, str]:
+    """Faults of the recording that cannot be looked for, and why."""
+    if values.size < LEAST_S * rate_hz:
+        reason = f"the recording is shorter than {LEAST_S:.0f} s"
+    elif not np.ptp(values) > 0:
+        reason = "the recording is silent"
+    else:
+        out = {}
+        if float(np.abs(values).max()) <= LEAST_STEPS * _step(values):
+            out["clipping"] = "the recording has too few steps of level"
+        if _stills(values, rate_hz)[1] > MOST_STILL:
+            out["lost_samples"] = "the recording is so coarse or so quiet that most samples do not change"
+        if max(MAINS_HZ) > HIGHEST_SHARE * rate_hz:
+            out["electrical_hum"] = f"the sample rate of {rate_hz:.0f} Hz is too low"
+        return out
+    return dict.fromkeys(("electrical_hum", "clipping", "lost_samples"), reason)
 
 
 def _step(values: Array) -> float:
@@ -46,7 +68,7 @@ def _clipping(values: Array) -> list[Heard]:
         below = edge - side * values
         outer, inner = below <= width, (below > width) & (below <= 2.0 * width)
         pairs = int((outer[1:] & outer[:-1]).sum())
-        if pairs >= LEAST_CUT and outer.sum() > TAIL * inner.sum() and edge > 20.0 * step:
+        if pairs >= LEAST_CUT and outer.sum() > TAIL * inner.sum() and edge > LEAST_STEPS * step:
             at |= outer
     if not at.any():
         return []
@@ -57,18 +79,23 @@ def _clipping(values: Array) -> list[Heard]:
 
 def _lost(values: Array, rate_hz: float) -> list[Heard]:
     """Stretches of 5 ms and more in which not one sample changes, within a recording that otherwise does."""
+    long, others = _stills(values, rate_hz)
+    share = float(long.sum()) / values.size
+    if share == 0.0 or others > MOST_STILL:
+        return []
+    text = f"{long.size} times the sound does not change at all for 5 ms or more, {share:.2%} of the recording: "
+    text += "samples are missing; check cable, driver and noise gate."
+    return [Heard("lost_samples", None, 0.97, {"fraction": (share, share, share)}, text)]
+
+
+def _stills(values: Array, rate_hz: float) -> tuple[NDArray[np.int64], float]:
+    """Lengths of long stretches without a change, in samples; share of the recording in short ones."""
     inside = np.abs(values[1:]) < 0.99 * float(np.abs(values).max())  # a cut top is another fault
     still = np.concatenate([[False], (values[1:] == values[:-1]) & inside, [False]])
     edges = np.flatnonzero(np.diff(still.astype(np.int8)))
-    lengths = edges[1::2] - edges[::2]
+    lengths = (edges[1::2] - edges[::2]).astype(np.int64)
     long = lengths >= max(16, HELD_S * rate_hz)
-    others = float(lengths[~long].sum()) / values.size
-    share = float(lengths[long].sum()) / values.size
-    if share == 0.0 or others > 0.3:
-        return []
-    text = f"{int(long.sum())} times the sound does not change at all for 5 ms or more, {share:.2%} of the recording: "
-    text += "samples are missing; check cable, driver and noise gate."
-    return [Heard("lost_samples", None, 0.97, {"fraction": (share, share, share)}, text)]
+    return lengths[long], float(lengths[~long].sum()) / values.size
 
 
 def _hum(values: Array, rate_hz: float, moving: Mask | None) -> list[Heard]:
@@ -78,7 +105,7 @@ def _hum(values: Array, rate_hz: float, moving: Mask | None) -> list[Heard]:
     spacing = rate_hz / values.size
     best: tuple[int, float, Heard] | None = None
     for mains in MAINS_HZ:
-        lines = [_line(power, spacing, mains * k, k) for k in MULTIPLES if mains * k < 0.45 * rate_hz]
+        lines = [_line(power, spacing, mains * k, k) for k in MULTIPLES if mains * k < HIGHEST_SHARE * rate_hz]
         found = [(k, *line) for k, line in zip(MULTIPLES, lines, strict=False) if line is not None]
         found = [f for f in found if _always_there(values, rate_hz, moving, f[1])]
         if len(found) < (1 if found and found[0][0] == 1 and moving is not None else 2):

@@ -1,24 +1,32 @@
-"""What a page shows of sound alone: loudness with the standstills, strokes folded, lines while cruising."""
+"""What page and report show of sound: loudness with the standstills, strokes folded, lines while cruising, orders."""
 
 from __future__ import annotations
+
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ, Band
 from casebase.signals.motion import HOP_HZ, loudness_db
 from sim.chain_model import Array
+from sim.discrepancy.panels import Panel
 from sim.discrepancy.sound import Listening
 from sim.discrepancy.sound_course import Course
-from sim.discrepancy.sound_lines import TRANSFORM, gamma_limit
-from sim.discrepancy.story import Panel
+from sim.discrepancy.sound_lines import TRANSFORM, gamma_limit, mesh_orders
+from sim.discrepancy.sound_path import LINE, envelopes
+
+if TYPE_CHECKING:
+    from sim.discrepancy.investigation import Investigation
 
 SHOWN_S, SHOWN_HZ = 20.0, 1500.0
 MEAN_HOPS = 4
+SHOWN_ORDER, ORDER_STEP = 32.0, 0.05
 REASONS = {
     "tooth_damage": "No impact in one direction of motion stands out over what good gearboxes do as well.",
     "backlash": "No impact where braking begins stands out over what good gearboxes do as well.",
     "bearing_defect": "The lines that no gear explains are too few to be a bearing's.",
 }
+SILENT = {"bearing_defect": "No family of impacts stands out of the sound at an order that no gear has."}
 
 
 def sound_panels(listened: Listening) -> tuple[list[Panel], list[Panel]]:
@@ -37,11 +45,33 @@ def sound_panels(listened: Listening) -> tuple[list[Panel], list[Panel]]:
     return overlay, [Panel(title, *labels, "stroke", folded.offset_s, lines, (low, 0.0), ((0.0, "standstill"),))]
 
 
-def sound_candidates(listened: Listening) -> list[dict[str, object]]:
-    """What was weighed and not named."""
+def sound_candidates(listened: Listening) -> list[tuple[str, str]]:
+    """What was weighed and not named, and why."""
+    return [(name, REASONS[name]) for name, _ in listened.rejected]
+
+
+def along_path(result: Investigation) -> list[Panel]:
+    """The envelope of a sound beside telemetry over the path of the motor, where bearings show; with its findings."""
+    if result.gate is None or not result.sounds:
+        return []
+    sound, axis = result.sounds[0], result.axis
+    values = np.asarray(sound.samples, dtype=np.float64)
+    offset = result.sound_offset_s
+    (orders, heights), _ = envelopes(values, sound.sample_rate_hz, result.gate.measurement, offset)
+    if not orders.size:
+        return []
+    per = max(1, round(ORDER_STEP / float(orders[1])))
+    count = int(np.searchsorted(orders, SHOWN_ORDER)) // per
+    highest = np.asarray(heights[: count * per].reshape(count, per).max(axis=1), dtype=np.float64)
+    centre: Array = (np.arange(count, dtype=np.float64) + 0.5) * per * float(orders[1])
+    lines = (("envelope of the sound", 10.0 * np.log10(np.maximum(highest, 1e-3))),)
+    bearings = [e.value for f in result.findings for e in f.parameters if f.mechanism == "bearing_defect"]
+    teeth = tuple((k * order, "teeth") for order in mesh_orders(axis) for k in (1, 2) if k * order < SHOWN_ORDER)
+    found = tuple((k * order, "bearing") for order in bearings for k in (1, 2, 3) if k * order < SHOWN_ORDER)
+    labels = ("times per turn of the motor", "over its surroundings [dB]")
+    noise = (-10.0, 10.0 * float(np.log10(LINE)))
     return [
-        {"mechanism": name, "location": None, "probability": round(p, 4), "reason": REASONS[name]}
-        for name, p in listened.rejected
+        Panel("Impacts in the sound, by order", *labels, "order", centre, lines, noise, tuple(sorted((*found, *teeth))))
     ]
 
 

@@ -56,11 +56,13 @@ def stands_out(u: Unexplained) -> bool:
 
 
 def nameless(selection: Selection, term: Term) -> Unexplained:
-    """What a term without a name has taken out of the residual of the last fit."""
+    """What a term without a name has taken out of the residual, as a share of what there was without it."""
     gain, misfit = selection.gains[term.key], selection.fit.misfit
     kind = term.mechanism.removeprefix("friction_over_").removeprefix("fixed_")
     channel = "motor_torque_nm" if term.location == "motor" else "load_position_rad"
-    return Unexplained(kind, channel, gain / misfit, gain / math.sqrt(2.0 * misfit), term.report(selection.fit.values))
+    return Unexplained(
+        kind, channel, gain / (gain + misfit), gain / math.sqrt(2.0 * misfit), term.report(selection.fit.values)
+    )
 
 
 def _frequency(channel: str, values: Array, rate_hz: float) -> Unexplained:

@@ -184,11 +184,16 @@ def probability(evidence: Evidence, weights: Weights = WEIGHTS) -> float:
 
     The more structure the best model leaves, the less adequate it is, and the likelier is something without a name.
     """
+    exists = 1.0 / (1.0 + math.exp(-existence(evidence, weights)))
+    named = exists * against_rivals(evidence.rivals, weights.overdispersion)
+    return float(np.clip(named, 0.01, weights.cap))
+
+
+def existence(evidence: Evidence, weights: Weights = WEIGHTS) -> float:
+    """Log odds that the effect is real, whichever of the names in its place it has."""
     real = (
         weights.bias
         + weights.slope * math.log(evidence.share / SHARE)
         - weights.left * math.log1p(evidence.left / FORM)
     )
-    exists = 1.0 / (1.0 + math.exp(-float(np.clip(real, -30.0, 30.0))))
-    named = exists * against_rivals(evidence.rivals, weights.overdispersion)
-    return float(np.clip(named, 0.01, weights.cap))
+    return float(np.clip(real, -30.0, 30.0))

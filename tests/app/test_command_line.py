@@ -6,10 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from app.cli import run
 from tests.app.sounds import sound
+from tests.discrepancy.telemetry_of import one_body
 from tests.live import gearcase
 
 
@@ -34,6 +36,11 @@ def test_help_names_every_verb() -> None:
     words = subprocess.run([sys.executable, "-m", "app", "--help"], capture_output=True, text=True, check=True).stdout
     for verb in ("serve", "worker", "keys", "diagnose", "cases", "evaluate", "backup", "restore", "doctor"):
         assert verb in words
+
+
+def test_help_of_an_investigation_says_which_motion_sound_alone_uses() -> None:
+    words = [sys.executable, "-m", "app", "investigate", "--help"]
+    assert "motion.period_s" in subprocess.run(words, capture_output=True, text=True, check=True).stdout
 
 
 def test_help_imports_nothing_heavy() -> None:
@@ -219,3 +226,29 @@ def test_json_of_a_fault_of_ours_is_a_document_too(data_dir: Path, monkeypatch: 
     assert done.code == 1
     assert "ZeroDivisionError: on purpose" in json.loads(done.stdout)["error"]
     assert "Traceback" in done.stderr
+
+
+def test_no_telemetry_is_dropped(tmp_path: Path) -> None:
+    """Several recordings of one axis become one document; one that is bad is named."""
+    (tmp_path / "axis.toml").write_text("[motor]\ninertia_kg_m2 = 0.3\n[load]\ninertia_kg_m2 = 0.0\n")
+    files = [tmp_path / day / "telemetry.csv" for day in ("monday", "friday")]
+    for seed, path in enumerate(files):
+        path.parent.mkdir()
+        recording = one_body(0.3, 1.0, 0.02, seed)
+        rows = np.column_stack([recording.time_s, *recording.channels.values()])[:6000]
+        header = ",".join(("time_s", *recording.channels))
+        np.savetxt(path, rows, delimiter=",", header=header, comments="")
+    words = ["investigate", "--axis", tmp_path / "axis.toml", *(w for path in files for w in ("--telemetry", path))]
+    done = gearcase(*words, "--json", "--report", tmp_path / "out.html", data_dir=tmp_path)
+    assert done.code == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert [one["name"] for one in document["recordings"]] == [str(path) for path in files]
+    assert {f["mechanism"] for f in document["findings"]} == {"coulomb_friction", "viscous_friction"}
+    assert "recording 2 of 2: candidates" in done.stderr
+    assert (tmp_path / "out.html").read_text().count("<details") == 2
+    (tmp_path / "text.csv").write_text("nothing\n1\n")
+    bad = gearcase(*words, "--telemetry", tmp_path / "text.csv", data_dir=tmp_path)
+    assert (bad.code, "text.csv: no column time_s" in bad.stderr) == (2, True)
+    sounds = [w for _ in range(3) for w in ("--sound", tmp_path / "s.wav")]
+    many = gearcase(*words, *sounds, data_dir=tmp_path)
+    assert (many.code, "3 sounds beside 2 telemetries" in many.stderr) == (2, True)

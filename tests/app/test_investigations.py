@@ -5,12 +5,16 @@ import io
 import math
 
 import httpx
+import numpy as np
 import pytest
 
-from app.investigations import get_investigation
+from app.investigations import accept, get_investigation, names_of, perform
+from casebase.axes import get_axis
+from casebase.errors import ConflictError
 from casebase.library import CaseLibrary
 from casebase.models import StoredInvestigation, now
 from tests.app.sounds import sound
+from tests.discrepancy.telemetry_of import one_body
 from tests.live import LiveServer
 
 URL = "/api/v1/investigations"
@@ -18,12 +22,12 @@ AXIS = '{"name": "asked", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_k
 DOCUMENT = {"verdict": "nothing_missing", "findings": [], "unexplained": None}
 
 
-def telemetry() -> bytes:
-    """Return two seconds of a motor that swings."""
+def telemetry(size: float = 1.0) -> bytes:
+    """Return two seconds of a motor that swings; `size`: of its torque [N m]."""
     out = io.StringIO()
     table = csv.writer(out)
     table.writerow(("time_s", "motor_torque_nm", "motor_speed_rad_s"))
-    table.writerows((number / 1000, math.cos(number / 100), math.sin(number / 100)) for number in range(2000))
+    table.writerows((number / 1000, size * math.cos(number / 100), math.sin(number / 100)) for number in range(2000))
     return out.getvalue().encode()
 
 
@@ -84,3 +88,87 @@ def test_several_sounds_are_kept_and_none_beside_telemetry(operator: httpx.Clien
     assert "3 sounds beside one telemetry" in refused.json()["detail"]
     twice = [("telemetry", ("t.csv", telemetry())) for _ in range(2)]
     assert "twice" in operator.post(URL, files=twice, data={"axis": AXIS}).json()["detail"]
+
+
+@pytest.mark.parametrize("verdict", ["named", "nothing_missing", "unnamed"])
+def test_only_what_is_named_extends_an_axis_and_its_description_stays(live_server: LiveServer, verdict: str) -> None:
+    """The first revision of an axis that is new here is what was described, the second what was found."""
+    library = CaseLibrary.open(live_server.data_dir)
+    described = {"name": f"of-{verdict}", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 1.0}}
+    extended = described | {"motor": {"inertia_kg_m2": 0.006, "coulomb_friction_n_m": 0.4}}
+    with library.transaction("test") as session:
+        row = StoredInvestigation(
+            state="done", axis=str(described["name"]), axis_document=described, inputs={}, created_by="me",
+            document={"verdict": verdict, "extended_axis": extended},
+        )  # fmt: skip
+        session.add(row)
+        session.flush()
+        if verdict != "named":
+            with pytest.raises(ConflictError, match="names nothing"):
+                accept(session, row)
+        else:
+            assert accept(session, row).revision == accept(session, row).revision == 2
+            first, second = (get_axis(session, str(described["name"]), k).document for k in (1, 2))
+            assert (first["motor"], second["motor"]) == (described["motor"], extended["motor"])
+    library.close()
+
+
+def test_several_telemetries_are_kept_in_order_with_their_sounds(
+    operator: httpx.Client, live_server: LiveServer
+) -> None:
+    files = [("telemetry", (f"{name}.csv", telemetry(size))) for name, size in (("monday", 1.0), ("friday", 2.0))]
+    files += [("sound", (f"{seed}.wav", sound(seed))) for seed in (1, 2)]
+    asked = operator.post(URL, files=files, data={"axis": AXIS}).raise_for_status().json()
+    library = CaseLibrary.open(live_server.data_dir)
+    with library.reading() as session:
+        row = get_investigation(session, asked["investigation_id"])
+    library.close()
+    assert (names_of(row, "telemetry"), names_of(row, "sound")) == (["monday.csv", "friday.csv"], ["1.wav", "2.wav"])
+
+
+def test_telemetries_that_do_not_fit_are_refused_by_name(operator: httpx.Client) -> None:
+    good = ("telemetry", ("good.csv", telemetry()))
+    for wrong, said in [
+        ([("telemetry", ("again.csv", telemetry()))], "again.csv is the same file as good.csv"),
+        ([("telemetry", ("text.csv", b"nothing\n1\n"))], "text.csv: no column time_s"),
+        ([("telemetry", ("b.csv", telemetry(2.0))), *[("sound", ("s.wav", sound(1)))] * 3], "3 sounds beside 2 telem"),
+    ]:
+        refused = operator.post(URL, files=[good, *wrong], data={"axis": AXIS})
+        assert refused.status_code == 422
+        assert said in refused.json()["detail"]
+
+
+def measured(seed: int) -> bytes:
+    """Return six seconds of one body with friction."""
+    recording = one_body(0.3, 1.0, 0.02, seed)
+    out = io.StringIO()
+    table = csv.writer(out)
+    table.writerow(("time_s", *recording.channels))
+    rows = np.column_stack([recording.time_s, *recording.channels.values()])[:6000]
+    table.writerows(rows.tolist())
+    return out.getvalue().encode()
+
+
+def test_several_telemetries_become_one_document_and_one_report(
+    operator: httpx.Client, viewer: httpx.Client, admin: httpx.Client, live_server: LiveServer
+) -> None:
+    axis = '{"name": "joined", "motor": {"inertia_kg_m2": 0.3}, "load": {"inertia_kg_m2": 0.0}}'
+    files = [("telemetry", (f"{name}.csv", measured(seed))) for name, seed in (("monday", 1), ("friday", 2))]
+    identity = operator.post(URL, files=files, data={"axis": axis}).raise_for_status().json()["investigation_id"]
+    stages: list[str] = []
+    library = CaseLibrary.open(live_server.data_dir)
+    perform(library, identity, lambda stage, _: stages.append(stage))
+    library.close()
+    assert "recording 2 of 2: candidates, round 1" in stages
+    document = viewer.get(f"{URL}/{identity}").raise_for_status().json()
+    assert [one["name"] for one in document["recordings"]] == ["monday.csv", "friday.csv"]
+    assert {f["mechanism"] for f in document["findings"]} == {"coulomb_friction", "viscous_friction"}
+    page = viewer.get(f"{URL}/{identity}/report", headers={"Accept": "text/html"}).text
+    assert page.count("<details") == 2
+    cookies = {"gearcase_key": live_server.keys["viewer"]}
+    shown = httpx.get(f"{live_server.url}/investigations/{identity}", cookies=cookies).raise_for_status().text
+    assert shown.index("<h2>Recordings</h2>") < shown.index("monday.csv") < shown.index("friday.csv")
+    stored = admin.post(f"{URL}/{identity}/accept").raise_for_status().json()
+    friction = stored["document"]["motor"]["coulomb_friction_n_m"]
+    assert friction == document["extended_axis"]["motor"]["coulomb_friction_n_m"]
+    assert friction == pytest.approx(1.0, rel=0.05)

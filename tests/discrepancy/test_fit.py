@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis, read_axis
@@ -105,6 +106,17 @@ def test_what_has_run_into_a_limit_leaves_the_others_known() -> None:
     assert held.deviation({"b": 1.0}) == pytest.approx(fit.deviation({"b": 1.0}), rel=1e-9)
 
 
+def test_fits_under_different_noise_are_compared_by_their_likelihood() -> None:
+    """Minus twice the log density of independent normal residuals, but for the logs of 2 pi."""
+    residual, guide = np.random.default_rng(2).standard_normal((2, 500))
+    for torque_sd, guide_sd in ((0.5, 2.0), (0.1, 30.0)):
+        noise = Noise.flat(torque_sd, guide_sd)
+        white = noise.whiten(residual, guide[:100])
+        density = norm.logpdf(residual, scale=torque_sd).sum() + norm.logpdf(guide[:100], scale=guide_sd).sum()
+        expected = -2.0 * density - 600.0 * np.log(2.0 * np.pi)
+        assert float(white @ white) + noise.log_scale(500, 100) == pytest.approx(expected)
+
+
 def to_and_fro(duration_s: int) -> Array:
     """Angle [rad] that goes one way for 1.5 s, rests for half a second and comes back, over and over."""
     t = np.arange(int(duration_s * RATE_HZ)) / RATE_HZ
@@ -122,18 +134,19 @@ def looked_at_closely(stretch_rad: float, release: float) -> tuple[Problem, Fit]
         }
     )
     angle = to_and_fro(30)
-    still = prepare(RATE_HZ, np.zeros(angle.size), angle, angle / 8.0)
+    rng = np.random.default_rng(8)
+    still = prepare(RATE_HZ, np.zeros(angle.size), angle, angle / 8.0 + 3e-6 * rng.standard_normal(angle.size))
     one = Problem(geared, still, Noise.flat(0.05, 1.0))
     start = {p.name: p.start for p in one.base()}
     holds = replace(nuisance_of(start), stretch_rad=(stretch_rad, 1e-9), friction_width=(release, 1e-3))
     moved = one.observer.predict(one.chain((), start), holds).torque
-    noise = 0.02 * np.random.default_rng(8).standard_normal(moved.size)
+    noise = 0.02 * rng.standard_normal(moved.size)
     return look_closely(*calibrate(Problem(geared, replace(still, torque=moved + noise), Noise.flat(0.05, 1.0))))
 
 
 def test_noise_is_that_of_rows_at_rest_after_what_friction_holds_there_is_fitted() -> None:
     """What it holds before would pass for slow noise, and hide whatever acts over whole strokes."""
-    closely, fit = looked_at_closely(0.05, 2e-5)
+    closely, fit = looked_at_closely(0.01, 2e-5)
     assert closely.measurement.rests
     rows = fit.residual[: fit.torque_rows] * (closely.measurement.moving > 0.5)
     slow = np.convolve(rows, np.ones(500) / np.sqrt(500.0), "same")[closely.measurement.moving > 0.5]
@@ -145,7 +158,7 @@ def test_rows_at_rest_say_nothing_where_friction_gives_way_by_less_than_the_enco
 
 
 def test_a_simulation_that_bursts_is_far_off_and_no_number_is_lost() -> None:
-    closely, fit = looked_at_closely(0.05, 2e-5)
+    closely, fit = looked_at_closely(0.01, 2e-5)
     burst = {**fit.values, "stages.output.damping_n_m_s_per_rad": -1e9}
     residual = closely.residual((), burst)
     assert np.isfinite(residual).all()

@@ -6,8 +6,9 @@ import math
 import numpy as np
 import pytest
 
+from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis, read_axis
-from sim.discrepancy.investigation import investigate
+from sim.discrepancy.investigation import Investigation, investigate
 from sim.discrepancy.report import html_report
 from tests.discrepancy.telemetry_of import one_body, swing
 
@@ -64,11 +65,49 @@ def test_what_has_a_fixed_frequency_and_no_name_is_unnamed() -> None:
     assert result.unexplained.numbers["frequency_hz"] == pytest.approx(17.3, abs=0.2)
 
 
+def hidden(what: str) -> Telemetry:
+    """A body with something that its description lacks."""
+    t, _, speed, _ = swing()
+    extra = {
+        "electrical_hum": 0.3 * np.sin(2 * math.pi * 50.0 * t + 0.7),
+        "friction_asymmetry": 0.006 * np.abs(speed),
+        "stribeck_friction": 0.6 * np.exp(-((speed / 6.0) ** 2)) * np.tanh(speed / 0.01),
+        "time_delay": 0.0 * t,
+    }[what]
+    telemetry = one_body(0.3, 1.0, 0.02, 5, extra=extra)
+    if what != "time_delay":
+        return telemetry
+    channels = dict(telemetry.channels)
+    channels["motor_torque_nm"] = np.interp(t - 3e-3, t, channels["motor_torque_nm"])
+    return Telemetry(t, channels)
+
+
+def again(axis: Axis, telemetry: Telemetry) -> tuple[Investigation, Investigation]:
+    """What is found, and what is found once that is described."""
+    first = investigate(axis, telemetry)
+    return first, investigate(read_axis(json.loads(json.dumps(first.document()["extended_axis"]))), telemetry)
+
+
 def test_the_extended_axis_leaves_nothing_to_find() -> None:
-    telemetry = one_body(0.3, 1.0, 0.02, 5)
-    first = investigate(axis(coulomb=0.0, viscous=0.0), telemetry)
-    again = investigate(read_axis(first.document()["extended_axis"]), telemetry)  # type: ignore[arg-type]
-    assert again.verdict == "nothing_missing"
+    first, second = again(axis(coulomb=0.0, viscous=0.0), one_body(0.3, 1.0, 0.02, 5))
+    assert (first.verdict, second.verdict) == ("named", "nothing_missing")
+
+
+@pytest.mark.parametrize("what", ["electrical_hum", "friction_asymmetry", "stribeck_friction", "time_delay"])
+def test_what_is_described_is_not_found_again(what: str) -> None:
+    first, second = again(axis(), hidden(what))
+    assert [f.mechanism for f in first.findings] == [what]
+    assert (second.verdict, second.findings) == ("nothing_missing", ())
+    assert second.gain[0].rms_before == pytest.approx(first.gain[0].rms_after, rel=0.05)
+
+
+def test_nothing_is_said_of_a_model_that_does_not_reach_the_measurement() -> None:
+    """A torque that mostly has nothing to do with the motion: whatever the fit, nothing may be called complete."""
+    t, _, _, _ = swing()
+    pushes = np.convolve(np.random.default_rng(1).standard_normal(t.size), np.ones(50) / math.sqrt(50.0), "same")
+    result = investigate(axis(), one_body(0.3, 1.0, 0.02, 9, extra=40.0 * pushes))
+    assert result.verdict == "unnamed"
+    assert any("does not reach" in remark for remark in result.remarks)
 
 
 def test_the_same_bytes_give_the_same_document_of_finite_numbers() -> None:
@@ -92,7 +131,7 @@ def test_the_same_bytes_give_the_same_document_of_finite_numbers() -> None:
 def test_the_report_is_one_file_that_loads_nothing() -> None:
     page = html_report(investigate(axis(coulomb=0.0), one_body(0.3, 1.0, 0.02, 5)))
     assert "<svg" in page
-    assert "coulomb_friction" in page
+    assert "coulomb friction" in page
     assert "slower than 0.71 rad/s did not count" in page  # 1.2 % of the largest speed
     assert "<script" not in page
     assert 'src="http' not in page

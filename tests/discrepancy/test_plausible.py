@@ -125,3 +125,20 @@ def test_an_angle_that_is_cut_at_each_turn_is_to_be_unwrapped(turn: float) -> No
     angle = np.mod(GOOD["motor_position_rad"] * turn / (2 * np.pi), turn)
     with pytest.raises(InvestigationError, match="unwrap"):
         gate(telemetry=replace(GOOD, channels={**GOOD.channels, "motor_position_rad": angle}))
+
+
+@pytest.mark.parametrize(("stiffness", "refused"), [(4e4, False), (8e4, False), (4e7, True)])
+def test_a_coupling_without_gears_is_held_against_both_encoders(stiffness: float, refused: bool) -> None:
+    direct = read_axis(
+        {
+            "motor": {"inertia_kg_m2": 0.15, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.02},
+            "transmission": {"stiffness_n_m_per_rad": stiffness},
+            "load": {"inertia_kg_m2": 0.5},
+        }
+    )
+    telemetry = geared(0.15, 1.0, 0.5, 4e4, 3)
+    if refused:
+        with pytest.raises(InvestigationError, match="transmission"):
+            examine(direct, telemetry)
+    else:
+        assert examine(direct, telemetry).faults == ()

@@ -102,7 +102,7 @@ def test_a_torque_that_drops_to_zero_is_lost(rows: int) -> None:
     gate = examine(AXIS, changed(motor_torque_nm=torque))
     (fault,) = gate.faults
     assert (fault.mechanism, fault.location) == ("lost_samples", "motor")
-    assert fault.parameters["fraction"] == pytest.approx(rows / GOOD.rows)
+    assert fault.parameters["fraction"] == pytest.approx(rows / GOOD.rows, abs=1.5 / GOOD.rows)  # one lies half in
     at = np.abs(gate.measurement.time_s - (ROW + 0.5 * rows) / 1000) < 0.4 * rows / 1000
     assert not gate.measurement.weight[at].any()
 
@@ -111,7 +111,7 @@ def test_a_torque_that_drops_to_zero_is_lost(rows: int) -> None:
 @pytest.mark.parametrize("zero", [True, False])
 def test_an_encoder_that_stays_for_a_while_is_lost_and_has_not_slipped(channel: str, zero: bool) -> None:
     values = GOOD[channel].copy()
-    fast = int(np.argmax(np.gradient(values)))
+    fast = 1000 + int(np.argmax(np.gradient(values)[1000:-1000]))
     values[fast : fast + 60] = 0.0 if zero else values[fast]
     assert {f.mechanism for f in faults(**{channel: values})} == {"lost_samples"}
 

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from casebase.signals.motion import Motion
 from casebase.signals.recording import Recording
-from sim.axis import read_axis
+from sim.axis import Axis, read_axis
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.measurement import Measurement, prepare
 from sim.discrepancy.report import html_report
 from sim.discrepancy.sound import Listening, beside, listen, listen_alone
+from sim.discrepancy.sound_course import contradiction_of
 from sim.discrepancy.sound_evidence import Heard, probability
+from sim.discrepancy.sound_match import mismatch
 from sim.discrepancy.story import story
 
 Array = NDArray[np.float64]
@@ -201,6 +205,128 @@ def test_the_document_says_what_is_out_of_reach_and_is_the_same_each_time() -> N
     assert first == second
     assert first["verdict"] == "nothing_missing"
     assert "friction" in str(first["remarks"])
+    assert first["examined"] == ALL
+    assert "coulomb_friction" in str(first["not_examined"])
+
+
+ALL = ["electrical_hum", "clipping", "lost_samples", "tooth_damage", "backlash", "bearing_defect"]
+
+
+def test_what_was_not_examined_is_said_first_with_its_reason() -> None:
+    steady = 0.05 * np.random.default_rng(21).standard_normal(TIME.size)
+    result = investigate(AXIS, None, recording(steady))
+    assert result.examined == ("electrical_hum", "clipping", "lost_samples")
+    assert {result.not_examined[name] for name in ALL[3:]} == {"no standstill is heard"}
+    said = "Examined: hum, clipping, lost samples. Not examined: tooth damage, play, bearing defect, because no standst"
+    assert result.remarks[0].startswith(said)
+
+
+def test_of_one_second_nothing_was_examined() -> None:
+    assert investigate(AXIS, None, recording(running(22)[:RATE])).remarks[0].startswith("Examined: nothing. ")
+
+
+def test_without_tooth_numbers_no_bearing_and_without_gears_no_tooth_was_examined() -> None:
+    ratios = replace(AXIS, stages=tuple(replace(s, driver_teeth=None, driven_teeth=None) for s in AXIS.stages))
+    sound = recording(running(23))
+    assert list(investigate(ratios, None, sound).examined) == ALL[:-1]
+    assert "tooth numbers" in investigate(ratios, None, sound).not_examined["bearing_defect"]
+    direct = replace(AXIS, stages=())
+    assert investigate(direct, None, sound).not_examined["tooth_damage"] == "the axis has no gear"
+
+
+def test_a_slow_recorder_lets_no_bearing_be_looked_for() -> None:
+    slow = recording(running(23)).resampled(1500.0)
+    assert "1500 Hz is too low" in investigate(AXIS, None, slow).not_examined["bearing_defect"]
+
+
+def with_motion(**numbers: float) -> Axis:
+    return read_axis({**AXIS.to_mapping(), "motion": numbers})
+
+
+@pytest.mark.parametrize("period_s", [10.0 * PERIOD_S, 2.1])
+def test_a_wrong_described_period_silences_nothing_and_is_said(period_s: float) -> None:
+    sound = recording(with_impacts(running(5), passes(0.4, True)))
+    result = investigate(with_motion(period_s=period_s), None, sound)
+    assert result.findings == investigate(AXIS, None, sound).findings
+    assert f"period of {period_s:g} s" in result.remarks[1]
+    assert "one of 4 s" in result.remarks[1]
+
+
+def test_a_described_period_that_fits_is_used_without_a_word() -> None:
+    sound = recording(with_impacts(running(5), passes(0.4, True)))
+    result = investigate(with_motion(period_s=PERIOD_S), None, sound)
+    assert [f.mechanism for f in result.findings] == ["tooth_damage"]
+    assert "period" not in " ".join(result.remarks)
+
+
+def test_a_described_period_is_held_against_standstills_that_do_not_repeat() -> None:
+    heard = Motion(reversal_times_s=(1.0, 2.5, 7.0, 8.2, 14.0))
+    assert "do not repeat" in str(contradiction_of(9.0, heard, 16.0))
+    uneven = Motion(reversal_times_s=(1.0, 2.5, 5.0, 6.5, 9.0, 10.5, 12.1))
+    assert contradiction_of(4.0, uneven, 14.0) is None
+    two = Motion(reversal_times_s=(1.0, 3.5))
+    assert contradiction_of(4.0, two, 6.0) is None
+    assert "too few" in str(contradiction_of(1.0, two, 6.0))
+
+
+def test_where_the_sound_does_not_tell_the_stage_text_and_document_say_so() -> None:
+    starts = np.flatnonzero(np.diff((np.abs(LOAD_SPEED) >= 0.999 * SPEED_RAD_S).astype(int)) < 0)
+    (found,) = investigate(AXIS, None, recording(with_impacts(running(7), TIME[starts]))).findings
+    assert (found.location, found.elsewhere) == ("output", ("transfer",))
+    assert "this sound does not tell output from transfer" in found.explanation
+    (told,) = investigate(AXIS, None, recording(with_impacts(running(5), passes(0.4, True)))).findings
+    assert (told.location, told.elsewhere) == ("output", ())
+    assert "not certain" not in told.explanation
+
+
+def test_which_recordings_show_a_fault_is_said_and_that_the_others_do_not() -> None:
+    ill, good = recording(with_impacts(running(11), passes(0.4, True))), recording(running(13))
+    result = investigate(AXIS, None, [replace(ill, name="ill.wav"), replace(good, name="good.wav")])
+    assert result.findings[0].explanation.endswith("Heard in 1 of 2 recordings: ill.wav. Not heard in good.wav.")
+    assert "would be named by ill.wav alone, but is not heard in good.wav" in " ".join(result.remarks)
+    (unnamed,) = investigate(AXIS, None, [good, ill]).findings
+    assert "Heard in 1 of 2 recordings: the second. Not heard in the first." in unnamed.explanation
+
+
+def test_what_many_recordings_outvote_is_still_said() -> None:
+    ill = recording(with_impacts(running(11), passes(0.4, True)))
+    result = investigate(AXIS, None, [ill, *(recording(running(seed)) for seed in range(30, 38))])
+    assert result.findings == ()
+    assert "tooth damage would be named by the first alone" in " ".join(result.remarks)
+
+
+def test_a_recording_in_which_a_fault_cannot_be_heard_does_not_speak_against_it() -> None:
+    ill = recording(with_impacts(running(11), passes(0.4, True)))
+    short = recording(running(12)[: 2 * RATE])
+    (alone,), (both,) = (investigate(AXIS, None, sounds).findings for sounds in ([ill], [ill, short]))
+    assert both.probability == alone.probability
+    assert "Could not be looked for in the second." in both.explanation
+
+
+def test_a_copy_is_no_more_evidence() -> None:
+    ill = recording(with_impacts(running(11), passes(0.4, True)))
+    once, twice = investigate(AXIS, None, [ill]), investigate(AXIS, None, [ill, ill])
+    assert twice.findings == once.findings
+    assert "Copies count once: 1 of 2 recordings are left." in twice.remarks
+
+
+def test_recordings_that_differ_plainly_are_asked_whether_they_are_of_one_axis() -> None:
+    sound = recording(running(13))
+    quieter = recording(0.1 * running(14))
+    alike = " ".join(hear(running(13), running(14)).remarks)
+    assert "differ in" not in alike
+    assert "differ in level" in " ".join(listen_alone(AXIS, [sound, quieter]).remarks)
+    assert "differ in sample rate" in " ".join(listen_alone(AXIS, [sound, sound.resampled(16000.0)]).remarks)
+
+
+def test_a_sound_of_another_motion_is_asked_whether_it_belongs_to_the_telemetry() -> None:
+    sound = recording(running(16))
+    assert mismatch(sound, measured(0.0), 0.0) == ()
+    (shifted,) = mismatch(sound, measured(0.0), 0.7)
+    assert "with an offset of 0.0" in shifted or "with an offset of -0.0" in shifted
+    slower = replace(sound, sample_rate_hz=1.4 * RATE)
+    assert "are they of the same motion" in str(mismatch(slower, measured(0.0), 0.0))
+    assert mismatch(recording(np.random.default_rng(3).standard_normal(TIME.size)), measured(0.0), 0.0) == ()
 
 
 def test_the_report_shows_what_was_heard() -> None:

@@ -160,3 +160,15 @@ def test_a_stage_without_stiffness_is_stiff() -> None:
     axis = replace(read_axis(PLAIN), stages=(Stage("output", ratio=10),))
     assert axis.stiffness() == (None,)
     assert shafts(axis) == {"motor": 0.006, "load": 40}
+
+
+def test_a_motion_that_was_described_by_defaults_stays_described() -> None:
+    plain = {"motor": {"inertia_kg_m2": 0.6}, "load": {"inertia_kg_m2": 20}}
+    described = read_axis({**plain, "motion": {"period_s": 2.1}})
+    again = read_axis(described.to_mapping())
+    assert again == described == read_axis(plain)
+    assert again.describes_motion("period_s")
+    assert not again.describes_motion("load_speed_rad_s")
+    assert not read_axis(plain).describes_motion("period_s")
+    with pytest.raises(AxisError, match="motion_keys: unknown key"):
+        read_axis({**plain, "motion_keys": ["period_s"]})

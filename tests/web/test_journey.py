@@ -194,10 +194,11 @@ def test_better_model_is_accepted_once(opened: Opened, site: Site) -> None:
     path = f"/investigations/{site.investigation}"
     with opened("admin", path) as page:
         expect(page.get_by_role("heading", level=1)).to_have_text("Missing in the model: friction asymmetry at motor")
-        for title in ("Motor torque: measured and simulated", "Motor torque: what is left", "By speed and direction"):
+        for title in ("Motor torque: measured and simulated", "Motor torque: what is left", "Motor torque by speed"):
             page.get_by_role("region", name=title).scroll_into_view_if_needed()
             expect(page.get_by_role("region", name=title).locator("[data-ready] canvas")).to_be_visible()
         expect(page.get_by_role("region", name="Motor torque: what is left").get_by_text("noise floor")).to_be_visible()
+        expect(page.get_by_role("heading", name="Not examined")).to_be_visible()
         page.get_by_role("button", name="Accept as new revision").click()
         page.wait_for_url("**/axes/one*body")
         expect(page.get_by_text("Revision 1,")).to_be_visible()

@@ -1,10 +1,13 @@
 """The panels of an investigation show an effect where it was put, and that the better model takes it away."""
 
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 
+import app
+from app.web.story import candidates_of
 from sim.axis import read_axis
 from sim.discrepancy.investigation import Investigation, investigate
 from sim.discrepancy.story import story
@@ -31,7 +34,7 @@ def rising() -> dict[str, Any]:
 
 
 def test_friction_lives_at_its_speed_and_is_taken_away(rising: dict[str, Any]) -> None:
-    found, lines = panel(rising, "residual", "By speed and direction")
+    found, lines = panel(rising, "residual", "Motor torque by speed and direction")
     speed = np.abs(np.array(found["x"]))
     before, after = lines["description, calibrated"], lines["with what was found"]
     assert speed[np.nanargmax(before)] < 6.0
@@ -62,9 +65,17 @@ def test_a_line_stands_at_its_frequency_above_the_floor() -> None:
     """A torque of 0.3 N m at 37 Hz that nothing names: 10 log10(0.3² / 2 / 0.75 Hz) in the spectrum of what is left."""
     time, *_ = swing()
     told = story(investigated(0.3 * np.sin(2 * np.pi * 37.0 * time), 8))
-    found, lines = panel(told, "overlay", "Spectrum: what is left")
+    found, lines = panel(told, "overlay", "Motor torque, spectrum: what is left")
     left = lines["description, calibrated"]
     at = int(np.nanargmax(left))
     assert found["x"][at] == pytest.approx(37.0, abs=0.5)
     assert left[at] == pytest.approx(10 * np.log10(0.3**2 / 2 / 0.75), abs=2.0)
     assert left[at] > lines["noise floor"][at] + 10
+
+
+def test_an_older_document_shows_no_probability_of_what_was_rejected() -> None:
+    kept = {"mechanism": "backlash", "location": "output", "probability": 1.0, "reason": "It explains nothing."}
+    (candidate,) = candidates_of({"story": {"candidates": [kept]}})
+    assert (candidate["explains"], candidate["needed"], candidate["instead_of"]) == (None, None, None)
+    template = (Path(app.__file__).parent / "web" / "templates" / "investigation.html").read_text()
+    assert "one.probability" not in template

@@ -59,7 +59,7 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
         for name in ("telemetry", "sound")
     )
     with service.library.transaction(principal.actor) as session:
-        row = submit(service.library, session, axis, telemetry[0] if telemetry else None, sounds)
+        row = submit(service.library, session, axis, telemetry, sounds)
         identity = row.id
     jobs.submit(KIND, {"investigation_id": identity}, job_id=identity, submitted_by=principal.actor)
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/jobs/{identity}", status_code=303)
@@ -78,7 +78,10 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "unexplained": unexplained_words(document["unexplained"]) if document.get("unexplained") else None,
         "overlay": panels_of(document, "overlay"),
         "residual": panels_of(document, "residual"),
+        "sound": panels_of(document, "sound"),
         "candidates": candidates_of(document),
+        "checked": document.get("story", {}).get("checked", ()),
+        "not_examined": document.get("story", {}).get("not_examined", ()),
     }
     return render(request, "investigation.html", context, principal=principal, section=SECTION)
 

@@ -1,0 +1,159 @@
+"""What each of several recordings of an axis says of a name that any of them gave."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from sim.discrepancy.criteria import TEMPERATURE
+from sim.discrepancy.fit import Fit
+from sim.discrepancy.investigation import (
+    FORM_SHARE,
+    INFLATION,
+    SAID,
+    Finding,
+    Investigation,
+)
+from sim.discrepancy.pooling import PRIOR, Name, Saying, against, existence, logit, probability, silent
+from sim.discrepancy.selection import all_rows
+from sim.discrepancy.sound_evidence import SILENT
+from sim.discrepancy.terms import Term
+from sim.discrepancy.weighing import Standing, log_odds
+from sim.discrepancy.weighing import existence as exists_in
+from sim.discrepancy.weights import WEIGHTS
+
+CLOSE = math.log(3.0)  # log odds below which another name may well be meant
+OWN = ("torque_offset", "time_delay", "electrical_hum", "clipping", "lost_samples")  # of a recording, not of the axis
+
+
+def name_of(mechanism: str, location: str | None, numbers: Mapping[str, float]) -> Name:
+    return Name(mechanism, location, numbers.get("order") if mechanism == "torque_ripple" else None)
+
+
+def called(finding: Finding) -> Name:
+    return name_of(finding.mechanism, finding.location, {e.name: e.value for e in finding.parameters})
+
+
+def term_name(term: Term, values: Mapping[str, float]) -> Name:
+    order = term.report(values).get("order") if term.mechanism == "torque_ripple" else None
+    return Name(term.mechanism, term.location, order)
+
+
+def said_by(result: Investigation, name: Name) -> Finding | None:
+    return next((f for f in result.findings if called(f) == name), None)
+
+
+def shows(result: Investigation, name: Name) -> bool:
+    finding = said_by(result, name)
+    return finding is not None and finding.probability >= SAID
+
+
+def _standings(result: Investigation) -> dict[Name, Standing]:
+    """Of the names that telemetry gave."""
+    selection = result.weighed
+    if selection is None:
+        return {}
+    return {term_name(t, selection.fit.values): selection.standings[t.key] for t in selection.found}
+
+
+def found_at(results: Sequence[Investigation], name: Name) -> tuple[Term, Fit] | None:
+    """Where the recording that gains most by it found it: the term and its fit."""
+    best: tuple[float, Term, Fit] | None = None
+    for selection in (result.weighed for result in results):
+        for term in selection.found if selection else ():
+            gain = selection.gains[term.key] if selection else 0.0
+            if selection and term_name(term, selection.fit.values) == name and (best is None or gain > best[0]):
+                best = (gain, term, selection.fit)
+    return None if best is None else best[1:]
+
+
+@dataclass(frozen=True)
+class Weighed:
+    """What all recordings say of a name; `sayings` in their order, `elsewhere`: places that explain them as well."""
+
+    probability: float
+    indistinguishable_from: tuple[str, ...]
+    elsewhere: tuple[str, ...]
+    sayings: tuple[Saying, ...]
+
+
+def weighed(results: Sequence[Investigation]) -> dict[Name, Weighed]:
+    """Every name that any recording gave; of names for one effect that nothing tells apart, the better founded."""
+    names = list(dict.fromkeys(called(f) for result in results for f in result.findings))
+    sayings = {name: [_saying(result, name, results) for result in results] for name in names}
+    rivals = {name: against(sayings[name]) for name in names}
+    out: dict[Name, Weighed] = {}
+    for name in names:
+        given = [finding for result in results if (finding := said_by(result, name))]
+        weighed_too = {r.mechanism for r in rivals[name]}
+        alike = dict.fromkeys(m for f in given for m in f.indistinguishable_from if m not in weighed_too)
+        near = [r for r, odds in rivals[name].items() if abs(odds) < CLOSE]
+        told = tuple([*alike, *sorted({r.mechanism for r in near} - {name.mechanism})][:2])
+        better = [r for r in names if rivals[name].get(r, 0.0) < 0.0]
+        if any(r.mechanism in (name.mechanism, *told) for r in better):
+            continue
+        counted = [odds for r, odds in rivals[name].items() if r.mechanism not in (name.mechanism, *told)]
+        places = tuple(r.location for r in near if r.mechanism == name.mechanism and r.location)
+        p = probability(existence(sayings[name]), counted, [f.probability for f in given])
+        out[name] = Weighed(p, told, places, tuple(sayings[name]))
+    return out
+
+
+def _saying(result: Investigation, name: Name, results: Sequence[Investigation]) -> Saying:
+    """What a recording says of `name`."""
+    finding = said_by(result, name)
+    standings = _standings(result)
+    values = {} if result.weighed is None else result.weighed.fit.values
+    if finding is not None:
+        if finding.evidence is None or name not in standings:  # by sound
+            return Saying(logit(finding.probability) - PRIOR)
+        return Saying(exists_in(finding.evidence) - PRIOR, _beaten(standings[name], values))
+    for other, standing in standings.items():
+        beaten = _beaten(standing, values)
+        given = said_by(result, other)
+        if name in beaten and given is not None and given.evidence is not None:
+            return Saying(exists_in(given.evidence) - PRIOR, {other: -beaten[name]})
+    if name.mechanism in OWN:  # another recording knows nothing of it
+        return Saying(0.0)
+    found = found_at(results, name)
+    if found is None:  # heard only
+        return Saying(math.log(SILENT) if result.provenance["sound_sha256"] else 0.0)
+    return Saying(_asked(result, *found))
+
+
+def instead(result: Investigation, wrong: Iterable[Name]) -> set[Name]:
+    """What a recording tried in place of the names `wrong` that it gave."""
+    standings = _standings(result)
+    values = {} if result.weighed is None else result.weighed.fit.values
+    return {rival for name in wrong if name in standings for rival in _beaten(standings[name], values)}
+
+
+def _beaten(standing: Standing, values: Mapping[str, float]) -> dict[Name, float]:
+    """Log odds of a name against each of its rivals."""
+    return {
+        term_name(r, {p.name: p.start for p in r.parameters} | dict(values)): log_odds(t, WEIGHTS.overdispersion)
+        for r, t in standing.rivals
+    }
+
+
+def _asked(result: Investigation, term: Term, fit: Fit) -> float:
+    """Log odds for `term` from a recording that has to take it as it stands in `fit`, the fit of another."""
+    selection = result.weighed
+    if selection is None:
+        return 0.0
+    problem, own = selection.problem, selection.fit
+    if term.contact and not problem.measurement.told.all():
+        problem, own = all_rows(problem, own)
+    spread = fit.deviations()
+    held = tuple(
+        replace(p, start=v, centre=v, spread=max(INFLATION * spread[p.name], FORM_SHARE * abs(v), 1e-300))
+        for p in term.parameters
+        for v in [fit.values[p.name]]
+    )
+    name = term_name(term, fit.values)
+    rest = tuple(t for t in own.terms if term_name(t, own.values) != name)
+    without = own if len(rest) == len(own.terms) else problem.best(rest, [(own.values, own.sensitivities)])
+    start = {**own.values, **{p.name: p.start for p in held}}
+    with_it = problem.best((*rest, replace(term, parameters=held)), [(start, own.sensitivities)])
+    return silent(without.cost - with_it.cost, TEMPERATURE) if without and with_it else 0.0

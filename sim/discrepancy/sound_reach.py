@@ -1,0 +1,88 @@
+"""What recordings without telemetry let be looked for, what not, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from casebase.signals.recording import Recording
+from sim.axis import Axis
+from sim.discrepancy.sound_course import Course
+from sim.discrepancy.sound_impacts import notch_hindrance, play_hindrance
+from sim.discrepancy.sound_orders import bearing_hindrance
+from sim.discrepancy.sound_recording import recording_hindrances
+from sim.mechanisms import MECHANISMS
+
+WORDS: Mapping[str, str] = {
+    "electrical_hum": "hum",
+    "clipping": "clipping",
+    "lost_samples": "lost samples",
+    "tooth_damage": "tooth damage",
+    "backlash": "play",
+    "bearing_defect": "bearing defect",
+}
+"""What sound alone can show."""
+
+ALWAYS_HEARD = ("mesh_error", "eccentricity", "structural_resonance")
+NO_GEAR = "the axis has no gear"
+AS_NEW = "every axis sounds of it, and one recording does not tell what is as new"
+UNTOLD = "sound alone does not tell it"
+
+
+@dataclass(frozen=True)
+class Reach:
+    """`examined` in one recording at least; `not_examined`: to the reason; `partly`: in how many, where not in all."""
+
+    examined: tuple[str, ...]
+    not_examined: Mapping[str, str]
+    partly: Mapping[str, int]
+    recordings: int
+
+    def sentence(self) -> str:
+        """Both in words, as the first remark.
+
+        >>> Reach(("clipping",), {"backlash": "no standstill is heard"}, {}, 1).sentence()[:67]
+        'Examined: clipping. Not examined: play, because no standstill is he'
+        """
+        partly = {name: f" (in {count} of {self.recordings} recordings)" for name, count in self.partly.items()}
+        examined = ", ".join(f"{WORDS[name]}{partly.get(name, '')}" for name in self.examined)
+        together: dict[str, list[str]] = {}
+        for name, reason in self.not_examined.items():
+            if name in WORDS:
+                together.setdefault(reason, []).append(WORDS[name])
+        parts = [f"{', '.join(names)}, because {reason}" for reason, names in together.items()]
+        parts.append("friction, stiffness, loads, offsets and delays, because they cannot be heard")
+        parts.append(
+            "errors of teeth, runout and resonances, because every axis sounds of them, and one recording does not "
+            "tell what is as new"
+        )
+        return f"Examined: {examined or 'nothing'}. Not examined: {'; '.join(parts)}."
+
+
+def reach(axis: Axis, sounds: Sequence[Recording], courses: Sequence[Course]) -> Reach:
+    """What all recordings together let be looked for."""
+    each = [_hindrances(axis, sound, course) for sound, course in zip(sounds, courses, strict=True)]
+    examined, partly, not_examined = [], {}, {}
+    for name in WORDS:
+        reasons = [hindrances[name] for hindrances in each if name in hindrances]
+        if len(reasons) == len(each):
+            not_examined[name] = ", or ".join(dict.fromkeys(reasons))
+            continue
+        examined.append(name)
+        if reasons:
+            partly[name] = len(each) - len(reasons)
+    rest = {name: AS_NEW if name in ALWAYS_HEARD else UNTOLD for name in sorted(MECHANISMS) if name not in WORDS}
+    return Reach(tuple(examined), {**not_examined, **rest}, partly, len(each))
+
+
+def _hindrances(axis: Axis, sound: Recording, course: Course) -> dict[str, str]:
+    values = np.asarray(sound.samples, dtype=np.float64)
+    of_machine = {
+        "tooth_damage": notch_hindrance(course) if axis.stages else NO_GEAR,
+        "backlash": play_hindrance(course) if axis.stages else NO_GEAR,
+        "bearing_defect": bearing_hindrance(axis, course),
+    }
+    told = {name: reason for name, reason in of_machine.items() if reason is not None}
+    return {**recording_hindrances(values, sound.sample_rate_hz), **told}

@@ -1,0 +1,129 @@
+"""Numbers as a technician reads them: as many digits as their interval deserves, angles also in degrees."""
+
+from __future__ import annotations
+
+import math
+
+NO_BREAK, MINUS = "\N{NO-BREAK SPACE}", "\N{MINUS SIGN}"
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+SMALL = 1e-4  # below, powers of ten
+UNITS = {"kg m2": "kg m²", "1/rad2": "1/rad²", "1": ""}
+WORDS = {
+    "gap_rad": "width of the play",
+    "depth_rad": "depth",
+    "width_rad": "width",
+    "angle_rad": "angle of the gear",
+    "angle_from_middle_rad": "angle from the middle of the travel",
+    "flank": "flank",
+    "cubic_per_rad2": "hardening",
+    "rate_per_s": "change of friction per second",
+    "fraction": "share",
+    "order": "times per turn of the motor",
+    "torque_n_m": "torque",
+    "share": "share of the load's inertia",
+    "motor_torque_nm": "motor torque",
+    "load_torque_nm": "torque lacking at the load",
+    "load_position_rad": "load's motion",
+}
+ENDINGS = ("_n_m_s_per_rad", "_n_m_per_rad", "_kg_m2", "_rad_s", "_n_m", "_nm", "_rad", "_hz", "_s")
+
+
+def words_of(name: str) -> str:
+    """Name of a parameter or a channel in words; its unit stands beside its value.
+
+    >>> words_of("stages.output.stiffness_n_m_per_rad"), words_of("gap_rad")
+    ('output: stiffness', 'width of the play')
+    """
+    if name in WORDS:
+        return WORDS[name]
+    ending = next((one for one in ENDINGS if name.endswith(one)), "")
+    *place, last = name.removesuffix(ending).removeprefix("stages.").split(".")
+    return ": ".join([*place, last]).replace("_", " ")
+
+
+def unit_in_words(unit: str) -> str:
+    """A unit with its powers raised; nothing for 1."""
+    return UNITS.get(unit, unit)
+
+
+def number(value: float, half: float = 0.0) -> str:
+    """`value` to the digits that `half`, its uncertainty, leaves it, or to three where that is not known.
+
+    >>> number(0.0011912, 0.00009), number(152712.0, 1200.0), number(39.44)
+    ('0.00119', '152\\u202f700', '39.4')
+    >>> number(1.832e-5, 2e-6), number(0.0)
+    ('1.83 × 10⁻⁵', '0')
+    """
+    if value == 0.0 and half == 0.0:
+        return "0"
+    size = max(abs(value), half)
+    if size < SMALL:
+        power = math.floor(math.log10(size))
+        return f"{number(value / 10.0**power, half / 10.0**power)} × 10{str(power).translate(RAISED)}"
+    last = math.floor(math.log10(half / 3.0)) if half > 0.0 else math.floor(math.log10(abs(value))) - 2
+    last = max(last, math.floor(math.log10(size)) - 4)  # nobody reads more
+    text = f"{round(value, -last):,.{max(-last, 0)}f}".replace(",", "\N{NARROW NO-BREAK SPACE}")
+    return text.replace("-", MINUS)
+
+
+def interval(low: float, high: float) -> str:
+    """Both ends with the digits of their distance; a dash where there is none.
+
+    >>> interval(0.0011, 0.00128), interval(1.0, 1.0)
+    ('0.00110 to 0.00128', '–')
+    """
+    half = 0.5 * (high - low)
+    return f"{number(low, half)} to {number(high, half)}" if half > 0.0 else "–"
+
+
+def angle(value_rad: float, half_rad: float = 0.0) -> str:
+    """An angle in degrees, or in minutes of arc where it is small.
+
+    >>> angle(2.7, 0.001), angle(0.0012, 0.0001), angle(2e-5)
+    ('154.70°', '4.1\\xa0arc min', '4.13\\xa0arc s')
+    """
+    degrees, half = math.degrees(value_rad), math.degrees(half_rad)
+    if max(abs(degrees), half) >= 0.2:
+        return f"{number(degrees, half)}°"
+    if abs(degrees) >= 0.2 / 60.0:
+        return f"{number(60.0 * degrees, 60.0 * half)}{NO_BREAK}arc min"
+    return f"{number(3600.0 * degrees, 3600.0 * half)}{NO_BREAK}arc s"
+
+
+def percent(share: float, digits: int = 0) -> str:
+    """A share in per cent.
+
+    >>> percent(0.95), percent(-0.024, 1)
+    ('95\\xa0%', '−2.4\\xa0%')
+    """
+    return f"{100.0 * share:.{digits}f}{NO_BREAK}%".replace("-", MINUS)
+
+
+def changed(before: float, after: float, digits: int = 0) -> str:
+    """By what share something has changed, with its sign.
+
+    >>> changed(2.0, 3.0), changed(2.0, 1.0)
+    ('+50\\xa0%', '−50\\xa0%')
+    """
+    share = after / before - 1.0
+    return f"{'+' if share > 0.0 else ''}{percent(share, digits)}"
+
+
+def sure(probability: float) -> str:
+    """A probability in words.
+
+    >>> sure(0.95), sure(0.66)
+    ('very likely', 'more likely than not')
+    """
+    steps = ((0.9, "very likely"), (0.75, "likely"), (0.5, "more likely than not"))
+    return next((text for least, text in steps if probability >= least), "only suspected")
+
+
+def named(mechanism: str, location: str | None = None) -> str:
+    """A mechanism and where it sits.
+
+    >>> named("tooth_damage", "output")
+    'tooth damage at output'
+    """
+    name = mechanism.replace("_", " ")
+    return f"{name} at {location}" if location else name
