@@ -173,7 +173,8 @@ def _held_back(angle: Array) -> Rows:
         last = rows.stop - 1
         if rows.start < REACH_ROWS or last + REACH_ROWS >= steps.size:
             continue  # a record may begin before the motion does, and end after it
-        around = np.concatenate([steps[rows.start - REACH_ROWS : rows.start], steps[last + 1 : last + 1 + REACH_ROWS]])
+        before = steps[rows.start - REACH_ROWS : rows.start - 1]  # but for the step into the run, which may go to zero
+        around = np.concatenate([before, steps[last + 1 : last + 1 + REACH_ROWS]])
         if steps[last] > 3.0 * float(around.max()) + QUANTA * quantum(angle):
             out[rows.start + 1 : rows.stop] = True
     return out
