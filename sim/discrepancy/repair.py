@@ -171,12 +171,14 @@ def _held_back(angle: Array) -> Rows:
     steps = np.abs(np.diff(angle))
     for rows in stays(angle):
         last = rows.stop - 1
-        if rows.start < REACH_ROWS or last + REACH_ROWS >= steps.size:
+        if rows.start < REACH_ROWS + 2 or last + REACH_ROWS >= steps.size:
             continue  # a record may begin before the motion does, and end after it
-        before = steps[rows.start - REACH_ROWS : rows.start - 1]  # but for the step into the run, which may go to zero
+        before, into = steps[rows.start - REACH_ROWS - 2 : rows.start - 2], steps[rows.start - 2 : rows.start]
         around = np.concatenate([before, steps[last + 1 : last + 1 + REACH_ROWS]])
-        if steps[last] > 3.0 * float(around.max()) + QUANTA * quantum(angle):
-            out[rows.start + 1 : rows.stop] = True
+        far = 3.0 * float(around.max()) + QUANTA * quantum(angle)
+        if steps[last] > far:
+            away = into.max() > far  # it leads to 0, maybe by a row in between that an even clock has made
+            out[rows.start - 1 if away else rows.start + 1 : rows.stop] = True
     return out
 
 

@@ -201,11 +201,11 @@ def test_better_model_is_accepted_once(opened: Opened, site: Site) -> None:
         expect(page.get_by_role("heading", name="Not examined")).to_be_visible()
         page.get_by_role("button", name="Accept as new revision").click()
         page.wait_for_url("**/axes/one*body")
-        expect(page.get_by_text("Revision 1,")).to_be_visible()
+        expect(page.get_by_text("Revision 2,")).to_be_visible()  # the first is the description as it was given
         page.goto(site.url + path)
         page.get_by_role("button", name="Accept as new revision").click()
         page.wait_for_url("**/axes/one*body")
-        expect(page.get_by_text("Revision 2,")).to_have_count(0)
+        expect(page.get_by_text("Revision 3,")).to_have_count(0)
 
 
 def test_sliders_simulate_at_once(opened: Opened, site: Site) -> None:
