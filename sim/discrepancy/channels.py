@@ -47,8 +47,13 @@ def check_channels(axis: Axis, even: Mapping[str, Array], rate_hz: float) -> Non
 
 def _check_wrapped(name: str, values: Array) -> None:
     for turn, word in TURNS.items():
-        cuts = int((np.abs(np.diff(values)) > 0.9 * turn).sum())
-        if cuts and 0.9 * turn < np.ptp(values) < 1.001 * turn:
+        steps = np.abs(np.diff(values))
+        cut = steps > 0.9 * turn
+        cuts = int(cut.sum())
+        # a dropout to zero neither lands where the motion goes on, nor moves there
+        moves = np.array([steps[i + 1 : i + 4].any() and steps[max(i - 3, 0) : i].any() for i in np.flatnonzero(cut)])
+        goes_on = moves.astype(np.bool_) & (np.abs(steps[cut] - turn) < 3.0 * float(np.quantile(steps[~cut], 0.99)))
+        if cuts and goes_on.sum() > 0.5 * cuts and 0.9 * turn < np.ptp(values) < 1.001 * turn:
             raise InvestigationError(
                 f"{name}: jumps by {word} {cuts} times and never leaves one turn: the angle is wrapped; unwrap it, so "
                 "that it goes on over whole turns" + ("" if turn < 10.0 else ", and give it in rad")

@@ -28,12 +28,13 @@ OFF = 2.5  # standard deviations
 
 @dataclass
 class Repaired:
-    """Even channels of shape (n,) by name; rows of torque and angle (`lost`) and of the load that do not count."""
+    """Even channels of shape (n,) by name; rows of the motor's motion, its torque, the load that do not count."""
 
     channels: dict[str, Array]
     rate_hz: float
     start_s: float
     lost: Rows
+    torque_lost: Rows
     load_lost: Rows
     faults: list[Fault] = field(default_factory=list)
 
@@ -44,10 +45,11 @@ class Repaired:
 
 def repair(channels: dict[str, Array], ratio: float, rate_hz: float, start_s: float, lost: Rows) -> Repaired:
     """Leave out rows that were never measured, put back what an encoder has slipped; `lost`: rows known as such."""
-    out = Repaired(dict(channels), rate_hz, start_s, lost.copy(), lost.copy())
+    out = Repaired(dict(channels), rate_hz, start_s, lost.copy(), lost.copy(), lost.copy())
     _torque(out)
     _motor(out, ratio)
-    out.channels["torque"] = bridged(out.channels["torque"], ~out.lost)
+    out.torque_lost |= out.lost
+    out.channels["torque"] = bridged(out.channels["torque"], ~out.torque_lost)
     if "load" in channels:
         _load(out, ratio)
     return out
@@ -70,7 +72,7 @@ def _torque(r: Repaired) -> None:
         levels = ", ".join(f"{v:.4g}" for v in np.unique(torque[stuck])[:SHOWN])
         parts.append(f"{int(stuck.sum())} rows stay at {levels} N m while the motor moves, {_spans(r, stuck)}")
     _name_lost(r, found, "motor", f"Of motor_torque_nm, {'; '.join(parts)}")
-    r.lost |= found
+    r.torque_lost |= found
 
 
 def _beyond_all_others(torque: Array, alone: Rows) -> Rows:

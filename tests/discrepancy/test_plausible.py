@@ -142,3 +142,15 @@ def test_a_coupling_without_gears_is_held_against_both_encoders(stiffness: float
             examine(direct, telemetry)
     else:
         assert examine(direct, telemetry).faults == ()
+
+
+def test_a_load_that_reads_zero_for_a_while_is_not_wrapped() -> None:
+    """From nearly one turn down to zero and up again is a jump of nearly 2 pi, but not of 2 pi."""
+    load = GOOD["load_position_rad"]
+    load = 6.2 * (load - load.min()) / np.ptp(load)
+    load[2000:2100] = 0.0
+    top = int(np.argmax(load))
+    load[top : top + 50] = 0.0
+    with pytest.raises(InvestigationError) as refused:  # the ratio is no longer right
+        gate(telemetry=replace(GOOD, channels={**GOOD.channels, "load_position_rad": load}))
+    assert "wrapped" not in str(refused.value)

@@ -154,3 +154,11 @@ def test_a_change_of_speed_is_no_jump() -> None:
     ((row, size),) = jumps(place + 1e-3 * (t >= 3.0), good)
     assert row == 2999
     assert size == pytest.approx(2e-3, rel=0.02)
+
+
+def test_a_torque_that_is_lost_leaves_the_motion_as_it_was() -> None:
+    torque = GOOD["motor_torque_nm"].copy()
+    torque[ROW : ROW + 300] = 0.0
+    mended, whole = (examine(AXIS, t).measurement for t in (changed(motor_torque_nm=torque), GOOD))
+    assert np.array_equal(mended.angle, whole.angle)
+    assert np.array_equal(mended.load_weight, whole.load_weight)

@@ -115,3 +115,12 @@ def test_measured_telemetry_is_read() -> None:
     assert telemetry.sample_rate_hz == pytest.approx(1000)
     assert set(telemetry.channels) <= set(CHANNELS)
     assert telemetry.duration_s == pytest.approx(24.84, abs=0.01)
+
+
+@pytest.mark.parametrize(("start", "words"), [(b"RIFF\x24\x00\x00\x00WAVE", "WAV"), (b"\x01\x00\xff", "binary")])
+def test_a_binary_file_is_called_so_without_its_bytes(tmp_path: Path, start: bytes, words: str) -> None:
+    path = tmp_path / "telemetry.csv"
+    path.write_bytes(start + bytes(range(256)) * 20)
+    with pytest.raises(TelemetryError, match=words) as refused:
+        read_telemetry(path)
+    assert str(refused.value).isprintable()
