@@ -11,6 +11,7 @@ from sim.axis import Axis
 from sim.chain_model import Array
 from sim.discrepancy.fault import InvestigationError
 from sim.discrepancy.plausible import inertias
+from sim.discrepancy.rigid import one_body
 from sim.discrepancy.rows import quantum
 
 NAMES = {
@@ -136,9 +137,7 @@ def felt_inertia(torque: Array, angle: Array, rate_hz: float) -> float:
     lag = max(2, round(0.02 * rate_hz))
     speed = (angle[2 * lag :] - angle[: -2 * lag]) * rate_hz / (2 * lag)
     acceleration = (angle[2 * lag :] - 2.0 * angle[lag:-lag] + angle[: -2 * lag]) * (rate_hz / lag) ** 2
-    columns = np.stack([acceleration, np.sign(speed), speed, np.ones(speed.size)], 1)
-    scale = np.abs(columns).max(axis=0) + 1e-300
-    return float(np.linalg.lstsq(columns / scale, torque[lag:-lag], rcond=None)[0][0] / scale[0])
+    return float(one_body(torque[lag:-lag], acceleration, speed)[0][0])
 
 
 def slope(angle: Array, other: Array) -> float:

@@ -11,6 +11,7 @@ import numpy as np
 from sim.axis import Axis
 from sim.discrepancy.fault import InvestigationError
 from sim.discrepancy.measurement import Measurement
+from sim.discrepancy.rigid import one_body
 from sim.discrepancy.rows import Rows
 
 SLIP = 1000.0  # mN m for N m, g for kg, mrad for rad: what a wrong prefix does to a number
@@ -45,11 +46,9 @@ class Seen:
     @staticmethod
     def of(axis: Axis, m: Measurement, used: Rows) -> Seen:
         top = float(np.abs(m.speed).max())
-        columns = np.stack([m.slow_acceleration, np.sign(m.speed), m.speed / top, np.ones(m.samples)], 1)[used]
-        found = np.linalg.lstsq(columns, m.torque[used], rcond=None)[0]
-        left = float(np.std(m.torque[used] - columns @ found))
+        (inertia, coulomb, viscous, _), beyond = one_body(m.torque, m.slow_acceleration, m.speed, used)
         largest = float(np.quantile(np.abs(m.torque[used]), 0.999))
-        seen = (float(found[0]), float(found[1]), float(found[2]) / top, left, largest, top)
+        seen = (float(inertia), float(coulomb), float(viscous), float(np.std(beyond[used])), largest, top)
         swing = float(np.std(m.slow_acceleration[used])) / axis.ratio
         load = used & (m.load_valid > 0.5)
         if m.slow_load_angle is None or m.slow_load_speed is None or load.sum() < 200:

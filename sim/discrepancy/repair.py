@@ -10,6 +10,7 @@ from scipy.ndimage import binary_dilation, find_objects, label, uniform_filter1d
 
 from sim.chain_model import Array
 from sim.discrepancy.fault import Fault
+from sim.discrepancy.rigid import one_body
 from sim.discrepancy.rows import QUANTA, Rows, bridged, jumps, quantum, spikes, stays
 
 REACH_ROWS = 8  # beside a jump over which its size is told
@@ -113,9 +114,7 @@ def _beyond_rigid(torque: Array, angle: Array, rate_hz: float, used: Rows) -> Ar
     width = max(3, int(SMOOTH_S * rate_hz))
     speed = np.gradient(uniform_filter1d(angle, width)) * rate_hz
     acceleration = np.gradient(uniform_filter1d(speed, width)) * rate_hz
-    columns = np.stack([acceleration, np.sign(speed), speed, np.ones(torque.size)], 1)
-    columns /= np.abs(columns).max(axis=0) + 1e-300
-    return np.asarray(torque - columns @ np.linalg.lstsq(columns[used], torque[used], rcond=None)[0])
+    return one_body(torque, acceleration, speed, used)[1]
 
 
 def _off(left: Array, rows: slice, used: Rows) -> bool:
