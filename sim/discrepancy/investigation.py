@@ -19,7 +19,6 @@ from sim.discrepancy.explanation import explain, next_measurement, numbers_of
 from sim.discrepancy.extension import extended_axis
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.gain import Gain, gains
-from sim.discrepancy.nameless import apart
 from sim.discrepancy.selection import Selection, calibrate, polish, select
 from sim.discrepancy.size import deviations
 from sim.discrepancy.sound import Listening, beside, listen, listen_alone
@@ -174,7 +173,7 @@ def investigate(
     places = look(problem, fit)
     rest = [nameless(selection, term) for term in selection.nameless] + left(places, fit)
     _, base = polish(problem, base)
-    problem, fit = polish(problem, plainly(problem, fit))
+    problem, fit = polish(problem, fit)
     selection = replace(selection, problem=problem, base=base, fit=fit)
     progress("what is left", 0.92)
     struck, loud = _struck(axis, [*selection.found, *heard]), _loud(axis, selection.found)
@@ -202,16 +201,6 @@ def investigate(
         (*gate.remarks, *doubts, *strange, *_rested(problem), *_rattled(problem)), selection,
         weighed=weighed, gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,
     )  # fmt: skip
-
-
-def plainly(problem: Problem, fit: Fit) -> Fit:
-    """`fit` with curves over the speed that share nothing with the numbers of friction."""
-    terms = tuple(apart(t, problem.measurement) for t in fit.terms)
-    if all(a is b for a, b in zip(terms, fit.terms, strict=True)):
-        return fit
-    own = {p.name for a, b in zip(terms, fit.terms, strict=True) if a is not b for p in a.parameters}
-    start = {name: 0.0 if name in own else value for name, value in fit.values.items()}
-    return problem.fit(terms, start, to_end=True)
 
 
 def _said(fit: Fit, findings: Sequence[Finding]) -> tuple[Term, ...]:

@@ -24,7 +24,6 @@ from sim.discrepancy.investigation import (
     estimates,
     inflation,
     left,
-    plainly,
     term_estimates,
 )
 from sim.discrepancy.nameless import AS_NEW
@@ -93,7 +92,7 @@ def under_one_model(
     base = problem.fit((), weighed.base.values, held=weighed.base.sensitivities if problem is weighed.problem else {})
     rest = left(look(problem, anew), anew) if lacking else [result.unexplained] if result.unexplained else []
     _, base = polish(problem, base)
-    problem, fit = polish(problem, plainly(problem, anew))
+    problem, fit = polish(problem, anew)
     terms = tuple(t for t in fit.terms if t.named and term_name(t, fit.values) in said)
     return Part(taken, result, problem, fit, rest[0] if rest else None, gains(problem, base, fit, terms))
 

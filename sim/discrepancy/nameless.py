@@ -63,9 +63,8 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
 
 
 def apart(term: Term, m: Measurement) -> Term:
-    """`term`; a curve over the speed without what friction of either direction is, whose numbers it would share."""
-    if term.mechanism != OVER_SPEED or term.location is None:
-        return term
+    """A curve over the speed without what friction of either direction is, whose numbers it would share."""
+    assert term.location is not None  # at the motor or at the load
     return over_speed(term.location, m, term.parameters[0].step, apart=True)
 
 

@@ -27,7 +27,7 @@ from sim.discrepancy.criteria import (
 from sim.discrepancy.fit import BY_CONTACT, LONG, Fit, Noise, Problem, each
 from sim.discrepancy.measurement import NEAR_STANDSTILL_SHARE, STANDSTILL_SHARE, gaussian_kernel
 from sim.discrepancy.model import MOTOR_RELEASE, MOTOR_STRETCH, has_links
-from sim.discrepancy.nameless import AS_NEW, OVER_SPEED
+from sim.discrepancy.nameless import AS_NEW, OVER_SPEED, apart
 from sim.discrepancy.size import beyond
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import Standing, advantage, in_place, named_alone, own_of, paired, standings
@@ -127,20 +127,31 @@ def look_closely(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
 
 
 def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
-    """Last fit of one stiff body by plain least squares in the band of its motion, without curves over the speed.
+    """Last fit, whose numbers of friction share nothing with curves over the speed.
 
-    A curve takes from the numbers of friction what it can; a body has little else. Whitened rows weigh most what is
-    fast, where a body's model is least true to its form; the least squares of the band in which torque is predicted
-    are what its numbers are for.
+    With gears, of curves without what friction is. Of one stiff body by plain least squares in the band of its motion,
+    without them: a body has little else. Whitened rows weigh most what is fast, where a body's model is least true to
+    its form; the least squares of the band in which torque is predicted are what its numbers are for.
     """
     if has_links(problem.axis):
-        return problem, fit
+        return problem, _apart(problem, fit)
     terms = tuple(t for t in fit.terms if t.mechanism != OVER_SPEED)
-    torque, _ = problem.raw_residuals(terms, problem.fit(terms, fit.values).values)
+    plain = fit if len(terms) == len(fit.terms) else problem.fit(terms, fit.values)
+    torque, _ = problem.raw_residuals(terms, plain.values)
     kernel = gaussian_kernel(MOTION_BAND_HZ, problem.measurement.rate_hz, 0)
     left = float(np.std(np.convolve(torque, kernel, "same")))
-    plain = problem.with_noise(Noise(kernel / max(left, 1e-300), np.ones(1)))
-    return plain, plain.fit(terms, fit.values, held=fit.sensitivities)
+    in_band = problem.with_noise(Noise(kernel / max(left, 1e-300), np.ones(1)))
+    return in_band, in_band.fit(terms, plain.values, held=plain.sensitivities)
+
+
+def _apart(problem: Problem, fit: Fit) -> Fit:
+    """`fit` with curves over the speed that share nothing with the numbers of friction."""
+    curves = {t.key: apart(t, problem.measurement) for t in fit.terms if t.mechanism == OVER_SPEED}
+    if not curves:
+        return fit
+    own = {p.name for t in curves.values() for p in t.parameters}
+    start = {name: 0.0 if name in own else value for name, value in fit.values.items()}
+    return problem.fit([curves.get(t.key, t) for t in fit.terms], start, to_end=True)
 
 
 def select(problem: Problem, base: Fit, progress: Progress) -> Selection:

@@ -15,8 +15,10 @@ from sim.discrepancy.condition import examine
 from sim.discrepancy.explanation import explain
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.investigation import investigate
+from sim.discrepancy.nameless import over_speed
 from sim.discrepancy.rattle import told
 from sim.discrepancy.screening import screen
+from sim.discrepancy.selection import polish
 from sim.discrepancy.terms import Term
 from tests.discrepancy.telemetry_of import swing
 
@@ -185,3 +187,16 @@ def test_a_spell_of_rattle_lasts_from_its_first_sign_to_its_last() -> None:
     assert lost.size == lost.max() - lost.min() + 1
     assert told([still, rows, 2.0 * rows], 1000.0).all()
     assert told([still, still, still + 1.0], 1000.0).all()  # nothing would be left
+
+
+def test_a_curve_over_the_speed_leaves_friction_the_numbers_that_it_has_without() -> None:
+    """Its tents together are nearly dry friction: as they were selected they may take any part of it."""
+    one = problem()
+    curve = over_speed("motor", one.measurement, 0.01)
+    both = one.fit((curve,), to_end=True)
+    taken = {p.name: 0.05 for p in curve.parameters}
+    friction = "motor.coulomb_friction_n_m"
+    shared = one.fit((curve,), {**both.values, **taken, friction: both.values[friction] - 0.05}, iterations=0)
+    without, plain = one.fit(to_end=True), polish(one, shared)[1]
+    assert abs(shared.values[friction] - without.values[friction]) > 0.04
+    assert plain.values[friction] == pytest.approx(without.values[friction], abs=0.004)
