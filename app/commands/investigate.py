@@ -17,7 +17,7 @@ from casebase.signals.recording import Recording
 from casebase.signals.telemetry import Telemetry, read_telemetry
 from sim.axis import read_axis
 from sim.discrepancy.explanation import headline
-from sim.discrepancy.investigation import Investigation, Progress, investigate
+from sim.discrepancy.investigation import Estimate, Investigation, Progress, investigate
 from sim.discrepancy.joint_numbers import Taken
 from sim.discrepancy.pairs import check_pairs
 from sim.discrepancy.report import html_report
@@ -121,7 +121,7 @@ def _show(frame: Frame, result: Investigation, whose: Sequence[str]) -> None:
         place = f" ({f.location})" if f.location else ""
         frame.print(f"  {f.mechanism}{place}, probability {f.probability:.2f}: {f.explanation}")
         for e in f.parameters:
-            frame.print(f"    {e.name} = {e.value:.5g} {e.unit} ({e.low:.5g} to {e.high:.5g})")
+            frame.print(f"    {e.name} = {_with_unit(e)} ({e.low:.5g} to {e.high:.5g})")
         if f.indistinguishable_from:
             frame.print(f"    these data cannot tell it from {', '.join(f.indistinguishable_from)}")
         frame.print(f"    what to do now: {f.action}")
@@ -129,7 +129,7 @@ def _show(frame: Frame, result: Investigation, whose: Sequence[str]) -> None:
         where = ", ".join(f"{name} {value:.4g}" for name, value in result.unexplained.numbers.items())
         frame.print(f"  unexplained: {where} in {result.unexplained.channel}")
     for e in result.parameters:
-        frame.print(f"  {e.name}: described {e.nominal:.5g}, found {e.value:.5g} {e.unit}")
+        frame.print(f"  {e.name}: described {e.nominal:.5g}, found {_with_unit(e)}")
     for g, recording in zip(result.gain, whose, strict=True):
         note = "" if g.significant else " (not distinguishable from zero)"
         frame.print(
@@ -138,3 +138,7 @@ def _show(frame: Frame, result: Investigation, whose: Sequence[str]) -> None:
     for remark in result.remarks:
         frame.print(f"  note: {remark}")
     frame.print(result.next_measurement)
+
+
+def _with_unit(e: Estimate) -> str:
+    return f"{e.value:.5g}" + (f" {e.unit}" if e.unit != "1" else "")

@@ -136,14 +136,17 @@ class Observer:
         return self._kept(key, simulated)
 
     def _kept(self, key: bytes, simulated: Callable[[], Array]) -> Array:
-        """What was simulated with the same numbers a moment ago, else `simulated`."""
-        out = self._recent.get(key)
-        if out is None:
-            out = simulated()
-            with self._lock:
+        """What was simulated with the same numbers a moment ago, else `simulated`; what is asked for again stays."""
+        with self._lock:
+            out = self._recent.pop(key, None)
+            if out is not None:
                 self._recent[key] = out
-                if len(self._recent) > RECENT:
-                    del self._recent[next(iter(self._recent))]
+                return out
+        out = simulated()
+        with self._lock:
+            self._recent[key] = out
+            if len(self._recent) > RECENT:
+                del self._recent[next(iter(self._recent))]
         return out
 
     def _even(self, chain: Chain) -> float:

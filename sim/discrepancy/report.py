@@ -119,7 +119,7 @@ def _condition(result: Investigation) -> list[str]:
     """Sensors and recordings before any physics, also where all is well."""
     return [
         _p("Faults of sensors and recorders come before any physics: what they touch does not count."),
-        _table(("checked", "result"), checked(result)),
+        table(("checked", "result"), checked(result)),
         *(_p(remark) for remark in (result.gate.remarks if result.gate else ())),
         *([] if result.axis.stages or result.selection is None else [_p(LINEAR)]),
     ]
@@ -129,12 +129,14 @@ def _calibration(result: Investigation) -> list[str]:
     """Numbers of the description, fitted before anything is called missing."""
     if not result.parameters:
         return [_p("A sound has no channel that numbers of the model could be fitted to.")]
-    rows = [(words_of(e.name), number(e.nominal or 0.0), *_estimate(e), f"{_change(e)}") for e in result.parameters]
+    rows = [
+        (words_of(e.name), number(e.nominal or 0.0), *estimate_cells(e), f"{_change(e)}") for e in result.parameters
+    ]
     return [
         _p(
             "Values of the description that differ are no missing mechanism; they are fitted first, and whatever is missing is looked for beyond them."
         ),
-        _table(("number", "described", "found", "90 % interval", "unit", "change"), rows, numeric=(1, 2, 3, 5)),
+        table(("number", "described", "found", "90 % interval", "unit", "change"), rows, numeric=(1, 2, 3, 5)),
     ]
 
 
@@ -142,7 +144,8 @@ def _change(e: Estimate) -> str:
     return changed(e.nominal, e.value, 1) if e.nominal else "–"
 
 
-def _estimate(e: Estimate) -> tuple[str, str, str]:
+def estimate_cells(e: Estimate) -> tuple[str, str, str]:
+    """Value, 90 % interval and unit, with the digits that the interval deserves."""
     half = 0.5 * (e.high - e.low)
     return number(e.value, half), interval(e.low, e.high), unit_in_words(e.unit)
 
@@ -185,7 +188,7 @@ def _compared(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:
     if not rows:
         return [_p("No candidate came near.")]
     text = "What a candidate explains is the drop of the squared residual in units of its noise, beside what the others explain."
-    return [_p(text), _table(("candidate", "explains", "needed", "outcome"), rows, numeric=(1, 2))]
+    return [_p(text), table(("candidate", "explains", "needed", "outcome"), rows, numeric=(1, 2))]
 
 
 def _explains(c: Candidate) -> str:
@@ -222,7 +225,7 @@ def _extended(result: Investigation) -> list[str]:
         if rows:
             out += [
                 f"<h3>{html.escape(named(f.mechanism, f.location))}</h3>",
-                _table(("number", "value", "90 % interval", "unit", "in degrees"), rows, numeric=(1, 2, 4)),
+                table(("number", "value", "90 % interval", "unit", "in degrees"), rows, numeric=(1, 2, 4)),
             ]
     entries = [named(entry.name, entry.location) for entry in result.extended.mechanisms]
     if result.selection is None:
@@ -244,7 +247,7 @@ def _number(f: Finding, e: Estimate) -> tuple[str, str, str, str, str] | None:
         return words_of(e.name), FLANKS.get(e.value, "not told"), "–", "", ""
     half = 0.5 * (e.high - e.low)
     degrees = angle(e.value, half) if e.unit == "rad" else ""
-    return words_of(e.name), *_estimate(e), degrees
+    return words_of(e.name), *estimate_cells(e), degrees
 
 
 def _gain(result: Investigation) -> list[str]:
@@ -263,7 +266,7 @@ def _gain(result: Investigation) -> list[str]:
     if result.selection is not None and not result.selection.found:
         how += " Nothing was added to this model, so that the two differ by their calibration alone."
     head = ("channel", "left before, rms", "left after, rms", "unit", "change", "gain")
-    return [_p(how), _table(head, rows, numeric=(1, 2, 4))]
+    return [_p(how), table(head, rows, numeric=(1, 2, 4))]
 
 
 def _unexplained(result: Investigation, residual: Sequence[Panel]) -> list[str]:
@@ -278,7 +281,7 @@ def _unexplained(result: Investigation, residual: Sequence[Panel]) -> list[str]:
         out.append(_p("The last model holds what has no name as well, so that the plots show what is beyond it."))
     rows = sorted((place for panel in residual if (place := _highest(panel))), reverse=True)[:MOST_PLACES]
     shown = [(title, f"{ratio:.1f} times", f"{number(x)} {unit}") for ratio, title, x, unit in rows]
-    return [*out, _p("Where it is highest over its noise floor:"), _table(("plot", "noise floor", "at"), shown, (1, 2))]
+    return [*out, _p("Where it is highest over its noise floor:"), table(("plot", "noise floor", "at"), shown, (1, 2))]
 
 
 def _highest(panel: Panel) -> tuple[float, str, float, str] | None:
@@ -314,7 +317,7 @@ def _alike(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:
 
 def _provenance(result: Investigation) -> str:
     rows = [(name.replace("_", " "), str(value)) for name, value in result.provenance.items() if value]
-    return f'<section><h2>Provenance</h2><div class="quiet">{_table(("what", "value"), rows)}</div></section>'
+    return f'<section><h2>Provenance</h2><div class="quiet">{table(("what", "value"), rows)}</div></section>'
 
 
 def _p(text: str, kind: str = "") -> str:
@@ -329,8 +332,8 @@ def _facts(facts: Iterable[tuple[str, str]]) -> str:
     return f"<dl>{''.join(f'<dt>{html.escape(name)}</dt><dd>{html.escape(text)}</dd>' for name, text in facts)}</dl>"
 
 
-def _table(head: Sequence[str], rows: Iterable[Sequence[str]], numeric: Sequence[int] = ()) -> str:
-    """`numeric`: columns of numbers, which stand to the right and do not break; empty columns are left out."""
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], numeric: Sequence[int] = ()) -> str:
+    """A table that scrolls by itself; `numeric`: columns of numbers, which stand to the right and do not break; empty columns are left out."""
     rows = list(rows)
     shown = [k for k in range(len(head)) if any(row[k] for row in rows)]
     kinds = [' class="n"' if k in numeric else "" for k in range(len(head))]

@@ -7,9 +7,9 @@ import re
 from collections.abc import Iterable, Sequence
 
 from sim.discrepancy.explanation import headline
-from sim.discrepancy.investigation import Estimate
-from sim.discrepancy.report import STYLE, html_report
+from sim.discrepancy.report import STYLE, estimate_cells, html_report, table
 from sim.discrepancy.together import Together
+from sim.discrepancy.written import number, words_of
 
 BODY = re.compile(r"<body[^>]*>(.*)</body>", re.DOTALL)
 STYLES = re.compile(r"<style[^>]*>.*?</style>", re.DOTALL)
@@ -48,7 +48,12 @@ def _combined(result: Together) -> list[str]:
         out.append(f"<h3>{title}</h3><p>{html.escape(finding.explanation)}</p><p>{html.escape(shown)}</p>")
         if finding.action:
             out.append(f"<p>What to do now: {html.escape(finding.action)}</p>")
-        out.append(_table(("parameter", "value", "90 % interval", "unit"), (_row(e) for e in finding.parameters)))
+        out.append(
+            table(
+                ("parameter", "value", "90 % interval", "unit"),
+                [(words_of(e.name), *estimate_cells(e)) for e in finding.parameters],
+            )
+        )
         if finding.indistinguishable_from:
             out.append(
                 f"<p>These data cannot tell it from {html.escape(', '.join(finding.indistinguishable_from))}.</p>"
@@ -58,18 +63,18 @@ def _combined(result: Together) -> list[str]:
     if one.unexplained is not None:
         where = ", ".join(f"{key} = {value:.4g}" for key, value in one.unexplained.numbers.items())
         out.append(f"<p>Unexplained: {html.escape(where)}, in {html.escape(one.unexplained.channel)}.</p>")
-    rows = [(e.name, f"{e.nominal:.5g}", *_row(e)[1:]) for e in one.parameters]
+    rows = [(words_of(e.name), number(e.nominal or 0.0), *estimate_cells(e)) for e in one.parameters]
     gained = [
-        (part.taken.name, g.channel, f"{g.rms_before:.4g}", f"{g.rms_after:.4g}", g.unit)
+        (part.taken.name, words_of(g.channel), number(g.rms_before), number(g.rms_after), g.unit)
         for part in result.parts
         for g in part.gain
     ]
     return [
         *out,
         "<h2>Calibration by all recordings</h2>",
-        _table(("number", "described", "found", "90 % interval", "unit"), rows),
+        table(("number", "described", "found", "90 % interval", "unit"), rows),
         "<h2>Gain on rows that the fit has not seen</h2>",
-        _table(("recording", "channel", "before", "after", "unit"), gained),
+        table(("recording", "channel", "before", "after", "unit"), gained),
         f"<h2>Next measurement</h2><p>{html.escape(one.next_measurement)}</p>",
     ]
 
@@ -87,13 +92,3 @@ def _body(page: str, place: int) -> str:
     """What stands in the body of a page; its names within the file made its own."""
     match = BODY.search(page)
     return IDS.sub(rf"\g<1>r{place}-", match.group(1)) if match else ""
-
-
-def _row(e: Estimate) -> tuple[str, str, str, str]:
-    return e.name, f"{e.value:.5g}", f"{e.low:.5g} to {e.high:.5g}", e.unit
-
-
-def _table(head: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    top = "".join(f"<th>{html.escape(cell)}</th>" for cell in head)
-    body = "".join("<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in row) + "</tr>" for row in rows)
-    return f'<div class="scroll"><table><tr>{top}</tr>{body}</table></div>'
