@@ -8,6 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.ndimage import minimum_filter1d
 from scipy.signal import fftconvolve
 
 Array = NDArray[np.float64]
@@ -80,8 +81,16 @@ class Measurement:
 
     @cached_property
     def load_weight(self) -> Array:
-        """The same of the load's motion."""
-        return self.moving * self.load_valid
+        """The same of the load's motion, and 0 while the load itself turns back.
+
+        Dry friction there is whatever it needs to be, later than at the motor by what the springs give way, and the
+        slow kernel of the load's encoder spreads the kinks of a load that sticks over its own length.
+        """
+        weight = self.moving * self.load_valid
+        if self.slow_load_speed is not None:
+            reach = int(0.5 * self.rate_hz / LOAD_MOTION_CUT_HZ)
+            weight *= minimum_filter1d(standstill_weight(self.slow_load_speed, self.standstill), 2 * reach + 1)
+        return np.asarray(weight)
 
     @property
     def samples(self) -> int:

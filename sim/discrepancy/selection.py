@@ -40,6 +40,8 @@ MOST_ROUNDS = 6  # with those that are as new or have no name
 MOST_ENTRIES = 3  # of one round
 AT_LOW_SPEED = ("stribeck_friction",)
 MOST_RUNS = 2400  # simulations after which only constants and what promised much are looked for: the rest is unnamed
+TOLD = 0.5  # weight of a row that counts
+AT_REST = 1.3  # times the mean square in motion: what is more is not the noise of rows whose friction is known
 LEAST_STRETCH_RAD = 1.5e-4  # a micrometre and a half on a centimetre, three steps of an encoder of 17 bits
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
 SWAPS = 3
@@ -79,7 +81,7 @@ def calibrate(problem: Problem) -> tuple[Problem, Fit]:
     """Fit what the description has, whitened by what the description itself leaves, then by what the fit leaves."""
     described = problem.fit(iterations=0)
     problem = problem.with_noise(problem.noise_of(described)).told((), described.values)
-    return rewhiten(problem, problem.fit(held=described.sensitivities))
+    return afresh(*rewhiten(problem, problem.fit(held=described.sensitivities)))
 
 
 def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
@@ -114,16 +116,28 @@ def look_closely(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Rows at rest, where they tell, and slow noise; what friction holds at rest is fitted before noise is taken.
 
     A contact that gives way by less than the motor's encoder sees, and holds on within a thousandth of the largest
-    speed, holds whatever it likes: rows at rest say nothing.
+    speed, holds whatever it likes: rows at rest say nothing. Nor do they where more is left at rest than in motion:
+    friction that sticks for good holds by what the servo did before.
     """
     problem = problem.remembering(LONG)
     resting = problem.resting(fit)
     if resting.measurement.rests:
         more = resting.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
         resting, more = rewhiten(resting, more)
-        if math.exp(more.values[MOTOR_STRETCH]) > LEAST_STRETCH_RAD or more.values[MOTOR_RELEASE] > 0.0:
+        holds_on = math.exp(more.values[MOTOR_STRETCH]) > LEAST_STRETCH_RAD or more.values[MOTOR_RELEASE] > 0.0
+        if holds_on and _left_at_rest(resting, more) < AT_REST:
             return resting, more
     return rewhiten(problem, fit)
+
+
+def _left_at_rest(problem: Problem, fit: Fit) -> float:
+    """Mean square of the whitened torque in rows at rest over that in motion [1]."""
+    m = problem.measurement
+    speed = np.abs(m.speed)
+    slow = speed < m.standstill * float(speed.max())
+    square, used = fit.residual[: m.samples] ** 2, m.weight > TOLD
+    at_rest, in_motion = square[used & slow], square[used & ~slow]
+    return float(at_rest.mean() / in_motion.mean()) if at_rest.size and in_motion.size else 1.0
 
 
 def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
