@@ -12,7 +12,16 @@ from sim.axis import Axis
 from sim.chain_model import Chain, Dent, with_link, with_shaft
 from sim.discrepancy.entries import lopsided, rounding, swing
 from sim.discrepancy.measurement import LOAD_CUT_HZ, Array, Measurement
-from sim.discrepancy.model import PARTS, has_links, link_stiffness, locked_mode_hz, ratio_after, stages_of, wave
+from sim.discrepancy.model import (
+    PARTS,
+    has_links,
+    link_stiffness,
+    locked_mode_hz,
+    loss_parameters,
+    ratio_after,
+    stages_of,
+    wave,
+)
 from sim.discrepancy.parameters import Parameter, Values
 from sim.discrepancy.terms import Report, Term
 
@@ -125,23 +134,28 @@ def _both(mechanism: str, parameter: str, field: str, step: float, scale: float,
 
 
 def _stribeck(level: float, top: float) -> Term:
-    torque, speed = (_name("stribeck_friction", "motor", p) for p in ("torque_n_m", "speed_rad_s"))
+    """It falls with an exponent between 1 and 2 (Armstrong-Helouvry et al., Automatica 30 (1994) 1083)."""
+    names = ("torque_n_m", "speed_rad_s", "exponent")
+    torque, speed, exponent = (_name("stribeck_friction", "motor", p) for p in names)
 
     def apply(chain: Chain, values: Values) -> Chain:
-        return with_shaft(chain, 0, stribeck_n_m=values[torque], stribeck_speed_rad_s=values[speed])
+        law = {"stribeck_speed_rad_s": values[speed], "stribeck_exponent": values[exponent]}
+        return with_shaft(chain, 0, stribeck_n_m=values[torque], **law)
 
     def report(values: Values) -> dict[str, float]:
-        return {"torque_n_m": values[torque], "speed_rad_s": values[speed]}
+        return {"torque_n_m": values[torque], "speed_rad_s": values[speed], "exponent": values[exponent]}
 
     step = 0.05 * level
     parameters = (
         Parameter(torque, 0.0, 0.3 * step, low=0.0),
         Parameter(speed, 0.07 * top, 0.007 * top, 0.2 * top, 0.01 * top, 0.4 * top),
+        Parameter(exponent, 1.5, 0.05, 0.5, 1.0, 2.0),
     )
     probes = tuple(({torque: step, speed: share * top},) for share in (0.03, 0.08, 0.2))
     return Term(
-        "stribeck_friction", "motor", parameters, probes, report, apply, positive=True, size=0.1 * step, shape=(speed,)
-    )
+        "stribeck_friction", "motor", parameters, probes, report, apply, positive=True, size=0.1 * step,
+        shape=(speed, exponent),
+    )  # fmt: skip
 
 
 def _asymmetry(level: float, top: float, location: str | None) -> Term:
@@ -391,7 +405,7 @@ def _loss(name: str, k: int) -> Term:
     parameters = (Parameter(fraction, 0.0, 0.005, low=0.0, high=0.6),)
     return Term(
         "load_dependent_loss", name, parameters, (({fraction: 0.02},),), lambda v: {"fraction": v[fraction]}, apply,
-        positive=True, size=0.003,
+        positive=True, size=0.003, brings=loss_parameters(),
     )  # fmt: skip
 
 

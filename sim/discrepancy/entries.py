@@ -101,7 +101,13 @@ def _with_entry(chain: Chain, axis: Axis, k: int, entry: MechanismEntry) -> Chai
         case "gravity_imbalance":
             return with_shaft(chain, last, gravity_n_m=p["torque_n_m"], gravity_phase_rad=p.get("phase_rad", 0.0))
         case "stribeck_friction":
-            return with_shaft(chain, 0, stribeck_n_m=p["torque_n_m"], stribeck_speed_rad_s=p["speed_rad_s"])
+            return with_shaft(
+                chain,
+                0,
+                stribeck_n_m=p["torque_n_m"],
+                stribeck_speed_rad_s=p["speed_rad_s"],
+                stribeck_exponent=p.get("exponent", 2.0),
+            )
         case "friction_asymmetry":
             torque, coefficient = p.get("torque_n_m", 0.0), p.get("coefficient_n_m_s_per_rad", 0.0)
             return lopsided(chain, entry.location, torque, coefficient)

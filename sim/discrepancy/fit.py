@@ -241,9 +241,11 @@ class Problem:
         return base_parameters(self.axis, self.guided, level, self.measurement.rests)
 
     def parameters(self, terms: Sequence[Term]) -> tuple[Parameter, ...]:
-        """Those of the description that no term replaces, then those of the terms."""
+        """Those of the description that no term replaces, then what the terms bring along, then their own."""
         gone = {name for term in terms for name in term.replaces}
-        return tuple(p for p in self.base() if p.name not in gone) + tuple(p for term in terms for p in term.parameters)
+        kept = {p.name: p for p in self.base() if p.name not in gone}
+        brought = {p.name: p for term in terms for p in term.brings}
+        return tuple({**kept, **brought}.values()) + tuple(p for term in terms for p in term.parameters)
 
     def raw_residuals(
         self, terms: Sequence[Term], values: Mapping[str, float], *, weighted: bool = True

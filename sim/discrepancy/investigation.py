@@ -33,7 +33,7 @@ NINETY = 1.645
 INFLATION = 3.0  # of deviations, so that intervals hold on the calibration seeds
 FORM_SHARE = 0.08  # of a size, which the form of its law leaves open
 DENT_SHARE = 0.3  # the same of a dent: the same torques come from a hollow and from a shallower piece broken out
-NO_SIZE = ("angle_rad", "phase_rad", "flank", "form", "order", "frequency_hz")
+NO_SIZE = ("angle_rad", "phase_rad", "flank", "form", "order", "frequency_hz", "exponent")
 SAID = 0.5  # probability from which a name is said
 UNREACHED = 0.5  # of the torque: a model that leaves more says nothing of the axis
 SOLID = ("inertia_kg_m2", "stiffness_n_m_per_rad")  # what no data sheet is far wrong in
@@ -350,8 +350,10 @@ def looks_like(problem: Problem, term: Term) -> tuple[str, ...]:
 
 
 def term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, ...]:
-    """Reported parameters with intervals; a frequency is not known better than the record is long."""
+    """Reported parameters with intervals, no wider than a parameter may be; a frequency is not known better than the
+    record is long."""
     spread = deviations(fit, term, term.report)
+    limits = {p.name: (p.low, p.high) for p in term.parameters}
     out = []
     for name, value in term.report(fit.values).items():
         half = NINETY * inflation(fit) * spread[name]
@@ -359,7 +361,9 @@ def term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, .
             half = max(half, (DENT_SHARE if term.mechanism == "tooth_damage" else FORM_SHARE) * abs(value))
         if name == "frequency_hz":
             half = max(half, 1.0 / duration_s)
-        out.append(Estimate(name, float(value), unit_of(name), float(value - half), float(value + half)))
+        low, high = limits.get(f"{term.key}.{name}", (-math.inf, math.inf))
+        ends = float(max(value - half, low)), float(min(value + half, high))
+        out.append(Estimate(name, float(value), unit_of(name), *ends))
     return tuple(out)
 
 

@@ -110,9 +110,14 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
             new = entry.transmission_error_rad
             out += [Parameter(f"mesh.{stage}.{part}_rad", 0.0, 0.3 * new, new, -3 * new, 3 * new) for part in PARTS]
     if any(entry.mesh_efficiency < 1.0 for entry in axis.stages):
-        out += [Parameter(name, share, 0.1, 0.5, 0.0, 1.0) for name, share in LOSS_SPLITS.items()]
-        out.append(_log(LOSS_WIDTH, math.log(LOSS_TURNS), 1.0))
+        out += loss_parameters()
     return out
+
+
+def loss_parameters() -> tuple[Parameter, ...]:
+    """On which side of a mesh its losses are, and over which speed they turn."""
+    splits = (Parameter(name, share, 0.1, 0.5, 0.0, 1.0) for name, share in LOSS_SPLITS.items())
+    return (*splits, _log(LOSS_WIDTH, math.log(LOSS_TURNS), 1.0))
 
 
 def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: bool) -> list[Parameter]:

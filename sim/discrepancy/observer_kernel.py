@@ -15,8 +15,12 @@ import math
 import numpy as np
 from numba import njit
 
+from sim.discrepancy.measurement import WIDE_SHARE
+
 TWO_PI = 2.0 * math.pi
 FORGOTTEN = 40.0  # times the way by which a contact gives way: nothing is left of what it held
+WIDE = 1.47 / (TWO_PI * WIDE_SHARE)  # reach of that low-pass in samples
+UNFELT = 1e-3
 TAYLOR = 24  # terms of the exponential: enough for a phase of 3 per step
 (J, COULOMB_F, COULOMB_B, VISCOUS_F, VISCOUS_B, STRIBECK, STRIBECK_W, STRIBECK_EXP, DRIFT, GRAVITY, PHASE,
  OFFSET) = range(12)  # fmt: skip
@@ -96,6 +100,15 @@ def _dent(dents, first, last, side, angles, speeds):
                 depth += deep * room
                 rate -= math.copysign(2.0 * dents[j, 5] * deep * steep, u) * speeds[shaft] / dents[j, 2]
     return depth, rate
+
+
+@_jit
+def _passed(phase):
+    """Share of a wave of `phase` [rad] per sample that the low-pass of the measured torque lets through."""
+    q = 0.5 * (WIDE * phase) ** 2
+    if q < UNFELT:
+        return 1.0
+    return math.exp(-q) * (1.0 + q)
 
 
 @_jit
@@ -294,8 +307,9 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                 for j in range(line_first[k], line_first[k + 1]):
                     shaft = int(lines[j, 0])
                     sine, cosine = _sine_cosine(lines[j, 1] * angles[shaft] + lines[j, 3])
-                    x -= lines[j, 2] * sine
-                    xd -= lines[j, 2] * lines[j, 1] * cosine * speeds[shaft]
+                    height = lines[j, 2] * _passed(lines[j, 1] * speeds[shaft] * dt)
+                    x -= height * sine
+                    xd -= height * lines[j, 1] * cosine * speeds[shaft]
                 c = links[k, C]
                 for j in range(wave_first[k], wave_first[k + 1]):
                     c += links[k, C] * waves[j, 2] * math.cos(waves[j, 1] * angles[int(waves[j, 0])] + waves[j, 3])

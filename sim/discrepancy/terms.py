@@ -47,6 +47,7 @@ class Term:
     nonlinear: bool = False
     contact: bool = False
     replaces: tuple[str, ...] = ()
+    brings: tuple[Parameter, ...] = ()  # what the description would have if it had the like; several share them
     shape: tuple[str, ...] = ()  # parameters that say where it acts and not how much
     size: float = 0.0  # below this it does not matter in practice
     magnitude: Callable[[Values], float] | None = None  # what is held against `size`; default the first number reported

@@ -124,8 +124,11 @@ def to_and_fro(duration_s: int) -> Array:
     return np.asarray(60.0 * u**3 * (10.0 - 15.0 * u + 6.0 * u**2))
 
 
-def looked_at_closely(stretch_rad: float, release: float) -> tuple[Problem, Fit]:
-    """An axis whose friction gives way by `stretch_rad` before it slides, to and fro with rests between."""
+def looked_at_closely(stretch_rad: float, release: float, held_n_m: float = 0.0) -> tuple[Problem, Fit]:
+    """An axis whose friction gives way by `stretch_rad` before it slides, to and fro with rests between.
+
+    At each rest it holds up to `held_n_m` more that nothing in the motion tells.
+    """
     geared = read_axis(
         {
             "motor": {"inertia_kg_m2": 0.02, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.01},
@@ -141,6 +144,7 @@ def looked_at_closely(stretch_rad: float, release: float) -> tuple[Problem, Fit]
     holds = replace(nuisance_of(start), stretch_rad=(stretch_rad, 1e-9), friction_width=(release, 1e-3))
     moved = one.observer.predict(one.chain((), start), holds).torque
     noise = 0.02 * rng.standard_normal(moved.size)
+    noise += rng.uniform(-held_n_m, held_n_m, 16)[(still.time_s // 2.0).astype(int)] * (still.moving == 0.0)
     return look_closely(*calibrate(Problem(geared, replace(still, torque=moved + noise), Noise.flat(0.05, 1.0))))
 
 
@@ -155,6 +159,10 @@ def test_noise_is_that_of_rows_at_rest_after_what_friction_holds_there_is_fitted
 
 def test_rows_at_rest_say_nothing_where_friction_gives_way_by_less_than_the_encoder_sees() -> None:
     assert not looked_at_closely(2e-5, 1e-9)[0].measurement.rests
+
+
+def test_rows_at_rest_say_nothing_where_friction_sticks_at_what_the_servo_did_before() -> None:
+    assert not looked_at_closely(0.01, 2e-5, held_n_m=0.5)[0].measurement.rests
 
 
 def test_a_simulation_that_bursts_is_far_off_and_no_number_is_lost() -> None:

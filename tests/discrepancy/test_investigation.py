@@ -41,14 +41,17 @@ def test_missing_friction_is_named_with_its_size() -> None:
     assert result.gain[0].rms_after < 0.2 * result.gain[0].rms_before
 
 
-def test_friction_that_rises_at_low_speed_is_named() -> None:
+@pytest.mark.parametrize("exponent", [1.0, 2.0])
+def test_friction_that_rises_at_low_speed_is_named(exponent: float) -> None:
     _, _, speed, _ = swing()
-    rise = 0.6 * np.exp(-((speed / 6.0) ** 2)) * np.tanh(speed / 0.01)
+    rise = 0.6 * np.exp(-((np.abs(speed) / 6.0) ** exponent)) * np.tanh(speed / 0.01)
     result = investigate(axis(), one_body(0.3, 1.0, 0.02, 6, extra=rise))
     assert [f.mechanism for f in result.findings] == ["stribeck_friction"]
-    torque, limit = result.findings[0].parameters[:2]
+    torque, limit, fall = result.findings[0].parameters
     assert torque.value == pytest.approx(0.6, rel=0.15)
     assert limit.value == pytest.approx(6.0, rel=0.15)
+    assert fall.low <= exponent <= fall.high
+    assert 1.0 <= fall.low <= fall.high <= 2.0
 
 
 def test_friction_that_differs_by_direction_is_named() -> None:

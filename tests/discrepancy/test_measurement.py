@@ -3,7 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.discrepancy.measurement import NEAR_STANDSTILL_SHARE, PIER, Bridge, gaussian_kernel, prepare
+from sim.discrepancy.measurement import (
+    LOAD_MOTION_CUT_HZ,
+    NEAR_STANDSTILL_SHARE,
+    PIER,
+    Bridge,
+    gaussian_kernel,
+    prepare,
+)
 
 
 @pytest.mark.parametrize("derivative", [0, 1, 2])
@@ -47,6 +54,18 @@ def test_at_the_motor_of_a_gear_rest_counts_once_it_has_moved() -> None:
     assert prepared.weight[prepared.time_s < 1.8].max() == 0.0
     assert prepared.weight[prepared.time_s > 2.2].min() == 1.0
     assert prepared.load_weight[prepared.time_s > 4.2].max() == 0.0
+
+
+def test_the_guide_rests_while_the_load_turns_back_later_than_the_motor() -> None:
+    """As far as the slow kernel of its encoder spreads the kinks of a load that sticks."""
+    t = np.arange(8000) / 1000.0
+    late = 0.3
+    prepared = prepare(1000.0, np.zeros(t.size), 40.0 * np.sin(t), 4.0 * np.sin(t - late))
+    turned = np.pi / 2 + late
+    near = np.abs(prepared.time_s - turned) < 0.5 / LOAD_MOTION_CUT_HZ
+    assert prepared.load_weight[near].max() == 0.0
+    assert prepared.weight[near].min() == 1.0
+    assert prepared.load_weight[np.abs(prepared.time_s - np.pi) < 0.5].min() == 1.0
 
 
 def test_where_no_teeth_leave_each_other_rows_count_down_to_half_the_speed() -> None:

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from sim.chain_model import Chain, Link, Shaft
-from sim.discrepancy.measurement import Measurement, prepare
+from sim.discrepancy.measurement import WIDE_SHARE, Measurement, gaussian_kernel, prepare
 from sim.discrepancy.observer import Nuisance, Observer
-from sim.discrepancy.observer_kernel import _dent, _sine_cosine
+from sim.discrepancy.observer_kernel import _dent, _passed, _sine_cosine
 from sim.discrepancy.packing import pack
 from tests.discrepancy.telemetry_of import RATE_HZ, swing
 
@@ -207,6 +207,16 @@ def test_sine_and_cosine_of_one_angle() -> None:
     angles = np.random.default_rng(1).uniform(-3e4, 3e4, 2000)
     found = np.array([_sine_cosine(float(x)) for x in angles])
     assert np.abs(found - np.stack([np.sin(angles), np.cos(angles)], axis=1)).max() < 1e-8
+
+
+@pytest.mark.parametrize("frequency_hz", [40.0, 200.0, 300.0, 420.0])
+def test_errors_of_teeth_pass_the_low_pass_that_the_measured_torque_has_passed(frequency_hz: float) -> None:
+    """Measured eight times as fast as it is looked at, as `prepare` smooths it."""
+    rate_hz = 8000.0
+    kernel = gaussian_kernel(WIDE_SHARE * RATE_HZ, rate_hz, 0)
+    places = np.arange(kernel.size) - kernel.size // 2
+    response = float(np.sum(kernel * np.cos(2.0 * np.pi * frequency_hz / rate_hz * places)))
+    assert _passed(2.0 * np.pi * frequency_hz / RATE_HZ) == pytest.approx(response, abs=2e-3)
 
 
 @pytest.mark.parametrize("form", [2.0, 7.5])

@@ -18,6 +18,7 @@ from sim.discrepancy.entries import swing
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.investigation import told_apart
 from sim.discrepancy.measurement import Measurement, prepare
+from sim.discrepancy.model import loss_parameters
 from sim.discrepancy.nameless import FIXED, line_of
 from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.screening import least_squares_within
@@ -123,6 +124,17 @@ def test_an_offset_beside_an_asymmetry_is_what_the_other_holds_at_rest_unless_it
     entered = {"friction_asymmetry@motor": 5500.0}
     assert is_form(TERMS["torque_offset"], 85.0, entered)
     assert not is_form(TERMS["torque_offset"], 900.0, entered)
+
+
+def test_losses_bring_along_on_which_side_of_the_mesh_they_are_once_for_all_meshes() -> None:
+    """A description without losses says nothing of it, and a fit would bend springs and inertias instead."""
+    losses = [t for t in ALL if t.mechanism == "load_dependent_loss"]
+    assert losses
+    problem = Problem(AXIS, MOVED, Noise.flat(1.0, 1.0))
+    names = [p.name for p in problem.parameters((*losses, *losses))]
+    splits = {p.name for p in loss_parameters()}
+    assert not splits & {p.name for p in problem.parameters(())}
+    assert [names.count(name) for name in splits] == [1] * len(splits)
 
 
 @pytest.mark.parametrize("mechanism", sorted(LEAST_GAINS))
