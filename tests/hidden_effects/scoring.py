@@ -79,7 +79,14 @@ def complete(given: JSON) -> dict[str, Any]:
     ]
     named = any(h["mechanism"] != "unnamed" for h in hidden)
     verdict = "named" if named else ("unnamed" if hidden else "nothing_missing")
-    whole = {"hidden": hidden, "size": size, "verdict": verdict, "may_be_unnamed": False, "level": "-"}
+    whole = {
+        "hidden": hidden,
+        "size": size,
+        "verdict": verdict,
+        "may_be_unnamed": False,
+        "level": "-",
+        "one_size": True,
+    }
     return {"group": "mechanics" if hidden else "null", **whole, "id": given["id"]}
 
 
@@ -93,14 +100,23 @@ def judge(answer: JSON, document: JSON | None) -> Judgement:
     claims = tuple((float(f["probability"]), any(_agrees(f, h) for h in named)) for f in findings)
     wrong = tuple(f["mechanism"] for f in said if not names_rightly(answer, f))
     outcome = _outcome(answer, document, named, said, wrong)
+    sizes = [check for h in named for f in said if _agrees(f, h) for check in check_sizes(h, f)]
     return Judgement(
         outcome,
         solved=outcome == "right",
         top=bool(findings) and any(_agrees(findings[0], h) for h in named) if named else outcome == "right",
         wrong_names=wrong,
         claims=claims,
-        sizes=tuple(check for h in named for f in said if _agrees(f, h) for check in check_sizes(h, f)),
+        sizes=_nearest(sizes) if answer.get("one_size") else tuple(sizes),
     )
+
+
+def _nearest(checks: Sequence[SizeCheck]) -> tuple[SizeCheck, ...]:
+    """Of each name the check that is least off: it is not said to which of two effects a number belongs."""
+    best: dict[str, SizeCheck] = {}
+    for check in sorted(checks, key=lambda c: abs(c.error)):
+        best.setdefault(check.name, check)
+    return tuple(best.values())
 
 
 def _outcome(answer: JSON, document: JSON, named: Sequence[JSON], said: Sequence[JSON], wrong: tuple[str, ...]) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.hidden_effects.scoring import calibration, judge, wilson
+from tests.hidden_effects.scoring import calibration, complete, judge, wilson
 
 
 def _answer(*hidden: tuple[str, str | None, dict[str, float]], verdict: str = "named") -> dict[str, Any]:
@@ -89,6 +89,16 @@ def test_sizes_within_fifteen_percent_and_angles_within_two_degrees_across_the_t
     assert check.error == pytest.approx(0.02)
     assert check.within
     assert check.covered
+
+
+def test_a_number_of_two_effects_counts_for_the_one_it_fits() -> None:
+    """Answers of a folder have one size for all effects, and a torque may be that of either."""
+    given = {"id": "x", "answer": [["gravity_imbalance", None], ["electrical_hum", None]], "size": {"torque_n_m": 30.0}}
+    findings = [_finding("gravity_imbalance", "load", 0.9), _finding("electrical_hum", "motor", 0.8)]
+    for finding, torque in zip(findings, (29.0, 0.09), strict=True):
+        finding["parameters"] = [{"name": "torque_n_m", "value": torque, "low": torque - 2.0, "high": torque + 2.0}]
+    (check,) = judge(complete(given), _document(*findings)).sizes
+    assert (check.within, check.covered) == (True, True)
 
 
 def test_calibration_error_of_honest_and_of_boastful_claims() -> None:
