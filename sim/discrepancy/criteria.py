@@ -130,7 +130,7 @@ def form_share(mechanism: str, other: str) -> float:
         return max(shares, default=0.0)
     if mechanism == "time_delay":
         shares.append(DELAY_SHARE)
-    if other == "mesh_error" and mechanism in DAMPING:
+    if other in ("mesh_error", "eccentricity") and mechanism in DAMPING:
         shares.append(DAMPING[mechanism])
     return max([LEAVES.get(other, FORM_SHARE), *shares])
 

@@ -589,7 +589,7 @@ def _inwards(parameter: Parameter, value: float) -> float:
 
 
 def _cost(residual: Array, parameters: Sequence[Parameter], values: Mapping[str, float]) -> float:
-    known = sum(((values[p.name] - p.expected) / p.spread) ** 2 for p in parameters)
+    known = sum(p.deviation(values) ** 2 for p in parameters)
     return float(residual @ residual) + known
 
 

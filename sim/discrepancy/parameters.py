@@ -27,3 +27,7 @@ class Parameter:
     @property
     def expected(self) -> float:
         return self.start if self.centre is None else self.centre
+
+    def deviation(self, values: Values) -> float:
+        """By how many standard deviations it lies off what is known of it beforehand."""
+        return abs(values[self.name] - self.expected) / self.spread

@@ -40,6 +40,7 @@ MOST_ROUNDS = 6  # with those that are as new or have no name
 MOST_ENTRIES = 3  # of one round
 AT_LOW_SPEED = ("stribeck_friction",)
 MOST_RUNS = 2400  # simulations after which only constants and what promised much are looked for: the rest is unnamed
+FAR_BENT = 2.5  # standard deviations of what is known of a number
 TOLD = 0.5  # weight of a row that counts
 AT_REST = 1.3  # times the mean square in motion: what is more is not the noise of rows whose friction is known
 LEAST_STRETCH_RAD = 1.5e-4  # a micrometre and a half on a centimetre, three steps of an encoder of 17 bits
@@ -93,17 +94,22 @@ def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
 
 
 def afresh(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
-    """Where a fit bends what is described, the one from there and its noise, if it bends less and is likelier.
+    """Where a fit bends what is described, one from there and its noise, if it bends less and is likelier.
 
     Numbers that stood for a mechanism before it came in make noise of what they get wrong, and that keeps them there.
+    Begins at the description; then with those alone put back that are bent far: one number that the description has
+    wrong is found, and others need not stand for it on the way.
     """
     if fit.strain <= BENT:
         return problem, fit
     own = {p.name: fit.values[p.name] for term in fit.terms for p in term.parameters}
-    anew, more = rewhiten(problem, problem.fit(fit.terms, own, iterations=0))
-    anew, more = rewhiten(anew, more)
-    better = more.strain < fit.strain and anew.unlikelihood(more) < problem.unlikelihood(fit)
-    return (anew, more) if better else (problem, fit)
+    near = {p.name: fit.values[p.name] for p in fit.parameters if p.deviation(fit.values) < FAR_BENT}
+    for start in (own, near):
+        anew, more = rewhiten(problem, problem.fit(fit.terms, start, iterations=0))
+        anew, more = rewhiten(anew, more)
+        if more.strain < fit.strain and anew.unlikelihood(more) < problem.unlikelihood(fit):
+            return anew, more
+    return problem, fit
 
 
 def all_rows(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
