@@ -8,10 +8,9 @@ from collections.abc import Mapping
 
 from sim.axis import Axis
 from sim.discrepancy.written import angle
+from sim.mechanisms import MECHANISMS
 
-OF_THE_MEASUREMENT = frozenset(
-    {"torque_offset", "encoder_error", "time_delay", "electrical_hum", "clipping", "lost_samples"}
-)
+OF_THE_MEASUREMENT = frozenset(name for name, kind in MECHANISMS.items() if kind.kind == "measurement")
 """Mechanisms of sensors, cables and recorders: nothing is wrong with the machine."""
 
 BEHIND_THE_MOTOR = frozenset(

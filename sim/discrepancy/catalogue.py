@@ -10,6 +10,8 @@ import numpy as np
 
 from sim.axis import Axis
 from sim.chain_model import Chain, Dent, with_link, with_shaft
+from sim.discrepancy.catalogued import ORDERS as RIPPLE_ORDERS
+from sim.discrepancy.catalogued import terms_of_catalogue
 from sim.discrepancy.entries import lopsided, rounding, swing
 from sim.discrepancy.measurement import LOAD_CUT_HZ, Array, Measurement
 from sim.discrepancy.model import (
@@ -25,7 +27,6 @@ from sim.discrepancy.model import (
 from sim.discrepancy.parameters import Parameter, Values
 from sim.discrepancy.terms import Report, Term
 
-RIPPLE_ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0)  # pole pairs, slots and their multiples
 FEWEST_TEETH = 8.0  # of a pinion
 LEAST_TURN = 0.5  # rad of the load over which weight shows
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
@@ -38,6 +39,14 @@ ENCODER_ERROR = ("load_encoder.error_sine_rad", "load_encoder.error_cosine_rad")
 WIDEST_GAP = 6.0  # over the working twist, where play is looked for
 HUM_SHARE = 0.003  # of the torque: less hum does not matter
 AS_NEW_FACTOR = 3.0  # more than this above as new is a finding
+
+
+OWN = frozenset(  # mechanisms with terms below, or seen by the gate or in the sound; all others say all of themselves
+    {"backlash", "tooth_damage", "eccentricity", "mesh_error", "coulomb_friction", "viscous_friction",
+     "stribeck_friction", "friction_asymmetry", "load_dependent_loss", "friction_drift", "gravity_imbalance",
+     "torque_ripple", "stiffness_hardening", "hysteresis", "bearing_defect", "structural_resonance", "torque_offset",
+     "encoder_error", "time_delay", "electrical_hum", "clipping", "lost_samples"}
+)  # fmt: skip
 
 
 def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term, ...]:
@@ -71,7 +80,7 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
             out.append(_resonance(axis))
     elif travel > LEAST_TURN:
         out.append(_gravity(0.05 * level, 0))
-    return tuple(out)
+    return (*out, *terms_of_catalogue(axis, measurement, OWN))
 
 
 def _name(mechanism: str, location: str | None, parameter: str) -> str:
@@ -243,11 +252,8 @@ def _ripple(order: float, level: float, axis: Axis) -> Term:
         return values[f"{prefix}.sine"] * np.sin(order * m.angle) + values[f"{prefix}.cosine"] * np.cos(order * m.angle)
 
     def report(values: Values) -> dict[str, float]:
-        return {
-            "torque_n_m": math.hypot(values[f"{prefix}.sine"], values[f"{prefix}.cosine"]),
-            "order": order,
-            "phase_rad": math.atan2(values[f"{prefix}.cosine"], values[f"{prefix}.sine"]),
-        }
+        sine, cosine = -values[f"{prefix}.sine"], -values[f"{prefix}.cosine"]  # what is felt is what the drive balances
+        return {"torque_n_m": math.hypot(sine, cosine), "order": order, "phase_rad": math.atan2(cosine, sine)}
 
     size = max(0.3 * step, AS_NEW_FACTOR * _torque_of_teeth(axis, order))
     return Term(
@@ -378,11 +384,16 @@ def _error(
             errors += wave(shaft, times, values[sine.name], values[cosine.name])
         return with_link(chain, k, errors=errors)
 
+    first_said = _amplitude(first, "amplitude_rad", "phase_rad")
+    second_said = _amplitude(second, "second_amplitude_rad", "second_phase_rad") if second else None
+
+    def report(values: Values) -> dict[str, float]:
+        return {**first_said(values), **(second_said(values) if second_said else {})}
+
     jump = 2.0 * AS_NEW_FACTOR * new if replaces else 0.1 * step  # out of the limits of what is as new
     probe = (*({p.name: jump} for p in first), *({p.name: p.step} for p in second))
     return Term(
-        mechanism, name, (*first, *second), (probe,), _amplitude(first, "amplitude_rad", "phase_rad"), apply,
-        replaces=replaces, size=AS_NEW_FACTOR * new,
+        mechanism, name, (*first, *second), (probe,), report, apply, replaces=replaces, size=AS_NEW_FACTOR * new,
     )  # fmt: skip
 
 
@@ -399,8 +410,8 @@ def _loss(name: str, k: int) -> Term:
     fraction = _name("load_dependent_loss", name, "fraction")
 
     def apply(chain: Chain, values: Values) -> Chain:
-        kept = 1.0 - values[fraction]
-        return with_link(chain, k, efficiency=(kept, kept))
+        lost = values[fraction]
+        return with_link(chain, k, efficiency=(1.0 / (1.0 + lost), 1.0 - lost))
 
     parameters = (Parameter(fraction, 0.0, 0.005, low=0.0, high=0.6),)
     return Term(

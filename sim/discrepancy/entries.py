@@ -8,8 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.signal import bilinear, lfilter
 
-from sim.axis import Axis, MechanismEntry
-from sim.chain_model import Array, Chain, Dent, Line, with_link, with_shaft
+from sim.axis import Axis
+from sim.chain_model import Array, Chain, with_shaft
 from sim.discrepancy.measurement import Measurement
 
 
@@ -68,64 +68,3 @@ def swinging(axis: Axis, m: Measurement) -> Array:
             p = entry.parameters
             out += swing(m, axis.load.inertia_kg_m2, p["share"], p["frequency_hz"], p.get("damping_ratio", 0.02))
     return out
-
-
-def with_entries(chain: Chain, axis: Axis) -> Chain:
-    """The chain of a description that already has mechanisms of the machine."""
-    names = [stage.name for stage in axis.stages] or ["load"]
-    for entry in axis.mechanisms:
-        k = names.index(entry.location) if entry.location in names else len(names) - 1
-        chain = _with_entry(chain, axis, k, entry)
-    return chain
-
-
-def _with_entry(chain: Chain, axis: Axis, k: int, entry: MechanismEntry) -> Chain:
-    p, last = entry.parameters, len(chain.shafts) - 1
-    match entry.name:
-        case "backlash":
-            return with_link(chain, k, gap_rad=p["gap_rad"])
-        case "eccentricity" if entry.location == "motor":
-            line = Line(0, 1.0, p["amplitude_rad"], p.get("phase_rad", 0.0))
-            return with_link(chain, 0, errors=(*chain.links[0].errors, line))
-        case "eccentricity" | "mesh_error":
-            teeth = axis.stages[k].driven_teeth if axis.stages else None
-            order = 1.0 if entry.name == "eccentricity" else float(teeth or 1)
-            line = Line(k + 1, order, p["amplitude_rad"], p.get("phase_rad", 0.0))
-            return with_link(chain, k, errors=(*chain.links[k].errors, line))
-        case "tooth_damage":
-            pitch = 2.0 * math.pi / float((axis.stages[k].driven_teeth if axis.stages else None) or 100)
-            flank, form = int(p.get("flank", 1.0)), p.get("form", 2.0)
-            width = (p.get("width_rad") or pitch) / rounding(form)
-            dent = Dent(k + 1, p["angle_rad"], width, p["depth_rad"], flank, form)
-            return with_link(chain, k, dents=(*chain.links[k].dents, dent))
-        case "gravity_imbalance":
-            return with_shaft(chain, last, gravity_n_m=p["torque_n_m"], gravity_phase_rad=p.get("phase_rad", 0.0))
-        case "stribeck_friction":
-            return with_shaft(
-                chain,
-                0,
-                stribeck_n_m=p["torque_n_m"],
-                stribeck_speed_rad_s=p["speed_rad_s"],
-                stribeck_exponent=p.get("exponent", 2.0),
-            )
-        case "friction_asymmetry":
-            torque, coefficient = p.get("torque_n_m", 0.0), p.get("coefficient_n_m_s_per_rad", 0.0)
-            return lopsided(chain, entry.location, torque, coefficient)
-        case "friction_drift":
-            for index in {0, last}:
-                chain = with_shaft(chain, index, drift_per_s=p["rate_per_s"])
-            return chain
-        case "load_dependent_loss":
-            kept = 1.0 - p["fraction"]
-            return with_link(chain, k, efficiency=(kept, kept))
-        case "stiffness_hardening":
-            return with_link(chain, k, cubic_per_rad2=p["cubic_per_rad2"])
-        case "hysteresis":
-            return with_link(chain, k, hysteresis_n_m=p["torque_n_m"], hysteresis_rad=p.get("width_rad", 1e-4))
-        case "torque_offset":
-            return with_shaft(chain, 0, offset_n_m=chain.shafts[0].offset_n_m - p["torque_n_m"])
-        case "torque_ripple":
-            line = Line(0, p["order"], -p["torque_n_m"], p.get("phase_rad", 0.0))
-            return with_shaft(chain, 0, ripples=(*chain.shafts[0].ripples, line))
-        case _:
-            return chain

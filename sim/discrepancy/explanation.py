@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from sim import mechanisms
 from sim.axis import Axis
 from sim.discrepancy.actions import BEHIND_THE_MOTOR, MEASUREMENTS, OF_THE_MEASUREMENT, SHOWN_RAD, measurement
 from sim.discrepancy.unexplained import Unexplained
@@ -72,7 +73,12 @@ def explain(
     `instead`: what looks like it but predicts unseen rows worse, to the share that it explains in its place.
     """
     shown = {f"{name}_shown": angle(value, PLACED.get(name, 0.0)) for name, value in numbers.items() if "_rad" in name}
-    said = [SENTENCES.get(mechanism, mechanism.replace("_", " ")).format(where=location or "", **numbers, **shown)]
+    sentence = SENTENCES.get(mechanism)
+    said = [
+        sentence.format(where=location or "", **numbers, **shown)
+        if sentence
+        else of_itself(mechanism, location, numbers)
+    ]
     if "form" in numbers:
         bottom = next((text for below, text in BOTTOMS if numbers["form"] < below), BROKEN)
         said.append(f"Its bottom is {bottom} (form {numbers['form']:.1f}).")
@@ -84,6 +90,22 @@ def explain(
         if share > ALIKE
     ]
     return " ".join(said)
+
+
+def of_itself(mechanism: str, location: str | None, numbers: Mapping[str, float]) -> str:
+    """What a mechanism that has no sentence here says of itself, and its numbers.
+
+    >>> of_itself("clipping", "motor", {"fraction": 0.25})
+    'Clipping at motor: the motor torque and the sound stop at a level: the fraction says how much of their peak is cut off. Fraction 0.250.'
+    """
+    kind = mechanisms.MECHANISMS[mechanism]
+    does = " ".join((kind.__doc__ or "").split("\n")[0].split()).rstrip(".")
+    units = {p.name: p.unit for p in kind.parameters}
+    values = ", ".join(
+        f"{words_of(name)} {number(value)} {units.get(name, '')}".removesuffix(" 1") for name, value in numbers.items()
+    )
+    name = named(mechanism, location)
+    return f"{name[0].upper()}{name[1:]}: {does[:1].lower()}{does[1:]}. {values[:1].upper()}{values[1:]}."
 
 
 def headline(result: Investigation) -> str:

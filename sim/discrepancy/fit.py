@@ -22,7 +22,8 @@ from scipy.signal import oaconvolve
 from sim.axis import Axis
 from sim.chain_model import Chain, ChainError
 from sim.discrepancy import rattle
-from sim.discrepancy.entries import swinging, with_entries
+from sim.discrepancy.catalogued import Described, read_too_much
+from sim.discrepancy.entries import swinging
 from sim.discrepancy.measurement import LOAD_CUT_HZ, Measurement
 from sim.discrepancy.model import base_parameters, chain_of, has_links, hums, locked_mode_hz, nuisance_of
 from sim.discrepancy.observer import Observer
@@ -213,19 +214,33 @@ class Problem:
     noise: Noise
     memory: Memory = SHORT
     observer: Observer = field(init=False)
+    described: Described = field(init=False)
     swinging: Array = field(init=False)
+    read_too_much: Array = field(init=False)
     runs: Runs = field(default_factory=Runs)
 
     def __post_init__(self) -> None:
         inertia = chain_of(self.axis, {}).shafts[0].inertia_kg_m2
-        self.swinging = swinging(self.axis, self.measurement)
+        self._describe()
         self.observer = Observer(self.measurement, max(self.axis.load.inertia_kg_m2, 1e-12), inertia)
         start = {p.name: p.start for p in self.base()}
         self.observer.learn_noise(chain_of(self.axis, start), nuisance_of(start), hits=self.hits(()))
 
+    def _describe(self) -> None:
+        self.described = Described.by(self.axis)
+        self.swinging = swinging(self.axis, self.measurement)
+        self.read_too_much = read_too_much(self.axis, self.measurement)
+
+    def of(self, axis: Axis) -> Problem:
+        """The same measurement, noise included, held against another description."""
+        other = copy(self)
+        other.axis = axis
+        other._describe()
+        return other
+
     def hits(self, terms: Sequence[Term]) -> bool:
         """Whether teeth leave each other and meet again, by a term or as described."""
-        return any(t.contact for t in terms) or any(entry.name in BY_CONTACT for entry in self.axis.mechanisms)
+        return any(t.contact for t in terms) or self.described.contact
 
     @property
     def guided(self) -> bool:
@@ -254,7 +269,7 @@ class Problem:
         m = self.measurement
         self.runs.add()
         prediction = self.observer.predict(self.chain(terms, values), nuisance_of(values))
-        torque = m.torque - prediction.torque
+        torque = m.torque - self.read_too_much - prediction.torque
         for name, frequency_hz, _ in hums(self.axis):
             turn = 2.0 * np.pi * frequency_hz * m.time_s
             torque = torque - values[f"{name}.sine"] * np.sin(turn) - values[f"{name}.cosine"] * np.cos(turn)
@@ -384,7 +399,7 @@ class Problem:
         return 0.0, damping
 
     def chain(self, terms: Sequence[Term], values: Mapping[str, float]) -> Chain:
-        chain = with_entries(chain_of(self.axis, values), self.axis)
+        chain = self.described.apply(chain_of(self.axis, values))
         for term in terms:
             chain = term.apply(chain, values)
         return chain

@@ -12,6 +12,7 @@ import numpy as np
 
 from casebase.signals.recording import Recording
 from casebase.signals.telemetry import Telemetry
+from sim import mechanisms
 from sim.axis import Axis
 from sim.discrepancy.actions import action
 from sim.discrepancy.condition import Fault, Gate, InvestigationError, examine
@@ -33,7 +34,7 @@ NINETY = 1.645
 INFLATION = 3.0  # of deviations, so that intervals hold on the calibration seeds
 FORM_SHARE = 0.08  # of a size, which the form of its law leaves open
 DENT_SHARE = 0.3  # the same of a dent: the same torques come from a hollow and from a shallower piece broken out
-NO_SIZE = ("angle_rad", "phase_rad", "flank", "form", "order", "frequency_hz", "exponent")
+NO_SIZE = ("angle_rad", "phase_rad", "second_phase_rad", "flank", "form", "order", "frequency_hz", "exponent")
 SAID = 0.5  # probability from which a name is said
 UNREACHED = 0.5  # of the torque: a model that leaves more says nothing of the axis
 SOLID = ("inertia_kg_m2", "stiffness_n_m_per_rad")  # what no data sheet is far wrong in
@@ -354,6 +355,7 @@ def term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, .
     record is long."""
     spread = deviations(fit, term, term.report)
     limits = {p.name: (p.low, p.high) for p in term.parameters}
+    units = {p.name: p.unit for p in mechanisms.MECHANISMS[term.mechanism].parameters}
     out = []
     for name, value in term.report(fit.values).items():
         half = NINETY * inflation(fit) * spread[name]
@@ -363,7 +365,7 @@ def term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, .
             half = max(half, 1.0 / duration_s)
         low, high = limits.get(f"{term.key}.{name}", (-math.inf, math.inf))
         ends = float(max(value - half, low)), float(min(value + half, high))
-        out.append(Estimate(name, float(value), unit_of(name), *ends))
+        out.append(Estimate(name, float(value), units[name], *ends))
     return tuple(out)
 
 

@@ -33,7 +33,7 @@ from sim.discrepancy.selection import all_rows, polish
 from sim.discrepancy.unexplained import Unexplained, look
 
 OF_THE_AXIS = ("motor.", "load.", "stages.", "mesh.", "loss_split.")
-ANGLES = ("angle_rad", "phase_rad")
+ANGLES = ("angle_rad", "phase_rad", "second_phase_rad")
 
 
 @dataclass(frozen=True)

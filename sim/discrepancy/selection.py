@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from copy import copy
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -222,8 +221,8 @@ def described(problem: Problem, base: Fit) -> dict[str, float]:
     """What each mechanism that the description already has gains over a description without it."""
 
     def without(entry: MechanismEntry) -> float:
-        other = copy(problem)
-        other.axis = replace(problem.axis, mechanisms=tuple(e for e in problem.axis.mechanisms if e is not entry))
+        rest = tuple(e for e in problem.axis.mechanisms if e is not entry)
+        other = problem.of(replace(problem.axis, mechanisms=rest))
         return other.fit(start=base.values, held=base.sensitivities).cost - base.cost
 
     entries = problem.axis.mechanisms

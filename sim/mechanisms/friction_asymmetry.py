@@ -1,5 +1,6 @@
 """Friction that differs by direction."""
 
+from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar
 
@@ -10,7 +11,10 @@ from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
 
 
 class FrictionAsymmetry(Mechanics):
-    """Half the difference forward minus backward, of Coulomb and of viscous friction, at the shaft of its location."""
+    """Half the difference forward minus backward, of Coulomb and of viscous friction, at the shaft of its location.
+
+    Without a location: as felt at the motor, motor and load having each its share of it, as of the friction there.
+    """
 
     name: ClassVar[str] = "friction_asymmetry"
     parameters: ClassVar[tuple[Parameter, ...]] = (
@@ -25,24 +29,41 @@ class FrictionAsymmetry(Mechanics):
     )
 
     @classmethod
-    def locations(cls, axis: Axis) -> tuple[str, ...]:
-        return ends(axis)
+    def locations(cls, axis: Axis) -> tuple[str | None, ...]:
+        return (None, *ends(axis))
 
     def apply(self, train: DriveTrain) -> DriveTrain:
-        place = self.placed(axis_of(train))
-        old = friction_at(train, place)
-        coulomb = old.coulomb if old.coulomb_backward is None else old.coulomb_backward
-        viscous = old.viscous if old.viscous_backward is None else old.viscous_backward
-        torque, slope = self["torque_n_m"], self["coefficient_n_m_s_per_rad"]
-        new = replace(
-            old,
-            coulomb=old.coulomb + torque,
-            coulomb_backward=coulomb - torque,
-            viscous=old.viscous + slope,
-            viscous_backward=viscous - slope,
-        )
-        return (
-            train
-            if new == replace(old, coulomb_backward=coulomb, viscous_backward=viscous)
-            else with_friction(train, place, new)
-        )
+        axis = axis_of(train)
+        place = self.placed(axis)
+        if place:
+            return _with(train, place, self["torque_n_m"], self["coefficient_n_m_s_per_rad"])
+        felt = {end: axis.ratio_from(end) / axis.ratio for end in ends(axis)}
+        friction = {end: friction_at(train, end) for end in felt}
+        dry = _shares({end: friction[end].coulomb * k for end, k in felt.items()})
+        viscous = _shares({end: friction[end].viscous * k**2 for end, k in felt.items()})
+        for end, k in felt.items():
+            torque, slope = self["torque_n_m"] * dry[end] / k, self["coefficient_n_m_s_per_rad"] * viscous[end] / k**2
+            train = _with(train, end, torque, slope)
+        return train
+
+
+def _shares(parts: Mapping[str, float]) -> dict[str, float]:
+    """Share of each end in all; the motor has all of nothing."""
+    whole = sum(parts.values())
+    return {end: part / whole if whole > 0.0 else float(end == "motor") for end, part in parts.items()}
+
+
+def _with(train: DriveTrain, place: str, torque: float, slope: float) -> DriveTrain:
+    if torque == slope == 0.0:
+        return train
+    old = friction_at(train, place)
+    coulomb = old.coulomb if old.coulomb_backward is None else old.coulomb_backward
+    viscous = old.viscous if old.viscous_backward is None else old.viscous_backward
+    new = replace(
+        old,
+        coulomb=old.coulomb + torque,
+        coulomb_backward=coulomb - torque,
+        viscous=old.viscous + slope,
+        viscous_backward=viscous - slope,
+    )
+    return with_friction(train, place, new)

@@ -10,16 +10,21 @@ from sim.mechanisms.places import axis_of, stage_names, teeth, with_error
 
 
 class MeshError(Mechanics):
-    """Transmission error once per tooth, felt at the driven gear."""
+    """Transmission error once per tooth, felt at the driven gear, and its second harmonic."""
 
     name: ClassVar[str] = "mesh_error"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("amplitude_rad", "rad", 0.0, 0.02, 1e-4),
         Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
+        Parameter("second_amplitude_rad", "rad", 0.0, 0.02, 0.0),
+        Parameter("second_phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
     )
     size: ClassVar[str] = "amplitude_rad"
     signature: ClassVar[Signature] = Signature("angle", order="mesh", grows_with="speed")
-    equations: ClassVar[str] = "x = theta_driver / i - theta_driven - amplitude sin(z theta_driven + phase)"
+    equations: ClassVar[str] = (
+        "x = theta_driver / i - theta_driven - amplitude sin(z theta_driven + phase)"
+        " - second_amplitude sin(2 z theta_driven + second_phase)"
+    )
     source: ClassVar[str] = "static transmission error at tooth frequency: Harris, Proc. IMechE 172 (1958) 87"
 
     @classmethod
@@ -31,4 +36,7 @@ class MeshError(Mechanics):
         if self["amplitude_rad"] == 0:
             return train
         order = float(teeth(axis_of(train), place))
-        return with_error(train, place, order, self["amplitude_rad"], self["phase_rad"])
+        train = with_error(train, place, order, self["amplitude_rad"], self["phase_rad"])
+        if self["second_amplitude_rad"] == 0:
+            return train
+        return with_error(train, place, 2.0 * order, self["second_amplitude_rad"], self["second_phase_rad"])

@@ -12,8 +12,8 @@ import pytest
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis, MechanismEntry, read_axis
 from sim.discrepancy.catalogue import tooth_damage
+from sim.discrepancy.catalogued import Described
 from sim.discrepancy.condition import examine
-from sim.discrepancy.entries import with_entries
 from sim.discrepancy.fit import Noise, Problem, Raw
 from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.model import chain_of
@@ -84,6 +84,6 @@ def test_a_dent_that_was_found_is_the_same_dent_in_the_extended_axis() -> None:
     chain = chain_of(axis(), {})
     entry = MechanismEntry("tooth_damage", "output", dict(term.report(values)))
     (found,) = term.apply(chain, values).links[0].dents
-    (stored,) = with_entries(chain, replace(axis(), mechanisms=(entry,))).links[0].dents
+    (stored,) = Described.by(replace(axis(), mechanisms=(entry,))).apply(chain).links[0].dents
     assert stored.half_width_rad == pytest.approx(found.half_width_rad, rel=1e-12)
     assert replace(stored, half_width_rad=found.half_width_rad) == found
