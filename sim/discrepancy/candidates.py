@@ -20,7 +20,7 @@ from sim.discrepancy.screening import screen
 from sim.discrepancy.size import beyond, magnitude
 from sim.discrepancy.terms import Term
 
-MOST_TRIES = 7
+MOST_TRIES, FEW_TRIES = 7, 3  # starts of candidates that are fitted in one round; where time is short
 DEPTHS = (0.03, 0.1, 0.3)  # of the working twist, where a dent is looked for
 SHIFTS = np.linspace(-1.0, 1.0, 11)  # pitches around the place that the scan proposes
 CLOSE = 2  # best candidates of which those that are far from linear are refitted in full
@@ -54,10 +54,13 @@ class Rival:
 Tried = tuple[Rival, Mapping[str, Raw]]
 
 
-def try_terms(problem: Problem, fit: Fit, only: Collection[str] | None = None, least: float = 0.0) -> list[Rival]:
+def try_terms(
+    problem: Problem, fit: Fit, only: Collection[str] | None = None, least: float = 0.0, tries: int = MOST_TRIES
+) -> list[Rival]:
     """Candidates by what they gain once refitted, best first; what has no name is linear, its promise is its gain.
 
-    `only`: mechanisms that are asked for, default all. `least`: squares that a mechanism must promise to be fitted.
+    `only`: mechanisms that are asked for, default all. `least`: squares that a mechanism must promise to be fitted;
+    `tries`: starts of them that are.
     """
     present = {term.key for term in fit.terms}
     candidates = list(terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values)))
@@ -67,16 +70,16 @@ def try_terms(problem: Problem, fit: Fit, only: Collection[str] | None = None, l
         candidates += nameless_terms(problem, fit)
     candidates = [t for t in candidates if t.key not in present and (only is None or t.mechanism in only)]
     screened = screen(problem, fit, candidates)
-    tries: dict[str, int] = {}
+    begun: dict[str, int] = {}
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
     jobs: list[tuple[Term, Mapping[str, float]]] = []
     for promised, term, start in screened:
         rival = (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]
         asked = UNSURE * least_gain(term) if term.mechanism in LEFT_OUT else max(rival, least_gain(term))
-        if len(jobs) == MOST_TRIES or not term.named or promised < max(asked, least):
+        if len(jobs) == tries or not term.named or promised < max(asked, least):
             continue
-        if tries.get(term.key, 0) < (2 if term.nonlinear else 1):
-            tries[term.key] = tries.get(term.key, 0) + 1
+        if begun.get(term.key, 0) < (2 if term.nonlinear and tries == MOST_TRIES else 1):
+            begun[term.key] = begun.get(term.key, 0) + 1
             jobs.append((term, start))
     loose = (
         [] if fit.terms else [job for t in candidates if t.mechanism == "backlash" for job in as_described(problem, t)]

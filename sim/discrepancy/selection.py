@@ -9,7 +9,17 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.axis import MechanismEntry
-from sim.discrepancy.candidates import BENT, FAR_MOVED, Rival, bottomed, elsewhere, settled, try_terms
+from sim.discrepancy.candidates import (
+    BENT,
+    FAR_MOVED,
+    FEW_TRIES,
+    MOST_TRIES,
+    Rival,
+    bottomed,
+    elsewhere,
+    settled,
+    try_terms,
+)
 from sim.discrepancy.criteria import (
     BEYOND,
     CONSTANT,
@@ -38,7 +48,8 @@ MOST_TERMS = 4
 MOST_ROUNDS = 6  # with those that are as new or have no name
 MOST_ENTRIES = 3  # of one round
 AT_LOW_SPEED = ("stribeck_friction",)
-MOST_RUNS = 2400  # simulations after which only constants and what promised much are looked for: the rest is unnamed
+MOST_RUNS = 2400  # simulations after which of all candidates only the most promising are fitted
+LAST_RUNS = 4800  # the same after which only constants and what promised much are looked for: the rest is unnamed
 FAR_BENT = 2.5  # standard deviations of what is known of a number
 TOLD = 0.5  # weight of a row that counts
 AT_REST = 1.3  # times the mean square in motion: what is more is not the noise of rows whose friction is known
@@ -182,7 +193,7 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     promised: frozenset[str] = frozenset()
     for step in range(MOST_ROUNDS):
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
-        only = None if problem.runs.count <= MOST_RUNS else {*CONSTANT, *promised}
+        only = None if problem.runs.count <= LAST_RUNS else {*CONSTANT, *promised}
         tried, entry = search(problem, fit, entered, only)
         if not entry.new and problem.memory != LONG:
             problem, fit = look_closely(problem, fit)
@@ -257,7 +268,7 @@ def search(
 ) -> tuple[list[Rival], Entry]:
     """What was tried on top of `fit`, best first, and what of it comes in; `only`: mechanisms, default all."""
     least = 0.0 if problem.memory == LONG else LARGE * fit.misfit
-    tried = try_terms(problem, fit, only, least)
+    tried = try_terms(problem, fit, only, least, MOST_TRIES if problem.runs.count <= MOST_RUNS else FEW_TRIES)
     entry = enter(problem, fit, [r for r in tried if r.gain > least and not is_form(r.term, r.gain, entered)])
     return [replace(r, finished=None) for r in tried], entry
 
