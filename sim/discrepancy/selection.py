@@ -337,7 +337,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
     """Take away every term that the others have made needless; gains of those that stay.
 
     `strict`, once all are in: also what does not hold on unseen rows or is only the error of another's form. What has
-    no name cannot make a mechanism needless.
+    no name cannot make a mechanism needless. The one that costs least goes first: without it others may hold.
     """
     while fit.terms:
         plain = named_alone(problem, fit)
@@ -348,10 +348,10 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
             return problem.fit(rest, more.values, held=more.sensitivities, to_end=strict)
 
         less = dict(zip((t.key for t in fit.terms), each(without, fit.terms), strict=True))
-        gains = {}
+        gains, costs = {}, {}
         for term in fit.terms:
             more = plain if term.named else fit
-            gain = less[term.key].cost - more.cost
+            gain = costs[term.key] = less[term.key].cost - more.cost
             held = not strict or needs_no_trial(term, gain, more) or holds(term, less[term.key], more)
             held = held and not (strict and term.named and bends(less[term.key], more, gain))
             gains[term.key] = gain if held else 0.0
@@ -366,7 +366,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
         ]
         if not weak:
             return problem, fit, gains
-        weakest = min(weak, key=lambda t: gains[t.key])
+        weakest = min(weak, key=lambda t: costs[t.key])
         rest = tuple(t for t in fit.terms if t is not weakest)
         fit = problem.fit(rest, {**fit.values, **less[weakest.key].values}, held=fit.sensitivities, to_end=True)
     return problem, fit, {}
