@@ -69,12 +69,12 @@ def in_words(told: Sequence[Told]) -> str:
     size = f"{number(difference.torque_n_m)} N m"
     where = f"from {number(difference.low)} to {number(difference.high)} rad/s of the load"
     if difference.more:
-        shows = f"{_with(first)} needs {size} more motor torque than {_with(second)} there, most {where}"
+        shows = f"{_with(first)} still needs {size} more motor torque than one {_with(second)}, most {where}"
     else:
-        apart = f"differ by {size} there in the {words_of(difference.channel)}"
-        shows = f"{_with(first)} and {_with(second)} {apart}, most {where}"
+        apart = f"still differ by {size} in the {words_of(difference.channel)}"
+        shows = f"{_with(first)} and one {_with(second)} {apart}, most {where}"
     doing = f"{best.text}, for {DURATION_S:.0f} s or longer, with all channels logged."
-    return f"{doing} Simulated with both, an axis {shows}. {_clearer(best)}"
+    return f"{doing} By simulation, with all numbers fitted, an axis {shows}. {_clearer(best)}"
 
 
 def _with(name: str) -> str:

@@ -15,7 +15,7 @@ from sim.chain_model import Array
 from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.model import has_links
 
-DURATION_S = 12.0
+DURATION_S = 10.0
 LEVELS = (0.05, 0.15, 0.35, 0.65, 1.0)  # of the top speed, at which a law of friction shows
 STROKE_S = 1.2  # at one even speed, at most
 SLOW = 1.0 / 3.0

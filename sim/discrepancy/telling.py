@@ -56,8 +56,9 @@ class Told:
     """What a measurement would tell of two causes.
 
     `separation`: whitened squares that either leaves of the other's data, beyond what the other leaves itself, the
-    smaller of the two; `repeat`: the same of a repeat of the present motion; `effort`: a repeat is 1; `worth`: what the
-    measurement tells of all rivals for that, where more than `ENOUGH` is no better.
+    smaller of the two (where one is the other with something more, what the lesser leaves); `repeat`: the same of a
+    repeat of the present motion; `effort`: a repeat is 1; `worth`: what the measurement tells of all rivals for that,
+    where more than `ENOUGH` is no better.
     """
 
     text: str
@@ -109,9 +110,12 @@ def _apart(
     try:
         true = _Simulated(problem, noise, plan, angle, model)
         for name, rival in rivals.items():
-            one, other = true.against(rival), _Simulated(problem, noise, plan, angle, rival).against(model)
-            turned = other[0], replace(other[1], more=-other[1].more)
-            out[name] = min(one, turned, key=lambda way: way[0])
+            out[name] = true.against(rival)
+            if rival.terms == tuple(t for t in model.terms if t in rival.terms):
+                continue  # the model holds the rival, and leaves nothing of its data
+            separation, difference = _Simulated(problem, noise, plan, angle, rival).against(model)
+            if separation < out[name][0]:
+                out[name] = separation, replace(difference, more=-difference.more)
     except SimulationError:
         return {}
     return out
@@ -221,26 +225,31 @@ def _pushing(motor: Shaft, speed: Array) -> Array:
 
 
 def _noise_of(problem: Problem, fit: Fit) -> Noise:
-    """The present noise, as loud all the time as the present fit leaves it on average.
+    """The present noise, at all times as loud as the present fit leaves it in the middle of its blocks.
 
     Of an encoder at the load that is not there yet: what one of 20 bits adds, and what shakes the motor's torque.
     """
     noise, m = problem.noise, problem.measurement
     torque, guide = fit.residual[: fit.torque_rows], fit.residual[fit.torque_rows :]
-    level = np.full(1, _rms(torque * noise.torque_level, m.weight))
+    level = _loud(noise.torque_level, torque, m.weight)
     if problem.guided:
         weight = m.load_weight[:: problem.guide_stride]
-        return Noise(noise.torque, noise.guide, level, np.full(1, _rms(guide * noise.guide_level, weight)))
+        return Noise(noise.torque, noise.guide, level, _loud(noise.guide_level, guide, weight))
     if not has_links(problem.axis):
         return replace(noise, torque_level=level)
-    shaken = _rms(problem.raw_residuals(fit.terms, fit.values)[0], m.weight) * problem.axis.ratio
+    raw, _ = problem.raw_residuals(fit.terms, fit.values)
+    shaken = _rms(raw, m.weight) * problem.axis.ratio
     added = Noise.flat(1.0, math.hypot(ENCODER_RAD / compliance(problem.axis), shaken))
     return replace(added, torque=noise.torque, torque_level=level)
 
 
+def _loud(level: Array, residual: Array, weight: Array) -> Array:
+    return np.full(1, float(np.median(level)) * max(1.0, _rms(residual, weight)))
+
+
 def _rms(values: Array, weight: Array) -> float:
-    """Root mean square of the rows that count, never less than that of white noise of no size."""
-    return max(math.sqrt(float(np.sum(weight * values**2)) / max(float(np.sum(weight)), 1.0)), 1e-300)
+    """Root mean square of the rows that count."""
+    return math.sqrt(float(np.sum(weight * values**2)) / max(float(np.sum(weight)), 1.0))
 
 
 def _difference(problem: Problem, own: Fit, other: Fit) -> Difference:
