@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 from sim.discrepancy.actions import SURE
-from sim.discrepancy.planned import DURATION_S, REPEAT
+from sim.discrepancy.planned import REPEAT
 from sim.discrepancy.telling import SEPARATES, Told, told_by
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import Model, against_rivals, existence, is_close
@@ -73,7 +73,7 @@ def in_words(told: Sequence[Told]) -> str:
     else:
         apart = f"still differ by {size} in the {words_of(difference.channel)}"
         shows = f"{_with(first)} and one {_with(second)} {apart}, most {where}"
-    doing = f"{best.text}, for {DURATION_S:.0f} s or longer, with all channels logged."
+    doing = f"{best.text}, with all channels logged."
     return f"{doing} By simulation, with all numbers fitted, an axis {shows}. {_clearer(best)}"
 
 
@@ -83,7 +83,7 @@ def _with(name: str) -> str:
 
 def _clearer(best: Told) -> str:
     """How much more it tells than a repeat."""
-    if best.text == REPEAT.text:
+    if best.text.startswith(f"{REPEAT.text}, for"):
         return "The same motion is enough: more of it tells them apart."
     times = best.separation / max(best.repeat, 1.0)
     said = f"over {LARGEST:.0f}" if times > LARGEST else number(float(f"{times:.2g}"))

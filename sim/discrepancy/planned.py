@@ -43,8 +43,13 @@ class Present:
         return self.measurement.slow_angle
 
     @property
+    def seconds(self) -> float:
+        """How long the next recording is to be: as long as this one."""
+        return max(DURATION_S, self.measurement.samples / self.rate_hz)
+
+    @property
     def rows(self) -> int:
-        """Of a new measurement."""
+        """Of a new measurement that are simulated: what it tells grows with its length."""
         return int(DURATION_S * self.rate_hz)
 
     @cached_property
@@ -97,8 +102,8 @@ class Plan:
         """What to do, with the numbers of the motion `angle`."""
         speed = float(np.quantile(np.abs(np.diff(angle)), 0.99)) * present.rate_hz / present.axis.ratio
         travel = float(np.ptp(angle)) / present.axis.ratio
-        seconds = angle.size / present.rate_hz
-        return self.text.format(speed=f"{speed:.2g} rad/s", travel=f"{travel:.2g} rad", seconds=f"{seconds:.0f} s")
+        text = self.text.format(speed=f"{speed:.2g} rad/s", travel=f"{travel:.2g} rad")
+        return f"{text}, for {present.seconds:.0f} s"
 
 
 def repeated(present: Present) -> Array:
@@ -178,7 +183,7 @@ PLANS = (
     Plan("Repeat the same motion at full speed, {speed} of the load", 1.2, hurried),
     Plan("Make the same motion, then the other way round, in one recording", 1.0, there_and_back),
     Plan(
-        "Move to and fro at five even speeds, from creeping up to {speed} of the load, each for a few seconds", 1.2,
+        "Move to and fro at five even speeds, from creeping up to {speed} of the load", 1.2,
         even_speeds,
     ),
     Plan("Turn the load slowly, at {speed}, through {travel} and back, as far as it is free to", 1.5, full_turn),
