@@ -67,7 +67,8 @@ def in_words(told: Sequence[Told]) -> str:
     best, difference = told[0], told[0].difference
     first, second = best.between if difference.more >= 0 else best.between[::-1]
     size = f"{number(difference.torque_n_m)} N m"
-    where = f"from {number(difference.low)} to {number(difference.high)} rad/s of the load"
+    above = f"from {number(difference.low)} to" if difference.low else "below"
+    where = f"{above} {number(difference.high)} rad/s of the load"
     if difference.more:
         shows = f"{_with(first)} still needs {size} more motor torque than one {_with(second)}, most {where}"
     else:
@@ -86,5 +87,5 @@ def _clearer(best: Told) -> str:
     if best.text.startswith(f"{REPEAT.text}, for"):
         return "The same motion is enough: more of it tells them apart."
     times = best.separation / max(best.repeat, 1.0)
-    said = f"over {LARGEST:.0f}" if times > LARGEST else number(float(f"{times:.2g}"))
+    said = f"over {LARGEST:.0f}" if times > LARGEST else f"{times:.2g}"
     return f"That tells them apart {said} times as clearly as a repeat of the present motion."

@@ -179,9 +179,9 @@ def _moved(present: Present, speed: Array, start: float) -> Array:
 
 REPEAT = Plan("Repeat the same motion", 1.0, repeated)
 PLANS = (
-    Plan("Repeat the same motion at a third of its speed, so that the load reaches {speed}", 1.0, slowed),
+    Plan("Repeat the same motion at a third of its speed, so that the load reaches {speed}", 1.1, slowed),
     Plan("Repeat the same motion at full speed, {speed} of the load", 1.2, hurried),
-    Plan("Make the same motion, then the other way round, in one recording", 1.0, there_and_back),
+    Plan("Make the same motion, then the other way round, in one recording", 1.1, there_and_back),
     Plan(
         "Move to and fro at five even speeds, from creeping up to {speed} of the load", 1.2,
         even_speeds,
