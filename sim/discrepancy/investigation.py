@@ -15,6 +15,7 @@ from casebase.signals.telemetry import Telemetry
 from sim import mechanisms
 from sim.axis import Axis
 from sim.discrepancy.actions import action
+from sim.discrepancy.advice import in_words, simulated_advice
 from sim.discrepancy.condition import Fault, Gate, InvestigationError, examine
 from sim.discrepancy.explanation import explain, next_measurement, numbers_of
 from sim.discrepancy.extension import extended_axis
@@ -25,6 +26,7 @@ from sim.discrepancy.size import deviations
 from sim.discrepancy.sound import Listening, beside, listen, listen_alone
 from sim.discrepancy.sound_evidence import Heard
 from sim.discrepancy.sound_match import mismatch
+from sim.discrepancy.telling import Told
 from sim.discrepancy.terms import Term
 from sim.discrepancy.unexplained import Unexplained, look, nameless, stands_out
 from sim.discrepancy.weighing import Evidence, is_close, probability
@@ -88,6 +90,7 @@ class Investigation:
     provenance: Mapping[str, object]
     rejected: tuple[tuple[str, float], ...] = ()
     remarks: tuple[str, ...] = ()
+    next_measurements: tuple[Told, ...] = ()
     selection: Selection | None = field(default=None, repr=False, compare=False)
     listening: Listening | None = field(default=None, repr=False, compare=False)
     gate: Gate | None = field(default=None, repr=False, compare=False)
@@ -124,6 +127,7 @@ class Investigation:
                 for g in self.gain
             ],
             "next_measurement": self.next_measurement,
+            "next_measurements": [told.document() for told in self.next_measurements],
             "extended_axis": self.extended.to_mapping(),
             "rejected": [{"mechanism": name, "gain": _round(gain)} for name, gain in self.rejected],
             "remarks": list(self.remarks),
@@ -193,13 +197,16 @@ def investigate(
     if doubts and not named_well:
         rest = rest or places[:1]  # a model that does not hold is not complete
     verdict = "named" if named_well else "unnamed" if rest else "nothing_missing"
+    progress("next measurement", 0.96)
+    told = simulated_advice(weighed, findings)
+    advice = in_words(told) or next_measurement(axis, findings, rest, problem.guided)
     progress("done", 1.0)
     return Investigation(
         axis, verdict, findings, rest[0] if rest else None, estimates(problem, fit), gained,
-        next_measurement(axis, findings, rest, problem.guided), extended_axis(axis, fit, said),
+        advice, extended_axis(axis, fit, said),
         _provenance(axis, telemetry, sounds, problem),
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
-        (*gate.remarks, *doubts, *strange, *_rested(problem), *_rattled(problem)), selection,
+        (*gate.remarks, *doubts, *strange, *_rested(problem), *_rattled(problem)), told, selection,
         weighed=weighed, gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,
     )  # fmt: skip
 

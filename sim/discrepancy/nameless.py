@@ -36,6 +36,7 @@ COHERENT = 0.5  # of a line's energy, that one sine of constant phase explains
 MAINS = 0.005  # by which the frequency of the mains may be off
 COMB = 0.3  # of a line's energy, in the neighbour that a repeated motion would give it
 REPEATS = 0.9  # autocorrelation of the speed
+SPEEDS, OFTEN = 40, 0.3  # bins of the speed, and share of the time at one of them that makes lines of orders
 LINE_EXCESS = 14.0  # energy of a line over that of its neighbours: once in a hundred records of noise
 
 
@@ -44,19 +45,20 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
     m = problem.measurement
     level = 0.01 * float(np.sqrt(np.mean(m.torque**2)))
     n = m.samples
-    ends = [("motor", fit.residual[:n], m.rate_hz, level)]
+    ends = [("motor", fit.residual[:n], 1, level)]
     if problem.guided:
-        ends.append(("load", fit.residual[n:], m.rate_hz / problem.guide_stride, level * problem.axis.ratio))
+        ends.append(("load", fit.residual[n:], problem.guide_stride, level * problem.axis.ratio))
     turned = [order for order in ORDERS if order * float(np.ptp(m.angle)) > math.pi * problem.axis.ratio]
     out = []
-    for place, left, rate_hz, step in ends:
+    for place, left, stride, step in ends:
+        rate_hz, speed = m.rate_hz / stride, m.speed[::stride]
         out.append(over_speed(place, m, step))
         if turned:
             out.append(over_angle(place, m, problem.axis.ratio, step, turned))
         if turned[-2:] == list(ORDERS[1:]):
             out.append(torque_over_angle(place, m, problem.axis.ratio, step))
         frequency = line_of(left, rate_hz, motion_end_hz(m), repetition_s(m))
-        if frequency is not None:
+        if frequency is not None and is_fixed(left, rate_hz, frequency, speed):
             mains = place == "motor" and any(abs(frequency / f - 1.0) < MAINS for f in HUM_HZ)
             out.append(hum(frequency, 100.0 * level) if mains else _sine(place, m, frequency, step))
     return out
@@ -149,6 +151,23 @@ def line_of(left: Array, rate_hz: float, lowest_hz: float = LOWEST_HZ, repeats_s
         if max(float(power[max(t - FINER // 2, 0) : t + FINER // 2 + 1].max()) for t in teeth) > COMB * power[at]:
             return None
     return at * spacing
+
+
+def is_fixed(left: Array, rate_hz: float, frequency_hz: float, speed: Array) -> bool:
+    """Whether a line of a residual (n,) is there at other speeds (n,) as well, by half at least.
+
+    An axis that mostly moves at one speed makes a line of every order that its description does not know, such as
+    teeth of which it gives no number.
+    """
+    size = np.abs(speed)
+    bins, edges = np.histogram(size, SPEEDS)
+    most = int(np.argmax(bins[1:])) + 1  # not at rest
+    usual = (size >= edges[most - 1]) & (size <= edges[min(most + 2, SPEEDS)])
+    if usual.mean() < OFTEN or usual.all():
+        return True
+    turning = left * np.exp(-2j * math.pi * frequency_hz / rate_hz * np.arange(left.size))
+    there, elsewhere = turning[usual].mean(), turning[~usual].mean()
+    return bool((elsewhere * np.conj(there)).real >= 0.5 * abs(there) ** 2)
 
 
 def motion_end_hz(m: Measurement) -> float:

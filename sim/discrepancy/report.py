@@ -69,7 +69,7 @@ def html_report(result: Investigation, files: Sequence[str] = ()) -> str:
         _gain(result),
         _unexplained(result, residual),
         _alike(result, weighed),
-        [_p(result.next_measurement)],
+        _next(result),
     )
     parts = [_box(result, files)]
     for place, (title, body) in enumerate(zip(STEPS, bodies, strict=True), start=1):
@@ -313,6 +313,18 @@ def _alike(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:
     if result.listening is not None:
         out.append(f"Listened for: {', '.join(named(name) for name in result.examined)}.")
     return [_list([*out, *not_examined(result)])]
+
+
+def _next(result: Investigation) -> list[str]:
+    """The advice, and what each measurement that was simulated would tell."""
+    out = [_p(result.next_measurement)]
+    if result.next_measurements:
+        how = "Each was simulated with either cause and the other fitted to it. Told apart: the squared residual that is left beyond that of the true cause, in units of its noise; effort: that of a repeat is 1."
+        rows = [
+            (t.text, " or ".join(t.between), number(t.separation), number(t.effort)) for t in result.next_measurements
+        ]
+        out += [_p(how), table(("measurement", "what it is to tell", "told apart", "effort"), rows, numeric=(2, 3))]
+    return out
 
 
 def _provenance(result: Investigation) -> str:

@@ -42,18 +42,32 @@ class Evidence:
 
 
 @dataclass(frozen=True)
+class Model:
+    """Terms and numbers of a fit, without its rows."""
+
+    terms: tuple[Term, ...]
+    values: Mapping[str, float]
+
+    @staticmethod
+    def of(fit: Fit) -> Model:
+        return Model(fit.terms, fit.values)
+
+
+@dataclass(frozen=True)
 class Standing:
     """A named term against the rest.
 
     `gain`: whitened squares that it takes away; `share`: of those that remain; `shared`: of its gain, what the terms
     without a name would take as well; `rivals`: other terms in its place, and the standard errors by which it does
-    better than they on unseen blocks.
+    better than they on unseen blocks; `model`, `instead`: the model with it, and with each of the rivals in its place.
     """
 
     gain: float
     share: float
     shared: float
     rivals: tuple[tuple[Term, float], ...]
+    model: Model
+    instead: tuple[Model, ...]
 
 
 def standings(
@@ -65,6 +79,7 @@ def standings(
 ) -> dict[str, Standing]:
     """How each of the terms `found` in `fit` stands; `rivals`: terms and numbers that were tried when it came in."""
     plain = named_alone(problem, fit)
+    model = Model.of(plain)
     beyond = max((gains[t.key] for t in fit.terms if t.mechanism in CURVES), default=0.0)
     out = {}
     for term in found:
@@ -80,8 +95,11 @@ def standings(
             other, values = rival
             return in_place(problem, plain, term, other, (values, own_of(term, other, values)))
 
-        against = [(r[0], paired(advantage(f, plain))) for r, f in zip(tried, each(instead, tried), strict=True) if f]
-        out[term.key] = Standing(gains[term.key], gains[term.key] / fit.misfit, shared, tuple(against))
+        fits = [(r[0], f) for r, f in zip(tried, each(instead, tried), strict=True) if f]
+        against = tuple((other, paired(advantage(f, plain))) for other, f in fits)
+        models = tuple(Model.of(f) for _, f in fits)
+        share = gains[term.key] / fit.misfit
+        out[term.key] = Standing(gains[term.key], share, shared, against, model, models)
     return out
 
 
