@@ -37,6 +37,7 @@ MAINS = 0.005  # by which the frequency of the mains may be off
 COMB = 0.3  # of a line's energy, in the neighbour that a repeated motion would give it
 REPEATS = 0.9  # autocorrelation of the speed
 SPEEDS, OFTEN = 40, 0.3  # bins of the speed, and share of the time at one of them that makes lines of orders
+ELSEWHERE = 0.35  # of the size of a line, at other speeds: a real one has 0.7 and more, one of unknown teeth 0 to 0.1
 LINE_EXCESS = 14.0  # energy of a line over that of its neighbours: once in a hundred records of noise
 
 
@@ -154,7 +155,7 @@ def line_of(left: Array, rate_hz: float, lowest_hz: float = LOWEST_HZ, repeats_s
 
 
 def is_fixed(left: Array, rate_hz: float, frequency_hz: float, speed: Array) -> bool:
-    """Whether a line of a residual (n,) is there at other speeds (n,) as well, by half at least.
+    """Whether a line of a residual (n,) is there at other speeds (n,) as well, by a third of its size at least.
 
     An axis that mostly moves at one speed makes a line of every order that its description does not know, such as
     teeth of which it gives no number.
@@ -167,7 +168,7 @@ def is_fixed(left: Array, rate_hz: float, frequency_hz: float, speed: Array) -> 
         return True
     turning = left * np.exp(-2j * math.pi * frequency_hz / rate_hz * np.arange(left.size))
     there, elsewhere = turning[usual].mean(), turning[~usual].mean()
-    return bool((elsewhere * np.conj(there)).real >= 0.5 * abs(there) ** 2)
+    return bool((elsewhere * np.conj(there)).real >= ELSEWHERE * abs(there) ** 2)
 
 
 def motion_end_hz(m: Measurement) -> float:
