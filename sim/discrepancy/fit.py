@@ -22,7 +22,8 @@ from scipy.signal import oaconvolve
 from sim.axis import Axis
 from sim.chain_model import Chain, ChainError
 from sim.discrepancy import rattle
-from sim.discrepancy.catalogued import Described, read_too_much
+from sim.discrepancy.catalogued import read_too_much
+from sim.discrepancy.described import Described
 from sim.discrepancy.entries import swinging
 from sim.discrepancy.measurement import LOAD_CUT_HZ, Measurement
 from sim.discrepancy.model import base_parameters, chain_of, has_links, hums, locked_mode_hz, nuisance_of

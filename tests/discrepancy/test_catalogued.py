@@ -16,7 +16,7 @@ from casebase.signals.telemetry import Telemetry
 from sim import mechanisms
 from sim.axis import Axis, read_axis
 from sim.discrepancy.catalogue import OWN, terms_of
-from sim.discrepancy.catalogued import undistorted
+from sim.discrepancy.catalogued import terms_of_catalogue, undistorted
 from sim.discrepancy.condition import examine
 from sim.discrepancy.extension import extended_by
 from sim.discrepancy.fit import Noise, Problem
@@ -176,6 +176,9 @@ def problem() -> Problem:
 
 
 PROBLEM = problem()
+WITHOUT = (  # a shaft more, channels that drive the model, or the sound
+    "structural_resonance", "encoder_error", "time_delay", "lost_samples",
+)  # fmt: skip
 TERMS = terms_of(GEARED, PROBLEM.measurement, PROBLEM.chain((), {p.name: p.start for p in PROBLEM.base()}))
 
 
@@ -206,6 +209,21 @@ def test_what_is_found_is_what_the_extended_axis_describes(term: Term) -> None:
     for with_term, with_entry, without in zip(found, stored, plain, strict=True):
         effect = float(np.std(with_term - without))
         assert float(np.std(with_term - with_entry)) <= 0.02 * effect + 1e-9
+
+
+@pytest.mark.parametrize("kind", mechanisms.MECHANISMS.values(), ids=mechanisms.MECHANISMS.keys())
+def test_each_would_have_terms_by_what_it_says_of_itself(kind: type[Mechanism]) -> None:
+    """Numbers that it accepts, and an effect on a chain of its own train or on the torque that is read."""
+    m = PROBLEM.measurement
+    terms = terms_of_catalogue(GEARED, m, set(mechanisms.MECHANISMS) - {kind.name})
+    assert bool(terms) == (kind.name not in WITHOUT)
+    for term in terms[:6]:
+        start = {p.name: p.start for p in PROBLEM.base()}
+        values = {**start, **{p.name: p.start for p in term.parameters}, **term.probes[-1][0]}
+        assert kind(term.location, term.report(values)).values == term.report(values)
+        chain = PROBLEM.chain((), start)
+        assert term.torque is not None or term.apply(chain, values) != chain
+        assert term.torque is None or term.torque(m, values).any()
 
 
 def test_every_mechanism_is_looked_for_by_its_own_term_or_by_what_it_says_of_itself() -> None:

@@ -12,8 +12,8 @@ import pytest
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis, MechanismEntry, read_axis
 from sim.discrepancy.catalogue import tooth_damage
-from sim.discrepancy.catalogued import Described
 from sim.discrepancy.condition import examine
+from sim.discrepancy.described import Described
 from sim.discrepancy.fit import Noise, Problem, Raw
 from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.model import chain_of
