@@ -39,7 +39,7 @@ from sim.discrepancy.model import MOTOR_RELEASE, MOTOR_STRETCH, has_links
 from sim.discrepancy.nameless import AS_NEW, OVER_SPEED, apart
 from sim.discrepancy.size import beyond
 from sim.discrepancy.terms import Term
-from sim.discrepancy.weighing import Standing, advantage, in_place, named_alone, own_of, paired, standings
+from sim.discrepancy.weighing import Model, Standing, advantage, in_place, named_alone, own_of, paired, standings
 
 Progress = Callable[[str, float], None]
 SHORTLIST = 5
@@ -55,6 +55,7 @@ TOLD = 0.5  # weight of a row that counts
 AT_REST = 1.3  # times the mean square in motion: what is more is not the noise of rows whose friction is known
 LEAST_STRETCH_RAD = 1.5e-4  # a micrometre and a half on a centimetre, three steps of an encoder of 17 bits
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
+NEARLY, MOST_NEAR = 0.7, 2  # of the gain of the best: another may be meant, under noise of its own
 SWAPS = 3
 RIVAL_SHARE = 0.25  # of the gain of the best: less is no rival
 SWAP_SHARE = 0.5  # of the gain of what came in
@@ -191,6 +192,7 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     rejected: tuple[Rival, ...] = ()
     entered = described(problem, base)
     promised: frozenset[str] = frozenset()
+    nearly: Nearly = {}
     for step in range(MOST_ROUNDS):
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
         only = None if problem.runs.count <= LAST_RUNS else {*CONSTANT, *promised}
@@ -215,17 +217,79 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         if problem.hits(fit.terms) and (m.rests or m.standstill < STANDSTILL_SHARE):
             problem, fit = rewhiten(problem.down_to(STANDSTILL_SHARE), fit)
         entered |= {r.term.key: r.gain for r in entry.new}
+        nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
         rivals = {**rivals, **{r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}}
         if sum(beyond(t, fit) > BEYOND for t in fit.terms if t.mechanism not in LEFT_OUT) >= MOST_TERMS:
             break
     if problem.memory != LONG:
         problem, fit = look_closely(problem, fit)
     fit, rivals = swap(problem, fit, rivals, entered)
+    problem, fit, nearly = turned(problem, fit, nearly)
     problem, fit, gains = prune(problem, bottomed(problem, fit), strict=True)
     in_place = {key: [(r.term, r.values) for r in likely(tried)] for key, tried in rivals.items()}
     found = tuple(t for t in fit.terms if t.named and beyond(t, fit) > BEYOND)
     standing = standings(problem, fit, found, gains, in_place)
+    standing |= {t.key: evened(problem, fit, t, standing[t.key], nearly.get(t.key, [])) for t in found}
     return Selection(problem, base, fit, gains, rivals, rejected, found, standing)
+
+
+def near(best: Rival, tried: Sequence[Rival]) -> list[Rival]:
+    """Other mechanisms of a size that matters which explain nearly as much as one that came in, teeth in contact."""
+    if not best.term.named or best.term.contact or best.beyond <= BEYOND:
+        return []
+    others = (r for r in tried if r.term.named and not r.term.contact and r.term.key != best.term.key)
+    return [r for r in others if r.beyond > BEYOND and r.gain > NEARLY * best.gain][:MOST_NEAR]
+
+
+@dataclass(frozen=True)
+class Either:
+    """A rival in the place of a term, and noise taken from that; `t`: standard errors by which the term does better on
+    unseen blocks, the mean of those under the noise of either.
+
+    Noise that is taken from a model with the wrong one of two holds what the right one would explain, and whichever
+    came in first seems to be far ahead.
+    """
+
+    t: float
+    problem: Problem
+    fit: Fit
+
+    @staticmethod
+    def of(problem: Problem, fit: Fit, term: Term, rival: Rival) -> Either | None:
+        """None where the rival is there already, or cannot be simulated."""
+        other = rival.term
+        if any(t.key == other.key for t in fit.terms):
+            return None
+        here = in_place(problem, fit, term, other, (rival.values, own_of(term, other, rival.values)))
+        if here is None:
+            return None
+        anew, there = rewhiten(problem, here)
+        own = anew.fit(fit.terms, fit.values, to_end=True)
+        return Either(0.5 * (paired(advantage(here, fit)) + paired(advantage(there, own))), anew, there)
+
+
+Nearly = Mapping[str, Sequence[Rival]]
+
+
+def turned(problem: Problem, fit: Fit, nearly: Nearly) -> tuple[Problem, Fit, Nearly]:
+    """With a mechanism that explained nearly as much in the place of one that came in, where it does better by both."""
+    for term in fit.terms:
+        for rival in nearly.get(term.key, ()):
+            either = Either.of(problem, fit, term, rival)
+            if either and either.t < 0.0:
+                back = Rival(term, rival.gain, fit.values)
+                return either.problem, either.fit, {**nearly, rival.term.key: [back]}
+    return problem, fit, nearly
+
+
+def evened(problem: Problem, fit: Fit, term: Term, standing: Standing, nearly: Sequence[Rival]) -> Standing:
+    """The standing also against what explained nearly as much when `term` came in, under the noise of either."""
+    plain = named_alone(problem, fit)
+    for rival in nearly:
+        either = Either.of(problem, plain, term, rival)
+        if either:
+            standing = standing.against(rival.term, either.t, Model.of(either.fit))
+    return standing
 
 
 def described(problem: Problem, base: Fit) -> dict[str, float]:

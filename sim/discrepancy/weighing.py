@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import log_ndtr
@@ -68,6 +68,12 @@ class Standing:
     rivals: tuple[tuple[Term, float], ...]
     model: Model
     instead: tuple[Model, ...]
+
+    def against(self, other: Term, t: float, model: Model) -> Standing:
+        """The same where `other` is `t` standard errors behind, with the model in which it stands in its place."""
+        rest = [(r, m) for r, m in zip(self.rivals, self.instead, strict=True) if r[0].key != other.key]
+        rivals, instead = zip(*rest, ((other, t), model), strict=True)
+        return replace(self, rivals=rivals, instead=instead)
 
 
 def standings(
