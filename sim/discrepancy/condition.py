@@ -23,6 +23,7 @@ __all__ = ["Fault", "Gate", "InvestigationError", "examine"]
 LEAST_SECONDS = 2.0
 SLOWEST_HZ, FASTEST_HZ = 100.0, 50_000.0
 LONG_GAP_S = 5e-3
+CHANCE = 0.01  # of one spell in a whole record, in which the torque repeats by chance
 
 
 @dataclass(frozen=True)
@@ -56,7 +57,7 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
     lost = held | (valid <= 0.5)
     even = {name: bridged(values, ~lost) for name, values in even.items()}
     mended = repair(even, axis.ratio, rate, float(grid[0]), lost)
-    even, faults = mended.channels, [*faults, *mended.faults]
+    even, faults = mended.channels, _together([*faults, *mended.faults])
     valid = (~mended.torque_lost).astype(float) * _unclipped(even["torque"], faults)
     load_valid = (~((mended.load_lost & ~lost) | _long(mended.lost, rate))).astype(float)
     if load_lost is not None:
@@ -133,19 +134,29 @@ def _present(t: Telemetry, grid: Array) -> Array:
 def _held(angle: Array, torque: Array, valid: Array) -> NDArray[np.bool_]:
     """Rows that repeat the row before although the motor moves, by many steps of its encoder per row.
 
-    How far it has moved is told by the first row that repeats no more, however long that lasts.
+    How far it has moved is told by the first row that repeats no more, however long that lasts. Beside such rows also
+    short spells in which it hardly moves, where chance would not repeat the torque as often.
     """
     step = np.abs(np.diff(angle))
     usual = float(np.median(step))
     jump = np.abs(np.diff(torque))
-    same = (step < 1e-4 * usual) & (jump <= 1e-4 * float(np.median(jump)))
-    spells, _ = label(same)
+    again = jump <= 1e-4 * float(np.median(jump))
+    spells, _ = label((step < 1e-4 * usual) & again)
+    by_chance = max(float(again[step > 0.0].mean()), 1.0 / again.size) if (step > 0.0).any() else 1.0
+    fewest = np.log(CHANCE / again.size) / np.log(min(by_chance, 0.99))
     held = np.zeros(angle.size, dtype=np.bool_)
+    short = held.copy()
+    longest = 0
     for (rows,) in find_objects(spells):
-        if rows.stop < step.size and step[rows.stop] / (rows.stop - rows.start + 1) > max(
-            0.01 * usual, 8.0 * quantum(angle)
-        ):
+        length = rows.stop - rows.start
+        if rows.stop < step.size and step[rows.stop] / (length + 1) > max(0.01 * usual, 8.0 * quantum(angle)):
             held[rows.start + 1 : rows.stop + 1] = True
+            longest = max(longest, length)
+        elif length >= fewest:
+            short[rows.start + 1 : rows.stop + 1] = True
+    for (rows,) in find_objects(label(short)[0]):
+        if rows.stop - rows.start <= longest:
+            held[rows] = True
     return held & (valid > 0.5)
 
 
@@ -168,6 +179,18 @@ def _lost(valid: Array, held: NDArray[np.bool_]) -> list[Fault]:
         f"while the motor moves: {share:.2%} of all; they were left out."
     )
     return [Fault("lost_samples", None, {"fraction": share}, text)]
+
+
+def _together(faults: list[Fault]) -> list[Fault]:
+    """Rows of the motor's channels that are lost beside rows lost of all channels are of the same kind: one finding."""
+    lost = [f for f in faults if f.mechanism == "lost_samples" and f.location in (None, "motor")]
+    if len(lost) < 2 or lost[0].location is not None:
+        return faults
+    first, more = lost[0], lost[1:]
+    share = sum(f.parameters["fraction"] for f in lost)
+    text = " ".join([first.explanation, "Besides:", *(f.explanation for f in more)])
+    one = Fault(first.mechanism, None, {**first.parameters, "fraction": share}, text)
+    return [one, *(f for f in faults if f not in lost)]
 
 
 def _clipped(torque: Array) -> list[Fault]:

@@ -134,7 +134,7 @@ def _motor(r: Repaired, ratio: float) -> None:
     if alone.any():
         _name_lost(r, alone, "motor", f"Of motor_position_rad, {_spells(alone)} stand alone, at {_times(r, alone)}")
         r.lost |= alone
-    held = _held_back(angle) & ~r.lost
+    held = _held_back(angle, quantum(angle, r.lost)) & ~r.lost
     if held.any():
         _name_lost(
             r,
@@ -164,8 +164,11 @@ def _motor(r: Repaired, ratio: float) -> None:
     )
 
 
-def _held_back(angle: Array) -> Rows:
-    """Rows in which the encoder stays, up to a step by far more than any around: the way that was not shown."""
+def _held_back(angle: Array, step_rad: float) -> Rows:
+    """Rows in which the encoder stays, up to a step by far more than any around: the way that was not shown.
+
+    `step_rad`: of the encoder.
+    """
     out = np.zeros(angle.size, dtype=np.bool_)
     steps = np.abs(np.diff(angle))
     for rows in stays(angle):
@@ -174,7 +177,7 @@ def _held_back(angle: Array) -> Rows:
             continue  # a record may begin before the motion does, and end after it
         before, into = steps[rows.start - REACH_ROWS - 2 : rows.start - 2], steps[rows.start - 2 : rows.start]
         around = np.concatenate([before, steps[last + 1 : last + 1 + REACH_ROWS]])
-        far = 3.0 * float(around.max()) + QUANTA * quantum(angle)
+        far = 3.0 * float(around.max()) + QUANTA * step_rad
         if steps[last] > far:
             away = into.max() > far  # it leads to 0, maybe by a row in between that an even clock has made
             out[rows.start - 1 if away else rows.start + 1 : rows.stop] = True

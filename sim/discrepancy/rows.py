@@ -15,6 +15,7 @@ MEDIAN_ROWS = 7  # a spike of up to three rows is not in their median
 BESIDE = (3, 10)  # rows from a spike to those it is held against: nearer ones may belong to it
 STANDS_OUT = 4.5  # times the largest change beside it: a blow rings on, noise has others as large
 ABOVE_NOISE = 12.0  # standard deviations
+ROUNDING = 1e-12  # of the largest value
 QUANTA = 5.0  # steps of an encoder that noise may make within one row
 COMMON = 0.98  # share of rows whose changes of speed are noise and steps of the encoder
 ABOVE_COMMON = 3.0
@@ -23,10 +24,15 @@ STAYS = 5  # rows of one and the same value that are looked at
 CHANCE = 1e-6  # that quantised noise stays so long anywhere in the record
 
 
-def quantum(values: Array) -> float:
-    """Smallest step between rows; 0 where there is none."""
+def quantum(values: Array, lost: Rows | None = None) -> float:
+    """Smallest step between rows, beyond what rounding makes of an even clock; 0 where there is none.
+
+    `lost`: rows that stand for others, whose steps are parts of those of the encoder.
+    """
     steps = np.abs(np.diff(values))
-    steps = steps[steps > 0.0]
+    if lost is not None:
+        steps = steps[~(lost[1:] | lost[:-1])]
+    steps = steps[steps > ROUNDING * float(np.abs(values).max(initial=0.0))]
     return float(steps.min()) if steps.size else 0.0
 
 

@@ -21,6 +21,7 @@ AXIS = read_axis(
 )
 GOOD = geared(0.15, 10.0, 15.0, 1e4, 1)
 ROW = 6100
+BODY = read_axis({"motor": {"inertia_kg_m2": 0.3, "coulomb_friction_n_m": 1.0}, "load": {"inertia_kg_m2": 0.0}})
 
 
 def faults(**channels: Array) -> tuple[Fault, ...]:
@@ -162,3 +163,25 @@ def test_a_torque_that_is_lost_leaves_the_motion_as_it_was() -> None:
     mended, whole = (examine(AXIS, t).measurement for t in (changed(motor_torque_nm=torque), GOOD))
     assert np.array_equal(mended.angle, whole.angle)
     assert np.array_equal(mended.load_weight, whole.load_weight)
+
+
+@pytest.mark.parametrize("hold", [True, False])
+def test_short_runs_of_lost_rows_are_one_finding_of_their_true_share(hold: bool) -> None:
+    """Also where the axis rests or creeps on a coarse encoder, and an even clock makes rounding out of its steps."""
+    t, rng = GOOD.time_s, np.random.default_rng(4)
+    angle = 8.0 * np.tanh(3.0 * np.sin(2.0 * t))  # creeps at both ends
+    step = 2.0 * np.pi / 2**17
+    torque = (
+        0.3 * np.gradient(np.gradient(angle, t), t)
+        + np.tanh(np.gradient(angle, t))
+        + 0.05 * rng.standard_normal(t.size)
+    )
+    lost = np.zeros(t.size, dtype=np.bool_)
+    while lost.mean() < 0.02:
+        first = int(rng.integers(1, t.size - 20))
+        lost[first : first + int(rng.integers(1, 9))] = True
+    rows = np.maximum.accumulate(np.where(lost, 0, np.arange(t.size))) if hold else np.flatnonzero(~lost)
+    channels = {"motor_torque_nm": torque[rows], "motor_position_rad": (np.round(angle / step) * step)[rows]}
+    gate = examine(BODY, Telemetry(t if hold else t[rows], channels))
+    assert [(f.mechanism, f.location) for f in gate.faults] == [("lost_samples", None)]
+    assert gate.faults[0].parameters["fraction"] == pytest.approx(float(lost.mean()), rel=0.1)
