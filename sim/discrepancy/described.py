@@ -58,6 +58,17 @@ class Described:
         return chain
 
 
+def in_chain(axis: Axis) -> Axis:
+    """The description without what it adds beside the chain and the numbers of the measurement: a part of the load that
+    swings, and distortions of the torque channel, which a simulation of the chain alone does not have."""
+    kept = (
+        e
+        for e in axis.mechanisms
+        if e.name != "structural_resonance" and (e.name in BESIDE or issubclass(kind_of(e.name), Mechanics))
+    )
+    return replace(axis, mechanisms=tuple(kept))
+
+
 def kind_of(name: str) -> type[Mechanism]:
     return mechanisms.MECHANISMS[name]
 

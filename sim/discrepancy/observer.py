@@ -113,7 +113,7 @@ class Observer:
             motor += out[0] - shaken[0]
             guide, angle = (out[2] - shaken[1]) * self._even(chain), out[1]
         if nuisance.torque_delay_s:
-            motor = _delayed(motor, nuisance.torque_delay_s * m.rate_hz)
+            motor = delayed(motor, nuisance.torque_delay_s * m.rate_hz)
         # noise is added as it is: a fit would choose whatever smooths it
         if self._noise is None:
             motor += self.noise_inertia * self._fast
@@ -261,7 +261,7 @@ class Observer:
         m, last = self.measurement, self._shifted.get(slow)
         if last is None or last[0] != late_s:
             told = (m.slow_load_angle, m.slow_load_speed) if slow else (m.load_angle, m.load_speed)
-            moved = np.stack([_delayed(channel, -late_s * m.rate_hz) for channel in told if channel is not None])
+            moved = np.stack([delayed(channel, -late_s * m.rate_hz) for channel in told if channel is not None])
             last = self._shifted[slow] = (late_s, moved)
         return last[1]
 
@@ -300,7 +300,7 @@ def loudness(chain: Chain, inertia: float) -> float:
     return float(np.exp(np.mean(np.log(np.abs(guide * stiffness / (guide + stiffness))))))
 
 
-def _delayed(values: Array, samples: float) -> Array:
+def delayed(values: Array, samples: float) -> Array:
     """Shift by a part of a sample or more: the cubic through four neighbours (Lagrange), smooth in `samples`."""
     whole = math.floor(samples)
     u = 1.0 - (samples - whole)  # place between the second and the third neighbour

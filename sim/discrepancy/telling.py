@@ -14,16 +14,17 @@ from itertools import pairwise
 
 import numpy as np
 from scipy.interpolate import make_interp_spline
-from scipy.ndimage import shift
 
 from sim.axis import Axis
 from sim.chain_model import Array, Chain, Servo, Shaft, with_link, with_shaft
 from sim.chain_run import run_chain
 from sim.discrepancy.catalogue import ENCODER_ERROR
+from sim.discrepancy.described import in_chain
 from sim.discrepancy.entries import rounding
 from sim.discrepancy.fit import Fit, Noise, Problem, each
 from sim.discrepancy.measurement import SLOW_ANGLE_CUT_HZ, SLOW_DIRECT_ANGLE_CUT_HZ, Measurement, prepare
 from sim.discrepancy.model import compliance, has_links, locked_mode_hz, nuisance_of
+from sim.discrepancy.observer import delayed
 from sim.discrepancy.planned import PLANS, REPEAT, Plan, Present
 from sim.discrepancy.weighing import Model
 from sim.errors import RunError, SimulationError
@@ -143,7 +144,7 @@ class _Simulated:
     """A measurement that a model has made, and that model fitted to it."""
 
     def __init__(self, problem: Problem, noise: Noise, plan: Plan, angle: Array, true: Model) -> None:
-        axis = problem.axis
+        axis = in_chain(problem.axis)
         axis = replace(axis, load=replace(axis.load, inertia_kg_m2=plan.payload * axis.load.inertia_kg_m2))
         true, self.plan = _with_payload(plan, true), plan
         m = simulated(problem, true, angle, guided=problem.guided or plan.load_encoder)
@@ -188,7 +189,8 @@ def simulated(problem: Problem, model: Model, angle: Array, *, guided: bool) -> 
         raise RunError("the motion asks for more torque than the motor has")
     sine, cosine = (values.get(name, 0.0) for name in ENCODER_ERROR)
     load = load + sine * np.sin(load) + cosine * np.cos(load)
-    torque, load = (_late(x, s * rate) for x, s in ((torque, nuisance.torque_delay_s), (load, nuisance.load_delay_s)))
+    late_s = nuisance.torque_delay_s, nuisance.load_delay_s
+    torque, load = (delayed(x, s * rate) if s else x for x, s in zip((torque, load), late_s, strict=True))
     cut = SLOW_ANGLE_CUT_HZ if problem.axis.stages else SLOW_DIRECT_ANGLE_CUT_HZ
     out = prepare(rate, torque, motor, load if guided else None, slow_angle_cut_hz=cut)
     out = replace(out, standstill=m.standstill, rests=m.rests)
@@ -212,11 +214,6 @@ def servo_along(axis: Axis, chain: Chain, angle: Array, rate_hz: float) -> Servo
         min(axis.motor.speed_limit_rad_s, UNLIMITED),
         min(axis.motor.torque_limit_n_m, UNLIMITED),
     )
-
-
-def _late(values: Array, rows: float) -> Array:
-    """`values` as a channel tells them that is late by `rows`."""
-    return np.asarray(shift(values, rows, mode="nearest")) if rows else values
 
 
 def _as_simulated(chain: Chain) -> Chain:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
-from sim.axis import Axis, read_axis
+from sim.axis import Axis, MechanismEntry, read_axis
 from sim.chain_model import Array
 from sim.discrepancy.advice import NOTHING, in_words
 from sim.discrepancy.catalogue import terms_of
@@ -147,6 +147,19 @@ def test_a_motion_that_the_motor_cannot_make_is_left_out() -> None:
     problem.axis = weak
     play = with_term(problem, fit, "eccentricity@output", 3e-4)
     assert told_by(problem, fit, play, {NOTHING: Model.of(fit)}, "eccentricity at output") == ()
+
+
+def test_an_offset_that_the_description_knows_tells_no_causes_apart() -> None:
+    """What is simulated is read as it is: the described offset must not be missed in it."""
+    problem, fit = fitted(guided=True)
+    runout = with_term(problem, fit, "eccentricity@output", 3e-4)
+    entry = MechanismEntry("torque_offset", "motor", {"torque_n_m": 2.0})
+    plain, offset = (
+        told_by(p, fit, runout, {NOTHING: Model.of(fit)}, "eccentricity at output")
+        for p in (problem, problem.of(replace(problem.axis, mechanisms=(entry,))))
+    )
+    for words in ("Repeat the same motion", "five even speeds"):
+        assert best(offset, words) == pytest.approx(best(plain, words), rel=0.01)
 
 
 @pytest.mark.parametrize("plan", [REPEAT, *PLANS])
