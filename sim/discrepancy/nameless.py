@@ -11,6 +11,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.signal import welch
 
@@ -160,15 +161,20 @@ def is_fixed(left: Array, rate_hz: float, frequency_hz: float, speed: Array) -> 
     An axis that mostly moves at one speed makes a line of every order that its description does not know, such as
     teeth of which it gives no number.
     """
-    size = np.abs(speed)
-    bins, edges = np.histogram(size, SPEEDS)
-    most = int(np.argmax(bins[1:])) + 1  # not at rest
-    usual = (size >= edges[most - 1]) & (size <= edges[min(most + 2, SPEEDS)])
+    usual = at_usual_speed(speed)
     if usual.mean() < OFTEN or usual.all():
         return True
     turning = left * np.exp(-2j * math.pi * frequency_hz / rate_hz * np.arange(left.size))
     there, elsewhere = turning[usual].mean(), turning[~usual].mean()
     return bool((elsewhere * np.conj(there)).real >= ELSEWHERE * abs(there) ** 2)
+
+
+def at_usual_speed(speed: Array) -> NDArray[np.bool_]:
+    """Rows (n,) at the speed, but for rest, at which the axis moves most of the time."""
+    size = np.abs(speed)
+    bins, edges = np.histogram(size, SPEEDS)
+    most = int(np.argmax(bins[1:])) + 1
+    return np.asarray((size >= edges[most - 1]) & (size <= edges[min(most + 2, SPEEDS)]))
 
 
 def motion_end_hz(m: Measurement) -> float:

@@ -7,16 +7,20 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from sim.chain_model import Array
 from sim.discrepancy.fit import Fit, Problem
-from sim.discrepancy.nameless import BAND_HZ, HIGHEST_HZ, LOWEST_HZ
+from sim.discrepancy.nameless import BAND_HZ, ELSEWHERE, HIGHEST_HZ, LOWEST_HZ, at_usual_speed
 from sim.discrepancy.selection import Selection
 from sim.discrepancy.terms import Term
 
 BINS = 48
 SHARE = 0.06  # of the residual's energy: less is how a model's form differs from any real axis
 LINE_SCORE = 60.0
+MOST_LINES = 4  # that are looked at
+SPEED_BANDS = 8  # times as wide as a line: what is seen of when it is there
+SELDOM = 0.1  # of the time: what is only then says nothing
 
 
 @dataclass(frozen=True)
@@ -36,11 +40,11 @@ def look(problem: Problem, fit: Fit) -> list[Unexplained]:
     n = m.samples
     out = []
     torque, guide = fit.residual[:n], fit.residual[n:]
-    out.append(_frequency("motor_torque_nm", torque, m.rate_hz))
+    out.append(fixed_line("motor_torque_nm", torque, m.rate_hz, m.speed))
     if guide.size:
         stride = problem.guide_stride
         rate = m.rate_hz / stride
-        out.append(_frequency("load_position_rad", guide, rate))
+        out.append(fixed_line("load_position_rad", guide, rate, m.speed[::stride]))
         out += _bins(problem, "load_position_rad", guide, stride)
     out += _bins(problem, "motor_torque_nm", torque, 1)
     return sorted(out, key=lambda u: -u.score)
@@ -65,23 +69,45 @@ def nameless(selection: Selection, term: Term) -> Unexplained:
     )
 
 
-def _frequency(channel: str, values: Array, rate_hz: float) -> Unexplained:
-    """Strongest band of fixed frequency in a whitened series."""
-    power = np.abs(np.fft.rfft(values)) ** 2 / values.size
+def fixed_line(channel: str, values: Array, rate_hz: float, speed: Array) -> Unexplained:
+    """Strongest band of fixed frequency in a whitened series; what is there at one speed only is of unknown teeth."""
+    spectrum = np.fft.rfft(values)
+    power = np.abs(spectrum) ** 2 / values.size
     spacing = rate_hz / values.size
     width = max(3, round(BAND_HZ / spacing))
     energy = np.convolve(2.0 * power, np.ones(width), "valid")
     typical = float(np.median(energy))
     first = max(1, round(LOWEST_HZ / spacing))
     last = min(energy.size, int(min(0.42 * rate_hz, HIGHEST_HZ) / spacing))
-    if last <= first:
-        return Unexplained("frequency", channel, 0.0, 0.0, {})
-    at = first + int(np.argmax(energy[first:last]))
-    excess = float(energy[at] - typical)
-    inside = power[at : at + width]
-    centre = float((inside * (at + np.arange(width))).sum() / inside.sum() * spacing)
-    score = excess / (typical * math.sqrt(1.0 / width) + 1e-300)
-    return Unexplained("frequency", channel, excess / float(values @ values), score, {"frequency_hz": centre})
+    usual = at_usual_speed(speed)
+    for _ in range(MOST_LINES if last > first else 0):
+        at = first + int(np.argmax(energy[first:last]))
+        excess = float(energy[at] - typical)
+        inside = power[at : at + width]
+        centre = float((inside * (at + np.arange(width))).sum() / inside.sum() * spacing)
+        middle, half = at + width // 2, SPEED_BANDS * width // 2
+        around = slice(max(middle - half, 0), middle + half)
+        if _at_all_speeds(spectrum, around, usual, SPEED_BANDS * typical / values.size):
+            score = excess / (typical * math.sqrt(1.0 / width) + 1e-300)
+            share = excess / float(values @ values)
+            return Unexplained("frequency", channel, share, score, {"frequency_hz": centre})
+        energy[max(around.start - width, 0) : around.stop] = 0.0
+    return Unexplained("frequency", channel, 0.0, 0.0, {})
+
+
+def _at_all_speeds(spectrum: NDArray[np.complex128], band: slice, usual: NDArray[np.bool_], noise: float) -> bool:
+    """Whether a band of a series' `spectrum` is there at other than the `usual` speeds, by a third of its amplitude.
+
+    By its power over time: what has no name need not keep its phase. `noise`: power of the band without it.
+    """
+    if usual.mean() < SELDOM or usual.all():
+        return True
+    kept = np.zeros(usual.size, dtype=np.complex128)
+    inside = spectrum[band]
+    kept[: inside.size] = inside
+    power = 2.0 * np.abs(np.fft.ifft(kept)) ** 2
+    there, elsewhere = (max(float(power[rows].mean()) - noise, 0.0) for rows in (usual, ~usual))
+    return elsewhere >= ELSEWHERE**2 * there
 
 
 def _bins(problem: Problem, channel: str, values: Array, stride: int) -> list[Unexplained]:
