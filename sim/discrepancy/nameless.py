@@ -36,6 +36,7 @@ FINER = 8  # spacing of the frequencies tried, over that of the record's own
 COHERENT = 0.5  # of a line's energy, that one sine of constant phase explains
 MAINS = 0.005  # by which the frequency of the mains may be off
 COMB = 0.3  # of a line's energy, in the neighbour that a repeated motion would give it
+COMB_REACH, LOUDER = 10, 4.0  # teeth to either side, and energy there over that between them: noise has 1, at most 3
 REPEATS = 0.9  # autocorrelation of the speed
 SPEEDS, OFTEN = 40, 0.3  # bins of the speed, and share of the time at one of them that makes lines of orders
 ELSEWHERE = 0.35  # of the size of a line, at other speeds: a real one has 0.7 and more, one of unknown teeth 0 to 0.1
@@ -133,7 +134,7 @@ def line_of(left: Array, rate_hz: float, lowest_hz: float = LOWEST_HZ, repeats_s
     """Frequency of the strongest line of a whitened residual [Hz], None where there is none of constant phase.
 
     Below `lowest_hz` a line is as likely what the motion makes of a wrong model. A motion that repeats after
-    `repeats_s` makes a comb of lines of whatever it excites; one of those does not count.
+    `repeats_s` makes a comb of lines of whatever it excites; one of those does not count, be its neighbours faint.
     """
     size = FINER * left.size
     power = np.abs(np.fft.rfft(left, size)) ** 2 / left.size
@@ -152,7 +153,18 @@ def line_of(left: Array, rate_hz: float, lowest_hz: float = LOWEST_HZ, repeats_s
         teeth = [at + round(k / repeats_s / spacing) for k in (-2, -1, 1, 2)]
         if max(float(power[max(t - FINER // 2, 0) : t + FINER // 2 + 1].max()) for t in teeth) > COMB * power[at]:
             return None
+        if _of_comb(power, at, 1.0 / repeats_s / spacing):
+            return None
     return at * spacing
+
+
+def _of_comb(power: Array, at: int, tooth: float) -> bool:
+    """Whether what lies whole teeth away from a line is louder than what lies between them."""
+    steps = np.arange(1, COMB_REACH + 1)
+    steps = np.concatenate([-steps, steps])
+    on, between = (np.round(at + (steps - shift * np.sign(steps)) * tooth).astype(np.int64) for shift in (0.0, 0.5))
+    inside = (np.minimum(on, between) >= 0) & (np.maximum(on, between) < power.size)
+    return bool(power[on[inside]].sum() > LOUDER * power[between[inside]].sum())
 
 
 def is_fixed(left: Array, rate_hz: float, frequency_hz: float, speed: Array) -> bool:

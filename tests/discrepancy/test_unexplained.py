@@ -55,3 +55,13 @@ def test_a_line_is_asked_for_at_other_speeds() -> None:
     assert frequency == pytest.approx(LINE_HZ, abs=0.01)
     assert is_fixed(_noise() + line, RATE_HZ, LINE_HZ, speed)
     assert not is_fixed(_noise() + _teeth(speed), RATE_HZ, LINE_HZ, speed)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_line_of_a_comb_is_the_motions(seed: int) -> None:
+    """A motion that repeats every 5 s leaves faint harmonics of 0.2 Hz; a line is one of them, or lies between."""
+    faint = sum(0.08 * np.sin(2.0 * np.pi * k / 5.0 * TIME_S + k * k) for k in range(10, 31))
+    for frequency, expected in ((3.6, None), (3.7, 3.7)):
+        left = _noise(seed) + faint + 0.3 * np.sin(2.0 * np.pi * frequency * TIME_S)
+        found = line_of(left, RATE_HZ, 2.5, 5.0)
+        assert found == (expected if expected is None else pytest.approx(expected, abs=0.01))
