@@ -12,6 +12,7 @@ from sim.discrepancy.parameters import Parameter, Values
 
 UNKNOWN_STIFFNESS_HZ = 80.0
 PARTS = ("sine", "cosine")
+SOLID_SPREAD = 0.03  # of what a drawing gives: inertias of motor and gears, stiffness of a stage
 SHARED_SPREAD = 0.4  # of a stage's stiffness, where only that of the whole transmission is given
 MOTOR_STRETCH_RAD, LOAD_STRETCH_RAD = 2e-3, 3e-5  # contacts give way by micrometres, of millimetres and decimetres
 DRIVING, DRIVEN = "loss_split.driving", "loss_split.driven"
@@ -45,7 +46,7 @@ def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: boo
 
     `rests`: rows at rest count, where the load is not seen also at the load.
     """
-    out = [_share("motor.inertia_kg_m2", axis.motor.inertia_kg_m2, 0.05)]
+    out = [_share("motor.inertia_kg_m2", axis.motor.inertia_kg_m2, SOLID_SPREAD)]
     if axis.motor.coulomb_friction_n_m:
         out.append(_share("motor.coulomb_friction_n_m", axis.motor.coulomb_friction_n_m, 0.1))
     if axis.motor.viscous_friction_n_m_s_per_rad:
@@ -91,7 +92,7 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
     open_stages = {stage.name for stage in axis.stages if stage.stiffness_n_m_per_rad is None}
     for k, stage in enumerate(stages_of(axis)):
         where = f"stages.{stage}"
-        spread = SHARED_SPREAD if len(open_stages) > 1 and stage in open_stages else 0.05
+        spread = SHARED_SPREAD if len(open_stages) > 1 and stage in open_stages else SOLID_SPREAD
         out.append(_share(f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k), spread if stiffness[k] else 1.0))
         damp = link_damping(axis, k)
         out.append(Parameter(f"{where}.damping_n_m_s_per_rad", damp, 0.1 * damp, 0.4 * damp, 0.02 * damp, 30 * damp))
@@ -99,7 +100,7 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
             continue
         entry = axis.stages[k]
         if k + 1 < len(axis.stages):
-            out.append(_share(f"{where}.inertia_kg_m2", entry.inertia_kg_m2, 0.05))
+            out.append(_share(f"{where}.inertia_kg_m2", entry.inertia_kg_m2, SOLID_SPREAD))
         if entry.mesh_efficiency < 1.0:
             loss = 1.0 - entry.mesh_efficiency
             out.append(Parameter(f"{where}.mesh_efficiency", entry.mesh_efficiency, 0.002, 0.25 * loss, 0.3, 1.0))
