@@ -69,7 +69,7 @@ def html_report(result: Investigation, files: Sequence[str] = ()) -> str:
         _gain(result),
         _unexplained(result, residual),
         _alike(result, weighed),
-        _next(result),
+        next_steps(result),
     )
     parts = [_box(result, files)]
     for place, (title, body) in enumerate(zip(STEPS, bodies, strict=True), start=1):
@@ -315,7 +315,7 @@ def _alike(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:
     return [_list([*out, *not_examined(result)])]
 
 
-def _next(result: Investigation) -> list[str]:
+def next_steps(result: Investigation) -> list[str]:
     """The advice, and what each measurement that was simulated would tell."""
     out = [_p(result.next_measurement)]
     if result.next_measurements:

@@ -16,8 +16,8 @@ from sim.discrepancy.investigation import (
     Investigation,
 )
 from sim.discrepancy.pooling import PRIOR, Name, Saying, against, existence, logit, probability, silent
-from sim.discrepancy.selection import all_rows
-from sim.discrepancy.sound_evidence import SILENT
+from sim.discrepancy.selection import RIVAL_SHARE, all_rows
+from sim.discrepancy.sound_evidence import LARGEST, SILENT
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import Standing, log_odds
 from sim.discrepancy.weighing import existence as exists_in
@@ -104,13 +104,12 @@ def _saying(result: Investigation, name: Name, results: Sequence[Investigation])
     """What a recording says of `name`."""
     finding = said_by(result, name)
     standings = _standings(result)
-    values = {} if result.weighed is None else result.weighed.fit.values
     if finding is not None:
         if finding.evidence is None or name not in standings:  # by sound
             return Saying(logit(finding.probability) - PRIOR)
-        return Saying(exists_in(finding.evidence) - PRIOR, _beaten(standings[name], values))
-    for other, standing in standings.items():
-        beaten = _beaten(standing, values)
+        return Saying(exists_in(finding.evidence) - PRIOR, _against(result, name, results))
+    for other in standings:
+        beaten = _against(result, other, results)
         given = said_by(result, other)
         if name in beaten and given is not None and given.evidence is not None:
             return Saying(exists_in(given.evidence) - PRIOR, {other: -beaten[name]})
@@ -127,6 +126,31 @@ def instead(result: Investigation, wrong: Iterable[Name]) -> set[Name]:
     standings = _standings(result)
     values = {} if result.weighed is None else result.weighed.fit.values
     return {rival for name in wrong if name in standings for rival in _beaten(standings[name], values)}
+
+
+def _against(result: Investigation, name: Name, results: Sequence[Investigation]) -> dict[Name, float]:
+    """Log odds of a name that a recording found against its rivals there, and against what is one elsewhere alone.
+
+    What explained less than `RIVAL_SHARE` of the name's gain was no rival: the rest of the gain speaks against it.
+    """
+    selection = result.weighed
+    assert selection is not None  # it was found there
+    own = _beaten(_standings(result)[name], selection.fit.values)
+    gain = next(selection.gains[t.key] for t in selection.found if term_name(t, selection.fit.values) == name)
+    odds = min(LARGEST, 0.5 * TEMPERATURE * (1.0 - RIVAL_SHARE) * gain)
+    there = {term_name(t, selection.fit.values) for t in selection.fit.terms}
+    return dict.fromkeys(sorted(_elsewhere(name, results) - own.keys() - there, key=str), odds) | own
+
+
+def _elsewhere(name: Name, results: Iterable[Investigation]) -> set[Name]:
+    """What any recording weighed against a name, or a name against."""
+    out: set[Name] = set()
+    for result in results:
+        values = {} if result.weighed is None else result.weighed.fit.values
+        for one, standing in _standings(result).items():
+            beaten = _beaten(standing, values).keys()
+            out |= beaten if one == name else {one} if name in beaten else set()
+    return out
 
 
 def _beaten(standing: Standing, values: Mapping[str, float]) -> dict[Name, float]:

@@ -22,6 +22,8 @@ from functools import partial
 from typing import TypeVar
 
 from sim.axis import Axis
+from sim.discrepancy.actions import SURE
+from sim.discrepancy.advice import in_words
 from sim.discrepancy.condition import InvestigationError, examine
 from sim.discrepancy.explanation import explain, next_measurement
 from sim.discrepancy.investigation import (
@@ -48,7 +50,9 @@ from sim.discrepancy.joint_numbers import (
 from sim.discrepancy.pairs import distinct
 from sim.discrepancy.pooling import Name, existence
 from sim.discrepancy.sayings import OWN, Weighed, called, found_at, said_by, shows, weighed
+from sim.discrepancy.telling import Told
 from sim.discrepancy.unexplained import Unexplained, look
+from sim.discrepancy.written import named as in_full
 from sim.errors import SimulationError
 
 Done = TypeVar("Done")
@@ -158,14 +162,31 @@ def _combined(
     calibration = calibrated(parts)
     everywhere = {name: f for name, f in own.items() if all(shows(part.result, name) for part in parts)}
     guided = any(part.problem.guided for part in parts)
+    predicted = open_to(results, findings)
     combined = Investigation(
         axis, verdict, findings, rest[0] if rest else None, calibration, tuple(g for part in parts for g in part.gain),
-        next_measurement(axis, findings, rest, guided),
+        in_words(predicted) or next_measurement(axis, findings, rest, guided),
         extension(axis, parts, said, known, numbers, calibration, everywhere), _provenance(results),
-        _rejected(results, named), _remarks(parts, named, known),
+        _rejected(results, named), _remarks(parts, named, known), predicted,
     )  # fmt: skip
     progress("done", 1.0)
     return Together(combined, tuple(parts), tuple(_showing(parts, name) for name, _ in told))
+
+
+def open_to(results: Sequence[Investigation], findings: Sequence[Finding]) -> tuple[Told, ...]:
+    """What measurements would tell of the finding that is least sure by all recordings; empty where none is open.
+
+    As the recording predicts it in whose place that tells most for its effort.
+    """
+    said = [f for f in findings if f.probability >= SAID] or findings
+    for finding in sorted(said, key=lambda f: f.probability):
+        if finding.probability >= SURE and not finding.indistinguishable_from:
+            continue
+        name = in_full(finding.mechanism, finding.location)
+        tables = [told for r in results if (told := r.next_measurements) and told[0].between[0] == name]
+        if tables:
+            return max(tables, key=lambda told: told[0].worth)
+    return ()
 
 
 def _verdict(parts: Sequence[Part], findings: Sequence[Finding], real: bool) -> tuple[str, list[Unexplained]]:
@@ -182,15 +203,20 @@ def _showing(parts: Sequence[Part], name: Name) -> tuple[str, ...]:
     return tuple(part.taken.name for part in parts if shows(part.result, name))
 
 
-def _own(parts: Sequence[Part], weighed: Iterable[Name]) -> dict[Name, Finding]:
-    """What belongs to recordings and not to the axis, each once, as the surest of them says it."""
-    kept = set(weighed)
-    all_of = [f for part in parts for f in part.result.findings if f.mechanism in OWN and called(f) in kept]
+def _own(parts: Sequence[Part], weighed: Mapping[Name, Weighed]) -> dict[Name, Finding]:
+    """What belongs to recordings and not to the axis, each once, as the surest of them says it.
+
+    No surer than all of them let it be: another may tell it from what it cannot be told from in one.
+    """
+    all_of = [f for part in parts for f in part.result.findings if f.mechanism in OWN and called(f) in weighed]
     surest = {called(f): f for f in sorted(all_of, key=lambda f: f.probability)}
-    return {
-        name: replace(f, explanation=f"In {', '.join(_showing(parts, name))}: {f.explanation}")
-        for name, f in surest.items()
-    }
+    out = {}
+    for name, f in surest.items():
+        alike = f.indistinguishable_from and weighed[name].indistinguishable_from
+        told = f"In {', '.join(_showing(parts, name))}: {f.explanation}"
+        sure = min(f.probability, weighed[name].probability)
+        out[name] = replace(f, probability=sure, indistinguishable_from=alike, explanation=told)
+    return out
 
 
 def _finding(results: Sequence[Investigation], name: Name, one: Weighed, numbers: Sequence[Estimate]) -> Finding:

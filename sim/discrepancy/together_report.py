@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 
 from sim.discrepancy.explanation import headline
-from sim.discrepancy.report import STYLE, estimate_cells, html_report, table
+from sim.discrepancy.report import STYLE, estimate_cells, html_report, next_steps, table
 from sim.discrepancy.together import Together
 from sim.discrepancy.written import number, words_of
 
@@ -75,7 +75,8 @@ def _combined(result: Together) -> list[str]:
         table(("number", "described", "found", "90 % interval", "unit"), rows),
         "<h2>Gain on rows that the fit has not seen</h2>",
         table(("recording", "channel", "before", "after", "unit"), gained),
-        f"<h2>Next measurement</h2><p>{html.escape(one.next_measurement)}</p>",
+        "<h2>Next measurement</h2>",
+        *next_steps(one),
     ]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import html
 import json
 from dataclasses import replace
 
@@ -15,10 +16,13 @@ from sim.discrepancy.advice import NOTHING, in_words
 from sim.discrepancy.catalogue import terms_of
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.investigation import Investigation, investigate
+from sim.discrepancy.joint_numbers import Taken
 from sim.discrepancy.measurement import prepare
 from sim.discrepancy.planned import PLANS, REPEAT, Plan, Present, even_speeds, there_and_back
 from sim.discrepancy.report import html_report
 from sim.discrepancy.telling import SEPARATES, Told, told_by
+from sim.discrepancy.together import investigate_together
+from sim.discrepancy.together_report import html_report_together
 from sim.discrepancy.weighing import Model
 from tests.discrepancy.telemetry_of import RATE_HZ, geared, one_body, swing
 
@@ -81,6 +85,29 @@ def test_the_document_lists_every_measurement_that_was_simulated_with_finite_num
 
 def test_the_same_bytes_give_the_same_document(open_question: Investigation) -> None:
     assert investigate(BODY, measured(one_way())).document() == open_question.document()
+
+
+def test_two_recordings_that_leave_it_open_have_the_simulated_advice_and_one_that_settles_it_settles_both(
+    open_question: Investigation,
+) -> None:
+    first, again = Taken("first", measured(one_way())), Taken("again", measured(one_way(), seed=2))
+    both = investigate_together(BODY, [first, again])
+    assert both.combined.findings[0].indistinguishable_from
+    assert both.combined.next_measurements[0].text == open_question.next_measurements[0].text
+    assert both.combined.next_measurement.startswith(open_question.next_measurements[0].text)
+    assert html.escape(both.combined.next_measurements[0].text) in html_report_together(both)
+    back = Taken("back", measured(there_and_back_of(one_way())))
+    settled = investigate_together(BODY, [first, back])
+    assert settled.combined.findings[0].mechanism == "coulomb_friction"
+    assert not settled.combined.findings[0].indistinguishable_from
+    assert settled.combined.findings[1:] == () or settled.combined.findings[1].probability < 0.1
+    assert not any("offset" in name for told in settled.combined.next_measurements for name in told.between)
+
+
+def there_and_back_of(angle: Array) -> Array:
+    """The same at first, then the other way round, with a ramp between."""
+    speed = np.gradient(angle) * np.clip((angle.size / 2 - np.arange(angle.size)) / 250.0, -1.0, 1.0)
+    return np.cumsum(speed)
 
 
 def test_nothing_is_simulated_where_nothing_is_open() -> None:
