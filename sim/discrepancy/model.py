@@ -13,7 +13,7 @@ from sim.discrepancy.parameters import Parameter, Values
 UNKNOWN_STIFFNESS_HZ = 80.0
 PARTS = ("sine", "cosine")
 SOLID_SPREAD = 0.03  # of what a drawing gives: inertias of motor and gears, stiffness of a stage
-SHARED_SPREAD = 0.4  # of a stage's stiffness, where only that of the whole transmission is given
+SHARED_SPREAD = 0.4  # of a stage's stiffness, where it is what the others leave of the whole transmission's
 MOTOR_STRETCH_RAD, LOAD_STRETCH_RAD = 2e-3, 3e-5  # contacts give way by micrometres, of millimetres and decimetres
 DRIVING, DRIVEN = "loss_split.driving", "loss_split.driven"
 # of mesh losses behind the spring; and of that, also while the load drives: no law bears losses at the sending end
@@ -92,7 +92,7 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
     open_stages = {stage.name for stage in axis.stages if stage.stiffness_n_m_per_rad is None}
     for k, stage in enumerate(stages_of(axis)):
         where = f"stages.{stage}"
-        spread = SHARED_SPREAD if len(open_stages) > 1 and stage in open_stages else SOLID_SPREAD
+        spread = SHARED_SPREAD if len(axis.stages) > 1 and stage in open_stages else SOLID_SPREAD
         out.append(_share(f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k), spread if stiffness[k] else 1.0))
         damp = link_damping(axis, k)
         out.append(Parameter(f"{where}.damping_n_m_s_per_rad", damp, 0.1 * damp, 0.4 * damp, 0.02 * damp, 30 * damp))

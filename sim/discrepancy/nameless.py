@@ -23,6 +23,7 @@ from sim.discrepancy.parameters import Parameter, Values
 from sim.discrepancy.terms import Term
 
 OVER_SPEED, OVER_ANGLE = "friction_over_speed", "friction_over_angle"
+Rows = NDArray[np.bool_]
 CURVES = (OVER_SPEED, OVER_ANGLE)
 FIXED = "fixed_frequency"
 AS_NEW = "torque_over_angle"  # as new: it enters a model, and is not spoken of
@@ -37,6 +38,7 @@ COHERENT = 0.5  # of a line's energy, that one sine of constant phase explains
 MAINS = 0.005  # by which the frequency of the mains may be off
 COMB = 0.3  # of a line's energy, in the neighbour that a repeated motion would give it
 COMB_REACH, LOUDER = 10, 4.0  # teeth to either side, and energy there over that between them: noise has 1, at most 3
+FAINT = 1.0 / 30.0
 REPEATS = 0.9  # autocorrelation of the speed
 SPEEDS, OFTEN = 40, 0.3  # bins of the speed, and share of the time at one of them that makes lines of orders
 ELSEWHERE = 0.35  # of the size of a line, at other speeds: a real one has 0.7 and more, one of unknown teeth 0 to 0.1
@@ -48,20 +50,20 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
     m = problem.measurement
     level = 0.01 * float(np.sqrt(np.mean(m.torque**2)))
     n = m.samples
-    ends = [("motor", fit.residual[:n], 1, level)]
+    ends = [("motor", fit.residual[:n], 1, level, m.weight)]
     if problem.guided:
-        ends.append(("load", fit.residual[n:], problem.guide_stride, level * problem.axis.ratio))
+        ends.append(("load", fit.residual[n:], problem.guide_stride, level * problem.axis.ratio, m.load_weight))
     turned = [order for order in ORDERS if order * float(np.ptp(m.angle)) > math.pi * problem.axis.ratio]
     out = []
-    for place, left, stride, step in ends:
-        rate_hz, speed = m.rate_hz / stride, m.speed[::stride]
+    for place, left, stride, step, weight in ends:
+        rate_hz, rows = m.rate_hz / stride, (m.speed[::stride], weight[::stride])
         out.append(over_speed(place, m, step))
         if turned:
             out.append(over_angle(place, m, problem.axis.ratio, step, turned))
         if turned[-2:] == list(ORDERS[1:]):
             out.append(torque_over_angle(place, m, problem.axis.ratio, step))
         frequency = line_of(left, rate_hz, motion_end_hz(m), repetition_s(m))
-        if frequency is not None and is_fixed(left, rate_hz, frequency, speed):
+        if frequency is not None and is_fixed(left, rate_hz, frequency, *rows):
             mains = place == "motor" and any(abs(frequency / f - 1.0) < MAINS for f in HUM_HZ)
             out.append(hum(frequency, 100.0 * level) if mains else _sine(place, m, frequency, step))
     return out
@@ -153,40 +155,46 @@ def line_of(left: Array, rate_hz: float, lowest_hz: float = LOWEST_HZ, repeats_s
         teeth = [at + round(k / repeats_s / spacing) for k in (-2, -1, 1, 2)]
         if max(float(power[max(t - FINER // 2, 0) : t + FINER // 2 + 1].max()) for t in teeth) > COMB * power[at]:
             return None
-        if _of_comb(power, at, 1.0 / repeats_s / spacing):
+        if _of_comb(power, at, 1.0 / repeats_s / spacing, first):
             return None
     return at * spacing
 
 
-def _of_comb(power: Array, at: int, tooth: float) -> bool:
-    """Whether what lies whole teeth away from a line is louder than what lies between them."""
+def _of_comb(power: Array, at: int, tooth: float, first: int) -> bool:
+    """Whether what lies whole teeth away from a line, from `first` on, is louder than what lies between them.
+
+    And no fainter than a thirtieth of the line: what is far above all its neighbours is more than one of them.
+    """
     steps = np.arange(1, COMB_REACH + 1)
     steps = np.concatenate([-steps, steps])
     on, between = (np.round(at + (steps - shift * np.sign(steps)) * tooth).astype(np.int64) for shift in (0.0, 0.5))
-    inside = (np.minimum(on, between) >= 0) & (np.maximum(on, between) < power.size)
-    return bool(power[on[inside]].sum() > LOUDER * power[between[inside]].sum())
+    inside = (np.minimum(on, between) >= first) & (np.maximum(on, between) < power.size)
+    near, apart = power[on[inside]], power[between[inside]]
+    return bool(near.sum() > LOUDER * apart.sum() and near.max() > FAINT * power[at])
 
 
-def is_fixed(left: Array, rate_hz: float, frequency_hz: float, speed: Array) -> bool:
+def is_fixed(left: Array, rate_hz: float, frequency_hz: float, speed: Array, weight: Array) -> bool:
     """Whether a line of a residual (n,) is there at other speeds (n,) as well, by a third of its size at least.
 
     An axis that mostly moves at one speed makes a line of every order that its description does not know, such as
-    teeth of which it gives no number.
+    teeth of which it gives no number. `weight`: 1 where a row counts, else 0.
     """
-    usual = at_usual_speed(speed)
-    if usual.mean() < OFTEN or usual.all():
+    usual, other = told_apart(speed, weight)
+    if usual.mean() < OFTEN or not other.any():
         return True
     turning = left * np.exp(-2j * math.pi * frequency_hz / rate_hz * np.arange(left.size))
-    there, elsewhere = turning[usual].mean(), turning[~usual].mean()
+    there, elsewhere = turning[usual].mean(), turning[other].mean()
     return bool((elsewhere * np.conj(there)).real >= ELSEWHERE * abs(there) ** 2)
 
 
-def at_usual_speed(speed: Array) -> NDArray[np.bool_]:
-    """Rows (n,) at the speed, but for rest, at which the axis moves most of the time."""
+def told_apart(speed: Array, weight: Array) -> tuple[Rows, Rows]:
+    """Rows that count at the speed, but for rest, at which the axis moves most of the time, and at all others."""
     size = np.abs(speed)
     bins, edges = np.histogram(size, SPEEDS)
     most = int(np.argmax(bins[1:])) + 1
-    return np.asarray((size >= edges[most - 1]) & (size <= edges[min(most + 2, SPEEDS)]))
+    usual = (size >= edges[most - 1]) & (size <= edges[min(most + 2, SPEEDS)])
+    counts = weight > 0.5
+    return usual & counts, ~usual & counts
 
 
 def motion_end_hz(m: Measurement) -> float:

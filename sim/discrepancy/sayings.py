@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from sim.discrepancy.criteria import TEMPERATURE
-from sim.discrepancy.fit import Fit
+from sim.discrepancy.fit import Fit, Problem
 from sim.discrepancy.investigation import (
     FORM_SHARE,
     INFLATION,
@@ -16,8 +16,8 @@ from sim.discrepancy.investigation import (
     Investigation,
 )
 from sim.discrepancy.pooling import PRIOR, Name, Saying, against, existence, logit, probability, silent
-from sim.discrepancy.selection import RIVAL_SHARE, all_rows
-from sim.discrepancy.sound_evidence import LARGEST, SILENT
+from sim.discrepancy.selection import all_rows
+from sim.discrepancy.sound_evidence import SILENT
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import Standing, log_odds
 from sim.discrepancy.weighing import existence as exists_in
@@ -80,14 +80,17 @@ class Weighed:
 
 def weighed(results: Sequence[Investigation]) -> dict[Name, Weighed]:
     """Every name that any recording gave; of names for one effect that nothing tells apart, the better founded."""
-    names = list(dict.fromkeys(called(f) for result in results for f in result.findings))
+    named = list(dict.fromkeys(called(f) for result in results for f in result.findings))
+    names = [name for name in named if not (name.mechanism in OWN and _gives_way(name, named, results))]
     sayings = {name: [_saying(result, name, results) for result in results] for name in names}
-    rivals = {name: against(sayings[name]) for name in names}
+    gone = set(named) - set(names)
+    rivals = {name: {r: odds for r, odds in against(sayings[name]).items() if r not in gone} for name in names}
     out: dict[Name, Weighed] = {}
     for name in names:
         given = [finding for result in results if (finding := said_by(result, name))]
         weighed_too = {r.mechanism for r in rivals[name]}
-        alike = dict.fromkeys(m for f in given for m in f.indistinguishable_from if m not in weighed_too)
+        left_out = weighed_too | {r.mechanism for r in gone}
+        alike = dict.fromkeys(m for f in given for m in f.indistinguishable_from if m not in left_out)
         near = [r for r, odds in rivals[name].items() if abs(odds) < CLOSE]
         told = tuple([*alike, *sorted({r.mechanism for r in near} - {name.mechanism})][:2])
         better = [r for r in names if rivals[name].get(r, 0.0) < 0.0]
@@ -104,12 +107,13 @@ def _saying(result: Investigation, name: Name, results: Sequence[Investigation])
     """What a recording says of `name`."""
     finding = said_by(result, name)
     standings = _standings(result)
+    values = {} if result.weighed is None else result.weighed.fit.values
     if finding is not None:
         if finding.evidence is None or name not in standings:  # by sound
             return Saying(logit(finding.probability) - PRIOR)
-        return Saying(exists_in(finding.evidence) - PRIOR, _against(result, name, results))
-    for other in standings:
-        beaten = _against(result, other, results)
+        return Saying(exists_in(finding.evidence) - PRIOR, _beaten(standings[name], values))
+    for other, standing in standings.items():
+        beaten = _beaten(standing, values)
         given = said_by(result, other)
         if name in beaten and given is not None and given.evidence is not None:
             return Saying(exists_in(given.evidence) - PRIOR, {other: -beaten[name]})
@@ -128,37 +132,52 @@ def instead(result: Investigation, wrong: Iterable[Name]) -> set[Name]:
     return {rival for name in wrong if name in standings for rival in _beaten(standings[name], values)}
 
 
-def _against(result: Investigation, name: Name, results: Sequence[Investigation]) -> dict[Name, float]:
-    """Log odds of a name that a recording found against its rivals there, and against what is one elsewhere alone.
-
-    What explained less than `RIVAL_SHARE` of the name's gain was no rival: the rest of the gain speaks against it.
-    """
-    selection = result.weighed
-    assert selection is not None  # it was found there
-    own = _beaten(_standings(result)[name], selection.fit.values)
-    gain = next(selection.gains[t.key] for t in selection.found if term_name(t, selection.fit.values) == name)
-    odds = min(LARGEST, 0.5 * TEMPERATURE * (1.0 - RIVAL_SHARE) * gain)
-    there = {term_name(t, selection.fit.values) for t in selection.fit.terms}
-    return dict.fromkeys(sorted(_elsewhere(name, results) - own.keys() - there, key=str), odds) | own
-
-
-def _elsewhere(name: Name, results: Iterable[Investigation]) -> set[Name]:
-    """What any recording weighed against a name, or a name against."""
-    out: set[Name] = set()
-    for result in results:
-        values = {} if result.weighed is None else result.weighed.fit.values
-        for one, standing in _standings(result).items():
-            beaten = _beaten(standing, values).keys()
-            out |= beaten if one == name else {one} if name in beaten else set()
-    return out
-
-
 def _beaten(standing: Standing, values: Mapping[str, float]) -> dict[Name, float]:
     """Log odds of a name against each of its rivals."""
     return {
         term_name(r, {p.name: p.start for p in r.parameters} | dict(values)): log_odds(t, WEIGHTS.overdispersion)
         for r, t in standing.rivals
     }
+
+
+def _gives_way(own: Name, named: Iterable[Name], results: Sequence[Investigation]) -> bool:
+    """Whether what recordings have for their own is, in each of them, a mechanism of the axis that others name.
+
+    It must explain that recording as well, of the size that the others found, and be what it cannot be told from.
+    """
+    for name in named:
+        if name.mechanism in OWN:
+            continue
+        giving = [(r, f) for r in results if (f := said_by(r, own))]
+        others = [r for r in results if said_by(r, own) is None and shows(r, name)]
+        found = found_at(others, name)
+        alike = all(name.mechanism in f.indistinguishable_from for _, f in giving)
+        if found and alike and all(_instead_of(r, own, *found) for r, _ in giving):
+            return True
+    return False
+
+
+def _instead_of(result: Investigation, own: Name, term: Term, fit: Fit) -> bool:
+    """Whether `term` as it stands in `fit`, that of another recording, explains a recording as well as what it has."""
+    selection = result.weighed
+    if selection is None:
+        return False
+    has = selection.fit
+    rest = tuple(t for t in has.terms if term_name(t, has.values) not in (own, term_name(term, fit.values)))
+    other = _holding(selection.problem, has, rest, term, fit)
+    return other is not None and 0.5 * TEMPERATURE * (other.cost - has.cost) < CLOSE
+
+
+def _holding(problem: Problem, own: Fit, rest: Sequence[Term], term: Term, fit: Fit) -> Fit | None:
+    """The model `rest` with `term`, its numbers held to what `fit`, that of another recording, knows of them."""
+    spread = fit.deviations()
+    held = tuple(
+        replace(p, start=v, centre=v, spread=max(INFLATION * spread[p.name], FORM_SHARE * abs(v), 1e-300))
+        for p in term.parameters
+        for v in [fit.values[p.name]]
+    )
+    start = {**own.values, **{p.name: p.start for p in held}}
+    return problem.best((*rest, replace(term, parameters=held)), [(start, own.sensitivities)])
 
 
 def _asked(result: Investigation, term: Term, fit: Fit) -> float:
@@ -169,15 +188,8 @@ def _asked(result: Investigation, term: Term, fit: Fit) -> float:
     problem, own = selection.problem, selection.fit
     if term.contact and not problem.measurement.told.all():
         problem, own = all_rows(problem, own)
-    spread = fit.deviations()
-    held = tuple(
-        replace(p, start=v, centre=v, spread=max(INFLATION * spread[p.name], FORM_SHARE * abs(v), 1e-300))
-        for p in term.parameters
-        for v in [fit.values[p.name]]
-    )
     name = term_name(term, fit.values)
     rest = tuple(t for t in own.terms if term_name(t, own.values) != name)
     without = own if len(rest) == len(own.terms) else problem.best(rest, [(own.values, own.sensitivities)])
-    start = {**own.values, **{p.name: p.start for p in held}}
-    with_it = problem.best((*rest, replace(term, parameters=held)), [(start, own.sensitivities)])
+    with_it = _holding(problem, own, rest, term, fit)
     return silent(without.cost - with_it.cost, TEMPERATURE) if without and with_it else 0.0

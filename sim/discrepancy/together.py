@@ -162,7 +162,7 @@ def _combined(
     calibration = calibrated(parts)
     everywhere = {name: f for name, f in own.items() if all(shows(part.result, name) for part in parts)}
     guided = any(part.problem.guided for part in parts)
-    predicted = open_to(results, findings)
+    predicted = open_to(recordings, results, findings)
     combined = Investigation(
         axis, verdict, findings, rest[0] if rest else None, calibration, tuple(g for part in parts for g in part.gain),
         in_words(predicted) or next_measurement(axis, findings, rest, guided),
@@ -173,19 +173,30 @@ def _combined(
     return Together(combined, tuple(parts), tuple(_showing(parts, name) for name, _ in told))
 
 
-def open_to(results: Sequence[Investigation], findings: Sequence[Finding]) -> tuple[Told, ...]:
-    """What measurements would tell of the finding that is least sure by all recordings; empty where none is open.
+def open_to(
+    recordings: Sequence[Taken], results: Sequence[Investigation], findings: Sequence[Finding]
+) -> tuple[Told, ...]:
+    """What measurements would tell of the said name that is least sure by all recordings; empty where none is open.
 
-    As the recording predicts it in whose place that tells most for its effort.
+    As the recording predicts it, from its own motion, in whose place that tells most for its effort.
     """
     said = [f for f in findings if f.probability >= SAID] or findings
     for finding in sorted(said, key=lambda f: f.probability):
         if finding.probability >= SURE and not finding.indistinguishable_from:
             continue
         name = in_full(finding.mechanism, finding.location)
-        tables = [told for r in results if (told := r.next_measurements) and told[0].between[0] == name]
-        if tables:
-            return max(tables, key=lambda told: told[0].worth)
+        alike = tuple(in_full(m, None) for m in finding.indistinguishable_from) or ("",)
+        tables = [
+            [
+                replace(told, text=f"{told.text} (as in {taken.name})")
+                for told in result.next_measurements
+                if told.between[0] == name and told.between[1].startswith(alike)
+            ]
+            for taken, result in zip(recordings, results, strict=True)
+        ]
+        best = max(tables, key=lambda table: table[0].worth if table else 0.0)
+        if best:
+            return tuple(best)
     return ()
 
 
@@ -203,20 +214,15 @@ def _showing(parts: Sequence[Part], name: Name) -> tuple[str, ...]:
     return tuple(part.taken.name for part in parts if shows(part.result, name))
 
 
-def _own(parts: Sequence[Part], weighed: Mapping[Name, Weighed]) -> dict[Name, Finding]:
-    """What belongs to recordings and not to the axis, each once, as the surest of them says it.
-
-    No surer than all of them let it be: another may tell it from what it cannot be told from in one.
-    """
-    all_of = [f for part in parts for f in part.result.findings if f.mechanism in OWN and called(f) in weighed]
+def _own(parts: Sequence[Part], weighed: Iterable[Name]) -> dict[Name, Finding]:
+    """What belongs to recordings and not to the axis, each once, as the surest of them says it."""
+    kept = set(weighed)
+    all_of = [f for part in parts for f in part.result.findings if f.mechanism in OWN and called(f) in kept]
     surest = {called(f): f for f in sorted(all_of, key=lambda f: f.probability)}
-    out = {}
-    for name, f in surest.items():
-        alike = f.indistinguishable_from and weighed[name].indistinguishable_from
-        told = f"In {', '.join(_showing(parts, name))}: {f.explanation}"
-        sure = min(f.probability, weighed[name].probability)
-        out[name] = replace(f, probability=sure, indistinguishable_from=alike, explanation=told)
-    return out
+    return {
+        name: replace(f, explanation=f"In {', '.join(_showing(parts, name))}: {f.explanation}")
+        for name, f in surest.items()
+    }
 
 
 def _finding(results: Sequence[Investigation], name: Name, one: Weighed, numbers: Sequence[Estimate]) -> Finding:

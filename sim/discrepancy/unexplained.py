@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sim.chain_model import Array
 from sim.discrepancy.fit import Fit, Problem
-from sim.discrepancy.nameless import BAND_HZ, ELSEWHERE, HIGHEST_HZ, LOWEST_HZ, at_usual_speed
+from sim.discrepancy.nameless import BAND_HZ, ELSEWHERE, HIGHEST_HZ, LOWEST_HZ, Rows, told_apart
 from sim.discrepancy.selection import Selection
 from sim.discrepancy.terms import Term
 
@@ -38,13 +38,13 @@ def look(problem: Problem, fit: Fit) -> list[Unexplained]:
     """All places, strongest first."""
     m = problem.measurement
     n = m.samples
-    out = []
+    out: list[Unexplained] = []
     torque, guide = fit.residual[:n], fit.residual[n:]
-    out.append(fixed_line("motor_torque_nm", torque, m.rate_hz, m.speed))
+    out += fixed_line("motor_torque_nm", torque, m.rate_hz, m.speed, m.weight)
     if guide.size:
         stride = problem.guide_stride
         rate = m.rate_hz / stride
-        out.append(fixed_line("load_position_rad", guide, rate, m.speed[::stride]))
+        out += fixed_line("load_position_rad", guide, rate, m.speed[::stride], m.load_weight[::stride])
         out += _bins(problem, "load_position_rad", guide, stride)
     out += _bins(problem, "motor_torque_nm", torque, 1)
     return sorted(out, key=lambda u: -u.score)
@@ -69,8 +69,11 @@ def nameless(selection: Selection, term: Term) -> Unexplained:
     )
 
 
-def fixed_line(channel: str, values: Array, rate_hz: float, speed: Array) -> Unexplained:
-    """Strongest band of fixed frequency in a whitened series; what is there at one speed only is of unknown teeth."""
+def fixed_line(channel: str, values: Array, rate_hz: float, speed: Array, weight: Array) -> list[Unexplained]:
+    """Strongest band of fixed frequency in a whitened series (n,), if any; `weight`: 1 where its rows count, else 0.
+
+    What is there at one speed only is of unknown teeth, and is none.
+    """
     spectrum = np.fft.rfft(values)
     power = np.abs(spectrum) ** 2 / values.size
     spacing = rate_hz / values.size
@@ -79,7 +82,7 @@ def fixed_line(channel: str, values: Array, rate_hz: float, speed: Array) -> Une
     typical = float(np.median(energy))
     first = max(1, round(LOWEST_HZ / spacing))
     last = min(energy.size, int(min(0.42 * rate_hz, HIGHEST_HZ) / spacing))
-    usual = at_usual_speed(speed)
+    rows = told_apart(speed, weight)
     for _ in range(MOST_LINES if last > first else 0):
         at = first + int(np.argmax(energy[first:last]))
         excess = float(energy[at] - typical)
@@ -87,26 +90,29 @@ def fixed_line(channel: str, values: Array, rate_hz: float, speed: Array) -> Une
         centre = float((inside * (at + np.arange(width))).sum() / inside.sum() * spacing)
         middle, half = at + width // 2, SPEED_BANDS * width // 2
         around = slice(max(middle - half, 0), middle + half)
-        if _at_all_speeds(spectrum, around, usual, SPEED_BANDS * typical / values.size):
+        noise = typical * (around.stop - around.start) / width / float(weight.sum())
+        if _at_all_speeds(spectrum, around, rows, noise):
             score = excess / (typical * math.sqrt(1.0 / width) + 1e-300)
             share = excess / float(values @ values)
-            return Unexplained("frequency", channel, share, score, {"frequency_hz": centre})
+            return [Unexplained("frequency", channel, share, score, {"frequency_hz": centre})]
         energy[max(around.start - width, 0) : around.stop] = 0.0
-    return Unexplained("frequency", channel, 0.0, 0.0, {})
+    return []
 
 
-def _at_all_speeds(spectrum: NDArray[np.complex128], band: slice, usual: NDArray[np.bool_], noise: float) -> bool:
-    """Whether a band of a series' `spectrum` is there at other than the `usual` speeds, by a third of its amplitude.
+def _at_all_speeds(spectrum: NDArray[np.complex128], band: slice, rows: tuple[Rows, Rows], noise: float) -> bool:
+    """Whether a band of a series' `spectrum` is there at other than the usual speed, by a third of its amplitude.
 
-    By its power over time: what has no name need not keep its phase. `noise`: power of the band without it.
+    By its power over time: what has no name need not keep its phase. `noise`: power of the band without it, per row
+    that counts.
     """
-    if usual.mean() < SELDOM or usual.all():
+    usual, other = rows
+    if min(usual.mean(), other.mean()) < SELDOM:
         return True
     kept = np.zeros(usual.size, dtype=np.complex128)
     inside = spectrum[band]
     kept[: inside.size] = inside
     power = 2.0 * np.abs(np.fft.ifft(kept)) ** 2
-    there, elsewhere = (max(float(power[rows].mean()) - noise, 0.0) for rows in (usual, ~usual))
+    there, elsewhere = (max(float(power[part].mean()) - noise, 0.0) for part in rows)
     return elsewhere >= ELSEWHERE**2 * there
 
 
