@@ -16,6 +16,7 @@ from sim.discrepancy.entries import lopsided, rounding, swing
 from sim.discrepancy.measurement import LOAD_CUT_HZ, Array, Measurement
 from sim.discrepancy.model import (
     PARTS,
+    SHARED_SPREAD,
     has_links,
     link_stiffness,
     locked_mode_hz,
@@ -262,13 +263,18 @@ def _ripple(order: float, level: float, axis: Axis) -> Term:
 
 
 def _torque_of_teeth(axis: Axis, order: float) -> float:
-    """What errors of the first gear pair as new may make at the motor once per `order` of its turns [N m]."""
+    """What errors of the first gear pair as new may make at the motor once per `order` of its turns [N m].
+
+    Of its stiffness as large as it may be, where only the whole transmission's is known.
+    """
     if not axis.stages:
         return 0.0
     first = axis.stages[0]
     teeth = first.driver_teeth
     theirs = order >= FEWEST_TEETH if teeth is None else order % teeth == 0
-    return first.transmission_error_rad * link_stiffness(axis, 0) / first.ratio if theirs else 0.0
+    open_share = first.stiffness_n_m_per_rad is None and len(axis.stages) > 1
+    stiffness = link_stiffness(axis, 0) * (1.0 + 2.0 * SHARED_SPREAD if open_share else 1.0)
+    return first.transmission_error_rad * stiffness / first.ratio if theirs else 0.0
 
 
 def _gravity(step: float, shaft: int) -> Term:

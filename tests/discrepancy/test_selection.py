@@ -265,3 +265,22 @@ def test_ripple_at_the_orders_of_the_first_pinion_must_be_more_than_its_teeth_as
         float(r.parameters[0].name.split("@")[0].removeprefix("torque_ripple")): r.size >= 3.0 * new for r in ripples
     }
     assert {order for order, is_held in held.items() if is_held} == theirs
+
+
+def test_ripple_at_the_orders_of_a_pinion_of_unknown_stiffness_must_be_more_than_stiff_teeth_make() -> None:
+    pair = {**KNOWN, "transmission_error_rad": 3e-5}
+    stages = [{"name": "transfer", "inertia_kg_m2": 0.02, **pair}, {"name": "output", **pair}]
+    rest = {"motor": {"inertia_kg_m2": 0.01}, "load": {"inertia_kg_m2": 3.0}}
+    open_axis = read_axis({**rest, "stages": stages, "transmission": {"stiffness_n_m_per_rad": 1e5}})
+    each = open_axis.stiffness()
+    given = [{**s, "stiffness_n_m_per_rad": k} for s, k in zip(stages, each, strict=True)]
+    m = prepare(RATE_HZ, 0.02 * motion()[3], motion()[1], None)
+    sizes = [
+        next(
+            t.size
+            for t in terms_of(axis, m, Chain((Shaft(0.01),)))
+            if t.parameters[0].name.startswith("torque_ripple12")
+        )
+        for axis in (read_axis({**rest, "stages": given}), open_axis)
+    ]
+    assert sizes[1] == pytest.approx(1.8 * sizes[0])
