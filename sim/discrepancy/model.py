@@ -12,7 +12,7 @@ from sim.discrepancy.parameters import Parameter, Values
 
 UNKNOWN_STIFFNESS_HZ = 80.0
 PARTS = ("sine", "cosine")
-SOLID_SPREAD = 0.03  # of what a drawing gives: inertias of motor and gears, stiffness of a stage
+SOLID_SPREAD = 0.05  # of what a drawing gives: inertias of motor and gears, stiffness of a stage
 SHARED_SPREAD = 0.4  # of a stage's stiffness, where it is what the others leave of the whole transmission's
 MOTOR_STRETCH_RAD, LOAD_STRETCH_RAD = 2e-3, 3e-5  # contacts give way by micrometres, of millimetres and decimetres
 DRIVING, DRIVEN = "loss_split.driving", "loss_split.driven"
