@@ -18,6 +18,7 @@ from sim.discrepancy.model import (
     PARTS,
     SHARED_SPREAD,
     has_links,
+    is_open,
     link_stiffness,
     locked_mode_hz,
     loss_parameters,
@@ -272,8 +273,7 @@ def _torque_of_teeth(axis: Axis, order: float) -> float:
     first = axis.stages[0]
     teeth = first.driver_teeth
     theirs = order >= FEWEST_TEETH if teeth is None else order % teeth == 0
-    open_share = first.stiffness_n_m_per_rad is None and len(axis.stages) > 1
-    stiffness = link_stiffness(axis, 0) * (1.0 + 2.0 * SHARED_SPREAD if open_share else 1.0)
+    stiffness = link_stiffness(axis, 0) * (1.0 + 2.0 * SHARED_SPREAD if is_open(axis, 0) else 1.0)
     return first.transmission_error_rad * stiffness / first.ratio if theirs else 0.0
 
 

@@ -89,10 +89,9 @@ def _parts(numbers: Values, amplitude: str) -> tuple[float, float]:
 def _link_parameters(axis: Axis) -> list[Parameter]:
     out = []
     stiffness = axis.stiffness()
-    open_stages = {stage.name for stage in axis.stages if stage.stiffness_n_m_per_rad is None}
     for k, stage in enumerate(stages_of(axis)):
         where = f"stages.{stage}"
-        spread = SHARED_SPREAD if len(axis.stages) > 1 and stage in open_stages else SOLID_SPREAD
+        spread = SHARED_SPREAD if is_open(axis, k) else SOLID_SPREAD
         out.append(_share(f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k), spread if stiffness[k] else 1.0))
         damp = link_damping(axis, k)
         out.append(Parameter(f"{where}.damping_n_m_s_per_rad", damp, 0.1 * damp, 0.4 * damp, 0.02 * damp, 30 * damp))
@@ -164,6 +163,11 @@ def stages_of(axis: Axis) -> tuple[str, ...]:
 def ratio_after(axis: Axis, k: int) -> float:
     """Speed of the driven gear of link `k` over the load's."""
     return axis.ratio_from(axis.stages[k].name) if axis.stages else 1.0
+
+
+def is_open(axis: Axis, k: int) -> bool:
+    """Whether the stiffness of stage `k` is what the others leave of the whole transmission's."""
+    return len(axis.stages) > 1 and axis.stages[k].stiffness_n_m_per_rad is None
 
 
 def link_stiffness(axis: Axis, k: int) -> float:

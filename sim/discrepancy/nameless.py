@@ -179,7 +179,7 @@ def is_fixed(left: Array, rate_hz: float, frequency_hz: float, speed: Array, wei
     An axis that mostly moves at one speed makes a line of every order that its description does not know, such as
     teeth of which it gives no number. `weight`: 1 where a row counts, else 0.
     """
-    usual, other = told_apart(speed, weight)
+    usual, other = by_speed(speed, weight)
     if usual.mean() < OFTEN or not other.any():
         return True
     turning = left * np.exp(-2j * math.pi * frequency_hz / rate_hz * np.arange(left.size))
@@ -187,7 +187,7 @@ def is_fixed(left: Array, rate_hz: float, frequency_hz: float, speed: Array, wei
     return bool((elsewhere * np.conj(there)).real >= ELSEWHERE * abs(there) ** 2)
 
 
-def told_apart(speed: Array, weight: Array) -> tuple[Rows, Rows]:
+def by_speed(speed: Array, weight: Array) -> tuple[Rows, Rows]:
     """Rows that count at the speed, but for rest, at which the axis moves most of the time, and at all others."""
     size = np.abs(speed)
     bins, edges = np.histogram(size, SPEEDS)

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sim.chain_model import Array
 from sim.discrepancy.fit import Fit, Problem
-from sim.discrepancy.nameless import BAND_HZ, ELSEWHERE, HIGHEST_HZ, LOWEST_HZ, Rows, told_apart
+from sim.discrepancy.nameless import BAND_HZ, ELSEWHERE, HIGHEST_HZ, LOWEST_HZ, Rows, by_speed
 from sim.discrepancy.selection import Selection
 from sim.discrepancy.terms import Term
 
@@ -74,6 +74,8 @@ def fixed_line(channel: str, values: Array, rate_hz: float, speed: Array, weight
 
     What is there at one speed only is of unknown teeth, and is none.
     """
+    if not weight.any():
+        return []
     spectrum = np.fft.rfft(values)
     power = np.abs(spectrum) ** 2 / values.size
     spacing = rate_hz / values.size
@@ -82,7 +84,7 @@ def fixed_line(channel: str, values: Array, rate_hz: float, speed: Array, weight
     typical = float(np.median(energy))
     first = max(1, round(LOWEST_HZ / spacing))
     last = min(energy.size, int(min(0.42 * rate_hz, HIGHEST_HZ) / spacing))
-    rows = told_apart(speed, weight)
+    rows = by_speed(speed, weight)
     for _ in range(MOST_LINES if last > first else 0):
         at = first + int(np.argmax(energy[first:last]))
         excess = float(energy[at] - typical)

@@ -18,7 +18,7 @@ from sim.discrepancy.entries import swing
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.investigation import told_apart
 from sim.discrepancy.measurement import Measurement, prepare
-from sim.discrepancy.model import loss_parameters
+from sim.discrepancy.model import base_parameters, loss_parameters
 from sim.discrepancy.nameless import FIXED, line_of
 from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.screening import least_squares_within
@@ -284,3 +284,14 @@ def test_ripple_at_the_orders_of_a_pinion_of_unknown_stiffness_must_be_more_than
         for axis in (read_axis({**rest, "stages": given}), open_axis)
     ]
     assert sizes[1] == pytest.approx(1.8 * sizes[0])
+
+
+def test_a_stiffness_that_the_others_leave_of_the_whole_is_known_less_than_one_that_is_given() -> None:
+    stages = [{"name": "transfer", "inertia_kg_m2": 0.02, **KNOWN}, {"name": "output", **KNOWN}]
+    rest = {"motor": {"inertia_kg_m2": 0.01}, "load": {"inertia_kg_m2": 3.0}}
+    stages[0]["stiffness_n_m_per_rad"] = 1e5
+    axis = read_axis({**rest, "stages": stages, "transmission": {"stiffness_n_m_per_rad": 1e6}})
+    known = {p.name: p for p in base_parameters(axis, load_encoder=False, level_n_m=1.0)}
+    for stage, share in (("transfer", 0.05), ("output", 0.4)):
+        stiffness = known[f"stages.{stage}.stiffness_n_m_per_rad"]
+        assert stiffness.spread == pytest.approx(share * stiffness.expected)

@@ -68,6 +68,11 @@ def test_rows_that_do_not_count_are_no_other_speed(size: float) -> None:
     assert stands_out(found)
 
 
+def test_where_no_row_counts_there_is_no_line() -> None:
+    nothing = np.zeros(TIME_S.size)
+    assert fixed_line("load_position_rad", nothing, RATE_HZ, _speed(0.5), nothing) == []
+
+
 def test_a_line_is_asked_for_at_other_speeds() -> None:
     speed = _speed(0.5)
     frequency = line_of(_noise() + _sine(LINE_HZ), RATE_HZ)
