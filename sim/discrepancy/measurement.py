@@ -105,33 +105,52 @@ class Bridge:
     """
 
     lost: NDArray[np.int64]
-    kept: NDArray[np.int64]
-    behind: NDArray[np.int64]  # place among the kept rows of the first behind each lost one
-    share: Array
+    gap: NDArray[np.int64]  # to which gap each lost row belongs
+    share: Array  # of the way across, at each lost row
+    before: Pier
+    after: Pier
 
     @staticmethod
     def over(lost: NDArray[np.bool_]) -> Bridge:
         """`lost`: shape (n,); nothing is bridged where all are."""
         gone, kept = np.flatnonzero(lost), np.flatnonzero(~lost)
-        behind = np.searchsorted(kept, gone)
         if not kept.size:
-            return Bridge(gone[:0], kept, behind[:0], np.zeros(0))
-        before, after = kept[np.maximum(behind - 1, 0)], kept[np.minimum(behind, kept.size - 1)]
-        share = np.where(after > before, (gone - before) / np.maximum(after - before, 1), 0.5)
-        return Bridge(gone, kept, behind, share)
+            gone = gone[:0]
+        behind, gap = np.unique(np.searchsorted(kept, gone), return_inverse=True)
+        before, after = Pier.of(kept, behind - PIER, behind), Pier.of(kept, behind, behind + PIER)
+        first, last = behind == 0, behind == kept.size  # at the record's ends a line is level
+        near, far = kept[np.maximum(behind - 1, 0)][gap], kept[np.minimum(behind, kept.size - 1)][gap]
+        share = np.where(first[gap], 1.0, np.where(last[gap], 0.0, (gone - near) / np.maximum(far - near, 1)))
+        return Bridge(gone, gap, share, before, after)
 
     def across(self, values: Array) -> Array:
         """`values`, shape (n,), with lines in place of the lost rows."""
         if not self.lost.size:
             return values
-        sums = np.concatenate([[0.0], np.cumsum(values[self.kept])])
-        low, high = np.maximum(self.behind - PIER, 0), np.minimum(self.behind + PIER, self.kept.size)
-        before = (sums[self.behind] - sums[low]) / np.maximum(self.behind - low, 1)
-        after = (sums[high] - sums[self.behind]) / np.maximum(high - self.behind, 1)
-        before, after = np.where(self.behind > 0, before, after), np.where(high > self.behind, after, before)
+        before, after = self.before.mean(values), self.after.mean(values)
         out = values.copy()
-        out[self.lost] = before + self.share * (after - before)
+        out[self.lost] = before[self.gap] + self.share * (after - before)[self.gap]
         return out
+
+
+@dataclass(frozen=True)
+class Pier:
+    """Up to `PIER` kept rows on one side of each gap, shape (gaps, PIER); `used`: 1 where there is one."""
+
+    rows: NDArray[np.int64]
+    used: Array
+
+    @staticmethod
+    def of(kept: NDArray[np.int64], first: NDArray[np.int64], last: NDArray[np.int64]) -> Pier:
+        """Places `first` to `last` among the `kept` rows, per gap."""
+        place = first[:, None] + np.arange(PIER)
+        used = (place >= 0) & (place < kept.size) & (place < last[:, None])
+        return Pier(kept[np.clip(place, 0, max(kept.size - 1, 0))], used.astype(np.float64))
+
+    def mean(self, values: Array) -> Array:
+        """Of `values` over the rows of each gap, 0 where there are none, shape (gaps,)."""
+        total = np.einsum("gk,gk->g", values[self.rows], self.used)
+        return np.asarray(total / np.maximum(self.used.sum(axis=1), 1.0), dtype=np.float64)
 
 
 def gaussian_kernel(cut_hz: float, rate_hz: float, derivative: int) -> Array:

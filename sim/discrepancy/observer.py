@@ -10,18 +10,19 @@ from threading import Lock
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.fft import irfft, rfft
+from scipy.fft import irfft, next_fast_len, rfft
 
 from sim.chain_model import Array, Chain
 from sim.discrepancy.measurement import LOAD_MOTION_CUT_HZ, Measurement
-from sim.discrepancy.observer_kernel import motor_torque, run
+from sim.discrepancy.observer_kernel import INV, VISCOUS_F, C, D, J, loudness, motor_torque, run, shaken
 from sim.discrepancy.packing import Packed, lag_of, pack, steady_twist, substeps
 
 Spectrum = NDArray[np.complex128]
 GUIDE_RAD_S = 2.0 * np.pi * 25.0  # bandwidth of the guide: above the drive train's modes that matter
+GUIDE = np.array([GUIDE_RAD_S**2, 1.4 * GUIDE_RAD_S])  # its stiffness and damping per inertia
 NO_STRETCH_RAD = 1e-9
 SHAKEN_HZ = 350.0  # above this little is kept of any motion
-TONES = 2j * np.pi * np.linspace(1.0, LOAD_MOTION_CUT_HZ, 12)  # [rad/s] at which noise is compared
+TONES = 2.0 * np.pi * np.linspace(1.0, LOAD_MOTION_CUT_HZ, 12)  # [rad/s] at which noise is compared
 
 RECENT = 8  # changes of the motor shaft alone need no new run of the rest, nor those of the rest one of the motor's
 
@@ -109,9 +110,9 @@ class Observer:
         guide, angle = np.zeros(m.samples), motion[0]
         if chain.links:
             out = self._links(chain, model, nuisance, slow=not self.hits)
-            shaken = self._shaken(chain, nuisance) if self.hits else np.zeros((2, 1))
-            motor += out[0] - shaken[0]
-            guide, angle = (out[2] - shaken[1]) * self._even(chain), out[1]
+            fast = self._shaken(model, nuisance) if self.hits else np.zeros((2, 1))
+            motor += out[0] - fast[0]
+            guide, angle = (out[2] - fast[1]) * self._even(model), out[1]
         if nuisance.torque_delay_s:
             motor = delayed(motor, nuisance.torque_delay_s * m.rate_hz)
         # noise is added as it is: a fit would choose whatever smooths it
@@ -149,15 +150,16 @@ class Observer:
                 del self._recent[next(iter(self._recent))]
         return out
 
-    def _even(self, chain: Chain) -> float:
+    def _even(self, model: Packed) -> float:
         """Factor that makes noise equally loud in the guide's torque for every chain.
 
         The Jacobian of the data's likelihood: a load and springs of half the size make half of any disturbance, and a
         fit would make them light. What is fast of the noise is fixed by `learn_noise` and needs no factor.
         """
+        own = float(loudness(*model[:2], self.guide_inertia * GUIDE, TONES))
         if self._loudness == 0.0:
-            self._loudness = loudness(chain, self.guide_inertia)
-        return self._loudness / loudness(chain, self.guide_inertia)
+            self._loudness = own
+        return self._loudness / own
 
     def learn_noise(self, chain: Chain, nuisance: Nuisance, *, hits: bool = False) -> None:
         """Keep what the fast part of both encoders' signals, which is noise, makes of this chain."""
@@ -165,36 +167,41 @@ class Observer:
         self.noise_inertia = chain.shafts[0].inertia_kg_m2
         self._noise = None
         if chain.links:
+            model = pack(chain)
             if hits:
-                torque, guide = self._shaken(chain, nuisance)
+                torque, guide = self._shaken(model, nuisance)
             else:
-                model = pack(chain)
                 left = self._links(chain, model, nuisance, slow=False) - self._links(chain, model, nuisance, slow=True)
                 torque, guide = left[0], left[2]
             self._noise = self.noise_inertia * self._fast + torque, guide
 
     @cached_property
-    def _shakes(self) -> tuple[Spectrum, Spectrum]:
+    def _shakes(self) -> tuple[Array, Spectrum]:
         """Places on the imaginary axis [rad/s] up to where much is kept of motion, and what is fast of both there."""
-        m = self.measurement
-        rates = np.asarray(2j * np.pi * np.fft.rfftfreq(m.samples, 1.0 / m.rate_hz), dtype=np.complex128)
-        rates = rates[rates.imag < 2.0 * np.pi * SHAKEN_HZ]
+        m, size = self.measurement, self._shaken_size
+        turns = np.asarray(2.0 * np.pi * np.fft.rfftfreq(size, 1.0 / m.rate_hz), dtype=np.float64)
+        turns = turns[turns < 2.0 * np.pi * SHAKEN_HZ]
         load = np.zeros(m.samples)
         if m.load_angle is not None and m.slow_load_angle is not None:
             load = m.load_angle - m.slow_load_angle
-        return rates, rfft(np.stack([m.angle - m.slow_angle, load]))[:, : rates.size]
+        return turns, rfft(np.stack([m.angle - m.slow_angle, load]), size)[:, : turns.size]
 
-    def _shaken(self, chain: Chain, nuisance: Nuisance) -> Array:
+    @property
+    def _shaken_size(self) -> int:
+        """Rows of a transform that holds the measurement and factors well: a prime number of them takes ten times as
+        long."""
+        return int(next_fast_len(self.measurement.samples, real=True))
+
+    def _shaken(self, model: Packed, nuisance: Nuisance) -> Array:
         """Torque of motor and guide that springs in contact make of what is fast of the motion [N m], shape (2, n)."""
-        rates, (motor, load) = self._shakes
-        gains = self._gains
-        numbers = [(s.inertia_kg_m2, s.viscous_n_m_s) for s in chain.shafts[1:]]
-        numbers += [(link.stiffness_n_m_per_rad, link.damping_n_m_s_per_rad) for link in chain.links]
-        key = np.array([*np.ravel(numbers), nuisance.load_delay_s]).tobytes()
+        turns, both = self._shakes
+        shafts, links = model[:2]
+        key = np.array([*shafts[1:, [J, VISCOUS_F]].flat, *links[:, [INV, C, D]].flat, nuisance.load_delay_s]).tobytes()
 
         def answered() -> Array:
-            late = np.exp(rates * nuisance.load_delay_s)
-            return irfft(np.stack(shaken(chain, gains, rates, motor, load * late)), self.measurement.samples)
+            answer = np.empty_like(both)
+            shaken(shafts, links, self._gains, turns, nuisance.load_delay_s, *both, answer)
+            return irfft(answer, self._shaken_size)[:, : self.measurement.samples]
 
         return self._kept(b"shaken" + key, answered)
 
@@ -202,7 +209,7 @@ class Observer:
     def _gains(self) -> Array:
         """Stiffness and damping of the guide, 0 without a load encoder."""
         seen = self.measurement.load_angle is not None
-        return float(seen) * self.guide_inertia * np.array([GUIDE_RAD_S**2, 1.4 * GUIDE_RAD_S])
+        return float(seen) * self.guide_inertia * GUIDE
 
     def _links(self, chain: Chain, model: Packed, nuisance: Nuisance, *, slow: bool) -> Array:
         """`slow`: whether the slow part of the motion alone is meant."""
@@ -264,40 +271,6 @@ class Observer:
             moved = np.stack([delayed(channel, -late_s * m.rate_hz) for channel in told if channel is not None])
             last = self._shifted[slow] = (late_s, moved)
         return last[1]
-
-
-def shaken(chain: Chain, guide: Array, s: Spectrum, motor: Spectrum, load: Spectrum) -> tuple[Spectrum, Spectrum]:
-    """Spectra of the torque asked of the motor and of the guide's, were all springs in contact and friction viscous.
-
-    `guide`: its stiffness and damping; `s`: places on the imaginary axis [rad/s]; `motor`, `load`: spectra of the
-    motor's angle and of what the load is drawn along, shape (k,).
-    """
-    pull = guide[0] + guide[1] * s
-    behind, drawn = pull, pull * load  # torque per angle, and torque while it stands still, of all beyond a shaft
-    passed = []
-    for link, shaft in zip(chain.links[::-1], chain.shafts[:0:-1], strict=True):
-        spring = link.stiffness_n_m_per_rad + link.damping_n_m_s_per_rad * s
-        share = 1.0 / (spring + behind + (shaft.inertia_kg_m2 * s + shaft.viscous_n_m_s) * s)
-        passed.append((spring * share / link.ratio, drawn * share))
-        drawn = drawn * spring * share / link.ratio
-        behind = (spring - spring**2 * share) / link.ratio**2
-    angle = motor
-    for share, ahead in passed[::-1]:
-        angle = share * angle + ahead
-    return behind * motor - drawn, pull * (load - angle)
-
-
-def loudness(chain: Chain, inertia: float) -> float:
-    """Geometric mean over the load's frequencies of |guide torque per error of the load encoder| [N m/rad]."""
-    s = TONES
-    stiffness = np.full(s.size, np.inf, dtype=complex)
-    for k, link in enumerate(chain.links):
-        spring = link.stiffness_n_m_per_rad + link.damping_n_m_s_per_rad * s
-        shaft = chain.shafts[k + 1]
-        behind = 1.0 / (stiffness * link.ratio**2) if k else 0.0
-        stiffness = 1.0 / (1.0 / spring + behind) + shaft.inertia_kg_m2 * s**2 + shaft.viscous_n_m_s * s
-    guide = inertia * (GUIDE_RAD_S**2 + 1.4 * GUIDE_RAD_S * s)
-    return float(np.exp(np.mean(np.log(np.abs(guide * stiffness / (guide + stiffness))))))
 
 
 def delayed(values: Array, samples: float) -> Array:

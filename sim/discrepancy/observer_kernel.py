@@ -13,7 +13,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import njit
+from numba import carray, njit, types
+from numba.core import cgutils
+from numba.extending import intrinsic
 
 from sim.discrepancy.measurement import WIDE_SHARE
 
@@ -27,9 +29,24 @@ TAYLOR = 24  # terms of the exponential: enough for a phase of 3 per step
 INV, C, D, HALF, LAW, ETA1, ETA2, BF1, BF2, TURN, LOSSY, CUBIC, HYST, HYST_X = range(14)
 
 _jit = njit(cache=True, error_model="numpy", fastmath=True, nogil=True)
+# a call costs counts of references of every array that is handed over
+_inline = njit(cache=True, error_model="numpy", fastmath=True, nogil=True, forceinline=True)
 
 
-@_jit
+@intrinsic
+def _room(_context, stages):
+    """Pointer to room on the stack for the longest row of numbers of a chain, 4 of each stage and 8.
+
+    What lies on the heap may be changed by any writing, as far as the compiler knows: `run` took a quarter longer.
+    """
+
+    def allocated(context, builder, _signature, _arguments):
+        return cgutils.alloca_once(builder, context.get_value_type(types.float64), size=4 * stages.count + 8)
+
+    return types.CPointer(types.float64)(stages), allocated
+
+
+@_inline
 def _tanh(x):
     """To 3e-4, by Padé's approximant of order 7 over 6, cut where it reaches 1."""
     x = min(max(x, -4.97), 4.97)
@@ -37,7 +54,7 @@ def _tanh(x):
     return x * (135135.0 + q * (17325.0 + q * (378.0 + q))) / (135135.0 + q * (62370.0 + q * (3150.0 + 28.0 * q)))
 
 
-@_jit
+@_inline
 def _sine_cosine(x):
     """Both to 2e-9, by Taylor's series in the nearest quarter of the turn: faster than one after the other."""
     quarter = math.floor(x * (2.0 / math.pi) + 0.5)
@@ -55,7 +72,7 @@ def _sine_cosine(x):
     return -c, s
 
 
-@_jit
+@_inline
 def _slid(slip, w, width, stretch, h):
     """Share of its friction that a contact holds after time `h` at speed `w`: 1 or -1 once it slides (Dahl 1968).
 
@@ -71,7 +88,7 @@ def _slid(slip, w, width, stretch, h):
     return goal + (slip - goal) * math.exp(-both)
 
 
-@_jit
+@_inline
 def _friction(shafts, k, w, way, t):
     ahead = 0.5 * (1.0 + way)
     level = ahead * shafts[k, COULOMB_F] + (1.0 - ahead) * shafts[k, COULOMB_B]
@@ -83,7 +100,7 @@ def _friction(shafts, k, w, way, t):
     return (level * way + viscous * w) * (1.0 + shafts[k, DRIFT] * t)
 
 
-@_jit
+@_inline
 def _dent(dents, first, last, side, angles, speeds):
     depth = 0.0
     rate = 0.0
@@ -102,7 +119,7 @@ def _dent(dents, first, last, side, angles, speeds):
     return depth, rate
 
 
-@_jit
+@_inline
 def _passed(phase):
     """Share of a wave of `phase` [rad] per sample that the low-pass of the measured torque lets through."""
     q = 0.5 * (WIDE * phase) ** 2
@@ -111,7 +128,7 @@ def _passed(phase):
     return math.exp(-q) * (1.0 + q)
 
 
-@_jit
+@_inline
 def _external(shafts, ripples, k, angles, w, way, t):
     """Friction, gravity, offset and ripple of shaft k: torque against its motion."""
     torque = _friction(shafts, k, w, way, t) - shafts[k, OFFSET]
@@ -123,7 +140,7 @@ def _external(shafts, ripples, k, angles, w, way, t):
     return torque
 
 
-@_jit
+@_inline
 def _piece(p0, v0, p1, v1, sub, substeps):
     """Coefficients of the cubic between two samples on one of its equal pieces."""
     c2 = 3.0 * (p1 - p0) - 2.0 * v0 - v1
@@ -236,19 +253,23 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
     rest, slope = size + 8, size + 8 + m  # places of what is not linear
     step = np.zeros((sets, size, width))
     propagators(shafts, links, gains, h, step)
-    z = np.zeros(width)
-    z[:m] = start[:m]
-    z[m:size] = start[m:size] * h
-    ahead = np.empty(size)
+    z = carray(_room(stages), (width,))
+    ahead = carray(_room(stages), (size,))
+    driven = carray(_room(stages), (n,))
+    driver = carray(_room(stages), (n,))
+    held = carray(_room(stages), (m,))
+    twist = carray(_room(stages), (m,))
+    new = carray(_room(stages), (m,))
+    slip = carray(_room(stages), (n,))
     angles = np.empty(n)
     speeds = np.empty(n)
-    driven = np.zeros(n)
-    driver = np.zeros(n)
-    held = start[size:].copy()
-    twist = np.zeros(m)
-    new = np.zeros(m)
+    z[:] = 0.0
+    z[:m] = start[:m]
+    z[m:size] = start[m:size] * h
+    held[:] = start[size:]
+    twist[:] = 0.0
+    slip[:] = 0.0
     acted = _acted(shafts, ripples)
-    slip = np.zeros(n)
     guided = gains[0] > 0.0
     closed = -1
     first = True
@@ -396,3 +417,52 @@ def motor_torque(shafts, ripples, motion, width, stretch, dt, out):
             slip = _slid(slip, motion[1, i], width, stretch, dt)
         angles[0] = motion[0, i]
         out[i] = _external(shafts, ripples, 0, angles, motion[1, i], slip, i * dt)
+
+
+@_jit
+def shaken(shafts, links, gains, turns, late_s, motor, load, out):
+    """What springs in contact make of motion; rows of `out`: spectra of the torque asked of the motor, of the guide's.
+
+    Friction is viscous. `turns`: places on the imaginary axis [rad/s]; `motor`, `load`: spectra of the motor's angle
+    and of what the load is drawn along, which comes `late_s` later, all of shape (k,).
+    """
+    m = links.shape[0]
+    share = np.empty(m, dtype=np.complex128)
+    ahead = np.empty(m, dtype=np.complex128)
+    for i in range(turns.size):
+        s = complex(0.0, turns[i])
+        sine, cosine = _sine_cosine(turns[i] * late_s)
+        told = load[i] * complex(cosine, sine)
+        pull = gains[0] + gains[1] * s
+        behind = pull  # torque per angle of all beyond a shaft
+        drawn = pull * told  # and its torque while the shaft stands still
+        for k in range(m - 1, -1, -1):
+            inv = links[k, INV]
+            spring = links[k, C] + links[k, D] * s
+            yields = 1.0 / (spring + behind + (shafts[k + 1, J] * s + shafts[k + 1, VISCOUS_F]) * s)
+            share[k] = spring * yields * inv
+            ahead[k] = drawn * yields
+            drawn *= share[k]
+            behind = (spring - spring * spring * yields) * inv * inv
+        angle = motor[i]
+        for k in range(m):
+            angle = share[k] * angle + ahead[k]
+        out[0, i] = behind * motor[i] - drawn
+        out[1, i] = pull * (told - angle)
+
+
+@_jit
+def loudness(shafts, links, gains, turns):
+    """Geometric mean over `turns` [rad/s] of |guide torque per error of the load encoder| [N m/rad]."""
+    total = 0.0
+    for turn in turns:
+        s = complex(0.0, turn)
+        stiffness = complex(0.0, 0.0)
+        for k in range(links.shape[0]):
+            soft = 1.0 / (links[k, C] + links[k, D] * s)
+            if k > 0:
+                soft += links[k, INV] ** 2 / stiffness
+            stiffness = 1.0 / soft + shafts[k + 1, J] * s * s + shafts[k + 1, VISCOUS_F] * s
+        guide = gains[0] + gains[1] * s
+        total += math.log(abs(guide * stiffness / (guide + stiffness)))
+    return math.exp(total / turns.size)

@@ -278,7 +278,7 @@ def test_springs_in_contact_answer_to_what_is_fast_as_a_simulation_of_them_does(
     chain = Chain(shafts, (Link(5.0, 2e3, 0.4), Link(12.0, 5e4, 30.0)))
     observer, late = Observer(m, 2.0, 0.01), Nuisance(load_delay_s=2e-3)
     all_of_it, slow = (observer._links(chain, pack(chain), late, slow=slow) for slow in (False, True))
-    answer = observer._shaken(chain, late)
+    answer = observer._shaken(pack(chain), late)
     for channel, expected in zip(answer, (all_of_it - slow)[[0, 2]], strict=True):
         left = channel[500:-500] - expected[500:-500]
         assert np.std(left) < 0.02 * np.std(expected[500:-500])
