@@ -104,6 +104,7 @@ def _taken(
 
 def _watched(frame: Frame, work: Callable[[Progress], Done]) -> Done:
     """Run with a line on stderr for every stage."""
+    frame.say("half a minute of data takes ten seconds to a minute on two cores, the longer the more the model misses")
     last = ""
 
     def watch(stage: str, share: float) -> None:

@@ -48,6 +48,14 @@ def test_an_unfinished_investigation_is_what_its_job_is(operator: httpx.Client) 
     assert said() == ["cancelled"] * 3
 
 
+def test_whoever_waits_is_told_how_long_it_takes(operator: httpx.Client, live_server: LiveServer) -> None:
+    asked = operator.post(URL, files={"telemetry": ("t.csv", telemetry(), "text/csv")}, data={"axis": AXIS}).json()
+    cookies = {"gearcase_key": live_server.keys["operator"]}
+    page = httpx.get(f"{live_server.url}/jobs/{asked['id']}", cookies=cookies).raise_for_status().text
+    assert "ten seconds to a minute" in page
+    operator.delete(f"/api/v1/jobs/{asked['id']}").raise_for_status()
+
+
 def test_the_report_comes_as_it_is_asked_for(live_server: LiveServer, viewer: httpx.Client) -> None:
     library = CaseLibrary.open(live_server.data_dir)
     row = StoredInvestigation(
