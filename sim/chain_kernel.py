@@ -45,8 +45,9 @@ GAP, NORMAL, DAMPED, NO_PULL = 0, 1, 2, 3  # with the sign of the flank; DAMPED:
 LAW_LINEAR, LAW_ELASTO, LAW_ELASTO2 = 1, 2, 3
 # w: states are angles, speeds (from 4), hysteresis torques (from 8)
 # margins: 4 per link (two of contact, loop, side), then 2 per shaft
-Y, K1, RATE, STAGE, TOTAL, FORCE, MARGIN, AT_START, AT_END = 0, 12, 24, 36, 48, 60, 64, 84, 104
-STATES, MARGINS, SHAFT_MARGIN, W_SIZE = 11, 20, 12, 124
+# levers: torque that a link asks of its driver and gives to its driven shaft, of the force between them
+Y, K1, RATE, STAGE, TOTAL, FORCE, MARGIN, AT_START, AT_END, ASKS, GIVES = 0, 12, 24, 36, 48, 60, 64, 84, 104, 124, 128
+STATES, MARGINS, SHAFT_MARGIN, W_SIZE = 11, 20, 12, 132
 MAX_EVENTS_PER_STEP = 40
 
 _jit = njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"}, nogil=True)
@@ -71,10 +72,11 @@ def _sincos(x: float) -> tuple[float, float]:
 
 
 @_jit
-def _dent(k: int, side: float, p: Floats, q: Ints, w: Floats) -> tuple[float, float]:
-    """Missing material [rad at the driven gear] on one flank of link k, and its rate."""
+def _dent(k: int, side: float, p: Floats, q: Ints, w: Floats) -> tuple[float, float, float]:
+    """Missing material [rad at the driven gear] on one flank of link k, its slope over the angles of both wheels."""
     depth = 0.0
-    rate = 0.0
+    before = 0.0
+    after = 0.0
     j = q[DENTS + k]
     while j < q[DENTS + k + 1]:
         if p[j + 2] * side > 0.0:
@@ -86,9 +88,13 @@ def _dent(k: int, side: float, p: Floats, q: Ints, w: Floats) -> tuple[float, fl
                 room = 1.0 - steep * abs(u)
                 cube = p[j + 3] * room * room * room
                 depth += cube * room
-                rate -= math.copysign(4.0 * p[j + 4] * cube * steep, u) * w[STAGE + 4 + shaft] * p[j + 2]
+                slope = math.copysign(4.0 * p[j + 4] * cube * steep, u) * p[j + 2]
+                if shaft == k:
+                    before -= slope
+                else:
+                    after -= slope
         j += ROW
-    return depth, rate
+    return depth, before, after
 
 
 @_inline
@@ -117,7 +123,7 @@ def _driving_side(a: int, load: float, way: int, p: Floats) -> int:
 
 @_inline
 def _contact(k: int, x: float, xd: float, c: float, p: Floats, q: Ints, w: Floats) -> float:
-    """Torque [N m] of link k on the driven shaft in the held contact mode; leaves the margins of that mode."""
+    """Force [N m] of link k in the held contact mode; leaves the margins of that mode."""
     mode = q[CONTACT + k]
     a = LINKS + WIDTH * k
     if mode == PLAIN:
@@ -128,10 +134,12 @@ def _contact(k: int, x: float, xd: float, c: float, p: Floats, q: Ints, w: Float
         w[MARGIN + m + 1] = p[a + HALF] + _dent(k, -1.0, p, q, w)[0] + x
         return 0.0
     side = 1.0 if mode > 0 else -1.0
-    depth, rate = _dent(k, side, p, q, w)
+    depth, before, after = _dent(k, side, p, q, w)
+    w[ASKS + k] -= side * before
+    w[GIVES + k] += side * after
     x = side * x - p[a + HALF] - depth
     spring = c * x * (1.0 + p[a + CUBIC] * x * x)
-    damper = p[a + D] * (side * xd - rate)
+    damper = p[a + D] * (side * xd - before * w[STAGE + 4 + k] - after * w[STAGE + 5 + k])
     mode = abs(mode)
     if mode == NORMAL:
         w[MARGIN + m] = spring - damper if p[a + LAW] == LAW_ELASTO else 1.0
@@ -155,15 +163,25 @@ def _drive_torque(t: float, u: float, p: Floats) -> float:
 
 @_inline
 def _link(k: int, p: Floats, q: Ints, w: Floats) -> float:
-    """Torque [N m] of link k on its driven shaft; leaves the rate of its hysteresis."""
+    """Force [N m at the driven gear] of link k; leaves the rate of its hysteresis, and its levers.
+
+    An error of teeth varies the ratio of the torques as it does that of the speeds: no power is lost by it.
+    """
     a = LINKS + WIDTH * k
+    w[ASKS + k] = p[a + INV]
+    w[GIVES + k] = 1.0
     x = w[STAGE + k] * p[a + INV] - w[STAGE + k + 1]
     xd = w[STAGE + 4 + k] * p[a + INV] - w[STAGE + 5 + k]
     j = q[LINES + k]
     while j < q[LINES + k + 1]:
         s, c = _sincos(p[j + 1] * w[STAGE + int(p[j])] + p[j + 3])
+        slope = p[j + 2] * p[j + 1] * c
         x -= p[j + 2] * s
-        xd -= p[j + 2] * p[j + 1] * w[STAGE + 4 + int(p[j])] * c
+        xd -= slope * w[STAGE + 4 + int(p[j])]
+        if int(p[j]) == k:
+            w[ASKS + k] -= slope
+        else:
+            w[GIVES + k] += slope
         j += ROW
     stiffness = p[a + C]
     j = q[WAVES + k]
@@ -186,7 +204,7 @@ def _shaft(k: int, net: float, last: int, t: float, p: Floats, q: Ints, w: Float
     a = LINKS + s
     m = SHAFT_MARGIN + 2 * k
     way = q[WAY + k]
-    load = w[FORCE + k] * p[a + INV] if k < last else 0.0
+    load = w[FORCE + k] * w[ASKS + k] if k < last else 0.0
     lossy = k < last and p[a + LOSSY] != 0.0
     if way == 0:
         ahead = load
@@ -227,7 +245,7 @@ def _rates(t: float, u: float, p: Floats, q: Ints, w: Floats) -> None:
         s = WIDTH * k
         net = p[s + OFFSET] + p[EXT + 2 * k] + u * p[EXT + 2 * k + 1]
         if k > 0:
-            net += w[FORCE + k - 1]
+            net += w[FORCE + k - 1] * w[GIVES + k - 1]
         elif q[KIND] != PRESCRIBED:
             net += _drive_torque(t, u, p)
         if p[s + GRAVITY] != 0.0:
@@ -277,7 +295,7 @@ def _switch(m: int, p: Floats, q: Ints, w: Floats) -> tuple[int, int, int, int]:
             q[WAY + k] = 1 if (m - SHAFT_MARGIN) % 2 == 0 else -1
             if k < q[SHAFTS] - 1:
                 a = LINKS + WIDTH * k
-                q[SIDE + k] = _driving_side(a, w[FORCE + k] * p[a + INV], q[WAY + k], p)
+                q[SIDE + k] = _driving_side(a, w[FORCE + k] * w[ASKS + k], q[WAY + k], p)
         else:
             w[Y + 4 + k] = 0.0
             q[WAY + k] = 0
@@ -421,7 +439,7 @@ def _motor_torque(acceleration: float, u: float, width: float, t: float, p: Floa
         j += ROW
     if q[SHAFTS] == 1:
         return float(torque)
-    load = w[FORCE + 0] * p[LINKS + INV]
+    load = w[FORCE + 0] * w[ASKS + 0]
     if p[LINKS + LOSSY] == 0.0:
         return float(torque + load)
     torque += ahead * _driver_torque(LINKS, load, 1, _driving_side(LINKS, load, 1, p), p)

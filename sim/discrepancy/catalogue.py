@@ -41,6 +41,8 @@ ENCODER_ERROR = ("load_encoder.error_sine_rad", "load_encoder.error_cosine_rad")
 WIDEST_GAP = 6.0  # over the working twist, where play is looked for
 HUM_SHARE = 0.003  # of the torque: less hum does not matter
 AS_NEW_FACTOR = 3.0  # more than this above as new is a finding
+MOST_DRIFT = 1.0  # of friction, within a record
+OF_TEETH = 0.5  # of the torque that erring teeth make: as much at their own order may be the error of their form
 
 
 OWN = frozenset(  # mechanisms with terms below, or seen by the gate or in the sound; all others say all of themselves
@@ -65,7 +67,7 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
         seen_apart = has_links(axis) and measurement.load_angle is not None
         out += [_asymmetry(level, top, place) for place in ((MOTOR, None) if seen_apart else (MOTOR,))]
     travel = float(np.ptp(measurement.angle))
-    out += [_ripple(order, level, axis) for order in RIPPLE_ORDERS if travel * order > 2.0 * math.pi]
+    out += [_ripple(order, level, axis, present) for order in RIPPLE_ORDERS if travel * order > 2.0 * math.pi]
     out += [hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
     out.append(_delay("torque_delay_s", "motor", 6e-4))
     if has_links(axis):
@@ -189,7 +191,8 @@ def _asymmetry(level: float, top: float, location: str | None) -> Term:
 
 
 def _drift(n: int, duration: float) -> Term:
-    rate = _name("friction_drift", None, "rate_per_s")
+    """Friction that changes by as much as there is of it is no oil that warms up: what wants the limit is none."""
+    rate, most = _name("friction_drift", None, "rate_per_s"), MOST_DRIFT / duration
 
     def apply(chain: Chain, values: Values) -> Chain:
         for index in {0, n}:
@@ -198,8 +201,9 @@ def _drift(n: int, duration: float) -> Term:
 
     step = 0.1 / duration
     return Term(
-        "friction_drift", None, (Parameter(rate, 0.0, step),), (({rate: step},),), lambda v: {"rate_per_s": v[rate]},
-        apply, size=0.3 * step,
+        "friction_drift", None, (Parameter(rate, 0.0, step, low=-most, high=most),), (({rate: step},),),
+        lambda v: {"rate_per_s": v[rate]}, apply, size=0.3 * step,
+        magnitude=lambda v: v[rate] if abs(v[rate]) < 0.99 * most else 0.0,
     )  # fmt: skip
 
 
@@ -245,8 +249,8 @@ def hum(frequency: float, level: float) -> Term:
     )  # fmt: skip
 
 
-def _ripple(order: float, level: float, axis: Axis) -> Term:
-    """Torque over the motor's angle; teeth of the first pair as new, where it may be theirs, are none."""
+def _ripple(order: float, level: float, axis: Axis, present: Chain) -> Term:
+    """Torque over the motor's angle; what teeth make as new, or err by, where it may be theirs, is none."""
     prefix = f"torque_ripple{order:g}@motor"
     step = 0.01 * level
 
@@ -257,7 +261,9 @@ def _ripple(order: float, level: float, axis: Axis) -> Term:
         sine, cosine = -values[f"{prefix}.sine"], -values[f"{prefix}.cosine"]  # what is felt is what the drive balances
         return {"torque_n_m": math.hypot(sine, cosine), "order": order, "phase_rad": math.atan2(cosine, sine)}
 
-    size = max(0.3 * step, AS_NEW_FACTOR * _torque_of_teeth(axis, order))
+    size = max(
+        0.3 * step, AS_NEW_FACTOR * _torque_of_teeth(axis, order), OF_TEETH * _torque_of_errors(present, order)
+    )
     return Term(
         "torque_ripple", "motor", _pair(prefix, step), _pair_probe(prefix, step), report, torque=torque, size=size
     )
@@ -275,6 +281,17 @@ def _torque_of_teeth(axis: Axis, order: float) -> float:
     theirs = order >= FEWEST_TEETH if teeth is None else order % teeth == 0
     stiffness = link_stiffness(axis, 0) * (1.0 + 2.0 * SHARED_SPREAD if is_open(axis, 0) else 1.0)
     return first.transmission_error_rad * stiffness / first.ratio if theirs else 0.0
+
+
+def _torque_of_errors(present: Chain, order: float) -> float:
+    """What the errors of gears so far make at the motor, the load held, once per `order` of its turns [N m]."""
+    turns = [1.0]  # of the motor per turn of each shaft
+    torque = 0.0
+    for link in present.links:
+        turns.append(turns[-1] * link.ratio)
+        same = (e.amplitude for e in link.errors if math.isclose(e.order, order * turns[e.shaft], rel_tol=1e-6))
+        torque += sum(same) * link.stiffness_n_m_per_rad / turns[-1]
+    return torque
 
 
 def _gravity(step: float, shaft: int) -> Term:

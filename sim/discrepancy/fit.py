@@ -25,7 +25,7 @@ from sim.discrepancy import rattle
 from sim.discrepancy.catalogued import read_too_much
 from sim.discrepancy.described import Described
 from sim.discrepancy.entries import swinging
-from sim.discrepancy.measurement import LOAD_CUT_HZ, Measurement
+from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.model import base_parameters, chain_of, has_links, hums, locked_mode_hz, nuisance_of
 from sim.discrepancy.observer import Observer
 from sim.discrepancy.parameters import Parameter
@@ -250,7 +250,7 @@ class Problem:
 
     @property
     def guide_stride(self) -> int:
-        return max(1, int(self.measurement.rate_hz / (4.0 * LOAD_CUT_HZ)))
+        return self.measurement.load_stride
 
     def base(self) -> tuple[Parameter, ...]:
         level = float(np.sqrt(np.mean(self.measurement.torque**2)))
@@ -277,10 +277,13 @@ class Problem:
         for term in terms:
             if term.torque is not None:
                 torque = torque - term.torque(m, values)
-        guide = (prediction.guide + self.swinging)[:: self.guide_stride] if self.guided else np.zeros(0)
-        for term in terms:
-            if term.load_torque is not None and guide.size:
-                guide = guide - term.load_torque(m, values)[:: self.guide_stride]
+        guide = np.zeros(0)
+        if self.guided:
+            lacking = prediction.guide + self.swinging
+            for term in terms:
+                if term.load_torque is not None:
+                    lacking = lacking - term.load_torque(m, values)
+            guide = m.thinned(lacking)
         if not math.isfinite(float(torque @ torque) + float(guide @ guide)):
             torque, guide = (_within(BURST * float(np.std(m.torque)), x) for x in (torque, guide))
         if not weighted:

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
-from scipy.signal import fftconvolve
+from scipy.signal import fftconvolve, upfirdn
 
 Array = NDArray[np.float64]
 
@@ -18,7 +18,7 @@ WIDE_SHARE = 0.3  # -3 dB frequency of torque and acceleration over the sample r
 ANGLE_CUT_HZ = 150.0  # motor angle that drives the chain: far above its modes, below the encoder's noise
 SLOW_ANGLE_CUT_HZ = 40.0  # the same without its encoder's noise, which springs and dampers turn into torque
 SLOW_DIRECT_ANGLE_CUT_HZ = 12.0  # the same without gears, where a stiff coupling makes far more of it
-LOAD_CUT_HZ = 50.0  # above this a load encoder of 20 bits says nothing about torque
+LOAD_CUT_HZ = 50.0  # above this a load encoder of 20 bits says nothing about torque: what is left is cut off there
 LOAD_MOTION_CUT_HZ = 10.0  # the same for the load's angle
 MOTION_CUT_HZ = (
     12.0  # acceleration below it is the motion's own; above, mostly the encoder's noise, which would shrink inertias
@@ -95,6 +95,32 @@ class Measurement:
     @property
     def samples(self) -> int:
         return int(self.time_s.size)
+
+    @property
+    def load_stride(self) -> int:
+        """Rows per row of what is left at the load."""
+        return max(1, int(self.rate_hz / (4.0 * LOAD_CUT_HZ)))
+
+    @cached_property
+    def _load_kernel(self) -> Array:
+        return gaussian_kernel(min(LOAD_CUT_HZ, 0.1 * self.rate_hz), self.rate_hz, 0)
+
+    def thinned(self, values: Array) -> Array:
+        """Every `load_stride`-th row of what a model leaves at the load, shape (n,), below `LOAD_CUT_HZ`.
+
+        Cut off after the model is held against the encoder: what shakes both faster would else be missing in one.
+        """
+        kernel, stride = self._load_kernel, self.load_stride
+        half = kernel.size // 2
+        ahead = half + -2 * half % stride
+        padded = np.pad(values, (ahead, half), "reflect", reflect_type="odd")
+        first = (ahead + half) // stride
+        return np.asarray(upfirdn(kernel, padded, 1, stride)[first : first + -(-values.size // stride)])
+
+    def passed_at_load(self, frequency_hz: Array) -> Array:
+        """Share of a wave that is left of it by `thinned`, of the shape of `frequency_hz`."""
+        kernel = self._load_kernel
+        return np.cos(2.0 * np.pi / self.rate_hz * np.outer(frequency_hz, np.arange(kernel.size) - kernel.size // 2)) @ kernel
 
 
 @dataclass(frozen=True)
@@ -194,9 +220,9 @@ def prepare(
     rate = rate_hz / stride
     wide, cut = WIDE_SHARE * rate, min(ANGLE_CUT_HZ, 0.2 * rate)
     slow_cut = min(cut, slow_angle_cut_hz)
-    load_cut, slow = min(LOAD_CUT_HZ, 0.1 * rate), min(MOTION_CUT_HZ, 0.1 * rate)
+    slow = min(MOTION_CUT_HZ, 0.1 * rate)
     load_slow = min(LOAD_MOTION_CUT_HZ, 0.05 * rate)
-    margin = max(gaussian_kernel(c, rate_hz, 0).size // 2 for c in (wide, cut, slow_cut, load_cut, slow, load_slow))
+    margin = max(gaussian_kernel(c, rate_hz, 0).size // 2 for c in (wide, cut, slow_cut, slow, load_slow))
 
     def channel(values: Array | None, cut_hz: float, derivative: int) -> Array:
         return smooth(np.zeros(0) if values is None else values, cut_hz, rate_hz, derivative, margin)[::stride].copy()
@@ -224,8 +250,8 @@ def prepare(
         speed=speed,
         slow_angle=channel(angle, slow_cut, 0),
         slow_speed=channel(angle, slow_cut, 1),
-        load_angle=load(load_cut, 0),
-        load_speed=load(load_cut, 1),
+        load_angle=load(cut, 0),
+        load_speed=load(cut, 1),
         slow_load_angle=load(load_slow, 0),
         slow_load_speed=load(load_slow, 1),
         valid=trusted,

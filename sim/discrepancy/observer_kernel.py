@@ -101,9 +101,9 @@ def _friction(shafts, k, w, way, t):
 
 
 @_inline
-def _dent(dents, first, last, side, angles, speeds):
-    depth = 0.0
-    rate = 0.0
+def _dent(dents, first, last, side, k, angles):
+    """Depth on one flank of link k, and its slope over the angles of driver and driven gear."""
+    depth = before = after = 0.0
     for j in range(first, last):
         if dents[j, 4] == side:
             shaft = int(dents[j, 0])
@@ -115,8 +115,12 @@ def _dent(dents, first, last, side, angles, speeds):
                 room = 1.0 - steep * abs(u)
                 deep = dents[j, 3] * room
                 depth += deep * room
-                rate -= math.copysign(2.0 * dents[j, 5] * deep * steep, u) * speeds[shaft] / dents[j, 2]
-    return depth, rate
+                slope = math.copysign(2.0 * dents[j, 5] * deep * steep, u) / dents[j, 2]
+                if shaft == k:
+                    before -= slope
+                else:
+                    after -= slope
+    return depth, before, after
 
 
 @_inline
@@ -325,12 +329,18 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                 straight_rate = speeds[k] * links[k, INV] - speeds[k + 1]
                 x = straight
                 xd = straight_rate
+                before_lever, after_lever = links[k, INV], 1.0  # dx over the angles of both wheels: no power is lost
                 for j in range(line_first[k], line_first[k + 1]):
                     shaft = int(lines[j, 0])
                     sine, cosine = _sine_cosine(lines[j, 1] * angles[shaft] + lines[j, 3])
                     height = lines[j, 2] * _passed(lines[j, 1] * speeds[shaft] * dt)
+                    slant = height * lines[j, 1] * cosine
                     x -= height * sine
-                    xd -= height * lines[j, 1] * cosine * speeds[shaft]
+                    xd -= slant * speeds[shaft]
+                    if shaft == k:
+                        before_lever -= slant
+                    else:
+                        after_lever += slant
                 c = links[k, C]
                 for j in range(wave_first[k], wave_first[k + 1]):
                     c += links[k, C] * waves[j, 2] * math.cos(waves[j, 1] * angles[int(waves[j, 0])] + waves[j, 3])
@@ -339,9 +349,12 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                     force = c * x * (1.0 + links[k, CUBIC] * x * x) + links[k, D] * xd
                 else:
                     side = 1.0 if x > 0.0 else -1.0
-                    depth, rate = 0.0, 0.0
+                    depth = rate = 0.0
                     if dent_first[k + 1] > dent_first[k]:
-                        depth, rate = _dent(dents, dent_first[k], dent_first[k + 1], side, angles, speeds)
+                        depth, before, after = _dent(dents, dent_first[k], dent_first[k + 1], side, k, angles)
+                        rate = before * speeds[k] + after * speeds[k + 1]
+                        before_lever -= side * before
+                        after_lever += side * after
                     p = side * x - links[k, HALF] - depth
                     force = 0.0
                     touch = p > 0.0
@@ -360,8 +373,8 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                 if touch:
                     now |= 1 << k
                     linear = links[k, C] * straight + links[k, D] * straight_rate
-                driver[k] = force * links[k, INV]
-                driven[k] = force
+                driver[k] = force * before_lever
+                driven[k] = force * after_lever
                 if links[k, LOSSY] != 0.0:
                     way = _tanh(speeds[k + 1] / widths[0, k + 1])
                     drives = force * way > 0.0

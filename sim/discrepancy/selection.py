@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Collection, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -216,7 +216,7 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         m = problem.measurement
         if problem.hits(fit.terms) and (m.rests or m.standstill < STANDSTILL_SHARE):
             problem, fit = rewhiten(problem.down_to(STANDSTILL_SHARE), fit)
-        entered |= {r.term.key: r.gain for r in entry.new}
+        entered |= entry.brought
         nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
         rivals = {**rivals, **{r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}}
         if sum(beyond(t, fit) > BEYOND for t in fit.terms if t.mechanism not in LEFT_OUT) >= MOST_TERMS:
@@ -339,11 +339,16 @@ def search(
 
 @dataclass(frozen=True)
 class Entry:
-    """What came in and the fit with it; nothing new: the fit as it was."""
+    """What came in and the fit with it; nothing new: the fit as it was.
+
+    `brought`: what each gained as it came in. Of what has no name, what it gains under noise taken from it, if more:
+    noise had held the most of it, and what is left of it looks like anything.
+    """
 
     new: Sequence[Rival]
     problem: Problem
     fit: Fit
+    brought: Mapping[str, float] = field(default_factory=dict)
 
 
 def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
@@ -355,7 +360,8 @@ def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
         wider, more = afresh(*rewhiten(problem, more))
         wider, more, gains = prune(wider, more, strict=False)
         if new[0].term.key in gains:
-            return Entry(new, wider, more)
+            brought = {r.term.key: r.gain if r.term.named else max(r.gain, gains.get(r.term.key, 0.0)) for r in new}
+            return Entry(new, wider, more, brought)
         tried = [r for r in tried if r.term.key != new[0].term.key]
     return Entry((), problem, fit)
 

@@ -220,18 +220,18 @@ def test_errors_of_teeth_pass_the_low_pass_that_the_measured_torque_has_passed(f
 
 
 @pytest.mark.parametrize("form", [2.0, 7.5])
-def test_the_rate_of_a_dent_is_the_slope_of_its_depth(form: float) -> None:
+def test_the_slope_of_a_dent_is_that_of_its_depth(form: float) -> None:
     dents = np.array([[1.0, 0.4, 0.1, 1e-3, 1.0, form]])
-    speeds, step = np.array([0.0, 3.0]), 1e-7
+    step = 1e-7
 
-    def at(angle: float) -> tuple[float, float]:
-        return _dent(dents, 0, 1, 1.0, np.array([0.0, angle]), speeds)
+    def at(angle: float) -> tuple[float, float, float]:
+        return _dent(dents, 0, 1, 1.0, 0, np.array([0.0, angle]))
 
     for angle in (0.31, 0.36, 0.44, 0.4 + 2.0 * np.pi + 0.09):
         slope = (at(angle + step)[0] - at(angle - step)[0]) / (2.0 * step)
-        assert at(angle)[1] == pytest.approx(3.0 * slope, rel=1e-5)
-    assert at(0.4) == pytest.approx((1e-3, 0.0))
-    assert at(0.51) == (0.0, 0.0)
+        assert at(angle)[1:] == pytest.approx((0.0, slope), rel=1e-5)
+    assert at(0.4) == pytest.approx((1e-3, 0.0, 0.0))
+    assert at(0.51) == (0.0, 0.0, 0.0)
 
 
 def shaken_load(gap_rad: float = 0.0, stiffness: float = 1e4) -> tuple[Measurement, Chain]:
@@ -279,6 +279,7 @@ def test_springs_in_contact_answer_to_what_is_fast_as_a_simulation_of_them_does(
     observer, late = Observer(m, 2.0, 0.01), Nuisance(load_delay_s=2e-3)
     all_of_it, slow = (observer._links(chain, pack(chain), late, slow=slow) for slow in (False, True))
     answer = observer._shaken(pack(chain), late)
-    for channel, expected in zip(answer, (all_of_it - slow)[[0, 2]], strict=True):
-        left = channel[500:-500] - expected[500:-500]
-        assert np.std(left) < 0.02 * np.std(expected[500:-500])
+    expected = (all_of_it - slow)[[0, 2]]
+    for channel, wanted in ((answer[0], expected[0]), (m.thinned(answer[1]), m.thinned(expected[1]))):
+        left = channel[100:-100] - wanted[100:-100]
+        assert np.std(left) < 0.02 * np.std(wanted[100:-100])

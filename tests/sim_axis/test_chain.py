@@ -117,6 +117,32 @@ def test_energy_is_kept_without_friction() -> None:
     np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
 
 
+def test_teeth_that_err_or_are_damaged_make_no_energy() -> None:
+    """They vary the ratio of the torques as that of the speeds: all else would drive or brake a gear that turns."""
+    errors = (Line(1, 11.0, 4e-3, 0.3), Line(2, 30.0, 1.5e-3, 1.0), Line(2, 1.0, 1e-3, 0.0))
+    dent = Dent(2, 0.05, 0.03, 1e-3)
+    chain = three_shafts(efficiency=(1.0, 1.0), damping_n_m_s_per_rad=0.0, law="elasto", errors=errors, dents=(dent,))
+    chain = with_link(chain, 0, damping_n_m_s_per_rad=0.0)
+    for k in range(3):
+        chain = with_shaft(chain, k, coulomb_n_m=0.0, viscous_n_m_s=0.0)
+    start = np.array([0.0, 0.0, 0.0, 12.0, 12.0 / chain.links[0].ratio, 12.0 / chain.ratio])
+    run = run_chain(chain, Torque(), 16000.0, 32001, start=start, substeps=8)
+    angle = run.angle_rad
+    energy = 0.5 * run.speed_rad_s**2 @ np.array([shaft.inertia_kg_m2 for shaft in chain.shafts])
+    for k, link in enumerate(chain.links):
+        twist = angle[:, k] / link.ratio - angle[:, k + 1]
+        for line in link.errors:
+            twist -= line.amplitude * np.sin(line.order * angle[:, line.shaft] + line.phase_rad)
+        u = (angle[:, 2] - dent.angle_rad) / dent.half_width_rad
+        depth = np.where(np.abs(u) < 1, dent.depth_rad * (1 - np.minimum(np.abs(u), 1) ** 2) ** 4, 0.0)
+        missing = depth if link.dents else np.zeros_like(depth)
+        ahead, back = np.maximum(twist - link.gap_rad / 2 - missing, 0), np.maximum(-twist - link.gap_rad / 2, 0)
+        energy += 0.5 * link.stiffness_n_m_per_rad * (ahead**2 + back**2)
+    assert np.ptp(depth) > 0.9 * dent.depth_rad
+    assert np.ptp(run.force_n_m[:, 1]) > 100.0
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-6)
+
+
 def test_work_of_the_motor_is_stored_or_lost() -> None:
     """Integrated power of the drive = change of energy + friction, damping and loss in the mesh."""
     chain = with_link(three_shafts(gap_rad=0.0), 0, gap_rad=0.0)
