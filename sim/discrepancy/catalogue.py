@@ -261,9 +261,7 @@ def _ripple(order: float, level: float, axis: Axis, present: Chain) -> Term:
         sine, cosine = -values[f"{prefix}.sine"], -values[f"{prefix}.cosine"]  # what is felt is what the drive balances
         return {"torque_n_m": math.hypot(sine, cosine), "order": order, "phase_rad": math.atan2(cosine, sine)}
 
-    size = max(
-        0.3 * step, AS_NEW_FACTOR * _torque_of_teeth(axis, order), OF_TEETH * _torque_of_errors(present, order)
-    )
+    size = max(0.3 * step, AS_NEW_FACTOR * _torque_of_teeth(axis, order), OF_TEETH * _torque_of_errors(present, order))
     return Term(
         "torque_ripple", "motor", _pair(prefix, step), _pair_probe(prefix, step), report, torque=torque, size=size
     )

@@ -119,8 +119,8 @@ class Measurement:
 
     def passed_at_load(self, frequency_hz: Array) -> Array:
         """Share of a wave that is left of it by `thinned`, of the shape of `frequency_hz`."""
-        kernel = self._load_kernel
-        return np.cos(2.0 * np.pi / self.rate_hz * np.outer(frequency_hz, np.arange(kernel.size) - kernel.size // 2)) @ kernel
+        rows = np.arange(self._load_kernel.size) - self._load_kernel.size // 2
+        return np.asarray(np.cos(2.0 * np.pi / self.rate_hz * np.outer(frequency_hz, rows)) @ self._load_kernel)
 
 
 @dataclass(frozen=True)
