@@ -58,6 +58,9 @@ class SeriesOnly(Component):
 class GearMesh(ElastoBacklash, SeriesOnly):
     """ElastoBacklash whose flanks are not perfect; angles and torques at the driven gear (flange_b).
 
+    With twist x(theta_a, theta_b) and force f the torques are f dx/dtheta (virtual work): errors and dents vary the
+    ratio of the torques as that of the speeds, and a mesh without losses makes no energy.
+
     Parameters
     ----------
     errors
