@@ -248,10 +248,6 @@ class Problem:
         m = self.measurement
         return m.load_angle is not None and has_links(self.axis)
 
-    @property
-    def guide_stride(self) -> int:
-        return self.measurement.load_stride
-
     def base(self) -> tuple[Parameter, ...]:
         level = float(np.sqrt(np.mean(self.measurement.torque**2)))
         return base_parameters(self.axis, self.guided, level, self.measurement.rests)
@@ -288,7 +284,7 @@ class Problem:
             torque, guide = (_within(BURST * float(np.std(m.torque)), x) for x in (torque, guide))
         if not weighted:
             return torque, guide
-        return m.bridge.across(torque) * m.counts, guide * m.load_weight[:: self.guide_stride] if guide.size else guide
+        return m.bridge.across(torque) * m.counts, guide * m.load_weight[:: m.load_stride] if guide.size else guide
 
     def residual(self, terms: Sequence[Term], values: Mapping[str, float]) -> Array:
         """Whitened residuals of all channels in one row."""
@@ -434,7 +430,7 @@ class Problem:
         first, level = _whitener(torque, m.weight, m.rate_hz, self.memory, mode_hz, teeth=teeth)
         if not guide.size:
             return Noise(first, np.ones(1), level)
-        stride = self.guide_stride
+        stride = m.load_stride
         second, other = _whitener(guide, m.load_weight[::stride], m.rate_hz / stride, self.memory, teeth=teeth)
         return Noise(first, second, level, other)
 

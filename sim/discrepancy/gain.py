@@ -47,9 +47,9 @@ def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple
     names = [("motor_torque_nm", "N m")] + ([("load_torque_nm", "N m")] if before[1].size else [])
     for index, (channel, unit) in enumerate(names):
         a, b = before[index], after[index]
-        rate = m.rate_hz / (1 if index == 0 else problem.guide_stride)
+        rate = m.rate_hz / (1 if index == 0 else m.load_stride)
         settle = int(0.1 * rate)
-        trusted = (m.valid if index == 0 else m.load_valid[:: problem.guide_stride]) > 0.5
+        trusted = (m.valid if index == 0 else m.load_valid[:: m.load_stride]) > 0.5
         over = Bridge.over(~trusted)
         trusted[:settle] = False
         a, b = (_motion_band(over.across(values), rate)[trusted] for values in (a, b))
@@ -68,7 +68,7 @@ def _motion_band(values: Array, rate_hz: float) -> Array:
 
 def _held_out(problem: Problem, fit: Fit, terms: Sequence[Term]) -> tuple[Array, Array]:
     m = problem.measurement
-    stride = problem.guide_stride
+    stride = m.load_stride
     torque, guide = np.zeros(m.samples), np.zeros((m.samples + stride - 1) // stride if problem.guided else 0)
     rows = np.concatenate([np.arange(m.samples), np.arange(guide.size) * stride])
     for fold in range(FOLDS):

@@ -52,7 +52,7 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
     n = m.samples
     ends = [("motor", fit.residual[:n], 1, level, m.weight)]
     if problem.guided:
-        ends.append(("load", fit.residual[n:], problem.guide_stride, level * problem.axis.ratio, m.load_weight))
+        ends.append(("load", fit.residual[n:], m.load_stride, level * problem.axis.ratio, m.load_weight))
     turned = [order for order in ORDERS if order * float(np.ptp(m.angle)) > math.pi * problem.axis.ratio]
     out = []
     for place, left, stride, step, weight in ends:

@@ -62,7 +62,7 @@ def channels(selection: Selection) -> list[Channel]:
     motor = tuple((name, torque) for name, (torque, _) in left)
     out = [Channel("Motor torque", problem, 1, m.weight, motor, tuple(n.torque for n in noises))]
     if problem.guided:
-        stride = problem.guide_stride
+        stride = m.load_stride
         load = tuple((name, guide) for name, (_, guide) in left)
         out.append(
             Channel(

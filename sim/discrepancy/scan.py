@@ -69,7 +69,7 @@ def scan(problem: Problem, fit: Fit, teeth: dict[int, int]) -> list[Place]:
     m = problem.measurement
     chain = problem.chain(fit.terms, fit.values)
     torque, guide = problem.raw_residuals(fit.terms, fit.values)
-    stride = problem.guide_stride
+    stride = m.load_stride
     count = torque.size // stride * stride
     frequency = np.asarray(np.fft.rfftfreq(count, 1.0 / m.rate_hz), dtype=np.float64)
     inertia = problem.observer.guide_inertia

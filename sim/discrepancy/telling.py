@@ -248,7 +248,7 @@ def _noise_of(problem: Problem, fit: Fit) -> Noise:
     torque, guide = fit.residual[: fit.torque_rows], fit.residual[fit.torque_rows :]
     level = _loud(noise.torque_level, torque, m.weight)
     if problem.guided:
-        weight = m.load_weight[:: problem.guide_stride]
+        weight = m.load_weight[:: m.load_stride]
         return Noise(noise.torque, noise.guide, level, _loud(noise.guide_level, guide, weight))
     if not has_links(problem.axis):
         return replace(noise, torque_level=level)
@@ -272,7 +272,7 @@ def _difference(problem: Problem, own: Fit, other: Fit) -> Difference:
     m, rows = problem.measurement, problem.measurement.samples
     gained = other.residual**2 - own.residual**2
     at_motor = not problem.guided or float(np.sum(gained[:rows])) >= float(np.sum(gained[rows:]))
-    channel, stride = ("motor_torque_nm", 1) if at_motor else ("load_torque_nm", problem.guide_stride)
+    channel, stride = ("motor_torque_nm", 1) if at_motor else ("load_torque_nm", m.load_stride)
     left, least = (problem.raw_residuals(f.terms, f.values)[0 if at_motor else 1] for f in (other, own))
     speed = m.slow_speed[::stride] / problem.axis.ratio
     counts = (m.weight if at_motor else m.load_weight)[::stride] > 0.5

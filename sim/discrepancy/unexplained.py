@@ -42,7 +42,7 @@ def look(problem: Problem, fit: Fit) -> list[Unexplained]:
     torque, guide = fit.residual[:n], fit.residual[n:]
     out += fixed_line("motor_torque_nm", torque, m.rate_hz, m.speed, m.weight)
     if guide.size:
-        stride = problem.guide_stride
+        stride = m.load_stride
         rate = m.rate_hz / stride
         out += fixed_line("load_position_rad", guide, rate, m.speed[::stride], m.load_weight[::stride])
         out += _bins(problem, "load_position_rad", guide, stride)
