@@ -15,12 +15,14 @@ import pytest
 from casebase.signals.telemetry import Telemetry
 from sim import mechanisms
 from sim.axis import Axis, read_axis
+from sim.chain_model import Line, with_link
 from sim.discrepancy.catalogue import OWN, terms_of
 from sim.discrepancy.catalogued import terms_of_catalogue, undistorted
 from sim.discrepancy.condition import examine
 from sim.discrepancy.extension import extended_by
 from sim.discrepancy.fit import Noise, Problem
 from sim.discrepancy.investigation import Investigation, investigate
+from sim.discrepancy.size import magnitude
 from sim.discrepancy.terms import Term
 from sim.drive_train import DriveTrain
 from sim.measurement import measure
@@ -228,3 +230,28 @@ def test_each_would_have_terms_by_what_it_says_of_itself(kind: type[Mechanism]) 
 
 def test_every_mechanism_is_looked_for_by_its_own_term_or_by_what_it_says_of_itself() -> None:
     assert set(mechanisms.MECHANISMS) == OWN
+
+
+def test_a_ripple_at_the_order_of_erring_teeth_must_be_half_as_large_as_they_make() -> None:
+    """Bodies between motor and teeth that no description has answer at that order, and at no other."""
+    chain = PROBLEM.chain((), {p.name: p.start for p in PROBLEM.base()})
+    link, teeth = chain.links[0], 6.0 * chain.links[0].ratio
+    erring = with_link(chain, 0, errors=(Line(1, teeth, 0.5, 0.3),))
+    plain, beside = (
+        {t.report(dict.fromkeys((p.name for p in t.parameters), 0.0))["order"]: t.size for t in terms}
+        for terms in (
+            [t for t in terms_of(GEARED, PROBLEM.measurement, c) if t.mechanism == "torque_ripple"]
+            for c in (chain, erring)
+        )
+    )
+    assert beside.pop(6.0) == pytest.approx(0.5 * 0.5 * link.stiffness_n_m_per_rad / link.ratio)
+    plain.pop(6.0)
+    assert beside == plain
+
+
+def test_friction_that_changes_by_as_much_as_there_is_of_it_is_no_drift() -> None:
+    drift = next(t for t in TERMS if t.mechanism == "friction_drift")
+    (rate,) = drift.parameters
+    assert rate.high == -rate.low == pytest.approx(1.0 / PROBLEM.measurement.time_s[-1])
+    assert magnitude(drift, {rate.name: rate.high}) == 0.0
+    assert magnitude(drift, {rate.name: -0.5 * rate.high}) == 0.5 * rate.high
