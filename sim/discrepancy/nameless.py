@@ -15,10 +15,12 @@ from numpy.typing import NDArray
 from scipy.ndimage import median_filter
 from scipy.signal import welch
 
-from sim.chain_model import Array
+from sim.axis import Axis
+from sim.chain_model import Array, Chain, with_link
 from sim.discrepancy.catalogue import HUM_HZ, hum
 from sim.discrepancy.fit import Fit, Problem
 from sim.discrepancy.measurement import Measurement
+from sim.discrepancy.model import PARTS, wave
 from sim.discrepancy.parameters import Parameter, Values
 from sim.discrepancy.terms import Term
 
@@ -29,6 +31,7 @@ FIXED = "fixed_frequency"
 AS_NEW = "torque_over_angle"  # as new: it enters a model, and is not spoken of
 KNOTS = 8  # of the friction curve, per direction
 ORDERS = (1, 2, 3)  # of friction over the angle of the load
+HALF_TEETH = 0.5  # of a gear as new: its error per half a tooth over that per tooth
 TURN_SHARE = 0.02  # of the largest speed: there friction turns its sign
 LOWEST_HZ, HIGHEST_HZ = 2.0, 120.0  # above, teeth and their aliases
 MOTION = 5e-3  # of the largest power of the acceleration: below it the motion itself has ended
@@ -54,7 +57,7 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
     if problem.guided:
         ends.append(("load", fit.residual[n:], m.load_stride, level * problem.axis.ratio, m.load_weight))
     turned = [order for order in ORDERS if order * float(np.ptp(m.angle)) > math.pi * problem.axis.ratio]
-    out = []
+    out = half_teeth(problem.axis)
     for place, left, stride, step, weight in ends:
         rate_hz, rows = m.rate_hz / stride, (m.speed[::stride], weight[::stride])
         out.append(over_speed(place, m, step))
@@ -114,6 +117,30 @@ def over_angle(place: str, m: Measurement, ratio: float, step: float, orders: Se
 def torque_over_angle(place: str, m: Measurement, ratio: float, step: float) -> Term:
     """The same in both directions, beyond weight and runout: errors as new, which must not pass for friction."""
     return _shaped(AS_NEW, place, _waves(m, ratio, ORDERS[1:]), step, lambda energy: {})
+
+
+def half_teeth(axis: Axis) -> list[Term]:
+    """Errors of gears as new twice per tooth, which the description's own model has once per tooth only."""
+    return [
+        _half_teeth(k, stage.name, float(2 * stage.driven_teeth), HALF_TEETH * stage.transmission_error_rad)
+        for k, stage in enumerate(axis.stages)
+        if stage.driven_teeth and stage.transmission_error_rad
+    ]
+
+
+def _half_teeth(k: int, stage: str, order: float, new_rad: float) -> Term:
+    names = [f"{AS_NEW}@{stage}.{part}_rad" for part in PARTS]
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        error = wave(k + 1, order, *(values[name] for name in names))
+        return with_link(chain, k, errors=chain.links[k].errors + error)
+
+    step = 0.3 * new_rad
+    numbers = tuple(Parameter(name, 0.0, step, new_rad, -3.0 * new_rad, 3.0 * new_rad) for name in names)
+    return Term(
+        AS_NEW, stage, numbers, (tuple({name: step} for name in names),), lambda values: {}, apply,
+        named=False, magnitude=lambda values: math.inf,
+    )  # fmt: skip
 
 
 def _waves(m: Measurement, ratio: float, orders: Sequence[int]) -> Array:
