@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.chain_model import Array
 from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
-from sim.discrepancy.criteria import LEAST_GAIN, LEFT_OUT, least_gain, wanted
+from sim.discrepancy.criteria import LEAST_GAIN, LEFT_OUT, form_gain, least_gain, wanted
 from sim.discrepancy.fit import Fit, Problem, Raw, Start, each
 from sim.discrepancy.model import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.nameless import nameless_terms
@@ -33,6 +33,7 @@ FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
 GAPS = 40  # tried where all else is as described
 HUBER = 3.0
 LINEAR, FAR_FROM_LINEAR = 0.1, 0.03  # of the best promise: less is no rival
+HOPE = 0.5  # of what must be gained: a linear picture that promises less than half has never been so wrong
 UNSURE = 0.5  # of what friction that was left out must gain, as on it all others hang: less is not tried
 
 
@@ -76,6 +77,8 @@ def try_terms(
     for promised, term, start in screened:
         rival = (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]
         asked = UNSURE * least_gain(term) if term.mechanism in LEFT_OUT else max(rival, least_gain(term))
+        if not term.contact:
+            asked = max(asked, HOPE * form_gain(term, fit))
         if len(jobs) == tries or not term.named or promised < max(asked, least):
             continue
         if begun.get(term.key, 0) < (2 if term.nonlinear and tries == MOST_TRIES else 1):

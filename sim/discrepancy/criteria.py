@@ -91,9 +91,13 @@ def matters(term: Term, gain: float, fit: Fit) -> bool:
     """
     if gain < OF_STRAIN.get(term.mechanism, 0.0) * (fit.strain - len(fit.parameters)):
         return False
+    return gain >= max(form_gain(term, fit), least_gain(term) * max(1.0, fit.misfit / fit.residual.size))
+
+
+def form_gain(term: Term, fit: Fit) -> float:
+    """What a term may gain by what the form of a model differs from any axis."""
     share = LEAST_SHARES.get(term.key, LEAST_SHARES.get(term.mechanism, LEAST_SHARE))
-    form = share / LEAST_GAIN * fit.misfit  # over what counts in a short record
-    return gain >= least_gain(term) * max(form, 1.0, fit.misfit / fit.residual.size)
+    return share * fit.misfit * least_gain(term) / LEAST_GAIN
 
 
 def bends(less: Fit, more: Fit, gain: float) -> bool:

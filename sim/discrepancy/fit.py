@@ -50,18 +50,23 @@ DAMPINGS = 8
 FIRST_DAMPING = 1e-4
 UNKNOWN = 1e-6  # information of one step below which a parameter is not known
 BURST = 1e6  # times the torque: what a simulation that has burst is off by
-LEAST_DROP = 1.0  # of the squared residual in one step: less says nothing
+HOPELESS = 30.0  # times the noise, in power: what two steps leave of a try that leads nowhere
+FORETOLD = 0.1  # of the gain of a step: sensitivities that are off by less are true there
 
 
 @dataclass(frozen=True)
 class Memory:
-    """How long noise is taken to remember: whitening filters of `filter_s`, spectra over blocks of `block_s`."""
+    """How long noise is taken to remember: whitening filters of `filter_s`, spectra over blocks of `block_s`.
+
+    `least_drop`: of the squared residual in one step; less says nothing under noise that is known as well.
+    """
 
     block_s: float
     filter_s: float
+    least_drop: float
 
 
-SHORT, LONG = Memory(1.0, 0.4), Memory(4.0, 2.0)
+SHORT, LONG = Memory(1.0, 0.4, 5.0), Memory(4.0, 2.0, 1.0)
 
 
 @dataclass(frozen=True)
@@ -327,7 +332,8 @@ class Problem:
 
         `held`: sensitivities known from a fit nearby. Those of terms whose effect is far from linear follow every
         step; `to_end`, all others are taken anew whenever the steps by the old ones gain no more, until steps by new
-        ones gain nothing either: what an unfinished fit leaves looks like whatever is added to it.
+        ones gain nothing either: what an unfinished fit leaves looks like whatever is added to it. Sensitivities that
+        foretell what steps gain are as good as new.
         """
         parameters = self.parameters(terms)
         follow = {p.name for term in terms if term.nonlinear for p in term.parameters}
@@ -343,13 +349,15 @@ class Problem:
         columns = self.whitened(parameters, known)
         system = _System.of(parameters, columns)
         damping, anew = FIRST_DAMPING, False
-        for _round in range(MOST_STEPS if to_end else iterations):
+        for round_ in range(MOST_STEPS if to_end else iterations):
             old = replace(state)
             gain, damping = self._step(terms, parameters, state, system, damping)
-            small = gain < LEAST_DROP + 1e-4 * max(0.0, state.cost - state.residual.size)
+            small = gain < self.memory.least_drop + 1e-4 * max(0.0, state.cost - state.residual.size)
             if small and (anew or not to_end):
                 break
-            anew = small
+            if not to_end and round_ > 0 and state.cost > HOPELESS * state.residual.size:
+                break
+            anew = small or (anew and abs(system.promised(parameters, old, state) - gain) < FORETOLD * gain)
             changed = [p for p in parameters if p.name in follow or small]
             if small:
                 damping = FIRST_DAMPING
@@ -647,6 +655,13 @@ class _System:
         steps = np.array([p.step for p in parameters])
         spread = np.array([p.spread for p in parameters])
         return _System(columns, columns.T @ columns + np.diag((steps / spread) ** 2), steps, spread)
+
+    def promised(self, parameters: Sequence[Parameter], old: _State, new: _State) -> float:
+        """Drop of the cost from `old` to `new` in the linear picture."""
+        move = np.array([(new.values[p.name] - old.values[p.name]) / p.step for p in parameters])
+        offset = np.array([old.values[p.name] - p.expected for p in parameters])
+        pull = self.columns.T @ old.residual + offset * self.steps / self.spread**2
+        return -float(2.0 * pull @ move + move @ self.information @ move)
 
     def stepped(
         self, parameters: Sequence[Parameter], values: Mapping[str, float], pull: Array, damping: float

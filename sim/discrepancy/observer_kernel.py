@@ -22,7 +22,6 @@ from sim.discrepancy.measurement import WIDE_SHARE
 TWO_PI = 2.0 * math.pi
 FORGOTTEN = 40.0  # times the way by which a contact gives way: nothing is left of what it held
 WIDE = 1.47 / (TWO_PI * WIDE_SHARE)  # reach of that low-pass in samples
-UNFELT = 1e-3
 TAYLOR = 24  # terms of the exponential: enough for a phase of 3 per step
 (J, COULOMB_F, COULOMB_B, VISCOUS_F, VISCOUS_B, STRIBECK, STRIBECK_W, STRIBECK_EXP, DRIFT, GRAVITY, PHASE,
  OFFSET) = range(12)  # fmt: skip
@@ -62,14 +61,10 @@ def _sine_cosine(x):
     q = r * r
     s = r * (1.0 + q * (-1.0 / 6.0 + q * (1.0 / 120.0 + q * (-1.0 / 5040.0 + q * (1.0 / 362880.0)))))
     c = 1.0 + q * (-0.5 + q * (1.0 / 24.0 + q * (-1.0 / 720.0 + q * (1.0 / 40320.0 - q * (1.0 / 3628800.0)))))
-    k = int(quarter) & 3
-    if k == 0:
-        return s, c
-    if k == 1:
-        return c, -s
-    if k == 2:
-        return -s, -c
-    return -c, s
+    k = int(quarter)
+    odd = k & 1  # no branches: nobody foretells the quarter
+    swap = odd * (c - s)
+    return (1 - (k & 2)) * (s + swap), (1 - ((k + 1) & 2)) * (c - swap)
 
 
 @_inline
@@ -127,9 +122,12 @@ def _dent(dents, first, last, side, k, angles):
 def _passed(phase):
     """Share of a wave of `phase` [rad] per sample that the low-pass of the measured torque lets through."""
     q = 0.5 * (WIDE * phase) ** 2
-    if q < UNFELT:
-        return 1.0
-    return math.exp(-q) * (1.0 + q)
+    part = q / 16.0
+    root = 1.0 + part * (1.0 + part * (0.5 + part * (1.0 / 6.0)))  # of the exponential, the sixteenth
+    root *= root
+    root *= root
+    root *= root
+    return (1.0 + q) / (root * root)
 
 
 @_inline

@@ -61,6 +61,7 @@ RIVAL_SHARE = 0.25  # of the gain of the best: less is no rival
 SWAP_SHARE = 0.5  # of the gain of what came in
 LEAST_SWAP = 10.0  # drop of the squared residual
 LARGE = 0.01  # of the squared residual: what brings less waits until slow noise is known
+PLENTY = 0.1  # of the squared residual: a term whose lack costs more after a few steps is not needless
 ENOUGH = 0.0  # tempered nats that a term must bring
 MORE = 4.0  # the same for what is as new or has no name: it only stands aside
 
@@ -415,7 +416,10 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
         def without(term: Term, fit: Fit = fit, plain: Fit = plain) -> Fit:
             more = plain if term.named else fit
             rest = tuple(t for t in more.terms if t is not term)
-            return problem.fit(rest, more.values, held=more.sensitivities, to_end=strict)
+            less = problem.fit(rest, more.values, held=more.sensitivities)
+            if not strict or less.cost - more.cost > PLENTY * more.misfit:
+                return less
+            return problem.fit(rest, less.values, held=less.sensitivities, to_end=True)
 
         less = dict(zip((t.key for t in fit.terms), each(without, fit.terms), strict=True))
         gains, costs = {}, {}
