@@ -12,7 +12,7 @@ from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis, read_axis
 from sim.chain_model import Array
 from sim.discrepancy.condition import examine
-from sim.discrepancy.fit import Fit, Noise, Problem, each
+from sim.discrepancy.fit import MOST_STEPS, Fit, Noise, Problem, _cost, _State, _System, each
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.measurement import prepare
 from sim.discrepancy.model import nuisance_of
@@ -183,3 +183,37 @@ def test_what_is_fitted_side_by_side_is_what_is_fitted_one_after_the_other() -> 
     starts = [{"motor.inertia_kg_m2": j} for j in (0.2, 0.3, 0.4)]
     together = each(lambda start: one.fit((), start), starts)
     assert [f.cost for f in together] == [one.fit((), start).cost for start in starts]
+
+
+def test_where_the_model_is_straight_sensitivities_foretell_what_a_step_gains() -> None:
+    """Inertia, friction and offset are linear in the torque: the first step lands, and its gain is known before."""
+    one = problem(one_body(0.3, 1.0, 0.02, 7))
+    parameters = tuple(p for p in one.base() if p.name != "torque_delay_s")
+    values = {p.name: p.start for p in one.base()} | {"motor.inertia_kg_m2": 0.25}
+    raw = one.raw_residuals((), values)
+    columns = one.whitened(parameters, one.sensitivities((), values, parameters, raw))
+    system = _System.of(parameters, columns)
+    before = _State(values, raw, one.noise.whiten(*raw), 0.0)
+    before.cost = _cost(before.residual, parameters, values)
+    moved = values | system.stepped(parameters, values, columns.T @ before.residual, 0.0)
+    after = _State(moved, raw, one.residual((), moved), 0.0)
+    gain = before.cost - _cost(after.residual, parameters, moved)
+    assert gain > 1e4
+    assert system.promised(parameters, before, after) == pytest.approx(gain, rel=1e-3)
+
+
+def test_a_try_that_leads_nowhere_is_given_up_and_a_fit_is_not(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Far above the noise, where each step gains a tenth."""
+    steps: list[float] = []
+
+    def slow(_problem: object, _terms: object, _parameters: object, state: _State, *_: object) -> tuple[float, float]:
+        steps.append(state.cost)
+        state.cost *= 0.9
+        return 0.1 * steps[-1], 1e-4
+
+    one = problem(one_body(0.3, 1.0, 0.02, 8, extra=40.0))
+    monkeypatch.setattr(Problem, "_step", slow)
+    one.fit()
+    assert len(steps) == 2
+    one.fit(to_end=True)
+    assert len(steps) == 2 + MOST_STEPS

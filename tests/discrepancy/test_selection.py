@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
+from scipy.signal import lsim
 from scipy.stats import chi2
 
 from sim.axis import read_axis
@@ -16,7 +18,7 @@ from sim.discrepancy.catalogue import SHARP, SOFTEST, terms_of
 from sim.discrepancy.criteria import LEAST_GAINS, bends, evidence, holds, is_form, matters, needs_no_trial, wanted
 from sim.discrepancy.entries import swing
 from sim.discrepancy.fit import Fit, Noise, Problem
-from sim.discrepancy.investigation import told_apart
+from sim.discrepancy.investigation import investigate, told_apart
 from sim.discrepancy.measurement import Measurement, prepare
 from sim.discrepancy.model import base_parameters, loss_parameters
 from sim.discrepancy.nameless import FIXED, line_of
@@ -24,7 +26,7 @@ from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.screening import least_squares_within
 from sim.discrepancy.selection import Selection, likely
 from sim.discrepancy.size import magnitude
-from tests.discrepancy.telemetry_of import RATE_HZ
+from tests.discrepancy.telemetry_of import RATE_HZ, one_body
 from tests.discrepancy.telemetry_of import swing as motion
 
 
@@ -295,3 +297,29 @@ def test_a_stiffness_that_the_others_leave_of_the_whole_is_known_less_than_one_t
     for stage, share in (("transfer", 0.05), ("output", 0.4)):
         stiffness = known[f"stages.{stage}.stiffness_n_m_per_rad"]
         assert stiffness.spread == pytest.approx(share * stiffness.expected)
+
+
+def test_what_good_gears_err_twice_per_tooth_comes_in_and_is_not_spoken_of() -> None:
+    """The description's own model has it once per tooth. A load on a spring whose other end moves as the teeth do."""
+    ratio, inertia, stiffness, damping, new_rad = 3.0, 2.0, 1e4, 20.0, 3e-5
+    teeth = {"driver_teeth": 10, "driven_teeth": 30, "transmission_error_rad": new_rad}
+    stage = {"name": "output", **teeth, "stiffness_n_m_per_rad": stiffness, "damping_n_m_s_per_rad": damping}
+    rubs = {"coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.02}
+    axis = read_axis({"motor": {"inertia_kg_m2": 0.01, **rubs}, "stages": [stage], "load": {"inertia_kg_m2": inertia}})
+    time, angle, *_ = motion()
+    drawn = angle / ratio - 0.6 * new_rad * np.sin(60.0 * angle / ratio + 0.4)
+    load = lsim(([damping, stiffness], [inertia, damping, stiffness]), drawn, time)[1]
+    plain = one_body(0.01, 1.0, 0.02, seed=1)
+    twist = drawn - load
+    bears = (stiffness * twist + damping * np.gradient(twist) * RATE_HZ) / ratio
+    seen = load + 2e-6 * np.random.default_rng(2).standard_normal(time.size)
+    torque = plain.channels["motor_torque_nm"] + bears
+    said = investigate(
+        axis, replace(plain, channels={**plain.channels, "motor_torque_nm": torque, "load_position_rad": seen})
+    )
+    assert said.verdict == "nothing_missing"
+    assert said.selection is not None
+    (twice,) = [t for t in said.selection.fit.terms if t.location == "output"]
+    assert not twice.named
+    sine, cosine = (said.selection.fit.values[p.name] for p in twice.parameters)
+    assert math.hypot(sine, cosine) == pytest.approx(0.6 * new_rad, rel=0.2)
