@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.chain_model import Array
 from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
-from sim.discrepancy.criteria import LEAST_GAIN, LEFT_OUT, form_gain, least_gain, wanted
+from sim.discrepancy.criteria import LEAST_GAIN, LEFT_OUT, evidence, form_gain, least_gain, wanted
 from sim.discrepancy.fit import Fit, Problem, Raw, Start, each
 from sim.discrepancy.model import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.nameless import nameless_terms
@@ -73,6 +73,7 @@ def try_terms(
     screened = screen(problem, fit, candidates)
     begun: dict[str, int] = {}
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
+    straight.sort(key=lambda r: -evidence(r.term, r.gain, fit.residual.size))
     jobs: list[tuple[Term, Mapping[str, float]]] = []
     for promised, term, start in screened:
         rival = (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]
@@ -107,9 +108,9 @@ def try_terms(
         rivals[place] = _rival(fit, rivals[place].term, anew, finished=anew)
     rivals.sort(key=lambda r: (-r.gain, r.term.key))
     best: dict[str, Rival] = {}
-    for r in rivals:
+    for r in [*rivals, *straight]:
         best.setdefault(r.term.key, r)
-    return sorted([*best.values(), *straight], key=lambda r: (-r.gain, r.term.key))
+    return sorted(best.values(), key=lambda r: (-r.gain, r.term.key))
 
 
 def _rival(fit: Fit, term: Term, more: Fit, finished: Fit | None = None) -> Rival:

@@ -34,6 +34,7 @@ LEAST_TURN = 0.5  # rad of the load over which weight shows
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
 SOFTEST = 0.1  # damping ratio from which nothing swings: what is late or wrong in form asks for more
 LEAST_PEAK = 0.8  # torque of a part that swings at its own frequency over that of the whole load, where damped by SHARP
+DIRECT_PEAK = 2.5  # the same without gears, where the load encoder's noise drives it most: good loads seem to have 1.4
 SHARP = 0.035  # damping ratio; softer parts count less: of 45 good loads none that seems sharp gains enough to matter
 HIGHEST_SWING_HZ = 0.6 * LOAD_CUT_HZ
 MOTOR = "motor"
@@ -334,7 +335,8 @@ def _resonance(axis: Axis) -> Term:
     return Term(
         "structural_resonance", "load", parameters, probes,
         lambda v: {"frequency_hz": v[frequency], "share": v[share], "damping_ratio": v[damping]},
-        load_torque=torque, positive=True, nonlinear=True, size=LEAST_PEAK, shape=(frequency, damping),
+        load_torque=torque, positive=True, nonlinear=True,
+        size=LEAST_PEAK if axis.stages else DIRECT_PEAK, shape=(frequency, damping),
         magnitude=lambda v: v[share] / (2.0 * v[damping]) * SHARP / v[damping] if v[damping] < SOFTEST else 0.0,
     )  # fmt: skip
 

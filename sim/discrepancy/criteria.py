@@ -40,8 +40,7 @@ CONSTANT = ("torque_offset",)  # known beforehand within a little: what it gains
 LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
 LEAST_SHARE = 0.0006  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
-    f"{OVER_SPEED}@motor": 0.003, f"{OVER_SPEED}@load": 0.003, FIXED: 0.002,
-    f"{OVER_ANGLE}@motor": 0.004, f"{OVER_ANGLE}@load": 0.003,
+    f"{OVER_SPEED}@motor": 0.003, f"{OVER_SPEED}@load": 0.002, OVER_ANGLE: 0.002, FIXED: 0.002,
     "structural_resonance": 0.008, "hysteresis": 0.001, "stiffness_hardening": 0.0007, "tooth_damage": 0.006,
 }  # fmt: skip
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise

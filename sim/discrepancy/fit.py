@@ -66,7 +66,7 @@ class Memory:
     least_drop: float
 
 
-SHORT, LONG = Memory(1.0, 0.4, 5.0), Memory(4.0, 2.0, 1.0)
+SHORT, LONG = Memory(1.0, 0.4, 2.0), Memory(4.0, 2.0, 1.0)
 
 
 @dataclass(frozen=True)

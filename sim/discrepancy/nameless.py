@@ -60,9 +60,8 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
     out = half_teeth(problem.axis)
     for place, left, stride, step, weight in ends:
         rate_hz, rows = m.rate_hz / stride, (m.speed[::stride], weight[::stride])
-        out.append(over_speed(place, m, step))
-        if turned:
-            out.append(over_angle(place, m, problem.axis.ratio, step, turned))
+        out += [over_speed(place, m, step, even=even) for even in (True, False)]
+        out += [over_angle(place, m, problem.axis.ratio, step, order) for order in turned]
         if turned[-2:] == list(ORDERS[1:]):
             out.append(torque_over_angle(place, m, problem.axis.ratio, step))
         frequency = line_of(left, rate_hz, motion_end_hz(m), repetition_s(m))
@@ -75,21 +74,23 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
 def apart(term: Term, m: Measurement) -> Term:
     """A curve over the speed without what friction of either direction is, whose numbers it would share."""
     assert term.location is not None  # at the motor or at the load
-    return over_speed(term.location, m, term.parameters[0].step, apart=True)
+    even = len(term.parameters) < KNOTS
+    return over_speed(term.location, m, term.parameters[0].step, even=even, apart=True)
 
 
-def over_speed(place: str, m: Measurement, step: float, *, apart: bool = False) -> Term:
+def over_speed(place: str, m: Measurement, step: float, *, even: bool = False, apart: bool = False) -> Term:
     """A curve of straight pieces over the speed, one for each direction, beyond dry and viscous friction.
 
     Tents that stand on the knots in between and are 0 at both ends: a straight line is none of them, but all together
-    are nearly dry friction. `apart`: orthogonal to both, over the rows that count.
+    are nearly dry friction. `even`: the same curve in both directions; `apart`: orthogonal to both frictions, over the
+    rows that count.
     """
     top = float(np.abs(m.speed).max())
     knots = np.linspace(0.0, top, KNOTS)[1:-1]
     tents = np.maximum(0.0, 1.0 - np.abs(np.abs(m.speed)[:, None] - knots) * (KNOTS - 1) / top)
     turned = _turned(m)[:, None]
     ways = np.maximum(turned, 0.0), np.minimum(turned, 0.0)
-    shapes = np.concatenate([tents * way for way in ways], axis=1)
+    shapes = tents * turned if even else np.concatenate([tents * way for way in ways], axis=1)
     if apart:
         friction = np.hstack([*ways, np.abs(m.speed)[:, None] * ways[0], np.abs(m.speed)[:, None] * ways[1]])
         counts = np.sqrt(m.moving)[:, None]
@@ -97,21 +98,18 @@ def over_speed(place: str, m: Measurement, step: float, *, apart: bool = False) 
 
     def where(energy: Array) -> Mapping[str, float]:
         at = int(np.argmax(energy))
-        return {"speed_rad_s": float(knots[at % knots.size]), "direction": 1.0 if at < knots.size else -1.0}
+        speed = {"speed_rad_s": float(knots[at % knots.size])}
+        return speed if even else {**speed, "direction": 1.0 if at < knots.size else -1.0}
 
-    return _shaped(OVER_SPEED, place, shapes, step, where)
+    return _shaped(OVER_SPEED, place, shapes, step, where, "even." if even else "")
 
 
-def over_angle(place: str, m: Measurement, ratio: float, step: float, orders: Sequence[int]) -> Term:
+def over_angle(place: str, m: Measurement, ratio: float, step: float, order: int) -> Term:
     """Dry and viscous friction whose size is a wave over the angle of the load, which turns half of each at least."""
-    waves = _waves(m, ratio, orders)
+    waves = _waves(m, ratio, (order,))
     even = m.speed / float(np.abs(m.speed).max())
     shapes = np.concatenate([waves * _turned(m)[:, None], waves * even[:, None]], axis=1)
-
-    def where(energy: Array) -> Mapping[str, float]:
-        return {"order": float(orders[int(np.argmax(energy)) // 2 % len(orders)])}
-
-    return _shaped(OVER_ANGLE, place, shapes, step, where)
+    return _shaped(OVER_ANGLE, place, shapes, step, lambda energy: {"order": float(order)}, f"{order}.")
 
 
 def torque_over_angle(place: str, m: Measurement, ratio: float, step: float) -> Term:
@@ -248,9 +246,14 @@ def repetition_s(m: Measurement) -> float | None:
     return float(at * stride / m.rate_hz) if alike[at] > REPEATS else None
 
 
-def _shaped(kind: str, place: str, shapes: Array, step: float, where: Callable[[Array], Mapping[str, float]]) -> Term:
-    """Free amplitudes of `shapes` (n, k) in torque; `where` says from the energy of each shape where it acts."""
-    names = [f"{kind}@{place}.{k}" for k in range(shapes.shape[1])]
+def _shaped(
+    kind: str, place: str, shapes: Array, step: float, where: Callable[[Array], Mapping[str, float]], of: str = ""
+) -> Term:
+    """Free amplitudes of `shapes` (n, k) in torque; `where` says from the energy of each shape where it acts.
+
+    `of`: tells the numbers of one such term at a place from those of another.
+    """
+    names = [f"{kind}@{place}.{of}{k}" for k in range(shapes.shape[1])]
 
     def amplitudes(values: Values) -> Array:
         return np.array([values[name] for name in names])
