@@ -33,7 +33,7 @@ FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
 GAPS = 40  # tried where all else is as described
 HUBER = 3.0
 LINEAR, FAR_FROM_LINEAR = 0.1, 0.03  # of the best promise: less is no rival
-HOPE = 0.5  # of what must be gained: a linear picture that promises less than half has never been so wrong
+HOPE = 0.5  # of what the form of a model may gain: of 15 parts that swing none gained over twice what was promised
 UNSURE = 0.5  # of what friction that was left out must gain, as on it all others hang: less is not tried
 
 

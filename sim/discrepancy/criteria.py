@@ -94,7 +94,7 @@ def matters(term: Term, gain: float, fit: Fit) -> bool:
 
 
 def form_gain(term: Term, fit: Fit) -> float:
-    """What a term may gain by what the form of a model differs from any axis."""
+    """Whitened squares that a term may gain because no model has quite the form of an axis: less says nothing."""
     share = LEAST_SHARES.get(term.key, LEAST_SHARES.get(term.mechanism, LEAST_SHARE))
     return share * fit.misfit * least_gain(term) / LEAST_GAIN
 

@@ -58,7 +58,7 @@ FORETOLD = 0.1  # of the gain of a step: sensitivities that are off by less are 
 class Memory:
     """How long noise is taken to remember: whitening filters of `filter_s`, spectra over blocks of `block_s`.
 
-    `least_drop`: of the squared residual in one step; less says nothing under noise that is known as well.
+    `least_drop`: of the squared residual in one step of a fit; less says nothing where the noise is known so roughly.
     """
 
     block_s: float
@@ -332,8 +332,9 @@ class Problem:
 
         `held`: sensitivities known from a fit nearby. Those of terms whose effect is far from linear follow every
         step; `to_end`, all others are taken anew whenever the steps by the old ones gain no more, until steps by new
-        ones gain nothing either: what an unfinished fit leaves looks like whatever is added to it. Sensitivities that
-        foretell what steps gain are as good as new.
+        ones gain nothing either: what an unfinished fit leaves looks like whatever is added to it. New ones stay as
+        good as new while they foretell what steps gain. A fit that is not finished also ends where two steps leave it
+        far above the noise.
         """
         parameters = self.parameters(terms)
         follow = {p.name for term in terms if term.nonlinear for p in term.parameters}
@@ -656,12 +657,16 @@ class _System:
         spread = np.array([p.spread for p in parameters])
         return _System(columns, columns.T @ columns + np.diag((steps / spread) ** 2), steps, spread)
 
+    def _descent(self, parameters: Sequence[Parameter], values: Mapping[str, float], pull: Array) -> Array:
+        """Half of how the cost falls per step of each parameter, shape (p,); `pull`: columns times residual."""
+        offset = np.array([values[p.name] - p.expected for p in parameters])
+        return np.asarray(-pull - offset * self.steps / self.spread**2)
+
     def promised(self, parameters: Sequence[Parameter], old: _State, new: _State) -> float:
         """Drop of the cost from `old` to `new` in the linear picture."""
         move = np.array([(new.values[p.name] - old.values[p.name]) / p.step for p in parameters])
-        offset = np.array([old.values[p.name] - p.expected for p in parameters])
-        pull = self.columns.T @ old.residual + offset * self.steps / self.spread**2
-        return -float(2.0 * pull @ move + move @ self.information @ move)
+        descent = self._descent(parameters, old.values, self.columns.T @ old.residual)
+        return float(2.0 * descent @ move - move @ self.information @ move)
 
     def stepped(
         self, parameters: Sequence[Parameter], values: Mapping[str, float], pull: Array, damping: float
@@ -670,11 +675,9 @@ class _System:
 
         `pull`: columns times residual, shape (p,).
         """
-        offset = np.array([values[p.name] - p.expected for p in parameters])
-        gradient = -pull - offset * self.steps / self.spread**2
         scale = np.sqrt(np.maximum(np.diag(self.information), 1e-12))
         scaled = self.information / np.outer(scale, scale) + damping * np.eye(len(parameters))
-        goal = gradient / scale
+        goal = self._descent(parameters, values, pull) / scale
         unit = self.steps / scale
         low = np.array([p.low - values[p.name] for p in parameters]) / unit
         high = np.array([p.high - values[p.name] for p in parameters]) / unit

@@ -2,7 +2,8 @@
 
 Where such a term explains clearly more than any mechanism, none of them is the cause; beside a mechanism it takes what
 would otherwise be blamed on a second one. Their shapes are the generic basis of friction that depends on the state,
-additive at the motor and, with a load encoder, at the load: no simulation is needed.
+additive at the motor and, with a load encoder, at the load: no simulation is needed. Beside them stands what is as new
+and always fitted nowhere else: torque over the angle of the load, and errors of teeth, which are simulated.
 """
 
 from __future__ import annotations
@@ -28,10 +29,11 @@ OVER_SPEED, OVER_ANGLE = "friction_over_speed", "friction_over_angle"
 Rows = NDArray[np.bool_]
 CURVES = (OVER_SPEED, OVER_ANGLE)
 FIXED = "fixed_frequency"
-AS_NEW = "torque_over_angle"  # as new: it enters a model, and is not spoken of
+AS_NEW = "torque_over_angle"  # as new, as errors of teeth are: it enters a model, and is not spoken of
 KNOTS = 8  # of the friction curve, per direction
 ORDERS = (1, 2, 3)  # of friction over the angle of the load
-HALF_TEETH = 0.5  # of a gear as new: its error per half a tooth over that per tooth
+EVEN = "even."  # in the names of a curve that is the same in both directions
+TWICE_OVER_ONCE = 0.5  # of a gear as new: its error per half a tooth over that per tooth
 TURN_SHARE = 0.02  # of the largest speed: there friction turns its sign
 LOWEST_HZ, HIGHEST_HZ = 2.0, 120.0  # above, teeth and their aliases
 MOTION = 5e-3  # of the largest power of the acceleration: below it the motion itself has ended
@@ -74,7 +76,7 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
 def apart(term: Term, m: Measurement) -> Term:
     """A curve over the speed without what friction of either direction is, whose numbers it would share."""
     assert term.location is not None  # at the motor or at the load
-    even = len(term.parameters) < KNOTS
+    even = EVEN in term.parameters[0].name
     return over_speed(term.location, m, term.parameters[0].step, even=even, apart=True)
 
 
@@ -101,14 +103,14 @@ def over_speed(place: str, m: Measurement, step: float, *, even: bool = False, a
         speed = {"speed_rad_s": float(knots[at % knots.size])}
         return speed if even else {**speed, "direction": 1.0 if at < knots.size else -1.0}
 
-    return _shaped(OVER_SPEED, place, shapes, step, where, "even." if even else "")
+    return _shaped(OVER_SPEED, place, shapes, step, where, EVEN if even else "")
 
 
 def over_angle(place: str, m: Measurement, ratio: float, step: float, order: int) -> Term:
     """Dry and viscous friction whose size is a wave over the angle of the load, which turns half of each at least."""
     waves = _waves(m, ratio, (order,))
-    even = m.speed / float(np.abs(m.speed).max())
-    shapes = np.concatenate([waves * _turned(m)[:, None], waves * even[:, None]], axis=1)
+    viscous = m.speed / float(np.abs(m.speed).max())
+    shapes = np.concatenate([waves * _turned(m)[:, None], waves * viscous[:, None]], axis=1)
     return _shaped(OVER_ANGLE, place, shapes, step, lambda energy: {"order": float(order)}, f"{order}.")
 
 
@@ -120,7 +122,7 @@ def torque_over_angle(place: str, m: Measurement, ratio: float, step: float) -> 
 def half_teeth(axis: Axis) -> list[Term]:
     """Errors of gears as new twice per tooth, which the description's own model has once per tooth only."""
     return [
-        _half_teeth(k, stage.name, float(2 * stage.driven_teeth), HALF_TEETH * stage.transmission_error_rad)
+        _half_teeth(k, stage.name, float(2 * stage.driven_teeth), TWICE_OVER_ONCE * stage.transmission_error_rad)
         for k, stage in enumerate(axis.stages)
         if stage.driven_teeth and stage.transmission_error_rad
     ]

@@ -408,7 +408,8 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
     """Take away every term that the others have made needless; gains of those that stay.
 
     `strict`, once all are in: also what does not hold on unseen rows or is only the error of another's form. What has
-    no name cannot make a mechanism needless. The one that costs least goes first: without it others may hold.
+    no name cannot make a mechanism needless. The one that costs least goes first: without it others may hold. A fit
+    without what is clearly needed is not finished: that gain is at most as large as told.
     """
     while fit.terms:
         plain = named_alone(problem, fit)

@@ -189,10 +189,11 @@ def test_a_spell_of_rattle_lasts_from_its_first_sign_to_its_last() -> None:
     assert told([still, still, still + 1.0], 1000.0).all()  # nothing would be left
 
 
-def test_a_curve_over_the_speed_leaves_friction_the_numbers_that_it_has_without() -> None:
+@pytest.mark.parametrize("even", [False, True])
+def test_a_curve_over_the_speed_leaves_friction_the_numbers_that_it_has_without(even: bool) -> None:
     """Its tents together are nearly dry friction: as they were selected they may take any part of it."""
     one = problem()
-    curve = over_speed("motor", one.measurement, 0.01)
+    curve = over_speed("motor", one.measurement, 0.01, even=even)
     both = one.fit((curve,), to_end=True)
     taken = {p.name: 0.05 for p in curve.parameters}
     friction = "motor.coulomb_friction_n_m"
