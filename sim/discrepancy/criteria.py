@@ -51,7 +51,7 @@ LEAST_GAINS = {  # of what nothing else bends to: 110 new axes promise it 2, 14,
 }  # fmt: skip
 OVER_STROKES = ("torque_offset", "stribeck_friction", "friction_asymmetry", "load_dependent_loss")
 STROKE_ROWS = 50.0  # of theirs, for one that says something of its own: they act over whole strokes
-RESTLESS = (FIXED, "electrical_hum", "gravity_imbalance", "friction_drift", "torque_offset")  # gain in all blocks
+RESTLESS = (FIXED, "electrical_hum", "gravity_imbalance", "torque_offset")  # gain in all blocks
 HOLDS_T = 1.5
 KEPT_SHARE = 0.33  # of a gain, on rows not seen
 MUCH = {"backlash": 0.02, "tooth_damage": 0.2}  # of the squared residual

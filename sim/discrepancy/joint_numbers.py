@@ -30,6 +30,7 @@ from sim.discrepancy.nameless import AS_NEW
 from sim.discrepancy.pooling import Known, Name, Saying, pooled
 from sim.discrepancy.sayings import OWN, found_at, instead, said_by, term_name
 from sim.discrepancy.selection import all_rows, polish
+from sim.discrepancy.terms import Term
 from sim.discrepancy.unexplained import Unexplained, look
 
 OF_THE_AXIS = ("motor.", "load.", "stages.", "mesh.", "loss_split.")
@@ -74,11 +75,11 @@ def under_one_model(
     tried = instead(result, wrong)
     wanted = [name for name in said if name not in present and (name.mechanism not in OWN or name in tried)]
     lacking = [found for name in wanted if (found := found_at(results, name))]
-    common = set.intersection(*({t.key for t in r.weighed.fit.terms} for r in results if r.weighed))
+    common = set.intersection(*({_curve(t) for t in r.weighed.fit.terms} for r in results if r.weighed))
     kept = [
         t
         for t in weighed.fit.terms
-        if (t.named or t.mechanism == AS_NEW or t.key in common) and term_name(t, values) not in wrong
+        if (t.named or t.mechanism == AS_NEW or _curve(t) in common) and term_name(t, values) not in wrong
     ]
     if not lacking and len(kept) == len(weighed.fit.terms):
         return Part(taken, result, selection.problem, selection.fit, result.unexplained, result.gain)
@@ -95,6 +96,11 @@ def under_one_model(
     problem, fit = polish(problem, anew)
     terms = tuple(t for t in fit.terms if t.named and term_name(t, fit.values) in said)
     return Part(taken, result, problem, fit, rest[0] if rest else None, gains(problem, base, fit, terms))
+
+
+def _curve(term: Term) -> tuple[str, ...]:
+    """What a term without a name is told by: its place, and its numbers, as curves of several orders lie in one."""
+    return term.key, *(p.name for p in term.parameters)
 
 
 def from_the_least_bent(parts: Sequence[Part]) -> list[Part]:

@@ -220,7 +220,7 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         entered |= entry.brought
         nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
         rivals = {**rivals, **{r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}}
-        if sum(beyond(t, fit) > BEYOND for t in fit.terms if t.mechanism not in LEFT_OUT) >= MOST_TERMS:
+        if sum(beyond(t, fit) > BEYOND for t in fit.terms if t.mechanism not in (*LEFT_OUT, AS_NEW)) >= MOST_TERMS:
             break
     if problem.memory != LONG:
         problem, fit = look_closely(problem, fit)

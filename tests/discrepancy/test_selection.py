@@ -198,6 +198,23 @@ def test_what_is_left_out_as_the_largest_is_left_out_of_both() -> None:
     assert not holds(dent, fitted({2: 240.0}), more)
 
 
+def test_friction_that_drifts_is_seen_at_both_ends() -> None:
+    """In the middle of a record it is what the description says, and blocks there may lose a little."""
+    rng = np.random.default_rng(8)
+    quiet, slow = rng.standard_normal(15_000), np.sin(0.2 * np.arange(15_000))
+    drift = np.linspace(-1.0, 1.0, 15_000) ** 5 * slow
+    parameter, column = Parameter("one", 1.0, 0.1), np.zeros((15_000, 1))
+
+    def fitted(residual: Array) -> Fit:
+        return Fit((), (parameter,), {"one": 1.0}, residual, column, float(residual @ residual), residual.size)
+
+    middle = np.zeros(15_000)
+    middle[4000:11_000] = 0.25 * slow[4000:11_000]
+    less, more = fitted(quiet + drift), fitted(quiet + middle)
+    assert holds(TERMS["friction_drift"], less, more)
+    assert not holds(replace(TERMS["friction_drift"], mechanism=FIXED), less, more)
+
+
 def test_runout_at_the_load_is_held_against_what_is_as_new_together_with_the_error_of_its_encoder() -> None:
     """Half of one error each: neither is more than new, their sum is."""
     runout = next(t for t in ALL if t.key == "eccentricity@output")
