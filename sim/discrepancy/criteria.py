@@ -147,9 +147,9 @@ def holds(term: Term, less: Fit, more: Fit) -> bool:
     """Whether the model with `term` predicts better what it has not seen.
 
     By 1.5 standard errors and 2.6 to one in sum, both of signed roots, as in `paired`; or, where an effect acts in a
-    few blocks only (low speed, large twist, a tooth that is passed once), by a third of what it gains on the same
-    blocks where they are seen. A loss counts as three typical blocks at most: it may be the linear refit that fails
-    without that block. What never rests acts in all of them.
+    few blocks only (low speed, large twist, a tooth that is passed once, both ends of a drift), by a third of what it
+    gains on the same blocks where they are seen. A loss counts as three typical blocks at most: it may be the linear
+    refit that fails without that block. What never rests acts in all of them.
     """
     drop = advantage(less, more)
     root = np.sign(drop) * np.sqrt(np.abs(drop))

@@ -162,19 +162,21 @@ def test_what_is_as_new_hides_no_rival() -> None:
     assert [r.term for r in likely([*tried, Rival(TERMS["backlash"], 500.0, {}, beyond=9.0)])] == [TERMS["backlash"]]
 
 
+def leaving(residual: Array) -> Fit:
+    """A fit of one number that says nothing of what is left, shape (n,)."""
+    column = np.zeros((residual.size, 1))
+    one = Parameter("one", 1.0, 0.1)
+    return Fit((), (one,), {"one": 1.0}, residual, column, float(residual @ residual), residual.size)
+
+
 def test_what_never_rests_must_hold_in_more_than_a_few_blocks() -> None:
     """A tooth may be passed twice in a record; a line of fixed frequency is always there."""
     rng = np.random.default_rng(6)
     quiet = rng.standard_normal(15_000)
-    parameter, column = Parameter("one", 1.0, 0.1), np.zeros((15_000, 1))
-
-    def fitted(residual: Array) -> Fit:
-        return Fit((), (parameter,), {"one": 1.0}, residual, column, float(residual @ residual), residual.size)
-
     where = np.zeros(15_000)
     where[[*range(3000, 4000), *range(9000, 10_000)]] = 0.5 * np.sin(np.arange(2000))
     everywhere = 0.2 * np.sin(np.arange(15_000))
-    few, all_of_them, more = fitted(quiet + where), fitted(quiet + everywhere), fitted(quiet)
+    few, all_of_them, more = leaving(quiet + where), leaving(quiet + everywhere), leaving(quiet)
     line = replace(TERMS["backlash"], mechanism=FIXED)
     assert holds(TERMS["backlash"], few, more)
     assert not holds(line, few, more)
@@ -203,14 +205,9 @@ def test_friction_that_drifts_is_seen_at_both_ends() -> None:
     rng = np.random.default_rng(8)
     quiet, slow = rng.standard_normal(15_000), np.sin(0.2 * np.arange(15_000))
     drift = np.linspace(-1.0, 1.0, 15_000) ** 5 * slow
-    parameter, column = Parameter("one", 1.0, 0.1), np.zeros((15_000, 1))
-
-    def fitted(residual: Array) -> Fit:
-        return Fit((), (parameter,), {"one": 1.0}, residual, column, float(residual @ residual), residual.size)
-
     middle = np.zeros(15_000)
     middle[4000:11_000] = 0.25 * slow[4000:11_000]
-    less, more = fitted(quiet + drift), fitted(quiet + middle)
+    less, more = leaving(quiet + drift), leaving(quiet + middle)
     assert holds(TERMS["friction_drift"], less, more)
     assert not holds(replace(TERMS["friction_drift"], mechanism=FIXED), less, more)
 
