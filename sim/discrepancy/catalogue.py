@@ -12,7 +12,7 @@ from sim.axis import Axis
 from sim.chain_model import Chain, Dent, with_link, with_shaft
 from sim.discrepancy.catalogued import ORDERS as RIPPLE_ORDERS
 from sim.discrepancy.catalogued import terms_of_catalogue
-from sim.discrepancy.entries import lopsided, rounding, swing
+from sim.discrepancy.entries import lopsided, rounding, swing, swing_response
 from sim.discrepancy.measurement import LOAD_CUT_HZ, Array, Measurement
 from sim.discrepancy.model import (
     PARTS,
@@ -33,8 +33,7 @@ FEWEST_TEETH = 8.0  # of a pinion
 LEAST_TURN = 0.5  # rad of the load over which weight shows
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
 SOFTEST = 0.1  # damping ratio from which nothing swings: what is late or wrong in form asks for more
-LEAST_PEAK = 0.8  # torque of a part that swings at its own frequency over that of the whole load, where damped by SHARP
-DIRECT_PEAK = 2.5  # the same on a coupling alone, driven by the load encoder's noise: good loads seem to have 1.4
+LEAST_PEAK = 0.5  # torque of a part that swings at its own frequency over that of the whole load, where damped by SHARP
 SHARP = 0.035  # damping ratio; softer parts count less: of 45 good loads none that seems sharp gains enough to matter
 HIGHEST_SWING_HZ = 0.6 * LOAD_CUT_HZ
 MOTOR = "motor"
@@ -336,7 +335,8 @@ def _resonance(axis: Axis) -> Term:
         "structural_resonance", "load", parameters, probes,
         lambda v: {"frequency_hz": v[frequency], "share": v[share], "damping_ratio": v[damping]},
         load_torque=torque, positive=True, nonlinear=True,
-        size=LEAST_PEAK if axis.stages else DIRECT_PEAK, shape=(frequency, damping),
+        response=lambda s, v: swing_response(s, v[share], v[frequency], v[damping]),
+        size=LEAST_PEAK, shape=(frequency, damping),
         magnitude=lambda v: v[share] / (2.0 * v[damping]) * SHARP / v[damping] if v[damping] < SOFTEST else 0.0,
     )  # fmt: skip
 

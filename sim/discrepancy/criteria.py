@@ -41,7 +41,7 @@ LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
 LEAST_SHARE = 0.0006  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
     f"{OVER_SPEED}@motor": 0.003, f"{OVER_SPEED}@load": 0.002, OVER_ANGLE: 0.002, FIXED: 0.002,
-    "structural_resonance": 0.008, "hysteresis": 0.001, "stiffness_hardening": 0.0007, "tooth_damage": 0.006,
+    "structural_resonance": 0.003, "hysteresis": 0.001, "stiffness_hardening": 0.0007, "tooth_damage": 0.006,
 }  # fmt: skip
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
 LEAST_GAINS = {  # of what nothing else bends to: 110 new axes promise it 2, 14, 7, 7, 24, 15 and 14 squares at most
@@ -99,9 +99,12 @@ def form_gain(term: Term, fit: Fit) -> float:
     return share * fit.misfit * least_gain(term) / LEAST_GAIN
 
 
-def bends(less: Fit, more: Fit, gain: float) -> bool:
-    """Whether a term bends the description further, for what it gains: a cause that was missing lets it go back."""
-    return gain < BENDING * (more.strain - less.strain)
+def bends(term: Term, less: Fit, more: Fit, gain: float) -> bool:
+    """Whether a term bends the description further, for what it gains: a cause that was missing lets it go back.
+
+    Friction that was left out brings numbers of its own, which are known beforehand only roughly.
+    """
+    return term.mechanism not in LEFT_OUT and gain < BENDING * (more.strain - less.strain)
 
 
 def wanted(term: Term, far: float) -> bool:

@@ -6,24 +6,36 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-from scipy.signal import bilinear, lfilter
+from numpy.typing import NDArray
+from scipy.signal import bilinear, lfilter, lfilter_zi
 
 from sim.axis import Axis
 from sim.chain_model import Array, Chain, with_shaft
 from sim.discrepancy.measurement import Measurement
+
+Response = NDArray[np.complex128]
 
 
 def swing(m: Measurement, inertia_kg_m2: float, share: float, frequency_hz: float, damping_ratio: float) -> Array:
     """Torque that a part of the load on a spring of its own needs beyond that of its mass [N m], shape (n,).
 
     share J (H(s) - 1) theta'' with H = (w^2 + 2 d w s) / (s^2 + 2 d w s + w^2): Den Hartog, Mechanical Vibrations, 3.2.
+    Settled when the record begins, which may be in the middle of a stroke.
     """
     if m.load_speed is None:
         return np.zeros(m.samples)
     w = 2.0 * math.pi * frequency_hz
     digital = bilinear([-1.0, 0.0, 0.0], [1.0, 2.0 * damping_ratio * w, w * w], m.rate_hz)
-    moved = lfilter(*digital, np.gradient(m.load_speed) * m.rate_hz)
+    acceleration = np.gradient(m.load_speed) * m.rate_hz
+    first = float(acceleration[: max(1, round(m.rate_hz / frequency_hz))].mean())
+    moved, _ = lfilter(*digital, acceleration, zi=first * lfilter_zi(*digital))
     return np.asarray(share * inertia_kg_m2 * moved)
+
+
+def swing_response(s: Response, share: float, frequency_hz: float, damping_ratio: float) -> Response:
+    """The same per angle and inertia of the load [1/s^2], at places `s` on the imaginary axis [rad/s], shape (k,)."""
+    w = 2.0 * math.pi * frequency_hz
+    return np.asarray(-share * s**4 / (s * s + 2.0 * damping_ratio * w * s + w * w))
 
 
 def rounding(form: float) -> float:

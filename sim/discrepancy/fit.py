@@ -25,6 +25,7 @@ from sim.discrepancy import rattle
 from sim.discrepancy.catalogued import read_too_much
 from sim.discrepancy.described import Described
 from sim.discrepancy.entries import swinging
+from sim.discrepancy.load_noise import LoadNoise
 from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.model import base_parameters, chain_of, has_links, hums, locked_mode_hz, nuisance_of
 from sim.discrepancy.observer import Observer
@@ -223,6 +224,7 @@ class Problem:
     described: Described = field(init=False)
     swinging: Array = field(init=False)
     read_too_much: Array = field(init=False)
+    load_noise: LoadNoise | None = field(init=False)
     runs: Runs = field(default_factory=Runs)
 
     def __post_init__(self) -> None:
@@ -236,6 +238,10 @@ class Problem:
         self.described = Described.by(self.axis)
         self.swinging = swinging(self.axis, self.measurement)
         self.read_too_much = read_too_much(self.axis, self.measurement)
+        self._hear()
+
+    def _hear(self) -> None:
+        self.load_noise = LoadNoise.under(self.axis, self.measurement, self.noise.guide) if self.guided else None
 
     def of(self, axis: Axis) -> Problem:
         """The same measurement, noise included, held against another description."""
@@ -279,12 +285,14 @@ class Problem:
             if term.torque is not None:
                 torque = torque - term.torque(m, values)
         guide = np.zeros(0)
-        if self.guided:
-            lacking = prediction.guide + self.swinging
+        if self.load_noise is not None:
+            lacking, response = prediction.guide + self.swinging, np.zeros(1, dtype=np.complex128)
             for term in terms:
                 if term.load_torque is not None:
                     lacking = lacking - term.load_torque(m, values)
-            guide = m.thinned(lacking)
+                if term.response is not None:
+                    response = response + term.response(self.load_noise.s, values)
+            guide = m.thinned(lacking) * self.load_noise.evened(response)
         if not math.isfinite(float(torque @ torque) + float(guide @ guide)):
             torque, guide = (_within(BURST * float(np.std(m.torque)), x) for x in (torque, guide))
         if not weighted:
@@ -496,6 +504,7 @@ class Problem:
     def with_noise(self, noise: Noise) -> Problem:
         other = copy(self)
         other.noise = noise
+        other._hear()
         return other
 
 

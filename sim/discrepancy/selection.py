@@ -428,7 +428,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
             more = plain if term.named else fit
             gain = costs[term.key] = less[term.key].cost - more.cost
             held = not strict or needs_no_trial(term, gain, more) or holds(term, less[term.key], more)
-            held = held and not (strict and term.named and bends(less[term.key], more, gain))
+            held = held and not (strict and term.named and bends(term, less[term.key], more, gain))
             gains[term.key] = gain if held else 0.0
         rows = fit.residual.size
         weak = [

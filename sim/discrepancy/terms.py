@@ -15,6 +15,7 @@ from sim.discrepancy.parameters import Parameter, Values
 Array = NDArray[np.float64]
 Apply = Callable[[Chain, Values], Chain]
 AddTorque = Callable[[Measurement, Values], Array]
+Respond = Callable[[NDArray[np.complex128], Values], NDArray[np.complex128]]
 Report = Callable[[Values], Mapping[str, float]]
 
 
@@ -25,6 +26,9 @@ def unchanged(chain: Chain, values: Values) -> Chain:
 @dataclass(frozen=True)
 class Term:
     """`apply` changes the chain; `torque` and `load_torque` are what to add outside of it at motor and load [N m].
+
+    `response`: what the latter takes per angle and inertia of the load [1/s^2] at places on the imaginary axis [rad/s],
+    where it hangs on the load's motion as measured, noise and all.
 
     `named` is False for structure that competes with the mechanisms and has no name of its own.
 
@@ -42,6 +46,7 @@ class Term:
     apply: Apply = unchanged
     torque: AddTorque | None = None
     load_torque: AddTorque | None = None
+    response: Respond | None = None
     named: bool = True
     positive: bool = False
     nonlinear: bool = False

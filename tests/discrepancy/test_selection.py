@@ -20,13 +20,14 @@ from sim.discrepancy.entries import swing
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.investigation import investigate, told_apart
 from sim.discrepancy.measurement import Measurement, prepare
-from sim.discrepancy.model import base_parameters, loss_parameters
+from sim.discrepancy.model import base_parameters, loss_parameters, nuisance_of
 from sim.discrepancy.nameless import FIXED, line_of
 from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.screening import least_squares_within
-from sim.discrepancy.selection import Selection, likely
+from sim.discrepancy.selection import Selection, calibrate, likely
 from sim.discrepancy.size import magnitude
-from tests.discrepancy.telemetry_of import RATE_HZ, one_body
+from sim.discrepancy.terms import Term
+from tests.discrepancy.telemetry_of import RATE_HZ, geared, one_body
 from tests.discrepancy.telemetry_of import swing as motion
 
 
@@ -70,6 +71,51 @@ def test_a_part_on_a_spring_adds_its_mass_below_its_frequency_and_nothing_far_ab
         assert asked @ acceleration / (acceleration @ acceleration) == pytest.approx(0.5 * followed, abs=0.01)
 
 
+def test_a_part_on_a_spring_has_settled_where_a_record_begins_in_the_middle_of_a_stroke() -> None:
+    """Else a step of the acceleration would shake it that never was."""
+    rate_hz, time = 1000.0, np.arange(10_000) / 1000.0
+    still = np.zeros(time.size)
+    m = Measurement(rate_hz, time, *[still] * 8, 3.0 * time, still, time, still, still)
+    assert np.abs(swing(m, 2.0, 0.25, 6.0, 0.02)).max() < 1e-9
+
+
+def test_the_noise_of_the_load_encoder_is_no_part_that_swings() -> None:
+    """A part on a spring takes mass from what follows the encoder, and the noise is quieter by it."""
+    axis = read_axis(
+        {
+            "motor": {"inertia_kg_m2": 0.01, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.02},
+            "stages": [{"name": "gear", "driver_teeth": 12, "driven_teeth": 96, "stiffness_n_m_per_rad": 4e4}],
+            "load": {"inertia_kg_m2": 2.0},
+        }
+    )
+    problems = []
+    for seed in (1, 7):
+        told = geared(0.01, 8.0, 2.0, 4e4, seed).channels
+        m = prepare(RATE_HZ, told["motor_torque_nm"], told["motor_position_rad"], told["load_position_rad"])
+        problems.append(Problem(axis, m, Noise.flat(0.05, 0.05)))
+    first, base = calibrate(problems[0])
+    second = problems[1].with_noise(first.noise)
+    second.observer.learn_noise(second.chain((), base.values), nuisance_of(base.values))
+    (term,) = (t for t in terms_of(axis, m, first.chain((), base.values)) if t.mechanism == "structural_resonance")
+    share, frequency, damping = (p.name for p in term.parameters)
+
+    def loudness(terms: tuple[Term, ...], values: dict[str, float]) -> float:
+        """The motion is the same, and what differs is noise."""
+        one, other = (p.residual(terms, values)[base.torque_rows :] for p in (first, second))
+        return float(np.sum((one - other) ** 2))
+
+    plain = loudness((), dict(base.values))
+    for frequency_hz, quieter in ((6.0, True), (12.0, True), (40.0, False)):
+        values = {**base.values, share: 0.05, frequency: frequency_hz, damping: 0.03}
+        left = loudness((term,), values) / plain
+        assert first.load_noise
+        assert term.response
+        factor = first.load_noise.evened(term.response(first.load_noise.s, values))
+        alone = left / factor**2
+        assert (alone < 0.95, factor > 1.0) == (quieter, quieter)
+        assert not quieter or 1.0 - left < 0.7 * (1.0 - alone)
+
+
 AXIS = read_axis(
     {
         "motor": {"inertia_kg_m2": 0.003, "coulomb_friction_n_m": 0.3},
@@ -99,13 +145,17 @@ def test_a_bend_must_bring_more_than_the_description_is_bent_by(strain: float, c
 
 @pytest.mark.parametrize(("before", "after", "bent"), [(10.0, 35.0, True), (10.0, 12.0, False), (40.0, 10.0, False)])
 def test_a_cause_that_was_missing_bends_the_description_no_further(before: float, after: float, bent: bool) -> None:
-    """What it was bent by stood for the cause; 400 squares are worth the 20 that they may cost by chance."""
+    """What it was bent by stood for the cause; 400 squares are worth the 20 that they may cost by chance.
+
+    Friction that was left out comes with numbers that are known roughly at most.
+    """
 
     def fit(strain: float) -> Fit:
         none = np.zeros(100)
         return Fit((), (), {}, none, np.zeros((100, 0)), strain, 100)
 
-    assert bends(fit(before), fit(after), 400.0) is bent
+    assert bends(TERMS["stiffness_hardening"], fit(before), fit(after), 400.0) is bent
+    assert not bends(TERMS["viscous_friction"], fit(before), fit(after), 400.0)
 
 
 def test_an_offset_is_no_error_of_the_form_of_what_is_larger() -> None:
