@@ -285,19 +285,19 @@ class Problem:
             if term.torque is not None:
                 torque = torque - term.torque(m, values)
         guide = np.zeros(0)
-        if self.load_noise is not None:
-            lacking, response = prediction.guide + self.swinging, np.zeros(1, dtype=np.complex128)
+        if self.guided:
+            lacking = prediction.guide + self.swinging
             for term in terms:
                 if term.load_torque is not None:
                     lacking = lacking - term.load_torque(m, values)
-                if term.response is not None:
-                    response = response + term.response(self.load_noise.s, values)
-            guide = m.thinned(lacking) * self.load_noise.evened(response)
+            guide = m.thinned(lacking)
         if not math.isfinite(float(torque @ torque) + float(guide @ guide)):
             torque, guide = (_within(BURST * float(np.std(m.torque)), x) for x in (torque, guide))
         if not weighted:
             return torque, guide
-        return m.bridge.across(torque) * m.counts, guide * m.load_weight[:: m.load_stride] if guide.size else guide
+        if self.load_noise is not None:
+            guide = guide * m.load_weight[:: m.load_stride] * self.load_noise.factor(terms, values)
+        return m.bridge.across(torque) * m.counts, guide
 
     def residual(self, terms: Sequence[Term], values: Mapping[str, float]) -> Array:
         """Whitened residuals of all channels in one row."""

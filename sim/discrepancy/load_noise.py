@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,6 +15,8 @@ from sim.discrepancy.entries import Response
 from sim.discrepancy.measurement import LOAD_CUT_HZ, Measurement
 from sim.discrepancy.model import locked_mode_hz
 from sim.discrepancy.observer import GUIDE
+from sim.discrepancy.parameters import Values
+from sim.discrepancy.terms import Term
 
 PLACES = 400
 DAMPED = 0.03  # damping ratio of the load on its springs, which are little damped
@@ -50,11 +53,15 @@ class LoadNoise:
         # it makes no more than all noise that there is
         return LoadNoise(s, plain, passed * np.minimum(flat, 1.0 / np.maximum(made, 1e-300)))
 
-    def evened(self, response: Response) -> float:
-        """Factor, at least 1, that keeps noise as loud as it was, with a part that needs `response` beyond `plain`.
+    def factor(self, terms: Sequence[Term], values: Values) -> float:
+        """What, at least 1, keeps noise as loud as it was, with what `terms` need beyond `plain`.
 
         The Jacobian of the data's likelihood, as of the chain's own: a part on a spring takes its mass from what
         follows the encoder, and a fit would let parts swing only to make its noise small. Louder noise costs by itself.
         """
+        responses = [term.response(self.s, values) for term in terms if term.response is not None]
+        if not responses:
+            return 1.0
+        response = np.sum(responses, axis=0)
         more = self.power * (np.abs(self.plain + response) ** 2 - np.abs(self.plain) ** 2)
         return math.exp(-0.5 * min(float(np.mean(np.log(np.maximum(1.0 + more, QUIETEST)))), 0.0))

@@ -368,7 +368,7 @@ def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
 
 
 def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[Rival], Fit | None]:
-    """The candidate that explains most and the fit with it; all that are as new come in together.
+    """The candidate of most evidence and the fit with it; all that are as new come in together.
 
     A mechanism goes before what has no name, unless that explains clearly more and holds on unseen rows; any that keeps
     the teeth in contact before a dent, which bends to whatever is missing.
@@ -385,7 +385,7 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
     touching = max(
         (worth[r.term.key] for r in fitting if r.term.named and not (r in as_new or r.term.contact)), default=0.0
     )
-    for best in fitting:
+    for best in sorted(fitting, key=lambda r: -worth[r.term.key]):
         clearly = 1.0 if best in as_new else CLEARLY
         if not best.term.named and worth[best.term.key] < clearly * most:
             continue

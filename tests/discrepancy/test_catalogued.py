@@ -205,9 +205,9 @@ def test_what_is_found_is_what_the_extended_axis_describes(term: Term) -> None:
     axis = extended_by(GEARED, values, {(term.mechanism, term.location): term.report(values)})
     other = PROBLEM.of(axis)
     start = {p.name: p.start for p in other.base()}
-    found = PROBLEM.raw_residuals((term,), values)
-    stored = other.raw_residuals((), {**values, **start})
-    plain = PROBLEM.raw_residuals((), described)
+    found = PROBLEM.raw_residuals((term,), values, weighted=False)
+    stored = other.raw_residuals((), {**values, **start}, weighted=False)
+    plain = PROBLEM.raw_residuals((), described, weighted=False)
     for with_term, with_entry, without in zip(found, stored, plain, strict=True):
         effect = float(np.std(with_term - without))
         assert float(np.std(with_term - with_entry)) <= 0.02 * effect + 1e-9

@@ -110,7 +110,7 @@ def test_the_noise_of_the_load_encoder_is_no_part_that_swings() -> None:
         left = loudness((term,), values) / plain
         assert first.load_noise
         assert term.response
-        factor = first.load_noise.evened(term.response(first.load_noise.s, values))
+        factor = first.load_noise.factor((term,), values)
         alone = left / factor**2
         assert (alone < 0.95, factor > 1.0) == (quieter, quieter)
         assert not quieter or 1.0 - left < 0.7 * (1.0 - alone)
