@@ -41,7 +41,7 @@ LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
 LEAST_SHARE = 0.0006  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
     f"{OVER_SPEED}@motor": 0.003, f"{OVER_SPEED}@load": 0.002, OVER_ANGLE: 0.002, FIXED: 0.002,
-    "structural_resonance": 0.003, "hysteresis": 0.001, "stiffness_hardening": 0.0007, "tooth_damage": 0.006,
+    "structural_resonance": 0.003, "hysteresis": 0.001, "stiffness_hardening": 0.0007, "tooth_damage": 0.004,
 }  # fmt: skip
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
 LEAST_GAINS = {  # of what nothing else bends to: 110 new axes promise it 2, 14, 7, 7, 24, 15 and 14 squares at most
