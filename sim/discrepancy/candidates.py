@@ -82,7 +82,7 @@ def try_terms(
             asked = max(asked, HOPE * form_gain(term, fit))
         if len(jobs) == tries or not term.named or promised < max(asked, least):
             continue
-        if begun.get(term.key, 0) < (2 if term.nonlinear and tries == MOST_TRIES else 1):
+        if begun.get(term.key, 0) < (2 if (term.nonlinear or term.brings) and tries == MOST_TRIES else 1):
             begun[term.key] = begun.get(term.key, 0) + 1
             jobs.append((term, start))
     loose = (
@@ -241,7 +241,7 @@ def _damage_term(problem: Problem, fit: Fit, place: Place) -> Term:
     """A dent at a place, to be tried on a grid around it: contact lost makes it far from linear."""
     stage = problem.axis.stages[place.link]
     pitch = 2.0 * math.pi / (stage.driven_teeth or 1)
-    level = float(np.sqrt(np.mean(problem.measurement.torque**2)))
+    level = problem.measurement.torque_rms
     ratio = problem.axis.ratio / problem.axis.ratio_from(stage.name)
     twist = level * ratio / link_stiffness(problem.axis, place.link)
     seen = 0.003 if problem.guided else 0.01  # of the twist, which is measured or not

@@ -15,6 +15,7 @@ from sim.discrepancy.catalogued import terms_of_catalogue
 from sim.discrepancy.entries import lopsided, rounding, swing, swing_response
 from sim.discrepancy.measurement import LOAD_CUT_HZ, Array, Measurement
 from sim.discrepancy.model import (
+    LOSS_SPLITS,
     PARTS,
     SHARED_SPREAD,
     has_links,
@@ -35,6 +36,7 @@ HUM_HZ = (50.0, 60.0, 100.0, 120.0)
 SOFTEST = 0.1  # damping ratio from which nothing swings: what is late or wrong in form asks for more
 LEAST_PEAK = 0.5  # torque of a part that swings at its own frequency over that of the whole load, where damped by SHARP
 SHARP = 0.035  # damping ratio; softer parts count less: of 45 good loads none that seems sharp gains enough to matter
+LOSS_SIDES = ((0.0, 0.5), (1.0, 0.0), (1.0, 0.5), (1.0, 1.0))  # tried first: a load encoder sees only what is behind
 HIGHEST_SWING_HZ = 0.6 * LOAD_CUT_HZ
 MOTOR = "motor"
 ENCODER_ERROR = ("load_encoder.error_sine_rad", "load_encoder.error_cosine_rad")
@@ -58,7 +60,7 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
 
     `present`: the model so far; friction can rise at low speed only where there is dry friction.
     """
-    level = float(np.sqrt(np.mean(measurement.torque**2)))
+    level = measurement.torque_rms
     top = float(np.abs(measurement.speed).max())
     out = [*_friction_terms(axis, level, top, measurement), _offset(level)]
     if any(shaft.coulomb_n_m > 0.0 for shaft in present.shafts):
@@ -437,8 +439,9 @@ def _loss(name: str, k: int) -> Term:
         return with_link(chain, k, efficiency=(1.0 / (1.0 + lost), 1.0 - lost))
 
     parameters = (Parameter(fraction, 0.0, 0.005, low=0.0, high=0.6),)
+    probes = tuple(({fraction: 0.02, **dict(zip(LOSS_SPLITS, split, strict=True))},) for split in LOSS_SIDES)
     return Term(
-        "load_dependent_loss", name, parameters, (({fraction: 0.02},),), lambda v: {"fraction": v[fraction]}, apply,
+        "load_dependent_loss", name, parameters, probes, lambda v: {"fraction": v[fraction]}, apply,
         positive=True, size=0.003, brings=loss_parameters(),
     )  # fmt: skip
 

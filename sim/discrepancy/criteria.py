@@ -43,6 +43,7 @@ LEAST_SHARES = {  # of what bends to much
     f"{OVER_SPEED}@motor": 0.003, f"{OVER_SPEED}@load": 0.002, OVER_ANGLE: 0.002, FIXED: 0.002,
     "structural_resonance": 0.003, "hysteresis": 0.001, "stiffness_hardening": 0.0007, "tooth_damage": 0.004,
 }  # fmt: skip
+QUIET = 0.5  # of the rows: the least squares of which that is a share, where there is hardly any noise
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
 LEAST_GAINS = {  # of what nothing else bends to: 110 new axes promise it 2, 14, 7, 7, 24, 15 and 14 squares at most
     "coulomb_friction": 10.0, "viscous_friction": 10.0, "torque_offset": 10.0,
@@ -96,7 +97,7 @@ def matters(term: Term, gain: float, fit: Fit) -> bool:
 def form_gain(term: Term, fit: Fit) -> float:
     """Whitened squares that a term may gain because no model has quite the form of an axis: less says nothing."""
     share = LEAST_SHARES.get(term.key, LEAST_SHARES.get(term.mechanism, LEAST_SHARE))
-    return share * fit.misfit * least_gain(term) / LEAST_GAIN
+    return share * max(fit.misfit, QUIET * fit.residual.size) * least_gain(term) / LEAST_GAIN
 
 
 def bends(term: Term, less: Fit, more: Fit, gain: float) -> bool:

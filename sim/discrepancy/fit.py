@@ -52,6 +52,7 @@ FIRST_DAMPING = 1e-4
 UNKNOWN = 1e-6  # information of one step below which a parameter is not known
 BURST = 1e6  # times the torque: what a simulation that has burst is off by
 HOPELESS = 30.0  # times the noise, in power: what two steps leave of a try that leads nowhere
+LEAST_NOISE, LEAST_GUIDE_NOISE = 2e-3, 1.5e-4  # of the torque, and of that at the load: no drive measures better
 FORETOLD = 0.1  # of the gain of a step: sensitivities that are off by less are true there
 
 
@@ -260,8 +261,8 @@ class Problem:
         return m.load_angle is not None and has_links(self.axis)
 
     def base(self) -> tuple[Parameter, ...]:
-        level = float(np.sqrt(np.mean(self.measurement.torque**2)))
-        return base_parameters(self.axis, self.guided, level, self.measurement.rests)
+        m = self.measurement
+        return base_parameters(self.axis, self.guided, m.torque_rms, m.rests)
 
     def parameters(self, terms: Sequence[Term]) -> tuple[Parameter, ...]:
         """Those of the description that no term replaces, then what the terms bring along, then their own."""
@@ -444,11 +445,14 @@ class Problem:
         m = self.measurement
         unseen, teeth = has_links(self.axis) and not self.guided, bool(self.axis.stages)
         mode_hz = locked_mode_hz(self.axis) if unseen else None
-        first, level = _whitener(torque, m.weight, m.rate_hz, self.memory, mode_hz, teeth=teeth)
+        least = LEAST_NOISE * m.torque_rms
+        first, level = _whitener(torque, m.weight, m.rate_hz, self.memory, mode_hz, teeth=teeth, least=least)
         if not guide.size:
             return Noise(first, np.ones(1), level)
         stride = m.load_stride
-        second, other = _whitener(guide, m.load_weight[::stride], m.rate_hz / stride, self.memory, teeth=teeth)
+        least = LEAST_GUIDE_NOISE * m.torque_rms * self.axis.ratio
+        weight, rate_hz = m.load_weight[::stride], m.rate_hz / stride
+        second, other = _whitener(guide, weight, rate_hz, self.memory, teeth=teeth, least=least)
         return Noise(first, second, level, other)
 
     def down_to(self, standstill: float) -> Problem:
@@ -509,23 +513,33 @@ class Problem:
 
 
 def _whitener(
-    values: Array, weight: Array, rate_hz: float, memory: Memory, mode_hz: float | None = None, *, teeth: bool
+    values: Array,
+    weight: Array,
+    rate_hz: float,
+    memory: Memory,
+    mode_hz: float | None = None,
+    *,
+    teeth: bool,
+    least: float,
 ) -> tuple[Array, Array]:
-    """Filter and level over time of the noise under `values`; it counts less around `mode_hz`.
+    """Filter and level over time of the noise under `values`, of `least` at least; it counts less around `mode_hz`.
 
     What shakes the load shakes it at its own frequency, and the drive answers: there the motor's motion, from which the
     torque is predicted, is not independent of the noise, and a fit would damp the load to make it quiet.
     """
     deaf = None if mode_hz is None else mode_hz / rate_hz * np.array([1.0 - MODE_BAND, 1.0 + MODE_BAND])
     block, length = int(memory.block_s * rate_hz), int(memory.filter_s * rate_hz)
-    taps = floor_filter(values, weight, block, length, deaf, teeth=teeth, smooth=int(SMOOTH_BINS * memory.block_s))
+    smooth = int(SMOOTH_BINS * memory.block_s)
+    taps = floor_filter(values, weight, block, length, deaf, teeth=teeth, smooth=smooth, least=least)
     white = oaconvolve(values, taps)[: values.size]
     level = level_over_time(white, weight, int(rate_hz))
     if not teeth:
         return taps, level
     moving = np.abs(white / level)[weight > 0.5]
+    if not moving.size:
+        return taps, level
     # quartiles over few blocks lie high where the floor is steep: half of all rows are below 0.67 deviations
-    return taps, level * min(1.0, 1.4826 * float(np.median(moving))) if moving.size else level
+    return taps, level * max(min(1.0, 1.4826 * float(np.median(moving))), least * float(taps[0]))
 
 
 def level_over_time(white: Array, weight: Array, block: int) -> Array:
@@ -554,13 +568,15 @@ def floor_filter(
     *,
     teeth: bool = True,
     smooth: int = SMOOTH_BINS,
+    least: float = 0.0,
 ) -> Array:
     """Whitening filter (length,) of the noise under a residual that may still hold effects.
 
     The lower quartile over blocks of the spectrum, at each frequency, then a running median over frequency: neither
     what comes and goes (reversals, passages of a tooth) nor lines of one order are taken for noise. Without `teeth` the
     median over all blocks: the steps of an encoder are quiet at even speed and loud while it changes.
-    `deaf`: ends of a band [1 over a sample] in which the noise is taken for louder than it is.
+    `deaf`: ends of a band [1 over a sample] in which the noise is taken for louder than it is. `least`: deviation of
+    white noise that is there in any case, in the unit of `values`.
     """
     wanted, block = block, max(64, min(block, values.size // 4))
     smooth = max(SMOOTH_BINS, smooth * block // wanted)
@@ -578,7 +594,7 @@ def floor_filter(
     )
     share = WITH_TEETH if teeth else WITHOUT
     floor = np.quantile(power, share, axis=0) / -math.log(1.0 - share)
-    level = running_median(floor, smooth)
+    level = np.maximum(running_median(floor, smooth), least**2)
     if deaf is not None:
         place = np.arange(level.size) / block
         level[(place > deaf[0]) & (place < deaf[1])] *= MODE_NOISE

@@ -96,6 +96,11 @@ class Measurement:
     def samples(self) -> int:
         return int(self.time_s.size)
 
+    @cached_property
+    def torque_rms(self) -> float:
+        """Effective motor torque, standstill included [N m]."""
+        return float(np.sqrt(np.mean(self.torque**2)))
+
     @property
     def load_stride(self) -> int:
         """Rows per row of what is left at the load."""

@@ -47,6 +47,7 @@ FAINT = 1.0 / 30.0
 REPEATS = 0.9  # autocorrelation of the speed
 SPEEDS, OFTEN = 40, 0.3  # bins of the speed, and share of the time at one of them that makes lines of orders
 ELSEWHERE = 0.35  # of the size of a line, at other speeds: a real one has 0.7 and more, one of unknown teeth 0 to 0.1
+LEAST_LEVEL = 0.5  # of white noise under the residual: one that is far below its noise has no line in it
 LINE_EXCESS = 14.0  # energy of a line over that of its neighbours: once in a hundred records of noise
 
 
@@ -173,7 +174,7 @@ def line_of(left: Array, rate_hz: float, lowest_hz: float = LOWEST_HZ, repeats_s
         return None
     at = first + int(np.argmax(power[first:last]))
     half = round(0.5 * BAND_HZ / spacing)
-    typical = float(np.median(power[first:last])) / math.log(2.0)
+    typical = max(float(np.median(power[first:last])) / math.log(2.0), LEAST_LEVEL)
     band = float(power[max(at - half, 0) : at + half + 1].sum()) / FINER
     excess = band - typical * (2 * half + 1) / FINER
     if power[at] < LINE_EXCESS * typical or power[at] - typical < COHERENT * excess:

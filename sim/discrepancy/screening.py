@@ -20,7 +20,7 @@ def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[floa
 
     def promise(job: tuple[Term, tuple[Mapping[str, float], ...]]) -> tuple[float, Term, Mapping[str, float]]:
         term, group = job
-        values = {**{p.name: p.start for p in term.parameters}, **fit.values}
+        values = {**{p.name: p.start for p in (*term.brings, *term.parameters)}, **fit.values}
         changes = []
         for jump in group:
             try:
@@ -107,7 +107,7 @@ def _start(
 
     Of what cannot be linear no further than the probe; where teeth leave each other, to the probe.
     """
-    limits = {p.name: p for p in term.parameters}
+    limits = {p.name: p for p in (*term.parameters, *term.brings)}
     if term.contact:
         return dict(group[0])
     out: dict[str, float] = {}

@@ -245,7 +245,7 @@ def near(best: Rival, tried: Sequence[Rival]) -> list[Rival]:
 @dataclass(frozen=True)
 class Either:
     """A rival in the place of a term, and noise taken from that; `t`: standard errors by which the term does better on
-    unseen blocks, the mean of those under the noise of either.
+    unseen blocks, the mean of those under the noise of either, and no fewer than under the rival's.
 
     Noise that is taken from a model with the wrong one of two holds what the right one would explain, and whichever
     came in first seems to be far ahead.
@@ -266,7 +266,8 @@ class Either:
             return None
         anew, there = rewhiten(problem, here)
         own = anew.fit(fit.terms, fit.values, to_end=True)
-        return Either(0.5 * (paired(advantage(here, fit)) + paired(advantage(there, own))), anew, there)
+        by_own, by_its = paired(advantage(here, fit)), paired(advantage(there, own))
+        return Either(max(0.5 * (by_own + by_its), by_its), anew, there)
 
 
 Nearly = Mapping[str, Sequence[Rival]]

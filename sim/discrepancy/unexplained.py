@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from sim.chain_model import Array
 from sim.discrepancy.fit import Fit, Problem
-from sim.discrepancy.nameless import BAND_HZ, ELSEWHERE, HIGHEST_HZ, LOWEST_HZ, Rows, by_speed
+from sim.discrepancy.nameless import BAND_HZ, ELSEWHERE, HIGHEST_HZ, LEAST_LEVEL, LOWEST_HZ, Rows, by_speed
 from sim.discrepancy.selection import Selection
 from sim.discrepancy.terms import Term
 
@@ -81,7 +81,7 @@ def fixed_line(channel: str, values: Array, rate_hz: float, speed: Array, weight
     spacing = rate_hz / values.size
     width = max(3, round(BAND_HZ / spacing))
     energy = np.convolve(2.0 * power, np.ones(width), "valid")
-    typical = float(np.median(energy))
+    typical = max(float(np.median(energy)), LEAST_LEVEL * 2.0 * width)
     first = max(1, round(LOWEST_HZ / spacing))
     last = min(energy.size, int(min(0.42 * rate_hz, HIGHEST_HZ) / spacing))
     rows = by_speed(speed, weight)
