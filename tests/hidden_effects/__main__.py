@@ -17,6 +17,7 @@ from typing import Any
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from tests.hidden_effects.bank import BANK_SEED, Entry, full_bank
+from tests.hidden_effects.figure import draw
 from tests.hidden_effects.generator import Scenario
 from tests.hidden_effects.product import ROOT, investigate, investigate_folder, peak_mib
 from tests.hidden_effects.scoring import Scored, complete, judge, tables
@@ -78,6 +79,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--peers", action="store_true", help="also PySINDy and i.i.d. BIC on the same runs")
     parser.add_argument("--folder", type=Path, help="instead: recordings with an answers.json, by the same rule")
     parser.add_argument("--twice", action="store_true", help="with --folder: run each twice, compare the documents")
+    parser.add_argument("--figure", type=Path, help="also draw the results, as PNG or SVG")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "hidden_effects", help="where results are kept")
     return parser.parse_args()
 
@@ -159,6 +161,8 @@ def main() -> None:
     for result in results:
         if result["failure"]:
             print(f"\n{result['answer']['id']} failed: {result['failure']}")
+    if options.figure:
+        draw(_judged(results), options.figure)
     if options.peers:
         from tests.hidden_effects.peers import side_by_side
 

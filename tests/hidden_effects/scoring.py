@@ -191,7 +191,8 @@ def strength_of(answer: JSON) -> float:
     return min((h["strength"] for h in answer["hidden"]), default=math.inf)
 
 
-def _class_of(answer: JSON) -> str:
+def size_class(answer: JSON) -> str:
+    """Return the name of the strength of the weakest hidden effect."""
     strength = strength_of(answer)
     return next(name for name, low in STRENGTHS if strength >= low)
 
@@ -222,8 +223,8 @@ def tables(scored: Sequence[Scored], seconds: Sequence[float]) -> str:
     nulls = [s for s in scored if not s[0]["hidden"]]
     single = [s for s in hidden if s[0]["group"] in ("mechanics", "sensor")]
     unnamed = [s for s in hidden if s[0]["group"] == "unnamed"]
-    loud = [s for s in single if _class_of(s[0]) == "at least the noise"]
-    third = [s for s in single if _class_of(s[0]) == "third"]
+    loud = [s for s in single if size_class(s[0]) == "at least the noise"]
+    third = [s for s in single if size_class(s[0]) == "third"]
     lines = [
         _share("top-1 right, effect at least as strong as the noise", loud, lambda s: s[1].top, ">= 0.95"),
         _share("top-1 right, a third of that", third, lambda s: s[1].top, ">= 0.85"),
@@ -265,7 +266,7 @@ def _outcome_lines(scored: Sequence[Scored]) -> list[str]:
     said: defaultdict[str, Counter[str]] = defaultdict(Counter)
     for answer, judgement in scored:
         what = "+".join(h["mechanism"] for h in answer["hidden"]) or answer["group"]
-        size = _class_of(answer) if answer["hidden"] else "-"
+        size = size_class(answer) if answer["hidden"] else "-"
         for row in ((what, size), (f"all {answer['group']}", size)):
             table[row][judgement.outcome] += 1
         said[what].update(judgement.wrong_names)
