@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from itertools import zip_longest
 
 import numpy as np
 
@@ -67,7 +68,8 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
         out.append(_stribeck(level, top))
     if all(shaft.coulomb_backward_n_m is None for shaft in present.shafts):
         seen_apart = has_links(axis) and measurement.load_angle is not None
-        out += [_asymmetry(level, top, place) for place in ((MOTOR, None) if seen_apart else (MOTOR,))]
+        most = friction_felt(present, top) or math.inf
+        out += [_asymmetry(level, top, most, place) for place in ((MOTOR, None) if seen_apart else (MOTOR,))]
     travel = float(np.ptp(measurement.angle))
     out += [_ripple(order, level, axis, present) for order in RIPPLE_ORDERS if travel * order > 2.0 * math.pi]
     out += [hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
@@ -173,8 +175,20 @@ def _stribeck(level: float, top: float) -> Term:
     )  # fmt: skip
 
 
-def _asymmetry(level: float, top: float, location: str | None) -> Term:
-    """Of the motor's friction, or of motor's and load's alike."""
+def friction_felt(chain: Chain, speed: float) -> float:
+    """All friction while the motor turns at `speed` [rad/s], as felt at the motor [N m]."""
+    ratio, felt = 1.0, 0.0
+    for shaft, link in zip_longest(chain.shafts, chain.links):
+        felt += (shaft.coulomb_n_m + shaft.viscous_n_m_s * speed / ratio) / ratio
+        ratio *= link.ratio if link else 1.0
+    return felt
+
+
+def _asymmetry(level: float, top: float, most: float, location: str | None) -> Term:
+    """Of the motor's friction, or of motor's and load's alike.
+
+    No more than `most`, all friction that there is: none pushes. What wants that limit is no asymmetry.
+    """
     coulomb, viscous = (_name("friction_asymmetry", location, p) for p in ("coulomb", "viscous"))
 
     def apply(chain: Chain, values: Values) -> Chain:
@@ -184,10 +198,12 @@ def _asymmetry(level: float, top: float, location: str | None) -> Term:
         return {"torque_n_m": values[coulomb], "coefficient_n_m_s_per_rad": values[viscous]}
 
     def magnitude(values: Values) -> float:
+        if abs(values[coulomb]) > 0.99 * most:
+            return 0.0
         return max(abs(values[coulomb] + share * top * values[viscous]) for share in (0.3, 1.0))
 
     step = 0.03 * level
-    parameters = (Parameter(coulomb, 0.0, step), Parameter(viscous, 0.0, step / top))
+    parameters = (Parameter(coulomb, 0.0, step, low=-most, high=most), Parameter(viscous, 0.0, step / top))
     probes = (({viscous: step / top},), ({coulomb: step}, {viscous: step / top}))
     return Term("friction_asymmetry", location, parameters, probes, report, apply, size=0.1 * step, magnitude=magnitude)
 

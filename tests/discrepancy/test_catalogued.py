@@ -16,7 +16,7 @@ from casebase.signals.telemetry import Telemetry
 from sim import mechanisms
 from sim.axis import Axis, read_axis
 from sim.chain_model import Line, with_link
-from sim.discrepancy.catalogue import OWN, terms_of
+from sim.discrepancy.catalogue import OWN, friction_felt, terms_of
 from sim.discrepancy.catalogued import terms_of_catalogue, undistorted
 from sim.discrepancy.condition import examine
 from sim.discrepancy.extension import extended_by
@@ -255,3 +255,15 @@ def test_friction_that_changes_by_as_much_as_there_is_of_it_is_no_drift() -> Non
     assert rate.high == -rate.low == pytest.approx(1.0 / PROBLEM.measurement.time_s[-1])
     assert magnitude(drift, {rate.name: rate.high}) == 0.0
     assert magnitude(drift, {rate.name: -0.5 * rate.high}) == 0.5 * rate.high
+
+
+def test_friction_that_pushes_is_no_asymmetry() -> None:
+    """Of either direction there is no less friction than none: 2.5 N m at a motor that has 0.5 stand for something else."""
+    chain = PROBLEM.chain((), {p.name: p.start for p in PROBLEM.base()})
+    most = 0.3 + 4.0 / 30.0 + 60.0 * (0.002 + 3.0 / 30.0**2)
+    assert friction_felt(chain, 60.0) == pytest.approx(most)
+    term = next(t for t in TERMS if t.mechanism == "friction_asymmetry")
+    torque, coefficient = term.parameters
+    assert torque.high == -torque.low < 2.5
+    assert term.magnitude({torque.name: 0.4 * torque.high, coefficient.name: 0.0}) == pytest.approx(0.4 * torque.high)
+    assert term.magnitude({torque.name: torque.low, coefficient.name: 0.0}) == 0.0
