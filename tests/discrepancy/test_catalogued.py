@@ -258,7 +258,7 @@ def test_friction_that_changes_by_as_much_as_there_is_of_it_is_no_drift() -> Non
 
 
 def test_friction_that_pushes_is_no_asymmetry() -> None:
-    """Of either direction there is no less friction than none: 2.5 N m at a motor that has 0.5 stand for something else."""
+    """Of either direction there is no less friction than none: 2.5 N m at a motor that has 0.5 are something else."""
     chain = PROBLEM.chain((), {p.name: p.start for p in PROBLEM.base()})
     most = 0.3 + 4.0 / 30.0 + 60.0 * (0.002 + 3.0 / 30.0**2)
     assert friction_felt(chain, 60.0) == pytest.approx(most)
