@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
+from sim.discrepancy.actions import SURE
 from sim.discrepancy.criteria import TEMPERATURE
 from sim.discrepancy.fit import Fit, Problem
 from sim.discrepancy.investigation import (
@@ -15,11 +16,21 @@ from sim.discrepancy.investigation import (
     Finding,
     Investigation,
 )
-from sim.discrepancy.pooling import PRIOR, Name, Saying, against, existence, logit, probability, silent
+from sim.discrepancy.pooling import PRIOR, Name, Saying, against, existence, logistic, logit, probability, silent
 from sim.discrepancy.selection import all_rows
 from sim.discrepancy.sound_evidence import SILENT
 from sim.discrepancy.terms import Term
-from sim.discrepancy.weighing import Standing, log_odds
+from sim.discrepancy.weighing import (
+    Model,
+    Standing,
+    advantage,
+    in_place,
+    is_close,
+    log_odds,
+    named_alone,
+    own_of,
+    paired,
+)
 from sim.discrepancy.weighing import existence as exists_in
 from sim.discrepancy.weights import WEIGHTS
 
@@ -70,12 +81,17 @@ def found_at(results: Sequence[Investigation], name: Name) -> tuple[Term, Fit] |
 
 @dataclass(frozen=True)
 class Weighed:
-    """What all recordings say of a name; `sayings` in their order, `elsewhere`: places that explain them as well."""
+    """What all recordings say of a name.
+
+    `sayings` in their order; `elsewhere`: places that explain them as well; `beaten`: rivals that they surely tell from
+    it together.
+    """
 
     probability: float
     indistinguishable_from: tuple[str, ...]
     elsewhere: tuple[str, ...]
     sayings: tuple[Saying, ...]
+    beaten: tuple[Name, ...]
 
 
 def weighed(results: Sequence[Investigation]) -> dict[Name, Weighed]:
@@ -99,7 +115,8 @@ def weighed(results: Sequence[Investigation]) -> dict[Name, Weighed]:
         counted = [odds for r, odds in rivals[name].items() if r.mechanism not in (name.mechanism, *told)]
         places = tuple(r.location for r in near if r.mechanism == name.mechanism and r.location)
         p = probability(existence(sayings[name]), counted, [f.probability for f in given])
-        out[name] = Weighed(p, told, places, tuple(sayings[name]))
+        beaten = tuple(r for r, odds in rivals[name].items() if logistic(odds) >= SURE)
+        out[name] = Weighed(p, told, places, tuple(sayings[name]), beaten)
     return out
 
 
@@ -111,7 +128,8 @@ def _saying(result: Investigation, name: Name, results: Sequence[Investigation])
     if finding is not None:
         if finding.evidence is None or name not in standings:  # by sound
             return Saying(logit(finding.probability) - PRIOR)
-        return Saying(exists_in(finding.evidence) - PRIOR, _beaten(standings[name], values))
+        beaten = _beaten(standings[name], values) | _not_tried(result, name, results)
+        return Saying(exists_in(finding.evidence) - PRIOR, beaten)
     for other, standing in standings.items():
         beaten = _beaten(standing, values)
         given = said_by(result, other)
@@ -123,6 +141,30 @@ def _saying(result: Investigation, name: Name, results: Sequence[Investigation])
     if found is None:  # heard only
         return Saying(math.log(SILENT) if result.provenance["sound_sha256"] else 0.0)
     return Saying(_asked(result, *found))
+
+
+def _not_tried(result: Investigation, name: Name, results: Sequence[Investigation]) -> dict[Name, float]:
+    """Log odds of a name that a recording gave against what was close in another, but explained too little here."""
+    own = _standings(result)[name]
+    known = set(_beaten(own, own.model.values)) | {term_name(t, own.model.values) for t in own.model.terms}
+    out: dict[Name, float] = {}
+    for standing in (standings[name] for r in results if name in (standings := _standings(r))):
+        for (rival, t), model in zip(standing.rivals, standing.instead, strict=True):
+            called = term_name(rival, model.values)
+            if called not in known and is_close(t) and (odds := _in_its_place(result, name, rival, model)) is not None:
+                out[called] = odds
+    return out
+
+
+def _in_its_place(result: Investigation, name: Name, rival: Term, model: Model) -> float | None:
+    """Log odds of `name` against `rival` in its place, tried from the numbers of `model`; None: not to be simulated."""
+    if result.weighed is None:
+        return None
+    problem = result.weighed.problem
+    plain = named_alone(problem, result.weighed.fit)
+    term = next(t for t in plain.terms if term_name(t, plain.values) == name)
+    other = in_place(problem, plain, term, rival, (own_of(term, rival, model.values),))
+    return None if other is None else log_odds(paired(advantage(other, plain)), WEIGHTS.overdispersion)
 
 
 def instead(result: Investigation, wrong: Iterable[Name]) -> set[Name]:

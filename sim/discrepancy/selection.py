@@ -56,6 +56,7 @@ AT_REST = 1.3  # times the mean square in motion: what is more is not the noise 
 LEAST_STRETCH_RAD = 1.5e-4  # a micrometre and a half on a centimetre, three steps of an encoder of 17 bits
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
 NEARLY, MOST_NEAR = 0.7, 2  # of the gain of the best: another may be meant, under noise of its own
+ALIKE = 0.5  # standard errors between two that explain alike
 SWAPS = 3
 RIVAL_SHARE = 0.25  # of the gain of the best: less is no rival
 SWAP_SHARE = 0.5  # of the gain of what came in
@@ -273,12 +274,17 @@ class Either:
 Nearly = Mapping[str, Sequence[Rival]]
 
 
+def ahead(term: Term, other: Term) -> float:
+    """Standard errors by which `other` does better where it takes the place: of two alike, the one of fewer numbers."""
+    return ALIKE * float(np.sign(len(other.parameters) - len(term.parameters)))
+
+
 def turned(problem: Problem, fit: Fit, nearly: Nearly) -> tuple[Problem, Fit, Nearly]:
     """With a mechanism that explained nearly as much in the place of one that came in, where it does better by both."""
     for term in fit.terms:
         for rival in nearly.get(term.key, ()):
             either = Either.of(problem, fit, term, rival)
-            if either and either.t < 0.0:
+            if either and -either.t > ahead(term, rival.term):
                 back = Rival(term, rival.gain, fit.values)
                 return either.problem, either.fit, {**nearly, rival.term.key: [back]}
     return problem, fit, nearly
@@ -487,7 +493,9 @@ def swap(
             if form or not wanted(rival.term, beyond(rival.term, other)):
                 continue  # it would not have come in, or be taken away again
             tried[key] = rival
-            even = abs(other.cost - best.cost) < LEAST_SWAP and paired(advantage(best, other)) > 0.0
+            there = term if best is fit else best.terms[-1]
+            better = paired(advantage(best, other)) > ahead(there, rival.term)
+            even = abs(other.cost - best.cost) < LEAST_SWAP and better
             as_new = beyond(rival.term, other) <= BEYOND  # it would have come in by itself
             if other.cost < best.cost - LEAST_SWAP or (even and not as_new):
                 best = other
