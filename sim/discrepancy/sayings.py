@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from sim.discrepancy.actions import SURE
 from sim.discrepancy.criteria import TEMPERATURE
 from sim.discrepancy.fit import Fit, Problem
 from sim.discrepancy.investigation import (
@@ -16,11 +15,12 @@ from sim.discrepancy.investigation import (
     Finding,
     Investigation,
 )
-from sim.discrepancy.pooling import PRIOR, Name, Saying, against, existence, logistic, logit, probability, silent
+from sim.discrepancy.pooling import PRIOR, Name, Saying, against, existence, logit, probability, silent
 from sim.discrepancy.selection import all_rows
 from sim.discrepancy.sound_evidence import SILENT
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import (
+    CLOSE,
     Model,
     Standing,
     advantage,
@@ -34,7 +34,6 @@ from sim.discrepancy.weighing import (
 from sim.discrepancy.weighing import existence as exists_in
 from sim.discrepancy.weights import WEIGHTS
 
-CLOSE = math.log(3.0)  # log odds below which another name may well be meant
 OWN = ("torque_offset", "time_delay", "electrical_hum", "clipping", "lost_samples")  # of a recording, not of the axis
 
 
@@ -81,17 +80,12 @@ def found_at(results: Sequence[Investigation], name: Name) -> tuple[Term, Fit] |
 
 @dataclass(frozen=True)
 class Weighed:
-    """What all recordings say of a name.
-
-    `sayings` in their order; `elsewhere`: places that explain them as well; `beaten`: rivals that they surely tell from
-    it together.
-    """
+    """What all recordings say of a name; `sayings` in their order, `elsewhere`: places that explain them as well."""
 
     probability: float
     indistinguishable_from: tuple[str, ...]
     elsewhere: tuple[str, ...]
     sayings: tuple[Saying, ...]
-    beaten: tuple[Name, ...]
 
 
 def weighed(results: Sequence[Investigation]) -> dict[Name, Weighed]:
@@ -115,8 +109,7 @@ def weighed(results: Sequence[Investigation]) -> dict[Name, Weighed]:
         counted = [odds for r, odds in rivals[name].items() if r.mechanism not in (name.mechanism, *told)]
         places = tuple(r.location for r in near if r.mechanism == name.mechanism and r.location)
         p = probability(existence(sayings[name]), counted, [f.probability for f in given])
-        beaten = tuple(r for r, odds in rivals[name].items() if logistic(odds) >= SURE)
-        out[name] = Weighed(p, told, places, tuple(sayings[name]), beaten)
+        out[name] = Weighed(p, told, places, tuple(sayings[name]))
     return out
 
 
@@ -128,8 +121,8 @@ def _saying(result: Investigation, name: Name, results: Sequence[Investigation])
     if finding is not None:
         if finding.evidence is None or name not in standings:  # by sound
             return Saying(logit(finding.probability) - PRIOR)
-        beaten = _beaten(standings[name], values) | _not_tried(result, name, results)
-        return Saying(exists_in(finding.evidence) - PRIOR, beaten)
+        beaten = _beaten(standings[name], values)
+        return Saying(exists_in(finding.evidence) - PRIOR, beaten | _not_tried(result, name, results, beaten))
     for other, standing in standings.items():
         beaten = _beaten(standing, values)
         given = said_by(result, other)
@@ -143,28 +136,32 @@ def _saying(result: Investigation, name: Name, results: Sequence[Investigation])
     return Saying(_asked(result, *found))
 
 
-def _not_tried(result: Investigation, name: Name, results: Sequence[Investigation]) -> dict[Name, float]:
-    """Log odds of a name that a recording gave against what was close in another, but explained too little here."""
-    own = _standings(result)[name]
-    known = set(_beaten(own, own.model.values)) | {term_name(t, own.model.values) for t in own.model.terms}
-    out: dict[Name, float] = {}
-    for standing in (standings[name] for r in results if name in (standings := _standings(r))):
+def _not_tried(
+    result: Investigation, name: Name, results: Sequence[Investigation], tried: Collection[Name]
+) -> dict[Name, float]:
+    """Log odds of a name that a recording gave against what was close in another, but was not among the `tried` here.
+
+    Each is fitted in the place of the name, once, from the numbers that it has there.
+    """
+    own = _standings(result)[name].model
+    present = {term_name(t, own.values) for t in own.terms}
+    close: dict[Name, tuple[Term, Model]] = {}
+    for standing in (of[name] for of in map(_standings, results) if name in of):
         for (rival, t), model in zip(standing.rivals, standing.instead, strict=True):
-            called = term_name(rival, model.values)
-            if called not in known and is_close(t) and (odds := _in_its_place(result, name, rival, model)) is not None:
-                out[called] = odds
-    return out
-
-
-def _in_its_place(result: Investigation, name: Name, rival: Term, model: Model) -> float | None:
-    """Log odds of `name` against `rival` in its place, tried from the numbers of `model`; None: not to be simulated."""
-    if result.weighed is None:
-        return None
+            other = term_name(rival, model.values)
+            if is_close(t) and other not in tried and other not in present:
+                close[other] = rival, model
+    if result.weighed is None or not close:
+        return {}
     problem = result.weighed.problem
     plain = named_alone(problem, result.weighed.fit)
     term = next(t for t in plain.terms if term_name(t, plain.values) == name)
-    other = in_place(problem, plain, term, rival, (own_of(term, rival, model.values),))
-    return None if other is None else log_odds(paired(advantage(other, plain)), WEIGHTS.overdispersion)
+    out: dict[Name, float] = {}
+    for other, (rival, model) in close.items():
+        fit = in_place(problem, plain, term, rival, (own_of(term, rival, model.values),))
+        if fit is not None:
+            out[other] = log_odds(paired(advantage(fit, plain)), WEIGHTS.overdispersion)
+    return out
 
 
 def instead(result: Investigation, wrong: Iterable[Name]) -> set[Name]:

@@ -275,7 +275,7 @@ Nearly = Mapping[str, Sequence[Rival]]
 
 
 def ahead(term: Term, other: Term) -> float:
-    """Standard errors by which `other` does better where it takes the place: of two alike, the one of fewer numbers."""
+    """Standard errors by which `other` must do better to take the place: of two alike, fewer numbers have it."""
     return ALIKE * float(np.sign(len(other.parameters) - len(term.parameters)))
 
 
@@ -493,9 +493,8 @@ def swap(
             if form or not wanted(rival.term, beyond(rival.term, other)):
                 continue  # it would not have come in, or be taken away again
             tried[key] = rival
-            there = term if best is fit else best.terms[-1]
-            better = paired(advantage(best, other)) > ahead(there, rival.term)
-            even = abs(other.cost - best.cost) < LEAST_SWAP and better
+            margin = ahead(term if best is fit else best.terms[-1], rival.term)
+            even = abs(other.cost - best.cost) < LEAST_SWAP and paired(advantage(best, other)) > margin
             as_new = beyond(rival.term, other) <= BEYOND  # it would have come in by itself
             if other.cost < best.cost - LEAST_SWAP or (even and not as_new):
                 best = other

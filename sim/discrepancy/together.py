@@ -16,7 +16,7 @@ Numbers come from models that have the same mechanisms in all recordings, refitt
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import TypeVar
@@ -48,7 +48,7 @@ from sim.discrepancy.joint_numbers import (
     under_one_model,
 )
 from sim.discrepancy.pairs import distinct
-from sim.discrepancy.pooling import Name, existence
+from sim.discrepancy.pooling import Name, against, existence, logistic
 from sim.discrepancy.sayings import OWN, Weighed, called, found_at, said_by, shows, weighed
 from sim.discrepancy.telling import Told
 from sim.discrepancy.unexplained import Unexplained, look
@@ -162,7 +162,7 @@ def _combined(
     calibration = calibrated(parts)
     everywhere = {name: f for name, f in own.items() if all(shows(part.result, name) for part in parts)}
     guided = any(part.problem.guided for part in parts)
-    predicted = open_to(recordings, results, findings, [(name, r) for name, one in named.items() for r in one.beaten])
+    predicted = open_to(recordings, results, findings, named)
     combined = Investigation(
         axis, verdict, findings, rest[0] if rest else None, calibration, tuple(g for part in parts for g in part.gain),
         in_words(predicted) or next_measurement(axis, findings, rest, guided),
@@ -177,14 +177,19 @@ def open_to(
     recordings: Sequence[Taken],
     results: Sequence[Investigation],
     findings: Sequence[Finding],
-    settled: Collection[tuple[Name, Name]] = (),
+    named: Mapping[Name, Weighed],
 ) -> tuple[Told, ...]:
     """What measurements would tell of the said name that is least sure by all recordings; empty where none is open.
 
-    As the recording predicts it, from its own motion, in whose place that tells most for its effort. `settled`: names
-    and rivals that the recordings tell apart already.
+    As the recording predicts it, from its own motion, in whose place that tells most for its effort; of rivals that the
+    recordings surely tell from it together, nothing.
     """
-    past = {(in_full(name.mechanism, name.location), in_full(r.mechanism, r.location)) for name, r in settled}
+    settled = {
+        (in_full(name.mechanism, name.location), in_full(rival.mechanism, rival.location))
+        for name, one in named.items()
+        for rival, odds in against(one.sayings).items()
+        if logistic(odds) >= SURE
+    }
     said = [f for f in findings if f.probability >= SAID] or findings
     for finding in sorted(said, key=lambda f: f.probability):
         if finding.probability >= SURE and not finding.indistinguishable_from:
@@ -195,7 +200,7 @@ def open_to(
             [
                 replace(told, text=f"{told.text} (as in {taken.name})")
                 for told in result.next_measurements
-                if told.between[0] == name and told.between[1].startswith(alike) and told.between not in past
+                if told.between[0] == name and told.between[1].startswith(alike) and told.between not in settled
             ]
             for taken, result in zip(recordings, results, strict=True)
         ]

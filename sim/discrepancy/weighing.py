@@ -23,6 +23,7 @@ BLOCKS = 15
 KEPT = 0.05  # less than one block
 CLOSEST = 3  # rivals that are refitted in place of a named term
 LARGEST_T = 12.0
+CLOSE = math.log(3.0)  # log odds below which another name may well be meant
 FORM = 0.07  # of its own gain, that something without a name would take as well where the name is right
 SHARE = 0.01  # of the squared residual, where `Weights.bias` is meant
 
@@ -200,7 +201,7 @@ def against_rivals(rivals: Sequence[float], overdispersion: float) -> float:
 
 def is_close(t: float, weights: Weights = WEIGHTS) -> bool:
     """Whether another term, `t` standard errors behind, may well be meant: it has a third of the odds."""
-    return log_odds(t, weights.overdispersion) < math.log(3.0)
+    return log_odds(t, weights.overdispersion) < CLOSE
 
 
 def probability(evidence: Evidence, weights: Weights = WEIGHTS) -> float:

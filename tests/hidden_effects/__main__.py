@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import hashlib
+import importlib.util
 import json
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
@@ -81,7 +82,10 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--twice", action="store_true", help="with --folder: run each twice, compare the documents")
     parser.add_argument("--figure", type=Path, help="also draw the results, as PNG or SVG")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "hidden_effects", help="where results are kept")
-    return parser.parse_args()
+    options = parser.parse_args()
+    if options.peers and importlib.util.find_spec("pysindy") is None:
+        parser.error("--peers needs PySINDy, which is not installed: `make bench` installs it")
+    return options
 
 
 def _wanted(options: argparse.Namespace) -> list[Entry]:
