@@ -35,6 +35,7 @@ from sim.discrepancy.terms import Term
 Array = NDArray[np.float64]
 Raw = tuple[Array, Array]  # motor torque and guide torque
 Start = tuple[Mapping[str, float], Mapping[str, Raw]]  # numbers and sensitivities
+Spectrum = NDArray[np.complex128]
 A = TypeVar("A")
 B = TypeVar("B")
 SMOOTH_BINS = 4  # half of the running median over a noise spectrum, and at most this many hertz
@@ -79,7 +80,7 @@ class Noise:
     guide: Array
     torque_level: Array = field(default_factory=lambda: np.ones(1))
     guide_level: Array = field(default_factory=lambda: np.ones(1))
-    _spectra: dict[str, NDArray[np.complex128]] = field(init=False, repr=False, compare=False, default_factory=dict)
+    _spectra: dict[tuple[str, int], Spectrum] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     @staticmethod
     def flat(torque_sd: float, guide_sd: float) -> Noise:
@@ -101,7 +102,7 @@ class Noise:
         )
 
     def _filtered(self, channel: str, values: Array) -> Array:
-        """By one transform: the filter's own is kept, as all signals of a channel have one length.
+        """By one transform: the filter's own is kept, as nearly all signals of a channel have one length.
 
         What was before the first row is taken for its mirror: slow noise does not begin with the record.
         """
@@ -111,9 +112,9 @@ class Noise:
         before = values[taps.size - 1 : 0 : -1]
         padded = np.concatenate([before, values])
         size = next_fast_len(padded.size + taps.size - 1, real=True)
-        if channel not in self._spectra:
-            self._spectra[channel] = rfft(taps, size)
-        return np.asarray(irfft(rfft(padded, size) * self._spectra[channel], size)[before.size : padded.size])
+        if (channel, size) not in self._spectra:
+            self._spectra[channel, size] = rfft(taps, size)
+        return np.asarray(irfft(rfft(padded, size) * self._spectra[channel, size], size)[before.size : padded.size])
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sim.discrepancy.fit import LONG, SHORT, SMOOTH_BINS, floor_filter, level_over_time, minimum_phase, running_median
+from sim.discrepancy.fit import (
+    LONG,
+    SHORT,
+    SMOOTH_BINS,
+    Noise,
+    floor_filter,
+    level_over_time,
+    minimum_phase,
+    running_median,
+)
 
 RATE_HZ = 1000
 
@@ -92,3 +101,15 @@ def test_without_teeth_noise_that_is_loud_while_the_speed_changes_is_noise() -> 
         left[teeth] = float(np.mean(np.convolve(noise, taps)[: noise.size] ** 2))
     assert left[True] > 5.0
     assert 0.6 < left[False] < 0.5 * left[True]
+
+
+def test_one_noise_whitens_signals_of_any_length() -> None:
+    """The next measurement may be shorter than this one: three parts of 8 s of a real axis ended in an error."""
+    rng = np.random.default_rng(6)
+    taps = minimum_phase(1.0 + 4.0 / (1.0 + (np.linspace(0.0, 1.0, 501) / 0.05) ** 2), 400)
+    noise = Noise(taps, np.ones(1))
+    for rows in (8000, 5000, 8000):
+        values = rng.standard_normal(rows)
+        mirrored = np.concatenate([values[taps.size - 1 : 0 : -1], values])
+        expected = lfilter(taps, [1.0], mirrored)[taps.size - 1 :]
+        assert noise.whiten(values, np.zeros(0)) == pytest.approx(expected, abs=1e-9)
