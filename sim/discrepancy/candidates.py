@@ -34,6 +34,8 @@ GAPS = 40  # tried where all else is as described
 HUBER = 3.0
 LINEAR, FAR_FROM_LINEAR = 0.1, 0.03  # of the best promise: less is no rival
 HOPE = 0.5  # of what the form of a model may gain: of 15 parts that swing none gained over twice what was promised
+FAINT, FAINT_TRIES = 8.0, 4  # squares from which what noise may hide is looked at, and how many of them
+NOISE_LIKE = ("structural_resonance", "stribeck_friction")  # by what shakes the load, and by what is left at low speed
 UNSURE = 0.5  # of what friction that was left out must gain, as on it all others hang: less is not tried
 
 
@@ -65,8 +67,9 @@ def try_terms(
     """
     present = {term.key for term in fit.terms}
     candidates = list(terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values)))
-    if only is None or "tooth_damage" in only:
-        candidates += damage_terms(problem, fit)
+    dented = only is None or "tooth_damage" in only
+    if dented:
+        candidates += damage_terms(problem, fit.terms, fit.values)
     if only is None:
         candidates += nameless_terms(problem, fit)
     candidates = [t for t in candidates if t.key not in present and (only is None or t.mechanism in only)]
@@ -85,9 +88,10 @@ def try_terms(
         if begun.get(term.key, 0) < (2 if (term.nonlinear or term.brings) and tries == MOST_TRIES else 1):
             begun[term.key] = begun.get(term.key, 0) + 1
             jobs.append((term, start))
-    loose = (
-        [] if fit.terms else [job for t in candidates if t.mechanism == "backlash" for job in as_described(problem, t)]
-    )
+    loosening = [] if fit.terms else [t for t in candidates if t.mechanism == "backlash"]
+    if dented and not fit.terms and fit.strain > BENT:
+        loosening += damage_terms(problem, (), described(problem))
+    loose = [job for t in loosening for job in as_described(problem, t)]
     refits = each(lambda job: _tried(fit, job[0], _refitted(problem, fit, *job)), jobs)
     refits += each(lambda job: _tried(fit, job[0], problem.best((job[0],), [(job[1], {})], to_end=False)), loose)
     tried = [t for t in refits if t]
@@ -113,6 +117,26 @@ def try_terms(
     return sorted(best.values(), key=lambda r: (-r.gain, r.term.key))
 
 
+def faint(problem: Problem, fit: Fit) -> list[Rival]:
+    """Mechanisms, teeth in contact, of which noise may hide the most; fitted to their end, best first.
+
+    Noise that is taken from a fit without a cause holds what that cause does.
+    """
+    present = {term.key for term in fit.terms}
+    candidates = [
+        t
+        for t in terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values))
+        if t.key not in present and not t.contact and t.mechanism not in NOISE_LIKE
+    ]
+    jobs: dict[str, tuple[Term, Start]] = {}
+    for promised, term, start in screen(problem, fit, candidates):
+        if promised >= FAINT and len(jobs) < FAINT_TRIES:
+            jobs.setdefault(term.key, (term, ({**fit.values, **start}, fit.sensitivities)))
+    fits = each(lambda job: problem.best((*fit.terms, job[0]), [job[1]]), jobs.values())
+    rivals = [_rival(fit, more.terms[-1], more, finished=more) for more in fits if more]
+    return sorted(rivals, key=lambda r: (-r.gain, r.term.key))
+
+
 def _rival(fit: Fit, term: Term, more: Fit, finished: Fit | None = None) -> Rival:
     return Rival(term, fit.cost - more.cost, more.values, beyond(term, more), finished)
 
@@ -122,19 +146,26 @@ def _tried(fit: Fit, term: Term, more: Fit | None) -> Tried | None:
     return None if more is None else (_rival(fit, term, more), more.sensitivities)
 
 
-def as_described(problem: Problem, term: Term) -> list[tuple[Term, Mapping[str, float]]]:
-    """`term` with the gap that explains the data best were all else as described, if one does.
+def described(problem: Problem, terms: Sequence[Term] = ()) -> dict[str, float]:
+    """All numbers as they are described, those of `terms` at none of them."""
+    return {p.name: p.start for p in problem.parameters(terms)}
 
-    A fit without play bends what is described until it stands for the play, and then no gap is any better. Outliers
-    count little: after a while it is chance when teeth hit.
+
+def as_described(problem: Problem, term: Term) -> list[tuple[Term, Mapping[str, float]]]:
+    """`term` with the gap or dent that explains the data best were all else as described, if one does.
+
+    A fit without it bends what is described until it stands for it: then no gap is any better, and a dent is looked for
+    at the wrong tooth. Outliers count little: after a while it is chance when teeth hit.
     """
-    gap, *_ = term.parameters
-    described = {p.name: p.start for p in problem.parameters((term,))}
-    gaps = np.geomspace(0.5 * term.size, max(value for (probe,) in term.probes for value in probe.values()), GAPS)
-    before = huber(problem.residual((), {p.name: p.start for p in problem.parameters(())}))
-    after = each(lambda x: huber(problem.residual((term,), {**described, gap.name: float(x)})), gaps)
+    jumps = [probe for (probe,) in term.probes]
+    if term.mechanism == "backlash":
+        gap, *_ = term.parameters
+        jumps = [{gap.name: float(x)} for x in np.geomspace(0.5 * term.size, max(j[gap.name] for j in jumps), GAPS)]
+    rest = described(problem, (term,))
+    before = huber(problem.residual((), described(problem)))
+    after = each(lambda jump: huber(problem.residual((term,), {**rest, **jump})), jumps)
     best = int(np.argmin(after))
-    return [(term, {gap.name: float(gaps[best])})] if before - after[best] > least_gain(term) else []
+    return [(term, jumps[best])] if before - after[best] > least_gain(term) else []
 
 
 def huber(residual: Array) -> float:
@@ -225,19 +256,19 @@ def elsewhere(problem: Problem, fit: Fit, own: Rival) -> list[Rival]:
     ]
 
 
-def damage_terms(problem: Problem, fit: Fit) -> list[Term]:
-    """Tooth damage where the scan along the wheels proposes it, one place of each gear pair."""
+def damage_terms(problem: Problem, terms: Sequence[Term], values: Mapping[str, float]) -> list[Term]:
+    """Tooth damage where the scan along the wheels proposes it on top of a model, one place of each gear pair."""
     teeth = {k: s.driven_teeth for k, s in enumerate(problem.axis.stages) if s.driven_teeth}
     if not teeth:
         return []
     best: dict[int, Place] = {}
-    for place in sorted(scan(problem, fit, teeth), key=lambda p: -p.gain):
+    for place in sorted(scan(problem, terms, values, teeth), key=lambda p: -p.gain):
         best.setdefault(place.link, place)
     least = max(LEAST_GAIN, LINEAR * max((place.gain for place in best.values()), default=0.0))
-    return [_damage_term(problem, fit, place) for place in best.values() if place.gain >= least]
+    return [_damage_term(problem, place) for place in best.values() if place.gain >= least]
 
 
-def _damage_term(problem: Problem, fit: Fit, place: Place) -> Term:
+def _damage_term(problem: Problem, place: Place) -> Term:
     """A dent at a place, to be tried on a grid around it: contact lost makes it far from linear."""
     stage = problem.axis.stages[place.link]
     pitch = 2.0 * math.pi / (stage.driven_teeth or 1)

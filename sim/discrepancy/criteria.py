@@ -10,7 +10,7 @@ import numpy as np
 from sim.discrepancy.fit import Fit
 from sim.discrepancy.nameless import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED
 from sim.discrepancy.terms import Term
-from sim.discrepancy.weighing import advantage, gain_elsewhere, paired
+from sim.discrepancy.weighing import BLOCKS, advantage, gain_elsewhere, paired
 
 FORM_SHARE = 0.015  # of another's gain: what any law leaves of its form
 LEAVES = {  # the same of laws that leave more or less
@@ -56,6 +56,7 @@ RESTLESS = (FIXED, "electrical_hum", "gravity_imbalance", "torque_offset")  # ga
 HOLDS_T = 1.5
 KEPT_SHARE = 0.33  # of a gain, on rows not seen
 MUCH = {"backlash": 0.02, "tooth_damage": 0.2}  # of the squared residual
+AGAINST = 0.1  # of a gain, which unseen rows by themselves may lose
 LARGEST_LOSS = 3.0  # times the median over blocks
 BEYOND = 2.0  # standard deviations
 TEMPERATURE = 0.3  # model errors make the residual less informative than its whitened length says
@@ -64,13 +65,15 @@ TEMPERATURE = 0.3  # model errors make the residual less informative than its wh
 def penalty(term: Term, rows: int) -> float:
     """Nats that a term must pay: half a log of the rows for each number, and for the places it was looked for.
 
-    Nothing for what every axis has: a description without friction is one that leaves it out.
+    Nothing for what every axis has: a description without friction is one that leaves it out. Nor for numbers of the
+    description that the term only sets free.
     """
     if term.mechanism in LEFT_OUT:
         return 0.0
     looks = 8.0 if term.mechanism == "tooth_damage" else math.log(max(len(term.probes), 1) + 1.0)
     telling = rows / STROKE_ROWS if term.mechanism in OVER_STROKES else rows
-    return 0.5 * len(term.parameters) * math.log(max(telling, 2.0)) + looks
+    own = sum(p.name not in term.replaces for p in term.parameters)
+    return 0.5 * own * math.log(max(telling, 2.0)) + looks
 
 
 def evidence(term: Term, gain: float, rows: int) -> float:
@@ -153,13 +156,17 @@ def holds(term: Term, less: Fit, more: Fit) -> bool:
     By 1.5 standard errors and 2.6 to one in sum, both of signed roots, as in `paired`; or, where an effect acts in a
     few blocks only (low speed, large twist, a tooth that is passed once, both ends of a drift), by a third of what it
     gains on the same blocks where they are seen. A loss counts as three typical blocks at most: it may be the linear
-    refit that fails without that block. What never rests acts in all of them.
+    refit that fails without that block. What never rests acts in all of them. That the description goes back to what
+    is known counts as well, but not against the rows: where they are predicted worse, it is no reason for a term.
     """
     drop = advantage(less, more)
     root = np.sign(drop) * np.sqrt(np.abs(drop))
     even = paired(drop) > HOLDS_T and float(root.sum()) > 0.45 * float(np.abs(root).sum())
-    if even or term.mechanism in RESTLESS:
+    if term.mechanism in RESTLESS:
         return even
     kept = float(np.maximum(drop, -LARGEST_LOSS * np.median(np.abs(drop))).sum())
     fitted = gain_elsewhere(less, more)
-    return fitted > least_gain(term) and kept > KEPT_SHARE * fitted
+    relief = drop.size / BLOCKS * (less.strain - more.strain)
+    if kept - relief < -AGAINST * fitted:
+        return False
+    return even or (fitted > least_gain(term) and kept > KEPT_SHARE * fitted)

@@ -8,6 +8,7 @@ there would explain; summing over the passages of an angle scans all teeth at th
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +16,9 @@ from numpy.typing import NDArray
 from scipy.signal import freqz
 
 from sim.chain_model import Array, Chain
-from sim.discrepancy.fit import Fit, Problem
+from sim.discrepancy.fit import Problem
 from sim.discrepancy.observer import GUIDE_RAD_S
+from sim.discrepancy.terms import Term
 
 Complex = NDArray[np.complex128]
 SPEEDS = 12
@@ -64,11 +66,11 @@ def displacement_response(chain: Chain, frequency_hz: Array, guide: tuple[float,
     return torque, drawn
 
 
-def scan(problem: Problem, fit: Fit, teeth: dict[int, int]) -> list[Place]:
-    """Best place per link and flank; `teeth` of the driven gear by link."""
+def scan(problem: Problem, terms: Sequence[Term], values: Mapping[str, float], teeth: Mapping[int, int]) -> list[Place]:
+    """Best place per link and flank where the model is off with these numbers; `teeth` of the driven gear by link."""
     m = problem.measurement
-    chain = problem.chain(fit.terms, fit.values)
-    torque, guide = problem.raw_residuals(fit.terms, fit.values)
+    chain = problem.chain(terms, values)
+    torque, guide = problem.raw_residuals(terms, values)
     stride = m.load_stride
     count = torque.size // stride * stride
     frequency = np.asarray(np.fft.rfftfreq(count, 1.0 / m.rate_hz), dtype=np.float64)
@@ -85,7 +87,7 @@ def scan(problem: Problem, fit: Fit, teeth: dict[int, int]) -> list[Place]:
         second = np.fft.rfft(whitened[torque.size : torque.size + count // stride])
         slow = freqz(problem.noise.guide, worN=turn[: second.size] * stride)[1]
     places = []
-    load = np.sign(torque_sign(problem, chain, fit))[:count]
+    load = np.sign(torque_sign(problem, chain))[:count]
     for k, number in teeth.items():
         spectrum = np.conj(filter_torque[k]) * first
         power = np.abs(filter_torque[k]) ** 2
@@ -102,7 +104,7 @@ def scan(problem: Problem, fit: Fit, teeth: dict[int, int]) -> list[Place]:
     return places
 
 
-def torque_sign(problem: Problem, chain: Chain, fit: Fit) -> Array:
+def torque_sign(problem: Problem, chain: Chain) -> Array:
     """Torque that the first mesh transmits [N m]: which flank carries."""
     m = problem.measurement
     shaft = chain.shafts[0]

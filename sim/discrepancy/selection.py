@@ -17,6 +17,7 @@ from sim.discrepancy.candidates import (
     Rival,
     bottomed,
     elsewhere,
+    faint,
     settled,
     try_terms,
 )
@@ -63,6 +64,7 @@ SWAP_SHARE = 0.5  # of the gain of what came in
 LEAST_SWAP = 10.0  # drop of the squared residual
 LARGE = 0.01  # of the squared residual: what brings less waits until slow noise is known
 PLENTY = 0.1  # of the squared residual: a term whose lack costs more after a few steps is not needless
+SURE, MOST_HIDDEN = 1.0, 2  # tempered nats of what noise has hidden, and how many of those
 ENOUGH = 0.0  # tempered nats that a term must bring
 MORE = 4.0  # the same for what is as new or has no name: it only stands aside
 
@@ -228,11 +230,40 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     fit, rivals = swap(problem, fit, rivals, entered)
     problem, fit, nearly = turned(problem, fit, nearly)
     problem, fit, gains = prune(problem, bottomed(problem, fit), strict=True)
+    for _ in range(MOST_HIDDEN):
+        hidden = unmasked(problem, fit, gains, entered)
+        if hidden is None:
+            break
+        problem, fit, gains, best, others = hidden
+        rivals = {**rivals, best.term.key: others}
+        nearly = {**nearly, best.term.key: near(best, others)}
     in_place = {key: [(r.term, r.values) for r in likely(tried)] for key, tried in rivals.items()}
     found = tuple(t for t in fit.terms if t.named and beyond(t, fit) > BEYOND)
     standing = standings(problem, fit, found, gains, in_place)
     standing |= {t.key: evened(problem, fit, t, standing[t.key], nearly.get(t.key, [])) for t in found}
     return Selection(problem, base, fit, gains, rivals, rejected, found, standing)
+
+
+Unmasked = tuple[Problem, Fit, dict[str, float], Rival, tuple[Rival, ...]]
+
+
+def unmasked(problem: Problem, fit: Fit, gains: Mapping[str, float], entered: Mapping[str, float]) -> Unmasked | None:
+    """The model with a mechanism that stands once noise is taken from its own fit, beside all that stood before.
+
+    With what it gains there, and all that was tried; None where there is none. Where teeth hit none is looked for.
+    """
+    if problem.hits(fit.terms) or problem.runs.count > LAST_RUNS or problem.memory != LONG:
+        return None
+    stood = {t.key for t in fit.terms if t.named}
+    tried = faint(problem, fit)
+    for best in [r for r in tried if r.beyond > BEYOND]:
+        anew, more = rewhiten(*afresh(*rewhiten(problem, best.finished or fit)))
+        anew, more, kept = prune(anew, more, strict=True)
+        gain = kept.get(best.term.key, 0.0)
+        worth = evidence(best.term, gain, more.residual.size)
+        if stood <= kept.keys() and worth > SURE and not is_form(best.term, gain, entered):
+            return anew, more, kept, best, tuple(replace(r, finished=None) for r in tried)
+    return None
 
 
 def near(best: Rival, tried: Sequence[Rival]) -> list[Rival]:
@@ -360,14 +391,18 @@ class Entry:
 
 
 def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
-    """The best candidate that stays once the noise is taken anew; the next best where one does not."""
+    """The best candidate that stays once the noise is taken anew; the next best where one does not.
+
+    Beside teeth that hit, what bends the description further stands for the error of their form.
+    """
     for _ in range(MOST_ENTRIES):
         new, more = entering(problem, fit, tried)
         if more is None:
             break
         wider, more = afresh(*rewhiten(problem, more))
         wider, more, gains = prune(wider, more, strict=False)
-        if new[0].term.key in gains:
+        best = new[0].term
+        if best.key in gains and not (problem.hits(fit.terms) and bends(best, fit, more, gains[best.key])):
             brought = {r.term.key: r.gain if r.term.named else max(r.gain, gains.get(r.term.key, 0.0)) for r in new}
             return Entry(new, wider, more, brought)
         tried = [r for r in tried if r.term.key != new[0].term.key]
@@ -454,6 +489,12 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
     return problem, fit, {}
 
 
+def beside(problem: Problem, fit: Fit, rival: Rival) -> Fit:
+    """`fit` with a rival on top of all else."""
+    own = {p.name: rival.values[p.name] for p in rival.term.parameters}
+    return problem.fit((*fit.terms, rival.term), {**fit.values, **own}, held=fit.sensitivities, to_end=True)
+
+
 def swap(
     problem: Problem,
     fit: Fit,
@@ -463,7 +504,8 @@ def swap(
 ) -> tuple[Fit, Mapping[str, tuple[Rival, ...]]]:
     """Put in place of a mechanism one that was close to it when it came in, where that is better now.
 
-    What comes in first is chosen while other things are still missing. Of two that explain as much, the one that does
+    What comes in first is chosen while other things are still missing. What is as new takes no place: it comes in
+    beside the other, and what it makes needless is taken away later. Of two that explain as much, the one that does
     better on unseen blocks. Rivals keep the numbers of their last fit. `entered`: what terms gained when they came in.
     """
     for term in fit.terms:
@@ -497,7 +539,7 @@ def swap(
             even = abs(other.cost - best.cost) < LEAST_SWAP and paired(advantage(best, other)) > margin
             as_new = beyond(rival.term, other) <= BEYOND  # it would have come in by itself
             if other.cost < best.cost - LEAST_SWAP or (even and not as_new):
-                best = other
+                best = beside(problem, fit, rival) if as_new else other
         rivals = {**rivals, term.key: tuple(sorted(tried.values(), key=lambda r: (-r.gain, r.term.key)))}
         if most and best is not fit:
             rivals = {**rivals, best.terms[-1].key: rivals[term.key]}

@@ -11,6 +11,7 @@ import pytest
 
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis, MechanismEntry, read_axis
+from sim.discrepancy.candidates import as_described, damage_terms, described
 from sim.discrepancy.catalogue import tooth_damage
 from sim.discrepancy.condition import examine
 from sim.discrepancy.described import Described
@@ -72,10 +73,25 @@ def test_the_scan_finds_the_tooth_by_all_channels(load_encoder: bool, flank: int
     described = {p.name: p.start for p in problem.base()}
     problem.hide(term, {**described, depth: 1e-5, place: angle, width: 1.2 * PITCH, form: 2.0})
     fit = problem.fit(iterations=0)
-    best = max(scan(problem, fit, {0: TEETH}), key=lambda p: p.gain)
+    best = max(scan(problem, fit.terms, fit.values, {0: TEETH}), key=lambda p: p.gain)
     assert best.flank == flank
     assert abs(math.remainder(best.angle_rad - angle, 2.0 * math.pi)) < 0.15 * PITCH
     assert best.gain == pytest.approx(fit.misfit, rel=0.25)
+
+
+def test_a_deep_dent_is_looked_for_with_all_else_as_described() -> None:
+    """A description that is bent until it stands for the dent leads to another tooth; without a dent there is none."""
+    problem = Dented(axis(), measured(load_encoder=True), Noise.flat(0.01, 0.05))
+    angle = -20.3 * PITCH
+    term = tooth_damage("output", 0, TEETH, 1, angle, (), 0.0, 1e-2)
+    depth, place, width, form = (p.name for p in term.parameters)
+    problem.hide(term, {**described(problem), depth: 0.0, place: angle, width: 1.2 * PITCH, form: 2.0})
+    assert [job for t in damage_terms(problem, (), described(problem)) for job in as_described(problem, t)] == []
+    problem.hide(term, {**described(problem), depth: 2e-4, place: angle, width: 1.2 * PITCH, form: 2.0})
+    ((found, start),) = [job for t in damage_terms(problem, (), described(problem)) for job in as_described(problem, t)]
+    at, deep = (start[p.name] for p in (found.parameters[1], found.parameters[0]))
+    assert abs(math.remainder(at - angle, 2.0 * math.pi)) < 0.3 * PITCH
+    assert deep == pytest.approx(2e-4, rel=0.6)
 
 
 def test_a_dent_that_was_found_is_the_same_dent_in_the_extended_axis() -> None:

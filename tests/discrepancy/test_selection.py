@@ -8,14 +8,26 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import lsq_linear
-from scipy.signal import lsim
+from scipy.signal import lfilter, lsim
 from scipy.stats import chi2
 
+from casebase.signals.telemetry import Telemetry
 from sim.axis import read_axis
 from sim.chain_model import Array, Chain, Shaft
 from sim.discrepancy.candidates import Rival
 from sim.discrepancy.catalogue import SHARP, SOFTEST, terms_of
-from sim.discrepancy.criteria import LEAST_GAINS, bends, evidence, holds, is_form, matters, needs_no_trial, wanted
+from sim.discrepancy.condition import examine
+from sim.discrepancy.criteria import (
+    LEAST_GAINS,
+    bends,
+    evidence,
+    holds,
+    is_form,
+    matters,
+    needs_no_trial,
+    penalty,
+    wanted,
+)
 from sim.discrepancy.entries import swing
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.investigation import investigate, told_apart
@@ -24,7 +36,7 @@ from sim.discrepancy.model import base_parameters, loss_parameters, nuisance_of
 from sim.discrepancy.nameless import FIXED, line_of
 from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.screening import least_squares_within
-from sim.discrepancy.selection import Selection, calibrate, likely
+from sim.discrepancy.selection import Selection, calibrate, likely, look_closely, unmasked
 from sim.discrepancy.size import magnitude
 from sim.discrepancy.terms import Term
 from tests.discrepancy.telemetry_of import RATE_HZ, geared, one_body
@@ -260,6 +272,53 @@ def test_friction_that_drifts_is_seen_at_both_ends() -> None:
     less, more = leaving(quiet + drift), leaving(quiet + middle)
     assert holds(TERMS["friction_drift"], less, more)
     assert not holds(replace(TERMS["friction_drift"], mechanism=FIXED), less, more)
+
+
+def test_rows_that_are_predicted_worse_speak_against_a_term_that_lets_the_description_go_back() -> None:
+    """A delay that stood for something without a name took 140 squares of strain away and brought 64 to the rows."""
+    rng = np.random.default_rng(9)
+    quiet = rng.standard_normal(15_000)
+
+    def fitted(scale: float, strain: float) -> Fit:
+        left = scale * quiet
+        return Fit((), (), {}, left, np.zeros((15_000, 0)), float(left @ left) + strain, 15_000)
+
+    bent = fitted(1.0, 200.0)
+    assert holds(TERMS["time_delay"], bent, fitted(1.0, 50.0))
+    assert holds(TERMS["time_delay"], bent, fitted(0.998, 50.0))
+    assert not holds(TERMS["time_delay"], bent, fitted(1.002, 50.0))
+
+
+def test_numbers_that_the_description_has_anyway_cost_nothing_where_they_are_set_free() -> None:
+    rows = 20_000
+    own = replace(TERMS["mesh_error"], replaces=())
+    free = replace(own, replaces=tuple(p.name for p in own.parameters[:2]))
+    assert penalty(own, rows) - penalty(free, rows) == pytest.approx(math.log(rows))
+
+
+@pytest.mark.parametrize("weight_n_m", [0.0, 0.02])
+def test_a_small_cause_under_slow_noise_is_found_once_noise_is_taken_from_its_own_fit(weight_n_m: float) -> None:
+    """Weight of two fifths of the noise, which is as slow as the motion."""
+    time, angle, speed, acceleration = motion(24.0)
+    rng = np.random.default_rng(1)
+    pole = math.exp(-2.0 * math.pi * 2.0 / RATE_HZ)
+    slow = lfilter([math.sqrt(1.0 - pole**2)], [1.0, -pole], rng.standard_normal(time.size + 3000))[3000:]
+    noise = 0.05 * slow + 0.03 * rng.standard_normal(time.size)
+    torque = 0.01 * acceleration + np.tanh(speed / 0.01) + 0.02 * speed + weight_n_m * np.sin(angle + 0.3) + noise
+    rubs = {"coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.02}
+    axis = read_axis({"motor": {"inertia_kg_m2": 0.01, **rubs}, "load": {"inertia_kg_m2": 1e-9}})
+    channels = {"motor_torque_nm": torque, "motor_position_rad": angle + 1e-6 * rng.standard_normal(time.size)}
+    measured = examine(axis, Telemetry(time, channels)).measurement
+    problem, fit = look_closely(*calibrate(Problem(axis, measured, Noise.flat(0.1, 1.0))))
+    hidden = unmasked(problem, fit, {}, {})
+    if not weight_n_m:
+        assert hidden is None
+        return
+    assert hidden is not None
+    _, more, gains, best, _ = hidden
+    assert [t.key for t in more.terms] == ["gravity_imbalance@load"] == list(gains)
+    assert gains[best.term.key] > best.gain  # noise taken without it had held some of it
+    assert best.term.report(more.values)["torque_n_m"] == pytest.approx(weight_n_m, rel=0.3)
 
 
 def test_runout_at_the_load_is_held_against_what_is_as_new_together_with_the_error_of_its_encoder() -> None:
