@@ -28,6 +28,8 @@ BENT = 60.0  # squared deviations of what is described from what the fit makes o
 LEFT = 0.1  # depth of a dent over the working twist
 OTHER_DENTS = ((2.0, 0.5), (0.7, 1.3))  # times as deep and as wide: where its bottom is left, a fit may begin there
 BOTTOMS = ((1.0, 1.2, 2.0), (1.3, 1.2, 2.0), (1.6, 1.2, 2.0), (2.0, 1.2, 2.0))  # times as deep, as wide, and the form
+SHALLOWER = ((1.0, 1.0), (0.7, 1.0), (0.5, 1.0), (0.3, 1.3))  # times as deep and as wide
+FORM_POWER = 10.0  # of the noise, where a dent bends the description: what its form is off by
 GROWTH = 5.0  # standard deviations by which a size may grow while its fit is finished: of 45 at -3 or less none did
 FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
 GAPS = 40  # tried where all else is as described
@@ -218,6 +220,29 @@ def bottomed(problem: Problem, fit: Fit) -> Fit:
             ]
     anew = problem.best(fit.terms, starts)
     return anew if anew and anew.cost < fit.cost else fit
+
+
+def firm(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
+    """`fit` for its numbers: where a dent bends the description far, rows count less than what is known of it.
+
+    Teeth that leave each other in a dent say little of its bottom, and the squares by which one form of it is better
+    than another are made by bending all other numbers.
+    """
+    dents = [t for t in fit.terms if t.mechanism == "tooth_damage"]
+    if not dents or fit.strain <= BENT:
+        return problem, fit
+    own = {p.name: fit.values[p.name] for term in fit.terms for p in term.parameters}
+    starts: list[Start] = []
+    for deep, wide in SHALLOWER:
+        start = dict(own)
+        for depth, _, width, form in (t.parameters for t in dents):
+            start[depth.name] *= deep
+            start[width.name] *= wide
+            start[form.name] = start[form.name] if deep == 1.0 else form.start
+        starts.append((start, {}))
+    rough = problem.with_noise(problem.noise.louder(FORM_POWER))
+    anew = rough.best(fit.terms, starts)
+    return (rough, anew) if anew else (problem, fit)
 
 
 def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:

@@ -86,6 +86,10 @@ class Noise:
     def flat(torque_sd: float, guide_sd: float) -> Noise:
         return Noise(np.array([1.0 / torque_sd]), np.array([1.0 / guide_sd]))
 
+    def louder(self, power: float) -> Noise:
+        """The same of more power."""
+        return Noise(self.torque / math.sqrt(power), self.guide / math.sqrt(power), self.torque_level, self.guide_level)
+
     def whiten(self, torque: Array, guide: Array) -> Array:
         """Both residuals in one row, white and of unit level."""
         first = self._filtered("torque", torque) / self.torque_level
