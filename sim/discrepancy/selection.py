@@ -233,12 +233,12 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     problem, fit, nearly = turned(problem, fit, nearly)
     problem, fit, gains = prune(problem, bottomed(problem, fit), strict=True)
     for _ in range(MOST_HIDDEN):
-        hidden = unmasked(problem, fit, gains, entered)
-        if hidden is None:
+        tried, entry = unmasked(problem, fit, entered)
+        problem, fit, gains = entry.problem, entry.fit, dict(entry.brought) or gains
+        rivals = {**rivals, **{r.term.key: tuple(tried) for r in entry.new}}
+        nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
+        if not entry.new:
             break
-        problem, fit, gains, best, others = hidden
-        rivals = {**rivals, best.term.key: others}
-        nearly = {**nearly, best.term.key: near(best, others)}
     in_place = {key: [(r.term, r.values) for r in likely(tried)] for key, tried in rivals.items()}
     found = tuple(t for t in fit.terms if t.named and beyond(t, fit) > BEYOND)
     standing = standings(problem, fit, found, gains, in_place)
@@ -246,26 +246,24 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
     return Selection(problem, base, fit, gains, rivals, rejected, found, standing)
 
 
-Unmasked = tuple[Problem, Fit, dict[str, float], Rival, tuple[Rival, ...]]
+def unmasked(problem: Problem, fit: Fit, entered: Mapping[str, float]) -> tuple[list[Rival], Entry]:
+    """What was tried, and of it what stands once noise is taken from its own fit, beside all that stands in `fit`.
 
-
-def unmasked(problem: Problem, fit: Fit, gains: Mapping[str, float], entered: Mapping[str, float]) -> Unmasked | None:
-    """The model with a mechanism that stands once noise is taken from its own fit, beside all that stood before.
-
-    With what it gains there, and all that was tried; None where there is none. Where teeth hit none is looked for.
+    What each then gains is told of all of them. Where teeth hit none is looked for.
     """
     if problem.hits(fit.terms) or problem.runs.count > LAST_RUNS or problem.memory != LONG:
-        return None
+        return [], Entry((), problem, fit)
     stood = {t.key for t in fit.terms if t.named}
-    tried = faint(problem, fit)
-    for best in [r for r in tried if r.beyond > BEYOND]:
+    finished = faint(problem, fit)
+    tried = [replace(r, finished=None) for r in finished]
+    for best in [r for r in finished if r.beyond > BEYOND]:
         anew, more = rewhiten(*afresh(*rewhiten(problem, best.finished or fit)))
-        anew, more, kept = prune(anew, more, strict=True)
-        gain = kept.get(best.term.key, 0.0)
+        anew, more, gains = prune(anew, more, strict=True)
+        gain = gains.get(best.term.key, 0.0)
         worth = evidence(best.term, gain, more.residual.size)
-        if stood <= kept.keys() and worth > SURE and not is_form(best.term, gain, entered):
-            return anew, more, kept, best, tuple(replace(r, finished=None) for r in tried)
-    return None
+        if stood <= gains.keys() and worth > SURE and not is_form(best.term, gain, entered):
+            return tried, Entry([replace(best, finished=None)], anew, more, gains)
+    return tried, Entry((), problem, fit)
 
 
 def near(best: Rival, tried: Sequence[Rival]) -> list[Rival]:

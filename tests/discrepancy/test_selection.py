@@ -310,15 +310,14 @@ def test_a_small_cause_under_slow_noise_is_found_once_noise_is_taken_from_its_ow
     channels = {"motor_torque_nm": torque, "motor_position_rad": angle + 1e-6 * rng.standard_normal(time.size)}
     measured = examine(axis, Telemetry(time, channels)).measurement
     problem, fit = look_closely(*calibrate(Problem(axis, measured, Noise.flat(0.1, 1.0))))
-    hidden = unmasked(problem, fit, {}, {})
+    _, entry = unmasked(problem, fit, {})
     if not weight_n_m:
-        assert hidden is None
+        assert not entry.new
         return
-    assert hidden is not None
-    _, more, gains, best, _ = hidden
-    assert [t.key for t in more.terms] == ["gravity_imbalance@load"] == list(gains)
-    assert gains[best.term.key] > best.gain  # noise taken without it had held some of it
-    assert best.term.report(more.values)["torque_n_m"] == pytest.approx(weight_n_m, rel=0.3)
+    (best,) = entry.new
+    assert [t.key for t in entry.fit.terms] == [best.term.key] == ["gravity_imbalance@load"]
+    assert entry.brought[best.term.key] > best.gain  # noise taken without it had held some of it
+    assert best.term.report(entry.fit.values)["torque_n_m"] == pytest.approx(weight_n_m, rel=0.3)
 
 
 def test_runout_at_the_load_is_held_against_what_is_as_new_together_with_the_error_of_its_encoder() -> None:
