@@ -226,10 +226,10 @@ def firm(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """`fit` for its numbers: where a dent bends the description far, rows count less than what is known of it.
 
     Teeth that leave each other in a dent say little of its bottom, and the squares by which one form of it is better
-    than another are made by bending all other numbers.
+    than another are made by bending all other numbers. Without an encoder at the load it is no better known so.
     """
     dents = [t for t in fit.terms if t.mechanism == "tooth_damage"]
-    if not dents or fit.strain <= BENT:
+    if not dents or not problem.guided or fit.strain <= BENT:
         return problem, fit
     own = {p.name: fit.values[p.name] for term in fit.terms for p in term.parameters}
     starts: list[Start] = []
