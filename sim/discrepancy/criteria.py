@@ -37,6 +37,7 @@ OF_STRAIN = {  # what must be gained over what the description is bent by beyond
 BENDING = 20.0  # gain over what the description is bent by more with a term: less, and the term stands for another
 ERRORS = ("mesh_error", "eccentricity", AS_NEW)  # every new axis has them, if small
 CONSTANT = ("torque_offset",)  # known beforehand within a little: what it gains over that is no error of a form
+OFFSETS = ("torque_offset", "friction_asymmetry")  # the same torque while anything moves, and a number in every model
 LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
 LEAST_SHARE = 0.0006  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
@@ -157,7 +158,8 @@ def holds(term: Term, less: Fit, more: Fit) -> bool:
     few blocks only (low speed, large twist, a tooth that is passed once, both ends of a drift), by a third of what it
     gains on the same blocks where they are seen. A loss counts as three typical blocks at most: it may be the linear
     refit that fails without that block. What never rests acts in all of them. That the description goes back to what
-    is known counts as well, but not against the rows: where they are predicted worse, it is no reason for a term.
+    is known counts as well, but not against the rows: where they are predicted worse, it is no reason for a term. For
+    what every model has a number of, known beforehand, it is the reason.
     """
     drop = advantage(less, more)
     root = np.sign(drop) * np.sqrt(np.abs(drop))
@@ -167,6 +169,6 @@ def holds(term: Term, less: Fit, more: Fit) -> bool:
     kept = float(np.maximum(drop, -LARGEST_LOSS * np.median(np.abs(drop))).sum())
     fitted = gain_elsewhere(less, more)
     relief = drop.size / BLOCKS * (less.strain - more.strain)
-    if kept - relief < -AGAINST * fitted:
+    if term.mechanism not in OFFSETS and kept - relief < -AGAINST * fitted:
         return False
     return even or (fitted > least_gain(term) and kept > KEPT_SHARE * fitted)
