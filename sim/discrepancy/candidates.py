@@ -28,7 +28,7 @@ BENT = 60.0  # squared deviations of what is described from what the fit makes o
 LEFT = 0.1  # depth of a dent over the working twist
 OTHER_DENTS = ((2.0, 0.5), (0.7, 1.3))  # times as deep and as wide: where its bottom is left, a fit may begin there
 BOTTOMS = ((1.0, 1.2, 2.0), (1.3, 1.2, 2.0), (1.6, 1.2, 2.0), (2.0, 1.2, 2.0))  # times as deep, as wide, and the form
-SHALLOWER = ((1.0, 1.0), (0.7, 1.0), (0.5, 1.0), (0.3, 1.3))  # times as deep and as wide
+SHALLOWER = ((0.7, 1.0), (0.5, 1.0), (0.3, 1.3))  # times as deep and as wide
 FORM_POWER = 10.0  # of the noise, where a dent bends the description: what its form is off by
 GROWTH = 5.0  # standard deviations by which a size may grow while its fit is finished: of 45 at -3 or less none did
 FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
@@ -92,7 +92,7 @@ def try_terms(
             jobs.append((term, start))
     loosening = [] if fit.terms else [t for t in candidates if t.mechanism == "backlash"]
     if dented and not fit.terms and fit.strain > BENT:
-        loosening += damage_terms(problem, (), described(problem))
+        loosening += damage_terms(problem, (), problem.numbers())
     loose = [job for t in loosening for job in as_described(problem, t)]
     refits = each(lambda job: _tried(fit, job[0], _refitted(problem, fit, *job)), jobs)
     refits += each(lambda job: _tried(fit, job[0], problem.best((job[0],), [(job[1], {})], to_end=False)), loose)
@@ -148,11 +148,6 @@ def _tried(fit: Fit, term: Term, more: Fit | None) -> Tried | None:
     return None if more is None else (_rival(fit, term, more), more.sensitivities)
 
 
-def described(problem: Problem, terms: Sequence[Term] = ()) -> dict[str, float]:
-    """All numbers as they are described, those of `terms` at none of them."""
-    return {p.name: p.start for p in problem.parameters(terms)}
-
-
 def as_described(problem: Problem, term: Term) -> list[tuple[Term, Mapping[str, float]]]:
     """`term` with the gap or dent that explains the data best were all else as described, if one does.
 
@@ -163,8 +158,8 @@ def as_described(problem: Problem, term: Term) -> list[tuple[Term, Mapping[str, 
     if term.mechanism == "backlash":
         gap, *_ = term.parameters
         jumps = [{gap.name: float(x)} for x in np.geomspace(0.5 * term.size, max(j[gap.name] for j in jumps), GAPS)]
-    rest = described(problem, (term,))
-    before = huber(problem.residual((), described(problem)))
+    rest = problem.numbers((term,))
+    before = huber(problem.residual((), problem.numbers()))
     after = each(lambda jump: huber(problem.residual((term,), {**rest, **jump})), jumps)
     best = int(np.argmin(after))
     return [(term, jumps[best])] if before - after[best] > least_gain(term) else []
@@ -185,24 +180,26 @@ def settled(
     leave before its bottom may be deeper and narrower as well, or shallower and wider.
     """
     fit = problem.fit(terms, values, held=held, to_end=True)
-    own = {p.name: fit.values[p.name] for term in terms for p in term.parameters}
-    starts: list[Start] = [(own, {})] if fit.strain > BENT else []
+    starts: list[Start] = [(fit.own, {})] if fit.strain > BENT else []
     for term in terms:
         if term.mechanism == "tooth_damage":
-            starts += [({**own, **other}, {}) for other in _other_dents(term, own)]
+            starts += [({**fit.own, **other}, {}) for other in _other_dents(term, fit.own)]
     anew = problem.best(terms, starts)
     return anew if anew and anew.cost < fit.cost else fit
 
 
 def _other_dents(term: Term, values: Mapping[str, float]) -> list[dict[str, float]]:
     """Numbers of dents that leave contact about as long as the one found, where its bottom is left."""
-    depth, _, width, form = term.parameters
+    depth, _, _, form = term.parameters
     if values[depth.name] <= LEFT * depth.high:
         return []
-    return [
-        {depth.name: deeper * values[depth.name], width.name: wider * values[width.name], form.name: form.start}
-        for deeper, wider in OTHER_DENTS
-    ]
+    return [_reshaped(term, values, deeper, wider, form.start) for deeper, wider in OTHER_DENTS]
+
+
+def _reshaped(term: Term, values: Mapping[str, float], deeper: float, wider: float, bulge: float) -> dict[str, float]:
+    """Numbers of a dent so many times as deep and as wide, of another form."""
+    depth, _, width, form = (p.name for p in term.parameters)
+    return {depth: deeper * values[depth], width: wider * values[width], form: bulge}
 
 
 def bottomed(problem: Problem, fit: Fit) -> Fit:
@@ -213,11 +210,7 @@ def bottomed(problem: Problem, fit: Fit) -> Fit:
     starts: list[Start] = []
     for term in fit.terms:
         if term.mechanism == "tooth_damage":
-            depth, _, width, form = (p.name for p in term.parameters)
-            starts += [
-                ({**fit.values, depth: deeper * fit.values[depth], width: wider * fit.values[width], form: bulge}, {})
-                for deeper, wider, bulge in BOTTOMS
-            ]
+            starts += [({**fit.values, **_reshaped(term, fit.values, *shape)}, {}) for shape in BOTTOMS]
     anew = problem.best(fit.terms, starts)
     return anew if anew and anew.cost < fit.cost else fit
 
@@ -231,14 +224,11 @@ def firm(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     dents = [t for t in fit.terms if t.mechanism == "tooth_damage"]
     if not dents or not problem.guided or fit.strain <= BENT:
         return problem, fit
-    own = {p.name: fit.values[p.name] for term in fit.terms for p in term.parameters}
-    starts: list[Start] = []
-    for deep, wide in SHALLOWER:
-        start = dict(own)
-        for depth, _, width, form in (t.parameters for t in dents):
-            start[depth.name] *= deep
-            start[width.name] *= wide
-            start[form.name] = start[form.name] if deep == 1.0 else form.start
+    starts: list[Start] = [(fit.own, {})]
+    for deeper, wider in SHALLOWER:
+        start = fit.own
+        for term in dents:
+            start |= _reshaped(term, fit.own, deeper, wider, term.parameters[-1].start)
         starts.append((start, {}))
     rough = problem.with_noise(problem.noise.louder(FORM_POWER))
     anew = rough.best(fit.terms, starts)

@@ -37,7 +37,7 @@ OF_STRAIN = {  # what must be gained over what the description is bent by beyond
 BENDING = 20.0  # gain over what the description is bent by more with a term: less, and the term stands for another
 ERRORS = ("mesh_error", "eccentricity", AS_NEW)  # every new axis has them, if small
 CONSTANT = ("torque_offset",)  # known beforehand within a little: what it gains over that is no error of a form
-OFFSETS = ("torque_offset", "friction_asymmetry")  # the same torque while anything moves, and a number in every model
+LIKE_AN_OFFSET = ("friction_asymmetry",)  # the same torque while anything moves, and every model has an offset
 LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
 LEAST_SHARE = 0.0006  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
@@ -169,6 +169,6 @@ def holds(term: Term, less: Fit, more: Fit) -> bool:
     kept = float(np.maximum(drop, -LARGEST_LOSS * np.median(np.abs(drop))).sum())
     fitted = gain_elsewhere(less, more)
     relief = drop.size / BLOCKS * (less.strain - more.strain)
-    if term.mechanism not in OFFSETS and kept - relief < -AGAINST * fitted:
+    if term.mechanism not in LIKE_AN_OFFSET and kept - relief < -AGAINST * fitted:
         return False
     return even or (fitted > least_gain(term) and kept > KEPT_SHARE * fitted)

@@ -150,6 +150,11 @@ class Fit:
         return self.cost - self.misfit
 
     @property
+    def own(self) -> dict[str, float]:
+        """What the terms have of their own of all numbers."""
+        return {p.name: self.values[p.name] for term in self.terms for p in term.parameters}
+
+    @property
     def at_limit(self) -> NDArray[np.bool_]:
         """Which parameters lie as low or as high as they may, shape (p,)."""
         return np.array([not p.low < self.values[p.name] < p.high for p in self.parameters], dtype=np.bool_)
@@ -237,7 +242,7 @@ class Problem:
         inertia = chain_of(self.axis, {}).shafts[0].inertia_kg_m2
         self._describe()
         self.observer = Observer(self.measurement, max(self.axis.load.inertia_kg_m2, 1e-12), inertia)
-        start = {p.name: p.start for p in self.base()}
+        start = self.numbers()
         self.observer.learn_noise(chain_of(self.axis, start), nuisance_of(start), hits=self.hits(()))
 
     def _describe(self) -> None:
@@ -275,6 +280,10 @@ class Problem:
         kept = {p.name: p for p in self.base() if p.name not in gone}
         brought = {p.name: p for term in terms for p in term.brings}
         return tuple({**kept, **brought}.values()) + tuple(p for term in terms for p in term.parameters)
+
+    def numbers(self, terms: Sequence[Term] = ()) -> dict[str, float]:
+        """All parameters as they are described, those of `terms` at none of them."""
+        return {p.name: p.start for p in self.parameters(terms)}
 
     def raw_residuals(
         self, terms: Sequence[Term], values: Mapping[str, float], *, weighted: bool = True
@@ -436,7 +445,7 @@ class Problem:
         other = copy(self)
         other.observer = copy(self.observer)
         terms = tuple(t for t in fit.terms if not t.contact)
-        values = {p.name: p.start for p in self.parameters(terms)} | dict(fit.values)
+        values = self.numbers(terms) | dict(fit.values)
         other.observer.learn_noise(self.chain(terms, values), nuisance_of(values), hits=self.hits(fit.terms))
         return other.with_noise(other.noise_of(fit))
 

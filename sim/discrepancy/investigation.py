@@ -41,8 +41,8 @@ SAID = 0.5  # probability from which a name is said
 UNREACHED = 0.5  # of the torque: a model that leaves more says nothing of the axis
 SOLID = ("inertia_kg_m2", "stiffness_n_m_per_rad")  # what no data sheet is far wrong in
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
-STANDS_OUT = 2.0  # the same, where something is left whatever its place: without a cause 1.3 in 117 recordings at most
-FAR_BENT = 120.0  # squared deviations of what is described: a model that needs more is not adequate
+NOT_NOISE = 2.0  # the same, where something is left whatever its place: without a cause 1.3 in 117 recordings at most
+MOST_STRAIN = 120.0  # squared deviations of what is described: a model that needs more is not adequate
 Progress = Callable[[str, float], None]
 UNITS = {
     "_rad": "rad", "_n_m": "N m", "_rad_s": "rad/s", "_per_s": "1/s", "_per_rad2": "1/rad2",
@@ -233,7 +233,7 @@ def _loud(axis: Axis, found: Sequence[Term]) -> list[float]:
 
 def left(places: Sequence[Unexplained], fit: Fit) -> list[Unexplained]:
     """What stands out of the residual; where all of it is above its noise, its strongest place."""
-    far = fit.misfit > STANDS_OUT * fit.residual.size
+    far = fit.misfit > NOT_NOISE * fit.residual.size
     return [u for u in places if stands_out(u)] or (list(places[:1]) if far else [])
 
 
@@ -256,12 +256,15 @@ def _sound_alone(axis: Axis, sounds: Sequence[Recording], progress: Progress) ->
     )  # fmt: skip
 
 
+def lacking(fit: Fit) -> float:
+    """Squares by which the best model is not adequate: far above the noise, or only with a description bent far."""
+    return max(0.0, fit.misfit - FAR * fit.residual.size) + max(0.0, fit.strain - MOST_STRAIN)
+
+
 def _finding(selection: Selection, term: Term) -> Finding:
     """The probability is that of the name or one of those that it cannot be told from, wherever it acts."""
     fit, standing = selection.fit, selection.standings[term.key]
     duration = float(selection.problem.measurement.time_s[-1])
-    # the best model is not adequate: far above the noise, or only with a description bent far
-    far = max(0.0, fit.misfit - FAR * fit.residual.size) + max(0.0, fit.strain - FAR_BENT)
     alike = looks_like(selection.problem, term)
     near = {r.mechanism for r, t in standing.rivals if is_close(t)} - {term.mechanism, *alike}
     close = [*alike, *sorted(near)][:2]
@@ -274,7 +277,7 @@ def _finding(selection: Selection, term: Term) -> Finding:
         for r, t in standing.rivals
         if t > 0.0 and r.mechanism not in (term.mechanism, *close) and r.key in brought and term.key in brought
     }
-    seen = Evidence(standing.share, others, (standing.shared + far) / standing.gain)
+    seen = Evidence(standing.share, others, (standing.shared + lacking(fit)) / standing.gain)
     return Finding(
         term.mechanism, term.location, probability(seen), term_estimates(fit, term, duration), tuple(close),
         explain(term.mechanism, term.location, term.report(fit.values), elsewhere, instead), seen, elsewhere,

@@ -118,9 +118,8 @@ def afresh(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """
     if fit.strain <= BENT:
         return problem, fit
-    own = {p.name: fit.values[p.name] for term in fit.terms for p in term.parameters}
     near = {p.name: fit.values[p.name] for p in fit.parameters if p.deviation(fit.values) < FAR_BENT}
-    for start in (own, near):
+    for start in (fit.own, near):
         anew, more = rewhiten(problem, problem.fit(fit.terms, start, iterations=0))
         anew, more = rewhiten(anew, more)
         if more.strain < fit.strain and anew.unlikelihood(more) < problem.unlikelihood(fit):
@@ -256,8 +255,10 @@ def unmasked(problem: Problem, fit: Fit, entered: Mapping[str, float]) -> tuple[
     stood = {t.key for t in fit.terms if t.named}
     finished = faint(problem, fit)
     tried = [replace(r, finished=None) for r in finished]
-    for best in [r for r in finished if r.beyond > BEYOND]:
-        anew, more = rewhiten(*afresh(*rewhiten(problem, best.finished or fit)))
+    for best in finished:
+        if best.finished is None or best.beyond <= BEYOND:
+            continue
+        anew, more = rewhiten(*afresh(*rewhiten(problem, best.finished)))
         anew, more, gains = prune(anew, more, strict=True)
         gain = gains.get(best.term.key, 0.0)
         worth = evidence(best.term, gain, more.residual.size)

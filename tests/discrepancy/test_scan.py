@@ -11,7 +11,7 @@ import pytest
 
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis, MechanismEntry, read_axis
-from sim.discrepancy.candidates import BENT, FORM_POWER, as_described, damage_terms, described, firm
+from sim.discrepancy.candidates import BENT, FORM_POWER, as_described, damage_terms, firm
 from sim.discrepancy.catalogue import tooth_damage
 from sim.discrepancy.condition import examine
 from sim.discrepancy.described import Described
@@ -85,10 +85,10 @@ def test_a_deep_dent_is_looked_for_with_all_else_as_described() -> None:
     angle = -20.3 * PITCH
     term = tooth_damage("output", 0, TEETH, 1, angle, (), 0.0, 1e-2)
     depth, place, width, form = (p.name for p in term.parameters)
-    problem.hide(term, {**described(problem), depth: 0.0, place: angle, width: 1.2 * PITCH, form: 2.0})
-    assert [job for t in damage_terms(problem, (), described(problem)) for job in as_described(problem, t)] == []
-    problem.hide(term, {**described(problem), depth: 2e-4, place: angle, width: 1.2 * PITCH, form: 2.0})
-    ((found, start),) = [job for t in damage_terms(problem, (), described(problem)) for job in as_described(problem, t)]
+    problem.hide(term, {**problem.numbers(), depth: 0.0, place: angle, width: 1.2 * PITCH, form: 2.0})
+    assert [job for t in damage_terms(problem, (), problem.numbers()) for job in as_described(problem, t)] == []
+    problem.hide(term, {**problem.numbers(), depth: 2e-4, place: angle, width: 1.2 * PITCH, form: 2.0})
+    ((found, start),) = [job for t in damage_terms(problem, (), problem.numbers()) for job in as_described(problem, t)]
     at, deep = (start[p.name] for p in (found.parameters[1], found.parameters[0]))
     assert abs(math.remainder(at - angle, 2.0 * math.pi)) < 0.3 * PITCH
     assert deep == pytest.approx(2e-4, rel=0.6)
@@ -99,7 +99,7 @@ def test_where_a_dent_bends_the_description_its_numbers_are_those_that_bend_it_l
     problem = Dented(axis(), measured(load_encoder=True), Noise.flat(0.01, 0.05))
     term = tooth_damage("output", 0, TEETH, 1, -20.3 * PITCH, (), 0.0, 1e-2)
     depth, place, width, form = (p.name for p in term.parameters)
-    problem.hide(term, {**described(problem), depth: 2e-4, place: -20.3 * PITCH, width: 1.2 * PITCH, form: 2.0})
+    problem.hide(term, {**problem.numbers(), depth: 2e-4, place: -20.3 * PITCH, width: 1.2 * PITCH, form: 2.0})
     good = problem.fit((term,), {depth: 2e-4, width: 1.2 * PITCH, form: 2.0}, iterations=0)
     assert firm(problem, good) == (problem, good)
     stiffness = next(p for p in good.parameters if p.name.endswith("stiffness_n_m_per_rad"))

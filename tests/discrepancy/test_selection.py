@@ -30,7 +30,7 @@ from sim.discrepancy.criteria import (
 )
 from sim.discrepancy.entries import swing
 from sim.discrepancy.fit import Fit, Noise, Problem
-from sim.discrepancy.investigation import investigate, told_apart
+from sim.discrepancy.investigation import investigate, lacking, left, told_apart
 from sim.discrepancy.measurement import Measurement, prepare
 from sim.discrepancy.model import base_parameters, loss_parameters, nuisance_of
 from sim.discrepancy.nameless import FIXED, line_of
@@ -39,6 +39,7 @@ from sim.discrepancy.screening import least_squares_within
 from sim.discrepancy.selection import Selection, calibrate, likely, look_closely, unmasked
 from sim.discrepancy.size import magnitude
 from sim.discrepancy.terms import Term
+from sim.discrepancy.unexplained import Unexplained
 from tests.discrepancy.telemetry_of import RATE_HZ, geared, one_body
 from tests.discrepancy.telemetry_of import swing as motion
 
@@ -287,6 +288,22 @@ def test_rows_that_are_predicted_worse_speak_against_a_term_that_lets_the_descri
     assert holds(TERMS["time_delay"], bent, fitted(1.0, 50.0))
     assert holds(TERMS["time_delay"], bent, fitted(0.998, 50.0))
     assert not holds(TERMS["time_delay"], bent, fitted(1.002, 50.0))
+    asymmetry = next(t for t in ALL if t.mechanism == "friction_asymmetry")
+    assert holds(asymmetry, bent, fitted(1.002, 50.0))  # the offset of every model explains the rows as well
+
+
+@pytest.mark.parametrize(("noise", "strain"), [(1.3, 50.0), (2.5, 50.0), (1.0, 200.0), (4.5, 50.0)])
+def test_a_model_that_leaves_far_more_than_noise_or_bends_far_lacks_something(noise: float, strain: float) -> None:
+    """Without a cause 1.3 times the noise is left at most; where something is, it is said where most of it lies."""
+    rows = 10_000
+    residual = np.full(rows, math.sqrt(noise))
+    fit = Fit((), (), {}, residual, np.zeros((rows, 0)), float(residual @ residual) + strain, rows)
+    places = [
+        Unexplained("time", "motor_torque_nm", 0.0, 0.0, {}),
+        Unexplained("speed", "motor_torque_nm", 0.0, 0.0, {}),
+    ]
+    assert left(places, fit) == (places[:1] if noise > 2.0 else [])
+    assert lacking(fit) == pytest.approx(max(0.0, noise - 4.0) * rows + max(0.0, strain - 120.0))
 
 
 def test_numbers_that_the_description_has_anyway_cost_nothing_where_they_are_set_free() -> None:
