@@ -28,8 +28,6 @@ BENT = 60.0  # squared deviations of what is described from what the fit makes o
 LEFT = 0.1  # depth of a dent over the working twist
 OTHER_DENTS = ((2.0, 0.5), (0.7, 1.3))  # times as deep and as wide: where its bottom is left, a fit may begin there
 BOTTOMS = ((1.0, 1.2, 2.0), (1.3, 1.2, 2.0), (1.6, 1.2, 2.0), (2.0, 1.2, 2.0))  # times as deep, as wide, and the form
-SHALLOWER = ((0.7, 1.0), (0.5, 1.0), (0.3, 1.3))  # times as deep and as wide
-FORM_POWER = 10.0  # of the noise, where a dent bends the description: what its form is off by
 GROWTH = 5.0  # standard deviations by which a size may grow while its fit is finished: of 45 at -3 or less none did
 FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
 GAPS = 40  # tried where all else is as described
@@ -213,26 +211,6 @@ def bottomed(problem: Problem, fit: Fit) -> Fit:
             starts += [({**fit.values, **_reshaped(term, fit.values, *shape)}, {}) for shape in BOTTOMS]
     anew = problem.best(fit.terms, starts)
     return anew if anew and anew.cost < fit.cost else fit
-
-
-def firm(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
-    """`fit` for its numbers: where a dent bends the description far, rows count less than what is known of it.
-
-    Teeth that leave each other in a dent say little of its bottom, and the squares by which one form of it is better
-    than another are made by bending all other numbers. Without an encoder at the load it is no better known so.
-    """
-    dents = [t for t in fit.terms if t.mechanism == "tooth_damage"]
-    if not dents or not problem.guided or fit.strain <= BENT:
-        return problem, fit
-    starts: list[Start] = [(fit.own, {})]
-    for deeper, wider in SHALLOWER:
-        start = fit.own
-        for term in dents:
-            start |= _reshaped(term, fit.own, deeper, wider, term.parameters[-1].start)
-        starts.append((start, {}))
-    rough = problem.with_noise(problem.noise.louder(FORM_POWER))
-    anew = rough.best(fit.terms, starts)
-    return (rough, anew) if anew else (problem, fit)
 
 
 def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:

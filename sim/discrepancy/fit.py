@@ -50,6 +50,7 @@ ACTIVE_ROUNDS = 4
 MOST_STEPS = 16
 DAMPINGS = 8
 FIRST_DAMPING = 1e-4
+MISTAKEN = 5.0  # standard deviations off a data sheet, beyond which it has a number wrong
 UNKNOWN = 1e-6  # information of one step below which a parameter is not known
 BURST = 1e6  # times the torque: what a simulation that has burst is off by
 HOPELESS = 30.0  # times the noise, in power: what two steps leave of a try that leads nowhere
@@ -85,10 +86,6 @@ class Noise:
     @staticmethod
     def flat(torque_sd: float, guide_sd: float) -> Noise:
         return Noise(np.array([1.0 / torque_sd]), np.array([1.0 / guide_sd]))
-
-    def louder(self, power: float) -> Noise:
-        """The same of more power."""
-        return Noise(self.torque / math.sqrt(power), self.guide / math.sqrt(power), self.torque_level, self.guide_level)
 
     def whiten(self, torque: Array, guide: Array) -> Array:
         """Both residuals in one row, white and of unit level."""
@@ -225,7 +222,10 @@ class Runs:
 
 @dataclass
 class Problem:
-    """One measurement of one axis, and how its residuals are weighed; `runs` are those of all that is made of it."""
+    """One measurement of one axis, and how its residuals are weighed; `runs` are those of all that is made of it.
+
+    `doubts`: how many times less well numbers are known that a data sheet seems to have wrong.
+    """
 
     axis: Axis
     measurement: Measurement
@@ -237,6 +237,7 @@ class Problem:
     read_too_much: Array = field(init=False)
     load_noise: LoadNoise | None = field(init=False)
     runs: Runs = field(default_factory=Runs)
+    doubts: Mapping[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         inertia = chain_of(self.axis, {}).shafts[0].inertia_kg_m2
@@ -272,7 +273,8 @@ class Problem:
 
     def base(self) -> tuple[Parameter, ...]:
         m = self.measurement
-        return base_parameters(self.axis, self.guided, m.torque_rms, m.rests)
+        parameters = base_parameters(self.axis, self.guided, m.torque_rms, m.rests)
+        return tuple(p.doubted(self.doubts.get(p.name, 1.0)) for p in parameters)
 
     def parameters(self, terms: Sequence[Term]) -> tuple[Parameter, ...]:
         """Those of the description that no term replaces, then what the terms bring along, then their own."""
@@ -439,6 +441,7 @@ class Problem:
     def learned(self, fit: Fit) -> Problem:
         """The same with what the encoders' noise makes of the chain of `fit`, under what `fit` leaves as noise.
 
+        What `fit` bends beyond `MISTAKEN` deviations the data sheet has wrong: it costs that much and hardly more.
         Of the chain as new where a term is far from linear: what noise makes of teeth that hit and leave each other
         hangs on when they do, and kept from one fit it would hold every other to the same hits.
         """
@@ -447,11 +450,15 @@ class Problem:
         terms = tuple(t for t in fit.terms if not t.contact)
         values = self.numbers(terms) | dict(fit.values)
         other.observer.learn_noise(self.chain(terms, values), nuisance_of(values), hits=self.hits(fit.terms))
+        other.doubts = {}
+        far = {p.name: p.deviation(fit.values) / MISTAKEN for p in other.base() if p.stated and p.name in fit.values}
+        other.doubts = {name: times for name, times in far.items() if times > 1.0}
         return other.with_noise(other.noise_of(fit))
 
     def unlikelihood(self, fit: Fit) -> float:
         """Minus twice the log likelihood of `fit` with what is known of its numbers, but for a constant."""
-        return fit.cost + self.noise.log_scale(fit.torque_rows, fit.residual.size - fit.torque_rows)
+        doubted = 2.0 * sum(math.log(times) for times in self.doubts.values())
+        return fit.cost + doubted + self.noise.log_scale(fit.torque_rows, fit.residual.size - fit.torque_rows)
 
     def noise_of(self, fit: Fit) -> Noise:
         """Filters that make the noise under the residual of `fit` white."""

@@ -12,7 +12,9 @@ from sim.discrepancy.parameters import Parameter, Values
 
 UNKNOWN_STIFFNESS_HZ = 80.0
 PARTS = ("sine", "cosine")
-SOLID_SPREAD = 0.05  # of what a drawing gives: inertias of motor and gears, stiffness of a stage
+STATED_SPREAD = 0.03  # of what a data sheet states: inertias of motor and gears, stiffness of a stage, friction
+LOSS_SPREAD = 0.09  # of a mesh's losses, which it states as what is left of all
+PAYLOAD_SPREAD = 0.3  # of the load's inertia
 SHARED_SPREAD = 0.4  # of a stage's stiffness, where it is what the others leave of the whole transmission's
 MOTOR_STRETCH_RAD, LOAD_STRETCH_RAD = 2e-3, 3e-5  # contacts give way by micrometres, of millimetres and decimetres
 DRIVING, DRIVEN = "loss_split.driving", "loss_split.driven"
@@ -25,8 +27,12 @@ SLOW = -5.0  # a contact lets go within a second, and not while it moves
 RUNOUT_OVER_MESH = 2.0  # of a gear as new: error once per turn over that per tooth
 
 
-def _share(name: str, value: float, spread: float, low: float = 0.4, high: float = 2.5) -> Parameter:
-    return Parameter(name, value, 0.01 * value, spread * value, low * value, high * value)
+def _stated(name: str, value: float) -> Parameter:
+    return replace(_share(name, value, STATED_SPREAD), stated=True)
+
+
+def _share(name: str, value: float, spread: float) -> Parameter:
+    return Parameter(name, value, 0.01 * value, spread * value, 0.4 * value, 2.5 * value)
 
 
 def _log(name: str, value: float, spread: float) -> Parameter:
@@ -46,11 +52,11 @@ def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: boo
 
     `rests`: rows at rest count, where the load is not seen also at the load.
     """
-    out = [_share("motor.inertia_kg_m2", axis.motor.inertia_kg_m2, SOLID_SPREAD)]
+    out = [_stated("motor.inertia_kg_m2", axis.motor.inertia_kg_m2)]
     if axis.motor.coulomb_friction_n_m:
-        out.append(_share("motor.coulomb_friction_n_m", axis.motor.coulomb_friction_n_m, 0.1))
+        out.append(_stated("motor.coulomb_friction_n_m", axis.motor.coulomb_friction_n_m))
     if axis.motor.viscous_friction_n_m_s_per_rad:
-        out.append(_share("motor.viscous_friction_n_m_s_per_rad", axis.motor.viscous_friction_n_m_s_per_rad, 0.1))
+        out.append(_stated("motor.viscous_friction_n_m_s_per_rad", axis.motor.viscous_friction_n_m_s_per_rad))
     if rests:
         out += _at_rest("motor", MOTOR_STRETCH_RAD)
         out += [] if load_encoder else _at_rest("load", LOAD_STRETCH_RAD)
@@ -91,18 +97,19 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
     stiffness = axis.stiffness()
     for k, stage in enumerate(stages_of(axis)):
         where = f"stages.{stage}"
-        spread = SHARED_SPREAD if is_open(axis, k) else SOLID_SPREAD
-        out.append(_share(f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k), spread if stiffness[k] else 1.0))
+        stiff = f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k)
+        open_ = is_open(axis, k) or not stiffness[k]
+        out.append(_share(*stiff, SHARED_SPREAD if stiffness[k] else 1.0) if open_ else _stated(*stiff))
         damp = link_damping(axis, k)
         out.append(Parameter(f"{where}.damping_n_m_s_per_rad", damp, 0.1 * damp, 0.4 * damp, 0.02 * damp, 30 * damp))
         if not axis.stages:
             continue
         entry = axis.stages[k]
         if k + 1 < len(axis.stages):
-            out.append(_share(f"{where}.inertia_kg_m2", entry.inertia_kg_m2, SOLID_SPREAD))
+            out.append(_stated(f"{where}.inertia_kg_m2", entry.inertia_kg_m2))
         if entry.mesh_efficiency < 1.0:
-            loss = 1.0 - entry.mesh_efficiency
-            out.append(Parameter(f"{where}.mesh_efficiency", entry.mesh_efficiency, 0.002, 0.25 * loss, 0.3, 1.0))
+            spread = LOSS_SPREAD * (1.0 - entry.mesh_efficiency)
+            out.append(Parameter(f"{where}.mesh_efficiency", entry.mesh_efficiency, 0.002, spread, 0.3, 1.0))
         if entry.backlash_rad:
             new = entry.backlash_rad
             out.append(Parameter(f"{where}.backlash_rad", 0.5 * new, 0.1 * new, 0.5 * new, 0.0, 1.5 * new))
@@ -121,13 +128,13 @@ def loss_parameters() -> tuple[Parameter, ...]:
 
 
 def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: bool) -> list[Parameter]:
-    out = [_share("load.inertia_kg_m2", axis.load.inertia_kg_m2, 0.3)]
+    out = [_share("load.inertia_kg_m2", axis.load.inertia_kg_m2, PAYLOAD_SPREAD)]
     if axis.load.coulomb_friction_n_m:
-        out.append(_share("load.coulomb_friction_n_m", axis.load.coulomb_friction_n_m, 0.1))
+        out.append(_stated("load.coulomb_friction_n_m", axis.load.coulomb_friction_n_m))
         if load_encoder or not rests:
             out.append(Parameter("friction_width.load", 1.5e-3, 3e-4, 1.5e-3, 2e-4, 2e-2))
     if axis.load.viscous_friction_n_m_s_per_rad:
-        out.append(_share("load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad, 0.1))
+        out.append(_stated("load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad))
     if load_encoder:
         out.append(Parameter("load_offset_rad", 0.0, 0.02 * compliance(axis), math.inf))
         out.append(

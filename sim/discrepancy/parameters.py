@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 Values = Mapping[str, float]
 
@@ -13,7 +13,8 @@ Values = Mapping[str, float]
 class Parameter:
     """One number of the model: where the fit starts, how uncertain it is, how far it may go.
 
-    `step` is the change used for a sensitivity; `spread` the standard deviation of what is known beforehand.
+    `step` is the change used for a sensitivity; `spread` the standard deviation of what is known beforehand; `stated`:
+    by a data sheet, which may also have it wrong altogether.
     """
 
     name: str
@@ -23,6 +24,7 @@ class Parameter:
     low: float = -math.inf
     high: float = math.inf
     centre: float | None = None
+    stated: bool = False
 
     @property
     def expected(self) -> float:
@@ -31,3 +33,7 @@ class Parameter:
     def deviation(self, values: Values) -> float:
         """By how many standard deviations it lies off what is known of it beforehand."""
         return abs(values[self.name] - self.expected) / self.spread
+
+    def doubted(self, times: float) -> Parameter:
+        """The same known so many times less well."""
+        return replace(self, spread=times * self.spread)

@@ -18,7 +18,6 @@ from sim.discrepancy.candidates import (
     bottomed,
     elsewhere,
     faint,
-    firm,
     settled,
     try_terms,
 )
@@ -164,13 +163,12 @@ def _left_at_rest(problem: Problem, fit: Fit) -> float:
 def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Last fit, whose numbers of friction share nothing with curves over the speed.
 
-    With gears, of curves without what friction is, and of a description that no dent bends. Of one stiff body by plain
-    least squares in the band of its motion, without curves: a body has little else. Whitened rows weigh most what is
-    fast, where a body's model is least true to its form; the least squares of the band in which torque is predicted
-    are what its numbers are for.
+    With gears, of curves without what friction is. Of one stiff body by plain least squares in the band of its motion,
+    without curves: a body has little else. Whitened rows weigh most what is fast, where a body's model is least true to
+    its form; the least squares of the band in which torque is predicted are what its numbers are for.
     """
     if has_links(problem.axis):
-        return firm(problem, _apart(problem, fit))
+        return problem, _apart(problem, fit)
     terms = tuple(t for t in fit.terms if t.mechanism != OVER_SPEED)
     plain = fit if len(terms) == len(fit.terms) else problem.fit(terms, fit.values)
     torque, _ = problem.raw_residuals(terms, plain.values)

@@ -12,7 +12,7 @@ from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis, read_axis
 from sim.chain_model import Array
 from sim.discrepancy.condition import examine
-from sim.discrepancy.fit import MOST_STEPS, Fit, Noise, Problem, _cost, _State, _System, each
+from sim.discrepancy.fit import MISTAKEN, MOST_STEPS, Fit, Noise, Problem, _cost, _State, _System, each
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.measurement import prepare
 from sim.discrepancy.model import nuisance_of
@@ -115,6 +115,27 @@ def test_fits_under_different_noise_are_compared_by_their_likelihood() -> None:
         density = norm.logpdf(residual, scale=torque_sd).sum() + norm.logpdf(guide[:100], scale=guide_sd).sum()
         expected = -2.0 * density - 600.0 * np.log(2.0 * np.pi)
         assert float(white @ white) + noise.log_scale(500, 100) == pytest.approx(expected)
+
+
+def test_what_a_data_sheet_has_wrong_costs_as_the_log_of_how_far_it_is_off() -> None:
+    """Within some deviations as their square; beyond, by the spread that makes it likeliest."""
+    one = problem(one_body(0.3, 1.0, 0.02, 6))
+    name = "motor.inertia_kg_m2"
+    known = next(p for p in one.base() if p.name == name)
+
+    def cost(far: float) -> float:
+        at = {**one.numbers(), name: known.expected + far * known.spread}
+        other = one.learned(one.fit((), at, iterations=0))
+        fit = other.fit((), at, iterations=0)
+        return other.unlikelihood(fit) - fit.misfit - other.noise.log_scale(fit.residual.size, 0)
+
+    assert cost(2.0) == pytest.approx(4.0)
+    assert cost(MISTAKEN) == pytest.approx(MISTAKEN**2)
+    assert cost(2.0 * MISTAKEN) == pytest.approx(MISTAKEN**2 + 2.0 * np.log(2.0))
+    back = one.learned(one.fit((), {name: known.expected + 20.0 * known.spread}, iterations=0)).learned(
+        one.fit(iterations=0)
+    )
+    assert back.base() == one.base(), "a fit that goes back to the sheet is trusted again"
 
 
 def to_and_fro(duration_s: int) -> Array:

@@ -11,7 +11,7 @@ import pytest
 
 from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis, MechanismEntry, read_axis
-from sim.discrepancy.candidates import BENT, FORM_POWER, as_described, damage_terms, firm
+from sim.discrepancy.candidates import as_described, damage_terms
 from sim.discrepancy.catalogue import tooth_damage
 from sim.discrepancy.condition import examine
 from sim.discrepancy.described import Described
@@ -92,27 +92,6 @@ def test_a_deep_dent_is_looked_for_with_all_else_as_described() -> None:
     at, deep = (start[p.name] for p in (found.parameters[1], found.parameters[0]))
     assert abs(math.remainder(at - angle, 2.0 * math.pi)) < 0.3 * PITCH
     assert deep == pytest.approx(2e-4, rel=0.6)
-
-
-def test_where_a_dent_bends_the_description_its_numbers_are_those_that_bend_it_less() -> None:
-    """A gentle one stays as it was fitted; no dent, no doubt."""
-    problem = Dented(axis(), measured(load_encoder=True), Noise.flat(0.01, 0.05))
-    term = tooth_damage("output", 0, TEETH, 1, -20.3 * PITCH, (), 0.0, 1e-2)
-    depth, place, width, form = (p.name for p in term.parameters)
-    problem.hide(term, {**problem.numbers(), depth: 2e-4, place: -20.3 * PITCH, width: 1.2 * PITCH, form: 2.0})
-    good = problem.fit((term,), {depth: 2e-4, width: 1.2 * PITCH, form: 2.0}, iterations=0)
-    assert firm(problem, good) == (problem, good)
-    stiffness = next(p for p in good.parameters if p.name.endswith("stiffness_n_m_per_rad"))
-    bent = problem.fit(
-        (term,), {**good.values, stiffness.name: stiffness.expected + 9.0 * stiffness.spread}, iterations=0
-    )
-    assert bent.strain > BENT
-    rough, less = firm(problem, bent)
-    assert less.strain < 0.2 * bent.strain
-    assert rough.noise.torque == pytest.approx(problem.noise.torque / math.sqrt(FORM_POWER))
-    assert less.values[depth] == pytest.approx(2e-4, rel=0.1)
-    none = problem.fit((), {stiffness.name: stiffness.expected + 9.0 * stiffness.spread}, iterations=0)
-    assert firm(problem, none) == (problem, none)
 
 
 def test_a_dent_that_was_found_is_the_same_dent_in_the_extended_axis() -> None:
