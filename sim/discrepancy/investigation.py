@@ -21,7 +21,8 @@ from sim.discrepancy.explanation import explain, next_measurement, numbers_of
 from sim.discrepancy.extension import extended_axis
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.gain import Gain, gains
-from sim.discrepancy.selection import Selection, calibrate, polish, select
+from sim.discrepancy.refits import calibrate, polish
+from sim.discrepancy.selection import Selection, select
 from sim.discrepancy.size import deviations
 from sim.discrepancy.sound import Listening, beside, listen, listen_alone
 from sim.discrepancy.sound_evidence import Heard

@@ -28,8 +28,8 @@ from sim.discrepancy.investigation import (
 )
 from sim.discrepancy.nameless import AS_NEW
 from sim.discrepancy.pooling import Known, Name, Saying, pooled
+from sim.discrepancy.refits import all_rows, polish
 from sim.discrepancy.sayings import OWN, found_at, instead, said_by, term_name
-from sim.discrepancy.selection import all_rows, polish
 from sim.discrepancy.terms import Term
 from sim.discrepancy.unexplained import Unexplained, look
 

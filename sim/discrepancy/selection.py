@@ -2,15 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-import numpy as np
-
 from sim.axis import MechanismEntry
 from sim.discrepancy.candidates import (
-    BENT,
     FAR_MOVED,
     FEW_TRIES,
     MOST_TRIES,
@@ -34,30 +30,24 @@ from sim.discrepancy.criteria import (
     needs_no_trial,
     wanted,
 )
-from sim.discrepancy.fit import BY_CONTACT, LONG, Fit, Noise, Problem, each
-from sim.discrepancy.measurement import NEAR_STANDSTILL_SHARE, STANDSTILL_SHARE, gaussian_kernel
-from sim.discrepancy.model import MOTOR_RELEASE, MOTOR_STRETCH, has_links
-from sim.discrepancy.nameless import AS_NEW, OVER_SPEED, apart
+from sim.discrepancy.either import Nearly, ahead, evened, near, turned
+from sim.discrepancy.fit import BY_CONTACT, LONG, Fit, Problem, each
+from sim.discrepancy.measurement import NEAR_STANDSTILL_SHARE, STANDSTILL_SHARE
+from sim.discrepancy.nameless import AS_NEW
+from sim.discrepancy.refits import afresh, all_rows, look_closely, rewhiten
 from sim.discrepancy.size import beyond
 from sim.discrepancy.terms import Term
-from sim.discrepancy.weighing import Model, Standing, advantage, in_place, named_alone, own_of, paired, standings
+from sim.discrepancy.weighing import Standing, advantage, in_place, named_alone, own_of, paired, standings
 
 Progress = Callable[[str, float], None]
 SHORTLIST = 5
-MOTION_BAND_HZ = 40.0
 MOST_TERMS = 4
 MOST_ROUNDS = 6  # with those that are as new or have no name
 MOST_ENTRIES = 3  # of one round
 AT_LOW_SPEED = ("stribeck_friction",)
 MOST_RUNS = 2400  # simulations after which of all candidates only the most promising are fitted
 LAST_RUNS = 4800  # the same after which only constants and what promised much are looked for: the rest is unnamed
-FAR_BENT = 2.5  # standard deviations of what is known of a number
-TOLD = 0.5  # weight of a row that counts
-AT_REST = 1.3  # times the mean square in motion: what is more is not the noise of rows whose friction is known
-LEAST_STRETCH_RAD = 1.5e-4  # a micrometre and a half on a centimetre, three steps of an encoder of 17 bits
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
-NEARLY, MOST_NEAR = 0.7, 2  # of the gain of the best: another may be meant, under noise of its own
-ALIKE = 0.5  # standard errors between two that explain alike
 SWAPS = 3
 RIVAL_SHARE = 0.25  # of the gain of the best: less is no rival
 SWAP_SHARE = 0.5  # of the gain of what came in
@@ -91,101 +81,6 @@ class Selection:
         """What the residual asks for beyond them, most of it first."""
         spoken = (t for t in self.fit.terms if not t.named and t.mechanism != AS_NEW)
         return tuple(sorted(spoken, key=lambda t: -self.gains[t.key]))
-
-
-def calibrate(problem: Problem) -> tuple[Problem, Fit]:
-    """Fit what the description has, whitened by what the description itself leaves, then by what the fit leaves."""
-    described = problem.fit(iterations=0)
-    problem = problem.with_noise(problem.noise_of(described)).told((), described.values)
-    return afresh(*rewhiten(problem, problem.fit(held=described.sensitivities)))
-
-
-def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
-    """Take the noise from the residual of `fit`, fit again."""
-    anew = problem.learned(fit).told(fit.terms, fit.values)
-    same = (anew.measurement.told == problem.measurement.told).all()  # one may be a single 1 for all rows
-    held = fit.sensitivities if same else {}  # those of rows that did not count are not known
-    return anew, anew.fit(fit.terms, fit.values, held=held, to_end=True)
-
-
-def afresh(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
-    """Where a fit bends what is described, one from there and its noise, if it bends less and is likelier.
-
-    Numbers that stood for a mechanism before it came in make noise of what they get wrong, and that keeps them there.
-    Begins at the description; then with those alone put back that are bent far: one number that the description has
-    wrong is found, and others need not stand for it on the way.
-    """
-    if fit.strain <= BENT:
-        return problem, fit
-    near = {p.name: fit.values[p.name] for p in fit.parameters if p.deviation(fit.values) < FAR_BENT}
-    for start in (fit.own, near):
-        anew, more = rewhiten(problem, problem.fit(fit.terms, start, iterations=0))
-        anew, more = rewhiten(anew, more)
-        if more.strain < fit.strain and anew.unlikelihood(more) < problem.unlikelihood(fit):
-            return anew, more
-    return problem, fit
-
-
-def all_rows(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
-    """With those in which teeth rattle, where play and dents show."""
-    problem = problem.with_all_told().learned(fit)
-    return problem, problem.fit(fit.terms, fit.values, to_end=True)
-
-
-def look_closely(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
-    """Rows at rest, where they tell, and slow noise; what friction holds at rest is fitted before noise is taken.
-
-    A contact that gives way by less than the motor's encoder sees, and holds on within a thousandth of the largest
-    speed, holds whatever it likes: rows at rest say nothing. Nor do they where more is left at rest than in motion:
-    friction that sticks for good holds by what the servo did before.
-    """
-    problem = problem.remembering(LONG)
-    resting = problem.resting(fit)
-    if resting.measurement.rests:
-        more = resting.fit(fit.terms, fit.values, held=fit.sensitivities, to_end=True)
-        resting, more = rewhiten(resting, more)
-        holds_on = math.exp(more.values[MOTOR_STRETCH]) > LEAST_STRETCH_RAD or more.values[MOTOR_RELEASE] > 0.0
-        if holds_on and _left_at_rest(resting, more) < AT_REST:
-            return resting, more
-    return rewhiten(problem, fit)
-
-
-def _left_at_rest(problem: Problem, fit: Fit) -> float:
-    """Mean square of the whitened torque in rows at rest over that in motion [1]."""
-    m = problem.measurement
-    speed = np.abs(m.speed)
-    slow = speed < m.standstill * float(speed.max())
-    square, used = fit.residual[: m.samples] ** 2, m.weight > TOLD
-    at_rest, in_motion = square[used & slow], square[used & ~slow]
-    return float(at_rest.mean() / in_motion.mean()) if at_rest.size and in_motion.size else 1.0
-
-
-def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
-    """Last fit, whose numbers of friction share nothing with curves over the speed.
-
-    With gears, of curves without what friction is. Of one stiff body by plain least squares in the band of its motion,
-    without curves: a body has little else. Whitened rows weigh most what is fast, where a body's model is least true to
-    its form; the least squares of the band in which torque is predicted are what its numbers are for.
-    """
-    if has_links(problem.axis):
-        return problem, _apart(problem, fit)
-    terms = tuple(t for t in fit.terms if t.mechanism != OVER_SPEED)
-    plain = fit if len(terms) == len(fit.terms) else problem.fit(terms, fit.values)
-    torque, _ = problem.raw_residuals(terms, plain.values)
-    kernel = gaussian_kernel(MOTION_BAND_HZ, problem.measurement.rate_hz, 0)
-    left = float(np.std(np.convolve(torque, kernel, "same")))
-    in_band = problem.with_noise(Noise(kernel / max(left, 1e-300), np.ones(1)))
-    return in_band, in_band.fit(terms, plain.values, held=plain.sensitivities)
-
-
-def _apart(problem: Problem, fit: Fit) -> Fit:
-    """`fit` with curves over the speed that share nothing with the numbers of friction."""
-    curves = {t.key: apart(t, problem.measurement) for t in fit.terms if t.mechanism == OVER_SPEED}
-    if not curves:
-        return fit
-    own = {p.name for t in curves.values() for p in t.parameters}
-    start = {name: 0.0 if name in own else value for name, value in fit.values.items()}
-    return problem.fit([curves.get(t.key, t) for t in fit.terms], start, to_end=True)
 
 
 def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
@@ -263,71 +158,6 @@ def unmasked(problem: Problem, fit: Fit, entered: Mapping[str, float]) -> tuple[
         if stood <= gains.keys() and worth > SURE and not is_form(best.term, gain, entered):
             return tried, Entry([replace(best, finished=None)], anew, more, gains)
     return tried, Entry((), problem, fit)
-
-
-def near(best: Rival, tried: Sequence[Rival]) -> list[Rival]:
-    """Other mechanisms of a size that matters which explain nearly as much as one that came in, teeth in contact."""
-    if not best.term.named or best.term.contact or best.beyond <= BEYOND:
-        return []
-    others = (r for r in tried if r.term.named and not r.term.contact and r.term.key != best.term.key)
-    return [r for r in others if r.beyond > BEYOND and r.gain > NEARLY * best.gain][:MOST_NEAR]
-
-
-@dataclass(frozen=True)
-class Either:
-    """A rival in the place of a term, and noise taken from that; `t`: standard errors by which the term does better on
-    unseen blocks, the mean of those under the noise of either, and no fewer than under the rival's.
-
-    Noise that is taken from a model with the wrong one of two holds what the right one would explain, and whichever
-    came in first seems to be far ahead.
-    """
-
-    t: float
-    problem: Problem
-    fit: Fit
-
-    @staticmethod
-    def of(problem: Problem, fit: Fit, term: Term, rival: Rival) -> Either | None:
-        """None where the rival is there already, or cannot be simulated."""
-        other = rival.term
-        if any(t.key == other.key for t in fit.terms):
-            return None
-        here = in_place(problem, fit, term, other, (rival.values, own_of(term, other, rival.values)))
-        if here is None:
-            return None
-        anew, there = rewhiten(problem, here)
-        own = anew.fit(fit.terms, fit.values, to_end=True)
-        by_own, by_its = paired(advantage(here, fit)), paired(advantage(there, own))
-        return Either(max(0.5 * (by_own + by_its), by_its), anew, there)
-
-
-Nearly = Mapping[str, Sequence[Rival]]
-
-
-def ahead(term: Term, other: Term) -> float:
-    """Standard errors by which `other` must do better to take the place: of two alike, fewer numbers have it."""
-    return ALIKE * float(np.sign(len(other.parameters) - len(term.parameters)))
-
-
-def turned(problem: Problem, fit: Fit, nearly: Nearly) -> tuple[Problem, Fit, Nearly]:
-    """With a mechanism that explained nearly as much in the place of one that came in, where it does better by both."""
-    for term in fit.terms:
-        for rival in nearly.get(term.key, ()):
-            either = Either.of(problem, fit, term, rival)
-            if either and -either.t > ahead(term, rival.term):
-                back = Rival(term, rival.gain, fit.values)
-                return either.problem, either.fit, {**nearly, rival.term.key: [back]}
-    return problem, fit, nearly
-
-
-def evened(problem: Problem, fit: Fit, term: Term, standing: Standing, nearly: Sequence[Rival]) -> Standing:
-    """The standing also against what explained nearly as much when `term` came in, under the noise of either."""
-    plain = named_alone(problem, fit)
-    for rival in nearly:
-        either = Either.of(problem, plain, term, rival)
-        if either:
-            standing = standing.against(rival.term, either.t, Model.of(either.fit))
-    return standing
 
 
 def described(problem: Problem, base: Fit) -> dict[str, float]:

@@ -17,7 +17,7 @@ from sim.discrepancy.investigation import investigate
 from sim.discrepancy.measurement import prepare
 from sim.discrepancy.model import nuisance_of
 from sim.discrepancy.parameters import Parameter
-from sim.discrepancy.selection import calibrate, look_closely
+from sim.discrepancy.refits import calibrate, look_closely
 from sim.discrepancy.size import beyond, magnitude
 from sim.discrepancy.terms import Term
 from tests.discrepancy.telemetry_of import RATE_HZ, one_body

@@ -17,8 +17,8 @@ from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.nameless import over_speed
 from sim.discrepancy.rattle import told
+from sim.discrepancy.refits import polish
 from sim.discrepancy.screening import screen
-from sim.discrepancy.selection import polish
 from sim.discrepancy.terms import Term
 from tests.discrepancy.telemetry_of import swing
 

@@ -35,8 +35,9 @@ from sim.discrepancy.measurement import Measurement, prepare
 from sim.discrepancy.model import base_parameters, loss_parameters, nuisance_of
 from sim.discrepancy.nameless import FIXED, line_of
 from sim.discrepancy.parameters import Parameter
+from sim.discrepancy.refits import calibrate, look_closely
 from sim.discrepancy.screening import least_squares_within
-from sim.discrepancy.selection import Selection, calibrate, likely, look_closely, unmasked
+from sim.discrepancy.selection import Selection, likely, unmasked
 from sim.discrepancy.size import magnitude
 from sim.discrepancy.terms import Term
 from sim.discrepancy.unexplained import Unexplained
