@@ -16,7 +16,7 @@ from sim.discrepancy.investigation import (
     Investigation,
 )
 from sim.discrepancy.pooling import PRIOR, Name, Saying, against, existence, logit, probability, silent
-from sim.discrepancy.selection import all_rows
+from sim.discrepancy.refits import all_rows
 from sim.discrepancy.sound_evidence import SILENT
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import (
