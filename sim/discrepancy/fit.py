@@ -274,7 +274,7 @@ class Problem:
     def base(self) -> tuple[Parameter, ...]:
         m = self.measurement
         parameters = base_parameters(self.axis, self.guided, m.torque_rms, m.rests)
-        return tuple(p.doubted(self.doubts.get(p.name, 1.0)) for p in parameters)
+        return tuple(p.doubted(self.doubts[p.name]) if p.name in self.doubts else p for p in parameters)
 
     def parameters(self, terms: Sequence[Term]) -> tuple[Parameter, ...]:
         """Those of the description that no term replaces, then what the terms bring along, then their own."""
@@ -441,7 +441,7 @@ class Problem:
     def learned(self, fit: Fit) -> Problem:
         """The same with what the encoders' noise makes of the chain of `fit`, under what `fit` leaves as noise.
 
-        What `fit` bends beyond `MISTAKEN` deviations the data sheet has wrong: it costs that much and hardly more.
+        What `fit` bends beyond `MISTAKEN` deviations the data sheet has wrong: it costs their square, and hardly more.
         Of the chain as new where a term is far from linear: what noise makes of teeth that hit and leave each other
         hangs on when they do, and kept from one fit it would hold every other to the same hits.
         """

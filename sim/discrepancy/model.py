@@ -97,9 +97,13 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
     stiffness = axis.stiffness()
     for k, stage in enumerate(stages_of(axis)):
         where = f"stages.{stage}"
-        stiff = f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k)
-        open_ = is_open(axis, k) or not stiffness[k]
-        out.append(_share(*stiff, SHARED_SPREAD if stiffness[k] else 1.0) if open_ else _stated(*stiff))
+        name, value = f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k)
+        if not stiffness[k]:
+            out.append(_share(name, value, 1.0))
+        elif is_open(axis, k):
+            out.append(_share(name, value, SHARED_SPREAD))
+        else:
+            out.append(_stated(name, value))
         damp = link_damping(axis, k)
         out.append(Parameter(f"{where}.damping_n_m_s_per_rad", damp, 0.1 * damp, 0.4 * damp, 0.02 * damp, 30 * damp))
         if not axis.stages:
