@@ -370,7 +370,7 @@ def _link_terms(axis: Axis, k: int, level: float, load_encoder: bool) -> list[Te
     stiffness = axis.stiffness()[k] or 0.0
     twist = level * ratio / stiffness if stiffness else 1e-3
     out = [_hardening(name, k, twist)] if load_encoder else []
-    if load_encoder and (stage is None or stage.driven_teeth):  # errors of unknown teeth look like a loop of the spring
+    if load_encoder:
         out.append(_hysteresis(name, k, level * ratio, twist))
     if stage is None:
         return out

@@ -354,9 +354,13 @@ def looks_like(problem: Problem, term: Term) -> tuple[str, ...]:
     """What no measurement of motor and load tells from `term`.
 
     Runout of the last gear and an error of the load encoder differ by the torque of the load's inertia along the
-    error: by the square of once per turn over the natural frequency, 0.2 % on a robot's joint.
+    error: by the square of once per turn over the natural frequency, 0.2 % on a robot's joint. Errors of teeth whose
+    number is not known are looked for nowhere, and a loop of the spring bends to them.
     """
-    last = problem.axis.stages[-1].name if problem.axis.stages else None
+    stages = problem.axis.stages
+    if term.mechanism == "hysteresis" and any(s.name == term.location and s.driven_teeth is None for s in stages):
+        return ("mesh_error",)
+    last = stages[-1].name if stages else None
     if not problem.guided or last is None:
         return ()
     if term.mechanism == "encoder_error":

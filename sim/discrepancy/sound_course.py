@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
 from casebase.signals.condition import UNKNOWN, OperatingCondition
-from casebase.signals.motion import Motion
+from casebase.signals.motion import Motion, find_dips
 from casebase.signals.recording import Recording
 from casebase.signals.stroke import reversal_times_s
 from sim.axis import Axis
@@ -31,6 +31,8 @@ ENOUGH = 3  # standstills, to show a period
 MOST = 0.7  # of the standstills; a dropout makes one more
 SHORTEST_CRUISE_S = 0.4
 LEAST_CRUISES = 3
+LEAST_HEARD_CYCLES = 3  # overlapping: five standstills
+EVEN_S = 0.05  # how early or late a standstill is heard
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,11 +124,11 @@ def course_of(axis: Axis, sound: Recording, m: Measurement | None, offset_s: flo
     if m is not None:
         cruises = _with_measured_speed(cruises, m, offset_s)
     spectra = _spectra(analysis, cruises)
+    repeats = _repeats(reversals) if m is not None else _heard_to_repeat(analysis)
     if m is None:
-        cruises = _with_heard_speed(axis, cruises, spectra, bool(analysis.motion.period_s))
+        cruises = _with_heard_speed(axis, cruises, spectra, repeats)
     moving = _moving(analysis, sound)
     if m is None:
-        repeats = bool(analysis.motion.period_s)
         return Course(analysis, cruises, spectra, moving, repeats, mesh_orders(axis), contradiction=contradiction)
     angle = m.angle / axis.ratio if m.load_angle is None else m.load_angle
     return Course(
@@ -134,7 +136,7 @@ def course_of(axis: Axis, sound: Recording, m: Measurement | None, offset_s: flo
         cruises,
         spectra,
         moving,
-        _repeats(reversals),
+        repeats,
         mesh_orders(axis),
         LoadAngle(m.time_s - offset_s, angle),
     )
@@ -143,6 +145,23 @@ def course_of(axis: Axis, sound: Recording, m: Measurement | None, offset_s: flo
 def _repeats(times: tuple[float, ...]) -> bool:
     cycles = np.array(times[2:]) - np.array(times[:-2])
     return bool(cycles.size >= 2 and np.ptp(cycles) < SAME_CYCLE * np.median(cycles))
+
+
+def _heard_to_repeat(analysis: Analysis) -> bool:
+    """Whether standstills repeat that are as many as it takes to tell, or have the period that was given.
+
+    The search for standstills takes as repeating what is even within a sixteenth of a stroke.
+    """
+    motion = analysis.motion
+    if motion.period_s is None or analysis.condition.motion_period_s is not None:
+        return motion.period_s is not None
+    times = np.array(motion.reversal_times_s)
+    cycles = times[2:] - times[:-2]
+    if cycles.size < LEAST_HEARD_CYCLES or np.ptp(cycles) > SAME_TIME * motion.period_s:
+        return False
+    dips, _, _ = find_dips(analysis.loudness_db)
+    apart = [float(np.abs(times - dip.centre_s).min()) for dip in dips]
+    return not apart or float(np.median(apart)) < EVEN_S
 
 
 def _moving(analysis: Analysis, sound: Recording) -> Mask | None:

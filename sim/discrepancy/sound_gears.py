@@ -13,13 +13,33 @@ from sim.axis import Axis
 from sim.chain_model import Array
 from sim.discrepancy.sound_course import Course
 from sim.discrepancy.sound_evidence import Heard, log_ratio, probability
-from sim.discrepancy.sound_impacts import Bump, Tail, notch_bump, play_bump, single_strokes
-from sim.discrepancy.sound_orders import bearing_family, bearing_hindrance
+from sim.discrepancy.sound_impacts import (
+    Bump,
+    Tail,
+    notch_bump,
+    notch_hindrance,
+    play_bump,
+    play_hindrance,
+    single_strokes,
+)
+from sim.discrepancy.sound_strokes import (
+    Impacts,
+    end_hindrance,
+    end_of_strokes,
+    impacts,
+    impacts_hindrance,
+)
+from sim.discrepancy.sound_orders import Family, bearing_family, bearing_hindrance
 
 # Scores of simulated gearboxes without the fault, of many axes, motions and microphones: 181 recordings whose motion
 # repeats for the notch, 254 for play. Above `start` they fall off exponentially.
 NOTCH_TAIL = Tail(start=4.0, share=0.12, scale=1.0)
 PLAY_TAIL = Tail(start=0.5, share=0.10, scale=0.72)
+# The same where the motion does not repeat; of 700 recordings without either fault, 325 for play.
+IMPACTS_TAIL = Tail(start=12.1, share=0.05, scale=2.2)
+END_TAIL = Tail(start=0.75, share=0.10, scale=0.45)
+CLEAR = 2.0  # logarithm of a likelihood ratio
+OF_AROUND = "the sound around it"
 SAME_PLACE_RAD = 0.1
 SAME_ORDER = 0.01
 TIMING_S = 0.012  # of an impact: its rise and the grid of the fold
@@ -29,34 +49,39 @@ MASKED_DB = 6.0  # a tooth that is damaged this much more is heard while braking
 
 
 def tooth_damage(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
-    """A bump in one direction of motion, at one place of the travel."""
-    bumps = [notch_bump(course) for course in courses]
-    found = [(course, bump) for course, bump in zip(courses, bumps, strict=True) if bump is not None]
-    if not found or not axis.stages:
+    """A bump in one direction of motion at one place of the travel; or impacts, where the motion does not repeat."""
+    signs = [_sign_of_tooth(course) for course in courses]
+    known = [(sign, course) for sign, course in zip(signs, courses, strict=True) if sign is not None]
+    if not known or not axis.stages:
         return []
-    best, bump = max(found, key=lambda one: one[1].score)
-    own = place_of(axis, best, bump)
-    p_values: list[float | None] = [
-        None if one is None
-        else NOTCH_TAIL.p_value(one.score) if one is bump or _agree(place_of(axis, course, one), own)
-        else 1.0
-        for course, one in zip(courses, bumps, strict=True)
-    ]  # fmt: skip
-    stage, told = _stage_of(axis, best, bump)
-    elsewhere = () if told else tuple(one.name for one in axis.stages if one.name != stage)
-    text = (
-        f"Once per cycle, in one direction of motion only, an impact stands {bump.height_db:.0f} dB over what noise "
-        f"would reach, {_where(best, bump)}: a damaged tooth that meets the mesh on one flank."
-    )
+    (lowest, best), course = min(known, key=lambda one: one[0][0])
+    p_values: list[float | None] = []
+    for sign, other in zip(signs, courses, strict=True):
+        same = sign is None or sign[1] is best or _same_tooth(axis, (other, sign[1]), (course, best))
+        p_values.append(None if sign is None else sign[0] if same else 1.0)
     numbers: dict[str, tuple[float, float, float]] = {}
-    if own is not None and stage == axis.stages[-1].name:
-        angle, half = own
-        name = "angle_rad" if best.load is not None else "angle_from_middle_rad"
-        numbers[name] = (angle, angle - half, angle + half)
-        if best.load is not None:
-            numbers["flank"] = (_direction(best, bump),) * 3
-        else:
-            text += " The angle counts from the middle of the travel, positive the way the axis then moves."
+    if isinstance(best, Impacts):
+        stage, told = _stage_of_impacts(axis, best)
+        text = (
+            f"{best.times_s.size} impacts stand {best.height_db:.0f} dB and more over the sound around them, which no "
+            "other does: a damaged tooth that meets the mesh. The motion does not repeat, so that its angle is not told."
+        )
+    else:
+        stage, told = _stage_of(axis, course, best)
+        text = (
+            f"Once per cycle, in one direction of motion only, an impact stands {best.height_db:.0f} dB over what "
+            f"noise would reach, {_where(course, best)}: a damaged tooth that meets the mesh on one flank."
+        )
+        own = place_of(axis, course, best)
+        if own is not None and stage == axis.stages[-1].name:
+            angle, half = own
+            name = "angle_rad" if course.load is not None else "angle_from_middle_rad"
+            numbers[name] = (angle, angle - half, angle + half)
+            if course.load is not None:
+                numbers["flank"] = (_direction(course, best),) * 3
+            else:
+                text += " The angle counts from the middle of the travel, positive the way the axis then moves."
+    elsewhere = () if told else tuple(one.name for one in axis.stages if one.name != stage)
     text += _not_told(stage, elsewhere)
     return [
         Heard(
@@ -71,26 +96,60 @@ def tooth_damage(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
     ]
 
 
+def _sign_of_tooth(course: Course) -> tuple[float, Bump | Impacts] | None:
+    """P-value and what is heard of a damaged tooth; None where it cannot be looked for."""
+    bump = notch_bump(course)
+    if bump is not None:
+        return NOTCH_TAIL.p_value(bump.score), bump
+    found = impacts(course)
+    if found is None:
+        return None
+    p = IMPACTS_TAIL.p_value(found.score)
+    if found.like_play:
+        end = end_of_strokes(course)
+        if end is not None and log_ratio(END_TAIL.p_value(end.score)) > CLEAR:
+            p = 1.0  # play, where it is crossed
+    return p, found
+
+
+def hindrance_of_tooth(course: Course) -> str | None:
+    """Why a damaged tooth cannot be looked for; None where it can."""
+    return notch_hindrance(course) if impacts_hindrance(course) else None
+
+
+def hindrance_of_play(course: Course) -> str | None:
+    """Why play cannot be looked for; None where it can."""
+    return play_hindrance(course) if course.repeats else end_hindrance(course)
+
+
+def _same_tooth(axis: Axis, one: tuple[Course, Bump | Impacts], other: tuple[Course, Bump | Impacts]) -> bool:
+    """Whether two signs may be of one tooth: at the same angle, where both tell it."""
+    if isinstance(one[1], Impacts) or isinstance(other[1], Impacts):
+        return True
+    return _agree(place_of(axis, one[0], one[1]), place_of(axis, other[0], other[1]))
+
+
 def play(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
-    """Impacts where braking begins, at both ends."""
-    bumps = [play_bump(course) for course in courses]
-    found = [bump for bump in bumps if bump is not None]
-    if not found or not axis.stages:
+    """Impacts where braking begins, at both ends; or at the end of most strokes, where the motion does not repeat."""
+    bumps = [play_bump(course) if course.repeats else end_of_strokes(course) for course in courses]
+    known = [(bump, course) for bump, course in zip(bumps, courses, strict=True) if bump is not None]
+    if not known or not axis.stages:
         return []
-    bump = max(found, key=lambda one: one.score)
     p_values: list[float | None] = []
     for course, one in zip(courses, bumps, strict=True):
         if one is None:
             p_values.append(None)
             continue
-        notch = notch_bump(course)
-        masked = notch is not None and log_ratio(NOTCH_TAIL.p_value(notch.score)) > 2.0
-        masked = masked and notch is not None and one.height_db < notch.height_db - MASKED_DB
-        p_values.append(1.0 if masked else PLAY_TAIL.p_value(one.score))
+        notch = _sign_of_tooth(course)
+        masked = notch is not None and log_ratio(notch[0]) > CLEAR and one.height_db < notch[1].height_db - MASKED_DB
+        tail = PLAY_TAIL if course.repeats else END_TAIL
+        p_values.append(1.0 if masked else tail.p_value(one.score))
+    bump, course = min(known, key=lambda one: (PLAY_TAIL if one[1].repeats else END_TAIL).p_value(one[0].score))
+    where = "At both ends of the motion" if course.repeats else "At the end of most strokes"
     text = (
-        f"At both ends of the motion, {-bump.offset_s:.2f} s before the standstill, where braking begins and the "
-        f"torque changes its sign, an impact stands {bump.height_db:.0f} dB over what noise would reach: flanks meet "
-        "after crossing play; how much, sound alone does not tell."
+        f"{where}, {-bump.offset_s:.2f} s before the standstill, where braking begins and the torque changes its sign, "
+        f"an impact stands {bump.height_db:.0f} dB over {'what noise would reach' if course.repeats else OF_AROUND}: "
+        "flanks meet after crossing play; how much, sound alone does not tell."
     )
     stage = axis.stages[-1].name
     elsewhere = tuple(one.name for one in axis.stages[:-1])
@@ -110,7 +169,7 @@ def _not_told(stage: str, elsewhere: tuple[str, ...]) -> str:
 
 def bearing_defect(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
     """A family of lines at an order that no gear has."""
-    found = [bearing_family(axis, course) for course in courses]
+    found = [_bearing(axis, course) for course in courses]
     known = [family for family in found if family is not None]
     if not known:
         return []
@@ -127,6 +186,15 @@ def bearing_defect(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
     )
     numbers = {"order": (best.order, best.order - best.half, best.order + best.half)}
     return [Heard("bearing_defect", None, probability(p_values), numbers, text, p_values=p_values)]
+
+
+def _bearing(axis: Axis, course: Course) -> Family | None:
+    """A family of lines; a weak one is not told from what a damaged tooth leaves, where that is heard."""
+    family = bearing_family(axis, course)
+    if family is None or not family.weak:
+        return family
+    tooth = _sign_of_tooth(course)
+    return None if tooth is not None and log_ratio(tooth[0]) > CLEAR else family
 
 
 def place_of(axis: Axis, course: Course, bump: Bump) -> tuple[float, float] | None:
@@ -205,6 +273,14 @@ def _stage_of(axis: Axis, course: Course, bump: Bump) -> tuple[str, bool]:
             return stage.name, True
         told = told and len(seen) >= LEAST_VISITS
     return last, told
+
+
+def _stage_of_impacts(axis: Axis, found: Impacts) -> tuple[str, bool]:
+    """The gear that hits as often in a stroke, and whether that is told: the output gear hardly turns once in one."""
+    last = axis.stages[-1].name
+    if len(axis.stages) == 1:
+        return last, True
+    return (last if found.of_output else axis.stages[-2].name), False
 
 
 def _highest_near(offsets: Array, height: Array, at: float) -> float | None:

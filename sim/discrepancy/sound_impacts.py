@@ -78,7 +78,7 @@ def notch_hindrance(course: Course) -> str | None:
     if not analysis.motion.reversal_times_s:
         return NO_STANDSTILL
     if folded is None:
-        return _rate_too_low(analysis)
+        return rate_too_low(analysis)
     if not course.repeats:
         few = len(analysis.motion.reversal_times_s) < LEAST_REVERSALS
         return "too few standstills are heard to tell whether the motion repeats" if few else NO_REPEAT
@@ -97,7 +97,7 @@ def play_hindrance(course: Course) -> str | None:
     if count == 0:
         return NO_STANDSTILL
     if low is None or _folded(analysis, *TEETH_BAND_HZ) is None:
-        return _rate_too_low(analysis)
+        return rate_too_low(analysis)
     if count < LEAST_REVERSALS:
         return f"{LEAST_REVERSALS} standstills are needed and {count} heard"
     if not _complete(low):
@@ -105,7 +105,8 @@ def play_hindrance(course: Course) -> str | None:
     return None if _braking(low).any() else "no braking is heard before the standstills"
 
 
-def _rate_too_low(analysis: Analysis) -> str:
+def rate_too_low(analysis: Analysis) -> str:
+    """Why a band that holds the teeth cannot be listened to."""
     return f"the sample rate of {analysis.recording.sample_rate_hz:.0f} Hz is too low"
 
 

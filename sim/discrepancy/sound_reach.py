@@ -10,7 +10,7 @@ import numpy as np
 from casebase.signals.recording import Recording
 from sim.axis import Axis
 from sim.discrepancy.sound_course import Course
-from sim.discrepancy.sound_impacts import notch_hindrance, play_hindrance
+from sim.discrepancy.sound_gears import hindrance_of_play, hindrance_of_tooth
 from sim.discrepancy.sound_orders import bearing_hindrance
 from sim.discrepancy.sound_recording import recording_hindrances
 from sim.mechanisms import MECHANISMS
@@ -80,8 +80,8 @@ def reach(axis: Axis, sounds: Sequence[Recording], courses: Sequence[Course]) ->
 def _hindrances(axis: Axis, sound: Recording, course: Course) -> dict[str, str]:
     values = np.asarray(sound.samples, dtype=np.float64)
     of_machine = {
-        "tooth_damage": notch_hindrance(course) if axis.stages else NO_GEAR,
-        "backlash": play_hindrance(course) if axis.stages else NO_GEAR,
+        "tooth_damage": hindrance_of_tooth(course) if axis.stages else NO_GEAR,
+        "backlash": hindrance_of_play(course) if axis.stages else NO_GEAR,
         "bearing_defect": bearing_hindrance(axis, course),
     }
     told = {name: reason for name, reason in of_machine.items() if reason is not None}
