@@ -159,7 +159,7 @@ def holds(term: Term, less: Fit, more: Fit) -> bool:
     gains on the same blocks where they are seen. A loss counts as three typical blocks at most: it may be the linear
     refit that fails without that block. What never rests acts in all of them. That the description goes back to what
     is known counts as well, but not against the rows: where they are predicted worse, it is no reason for a term. For
-    what every model has a number of, known beforehand, it is the reason.
+    what every model has a number of, known beforehand, it is the reason, and for friction that was left out.
     """
     drop = advantage(less, more)
     root = np.sign(drop) * np.sqrt(np.abs(drop))
@@ -169,6 +169,6 @@ def holds(term: Term, less: Fit, more: Fit) -> bool:
     kept = float(np.maximum(drop, -LARGEST_LOSS * np.median(np.abs(drop))).sum())
     fitted = gain_elsewhere(less, more)
     relief = drop.size / BLOCKS * (less.strain - more.strain)
-    if term.mechanism not in LIKE_AN_OFFSET and kept - relief < -AGAINST * fitted:
+    if term.mechanism not in LIKE_AN_OFFSET + LEFT_OUT and kept - relief < -AGAINST * fitted:
         return False
     return even or (fitted > least_gain(term) and kept > KEPT_SHARE * fitted)
