@@ -55,6 +55,20 @@ def strongest_comb(
     return float(score[best]), _refined(grid, power, float(bases[best]), resolution, free[:, best])
 
 
+def usual_height(grid: Array, power: Array, averages: int, resolution: float, places: Array) -> tuple[float, int]:
+    """Median of the nats by which given orders `places` (k,) stand out of noise, and how many are clear.
+
+    What is fixed in hertz, or another family, makes some of them stand out, but not half.
+    """
+    half = WITHIN * resolution
+    nats = np.zeros(places.size)
+    for index, place in enumerate(places):
+        near = np.abs(grid - place) < half
+        chance = gammaincc(averages, averages * float(power[near].max())) * max(1.0, 4.0 * half / resolution)
+        nats[index] = -math.log(min(max(float(chance), math.exp(-LARGEST)), 1.0))
+    return float(np.median(nats)), int((nats > CLEAR).sum())
+
+
 def _refined(grid: Array, power: Array, base: float, resolution: float, free: NDArray[np.bool_]) -> float:
     """The base through the peaks on its free multiples, by least squares."""
     step = float(grid[1] - grid[0])

@@ -9,9 +9,11 @@ from __future__ import annotations
 import itertools
 import math
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.signal import butter, hilbert, sosfiltfilt
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
 from casebase.signals.condition import UNKNOWN, OperatingCondition
@@ -44,6 +46,11 @@ class Cruise:
     direction: int
     turns_per_s: float | None = None
 
+    @property
+    def length_s(self) -> float:
+        """How long it is [s]."""
+        return self.end_s - self.start_s
+
 
 @dataclass(frozen=True, eq=False)
 class LoadAngle:
@@ -70,11 +77,38 @@ class Course:
     load: LoadAngle | None = None
     contradiction: str | None = None
 
+    def envelope(self, cruise: int, band: tuple[float, float]) -> Array:
+        """Power spectrum (m,) of the envelope of a band [Hz] during a cruise, over its surroundings."""
+        spectra: Array = self._envelopes[band]
+        return np.asarray(spectra[cruise])
+
+    @cached_property
+    def _envelopes(self) -> _Envelopes:
+        return _Envelopes(self)
+
     @property
     def speed(self) -> float | None:
         """Usual speed of the motor while cruising [1/s]; None where it is not known."""
         known = [c.turns_per_s for c in self.cruises if c.turns_per_s is not None]
         return float(np.median(known)) if known else None
+
+
+class _Envelopes(dict[tuple[float, float], Array]):
+    """Spectra of the envelope of every cruise (cruises, m) by band, made when asked for."""
+
+    def __init__(self, course: Course) -> None:
+        super().__init__()
+        self._course = course
+
+    def __missing__(self, band: tuple[float, float]) -> Array:
+        sos = butter(4, band, "bandpass", fs=ANALYSIS_RATE_HZ, output="sos")
+        out = np.zeros_like(self._course.spectra)
+        for row, cruise in zip(out, self._course.cruises, strict=True):
+            first, last = round(cruise.start_s * ANALYSIS_RATE_HZ), round(cruise.end_s * ANALYSIS_RATE_HZ)
+            part = self._course.analysis.samples[first:last].astype(np.float64)
+            row[:] = over_surroundings(np.abs(hilbert(sosfiltfilt(sos, part))), ANALYSIS_RATE_HZ)
+        self[band] = out
+        return out
 
 
 def described_period_s(axis: Axis) -> float | None:

@@ -22,6 +22,7 @@ from sim.discrepancy.sound_impacts import (
     play_hindrance,
     single_strokes,
 )
+from sim.discrepancy.sound_orders import Family, bearing_family, bearing_hindrance
 from sim.discrepancy.sound_strokes import (
     Impacts,
     end_hindrance,
@@ -29,7 +30,7 @@ from sim.discrepancy.sound_strokes import (
     impacts,
     impacts_hindrance,
 )
-from sim.discrepancy.sound_orders import Family, bearing_family, bearing_hindrance
+from sim.discrepancy.sound_turns import TURNS_TAIL, Turns, hits_of_turns
 
 # Scores of simulated gearboxes without the fault, of many axes, motions and microphones: 181 recordings whose motion
 # repeats for the notch, 254 for play. Above `start` they fall off exponentially.
@@ -38,6 +39,7 @@ PLAY_TAIL = Tail(start=0.5, share=0.10, scale=0.72)
 # The same where the motion does not repeat; of 700 recordings without either fault, 325 for play.
 IMPACTS_TAIL = Tail(start=12.1, share=0.05, scale=2.2)
 END_TAIL = Tail(start=0.75, share=0.10, scale=0.45)
+Sign = Bump | Impacts | Turns
 CLEAR = 2.0  # logarithm of a likelihood ratio
 OF_AROUND = "the sound around it"
 SAME_PLACE_RAD = 0.1
@@ -50,21 +52,27 @@ MASKED_DB = 6.0  # a tooth that is damaged this much more is heard while braking
 
 def tooth_damage(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
     """A bump in one direction of motion at one place of the travel; or impacts, where the motion does not repeat."""
-    signs = [_sign_of_tooth(course) for course in courses]
+    signs = [_sign_of_tooth(axis, course) for course in courses]
     known = [(sign, course) for sign, course in zip(signs, courses, strict=True) if sign is not None]
     if not known or not axis.stages:
         return []
-    (lowest, best), course = min(known, key=lambda one: one[0][0])
+    (_, best), course = min(known, key=lambda one: one[0][0])
     p_values: list[float | None] = []
     for sign, other in zip(signs, courses, strict=True):
         same = sign is None or sign[1] is best or _same_tooth(axis, (other, sign[1]), (course, best))
         p_values.append(None if sign is None else sign[0] if same else 1.0)
     numbers: dict[str, tuple[float, float, float]] = {}
-    if isinstance(best, Impacts):
+    if isinstance(best, Turns):
+        stage, told = best.stage, True
+        text = (
+            f"While cruising, the loudness has lines at {best.count} multiples of the turns of the {stage} gear "
+            f"({best.order:.3g} per turn of the motor): a damaged tooth hits once in each of them."
+        )
+    elif isinstance(best, Impacts):
         stage, told = _stage_of_impacts(axis, best)
         text = (
             f"{best.times_s.size} impacts stand {best.height_db:.0f} dB and more over the sound around them, which no "
-            "other does: a damaged tooth that meets the mesh. The motion does not repeat, so that its angle is not told."
+            "other does: a damaged tooth that meets the mesh. The motion does not repeat: its angle is not told."
         )
     else:
         stage, told = _stage_of(axis, course, best)
@@ -96,8 +104,17 @@ def tooth_damage(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
     ]
 
 
-def _sign_of_tooth(course: Course) -> tuple[float, Bump | Impacts] | None:
-    """P-value and what is heard of a damaged tooth; None where it cannot be looked for."""
+def _sign_of_tooth(axis: Axis, course: Course) -> tuple[float, Sign] | None:
+    """P-value and what is heard of a damaged tooth, the clearest; None where it cannot be looked for."""
+    sign = _sign_of_impacts(course)
+    turns = hits_of_turns(axis, course)
+    if turns is None:
+        return sign
+    p = TURNS_TAIL.p_value(turns.score)
+    return (p, turns) if sign is None or p < sign[0] else sign
+
+
+def _sign_of_impacts(course: Course) -> tuple[float, Bump | Impacts] | None:
     bump = notch_bump(course)
     if bump is not None:
         return NOTCH_TAIL.p_value(bump.score), bump
@@ -112,6 +129,13 @@ def _sign_of_tooth(course: Course) -> tuple[float, Bump | Impacts] | None:
     return p, found
 
 
+def _masks(tooth: Sign, course: Course, of_play: Bump) -> bool:
+    """Whether what is heard of play may be the tooth: less high, or of a gear that hits all along strokes."""
+    if isinstance(tooth, Turns):
+        return not course.repeats
+    return of_play.height_db < tooth.height_db - MASKED_DB
+
+
 def hindrance_of_tooth(course: Course) -> str | None:
     """Why a damaged tooth cannot be looked for; None where it can."""
     return notch_hindrance(course) if impacts_hindrance(course) else None
@@ -122,9 +146,11 @@ def hindrance_of_play(course: Course) -> str | None:
     return play_hindrance(course) if course.repeats else end_hindrance(course)
 
 
-def _same_tooth(axis: Axis, one: tuple[Course, Bump | Impacts], other: tuple[Course, Bump | Impacts]) -> bool:
+def _same_tooth(axis: Axis, one: tuple[Course, Sign], other: tuple[Course, Sign]) -> bool:
     """Whether two signs may be of one tooth: at the same angle, where both tell it."""
-    if isinstance(one[1], Impacts) or isinstance(other[1], Impacts):
+    if isinstance(one[1], Turns) and isinstance(other[1], Turns):
+        return one[1].stage == other[1].stage
+    if not (isinstance(one[1], Bump) and isinstance(other[1], Bump)):
         return True
     return _agree(place_of(axis, one[0], one[1]), place_of(axis, other[0], other[1]))
 
@@ -140,8 +166,8 @@ def play(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
         if one is None:
             p_values.append(None)
             continue
-        notch = _sign_of_tooth(course)
-        masked = notch is not None and log_ratio(notch[0]) > CLEAR and one.height_db < notch[1].height_db - MASKED_DB
+        tooth = _sign_of_tooth(axis, course)
+        masked = tooth is not None and log_ratio(tooth[0]) > CLEAR and _masks(tooth[1], course, one)
         tail = PLAY_TAIL if course.repeats else END_TAIL
         p_values.append(1.0 if masked else tail.p_value(one.score))
     bump, course = min(known, key=lambda one: (PLAY_TAIL if one[1].repeats else END_TAIL).p_value(one[0].score))
@@ -193,7 +219,7 @@ def _bearing(axis: Axis, course: Course) -> Family | None:
     family = bearing_family(axis, course)
     if family is None or not family.weak:
         return family
-    tooth = _sign_of_tooth(course)
+    tooth = _sign_of_tooth(axis, course)
     return None if tooth is not None and log_ratio(tooth[0]) > CLEAR else family
 
 

@@ -11,16 +11,15 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.signal import butter, hilbert, sosfiltfilt
 from scipy.stats import binom
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from sim.axis import Axis
 from sim.chain_model import Array
 from sim.discrepancy.sound_comb import highest_order, strongest_comb
-from sim.discrepancy.sound_course import LEAST_CRUISES, Course, Cruise, Mask
+from sim.discrepancy.sound_course import LEAST_CRUISES, Course, Mask
 from sim.discrepancy.sound_impacts import NO_STANDSTILL, Tail
-from sim.discrepancy.sound_lines import TRANSFORM, gamma_limit, mesh_orders, over_surroundings
+from sim.discrepancy.sound_lines import TRANSFORM, gamma_limit, mesh_orders
 
 BANDS_HZ = ((150.0, 800.0), (800.0, 2000.0), (2000.0, 3700.0))
 STEP = 0.004  # orders per revolution of the motor
@@ -72,25 +71,25 @@ def bearing_hindrance(axis: Axis, course: Course) -> str | None:
     return None
 
 
-def _known(course: Course) -> list[tuple[Cruise, Array]]:
-    """Cruises at known speed with their spectra, but for short ones, which would blur all."""
-    known = [(c, row) for c, row in zip(course.cruises, course.spectra, strict=True) if c.turns_per_s is not None]
-    turned = [(c.turns_per_s or 0.0) * (c.end_s - c.start_s) for c, _ in known]
-    least = SHORT * (sorted(turned)[-LEAST_KNOWN] if len(turned) >= LEAST_KNOWN else 0.0)
-    return [one for one, turns in zip(known, turned, strict=True) if turns > least]
+def _known(course: Course) -> list[int]:
+    """Places of the cruises at known speed, but for short ones, which would blur all."""
+    turned = {k: c.turns_per_s * c.length_s for k, c in enumerate(course.cruises) if c.turns_per_s}
+    least = SHORT * (sorted(turned.values())[-LEAST_KNOWN] if len(turned) >= LEAST_KNOWN else 0.0)
+    return [k for k, turns in turned.items() if turns > least]
 
 
 def bearing_family(axis: Axis, course: Course) -> Family | None:
     """The clearest family of lines that no gear explains; None where there is none or the speed is unknown."""
     if bearing_hindrance(axis, course):
         return None
-    known = _known(course)
-    resolution = 2.0 / min(c.turns_per_s * (c.end_s - c.start_s) for c, _ in known if c.turns_per_s)
+    known = [(index, course.cruises[index].turns_per_s or 1.0) for index in _known(course)]
+    resolution = 2.0 / min(
+        turns * (course.cruises[index].end_s - course.cruises[index].start_s) for index, turns in known
+    )
     grid: Array = np.arange(0.5, HIGHEST_ORDER, STEP, dtype=np.float64)
-    kinds = [[_on_orders(grid, row, c.turns_per_s or 1.0) for c, row in known]]
+    kinds = [[on_orders(grid, course.spectra[index], turns) for index, turns in known]]
     for band in (one for one in BANDS_HZ if one[1] <= course.analysis.highest_hz):
-        rows = [_on_orders(grid, _envelope(course, c.start_s, c.end_s, band), c.turns_per_s or 1.0) for c, _ in known]
-        kinds.append(rows)
+        kinds.append([on_orders(grid, course.envelope(index, band), turns) for index, turns in known])
     powers = [np.asarray(np.minimum(kind, LARGEST_POWER).mean(axis=0), np.float64) for kind in kinds]
     best: Family | None = None
     for power in powers:
@@ -98,8 +97,8 @@ def bearing_family(axis: Axis, course: Course) -> Family | None:
         if found is not None and (best is None or found.p_value < best.p_value):
             best = found
     if best is None or _also_teeth(axis, best.order, powers[0], len(known), grid, resolution):
-        fastest = max(c.turns_per_s or 1.0 for c, _ in known)
-        return _together(axis, grid, powers, len(known), resolution, highest_order(fastest, HIGHEST_ORDER))
+        top = highest_order(max(turns for _, turns in known), HIGHEST_ORDER)
+        return _together(axis, grid, powers, len(known), resolution, top)
     return best
 
 
@@ -118,7 +117,9 @@ def _together(
         lines = np.array(_lines(grid, power, averages, resolution))
         free = lines[~_near_gears(axis, lines, 0.75 * resolution)][:MAJORITY_OF]
         own = _on_multiples(free, order, 0.5 * resolution, int(HIGHEST_ORDER / order))
-        if own.sum() >= LEAST_OWN and own.mean() >= OWN and not _gear_family(axis, order, FITTED * resolution, lines, resolution):
+        if own.sum() < LEAST_OWN or own.mean() < OWN:
+            continue
+        if not _gear_family(axis, order, FITTED * resolution, lines, resolution):
             best = Family(order, 3.0 * SLIP * order, MULTIPLES, p, weak=True)
     return best
 
@@ -138,17 +139,10 @@ def _also_teeth(axis: Axis, order: float, power: Array, averages: int, grid: Arr
     return False
 
 
-def _on_orders(grid: Array, spectrum: Array, turns_per_s: float) -> Array:
+def on_orders(grid: Array, spectrum: Array, turns_per_s: float) -> Array:
     """Power at orders; 1, the mean of noise, where the recording does not reach."""
     place = grid * turns_per_s * TRANSFORM / ANALYSIS_RATE_HZ
     return np.asarray(np.interp(place, np.arange(spectrum.size), spectrum, right=1.0))
-
-
-def _envelope(course: Course, start_s: float, end_s: float, band: tuple[float, float]) -> Array:
-    first, last = round(start_s * ANALYSIS_RATE_HZ), round(end_s * ANALYSIS_RATE_HZ)
-    sos = butter(4, band, "bandpass", fs=ANALYSIS_RATE_HZ, output="sos")
-    envelope = np.abs(hilbert(sosfiltfilt(sos, course.analysis.samples[first:last].astype(np.float64))))
-    return over_surroundings(np.asarray(envelope), ANALYSIS_RATE_HZ)
 
 
 def _family(axis: Axis, grid: Array, power: Array, averages: int, resolution: float) -> Family | None:

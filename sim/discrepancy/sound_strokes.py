@@ -102,7 +102,7 @@ def end_of_strokes(course: Course) -> Bump | None:
         return None
     low, teeth = course.analysis.envelope(Band.LOW), _teeth(course.analysis)
     over = np.asarray(0.5 * (_widened(over_around(low)) + _widened(over_around(teeth))))
-    time = (np.arange(over.size) + 0.5) / HOP_HZ
+    time: Array = (np.arange(over.size, dtype=np.float64) + 0.5) / HOP_HZ
     louder, heights, before = [], [], []
     for start, middle, end, stop in _ends(course, time):
         width = int(start.sum())
@@ -121,7 +121,8 @@ def end_hindrance(course: Course) -> str | None:
         return rate_too_low(course.analysis)
     if not course.analysis.motion.reversal_times_s:
         return NO_STANDSTILL
-    count = len(_ends(course, (np.arange(int(low.duration_s * HOP_HZ)) + 0.5) / HOP_HZ))
+    time: Array = (np.arange(int(low.duration_s * HOP_HZ), dtype=np.float64) + 0.5) / HOP_HZ
+    count = len(_ends(course, time))
     return None if count >= LEAST_STROKES else f"{LEAST_STROKES} whole strokes are needed and {count} heard"
 
 
