@@ -78,7 +78,7 @@ def _refined(grid: Array, power: Array, base: float, resolution: float, free: ND
         window = slice(max(at - half, 0), at + half + 1)
         over += k * float(grid[window][np.argmax(power[window])])
         under += float(k * k)
-    return over / under
+    return float(over / under)
 
 
 def highest_order(turns_per_s: float, highest: float) -> float:

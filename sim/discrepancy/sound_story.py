@@ -14,6 +14,7 @@ from sim.discrepancy.sound import Listening
 from sim.discrepancy.sound_course import Course
 from sim.discrepancy.sound_lines import TRANSFORM, gamma_limit, mesh_orders
 from sim.discrepancy.sound_path import LINE, envelopes
+from sim.discrepancy.sound_strokes import impacts, over_around
 
 if TYPE_CHECKING:
     from sim.discrepancy.investigation import Investigation
@@ -22,7 +23,7 @@ SHOWN_S, SHOWN_HZ = 20.0, 1500.0
 MEAN_HOPS = 4
 SHOWN_ORDER, ORDER_STEP = 32.0, 0.05
 REASONS = {
-    "tooth_damage": "No impact in one direction of motion stands out over what good gearboxes do as well.",
+    "tooth_damage": "No impacts stand out over what good gearboxes do as well, nor lines at the turns of a gear.",
     "backlash": "No impact where braking begins stands out over what good gearboxes do as well.",
     "bearing_defect": "The lines that no gear explains are too few to be a bearing's.",
 }
@@ -38,6 +39,8 @@ def sound_panels(listened: Listening) -> tuple[list[Panel], list[Panel]]:
     folded = course.analysis.folded(Band.LOW)
     if folded is None:
         return overlay, []
+    if not course.repeats:
+        return overlay, [_impacts(course)]
     title = "Strokes laid over each other, below 200 Hz"
     lines = (("around one end", folded.forward_db), ("around the other end", folded.backward_db))
     labels = ("time from the standstill [s]", "over what noise reaches [dB]")
@@ -83,6 +86,20 @@ def _loudness(course: Course) -> Panel:
     marks = tuple((t, "standstill") for t in course.analysis.motion.reversal_times_s if t <= SHOWN_S)
     lines = (("sound", mean),)
     return Panel("Loudness", "time [s]", "level [dB re full scale]", "time", time, lines, markers=marks)
+
+
+def _impacts(course: Course) -> Panel:
+    """What stands out of the second around it, where strokes cannot be laid over each other."""
+    over = over_around(course.analysis.envelope(Band.LOW))
+    count = int(min(over.size, SHOWN_S * HOP_HZ)) // MEAN_HOPS * MEAN_HOPS
+    highest = over[:count].reshape(-1, MEAN_HOPS).max(axis=1)
+    time: Array = np.asarray((np.arange(highest.size) + 0.5) * MEAN_HOPS / HOP_HZ, dtype=np.float64)
+    found = impacts(course)
+    times = () if found is None else found.times_s
+    marks = [(t, "standstill") for t in course.analysis.motion.reversal_times_s if t <= SHOWN_S]
+    marks += [(float(t), "impact") for t in times if t <= SHOWN_S]
+    title, labels = "Impacts below 200 Hz", ("time [s]", "over the sound around [dB]")
+    return Panel(title, *labels, "time", time, (("sound", highest),), markers=tuple(sorted(marks)))
 
 
 def _lines(course: Course) -> Panel:
