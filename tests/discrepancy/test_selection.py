@@ -30,7 +30,7 @@ from sim.discrepancy.criteria import (
 )
 from sim.discrepancy.entries import swing
 from sim.discrepancy.fit import Fit, Noise, Problem
-from sim.discrepancy.investigation import investigate, lacking, left, told_apart
+from sim.discrepancy.investigation import investigate, lacking, left, looks_like, told_apart
 from sim.discrepancy.measurement import Measurement, prepare
 from sim.discrepancy.model import base_parameters, loss_parameters, nuisance_of
 from sim.discrepancy.nameless import FIXED, line_of
@@ -140,6 +140,14 @@ AXIS = read_axis(
 MOVED = prepare(RATE_HZ, motion()[3] * 0.03, motion()[1], motion()[1] / 8.0)
 ALL = terms_of(AXIS, MOVED, Chain((Shaft(0.003, 0.3, 0.0),)))
 TERMS = {t.mechanism: t for t in ALL}
+
+
+@pytest.mark.parametrize(("teeth", "alike"), [(True, ()), (False, ("mesh_error",))])
+def test_a_loop_looks_like_errors_of_teeth_whose_number_is_unknown(teeth: bool, alike: tuple[str, ...]) -> None:
+    stage = AXIS.stages[0]
+    axis = AXIS if teeth else replace(AXIS, stages=(replace(stage, driver_teeth=None, driven_teeth=None, ratio=8.0),))
+    loop = next(t for t in terms_of(axis, MOVED, Chain((Shaft(0.003, 0.3, 0.0),))) if t.mechanism == "hysteresis")
+    assert looks_like(Problem(axis, MOVED, Noise.flat(1.0, 1.0)), loop) == alike
 
 
 def test_play_below_what_matters_stands_for_itself_and_a_bend_does_not() -> None:
