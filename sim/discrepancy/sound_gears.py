@@ -72,8 +72,8 @@ def tooth_damage(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
         stage, told = _stage_of_impacts(axis, best)
         text = (
             f"{best.times_s.size} impacts stand {best.height_db:.0f} dB and more over the sound around them, which no "
-            "other does: a damaged tooth that meets the mesh, unless something beside the axis knocked. The motion does "
-            "not repeat, so that its angle is not told."
+            "other does: a damaged tooth that meets the mesh, unless something beside the axis knocked. The motion does"
+            " not repeat, so that its angle is not told."
         )
     else:
         stage, told = _stage_of(axis, course, best)
