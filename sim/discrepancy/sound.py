@@ -12,7 +12,7 @@ from sim.axis import Axis
 from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.sound_course import LEAST_CRUISES, Course, course_of
 from sim.discrepancy.sound_evidence import Heard
-from sim.discrepancy.sound_gears import bearing_defect, play, tooth_damage
+from sim.discrepancy.sound_gears import bearing_defect, play, sign_of_tooth, tooth_damage
 from sim.discrepancy.sound_path import bearing_along_path
 from sim.discrepancy.sound_reach import reach
 from sim.discrepancy.sound_recording import recording_faults
@@ -64,7 +64,9 @@ def listen(axis: Axis, sound: Recording, measurement: Measurement | None, offset
     out = recording_faults(values, sound.sample_rate_hz, course.moving)
     if sound.duration_s > LEAST_S:
         out += bearing_along_path(axis, values, sound.sample_rate_hz, measurement, offset_s)
-        out += [h for h in (*tooth_damage(axis, [course]), *play(axis, [course])) if h.probability >= SURE]
+        teeth = [sign_of_tooth(axis, course)]
+        machine = (*tooth_damage(axis, [course], teeth), *play(axis, [course], teeth))
+        out += [h for h in machine if h.probability >= SURE]
     return tuple(out)
 
 
@@ -73,7 +75,8 @@ def listen_alone(axis: Axis, sounds: Sequence[Recording]) -> Listening:
     sounds, copied = without_copies(sounds)
     names = names_of(sounds)
     courses = tuple(course_of(axis, sound, None, 0.0) for sound in sounds)
-    machine = [*tooth_damage(axis, courses), *play(axis, courses), *bearing_defect(axis, courses)]
+    teeth = [sign_of_tooth(axis, course) for course in courses]
+    machine = [hear for look in (tooth_damage, play, bearing_defect) for hear in look(axis, courses, teeth)]
     found = [h for h in (*machine, *_faults(sounds, courses)) if h.probability >= SAID]
     heard = tuple(with_recordings(h, names) for h in found)
     rejected = tuple((h.mechanism, h.probability) for h in machine if h.probability < SAID)

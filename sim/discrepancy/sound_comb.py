@@ -1,4 +1,4 @@
-"""A weak rolling bearing: all multiples of one order together, of which hardly one stands out by itself."""
+"""All multiples of one order together, of which hardly one may stand out by itself: of a bearing, or a gear's turns."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ from scipy.ndimage import minimum_filter1d
 from scipy.special import gammaincc
 from scipy.stats import gamma
 
-from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from sim.chain_model import Array
 
 MULTIPLES = 8
@@ -79,8 +78,3 @@ def _refined(grid: Array, power: Array, base: float, resolution: float, free: ND
         over += k * float(grid[window][np.argmax(power[window])])
         under += float(k * k)
     return float(over / under)
-
-
-def highest_order(turns_per_s: float, highest: float) -> float:
-    """Up to which order a recording at a motor speed [1/s] reaches, at most `highest`."""
-    return min(0.5 * ANALYSIS_RATE_HZ / turns_per_s, highest - 1.0)

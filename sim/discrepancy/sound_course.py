@@ -51,6 +51,11 @@ class Cruise:
         """How long it is [s]."""
         return self.end_s - self.start_s
 
+    @property
+    def turned(self) -> float:
+        """Revolutions of the motor [1]; 0 where its speed is not known."""
+        return (self.turns_per_s or 0.0) * self.length_s
+
 
 @dataclass(frozen=True, eq=False)
 class LoadAngle:
@@ -256,8 +261,8 @@ def _with_heard_speed(axis: Axis, cruises: tuple[Cruise, ...], spectra: Array, r
     if len(cruises) < LEAST_CRUISES:
         return cruises
     if repeats:
-        longest = max(c.end_s - c.start_s for c in cruises)
+        longest = max(c.length_s for c in cruises)
         speed = heard_speed(axis, orders, np.asarray(spectra.mean(axis=0)), len(cruises), longest, described)
         return tuple(replace(c, turns_per_s=speed or described) for c in cruises)
-    alone = [heard_speed(axis, orders, row, 1, c.end_s - c.start_s) for c, row in zip(cruises, spectra, strict=True)]
+    alone = [heard_speed(axis, orders, row, 1, c.length_s) for c, row in zip(cruises, spectra, strict=True)]
     return tuple(replace(c, turns_per_s=speed) for c, speed in zip(cruises, alone, strict=True))

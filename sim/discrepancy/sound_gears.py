@@ -39,7 +39,8 @@ PLAY_TAIL = Tail(start=0.5, share=0.10, scale=0.72)
 # The same where the motion does not repeat; of 700 recordings without either fault, 325 for play.
 IMPACTS_TAIL = Tail(start=12.1, share=0.05, scale=2.2)
 END_TAIL = Tail(start=0.75, share=0.10, scale=0.45)
-Sign = Bump | Impacts | Turns
+Tooth = Bump | Impacts | Turns
+Sign = tuple[float, Tooth]  # p-value and what is heard
 CLEAR = 2.0  # logarithm of a likelihood ratio
 OF_AROUND = "the sound around it"
 SAME_PLACE_RAD = 0.1
@@ -50,9 +51,8 @@ VISITED = 0.7
 MASKED_DB = 6.0  # a tooth that is damaged this much more is heard while braking, too
 
 
-def tooth_damage(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
+def tooth_damage(axis: Axis, courses: Sequence[Course], signs: Sequence[Sign | None]) -> list[Heard]:
     """A bump in one direction of motion at one place of the travel; or impacts, where the motion does not repeat."""
-    signs = [_sign_of_tooth(axis, course) for course in courses]
     known = [(sign, course) for sign, course in zip(signs, courses, strict=True) if sign is not None]
     if not known or not axis.stages:
         return []
@@ -72,8 +72,8 @@ def tooth_damage(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
         stage, told = _stage_of_impacts(axis, best)
         text = (
             f"{best.times_s.size} impacts stand {best.height_db:.0f} dB and more over the sound around them, which no "
-            "other does: a damaged tooth that meets the mesh, unless something beside the axis knocked. The motion does"
-            " not repeat, so that its angle is not told."
+            "other does: a damaged tooth that meets the mesh, unless something beside the axis knocked. Strokes cannot "
+            "be laid over each other, so that its angle is not told."
         )
     else:
         stage, told = _stage_of(axis, course, best)
@@ -105,8 +105,8 @@ def tooth_damage(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
     ]
 
 
-def _sign_of_tooth(axis: Axis, course: Course) -> tuple[float, Sign] | None:
-    """P-value and what is heard of a damaged tooth, the clearest; None where it cannot be looked for."""
+def sign_of_tooth(axis: Axis, course: Course) -> Sign | None:
+    """What is heard of a damaged tooth, the clearest; None where it cannot be looked for."""
     sign = _sign_of_impacts(course)
     turns = hits_of_turns(axis, course)
     if turns is None:
@@ -130,7 +130,7 @@ def _sign_of_impacts(course: Course) -> tuple[float, Bump | Impacts] | None:
     return p, found
 
 
-def _masks(tooth: Sign, course: Course, of_play: Bump) -> bool:
+def _masks(tooth: Tooth, course: Course, of_play: Bump) -> bool:
     """Whether what is heard of play may be the tooth: less high, or of a gear that hits all along strokes."""
     if isinstance(tooth, Turns):
         return not course.repeats
@@ -147,7 +147,7 @@ def hindrance_of_play(course: Course) -> str | None:
     return play_hindrance(course) if course.repeats else end_hindrance(course)
 
 
-def _same_tooth(axis: Axis, one: tuple[Course, Sign], other: tuple[Course, Sign]) -> bool:
+def _same_tooth(axis: Axis, one: tuple[Course, Tooth], other: tuple[Course, Tooth]) -> bool:
     """Whether two signs may be of one tooth: at the same angle, where both tell it."""
     if isinstance(one[1], Turns) and isinstance(other[1], Turns):
         return one[1].stage == other[1].stage
@@ -156,18 +156,17 @@ def _same_tooth(axis: Axis, one: tuple[Course, Sign], other: tuple[Course, Sign]
     return _agree(place_of(axis, one[0], one[1]), place_of(axis, other[0], other[1]))
 
 
-def play(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
+def play(axis: Axis, courses: Sequence[Course], teeth: Sequence[Sign | None]) -> list[Heard]:
     """Impacts where braking begins, at both ends; or at the end of most strokes, where the motion does not repeat."""
     bumps = [play_bump(course) if course.repeats else end_of_strokes(course) for course in courses]
     known = [(bump, course) for bump, course in zip(bumps, courses, strict=True) if bump is not None]
     if not known or not axis.stages:
         return []
     p_values: list[float | None] = []
-    for course, one in zip(courses, bumps, strict=True):
+    for course, one, tooth in zip(courses, bumps, teeth, strict=True):
         if one is None:
             p_values.append(None)
             continue
-        tooth = _sign_of_tooth(axis, course)
         masked = tooth is not None and log_ratio(tooth[0]) > CLEAR and _masks(tooth[1], course, one)
         tail = PLAY_TAIL if course.repeats else END_TAIL
         p_values.append(1.0 if masked else tail.p_value(one.score))
@@ -194,9 +193,9 @@ def _not_told(stage: str, elsewhere: tuple[str, ...]) -> str:
     )
 
 
-def bearing_defect(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
+def bearing_defect(axis: Axis, courses: Sequence[Course], teeth: Sequence[Sign | None]) -> list[Heard]:
     """A family of lines at an order that no gear has."""
-    found = [_bearing(axis, course) for course in courses]
+    found = [_bearing(axis, *one) for one in zip(courses, teeth, strict=True)]
     known = [family for family in found if family is not None]
     if not known:
         return []
@@ -215,13 +214,11 @@ def bearing_defect(axis: Axis, courses: Sequence[Course]) -> list[Heard]:
     return [Heard("bearing_defect", None, probability(p_values), numbers, text, p_values=p_values)]
 
 
-def _bearing(axis: Axis, course: Course) -> Family | None:
+def _bearing(axis: Axis, course: Course, tooth: Sign | None) -> Family | None:
     """A family of lines; a weak one is not told from what a damaged tooth leaves, where that is heard."""
     family = bearing_family(axis, course)
-    if family is None or not family.weak:
-        return family
-    tooth = _sign_of_tooth(axis, course)
-    return None if tooth is not None and log_ratio(tooth[0]) > CLEAR else family
+    heard = tooth is not None and log_ratio(tooth[0]) > CLEAR
+    return None if family is not None and family.weak and heard else family
 
 
 def place_of(axis: Axis, course: Course, bump: Bump) -> tuple[float, float] | None:

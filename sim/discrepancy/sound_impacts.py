@@ -130,7 +130,7 @@ def single_strokes(course: Course) -> tuple[Array, Array] | None:
         return None
     cruising = _cruising(analysis, folded)
     strokes = np.stack([folded.forward_db, folded.backward_db])
-    other = _widened(strokes[::-1])
+    other = widened(strokes[::-1])
     single = np.where(cruising, strokes - np.maximum(other, np.median(other, axis=1, keepdims=True)), -np.inf)
     return folded.offset_s, single
 
@@ -141,7 +141,7 @@ def play_bump(course: Course) -> Bump | None:
     low, teeth = analysis.folded(Band.LOW), _folded(analysis, *TEETH_BAND_HZ)
     if low is None or teeth is None or play_hindrance(course):
         return None
-    both = 0.5 * (_widened(_both(low)) + _widened(_both(teeth)))
+    both = 0.5 * (widened(_both(low)) + widened(_both(teeth)))
     outside = ~low.in_quiet
     place = int(np.argmax(np.where(_braking(low), both, -np.inf)))
     offset, height = float(low.offset_s[place]), float(both[place])
@@ -150,15 +150,15 @@ def play_bump(course: Course) -> Bump | None:
 
 
 def _both(folded: Fold) -> Array:
-    return np.asarray(np.maximum(np.minimum(folded.forward_db, _widened(folded.backward_db)), -6.0))
+    return np.asarray(np.maximum(np.minimum(folded.forward_db, widened(folded.backward_db)), -6.0))
 
 
 def _complete(folded: Fold) -> bool:
     return bool(np.isfinite(folded.forward_db).all() and np.isfinite(folded.backward_db).all())
 
 
-def _widened(height_db: Array) -> Array:
-    """Let every height hold within the tolerance of the motion, too."""
+def widened(height_db: Array) -> Array:
+    """Let every height hold within the tolerance of the motion, too, along the last axis."""
     return np.asarray(maximum_filter1d(height_db, 2 * TOLERANCE + 1, axis=-1))
 
 

@@ -16,7 +16,7 @@ from scipy.stats import binom
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from sim.axis import Axis
 from sim.chain_model import Array
-from sim.discrepancy.sound_comb import highest_order, strongest_comb
+from sim.discrepancy.sound_comb import strongest_comb
 from sim.discrepancy.sound_course import LEAST_CRUISES, Course, Mask
 from sim.discrepancy.sound_impacts import NO_STANDSTILL, Tail
 from sim.discrepancy.sound_lines import TRANSFORM, gamma_limit, mesh_orders
@@ -73,7 +73,7 @@ def bearing_hindrance(axis: Axis, course: Course) -> str | None:
 
 def _known(course: Course) -> list[int]:
     """Places of the cruises at known speed, but for short ones, which would blur all."""
-    turned = {k: c.turns_per_s * c.length_s for k, c in enumerate(course.cruises) if c.turns_per_s}
+    turned = {k: c.turned for k, c in enumerate(course.cruises) if c.turns_per_s}
     least = SHORT * (sorted(turned.values())[-LEAST_KNOWN] if len(turned) >= LEAST_KNOWN else 0.0)
     return [k for k, turns in turned.items() if turns > least]
 
@@ -88,7 +88,7 @@ def bearing_family(axis: Axis, course: Course) -> Family | None:
     )
     grid: Array = np.arange(0.5, HIGHEST_ORDER, STEP, dtype=np.float64)
     kinds = [[on_orders(grid, course.spectra[index], turns) for index, turns in known]]
-    for band in (one for one in BANDS_HZ if one[1] <= course.analysis.highest_hz):
+    for band in bands_of(course):
         kinds.append([on_orders(grid, course.envelope(index, band), turns) for index, turns in known])
     powers = [np.asarray(np.minimum(kind, LARGEST_POWER).mean(axis=0), np.float64) for kind in kinds]
     best: Family | None = None
@@ -97,7 +97,7 @@ def bearing_family(axis: Axis, course: Course) -> Family | None:
         if found is not None and (best is None or found.p_value < best.p_value):
             best = found
     if best is None or _also_teeth(axis, best.order, powers[0], len(known), grid, resolution):
-        top = highest_order(max(turns for _, turns in known), HIGHEST_ORDER)
+        top = min(0.5 * ANALYSIS_RATE_HZ / max(turns for _, turns in known), HIGHEST_ORDER - 1.0)
         return _together(axis, grid, powers, len(known), resolution, top)
     return best
 
@@ -137,6 +137,11 @@ def _also_teeth(axis: Axis, order: float, power: Array, averages: int, grid: Arr
         if all(explained):
             return True
     return False
+
+
+def bands_of(course: Course) -> list[tuple[float, float]]:
+    """Bands [Hz] that a recording holds whole."""
+    return [band for band in BANDS_HZ if band[1] <= course.analysis.highest_hz]
 
 
 def on_orders(grid: Array, spectrum: Array, turns_per_s: float) -> Array:

@@ -14,13 +14,12 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
 from scipy.stats import trim_mean
 
-from casebase.signals.analysis import Analysis, Band
-from casebase.signals.fold import TOLERANCE
+from casebase.signals.analysis import Band
 from casebase.signals.motion import HOP_HZ
 from casebase.signals.spectra import BandEnvelope, band_envelope
 from sim.chain_model import Array
 from sim.discrepancy.sound_course import Course, Mask
-from sim.discrepancy.sound_impacts import LEAST_REVERSALS, NO_STANDSTILL, TEETH_BAND_HZ, Bump, rate_too_low
+from sim.discrepancy.sound_impacts import LEAST_REVERSALS, NO_STANDSTILL, TEETH_BAND_HZ, Bump, rate_too_low, widened
 
 SMOOTH_S = 0.02  # an impact and its ringing
 AROUND_HOPS = 201  # one second
@@ -100,8 +99,8 @@ def end_of_strokes(course: Course) -> Bump | None:
     """
     if end_hindrance(course):
         return None
-    low, teeth = course.analysis.envelope(Band.LOW), _teeth(course.analysis)
-    over = np.asarray(0.5 * (_widened(over_around(low)) + _widened(over_around(teeth))))
+    low, teeth = course.analysis.envelope(Band.LOW), band_envelope(course.analysis.spectrum, *TEETH_BAND_HZ)
+    over = np.asarray(0.5 * (widened(over_around(low)) + widened(over_around(teeth))))
     time: Array = (np.arange(over.size, dtype=np.float64) + 0.5) / HOP_HZ
     louder, heights, before = [], [], []
     for start, middle, end, stop in _ends(course, time):
@@ -117,7 +116,7 @@ def end_of_strokes(course: Course) -> Bump | None:
 def end_hindrance(course: Course) -> str | None:
     """Why play cannot be looked for in strokes that do not repeat; None where it can."""
     low = course.analysis.envelope(Band.LOW)
-    if low is None or _teeth(course.analysis) is None:
+    if low is None:
         return rate_too_low(course.analysis)
     if not course.analysis.motion.reversal_times_s:
         return NO_STANDSTILL
@@ -148,11 +147,3 @@ def over_around(envelope: BandEnvelope | None) -> Array:
         return np.zeros(0)
     level = 10.0 * np.log10(envelope.smoothed(SMOOTH_S, HOP_HZ).astype(np.float64))
     return np.asarray(level - median_filter(level, AROUND_HOPS, mode="nearest"))
-
-
-def _teeth(analysis: Analysis) -> BandEnvelope | None:
-    return band_envelope(analysis.spectrum, *TEETH_BAND_HZ)
-
-
-def _widened(height_db: Array) -> Array:
-    return np.asarray(maximum_filter1d(height_db, 2 * TOLERANCE + 1))

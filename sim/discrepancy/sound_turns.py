@@ -13,10 +13,10 @@ import numpy as np
 from sim.axis import Axis
 from sim.chain_model import Array
 from sim.discrepancy.sound_comb import usual_height
-from sim.discrepancy.sound_course import Course, Cruise
+from sim.discrepancy.sound_course import Course
 from sim.discrepancy.sound_impacts import Tail
 from sim.discrepancy.sound_lines import mesh_orders
-from sim.discrepancy.sound_orders import BANDS_HZ, on_orders
+from sim.discrepancy.sound_orders import bands_of, on_orders
 
 STEP = 0.004  # orders per revolution of the motor
 HIGHEST_ORDER = 12.0
@@ -46,27 +46,22 @@ def hits_of_turns(axis: Axis, course: Course) -> Turns | None:
     order = 1.0
     for stage in axis.stages[:-1]:
         order /= stage.ratio
-        long = [(index, c) for index, c in known if _turned(c) * order > TURNS]
+        long = [(index, c) for index, c in known if c.turned * order > TURNS]
         if not long:
             continue
-        resolution = 2.0 / min(_turned(c) for _, c in long)
+        resolution = 2.0 / min(c.turned for _, c in long)
         places = np.array([k * order for k in MULTIPLES if k * order < HIGHEST_ORDER - 1.0])
         places = places[_apart(axis, places) > OF_OTHERS * resolution]
         if places.size < LEAST_MULTIPLES:
             continue
         grid: Array = np.arange(STEP, HIGHEST_ORDER, STEP, dtype=np.float64)
-        for band in (one for one in BANDS_HZ if one[1] <= course.analysis.highest_hz):
+        for band in bands_of(course):
             rows = [on_orders(grid, course.envelope(index, band), c.turns_per_s or 1.0) for index, c in long]
             power = np.asarray(np.minimum(rows, LARGEST_POWER).mean(axis=0))
             score, count = usual_height(grid, power, len(long), resolution, places)
             if best is None or score > best.score:
                 best = Turns(stage.name, order, score, count)
     return best
-
-
-def _turned(cruise: Cruise) -> float:
-    """Revolutions of the motor."""
-    return (cruise.turns_per_s or 0.0) * cruise.length_s
 
 
 def _apart(axis: Axis, orders: Array) -> Array:
