@@ -131,7 +131,8 @@ def _friction_terms(axis: Axis, level: float, top: float, m: Measurement) -> lis
 
 
 def _both(mechanism: str, parameter: str, field: str, step: float, scale: float, n: int) -> Term:
-    """Friction at the motor and, behind gears, at the load; reported as felt at the motor."""
+    """Friction at the motor and, behind gears, at the load; reported as felt at the motor. All of it matters: a
+    description without any leaves it out."""
     prefix = f"{mechanism}@None"
     names = [f"{prefix}.motor"] + ([f"{prefix}.load"] if n else [])
     sizes = [step, step * scale][: len(names)]
@@ -147,7 +148,7 @@ def _both(mechanism: str, parameter: str, field: str, step: float, scale: float,
 
     parameters = tuple(Parameter(name, 0.0, 0.05 * size, low=0.0) for name, size in zip(names, sizes, strict=True))
     probes = (tuple({name: size} for name, size in zip(names, sizes, strict=True)),)
-    return Term(mechanism, None if n else "motor", parameters, probes, report, apply, size=0.05 * step)
+    return Term(mechanism, None if n else "motor", parameters, probes, report, apply, size=0.0)
 
 
 def _stribeck(level: float, top: float) -> Term:

@@ -34,7 +34,7 @@ DAMPING = {"hysteresis": 0.4, "load_dependent_loss": 0.1}  # of what erring teet
 OF_STRAIN = {  # what must be gained over what the description is bent by beyond chance
     "tooth_damage": 3.0, "stiffness_hardening": 3.0, "hysteresis": 3.0, "torque_offset": 1.0,
 }  # fmt: skip
-BENDING = 20.0  # gain over what the description is bent by more with a term: less, and the term stands for another
+BENDING = 7.0  # gain over what the description is bent by more with a term: less, and the term stands for another
 ERRORS = ("mesh_error", "eccentricity", AS_NEW)  # every new axis has them, if small
 CONSTANT = ("torque_offset",)  # known beforehand within a little: what it gains over that is no error of a form
 LIKE_AN_OFFSET = ("friction_asymmetry",)  # the same torque while anything moves, and every model has an offset
@@ -67,13 +67,13 @@ def penalty(term: Term, rows: int) -> float:
     """Nats that a term must pay: half a log of the rows for each number, and for the places it was looked for.
 
     Nothing for what every axis has: a description without friction is one that leaves it out. Nor for numbers of the
-    description that the term only sets free.
+    description that the term only sets free, nor for those of a usual size: what they deviate from it costs squares.
     """
     if term.mechanism in LEFT_OUT:
         return 0.0
     looks = 8.0 if term.mechanism == "tooth_damage" else math.log(max(len(term.probes), 1) + 1.0)
     telling = rows / STROKE_ROWS if term.mechanism in OVER_STROKES else rows
-    own = sum(p.name not in term.replaces for p in term.parameters)
+    own = sum(p.name not in term.replaces and math.isinf(p.spread) for p in term.parameters)
     return 0.5 * own * math.log(max(telling, 2.0)) + looks
 
 
@@ -159,7 +159,8 @@ def holds(term: Term, less: Fit, more: Fit) -> bool:
     gains on the same blocks where they are seen. A loss counts as three typical blocks at most: it may be the linear
     refit that fails without that block. What never rests acts in all of them. That the description goes back to what
     is known counts as well, but not against the rows: where they are predicted worse, it is no reason for a term. For
-    what every model has a number of, known beforehand, it is the reason, and for friction that was left out.
+    what every model has a number of, known beforehand, it is the reason, and for friction that was left out; of that a
+    third of any gain is enough.
     """
     drop = advantage(less, more)
     root = np.sign(drop) * np.sqrt(np.abs(drop))
@@ -171,4 +172,5 @@ def holds(term: Term, less: Fit, more: Fit) -> bool:
     relief = drop.size / BLOCKS * (less.strain - more.strain)
     if term.mechanism not in LIKE_AN_OFFSET + LEFT_OUT and kept - relief < -AGAINST * fitted:
         return False
-    return even or (fitted > least_gain(term) and kept > KEPT_SHARE * fitted)
+    least = 0.0 if term.mechanism in LEFT_OUT else least_gain(term)
+    return even or (fitted > least and kept > KEPT_SHARE * fitted)

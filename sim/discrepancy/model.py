@@ -15,6 +15,7 @@ PARTS = ("sine", "cosine")
 STATED_SPREAD = 0.03  # of what a data sheet states: inertias of motor and gears, stiffness of a stage, friction
 LOSS_SPREAD = 0.09  # of a mesh's losses, which it states as what is left of all
 PAYLOAD_SPREAD = 0.3  # of the load's inertia
+DAMPING_SPREAD = 0.4  # of a stage's damping
 SHARED_SPREAD = 0.4  # of a stage's stiffness, where it is what the others leave of the whole transmission's
 MOTOR_STRETCH_RAD, LOAD_STRETCH_RAD = 2e-3, 3e-5  # contacts give way by micrometres, of millimetres and decimetres
 DRIVING, DRIVEN = "loss_split.driving", "loss_split.driven"
@@ -105,7 +106,8 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
         else:
             out.append(_stated(name, value))
         damp = link_damping(axis, k)
-        out.append(Parameter(f"{where}.damping_n_m_s_per_rad", damp, 0.1 * damp, 0.4 * damp, 0.02 * damp, 30 * damp))
+        name, spread = f"{where}.damping_n_m_s_per_rad", DAMPING_SPREAD * damp
+        out.append(Parameter(name, damp, 0.1 * damp, spread, 0.02 * damp, 30 * damp))
         if not axis.stages:
             continue
         entry = axis.stages[k]

@@ -19,6 +19,8 @@ from sim.discrepancy.explanation import (
     telling_apart,
     unexplained_words,
 )
+from sim.discrepancy.fit import MISTAKEN
+from sim.discrepancy.model import DAMPING_SPREAD, LOSS_SPREAD, PAYLOAD_SPREAD, STATED_SPREAD
 from sim.discrepancy.panels import FLOOR, Panel
 from sim.discrepancy.story import ALIKE, Candidate, asked_for, candidates, panels
 from sim.discrepancy.written import angle, changed, interval, named, number, percent, sure, unit_in_words, words_of
@@ -52,6 +54,7 @@ STEPS = (
 HIDDEN = ("form",)  # numbers that say nothing to a reader; the explanation says what they mean
 FLANKS = {1.0: "the one that carries positive torque", -1.0: "the one that carries negative torque"}
 MOST_PLACES = 6
+BELIEVED = f"How far a described number is believed, as one standard deviation: inertias of motor and gears, stiffness and friction {percent(STATED_SPREAD)}, what a mesh loses {percent(LOSS_SPREAD)}, the load's inertia {percent(PAYLOAD_SPREAD)}, damping {percent(DAMPING_SPREAD)}. A number of a data sheet that the data put {MISTAKEN:g} of those away is taken to be wrong, and held no longer."
 LINEAR = "Where this axis is a linear one, read N, m and kg for N m, rad and kg m²: N s/m for N m s/rad, m/s for rad/s."
 
 
@@ -136,6 +139,7 @@ def _calibration(result: Investigation) -> list[str]:
         _p(
             "Values of the description that differ are no missing mechanism; they are fitted first, and whatever is missing is looked for beyond them."
         ),
+        _p(BELIEVED),
         table(("number", "described", "found", "90 % interval", "unit", "change"), rows, numeric=(1, 2, 3, 5)),
     ]
 

@@ -34,7 +34,7 @@ from sim.discrepancy.either import Nearly, ahead, evened, near, turned
 from sim.discrepancy.fit import BY_CONTACT, LONG, Fit, Problem, each
 from sim.discrepancy.measurement import NEAR_STANDSTILL_SHARE, STANDSTILL_SHARE
 from sim.discrepancy.nameless import AS_NEW
-from sim.discrepancy.refits import afresh, all_rows, look_closely, rewhiten
+from sim.discrepancy.refits import afresh, all_rows, look_closely, rattling, rewhiten
 from sim.discrepancy.size import beyond
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import Standing, advantage, in_place, named_alone, own_of, paired, standings
@@ -95,6 +95,8 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
         only = None if problem.runs.count <= LAST_RUNS else {*CONSTANT, *promised}
         tried, entry = search(problem, fit, entered, only)
+        if not entry.new and problem.memory != LONG and not problem.measurement.told.all():
+            _, entry = search(*rattling(problem, fit), entered, BY_CONTACT)
         if not entry.new and problem.memory != LONG:
             problem, fit = look_closely(problem, fit)
             tried, entry = search(problem, fit, entered, only)
