@@ -54,7 +54,7 @@ STEPS = (
 HIDDEN = ("form",)  # numbers that say nothing to a reader; the explanation says what they mean
 FLANKS = {1.0: "the one that carries positive torque", -1.0: "the one that carries negative torque"}
 MOST_PLACES = 6
-BELIEVED = f"How far a described number is believed, as one standard deviation: inertias of motor and gears, stiffness and friction {percent(STATED_SPREAD)}, what a mesh loses {percent(LOSS_SPREAD)}, the load's inertia {percent(PAYLOAD_SPREAD)}, damping {percent(DAMPING_SPREAD)}. A number of a data sheet that the data put {MISTAKEN:g} of those away is taken to be wrong, and held no longer."
+BELIEVED = f"How far a described number is believed, as one standard deviation: inertias of motor and gears, stiffness and friction {percent(STATED_SPREAD)}, what a mesh loses {percent(LOSS_SPREAD)}, the load's inertia {percent(PAYLOAD_SPREAD)}, damping {percent(DAMPING_SPREAD)}. A number of a data sheet that the data put {MISTAKEN:g} of those away is taken to be wrong, and hardly held any more."
 LINEAR = "Where this axis is a linear one, read N, m and kg for N m, rad and kg m²: N s/m for N m s/rad, m/s for rad/s."
 
 

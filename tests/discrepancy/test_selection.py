@@ -331,7 +331,7 @@ def test_numbers_of_a_usual_size_cost_what_they_deviate_from_it_and_nothing_more
 
 
 def test_friction_that_was_left_out_is_no_more_than_a_third_of_its_gain_short_on_rows_not_seen() -> None:
-    """A description without any leaves it out, so that little is asked of it: eight squares, and any size."""
+    """A description without any leaves it out, so that little is asked of it there, of eight squares as of more."""
     quiet = np.random.default_rng(6).standard_normal(15_000)
     where = np.zeros(15_000)
     where[[*range(3000, 4000), *range(9000, 10_000)]] = 1.0
