@@ -13,7 +13,7 @@ from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.sound_course import LEAST_CRUISES, Course, course_of
 from sim.discrepancy.sound_evidence import Heard
 from sim.discrepancy.sound_gears import bearing_defect, play, sign_of_tooth, tooth_damage
-from sim.discrepancy.sound_path import bearing_along_path
+from sim.discrepancy.sound_path import LOWEST_WEAK, bearing_along_path
 from sim.discrepancy.sound_reach import reach
 from sim.discrepancy.sound_recording import recording_faults
 from sim.discrepancy.sound_several import contradictions, names_of, strangers, with_recordings, without_copies
@@ -127,7 +127,8 @@ def beside(
     them where telemetry found nothing else that it could have taken for them. `struck`: turns per turn of the motor
     of the gears with a damaged tooth; impacts at their multiples are that tooth and no bearing. `loud`: teeth per turn
     of the motor of the gears whose teeth err; a family at a ratio of small numbers to them is what these leave beside
-    their lines while the speed is not quite even. A weak family beside any fault of teeth is theirs.
+    their lines while the speed is not quite even. A weak family beside any fault of teeth is theirs, and so is one of
+    so low an order that their own turns make as many lines.
     """
     blind = not load_encoder and not set(named)
     return tuple(
@@ -136,8 +137,12 @@ def beside(
         if h.mechanism not in named
         and (h.mechanism not in GEAR or blind)
         and not (h.mechanism == "bearing_defect" and _is_of_gears(h, struck, loud))
-        and not (h.mechanism == "bearing_defect" and h.probability < SURE and OF_TEETH & set(named))
+        and not (h.mechanism == "bearing_defect" and _is_faint(h) and OF_TEETH & set(named))
     )
+
+
+def _is_faint(h: Heard) -> bool:
+    return h.probability < SURE or h.parameters["order"][0] < LOWEST_WEAK
 
 
 def _is_of_gears(h: Heard, struck: Sequence[float], loud: Sequence[float]) -> bool:

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.ndimage import minimum_filter1d
 from scipy.special import gammaincc
-from scipy.stats import gamma
+from scipy.stats import gamma, rankdata
 
 from sim.chain_model import Array
 
@@ -18,6 +18,13 @@ LARGEST = 7.0  # nats of one multiple: none alone makes a bearing
 CLEAR = 3.0  # nats
 LEAST_CLEAR, LEAST_FIRST, FIRST = 4, 2, 3  # multiples that are clear, and of the first three
 LEAST_FREE = 3  # multiples that no gear explains
+UNEVEN = 0.01  # of the way from one impact to the next, at random: rolling elements slip
+WIDTHS = 1.5  # of a line at half its height, over which it is summed
+NEIGHBOURS = 0.5  # independent bins per bin under a Hann window
+PER_BIN = 4  # bases per bin
+LARGEST_RANK = 9.0  # nats
+OF_DOUBLE = 1.5  # times the nats of the multiples between
+MOST_HEIGHT = 60.0  # times the noise, of one bin
 
 
 def strongest_comb(
@@ -42,16 +49,64 @@ def strongest_comb(
             places = max(1.0, 4.0 * width * step / resolution)
             nats[k - 1, here] = -np.log(np.clip(lowest * places, math.exp(-LARGEST), 1.0))
         free[k - 1] = ~of_gears[at] & (k * bases < top)
-    nats = np.where(free, nats, 0.0)
+    score, best = _most(np.where(free, nats, 0.0), free, bases.size * step / (WITHIN * resolution))
+    if best is None:
+        return score, 0.0
+    return score, _refined(grid, power, float(bases[best]), resolution, free[:, best])
+
+
+def _most(nats: Array, free: NDArray[np.bool_], trials: float) -> tuple[float, int | None]:
+    """Score and place of the base (multiples, bases) whose multiples stand out most; None where none does."""
     count = free.sum(axis=0)
     enough = (count >= LEAST_FREE) & ((nats > CLEAR).sum(axis=0) >= LEAST_CLEAR)
     enough &= (nats[:FIRST] > CLEAR).sum(axis=0) >= LEAST_FIRST
     if not enough.any():
-        return -math.inf, 0.0
-    trials = math.log(max(bases.size * step / (WITHIN * resolution), 1.0))
-    score = np.where(enough, -gamma.logsf(nats.sum(axis=0), np.maximum(count, 1)) - trials, -np.inf)
+        return -math.inf, None
+    chance = -gamma.logsf(nats.sum(axis=0), np.maximum(count, 1)) - math.log(max(trials, 1.0))
+    score = np.where(enough, chance, -np.inf)
     best = int(np.argmax(score))
-    return float(score[best]), _refined(grid, power, float(bases[best]), resolution, free[:, best])
+    return float(score[best]), best
+
+
+def slipping_comb(
+    power: Array, step: float, of_gears: NDArray[np.bool_], between: tuple[float, float], top: float
+) -> tuple[float, float]:
+    """Score and order of the base whose multiples stand out most, together, of impacts whose way to the next varies.
+
+    `power` (m,): one periodogram over the path, noise of mean 1, at multiples of `step`; `of_gears` (m,), `top` and the
+    score as above; `between`: lowest and highest base. From impact to impact the phase of multiple k walks by 2 pi k
+    `UNEVEN` (Randall and Antoni, Mech. Syst. Signal Process. 25 (2011) 485), so that its line has half the height at pi
+    (k `UNEVEN`)^2 times the base to either side: it is summed over that. How seldom a sum is so large is asked of
+    multiple k of all bases: whatever turns makes lines in this recording, and only a family has all of its own. Where every second multiple
+    stands out more than those between, the base is the double: the first multiples of impacts are the clearest.
+    """
+    orders = np.arange(power.size) * step
+    summed = np.concatenate([[0.0], np.cumsum(np.where(of_gears, 0.0, np.minimum(power, MOST_HEIGHT)))])
+    counted = np.concatenate([[0], np.cumsum(~of_gears)])
+    end = min(top, float(orders[-1]))
+    bases = np.arange(between[0], min(between[1], end / LEAST_CLEAR), step / PER_BIN)
+    if not bases.size:
+        return -math.inf, 0.0
+    nats = np.zeros((MULTIPLES, bases.size))
+    free = np.zeros((MULTIPLES, bases.size), dtype=np.bool_)
+    for k in range(1, MULTIPLES + 1):
+        half = np.maximum(WIDTHS * math.pi * (k * UNEVEN) ** 2 * bases, step)
+        first = np.clip(np.rint((k * bases - half) / step).astype(np.intp), 0, power.size)
+        last = np.clip(np.rint((k * bases + half) / step).astype(np.intp) + 1, 0, power.size)
+        bins = counted[last] - counted[first]
+        at = np.clip(np.rint(k * bases / step).astype(np.intp), 0, power.size - 1)
+        use = free[k - 1] = ~of_gears[at] & (2 * bins > last - first) & (k * bases + half < end)
+        independent = np.maximum(NEIGHBOURS * bins[use], 1.0)
+        mean = (summed[last] - summed[first])[use] / bins[use]
+        chance = gammaincc(independent, independent * mean)
+        seldom = rankdata(chance, "max") / max(int(use.sum()), 1)
+        nats[k - 1, use] = np.minimum(-np.log(np.maximum(np.maximum(chance, seldom), 1e-300)), LARGEST_RANK)
+    score, best = _most(nats, free, 2.0 * bases.size / PER_BIN)
+    if best is None:
+        return score, 0.0
+    odd, even = (nats[k::2, best][free[k::2, best]] for k in (0, 1))
+    of_double = even.size > 0 and even.mean() > OF_DOUBLE * (odd.mean() if odd.size else 0.0)
+    return score, float(bases[best]) * (2.0 if of_double else 1.0)
 
 
 def usual_height(grid: Array, power: Array, averages: int, resolution: float, places: Array) -> tuple[float, int]:

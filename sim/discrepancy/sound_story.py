@@ -60,13 +60,13 @@ def along_path(result: Investigation) -> list[Panel]:
     sound, axis = result.sounds[0], result.axis
     values = np.asarray(sound.samples, dtype=np.float64)
     offset = result.sound_offset_s
-    (orders, heights), _ = envelopes(values, sound.sample_rate_hz, result.gate.measurement, offset)
-    if not orders.size:
+    heard = envelopes(values, sound.sample_rate_hz, result.gate.measurement, offset)
+    if heard is None:
         return []
-    per = max(1, round(ORDER_STEP / float(orders[1])))
-    count = int(np.searchsorted(orders, SHOWN_ORDER)) // per
-    highest = np.asarray(heights[: count * per].reshape(count, per).max(axis=1), dtype=np.float64)
-    centre: Array = (np.arange(count, dtype=np.float64) + 0.5) * per * float(orders[1])
+    per = max(1, round(ORDER_STEP / heard.step))
+    count = int(np.searchsorted(heard.orders, SHOWN_ORDER)) // per
+    highest = np.asarray(heard.heights[: count * per].reshape(count, per).max(axis=1), dtype=np.float64)
+    centre: Array = (np.arange(count, dtype=np.float64) + 0.5) * per * heard.step
     lines = (("envelope of the sound", 10.0 * np.log10(np.maximum(highest, 1e-3))),)
     bearings = [e.value for f in result.findings for e in f.parameters if f.mechanism == "bearing_defect"]
     teeth = tuple((k * order, "teeth") for order in mesh_orders(axis) for k in (1, 2) if k * order < SHOWN_ORDER)

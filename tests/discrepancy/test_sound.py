@@ -7,6 +7,9 @@ from casebase.signals.recording import Recording
 from sim.axis import read_axis
 from sim.discrepancy.measurement import Measurement, prepare
 from sim.discrepancy.sound import beside, listen
+from sim.discrepancy.sound_comb import slipping_comb
+from sim.discrepancy.sound_evidence import Heard
+from sim.discrepancy.sound_path import LEAST_TOGETHER
 
 RATE = 8000
 AXIS = read_axis(
@@ -65,6 +68,39 @@ def test_impacts_of_a_bearing_are_named_by_their_order(seed: int, size: float) -
     assert heard[0].parameters["order"][0] == pytest.approx(order, rel=0.005)
 
 
+def slipping(m: Measurement, order: float, seed: int) -> np.ndarray:  # type: ignore[type-arg]
+    """Impacts passed so far: the way to the next one varies by a hundredth of itself."""
+    passed = order * turns(m)
+    ways = np.cumsum(1.0 + 0.01 * np.random.default_rng(seed).standard_normal(int(passed[-1])))
+    return np.interp(passed, ways, np.arange(1.0, ways.size + 1.0))
+
+
+@pytest.mark.parametrize("order", [3.37, 5.61, 8.43])
+def test_impacts_that_slip_are_found_by_all_of_their_blurred_lines(order: float) -> None:
+    """Where their sum over the path has drifted by turns of the phase, hardly one line is a line any more."""
+    m = motion()
+    heard = listen(AXIS, recording(noise(9) + impacts(slipping(m, order, 1), 0.012)), m, 0.0)
+    assert [h.mechanism for h in heard] == ["bearing_defect"]
+    low, high = heard[0].parameters["order"][1:]
+    assert low <= order <= high
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_chance_makes_no_family_and_lines_as_wide_as_slip_makes_them_do(seed: int) -> None:
+    """Of exponential bins the score is that of the largest of as many bases; a Lorentzian is as wide as its law."""
+    rng, step, base = np.random.default_rng(seed), 0.005, 6.28
+    power = rng.exponential(size=12_000)
+    orders = step * np.arange(power.size)
+    gears = np.abs(orders - np.round(orders)) < 0.01
+    assert slipping_comb(power, step, gears, (2.0, 30.0), 60.0)[0] < LEAST_TOGETHER
+    for k in range(1, 9):
+        half = np.pi * (0.01 * k) ** 2 * base
+        power *= 1.0 + 0.08 / half / (1.0 + ((orders - k * base) / half) ** 2)
+    score, found = slipping_comb(power, step, gears, (2.0, 30.0), 60.0)
+    assert score > LEAST_TOGETHER
+    assert found == pytest.approx(base, rel=0.004)
+
+
 def test_weak_impacts_are_a_bearing_unless_teeth_err() -> None:
     """Three lines, the first the largest; teeth at fault leave families of lines as weak as these."""
     m = motion()
@@ -74,6 +110,13 @@ def test_weak_impacts_are_a_bearing_unless_teeth_err() -> None:
     assert heard.parameters["order"][0] == pytest.approx(4.37, rel=0.005)
     assert beside(["time_delay"], [heard], load_encoder=True) == (heard,)
     assert beside(["mesh_error"], [heard], load_encoder=True) == ()
+
+
+def test_a_family_below_two_per_turn_is_that_of_the_teeth_that_err() -> None:
+    """However clear it is: at speeds that change, their turns make lines at ratios of their own."""
+    low, high = (Heard("bearing_defect", None, 0.95, {"order": (x, 0.99 * x, 1.01 * x)}, "") for x in (1.46, 4.37))
+    assert beside(["mesh_error"], [low, high], load_encoder=True) == (high,)
+    assert beside(["time_delay"], [low, high], load_encoder=True) == (low, high)
 
 
 def test_impacts_that_keep_their_rhythm_while_the_axis_turns_are_no_bearing() -> None:
