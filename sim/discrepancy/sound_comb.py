@@ -77,8 +77,9 @@ def slipping_comb(
     score as above; `between`: lowest and highest base. From impact to impact the phase of multiple k walks by 2 pi k
     `UNEVEN` (Randall and Antoni, Mech. Syst. Signal Process. 25 (2011) 485), so that its line has half the height at pi
     (k `UNEVEN`)^2 times the base to either side: it is summed over that. How seldom a sum is so large is asked of
-    multiple k of all bases: whatever turns makes lines in this recording, and only a family has all of its own. Where every second multiple
-    stands out more than those between, the base is the double: the first multiples of impacts are the clearest.
+    multiple k of all bases: whatever turns makes lines in this recording, and only a family has all of its own. Where
+    every second multiple stands out more than those between, the base is the double: impacts are clearest in their
+    first multiples.
     """
     orders = np.arange(power.size) * step
     summed = np.concatenate([[0.0], np.cumsum(np.where(of_gears, 0.0, np.minimum(power, MOST_HEIGHT)))])
