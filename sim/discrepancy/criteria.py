@@ -32,7 +32,7 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
 )
 DAMPING = {"hysteresis": 0.4, "load_dependent_loss": 0.1}  # of what erring teeth gain: less damps what they shake
 OF_STRAIN = {  # what must be gained over what the description is bent by beyond chance
-    "tooth_damage": 3.0, "stiffness_hardening": 3.0, "hysteresis": 3.0, "torque_offset": 1.0,
+    "tooth_damage": 1.1, "stiffness_hardening": 1.1, "hysteresis": 1.1, "torque_offset": 0.4,
 }  # fmt: skip
 BENDING = 7.0  # gain over what the description is bent by more with a term: less, and the term stands for another
 ERRORS = ("mesh_error", "eccentricity", AS_NEW)  # every new axis has them, if small
