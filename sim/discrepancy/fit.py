@@ -397,6 +397,10 @@ class Problem:
             tuple(terms), parameters, state.values, state.residual, columns, state.cost, self.measurement.samples, known
         )
 
+    def anew(self, fit: Fit) -> Fit:
+        """The same with sensitivities taken where it ended: what is foretold of unseen rows hangs on them."""
+        return self.fit(fit.terms, fit.values, iterations=0)
+
     def best(self, terms: Sequence[Term], starts: Sequence[Start], *, to_end: bool = True) -> Fit | None:
         """The best fit from several starts, each with the sensitivities known there; None where none can be simulated.
 

@@ -125,7 +125,9 @@ def own_of(term: Term, other: Term, values: Mapping[str, float]) -> dict[str, fl
 def named_alone(problem: Problem, fit: Fit) -> Fit:
     """The fit without what has no name."""
     named = tuple(term for term in fit.terms if term.named)
-    return fit if len(named) == len(fit.terms) else problem.fit(named, fit.values, held=fit.sensitivities)
+    if len(named) == len(fit.terms):
+        return fit
+    return problem.anew(problem.fit(named, fit.values, held=fit.sensitivities, to_end=True))
 
 
 def advantage(less: Fit, more: Fit) -> Array:
