@@ -182,7 +182,8 @@ def measured(offset_rad: float) -> Measurement:
 
 
 def test_beside_telemetry_no_name_is_said_twice_and_none_against_an_encoder() -> None:
-    tooth, bearing = (Heard(name, None, 0.95, {}, "") for name in ("tooth_damage", "bearing_defect"))
+    tooth = Heard("tooth_damage", None, 0.95, {}, "")
+    bearing = Heard("bearing_defect", None, 0.95, {"order": (4.37, 4.35, 4.39)}, "")
     assert beside(["tooth_damage"], [tooth, bearing], load_encoder=False) == (bearing,)
     assert beside([], [tooth, bearing], load_encoder=True) == (bearing,)
     assert beside([], [tooth], load_encoder=False) == (tooth,)
