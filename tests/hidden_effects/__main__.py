@@ -77,6 +77,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--jobs", type=int, default=2, help="worker processes")
     parser.add_argument("--group", help="only this group, such as null or mechanics")
     parser.add_argument("--effect", help="only scenarios that hide this, such as backlash")
+    parser.add_argument("--level", help="only scenarios of this size, such as third")
     parser.add_argument("--peers", action="store_true", help="also PySINDy and i.i.d. BIC on the same runs")
     parser.add_argument("--folder", type=Path, help="instead: recordings with an answers.json, by the same rule")
     parser.add_argument("--twice", action="store_true", help="with --folder: run each twice, compare the documents")
@@ -92,7 +93,9 @@ def _wanted(options: argparse.Namespace) -> list[Entry]:
     bank = [
         entry
         for entry in full_bank(options.seed)
-        if options.group in (None, entry.group) and (options.effect is None or options.effect in entry.effects)
+        if options.group in (None, entry.group)
+        and options.level in (None, entry.level)
+        and (options.effect is None or options.effect in entry.effects)
     ]
     return bank[: options.runs]
 
