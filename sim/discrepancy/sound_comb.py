@@ -70,8 +70,8 @@ def _most(nats: Array, free: NDArray[np.bool_], trials: float) -> tuple[float, i
 
 def slipping_comb(
     power: Array, step: float, of_gears: NDArray[np.bool_], between: tuple[float, float], top: float
-) -> tuple[float, float]:
-    """Score and order of the base whose multiples stand out most, together, of impacts whose way to the next varies.
+) -> tuple[float, float, int]:
+    """Of impacts whose way to the next varies: score, order and number of clear multiples of the base that stands out.
 
     `power` (m,): one periodogram over the path, noise of mean 1, at multiples of `step`; `of_gears` (m,), `top` and the
     score as above; `between`: lowest and highest base. From impact to impact the phase of multiple k walks by 2 pi k
@@ -87,7 +87,7 @@ def slipping_comb(
     end = min(top, float(orders[-1]))
     bases = np.arange(between[0], min(between[1], end / LEAST_CLEAR), step / PER_BIN)
     if not bases.size:
-        return -math.inf, 0.0
+        return -math.inf, 0.0, 0
     nats = np.zeros((MULTIPLES, bases.size))
     free = np.zeros((MULTIPLES, bases.size), dtype=np.bool_)
     for k in range(1, MULTIPLES + 1):
@@ -104,10 +104,11 @@ def slipping_comb(
         nats[k - 1, use] = np.minimum(-np.log(np.maximum(np.maximum(chance, seldom), 1e-300)), LARGEST_RANK)
     score, best = _most(nats, free, 2.0 * bases.size / PER_BIN)
     if best is None:
-        return score, 0.0
+        return score, 0.0, 0
     odd, even = (nats[k::2, best][free[k::2, best]] for k in (0, 1))
-    of_double = even.size > 0 and even.mean() > OF_DOUBLE * (odd.mean() if odd.size else 0.0)
-    return score, float(bases[best]) * (2.0 if of_double else 1.0)
+    if even.size > 0 and even.mean() > OF_DOUBLE * (odd.mean() if odd.size else 0.0):
+        return score, 2.0 * float(bases[best]), int((even > CLEAR).sum())
+    return score, float(bases[best]), int((nats[:, best] > CLEAR).sum())
 
 
 def usual_height(grid: Array, power: Array, averages: int, resolution: float, places: Array) -> tuple[float, int]:

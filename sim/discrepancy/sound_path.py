@@ -13,7 +13,7 @@ from scipy.signal import butter, hilbert, medfilt, sosfiltfilt
 from sim.axis import Axis
 from sim.chain_model import Array
 from sim.discrepancy.measurement import Measurement
-from sim.discrepancy.sound_comb import CLEAR, slipping_comb
+from sim.discrepancy.sound_comb import slipping_comb
 from sim.discrepancy.sound_course import Mask
 from sim.discrepancy.sound_evidence import Heard
 
@@ -135,13 +135,14 @@ def _together(axis: Axis, heard: Envelopes) -> tuple[float, int]:
     bases = (LOWEST_WEAK, HIGHEST_ORDER)
     best = (LEAST_TOGETHER, 0.0, 0)
     for along, over_time in zip(heard.along, heard.over_time, strict=True):
-        score, order = slipping_comb(math.log(2.0) * along, heard.step, of_gears, bases, heard.top)
+        score, order, count = slipping_comb(math.log(2.0) * along, heard.step, of_gears, bases, heard.top)
         if score < best[0] or _is_whole(order, heard.step) or _of_a_comb(axis, along, order, heard.step):
             continue
-        found = [_height(along, k * order / heard.step, 1 + k // 2) for k in range(1, HARMONICS + 1)]
+        numbers = range(1, min(HARMONICS, int(heard.orders[-2] / order)) + 1)
+        found = [_height(along, k * order / heard.step, 1 + k // 2) for k in numbers]
         fixed = [_fixed(over_time, heard.bins_of(k * order)) / height for k, height in enumerate(found, 1)]
         if np.median(fixed) < FIXED_WEAK:
-            best = (score, order, sum(height > CLEAR for height in found))
+            best = (score, order, count)
     return best[1:]
 
 

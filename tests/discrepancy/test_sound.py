@@ -96,8 +96,9 @@ def test_chance_makes_no_family_and_lines_as_wide_as_slip_makes_them_do(seed: in
     for k in range(1, 9):
         half = np.pi * (0.01 * k) ** 2 * base
         power *= 1.0 + 0.08 / half / (1.0 + ((orders - k * base) / half) ** 2)
-    score, found = slipping_comb(power, step, gears, (2.0, 30.0), 60.0)
+    score, found, count = slipping_comb(power, step, gears, (2.0, 30.0), 60.0)
     assert score > LEAST_TOGETHER
+    assert count >= 6
     assert found == pytest.approx(base, rel=0.004)
 
 
