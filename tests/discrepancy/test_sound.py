@@ -75,11 +75,11 @@ def slipping(m: Measurement, order: float, seed: int) -> np.ndarray:  # type: ig
     return np.interp(passed, ways, np.arange(1.0, ways.size + 1.0))
 
 
-@pytest.mark.parametrize("order", [3.37, 5.61, 8.43])
-def test_impacts_that_slip_are_found_by_all_of_their_blurred_lines(order: float) -> None:
+@pytest.mark.parametrize(("order", "size"), [(3.37, 0.012), (5.61, 0.012), (8.43, 0.012), (15.3, 0.02)])
+def test_impacts_that_slip_are_found_by_all_of_their_blurred_lines(order: float, size: float) -> None:
     """Where their sum over the path has drifted by turns of the phase, hardly one line is a line any more."""
     m = motion()
-    heard = listen(AXIS, recording(noise(9) + impacts(slipping(m, order, 1), 0.012)), m, 0.0)
+    heard = listen(AXIS, recording(noise(9) + impacts(slipping(m, order, 1), size)), m, 0.0)
     assert [h.mechanism for h in heard] == ["bearing_defect"]
     low, high = heard[0].parameters["order"][1:]
     assert low <= order <= high
