@@ -16,10 +16,12 @@ from sim.discrepancy.fit import MISTAKEN, MOST_STEPS, Fit, Noise, Problem, _cost
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.measurement import prepare
 from sim.discrepancy.model import nuisance_of
+from sim.discrepancy.nameless import OVER_SPEED
 from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.refits import calibrate, look_closely
 from sim.discrepancy.size import beyond, magnitude
 from sim.discrepancy.terms import Term
+from sim.discrepancy.weighing import named_alone
 from tests.discrepancy.telemetry_of import RATE_HZ, one_body
 
 AXIS = {
@@ -44,6 +46,18 @@ def test_a_finished_fit_ends_in_the_same_place_from_wherever_it_starts(seed: int
     far = one.fit((), bent, to_end=True)
     assert far.cost == pytest.approx(near.cost, abs=1.0)
     assert far.values["motor.inertia_kg_m2"] == pytest.approx(near.values["motor.inertia_kg_m2"], rel=1e-3)
+
+
+def test_unseen_rows_are_foretold_by_sensitivities_of_where_the_fit_ended() -> None:
+    """Without a curve that had taken all friction, steps that change much correct those on the way by what is left."""
+    one = problem(one_body(0.3, 1.0, 0.02, 3))
+    size = Parameter("curve", 0.0, 0.1)
+    curve = Term(OVER_SPEED, "motor", (size,), (), dict, torque=lambda m, v: v["curve"] * m.speed, named=False)
+    low = {"motor.viscous_friction_n_m_s_per_rad": 0.0, "motor.coulomb_friction_n_m": 0.2, "curve": 0.08}
+    plain = named_alone(one, one.fit((curve,), low, iterations=0))
+    assert plain.terms == ()
+    there = one.fit((), plain.values, iterations=0)
+    np.testing.assert_allclose(plain.jacobian, there.jacobian, rtol=1e-9, atol=1e-9)
 
 
 def test_numbers_that_a_fit_is_given_beyond_their_limits_start_at_the_limit() -> None:
