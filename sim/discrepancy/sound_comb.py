@@ -22,7 +22,7 @@ UNEVEN = 0.01  # of the way from one impact to the next, at random: rolling elem
 WIDTHS = 1.5  # of a line at half its height, over which it is summed
 NEIGHBOURS = 0.5  # independent bins per bin under a Hann window
 PER_BIN = 4  # bases per bin
-LARGEST_RANK = 9.0  # nats
+LARGEST_RANK = 9.0  # nats of one multiple, where they are a rank within the recording
 OF_DOUBLE = 1.5  # times the nats of the multiples between
 MOST_HEIGHT = 60.0  # times the noise, of one bin
 
@@ -56,7 +56,10 @@ def strongest_comb(
 
 
 def _most(nats: Array, free: NDArray[np.bool_], trials: float) -> tuple[float, int | None]:
-    """Score and place of the base (multiples, bases) whose multiples stand out most; None where none does."""
+    """Score and place of the base whose multiples stand out most, None where none does.
+
+    `nats` and `free`, both (multiples, bases): how far each stands out, and whether no gear explains it.
+    """
     count = free.sum(axis=0)
     enough = (count >= LEAST_FREE) & ((nats > CLEAR).sum(axis=0) >= LEAST_CLEAR)
     enough &= (nats[:FIRST] > CLEAR).sum(axis=0) >= LEAST_FIRST
@@ -100,8 +103,8 @@ def slipping_comb(
         independent = np.maximum(NEIGHBOURS * bins[use], 1.0)
         mean = (summed[last] - summed[first])[use] / bins[use]
         chance = gammaincc(independent, independent * mean)
-        seldom = rankdata(chance, "max") / max(int(use.sum()), 1)
-        nats[k - 1, use] = np.minimum(-np.log(np.maximum(np.maximum(chance, seldom), 1e-300)), LARGEST_RANK)
+        seldom = rankdata(chance, "max") / chance.size
+        nats[k - 1, use] = np.minimum(-np.log(np.maximum(chance, seldom)), LARGEST_RANK)
     score, best = _most(nats, free, 2.0 * bases.size / PER_BIN)
     if best is None:
         return score, 0.0, 0
