@@ -358,8 +358,8 @@ class Problem:
         `held`: sensitivities known from a fit nearby. Those of terms whose effect is far from linear follow every
         step; `to_end`, all others are taken anew whenever the steps by the old ones gain no more, until steps by new
         ones gain nothing either: what an unfinished fit leaves looks like whatever is added to it. New ones stay as
-        good as new while they foretell what steps gain. A fit that is not finished also ends where two steps leave it
-        far above the noise.
+        good as new while they foretell what steps gain; those of the end are taken there, since what is foretold of
+        unseen rows hangs on them. A fit that is not finished also ends where two steps leave it far above the noise.
         """
         parameters = self.parameters(terms)
         follow = {p.name for term in terms if term.nonlinear for p in term.parameters}
@@ -374,7 +374,7 @@ class Problem:
         known |= self.sensitivities(terms, values, [p for p in parameters if p.name not in known], raw)
         columns = self.whitened(parameters, known)
         system = _System.of(parameters, columns)
-        damping, anew = FIRST_DAMPING, False
+        damping, anew, corrected = FIRST_DAMPING, False, False
         for round_ in range(MOST_STEPS if to_end else iterations):
             old = replace(state)
             gain, damping = self._step(terms, parameters, state, system, damping)
@@ -389,17 +389,17 @@ class Problem:
                 damping = FIRST_DAMPING
             else:
                 _correct(parameters, known, columns, old, state)
+            corrected = not small
             if changed:
                 known |= self.sensitivities(terms, state.values, changed, state.raw)
                 columns[:, [parameters.index(p) for p in changed]] = self.whitened(changed, known)
             system = _System.of(parameters, columns)
+        if to_end and corrected:
+            known = self.sensitivities(terms, state.values, parameters, state.raw)
+            columns = self.whitened(parameters, known)
         return Fit(
             tuple(terms), parameters, state.values, state.residual, columns, state.cost, self.measurement.samples, known
         )
-
-    def anew(self, fit: Fit) -> Fit:
-        """The same with sensitivities taken where it ended: what is foretold of unseen rows hangs on them."""
-        return self.fit(fit.terms, fit.values, iterations=0)
 
     def best(self, terms: Sequence[Term], starts: Sequence[Start], *, to_end: bool = True) -> Fit | None:
         """The best fit from several starts, each with the sensitivities known there; None where none can be simulated.

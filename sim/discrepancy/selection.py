@@ -285,7 +285,6 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
     without what is clearly needed is not finished: that gain is at most as large as told.
     """
     while fit.terms:
-        fit = problem.anew(fit) if strict else fit
         plain = named_alone(problem, fit)
 
         def without(term: Term, fit: Fit = fit, plain: Fit = plain) -> Fit:
@@ -294,7 +293,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
             less = problem.fit(rest, more.values, held=more.sensitivities)
             if not strict or less.cost - more.cost > PLENTY * more.misfit:
                 return less
-            return problem.anew(problem.fit(rest, less.values, held=less.sensitivities, to_end=True))
+            return problem.fit(rest, less.values, held=less.sensitivities, to_end=True)
 
         less = dict(zip((t.key for t in fit.terms), each(without, fit.terms), strict=True))
         gains, costs = {}, {}

@@ -127,7 +127,7 @@ def named_alone(problem: Problem, fit: Fit) -> Fit:
     named = tuple(term for term in fit.terms if term.named)
     if len(named) == len(fit.terms):
         return fit
-    return problem.anew(problem.fit(named, fit.values, held=fit.sensitivities, to_end=True))
+    return problem.fit(named, fit.values, held=fit.sensitivities, to_end=True)
 
 
 def advantage(less: Fit, more: Fit) -> Array:
