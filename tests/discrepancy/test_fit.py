@@ -21,7 +21,6 @@ from sim.discrepancy.parameters import Parameter
 from sim.discrepancy.refits import calibrate, look_closely
 from sim.discrepancy.size import beyond, magnitude
 from sim.discrepancy.terms import Term
-from sim.discrepancy.weighing import named_alone
 from tests.discrepancy.telemetry_of import RATE_HZ, one_body
 
 AXIS = {
@@ -48,16 +47,16 @@ def test_a_finished_fit_ends_in_the_same_place_from_wherever_it_starts(seed: int
     assert far.values["motor.inertia_kg_m2"] == pytest.approx(near.values["motor.inertia_kg_m2"], rel=1e-3)
 
 
-def test_unseen_rows_are_foretold_by_sensitivities_of_where_the_fit_ended() -> None:
-    """Without a curve that had taken all friction, steps that change much correct those on the way by what is left."""
+@pytest.mark.parametrize("width", [-2.0, 0.5, 1.0])
+def test_a_finished_fit_ends_in_sensitivities_of_where_it_ended(width: float) -> None:
+    """Those that steps have corrected on the way are off by several times their own size where an effect is curved."""
     one = problem(one_body(0.3, 1.0, 0.02, 3))
-    size = Parameter("curve", 0.0, 0.1)
-    curve = Term(OVER_SPEED, "motor", (size,), (), dict, torque=lambda m, v: v["curve"] * m.speed, named=False)
-    low = {"motor.viscous_friction_n_m_s_per_rad": 0.0, "motor.coulomb_friction_n_m": 0.2, "curve": 0.08}
-    plain = named_alone(one, one.fit((curve,), low, iterations=0))
-    assert plain.terms == ()
-    there = one.fit((), plain.values, iterations=0)
-    np.testing.assert_allclose(plain.jacobian, there.jacobian, rtol=1e-9, atol=1e-9)
+    wide = Parameter("width", 0.5, 3.0)
+    curve = Term(OVER_SPEED, "motor", (wide,), (), dict, torque=lambda m, v: np.tanh(m.speed / np.exp(v["width"])))
+    bent = {"motor.inertia_kg_m2": 0.2, "motor.coulomb_friction_n_m": 1.9, "offset_n_m": 0.2, "width": width}
+    ended = one.fit((curve,), bent, to_end=True)
+    there = one.fit((curve,), ended.values, iterations=0)
+    np.testing.assert_allclose(ended.jacobian, there.jacobian, atol=1e-3 * float(np.abs(there.jacobian).max()))
 
 
 def test_numbers_that_a_fit_is_given_beyond_their_limits_start_at_the_limit() -> None:
