@@ -27,7 +27,7 @@ from casebase.signals.decode import read_recording
 from casebase.signals.errors import SignalError
 from casebase.signals.telemetry import read_telemetry
 from sim.axis import Axis, read_axis
-from sim.discrepancy.pairs import check_pairs
+from sim.discrepancy.pairs import check_as_new, check_pairs
 from sim.errors import AxisError, SimulationError
 
 KIND = "investigations"
@@ -50,27 +50,31 @@ def submit(
     telemetries: Sequence[Measured],
     sounds: Sequence[Measured],
     sound_offset_s: float = 0.0,
+    as_new: Sequence[Measured] = (),
 ) -> StoredInvestigation:
     """Check and keep what was measured; the caller queues the job under the investigation's id.
 
-    The k-th sound belongs to the k-th telemetry.
+    The k-th sound belongs to the k-th telemetry; with sound alone, `as_new` is what it is compared with.
 
     Raises:
-        AxisError: if there is nothing to investigate, a sound without its telemetry, or the same telemetry twice.
+        AxisError: if there is nothing to investigate, a sound without its telemetry, the same telemetry twice, or a
+            sound that is compared with itself.
         SignalError: if telemetry or sound cannot be read; of several it begins with the name of the file.
     """
-    check_pairs(len(telemetries), len(sounds))
+    check_pairs(len(telemetries), len(sounds), len(as_new))
     for measured in telemetries:
         _readable(measured, read_telemetry, several=len(telemetries) > 1)
-    for measured in sounds:
-        _readable(measured, read_recording, several=len(sounds) > 1)
+    for measured in (*sounds, *as_new):
+        _readable(measured, read_recording, several=len(sounds) + len(as_new) > 1)
     inputs: dict[str, object] = {"sound_offset_s": sound_offset_s}
     if telemetries:
         kept = [_kept(library, measured) for measured in telemetries]
         _refuse_twice(kept)
         inputs["telemetry"] = kept if len(kept) > 1 else kept[0]
-    if sounds:
-        inputs["sound"] = [_kept(library, sound) for sound in sounds]
+    for part, files in (("sound", sounds), ("as_new", as_new)):
+        if files:
+            inputs[part] = [_kept(library, file) for file in files]
+    check_as_new(*([str(one["sha256"]) for one in _files(inputs, part)] for part in ("sound", "as_new")))
     row = StoredInvestigation(
         id=new_id(),
         axis=axis.name,
@@ -221,15 +225,21 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
     from sim.discrepancy.report import html_report
     from sim.discrepancy.story import story
 
-    telemetry, sounds = _paths(library, row, "telemetry"), _paths(library, row, "sound")
+    telemetry = _paths(library, row, "telemetry")
+    sounds, as_new = (
+        [replace(read_recording(path), name=name)
+         for path, name in zip(_paths(library, row, part), names_of(row, part), strict=True)]
+        for part in ("sound", "as_new")
+    )  # fmt: skip
     found = investigate(
         read_axis(row.axis_document),
         read_telemetry(telemetry[0]) if telemetry else None,
-        [replace(read_recording(path), name=name) for path, name in zip(sounds, names_of(row, "sound"), strict=True)],
+        sounds,
         sound_offset_s=_offset(row),
         progress=report,
+        as_new=as_new,
     )
-    files = [*names_of(row, "telemetry"), *names_of(row, "sound")]
+    files = [name for part in ("telemetry", "sound", "as_new") for name in names_of(row, part)]
     return _plain({**found.document(), "story": story(found)}), html_report(found, files)
 
 
@@ -260,18 +270,18 @@ def _offset(row: StoredInvestigation) -> float:
     return float(offset) if isinstance(offset, int | float) else 0.0
 
 
-def _files(row: StoredInvestigation, part: str) -> list[Mapping[str, Any]]:
-    kept: Any = row.inputs.get(part, [])
+def _files(inputs: Mapping[str, object], part: str) -> list[Mapping[str, Any]]:
+    kept: Any = inputs.get(part, [])
     return kept if isinstance(kept, list) else [kept]
 
 
 def names_of(row: StoredInvestigation, part: str) -> list[str]:
-    """Return what the files of `telemetry` or `sound` were called, in order."""
-    return [str(one["name"]) for one in _files(row, part)]
+    """Return what the files of `telemetry`, `sound` or `as_new` were called, in order."""
+    return [str(one["name"]) for one in _files(row.inputs, part)]
 
 
 def _paths(library: CaseLibrary, row: StoredInvestigation, part: str) -> list[Path]:
-    return [library.audio.path(str(one["sha256"])) for one in _files(row, part)]
+    return [library.audio.path(str(one["sha256"])) for one in _files(row.inputs, part)]
 
 
 def _finish(

@@ -24,7 +24,7 @@ from casebase.pages import page
 from sim.axis import Axis, parse_axis, read_axis
 
 router = APIRouter(tags=["investigations"])
-PARTS = ("axis", "telemetry", "sound", "sound_offset_s")
+PARTS = ("axis", "telemetry", "sound", "as_new", "sound_offset_s")
 HTML, JSON = "text/html", "application/json"
 REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
 BINARY = {"type": "string", "format": "binary"}
@@ -53,6 +53,12 @@ BODY = {
                             "items": BINARY,
                             "description": "any audio file that is read, the first with the first telemetry and so on; "
                             "without telemetry, several of the same axis",
+                        },
+                        "as_new": {
+                            "type": "array",
+                            "items": BINARY,
+                            "description": "sound of the same motion from when the axis was new, which sound without "
+                            "telemetry is compared with: errors of teeth and resonances",
                         },
                         "sound_offset_s": {
                             "type": "number",
@@ -108,16 +114,19 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
     """Ask what the model of an axis misses: parts `axis`, and `telemetry`, `sound` or both. Answers the job.
 
     `telemetry` and `sound` may come several times: recordings of one axis, whose evidence is taken together. The k-th
-    sound belongs to the k-th telemetry; the document then has `recordings`, each with what it says by itself.
+    sound belongs to the k-th telemetry; the document then has `recordings`, each with what it says by itself. Sound
+    without telemetry is compared with `as_new`, sound of the same motion from when the axis was new.
     """
     upload.only(*PARTS)
     service = once.service
     axis = axis_of(service, upload)
     offset = _offset(upload.fields.get("sound_offset_s", ""))
-    telemetry, sounds = (tuple(Measured(file.path, file.name) for file in upload.all_of(name)) for name in PARTS[1:3])
+    telemetry, sounds, as_new = (
+        tuple(Measured(file.path, file.name) for file in upload.all_of(name)) for name in PARTS[1:4]
+    )
 
     def work(session: Session) -> Made:
-        row = submit(service.library, session, axis, telemetry, sounds, offset)
+        row = submit(service.library, session, axis, telemetry, sounds, offset, as_new)
         job_id = service.jobs.submit(
             KIND, {"investigation_id": row.id}, job_id=row.id, submitted_by=once.principal.actor
         )

@@ -49,6 +49,12 @@ def run(
             help="recording of the same motion, the k-th of the k-th telemetry; or several without telemetry",
         ),
     ] = None,
+    as_new: Annotated[
+        list[Path] | None,
+        typer.Option(
+            metavar="N.wav", help="sound of the same motion from when the axis was new; compared with sound alone"
+        ),
+    ] = None,
     sound_offset: Annotated[
         float, typer.Option(metavar="S", help="start of every sound after its telemetry's, in s")
     ] = 0.0,
@@ -60,8 +66,10 @@ def run(
     """Say what the simulation of an axis gets wrong, why, and what the extended model gains."""
     frame = frame_of(context)
     described = read_axis(axis)
-    check_pairs(len(telemetry or ()), len(sound or ()))
-    heard = [replace(_read(one, read_recording), name=one.name) for one in sound or ()]
+    check_pairs(len(telemetry or ()), len(sound or ()), len(as_new or ()))
+    heard, before = (
+        [replace(_read(one, read_recording), name=one.name) for one in files or ()] for files in (sound, as_new)
+    )
     measured = [_read(one, read_telemetry) for one in telemetry or ()]
     if len(measured) > 1:
         taken = _taken(telemetry or (), measured, sound or (), heard)
@@ -70,8 +78,8 @@ def run(
         whose = [f"{part.taken.name}: " for part in together.parts for _ in part.gain]
     else:
         first = measured[0] if measured else None
-        result = _watched(frame, lambda watch: investigate(described, first, heard, watch, sound_offset))
-        files = [path.name for path in (axis, *(telemetry or ()), *(sound or ()))]
+        result = _watched(frame, lambda watch: investigate(described, first, heard, watch, sound_offset, before))
+        files = [path.name for path in (axis, *(telemetry or ()), *(sound or ()), *(as_new or ()))]
         document, page, whose = result.document, partial(html_report, result, files), ["" for _ in result.gain]
     if report is not None:
         report.write_text(page(), encoding="utf-8")

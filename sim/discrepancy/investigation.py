@@ -21,6 +21,7 @@ from sim.discrepancy.explanation import explain, next_measurement, numbers_of
 from sim.discrepancy.extension import extended_axis
 from sim.discrepancy.fit import Fit, Noise, Problem
 from sim.discrepancy.gain import Gain, gains
+from sim.discrepancy.pairs import NOT_COMPARED, check_as_new
 from sim.discrepancy.refits import calibrate, polish
 from sim.discrepancy.selection import Selection, select
 from sim.discrepancy.size import deviations
@@ -146,10 +147,12 @@ def investigate(
     sound: Recording | Sequence[Recording] | None = None,
     progress: Progress = lambda stage, share: None,
     sound_offset_s: float = 0.0,
+    as_new: Sequence[Recording] = (),
 ) -> Investigation:
     """Hold measured data of an axis against its description.
 
-    Several recordings of the same axis can be given without telemetry; their evidence is taken together.
+    Several recordings of the same axis can be given without telemetry; their evidence is taken together. `as_new` are
+    recordings of the same motion from when the axis was in good order: sound without telemetry is compared with them.
 
     Raises
     ------
@@ -160,7 +163,9 @@ def investigate(
     if telemetry is None and not sounds:
         raise InvestigationError("nothing to investigate: give telemetry, sound or both")
     if telemetry is None:
-        return _sound_alone(axis, sounds, progress)
+        return _sound_alone(axis, sounds, as_new, progress)
+    if as_new:
+        raise InvestigationError(NOT_COMPARED)
     if len(sounds) > 1:
         raise InvestigationError(
             f"sound: {len(sounds)} recordings beside one telemetry; give the one that starts with it"
@@ -245,16 +250,23 @@ def _first_noise(gate: Gate) -> Noise:
     return Noise.flat(3.0 * fast, 50.0 * fast)
 
 
-def _sound_alone(axis: Axis, sounds: Sequence[Recording], progress: Progress) -> Investigation:
+def _sound_alone(
+    axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recording], progress: Progress
+) -> Investigation:
     progress("sound", 0.2)
-    listened = listen_alone(axis, sounds)
+    check_as_new((sound.sha256 for sound in sounds), (sound.sha256 for sound in as_new))
+    listened = listen_alone(axis, sounds, as_new)
     findings = tuple(advised(axis, _heard_finding(h)) for h in listened.heard)
     progress("done", 1.0)
     return Investigation(
         axis, "named" if findings else "nothing_missing", findings, None, (), (), listened.next_measurement, axis,
-        _provenance(axis, None, sounds, None), remarks=listened.remarks, listening=listened,
+        {**_provenance(axis, None, sounds, None), **_compared(as_new)}, remarks=listened.remarks, listening=listened,
         sounds=tuple(sounds),
     )  # fmt: skip
+
+
+def _compared(as_new: Sequence[Recording]) -> dict[str, object]:
+    return {"as_new_sha256": "+".join(one.sha256 for one in as_new)} if as_new else {}
 
 
 def lacking(fit: Fit) -> float:

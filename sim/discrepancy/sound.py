@@ -13,6 +13,7 @@ from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.sound_course import LEAST_CRUISES, Course, course_of
 from sim.discrepancy.sound_evidence import Heard
 from sim.discrepancy.sound_gears import bearing_defect, play, sign_of_tooth, tooth_damage
+from sim.discrepancy.sound_growth import grown, strangers_as_new
 from sim.discrepancy.sound_path import LOWEST_WEAK, bearing_along_path
 from sim.discrepancy.sound_reach import reach
 from sim.discrepancy.sound_recording import recording_faults
@@ -25,7 +26,8 @@ GEAR = frozenset({"tooth_damage", "backlash"})
 OF_TEETH = GEAR | {"mesh_error", "eccentricity"}  # what leaves families of lines of its own
 ADVICE = (
     "How deep a notch or how wide play is cannot be heard; record telemetry for that and for what was not examined. "
-    "Whether teeth or housing are louder than as new a recording from when the axis was new tells as well."
+    "Give a recording of the same motion from when the axis was new as well, if there is one: it tells whether teeth "
+    "are louder than as new and whether something rings."
 )
 UNEVEN, SMALL = 0.005, 5  # of a speed while cruising; small numbers
 
@@ -35,7 +37,7 @@ class Listening:
     """Findings, candidates that were rejected with their probability, remarks, what to measure next.
 
     `examined`: mechanisms that the recordings let be looked for; `not_examined`: all others, to the reason. `names`:
-    of the recordings, one per course.
+    of the recordings, one per course. `as_new`: what they were compared with.
     """
 
     heard: tuple[Heard, ...]
@@ -46,6 +48,7 @@ class Listening:
     examined: tuple[str, ...]
     not_examined: Mapping[str, str]
     names: tuple[str, ...]
+    as_new: tuple[Course, ...] = ()
 
     @property
     def shown(self) -> int:
@@ -70,27 +73,33 @@ def listen(axis: Axis, sound: Recording, measurement: Measurement | None, offset
     return tuple(out)
 
 
-def listen_alone(axis: Axis, sounds: Sequence[Recording]) -> Listening:
-    """Findings of one or more recordings of the same axis, made without telemetry."""
+def listen_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recording] = ()) -> Listening:
+    """Findings of one or more recordings of the same axis, made without telemetry.
+
+    `as_new`: recordings of the same motion from when the axis was in good order, to compare with.
+    """
     sounds, copied = without_copies(sounds)
     names = names_of(sounds)
     courses = tuple(course_of(axis, sound, None, 0.0) for sound in sounds)
+    before = tuple(course_of(axis, sound, None, 0.0) for sound in as_new)
     teeth = [sign_of_tooth(axis, course) for course in courses]
     machine = [hear for look in (tooth_damage, play, bearing_defect) for hear in look(axis, courses, teeth)]
+    machine += grown(axis, courses, before)
     found = [h for h in (*machine, *_faults(sounds, courses)) if h.probability >= SAID]
     heard = tuple(with_recordings(h, names) for h in found)
     rejected = tuple((h.mechanism, h.probability) for h in machine if h.probability < SAID)
-    within = reach(axis, sounds, courses)
+    within = reach(axis, sounds, courses, before)
     remarks = (
         within.sentence(),
         *_contradicted(courses, names),
         *contradictions(machine, names),
         *strangers(sounds, names),
+        *strangers_as_new(courses, before, names),
         *copied,
-        ADVICE,
+        *(() if as_new else (ADVICE,)),
     )
     following = _next(axis, heard, courses)
-    return Listening(heard, rejected, remarks, following, courses, within.examined, within.not_examined, names)
+    return Listening(heard, rejected, remarks, following, courses, within.examined, within.not_examined, names, before)
 
 
 def _faults(sounds: Sequence[Recording], courses: Sequence[Course]) -> list[Heard]:
@@ -173,6 +182,16 @@ def _next(axis: Axis, heard: Sequence[Heard], courses: Sequence[Course]) -> str:
         return (
             "Add an encoder at the load and repeat the motion: the way between the flanks is the gap, and the stage "
             "with the play shows in how fast it is crossed."
+        )
+    if "structural_resonance" in named:
+        return (
+            "Tap covers, pipes, arm and stand at standstill and record that: the part that is loose rings at the same "
+            "pitch without any motion."
+        )
+    if "mesh_error" in named:
+        return (
+            "Record motor torque and angle of motor and load of the same motion: they give how much the teeth err, and "
+            "tell worn ones from one that is damaged."
         )
     if "bearing_defect" in named:
         return (

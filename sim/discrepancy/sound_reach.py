@@ -11,6 +11,7 @@ from casebase.signals.recording import Recording
 from sim.axis import Axis
 from sim.discrepancy.sound_course import Course
 from sim.discrepancy.sound_gears import hindrance_of_play, hindrance_of_tooth
+from sim.discrepancy.sound_growth import hindrance_of_ringing, hindrance_of_teeth
 from sim.discrepancy.sound_orders import bearing_hindrance
 from sim.discrepancy.sound_recording import recording_hindrances
 from sim.mechanisms import MECHANISMS
@@ -22,12 +23,12 @@ WORDS: Mapping[str, str] = {
     "tooth_damage": "tooth damage",
     "backlash": "play",
     "bearing_defect": "bearing defect",
+    "mesh_error": "error of teeth",
+    "structural_resonance": "resonance",
 }
 """What sound alone can show."""
 
-ALWAYS_HEARD = ("mesh_error", "eccentricity", "structural_resonance")
 NO_GEAR = "the axis has no gear"
-AS_NEW = "every axis sounds of it, and one recording does not tell what is as new"
 UNTOLD = "sound alone does not tell it"
 
 
@@ -53,17 +54,13 @@ class Reach:
             if name in WORDS:
                 together.setdefault(reason, []).append(WORDS[name])
         parts = [f"{', '.join(names)}, because {reason}" for reason, names in together.items()]
-        parts.append("friction, stiffness, loads, offsets and delays, because they cannot be heard")
-        parts.append(
-            "errors of teeth, runout and resonances, because every axis sounds of them, and one recording does not "
-            "tell what is as new"
-        )
+        parts.append("friction, stiffness, loads, runout, offsets and delays, because sound does not tell them")
         return f"Examined: {examined or 'nothing'}. Not examined: {'; '.join(parts)}."
 
 
-def reach(axis: Axis, sounds: Sequence[Recording], courses: Sequence[Course]) -> Reach:
-    """What all recordings together let be looked for."""
-    each = [_hindrances(axis, sound, course) for sound, course in zip(sounds, courses, strict=True)]
+def reach(axis: Axis, sounds: Sequence[Recording], courses: Sequence[Course], as_new: Sequence[Course] = ()) -> Reach:
+    """What all recordings together let be looked for, with those from when the axis was new."""
+    each = [_hindrances(axis, sound, course, as_new) for sound, course in zip(sounds, courses, strict=True)]
     examined, partly, not_examined = [], {}, {}
     for name in WORDS:
         reasons = [hindrances[name] for hindrances in each if name in hindrances]
@@ -73,16 +70,18 @@ def reach(axis: Axis, sounds: Sequence[Recording], courses: Sequence[Course]) ->
         examined.append(name)
         if reasons:
             partly[name] = len(each) - len(reasons)
-    rest = {name: AS_NEW if name in ALWAYS_HEARD else UNTOLD for name in sorted(MECHANISMS) if name not in WORDS}
+    rest = {name: UNTOLD for name in sorted(MECHANISMS) if name not in WORDS}
     return Reach(tuple(examined), {**not_examined, **rest}, partly, len(each))
 
 
-def _hindrances(axis: Axis, sound: Recording, course: Course) -> dict[str, str]:
+def _hindrances(axis: Axis, sound: Recording, course: Course, as_new: Sequence[Course]) -> dict[str, str]:
     values = np.asarray(sound.samples, dtype=np.float64)
     of_machine = {
         "tooth_damage": hindrance_of_tooth(course) if axis.stages else NO_GEAR,
         "backlash": hindrance_of_play(course) if axis.stages else NO_GEAR,
         "bearing_defect": bearing_hindrance(axis, course),
+        "mesh_error": hindrance_of_teeth(axis, course, as_new) if axis.stages else NO_GEAR,
+        "structural_resonance": hindrance_of_ringing(course, as_new),
     }
     told = {name: reason for name, reason in of_machine.items() if reason is not None}
     return {**recording_hindrances(values, sound.sample_rate_hz), **told}

@@ -12,6 +12,7 @@ from sim.chain_model import Array
 from sim.discrepancy.panels import Panel
 from sim.discrepancy.sound import Listening
 from sim.discrepancy.sound_course import Course
+from sim.discrepancy.sound_growth import growth_curves
 from sim.discrepancy.sound_lines import TRANSFORM, gamma_limit, mesh_orders
 from sim.discrepancy.sound_path import LINE, envelopes
 from sim.discrepancy.sound_strokes import impacts, over_around
@@ -26,6 +27,8 @@ REASONS = {
     "tooth_damage": "No impacts stand out over what good gearboxes do as well, nor lines at the turns of a gear.",
     "backlash": "No impact where braking begins stands out over what good gearboxes do as well.",
     "bearing_defect": "The lines that no gear explains are too few to be a bearing's.",
+    "mesh_error": "The lines of no gear's teeth have grown over those of as new and those of the other gears.",
+    "structural_resonance": "No pitch has grown over that of as new, at every speed, by more than others have fallen.",
 }
 SILENT = {"bearing_defect": "No family of impacts stands out of the sound at an order that no gear has."}
 
@@ -36,6 +39,8 @@ def sound_panels(listened: Listening) -> tuple[list[Panel], list[Panel]]:
     overlay = [_loudness(course)]
     if course.cruises:
         overlay.append(_lines(course))
+    if listened.as_new:
+        overlay.append(_growth(listened))
     folded = course.analysis.folded(Band.LOW)
     if folded is None:
         return overlay, []
@@ -113,6 +118,16 @@ def _lines(course: Course) -> Panel:
     lines = (("while cruising", 10.0 * np.log10(np.maximum(highest, 1e-3))),)
     labels = ("frequency [Hz]", "over its surroundings [dB]")
     return Panel("Lines while cruising", *labels, "frequency", frequency, lines, (-10.0, limit), _teeth(course))
+
+
+def _growth(listened: Listening) -> Panel:
+    """Where the first recording is louder than as new, with what was found."""
+    frequency, lines = growth_curves(listened.courses[0], listened.as_new[0])
+    pitches = [h.parameters["frequency_hz"][0] for h in listened.heard if h.mechanism == "structural_resonance"]
+    teeth = [one for one in _teeth(listened.courses[0]) if one[0] > frequency[0]]
+    marks = tuple(sorted([*((pitch, "rings") for pitch in pitches), *teeth]))
+    labels = ("frequency [Hz]", "louder than as new [dB]")
+    return Panel("Louder than as new, over the surroundings", *labels, "frequency", frequency, lines, markers=marks)
 
 
 def _teeth(course: Course) -> tuple[tuple[float, str], ...]:

@@ -134,6 +134,36 @@ def test_several_telemetries_are_kept_in_order_with_their_sounds(
     assert (names_of(row, "telemetry"), names_of(row, "sound")) == (["monday.csv", "friday.csv"], ["1.wav", "2.wav"])
 
 
+def test_sound_is_compared_with_sound_as_new(operator: httpx.Client, live_server: LiveServer) -> None:
+    files = [("sound", ("today.wav", sound(1))), ("as_new", ("may.wav", sound(2)))]
+    asked = operator.post(URL, files=files, data={"axis": AXIS}).raise_for_status().json()
+    library = CaseLibrary.open(live_server.data_dir)
+    with library.reading() as session:
+        row = get_investigation(session, asked["investigation_id"])
+    assert (names_of(row, "sound"), names_of(row, "as_new")) == (["today.wav"], ["may.wav"])
+    perform(library, row.id, lambda stage, share: None)
+    document = operator.get(f"{URL}/{row.id}").raise_for_status().json()
+    assert document["provenance"]["as_new_sha256"]
+    assert "when the axis was new was given" not in str(document["not_examined"])
+    assert "may.wav" in operator.get(f"{URL}/{row.id}/report", headers={"Accept": "text/html"}).text
+
+
+@pytest.mark.parametrize(
+    ("parts", "told"),
+    [
+        ({"telemetry": telemetry(), "sound": sound(1), "as_new": sound(2)}, "without telemetry"),
+        ({"as_new": sound(2)}, "nothing to investigate"),
+        ({"sound": sound(1), "as_new": sound(1)}, "given as sound as well"),
+        ({"sound": sound(1), "as_new": b"no sound"}, "as_new.wav"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(operator: httpx.Client, parts: dict[str, bytes], told: str) -> None:
+    files = [(name, (f"{name}.wav", content)) for name, content in parts.items()]
+    refused = operator.post(URL, files=files, data={"axis": AXIS})
+    assert 400 <= refused.status_code < 500
+    assert told in refused.json()["detail"]
+
+
 def test_telemetries_that_do_not_fit_are_refused_by_name(operator: httpx.Client) -> None:
     good = ("telemetry", ("good.csv", telemetry()))
     for wrong, said in [

@@ -12,7 +12,7 @@ import numpy as np
 
 from tests.hidden_effects.generator import Recipe, Scenario, draw_recipe, generate
 from tests.hidden_effects.generator.effects import PLANT_EFFECTS, SENSOR_EFFECTS, SOUND_EFFECTS, UNNAMED_EFFECTS
-from tests.hidden_effects.generator.recipe import CONFOUNDED, HEARD, PAIRS
+from tests.hidden_effects.generator.recipe import COMPARED, CONFOUNDED, HEARD, PAIRS
 
 CALIBRATION_SEEDS = range(100_000)
 BANK_SEED = 1_000_000
@@ -64,10 +64,20 @@ def _plan() -> Iterator[tuple[str, tuple[str, ...], str]]:
         yield from ((group, (), "full") for _ in range(count))
 
 
+def _plan_compared() -> Iterator[tuple[str, tuple[str, ...], str]]:
+    """Yield the same of every scenario that has a recording from when the axis was in good order."""
+    for name in COMPARED:
+        for level in ("strong", "full", "half", "third"):
+            yield from (("sound compared", (name,), level) for _ in range(3))
+    yield from (("sound compared null", (), "full") for _ in range(12))
+
+
 def full_bank(first_seed: int = BANK_SEED) -> tuple[Entry, ...]:
-    """Return the full bank, in an order in which every beginning holds a fair share of everything."""
-    plan = list(_plan())
-    order = np.random.default_rng(5).permutation(len(plan))
+    """Return the full bank, in an order in which every beginning holds a fair share; compared sounds come last."""
+    plan, compared = list(_plan()), list(_plan_compared())
+    rng = np.random.default_rng(5)
+    order = [*rng.permutation(len(plan)), *(len(plan) + rng.permutation(len(compared)))]
+    plan += compared
     return tuple(Entry(first_seed + SEEDS_EACH * int(place), *plan[place]) for place in order)
 
 

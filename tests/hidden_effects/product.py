@@ -82,9 +82,9 @@ def investigate_together(scenarios: Sequence[Scenario]) -> list[dict[str, Any]]:
 
 
 def investigate_folder(folder: Path) -> Answer:
-    """Let the product investigate axis.toml with telemetry.csv and sound.wav, whichever the folder holds."""
+    """Let the product investigate axis.toml with whichever recordings the folder holds."""
     arguments = ["investigate", "--axis", str(folder / "axis.toml"), "--json"]
-    for option, file in (("--telemetry", "telemetry.csv"), ("--sound", "sound.wav")):
+    for option, file in (("--telemetry", "telemetry.csv"), ("--sound", "sound.wav"), ("--as-new", "as_new.wav")):
         if (folder / file).exists():
             arguments += [option, str(folder / file)]
     start = time.perf_counter()

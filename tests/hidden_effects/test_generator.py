@@ -11,14 +11,19 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.ndimage import median_filter, uniform_filter1d
+from scipy.signal import welch
 
 from tests.hidden_effects.bank import CALIBRATION_SEEDS, QUICK_BANK, full_bank
 from tests.hidden_effects.generator import EFFECTS, LEVELS, Scenario, draw_recipe, generate, kernel, write
+from tests.hidden_effects.generator.comparison import HARMLESS, Recorded, another_day, compare, first_day
 from tests.hidden_effects.generator.effect import Draw, Effect
 from tests.hidden_effects.generator.joint import KINDS, Joint, draw_joint
 from tests.hidden_effects.generator.kernel import SERVO_RATE_HZ, TELEMETRY_RATE_HZ
+from tests.hidden_effects.generator.microphone import SOUND_RATE_HZ, fine_angle
 from tests.hidden_effects.generator.motion import SETTLE_S, Motion, _move, draw_motion
 from tests.hidden_effects.generator.plant import Damage, Plant, Run, _links, build_plant, simulate
+from tests.hidden_effects.generator.recording import Placed, mesh_orders
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -281,6 +286,102 @@ def test_nothing_is_simulated_beyond_the_end_of_its_motion() -> None:
     _, plant, motion = _drawn(1)
     with pytest.raises(ValueError, match="ends before"):
         simulate(plant, motion, 30.0)
+
+
+def _two_days(seed: int, *effects: str, level: float = 1.0) -> tuple[Joint, Recorded, Recorded, list[Placed]]:
+    rng = np.random.default_rng(seed)
+    joint = draw_joint(rng, "three shafts")
+    return joint, *compare(rng, joint, effects, level, 16.0)
+
+
+def _growth_db(as_new: Recorded, now: Recorded, order: float) -> float:
+    """Return by how much the line at `order` per turn of the motor has grown beside the loudness of all [dB]."""
+    levels = []
+    for day in (as_new, now):
+        angle = fine_angle(day.motor_angle)
+        speed = np.abs(np.gradient(angle))
+        wave = day.sound * np.exp(-1j * order * angle)
+        slow = uniform_filter1d(wave.real, 800) + 1j * uniform_filter1d(wave.imag, 800)
+        levels.append(np.sqrt(np.mean(np.abs(slow[speed > 0.5 * speed.max()]) ** 2)))
+    _, ratio = _spectra_db(as_new, now)
+    return float(20 * np.log10(levels[1] / levels[0]) - np.median(ratio))
+
+
+def _spectra_db(as_new: Recorded, now: Recorded) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies [Hz] above the fan's and how much louder they are now [dB]."""
+    frequency, then = welch(as_new.sound, SOUND_RATE_HZ, nperseg=1024)
+    ratio = 10 * np.log10(welch(now.sound, SOUND_RATE_HZ, nperseg=1024)[1] / then)
+    return frequency[frequency > 200], ratio[frequency > 200]
+
+
+def _outstanding_db(joint: Joint, as_new: Recorded, now: Recorded) -> tuple[np.ndarray, np.ndarray]:
+    """Return frequencies [Hz] at which no mesh line stays, which another pace would move, and what stands out [dB]."""
+    frequency, ratio = _spectra_db(as_new, now)
+    width, free = frequency[1] - frequency[0], np.ones(len(frequency), dtype=bool)
+    for day in (as_new, now):
+        turns_hz = np.abs(np.gradient(day.motor_angle))[::20] * TELEMETRY_RATE_HZ / (2 * np.pi)
+        for order in mesh_orders(joint):
+            for harmonic in (1, 2, 3):
+                line = harmonic * order * turns_hz
+                stays = [np.mean(np.abs(line - middle) < 3 * width) > 0.05 for middle in frequency]
+                free &= ~np.array(stays)
+    return frequency[free], (ratio - median_filter(ratio, 101, mode="nearest"))[free]
+
+
+@pytest.mark.parametrize(("seed", "level"), [(101, 1.0), (102, 1 / 3), (103, 1 / 3)])
+def test_lines_of_the_worn_mesh_grow_by_its_error_and_those_of_the_other_stay(seed: int, level: float) -> None:
+    joint, as_new, now, (placed,) = _two_days(seed, "mesh_error", level=level)
+    assert placed.amplitude == pytest.approx(10 * level)
+    for stage, order in zip(joint.stages, mesh_orders(joint), strict=True):
+        grown = np.mean([_growth_db(as_new, now, harmonic * order) for harmonic in (1, 2, 3)])
+        expected = 20 * np.log10(placed.amplitude) if stage.name == placed.effect.scored_location else 0.0
+        assert grown == pytest.approx(expected, abs=5.0)
+
+
+@pytest.mark.parametrize("seed", [111, 112, 113])
+def test_something_loose_rings_at_its_frequency(seed: int) -> None:
+    joint, as_new, now, (placed,) = _two_days(seed, "structural_resonance")
+    frequency, outstanding = _outstanding_db(joint, as_new, now)
+    assert frequency[np.argmax(outstanding)] == pytest.approx(placed.effect.size(1.0)["frequency_hz"], rel=0.03)
+
+
+@pytest.mark.parametrize("seed", [121, 122, 123])
+def test_two_days_in_good_order_differ_in_neither(seed: int) -> None:
+    joint, as_new, now, placed = _two_days(seed)
+    assert placed == []
+    assert (now.sound.shape, now.motor_angle.shape) == (as_new.sound.shape, as_new.motor_angle.shape)
+    assert np.std(now.motor_angle - as_new.motor_angle) > 1.0
+    for order in mesh_orders(joint):
+        assert abs(np.mean([_growth_db(as_new, now, harmonic * order) for harmonic in (1, 2, 3)])) < 6.0
+    assert np.max(_outstanding_db(joint, as_new, now)[1]) < 8.0
+
+
+def test_a_day_differs_by_what_a_workshop_allows() -> None:
+    rng = np.random.default_rng(131)
+    first = first_day(rng, draw_joint(rng, "three shafts"))
+    for harmless in (None, *HARMLESS):
+        later = another_day(rng, first, harmless)
+        assert abs(later.pace - 1) <= 0.02
+        assert (later.payload > 1.1) == (harmless == "heavier payload")
+        gain = 20 * abs(np.log10(later.microphone.loudness / first.microphone.loudness))
+        assert (gain > 10) == (harmless == "other gain")
+        quieter = 20 * np.log10(first.microphone.noise_ratio / later.microphone.noise_ratio)
+        assert (quieter >= 10) == (harmless == "quieter workshop")
+        np.testing.assert_array_equal(later.microphone.modes[:, :2], first.microphone.modes[:, :2])
+
+
+def test_two_sounds_and_no_telemetry_are_handed_over(tmp_path: Path) -> None:
+    scenario = generate(141, draw_recipe(141, "sound compared", ("mesh_error",), "half"), seconds=3.0)
+    write(scenario, tmp_path)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["as_new.wav", "axis.toml", "sound.wav"]
+    with wave.open(str(tmp_path / "sound.wav")) as sound, wave.open(str(tmp_path / "as_new.wav")) as as_new:
+        assert sound.getparams() == as_new.getparams()
+        assert sound.getnframes() == 24_000
+    (hidden,) = scenario.hidden
+    assert f'name = "{hidden.location}"' in scenario.axis
+    assert (hidden.strength, hidden.size) == (0.5, {})
+    again = generate(141, draw_recipe(141, "sound compared null"), seconds=3.0)
+    assert (again.hidden, again.verdict) == ((), "nothing_missing")
 
 
 def test_every_mechanism_can_be_hidden_and_seeds_are_kept_apart() -> None:

@@ -54,12 +54,12 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
         upload.files.pop("axis", None)
         upload.fields["axis"] = name
     axis = axis_of(service, upload)
-    telemetry, sounds = (
+    telemetry, sounds, as_new = (
         tuple(Measured(file.path, file.name) for file in upload.all_of(name) if file.size)
-        for name in ("telemetry", "sound")
+        for name in ("telemetry", "sound", "as_new")
     )
     with service.library.transaction(principal.actor) as session:
-        row = submit(service.library, session, axis, telemetry, sounds)
+        row = submit(service.library, session, axis, telemetry, sounds, as_new=as_new)
         identity = row.id
     jobs.submit(KIND, {"investigation_id": identity}, job_id=identity, submitted_by=principal.actor)
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/jobs/{identity}", status_code=303)

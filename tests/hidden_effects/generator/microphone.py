@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,11 +13,12 @@ from tests.hidden_effects.generator.kernel import STEP_RATE_HZ, TELEMETRY_RATE_H
 from tests.hidden_effects.generator.noise import coloured
 
 SOUND_RATE_HZ = 8_000
+WHINE = ((1, 1.0), (2, 0.5), (3, 0.25))
 
 
 @dataclass(frozen=True)
 class Microphone:
-    """Housing modes (n, 3): frequency [Hz], damping ratio, gain; direct gain, background noise, fan [Hz].
+    """Housing modes (n, 3): frequency [Hz], damping ratio, gain; direct gain, background noise, fan [Hz] and its part.
 
     `shaking`: peak of what the simulated mesh forces contribute to the sound of a gearbox in good order, over the
     rms of its tooth whine and rolling noise; `loudness`: that rms as recorded.
@@ -29,6 +31,16 @@ class Microphone:
     noise_corner_hz: float
     fan_hz: float
     loudness: float
+    fan: float = 0.3
+
+
+@dataclass(frozen=True)
+class Whine:
+    """One line of tooth whine at top speed: per turn of the motor, amplitude, phase [rad]."""
+
+    order: float
+    amplitude: float
+    phase: float
 
 
 def draw_microphone(rng: np.random.Generator) -> Microphone:
@@ -52,21 +64,30 @@ def through_housing(microphone: Microphone, excitation: NDArray[np.float64]) -> 
     """Return the modes' and the direct answer to an excitation, both at the sound's rate."""
     heard = microphone.direct * excitation
     for frequency, damping, gain in microphone.modes:
-        rate = 2 * np.pi * frequency / SOUND_RATE_HZ
-        radius = np.exp(-damping * rate)
-        filter_ = np.array([[gain * damping * 4, 0, -gain * damping * 4, 1, -2 * radius * np.cos(rate), radius**2]])
-        heard = heard + sosfilt(filter_, excitation)
+        heard = heard + through_mode(frequency, damping, gain, excitation)
     return heard
+
+
+def through_mode(frequency: float, damping: float, gain: float, excitation: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the answer of one mode of `frequency` [Hz] to an excitation at the sound's rate."""
+    rate = 2 * np.pi * frequency / SOUND_RATE_HZ
+    radius = np.exp(-damping * rate)
+    filter_ = np.array([[gain * damping * 4, 0, -gain * damping * 4, 1, -2 * radius * np.cos(rate), radius**2]])
+    return sosfilt(filter_, excitation)
 
 
 def of_gears(microphone: Microphone, force: NDArray[np.float32]) -> NDArray[np.float64]:
     """Return the gearbox's own sound from the mesh force at the simulation's rate, not yet scaled."""
+    return through_housing(microphone, shaken_by(force))
+
+
+def shaken_by(force: NDArray[np.float32]) -> NDArray[np.float64]:
+    """Return how the mesh force at the simulation's rate excites the housing, at the sound's rate, not yet scaled."""
     rough = resample_poly(np.diff(force, prepend=force[:1]), 1, STEP_RATE_HZ // SOUND_RATE_HZ)
-    quiet = sosfilt(butter(2, 25, "high", fs=SOUND_RATE_HZ, output="sos"), rough.astype(np.float64))
-    return through_housing(microphone, quiet)
+    return sosfilt(butter(2, 25, "high", fs=SOUND_RATE_HZ, output="sos"), rough.astype(np.float64))
 
 
-def _fine_angle(motor_angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def fine_angle(motor_angle: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the motor's angle [rad] at the sound's rate."""
     fine = SOUND_RATE_HZ // TELEMETRY_RATE_HZ
     return np.interp(np.arange(len(motor_angle) * fine) / fine, np.arange(len(motor_angle)), motor_angle)
@@ -79,17 +100,28 @@ def of_running(
     mesh_orders: tuple[float, ...],
 ) -> NDArray[np.float64]:
     """Return tooth whine at the mesh orders (per turn of the motor) and rolling noise, both louder at speed; rms 1."""
-    angle = _fine_angle(motor_angle)
-    speed = np.abs(np.gradient(angle))
-    share = speed / np.max(speed)
-    source = 0.5 * share * rng.standard_normal(len(angle))
+    angle = fine_angle(motor_angle)
+    rolling = 0.5 * rng.standard_normal(len(angle))
+    lines = []
     for order in mesh_orders:
-        for harmonic, level in ((1, 1.0), (2, 0.5), (3, 0.25)):
-            audible = np.clip(2 - harmonic * order * speed / (0.45 * np.pi), 0, 1)
-            wave = np.cos(harmonic * order * angle + rng.uniform(0, 2 * np.pi))
-            source += level * rng.uniform(0.3, 1.0) * share * audible * wave
-    heard = through_housing(microphone, source)
+        for harmonic, level in WHINE:
+            phase = float(rng.uniform(0, 2 * np.pi))
+            lines.append(Whine(harmonic * order, float(level * rng.uniform(0.3, 1.0)), phase))
+    heard = through_housing(microphone, excited_by(angle, np.max(np.abs(np.gradient(angle))), rolling, lines))
     return heard / np.std(heard)
+
+
+def excited_by(
+    angle: NDArray[np.float64], top_speed: float, rolling: NDArray[np.float64], lines: Iterable[Whine]
+) -> NDArray[np.float64]:
+    """Return how whine and rolling noise (both given as at the top speed, rad per sample) excite the housing."""
+    speed = np.abs(np.gradient(angle))
+    share = speed / top_speed
+    source = rolling * share
+    for line in lines:
+        audible = np.clip(2 - line.order * speed / (0.45 * np.pi), 0, 1)
+        source += line.amplitude * share * audible * np.cos(line.order * angle + line.phase)
+    return source
 
 
 def of_bearing(
@@ -99,7 +131,7 @@ def of_bearing(
 
     Its rms is 1.
     """
-    angle = _fine_angle(motor_angle)
+    angle = fine_angle(motor_angle)
     samples = len(angle)
     speed = np.abs(np.gradient(angle)) * SOUND_RATE_HZ
     travelled = np.cumsum(speed) / SOUND_RATE_HZ * order / (2 * np.pi)
@@ -121,7 +153,7 @@ def background(rng: np.random.Generator, microphone: Microphone, samples: int) -
     noise = 0.7 * coloured(rng, samples, microphone.noise_corner_hz, SOUND_RATE_HZ)
     noise += 0.5 * rng.standard_normal(samples)
     noise *= 1 + 0.3 * np.sin(2 * np.pi * time / rng.uniform(8, 20) + rng.uniform(0, 2 * np.pi))
-    noise += 0.3 * np.sin(2 * np.pi * microphone.fan_hz * time + rng.uniform(0, 2 * np.pi))
+    noise += microphone.fan * np.sin(2 * np.pi * microphone.fan_hz * time + rng.uniform(0, 2 * np.pi))
     return noise / np.std(noise)
 
 

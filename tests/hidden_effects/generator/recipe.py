@@ -30,6 +30,8 @@ GROUPS = (
     "confounded",
     "sound alone",
     "sound alone null",
+    "sound compared",
+    "sound compared null",
 )
 PAIRS = (
     ("backlash", "viscous_friction"),
@@ -46,6 +48,7 @@ PAIRS = (
 CONFOUNDED = ("eccentricity", "encoder_error", "torque_offset", "friction_asymmetry", "stiffness_hardening")
 NEED_LOAD_ENCODER = frozenset({"encoder_error", "stiffness_hardening", "hysteresis", "structural_resonance"})
 HEARD = ("tooth_damage", "backlash", "bearing_defect", "electrical_hum", "clipping")
+COMPARED = ("mesh_error", "structural_resonance")
 
 
 @dataclass(frozen=True)
@@ -82,6 +85,8 @@ def _effects_of(rng: np.random.Generator, group: str) -> tuple[str, ...]:
         return (str(rng.choice(CONFOUNDED)),)
     if group == "sound alone":
         return (str(rng.choice(HEARD)),)
+    if group == "sound compared":
+        return (str(rng.choice(COMPARED)),)
     return ()
 
 
@@ -95,13 +100,13 @@ def draw_recipe(
 ) -> Recipe:
     """Draw a recipe; what is given is kept, as far as it is physically possible."""
     rng = np.random.default_rng([seed, 1])
-    group = group or str(rng.choice(GROUPS, p=[0.2, 0.06, 0.38, 0.1, 0.08, 0.08, 0.04, 0.04, 0.02]))
+    group = group or str(rng.choice(GROUPS, p=[0.2, 0.06, 0.38, 0.1, 0.08, 0.08, 0.04, 0.04, 0.02, 0.0, 0.0]))
     drawn = _effects_of(rng, group)
     effects = drawn if effects is None else effects
     unknown = set(effects) - set(EFFECTS)
     if unknown:
         raise ValueError(f"effects must be of {sorted(EFFECTS)}, got {sorted(unknown)}")
-    alone = group.startswith("sound alone")
+    alone = group.startswith("sound")
     geared = alone or any(name in GEARED | {"bearing_defect"} for name in effects)
     drawn_kind = str(rng.choice(KINDS[:2], p=[0.7, 0.3]) if geared else rng.choice(KINDS, p=[0.55, 0.3, 0.15]))
     kind = kind or drawn_kind

@@ -99,7 +99,7 @@ def _lose(
     return {name: values if name == "time_s" else values[last] for name, values in telemetry.items()}
 
 
-def _mesh_orders(joint: Joint) -> tuple[float, ...]:
+def mesh_orders(joint: Joint) -> tuple[float, ...]:
     """Return the tooth contacts per turn of the motor of each stage."""
     turns, orders = 1.0, []
     for stage in joint.stages:
@@ -118,7 +118,7 @@ def sound(
 ) -> NDArray[np.float64]:
     """Return what the microphone hears, within -1 to 1; a gearbox in good order has about the rms `loudness`."""
     shaken = mic.of_gears(microphone, run.force) / np.max(np.abs(mic.of_gears(microphone, healthy.force)))
-    running = mic.of_running(rng, microphone, run.motor_angle, _mesh_orders(joint))
+    running = mic.of_running(rng, microphone, run.motor_angle, mesh_orders(joint))
     heard = microphone.shaking * shaken + running
     heard += microphone.noise_ratio * mic.background(rng, microphone, len(heard))
     for one in placed:

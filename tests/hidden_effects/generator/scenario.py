@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from tests.hidden_effects.generator import microphone as mic
 from tests.hidden_effects.generator import noise as noises
 from tests.hidden_effects.generator import recording
+from tests.hidden_effects.generator.comparison import compare
 from tests.hidden_effects.generator.effect import Draw, Effect
 from tests.hidden_effects.generator.effects import EFFECTS
 from tests.hidden_effects.generator.joint import Joint, believed, describe, draw_joint
@@ -53,6 +54,7 @@ class Hidden:
 class Scenario:
     """A recording with its answer: `telemetry` columns (n,) by name, `sound` (m,) at 8 kHz; either may be absent.
 
+    `as_new` (m,) is a sound of the same joint in good order, where there is one.
     `joint` is the truth, `axis` the description in TOML, which is believed and a little wrong.  `verdict` is what
     should be said, `may_be_unnamed` whether saying 'unnamed' is as right.
     """
@@ -66,6 +68,7 @@ class Scenario:
     hidden: tuple[Hidden, ...]
     verdict: str
     may_be_unnamed: bool
+    as_new: NDArray[np.float64] | None = field(default=None, repr=False)
 
     def answer(self) -> dict[str, object]:
         """Return the answer as JSON data."""
@@ -102,6 +105,8 @@ def generate(seed: int, recipe: Recipe | None = None, *, seconds: float = 30.0) 
     recipe = recipe or draw_recipe(seed)
     rng = np.random.default_rng([seed, 2])
     joint = draw_joint(rng, recipe.kind)
+    if recipe.group.startswith("sound compared"):
+        return _compared(seed, rng, recipe, joint, seconds)
     motion = draw_motion(rng, joint.top_speed, seconds)
     speed = motion.course[1, int(SETTLE_S * SERVO_RATE_HZ) :: SERVO_RATE_HZ // TELEMETRY_RATE_HZ] / joint.top_speed
     noise = noises.draw_noise(rng, joint, recipe.noise, seconds, speed)
@@ -141,6 +146,23 @@ def generate(seed: int, recipe: Recipe | None = None, *, seconds: float = 30.0) 
         hidden=tuple(_hidden(one) for one in placed),
         verdict="named" if named else ("unnamed" if placed else "nothing_missing"),
         may_be_unnamed=any(one.effect.mechanism == "structural_resonance" for one in placed),
+    )
+
+
+def _compared(seed: int, rng: np.random.Generator, recipe: Recipe, joint: Joint, seconds: float) -> Scenario:
+    """Return a scenario of two sounds."""
+    as_new, now, placed = compare(rng, joint, recipe.effects, LEVELS[recipe.level], seconds)
+    return Scenario(
+        seed=seed,
+        recipe=recipe,
+        joint=joint,
+        axis=describe(believed(rng, joint), load_encoder=False),
+        telemetry=None,
+        sound=now.sound,
+        hidden=tuple(_hidden(one) for one in placed),
+        verdict="named" if placed else "nothing_missing",
+        may_be_unnamed=False,
+        as_new=as_new.sound,
     )
 
 
@@ -199,7 +221,7 @@ def _sized_outside(gauge: Gauge, effect: Effect, level: float) -> Placed:
 
 
 def write(scenario: Scenario, folder: Path) -> None:
-    """Write axis.toml and, where recorded, telemetry.csv and sound.wav (16 bit, mono) into a folder; no answers."""
+    """Write axis.toml and, where recorded, telemetry.csv, sound.wav and as_new.wav into a folder; no answers."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "axis.toml").write_text(scenario.axis)
     if scenario.telemetry is not None:
@@ -208,10 +230,16 @@ def write(scenario: Scenario, folder: Path) -> None:
         row = ",".join(f"%.{DECIMALS[name]}f" for name in names) + "\n"
         text = (row * len(table)) % tuple(table.ravel().tolist())
         (folder / "telemetry.csv").write_text(",".join(names) + "\n" + text)
-    if scenario.sound is not None:
-        samples = np.round(scenario.sound * 32767).astype("<i2")
-        with wave.open(str(folder / "sound.wav"), "wb") as file:
-            file.setnchannels(1)
-            file.setsampwidth(2)
-            file.setframerate(SOUND_RATE_HZ)
-            file.writeframes(samples.tobytes())
+    for name, sound in (("sound.wav", scenario.sound), ("as_new.wav", scenario.as_new)):
+        if sound is not None:
+            _write_sound(sound, folder / name)
+
+
+def _write_sound(sound: NDArray[np.float64], path: Path) -> None:
+    """Write a sound within -1 to 1 as WAV, 16 bit, mono."""
+    samples = np.round(sound * 32767).astype("<i2")
+    with wave.open(str(path), "wb") as file:
+        file.setnchannels(1)
+        file.setsampwidth(2)
+        file.setframerate(SOUND_RATE_HZ)
+        file.writeframes(samples.tobytes())
