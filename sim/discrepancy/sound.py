@@ -15,7 +15,7 @@ from sim.discrepancy.sound_evidence import Heard
 from sim.discrepancy.sound_gears import bearing_defect, play, sign_of_tooth, tooth_damage
 from sim.discrepancy.sound_growth import grown, strangers_as_new
 from sim.discrepancy.sound_path import LOWEST_WEAK, bearing_along_path
-from sim.discrepancy.sound_reach import reach
+from sim.discrepancy.sound_reach import WORDS, reach
 from sim.discrepancy.sound_recording import recording_faults
 from sim.discrepancy.sound_several import contradictions, names_of, strangers, with_recordings, without_copies
 
@@ -84,7 +84,7 @@ def listen_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recor
     before = tuple(course_of(axis, sound, None, 0.0) for sound in as_new)
     teeth = [sign_of_tooth(axis, course) for course in courses]
     machine = [hear for look in (tooth_damage, play, bearing_defect) for hear in look(axis, courses, teeth)]
-    machine += grown(axis, courses, before)
+    machine, told = _told_by_growth([*machine, *grown(axis, courses, before)])
     found = [h for h in (*machine, *_faults(sounds, courses)) if h.probability >= SAID]
     heard = tuple(with_recordings(h, names) for h in found)
     rejected = tuple((h.mechanism, h.probability) for h in machine if h.probability < SAID)
@@ -96,10 +96,27 @@ def listen_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recor
         *strangers(sounds, names),
         *strangers_as_new(courses, before, names),
         *copied,
+        *told,
         *(() if as_new else (ADVICE,)),
     )
     following = _next(axis, heard, courses)
     return Listening(heard, rejected, remarks, following, courses, within.examined, within.not_examined, names, before)
+
+
+def _told_by_growth(machine: Sequence[Heard]) -> tuple[list[Heard], tuple[str, ...]]:
+    """Teeth that have all grown louder make impacts of their own; where they have not, impacts are none of theirs."""
+    compared = [h.probability for h in machine if h.mechanism == "mesh_error"]
+    if not compared:
+        return list(machine), ()
+    if max(compared) < SAID:
+        return [replace(h, indistinguishable_from=()) for h in machine], ()
+    left_out = [h.mechanism for h in machine if h.mechanism in GEAR and h.probability >= SAID]
+    remarks = tuple(
+        f"Impacts as of {WORDS[name]} are heard as well; teeth of a gear that have all grown louder make such, too. "
+        "Telemetry tells."
+        for name in left_out
+    )
+    return [h for h in machine if h.mechanism not in left_out], remarks
 
 
 def _faults(sounds: Sequence[Recording], courses: Sequence[Course]) -> list[Heard]:

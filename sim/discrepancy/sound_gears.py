@@ -62,6 +62,7 @@ def tooth_damage(axis: Axis, courses: Sequence[Course], signs: Sequence[Sign | N
         same = sign is None or sign[1] is best or _same_tooth(axis, (other, sign[1]), (course, best))
         p_values.append(None if sign is None else sign[0] if same else 1.0)
     numbers: dict[str, tuple[float, float, float]] = {}
+    alike: tuple[str, ...] = ()
     if isinstance(best, Turns):
         stage, told = best.stage, True
         text = (
@@ -72,9 +73,11 @@ def tooth_damage(axis: Axis, courses: Sequence[Course], signs: Sequence[Sign | N
         stage, told = _stage_of_impacts(axis, best)
         text = (
             f"{best.times_s.size} impacts stand {best.height_db:.0f} dB and more over the sound around them, which no "
-            "other does: a damaged tooth that meets the mesh, unless something beside the axis knocked. Strokes cannot "
-            "be laid over each other, so that its angle is not told."
+            "other does: a damaged tooth that meets the mesh, unless something beside the axis knocked, or teeth that "
+            "all err are loud where their tone passes a resonance. Strokes cannot be laid over each other, so that its "
+            "angle is not told."
         )
+        alike = ("mesh_error",)
     else:
         stage, told = _stage_of(axis, course, best)
         text = (
@@ -99,8 +102,9 @@ def tooth_damage(axis: Axis, courses: Sequence[Course], signs: Sequence[Sign | N
             probability(p_values),
             numbers,
             text,
-            elsewhere=elsewhere,
-            p_values=tuple(p_values),
+            alike,
+            elsewhere,
+            tuple(p_values),
         )
     ]
 

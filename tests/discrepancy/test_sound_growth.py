@@ -202,3 +202,22 @@ def test_what_has_telemetry_needs_no_comparison() -> None:
         check_pairs(1, 1, 1)
     with pytest.raises(AxisError, match="nothing to investigate"):
         check_pairs(0, 0, 1)
+
+
+def test_impacts_where_all_teeth_have_grown_louder_are_a_remark() -> None:
+    """Thuds at one place of every other stroke are a damaged tooth; where all teeth of a gear are louder, maybe not."""
+
+    def struck(recording: Recording, seed: int) -> Recording:
+        samples = recording.samples.astype(np.float64)
+        after = np.arange(int(0.08 * RATE)) / RATE
+        thud = 0.2 * np.exp(-after / 0.01) * np.sin(2.0 * math.pi * 70.0 * after)
+        start = 2.0 * STROKE_S + 0.8 - np.random.default_rng(seed).uniform(0.0, STROKE_S)
+        for at in np.arange(start, SECONDS - 0.1, 2.0 * STROKE_S):
+            samples[int(at * RATE) : int(at * RATE) + after.size] += thud
+        return Recording(samples.astype(np.float32), float(RATE))
+
+    alone = listen_alone(AXIS, [struck(heard(18), 18)], [AS_NEW])
+    assert said(alone) == [("tooth_damage", "output")]
+    both = listen_alone(AXIS, [struck(heard(18, louder={"transfer": 5.0}), 18)], [AS_NEW])
+    assert said(both) == [("mesh_error", "transfer")]
+    assert any("Impacts as of tooth damage" in remark for remark in both.remarks)
