@@ -120,7 +120,12 @@ def _likeness(course: Course, as_new: Course) -> float:
 
 
 def growth_curves(course: Course, as_new: Course) -> tuple[Array, tuple[tuple[str, Array], ...]]:
-    """For a picture: frequencies [Hz], and how much louder than as new [dB] while cruising and while speed changes."""
+    """For a picture: frequencies [Hz], and how much louder than as new [dB] while cruising and while speed changes.
+
+    No curves where they cannot be compared.
+    """
+    if hindrance_of_ringing(course, [as_new]):
+        return _cells(), ()
     now, then = _spectra(course), _spectra(as_new)
     words = {"cruising": "while cruising", "speeding": "while the speed changes"}
     lines = []
@@ -212,8 +217,11 @@ def _rows(course: Course) -> list[Row]:
 
 def _grown(axis: Axis, own: Sequence[Row], before: Sequence[Row], ringing_hz: float | None) -> Array | None:
     """How much each stage's lines have grown [dB], shape (stages,), at speeds that both have; None without any."""
-    growths, lengths = [], []
+    lasts: dict[float, float] = {}
     for speed, length, _ in own:
+        lasts[speed] = lasts.get(speed, 0.0) + length
+    growths, lengths = [], []
+    for speed, length in lasts.items():
         now, then = ([row for row in rows if _alike(speed, row[0])] for rows in (own, before))
         if then:
             here, there = (_line_heights(axis, rows, ringing_hz) for rows in (now, then))
@@ -265,6 +273,8 @@ def _ringing_of(course: Course, as_new: Sequence[Course]) -> Growth | None:
     up, down = (np.where(of_teeth, -np.inf, one) for one in (up, down))
     peak = int(np.argmax(up))
     height = float(up[peak])
+    if not math.isfinite(height):  # nothing sounds of the axis alone
+        return Growth(0.0, 0.0, None, float(centres[peak]))
     apart = np.abs(np.arange(centres.size) - peak)
     near = np.flatnonzero(up > height - 3.0)
     near = near[apart[near] <= BASE // 4]

@@ -39,8 +39,7 @@ def sound_panels(listened: Listening) -> tuple[list[Panel], list[Panel]]:
     overlay = [_loudness(course)]
     if course.cruises:
         overlay.append(_lines(course))
-    if listened.as_new:
-        overlay.append(_growth(listened))
+    overlay += _growth(listened)
     folded = course.analysis.folded(Band.LOW)
     if folded is None:
         return overlay, []
@@ -120,14 +119,18 @@ def _lines(course: Course) -> Panel:
     return Panel("Lines while cruising", *labels, "frequency", frequency, lines, (-10.0, limit), _teeth(course))
 
 
-def _growth(listened: Listening) -> Panel:
-    """Where the first recording is louder than as new, with what was found."""
+def _growth(listened: Listening) -> list[Panel]:
+    """Where the first recording is louder than as new, with what was found; none where nothing was compared."""
+    if not listened.as_new:
+        return []
     frequency, lines = growth_curves(listened.courses[0], listened.as_new[0])
+    if not lines:
+        return []
     pitches = [h.parameters["frequency_hz"][0] for h in listened.heard if h.mechanism == "structural_resonance"]
     teeth = [one for one in _teeth(listened.courses[0]) if one[0] > frequency[0]]
     marks = tuple(sorted([*((pitch, "rings") for pitch in pitches), *teeth]))
     labels = ("frequency [Hz]", "louder than as new [dB]")
-    return Panel("Louder than as new, over the surroundings", *labels, "frequency", frequency, lines, markers=marks)
+    return [Panel("Louder than as new, over the surroundings", *labels, "frequency", frequency, lines, markers=marks)]
 
 
 def _teeth(course: Course) -> tuple[tuple[float, str], ...]:

@@ -177,6 +177,15 @@ def test_document_and_report_say_what_was_compared() -> None:
     assert any(panel["title"].startswith("Louder than as new") for panel in story(found)["overlay"])  # type: ignore[attr-defined, index]
 
 
+@pytest.mark.parametrize("samples", [np.zeros(400), np.zeros(RATE), np.random.default_rng(1).normal(size=3 * RATE)])
+def test_what_is_too_short_silent_or_steady_is_told_and_not_compared(samples: Array) -> None:
+    poor = Recording(samples.astype(np.float32), float(RATE))
+    for now, before in ((heard(19), poor), (poor, AS_NEW)):
+        found = investigate(AXIS, None, now, as_new=[before])
+        assert {"mesh_error", "structural_resonance"} <= set(found.not_examined)
+        assert "Louder than as new" not in html_report(found, ["axis.toml", "sound.wav", "as_new.wav"])
+
+
 def test_the_same_recording_is_not_compared_with_itself() -> None:
     with pytest.raises(AxisError, match="given as sound as well"):
         investigate(AXIS, None, AS_NEW, as_new=[AS_NEW])
