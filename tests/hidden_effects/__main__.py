@@ -21,7 +21,7 @@ from tests.hidden_effects.bank import BANK_SEED, Entry, full_bank
 from tests.hidden_effects.figure import draw
 from tests.hidden_effects.generator import Scenario
 from tests.hidden_effects.product import ROOT, investigate, investigate_folder, peak_mib
-from tests.hidden_effects.scoring import Scored, complete, judge, tables
+from tests.hidden_effects.scoring import Scored, complete, judge, several_table, tables
 
 KEPT = ("verdict", "findings", "unexplained", "parameters", "gain", "rejected")
 
@@ -39,7 +39,8 @@ def run_entry(entry: Entry, peers: bool, known: Mapping[str, Any] | None = None)
     """Run one entry of the bank; the result is JSON data. `known`: what the product said of it before."""
     scenario = entry.scenario()
     result = dict(known or _asked(entry, scenario))
-    if peers and scenario.telemetry is not None:
+    # peers take one recording
+    if peers and scenario.telemetry is not None and scenario.second_telemetry is None:
         from tests.hidden_effects.peers import ask_all  # imports PySINDy, which takes seconds
 
         result["peers"] = ask_all(scenario)
@@ -48,15 +49,21 @@ def run_entry(entry: Entry, peers: bool, known: Mapping[str, Any] | None = None)
 
 def _asked(entry: Entry, scenario: Scenario) -> dict[str, Any]:
     said = investigate(scenario)
-    document = {key: said.document.get(key) for key in KEPT} if said.document else None
-    return {
+    result = {
         "seed": entry.seed,
         "answer": scenario.answer(),
-        "document": document,
+        "document": _kept(said.document),
         "failure": said.failure,
         "seconds": said.seconds,
         "peak_mib": peak_mib(),
     }
+    if scenario.second_telemetry is not None:
+        result["alone"] = _kept(said.document["recordings"][0] if said.document else None)
+    return result
+
+
+def _kept(document: Mapping[str, Any] | None) -> dict[str, Any] | None:
+    return {key: document.get(key) for key in KEPT} if document else None
 
 
 def _read(file: Path) -> dict[int, dict[str, Any]]:
@@ -66,8 +73,9 @@ def _read(file: Path) -> dict[int, dict[str, Any]]:
     return {result["seed"]: result for result in results}
 
 
-def _judged(results: Sequence[dict[str, Any]]) -> list[Scored]:
-    return [(result["answer"], judge(result["answer"], result["document"])) for result in results]
+def _judged(results: Sequence[dict[str, Any]], document: str = "document") -> list[Scored]:
+    """Judge results by a document of theirs; "alone" is what the first of several recordings says by itself."""
+    return [(result["answer"], judge(result["answer"], result[document])) for result in results]
 
 
 def _arguments() -> argparse.Namespace:
@@ -164,6 +172,9 @@ def main() -> None:
     results = [done[entry.seed] for entry in bank]
     print()
     print(tables(_judged(results), [r["seconds"] for r in results]))
+    several = [result for result in results if "alone" in result]
+    if several:
+        print(f"\n{several_table(_judged(several, 'alone'), _judged(several))}\n")
     print(f"largest memory of a run: {max((r['peak_mib'] for r in results), default=0.0):.0f} MiB")
     for result in results:
         if result["failure"]:

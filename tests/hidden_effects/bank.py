@@ -12,7 +12,7 @@ import numpy as np
 
 from tests.hidden_effects.generator import Recipe, Scenario, draw_recipe, generate
 from tests.hidden_effects.generator.effects import PLANT_EFFECTS, SENSOR_EFFECTS, SOUND_EFFECTS, UNNAMED_EFFECTS
-from tests.hidden_effects.generator.recipe import COMPARED, CONFOUNDED, HEARD, PAIRS
+from tests.hidden_effects.generator.recipe import COMPARED, CONFOUNDED, HEARD, PAIRS, RECORDED_TWICE
 
 CALIBRATION_SEEDS = range(100_000)
 BANK_SEED = 1_000_000
@@ -72,13 +72,26 @@ def _plan_compared() -> Iterator[tuple[str, tuple[str, ...], str]]:
     yield from (("sound compared null", (), "full") for _ in range(12))
 
 
+def _plan_several() -> Iterator[tuple[str, tuple[str, ...], str]]:
+    """Yield the same of every scenario that has two recordings of telemetry."""
+    for name in RECORDED_TWICE:
+        for level in ("third", "quarter"):
+            yield from (("several", (name,), level) for _ in range(2))
+    yield from (("several null", (), "full") for _ in range(12))
+
+
 def full_bank(first_seed: int = BANK_SEED) -> tuple[Entry, ...]:
-    """Return the full bank, in an order in which every beginning holds a fair share; compared sounds come last."""
-    plan, compared = list(_plan()), list(_plan_compared())
+    """Return the full bank, in an order in which every beginning holds a fair share.
+
+    Compared sounds come behind all others, and several recordings behind those.
+    """
     rng = np.random.default_rng(5)
-    order = [*rng.permutation(len(plan)), *(len(plan) + rng.permutation(len(compared)))]
-    plan += compared
-    return tuple(Entry(first_seed + SEEDS_EACH * int(place), *plan[place]) for place in order)
+    plan: list[tuple[str, tuple[str, ...], str]] = []
+    order: list[int] = []
+    for part in (list(_plan()), list(_plan_compared()), list(_plan_several())):
+        order += [len(plan) + int(place) for place in rng.permutation(len(part))]
+        plan += part
+    return tuple(Entry(first_seed + SEEDS_EACH * place, *plan[place]) for place in order)
 
 
 QUICK_BANK = tuple(

@@ -20,6 +20,12 @@ from tests.hidden_effects.generator import Scenario, write
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (sys.executable, "-m", "app")
 TIME_LIMIT_S = 300
+FILES = (
+    ("--telemetry", "telemetry.csv"),
+    ("--telemetry", "telemetry_2.csv"),
+    ("--sound", "sound.wav"),
+    ("--as-new", "as_new.wav"),
+)
 SEVERAL = "import json, sys; from app.cli import run; [run(arguments) for arguments in json.loads(sys.argv[1])]"
 
 
@@ -84,7 +90,7 @@ def investigate_together(scenarios: Sequence[Scenario]) -> list[dict[str, Any]]:
 def investigate_folder(folder: Path) -> Answer:
     """Let the product investigate axis.toml with whichever recordings the folder holds."""
     arguments = ["investigate", "--axis", str(folder / "axis.toml"), "--json"]
-    for option, file in (("--telemetry", "telemetry.csv"), ("--sound", "sound.wav"), ("--as-new", "as_new.wav")):
+    for option, file in FILES:
         if (folder / file).exists():
             arguments += [option, str(folder / file)]
     start = time.perf_counter()

@@ -17,6 +17,7 @@ from typing import Any
 SAID = 0.5
 SIZE_TOLERANCE = 0.15
 ANGLE_TOLERANCE_RAD = math.radians(2.0)
+OUTCOMES = ("right", "wrong place", "incomplete", "missed", "wrong", "false alarm", "failed")
 STRENGTHS = (("at least the noise", 0.95), ("half", 0.42), ("third", 0.29), ("quarter", 0.0))
 JSON = Mapping[str, Any]
 
@@ -261,7 +262,6 @@ def _calibration_lines(scored: Sequence[Scored]) -> list[str]:
 
 
 def _outcome_lines(scored: Sequence[Scored]) -> list[str]:
-    names = ("right", "wrong place", "incomplete", "missed", "wrong", "false alarm", "failed")
     table: defaultdict[tuple[str, str], Counter[str]] = defaultdict(Counter)
     said: defaultdict[str, Counter[str]] = defaultdict(Counter)
     for answer, judgement in scored:
@@ -270,10 +270,23 @@ def _outcome_lines(scored: Sequence[Scored]) -> list[str]:
         for row in ((what, size), (f"all {answer['group']}", size)):
             table[row][judgement.outcome] += 1
         said[what].update(judgement.wrong_names)
-    head = f"{'hidden':40s} {'size':18s} " + " ".join(f"{name:>11s}" for name in names)
-    lines = ["", head]
+    lines = ["", f"{'hidden':40s} {'size':18s} " + " ".join(f"{name:>11s}" for name in OUTCOMES)]
     order = {name: place for place, (name, _) in enumerate(STRENGTHS)}
     for (what, size), counts in sorted(table.items(), key=lambda item: (item[0][0], order.get(item[0][1], 9))):
-        lines.append(f"{what:40s} {size:18s} " + " ".join(f"{counts[name] or '':>11}" for name in names))
+        lines.append(f"{what:40s} {size:18s} " + _counted(counts))
     confusions = [f"  {what}: {dict(counts)}" for what, counts in sorted(said.items()) if counts]
     return [*lines, "", "wrong names", *confusions] if confusions else lines
+
+
+def _counted(counts: Counter[str]) -> str:
+    return " ".join(f"{counts[name] or '':>11}" for name in OUTCOMES)
+
+
+def several_table(alone: Sequence[Scored], together: Sequence[Scored]) -> str:
+    """Return outcomes of scenarios with several recordings: by the first one alone, and by all of them."""
+    lines = [f"{'several recordings':40s} {'':18s} " + " ".join(f"{name:>11s}" for name in OUTCOMES)]
+    for group in sorted({answer["group"] for answer, _ in together}):
+        for title, scored in (("first alone", alone), ("both together", together)):
+            counts = Counter(judgement.outcome for answer, judgement in scored if answer["group"] == group)
+            lines.append(f"{group:40s} {title:18s} " + _counted(counts))
+    return "\n".join(lines)

@@ -22,7 +22,9 @@ from tests.hidden_effects.generator.joint import KINDS, Joint, draw_joint
 from tests.hidden_effects.generator.kernel import SERVO_RATE_HZ, TELEMETRY_RATE_HZ
 from tests.hidden_effects.generator.microphone import SOUND_RATE_HZ, fine_angle
 from tests.hidden_effects.generator.motion import SETTLE_S, Motion, _move, draw_motion
+from tests.hidden_effects.generator.noise import load_encoder
 from tests.hidden_effects.generator.plant import Damage, Plant, Run, _links, build_plant, simulate
+from tests.hidden_effects.generator.recipe import RECORDED_TWICE
 from tests.hidden_effects.generator.recording import Placed, mesh_orders
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -382,6 +384,70 @@ def test_two_sounds_and_no_telemetry_are_handed_over(tmp_path: Path) -> None:
     assert (hidden.strength, hidden.size) == (0.5, {})
     again = generate(141, draw_recipe(141, "sound compared null"), seconds=3.0)
     assert (again.hidden, again.verdict) == ((), "nothing_missing")
+
+
+def _with_and_without(*effects: str) -> tuple[Scenario, Scenario]:
+    """Return a scenario of two recordings with effects, and the same joint on the same days without them."""
+    drawn = draw_recipe(151, "several", effects, "strong", "two shafts", True)
+    drawn = replace(drawn, reference=True, noise="stationary")
+    return generate(151, drawn, seconds=10.0), generate(151, replace(drawn, effects=()), seconds=10.0)
+
+
+def test_two_recordings_hide_the_same_effect_of_the_same_size() -> None:
+    ill, well = _with_and_without("gravity_imbalance")
+    (hidden,) = ill.hidden
+    phases = []
+    for with_it, without in (
+        (ill.telemetry, well.telemetry),
+        (ill.second_telemetry, well.second_telemetry),
+    ):
+        angle = without["load_position_rad"]
+        waves = np.column_stack([np.sin(angle), np.cos(angle), np.ones_like(angle)])
+        change = with_it["motor_torque_nm"] - without["motor_torque_nm"]
+        found = np.linalg.lstsq(waves, change, rcond=None)[0]
+        assert ill.joint.ratio * np.hypot(found[0], found[1]) == pytest.approx(hidden.size["torque_n_m"], rel=0.1)
+        phases.append(np.arctan2(found[1], found[0]))
+    assert np.cos(phases[1] - phases[0]) > 0.99
+
+
+def test_two_recordings_differ_in_motion_and_noise_and_not_in_the_joint() -> None:
+    scenario, again = (generate(152, draw_recipe(152, "several null"), seconds=3.0) for _ in range(2))
+    assert (scenario.hidden, scenario.verdict) == ((), "nothing_missing")
+    first, second = scenario.telemetry, scenario.second_telemetry
+    assert list(first) == list(second)
+    assert np.std(first["motor_position_rad"] - second["motor_position_rad"]) > 1.0
+    fast = [np.diff(day["motor_torque_nm"], 2) for day in (first, second)]
+    assert abs(np.corrcoef(*fast)[0, 1]) < 0.1
+    assert all(np.array_equal(second[name], again.second_telemetry[name]) for name in second)
+
+
+def test_an_encoder_errs_alike_in_every_recording() -> None:
+    angle = np.linspace(0, 2 * np.pi, 2000)
+    monday, friday = (
+        load_encoder(np.random.default_rng(day), np.random.default_rng(7), angle, 1e-3, (0.0, 0.0), 1e-5)
+        for day in (1, 2)
+    )
+    assert np.std(monday - angle) > 1e-4
+    assert 1e-5 < np.std(monday - friday) < 2e-5
+
+
+def test_two_recordings_and_no_sound_are_handed_over(tmp_path: Path) -> None:
+    scenario = generate(153, draw_recipe(153, "several null"), seconds=3.0)
+    write(scenario, tmp_path)
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["axis.toml", "telemetry.csv", "telemetry_2.csv"]
+    one, two = ((tmp_path / name).read_text().splitlines() for name in ("telemetry.csv", "telemetry_2.csv"))
+    assert (one[0], len(one)) == (two[0], len(two))
+    assert one[1:] != two[1:]
+
+
+def test_several_recordings_come_last_in_the_bank() -> None:
+    bank = full_bank()
+    assert {entry.group for entry in bank[-36:]} == {"several", "several null"}
+    several = [(entry.effects, entry.level) for entry in bank[-36:] if entry.group == "several"]
+    assert len(several) == 24
+    assert set(several) == {((name,), level) for name in RECORDED_TWICE for level in ("third", "quarter")}
+    assert all(several.count(what) == 2 for what in several)
+    assert not any(entry.group.startswith("several") for entry in bank[:-36])
 
 
 def test_every_mechanism_can_be_hidden_and_seeds_are_kept_apart() -> None:

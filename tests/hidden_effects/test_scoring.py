@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.hidden_effects.scoring import calibration, complete, judge, wilson
+from tests.hidden_effects.scoring import calibration, complete, judge, several_table, wilson
 
 
 def _answer(*hidden: tuple[str, str | None, dict[str, float]], verdict: str = "named") -> dict[str, Any]:
@@ -75,6 +75,20 @@ def test_one_of_two_is_incomplete() -> None:
     assert judge(answer, _document(_finding("backlash", "output", 0.9))).outcome == "incomplete"
     both = _document(_finding("backlash", "output", 0.9), _finding("viscous_friction", "motor", 0.8))
     assert judge(answer, both).outcome == "right"
+
+
+def test_what_several_recordings_say_stands_beside_what_the_first_says_alone() -> None:
+    hidden, nothing = BACKLASH | {"group": "several"}, NOTHING | {"group": "several null"}
+    silent, named = _document(verdict="nothing_missing"), _document(_finding("backlash", "output", 0.9))
+    alone = [(hidden, judge(hidden, silent)), (nothing, judge(nothing, named))]
+    together = [(hidden, judge(hidden, named)), (nothing, judge(nothing, silent))]
+    title, *rows = several_table(alone, together).splitlines()
+    assert [title[: len(row)].split()[-1] if row[-1] == "1" else "" for row in map(str.rstrip, rows)] == [
+        "missed",
+        "right",
+        "alarm",
+        "right",
+    ]
 
 
 def test_sizes_within_fifteen_percent_and_angles_within_two_degrees_across_the_turn() -> None:

@@ -67,21 +67,25 @@ def draw_noise(rng: np.random.Generator, joint: Joint, style: str, seconds: floa
     )
 
 
-def motor_encoder(rng: np.random.Generator, angle: NDArray[np.float64]) -> NDArray[np.float64]:
+def motor_encoder(errors: np.random.Generator, angle: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return what a 17-bit motor encoder reads [rad]: its own error once per turn, and steps."""
-    read = angle + 4e-6 * np.cos(angle + rng.uniform(0, 2 * np.pi))
+    read = angle + 4e-6 * np.cos(angle + errors.uniform(0, 2 * np.pi))
     return np.round(read / MOTOR_ENCODER_STEP) * MOTOR_ENCODER_STEP
 
 
 def load_encoder(
     rng: np.random.Generator,
+    errors: np.random.Generator,
     angle: NDArray[np.float64],
     error: float,
     added: tuple[float, float],
     noise_rms: float,
 ) -> NDArray[np.float64]:
-    """Return what a 20-bit load encoder reads [rad]; `error` as new, `added` amplitude and phase hidden on top."""
-    phases, part = rng.uniform(0, 2 * np.pi, 2), rng.uniform(0.3, 0.9)
+    """Return what a 20-bit load encoder reads [rad]; `error` as new, `added` amplitude and phase hidden on top.
+
+    `errors` draws the encoder's own, `rng` its noise.
+    """
+    phases, part = errors.uniform(0, 2 * np.pi, 2), errors.uniform(0.3, 0.9)
     read = angle + part * error * np.cos(angle + phases[0]) + 0.2 * part * error * np.cos(2 * angle + phases[1])
     read = read + added[0] * np.cos(angle + added[1]) + noise_rms * rng.standard_normal(len(angle))
     return np.round(read / LOAD_ENCODER_STEP) * LOAD_ENCODER_STEP

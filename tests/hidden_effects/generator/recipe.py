@@ -32,6 +32,8 @@ GROUPS = (
     "sound alone null",
     "sound compared",
     "sound compared null",
+    "several",
+    "several null",
 )
 PAIRS = (
     ("backlash", "viscous_friction"),
@@ -49,6 +51,14 @@ CONFOUNDED = ("eccentricity", "encoder_error", "torque_offset", "friction_asymme
 NEED_LOAD_ENCODER = frozenset({"encoder_error", "stiffness_hardening", "hysteresis", "structural_resonance"})
 HEARD = ("tooth_damage", "backlash", "bearing_defect", "electrical_hum", "clipping")
 COMPARED = ("mesh_error", "structural_resonance")
+RECORDED_TWICE = (
+    "friction_asymmetry",
+    "load_dependent_loss",
+    "stiffness_hardening",
+    "gravity_imbalance",
+    "eccentricity",
+    "stribeck_friction",
+)
 
 
 @dataclass(frozen=True)
@@ -87,6 +97,8 @@ def _effects_of(rng: np.random.Generator, group: str) -> tuple[str, ...]:
         return (str(rng.choice(HEARD)),)
     if group == "sound compared":
         return (str(rng.choice(COMPARED)),)
+    if group == "several":
+        return (str(rng.choice(RECORDED_TWICE)),)
     return ()
 
 
@@ -100,7 +112,7 @@ def draw_recipe(
 ) -> Recipe:
     """Draw a recipe; what is given is kept, as far as it is physically possible."""
     rng = np.random.default_rng([seed, 1])
-    group = group or str(rng.choice(GROUPS, p=[0.2, 0.06, 0.38, 0.1, 0.08, 0.08, 0.04, 0.04, 0.02, 0.0, 0.0]))
+    group = group or str(rng.choice(GROUPS, p=[0.2, 0.06, 0.38, 0.1, 0.08, 0.08, 0.04, 0.04, 0.02, 0.0, 0.0, 0.0, 0.0]))
     drawn = _effects_of(rng, group)
     effects = drawn if effects is None else effects
     unknown = set(effects) - set(EFFECTS)
@@ -129,7 +141,7 @@ def draw_recipe(
         level or drawn_level,
         load_encoder=load_encoder and not alone,
         telemetry=not alone,
-        sound=bool(sound) or alone or "bearing_defect" in effects,
+        sound=(bool(sound) or alone or "bearing_defect" in effects) and not group.startswith("several"),
         noise=noise,
         whole_transmission=bool(whole) and kind == "three shafts" and not alone,
         teeth=bool(teeth) or needs_teeth,

@@ -28,6 +28,7 @@ class Placed:
 
 def telemetry(
     rng: np.random.Generator,
+    errors: np.random.Generator,
     recipe: Recipe,
     joint: Joint,
     motion: Motion,
@@ -35,14 +36,14 @@ def telemetry(
     noise: noises.Noise,
     placed: list[Placed],
 ) -> dict[str, NDArray[np.float64]]:
-    """Return what encoders and drive report, without recording faults."""
+    """Return what encoders and drive report, without recording faults; `errors` draws those of the encoders."""
     samples = len(run.motor_torque)
     start, every = round(SETTLE_S * SERVO_RATE_HZ), SERVO_RATE_HZ // TELEMETRY_RATE_HZ
     telemetry = {"time_s": np.arange(samples) / TELEMETRY_RATE_HZ}
     if recipe.reference:
         telemetry["reference_position_rad"] = motion.course[0, start::every][:samples] * joint.ratio
     telemetry["motor_torque_nm"] = run.motor_torque + noise.measured_torque
-    telemetry["motor_position_rad"] = noises.motor_encoder(rng, run.motor_angle)
+    telemetry["motor_position_rad"] = noises.motor_encoder(errors, run.motor_angle)
     if recipe.speed_channel:
         telemetry["motor_speed_rad_s"] = run.motor_speed + 1e-4 * joint.top_speed * joint.ratio * (
             rng.standard_normal(samples)
@@ -53,7 +54,7 @@ def telemetry(
             (0.0, 0.0),
         )
         telemetry["load_position_rad"] = noises.load_encoder(
-            rng, run.load_angle, joint.encoder_error, added, noise.load_encoder_rms
+            rng, errors, run.load_angle, joint.encoder_error, added, noise.load_encoder_rms
         )
     return telemetry
 

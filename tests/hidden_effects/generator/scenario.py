@@ -54,7 +54,8 @@ class Hidden:
 class Scenario:
     """A recording with its answer: `telemetry` columns (n,) by name, `sound` (m,) at 8 kHz; either may be absent.
 
-    `as_new` (m,) is a sound of the same joint in good order, where there is one.
+    `as_new` (m,) is a sound of the same joint in good order, where there is one; `second_telemetry` columns (n,) of
+    the same joint on another day, with the same effect; its strength is that in the first.
     `joint` is the truth, `axis` the description in TOML, which is believed and a little wrong.  `verdict` is what
     should be said, `may_be_unnamed` whether saying 'unnamed' is as right.
     """
@@ -69,6 +70,7 @@ class Scenario:
     verdict: str
     may_be_unnamed: bool
     as_new: NDArray[np.float64] | None = field(default=None, repr=False)
+    second_telemetry: Mapping[str, NDArray[np.float64]] | None = field(default=None, repr=False)
 
     def answer(self) -> dict[str, object]:
         """Return the answer as JSON data."""
@@ -107,9 +109,7 @@ def generate(seed: int, recipe: Recipe | None = None, *, seconds: float = 30.0) 
     joint = draw_joint(rng, recipe.kind)
     if recipe.group.startswith("sound compared"):
         return _compared(seed, rng, recipe, joint, seconds)
-    motion = draw_motion(rng, joint.top_speed, seconds)
-    speed = motion.course[1, int(SETTLE_S * SERVO_RATE_HZ) :: SERVO_RATE_HZ // TELEMETRY_RATE_HZ] / joint.top_speed
-    noise = noises.draw_noise(rng, joint, recipe.noise, seconds, speed)
+    motion, noise = _draw_day(rng, recipe, joint, seconds)
     microphone = mic.draw_microphone(rng)
     gauge = Gauge(motion, noise, recipe.load_encoder, None if recipe.telemetry else microphone, seconds)
     inside = int(rng.integers(2**32))
@@ -119,7 +119,11 @@ def generate(seed: int, recipe: Recipe | None = None, *, seconds: float = 30.0) 
     for one in placed:
         plant = one.effect.act(plant, one.amplitude)
     run = simulate(plant, motion, seconds, disturbance=noise.load_torque)
-    telemetry = recording.telemetry(rng, recipe, joint, motion, run, noise, placed) if recipe.telemetry else None
+    several = recipe.group.startswith("several")
+    errors = _encoder_errors(inside) if several else rng
+    telemetry = (
+        recording.telemetry(rng, errors, recipe, joint, motion, run, noise, placed) if recipe.telemetry else None
+    )
     sound = recording.sound(rng, microphone, joint, healthy, run, placed) if recipe.sound else None
     if telemetry is not None:
         telemetry = recording.spoil(rng, telemetry, placed)
@@ -146,7 +150,32 @@ def generate(seed: int, recipe: Recipe | None = None, *, seconds: float = 30.0) 
         hidden=tuple(_hidden(one) for one in placed),
         verdict="named" if named else ("unnamed" if placed else "nothing_missing"),
         may_be_unnamed=any(one.effect.mechanism == "structural_resonance" for one in placed),
+        second_telemetry=_on_another_day(seed, recipe, plant, placed, inside, seconds) if several else None,
     )
+
+
+def _draw_day(rng: np.random.Generator, recipe: Recipe, joint: Joint, seconds: float) -> tuple[Motion, noises.Noise]:
+    """Draw the program and the noise of a recording."""
+    motion = draw_motion(rng, joint.top_speed, seconds)
+    speed = motion.course[1, int(SETTLE_S * SERVO_RATE_HZ) :: SERVO_RATE_HZ // TELEMETRY_RATE_HZ] / joint.top_speed
+    return motion, noises.draw_noise(rng, joint, recipe.noise, seconds, speed)
+
+
+def _encoder_errors(inside: int) -> np.random.Generator:
+    """Return what draws the same errors of the encoders for every recording of a joint."""
+    return np.random.default_rng([inside, 1])
+
+
+def _on_another_day(
+    seed: int, recipe: Recipe, plant: Plant, placed: list[Placed], inside: int, seconds: float
+) -> Mapping[str, NDArray[np.float64]]:
+    """Return telemetry of the same plant in another motion and other noise."""
+    rng, joint = np.random.default_rng([seed, 3]), plant.joint
+    motion, noise = _draw_day(rng, recipe, joint, seconds)
+    run = simulate(plant, motion, seconds, disturbance=noise.load_torque)
+    errors = _encoder_errors(inside)
+    telemetry = recording.telemetry(rng, errors, recipe, joint, motion, run, noise, placed)
+    return recording.spoil(rng, telemetry, placed)
 
 
 def _compared(seed: int, rng: np.random.Generator, recipe: Recipe, joint: Joint, seconds: float) -> Scenario:
@@ -221,18 +250,24 @@ def _sized_outside(gauge: Gauge, effect: Effect, level: float) -> Placed:
 
 
 def write(scenario: Scenario, folder: Path) -> None:
-    """Write axis.toml and, where recorded, telemetry.csv, sound.wav and as_new.wav into a folder; no answers."""
+    """Write axis.toml and, where recorded, telemetry.csv, telemetry_2.csv, sound.wav and as_new.wav; no answers."""
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "axis.toml").write_text(scenario.axis)
-    if scenario.telemetry is not None:
-        names = list(scenario.telemetry)
-        table = np.column_stack([scenario.telemetry[name] for name in names])
-        row = ",".join(f"%.{DECIMALS[name]}f" for name in names) + "\n"
-        text = (row * len(table)) % tuple(table.ravel().tolist())
-        (folder / "telemetry.csv").write_text(",".join(names) + "\n" + text)
+    for name, telemetry in (("telemetry.csv", scenario.telemetry), ("telemetry_2.csv", scenario.second_telemetry)):
+        if telemetry is not None:
+            _write_telemetry(telemetry, folder / name)
     for name, sound in (("sound.wav", scenario.sound), ("as_new.wav", scenario.as_new)):
         if sound is not None:
             _write_sound(sound, folder / name)
+
+
+def _write_telemetry(telemetry: Mapping[str, NDArray[np.float64]], path: Path) -> None:
+    """Write columns (n,) by name as CSV."""
+    names = list(telemetry)
+    table = np.column_stack([telemetry[name] for name in names])
+    row = ",".join(f"%.{DECIMALS[name]}f" for name in names) + "\n"
+    text = (row * len(table)) % tuple(table.ravel().tolist())
+    path.write_text(",".join(names) + "\n" + text)
 
 
 def _write_sound(sound: NDArray[np.float64], path: Path) -> None:
