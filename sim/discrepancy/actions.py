@@ -39,7 +39,7 @@ ACTIONS: Mapping[str, str] = {
     "stiffness_hardening": "Nothing to repair: enter the law of the spring for the {where} gear pair. If the axis was linear before, check preload and end stops of that stage.",
     "hysteresis": "Check clamping and fastening of the {where} gear (slipping fits, loose screws) and its preload. At the next stop.",
     "bearing_defect": "Order the bearing whose data sheet has this order (it is told per turn of the motor; for a bearing on a slower shaft multiply it by the ratio up to there), listen to all bearings near the motor by stethoscope, and look for flakes in the grease; measure again in a week, and change it before the level doubles.",
-    "structural_resonance": "Tighten arm, tool, covers and stand, and tap them: find the part that rings at {frequency_hz:.3g} Hz. Until then avoid motions that excite it.",
+    "structural_resonance": "Tighten arm, tool, covers and stand, and tap them: find the part that rings at {frequency_hz:.4g} Hz. Until then avoid motions that excite it.",
     "torque_offset": "Zero the torque channel at standstill, brake open and load balanced or without its weight; nothing is wrong with the machine.",
     "encoder_error": "Check seat, centring and coupling of the load encoder and clean its scale; nothing needs to be wrong with the machine.",
     "time_delay": "Check that all channels are sampled on one clock: filters, bus cycles and time stamps of the late channel; nothing is wrong with the machine.",
@@ -114,7 +114,7 @@ def place_of(axis: Axis, location: str | None, numbers: Mapping[str, float]) -> 
     if "order" in numbers:
         return f"at {numbers['order']:.3g} times per turn of the motor"
     if "frequency_hz" in numbers:
-        return f"at {numbers['frequency_hz']:.3g} Hz"
+        return f"at {numbers['frequency_hz']:.4g} Hz"
     if not out or "angle_rad" not in numbers:
         return out
     if location in axis.locations and (turns := axis.ratio_from(location or "")) > 1.0 + 1e-9:

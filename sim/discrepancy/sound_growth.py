@@ -43,7 +43,8 @@ ALIKE = 0.7  # correlation; simulated recordings of one gearbox in good order ha
 # Scores of simulated gearboxes on two days: of 157 with teeth as new, half of them with something that rings, eight
 # reach 4.5; of 79 in good order the ring of none reaches 2.5.
 TEETH_TAIL = Tail(start=4.5, share=0.05, scale=2.0)
-RING_TAIL = Tail(start=2.5, share=0.05, scale=1.5)
+USUAL_DB = 2.5
+RING_TAIL = Tail(start=USUAL_DB, share=0.05, scale=1.5)
 Row = tuple[float, float, Array]  # speed of the motor [1/s], length [s], spectrum over its surroundings (m,)
 
 

@@ -12,7 +12,7 @@ from sim.chain_model import Array
 from sim.discrepancy.panels import Panel
 from sim.discrepancy.sound import Listening
 from sim.discrepancy.sound_course import Course
-from sim.discrepancy.sound_growth import growth_curves
+from sim.discrepancy.sound_growth import USUAL_DB, growth_curves
 from sim.discrepancy.sound_lines import TRANSFORM, gamma_limit, mesh_orders
 from sim.discrepancy.sound_path import LINE, envelopes
 from sim.discrepancy.sound_strokes import impacts, over_around
@@ -130,7 +130,8 @@ def _growth(listened: Listening) -> list[Panel]:
     teeth = [one for one in _teeth(listened.courses[0]) if one[0] > frequency[0]]
     marks = tuple(sorted([*((pitch, "rings") for pitch in pitches), *teeth]))
     labels = ("frequency [Hz]", "louder than as new [dB]")
-    return [Panel("Louder than as new, over the surroundings", *labels, "frequency", frequency, lines, markers=marks)]
+    title, usual = "Louder than as new, over the surroundings", (-USUAL_DB, USUAL_DB)
+    return [Panel(title, *labels, "frequency", frequency, lines, usual, marks)]
 
 
 def _teeth(course: Course) -> tuple[tuple[float, str], ...]:
