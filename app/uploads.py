@@ -22,7 +22,7 @@ from app.settings import Settings
 
 BLOCK = 1024 * 1024
 NAME_CHARACTERS = 255
-SEVERAL = ("sound", "telemetry")
+SEVERAL = ("sound", "telemetry", "as_new")
 """Parts that may come more than once: recordings of one axis."""
 
 

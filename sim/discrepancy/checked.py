@@ -61,7 +61,13 @@ def _of_sound(result: Investigation) -> list[tuple[str, str]]:
         (f"sound {place}", f"{number(one.duration_s)} s at {one.sample_rate_hz:.0f} samples per second")
         for place, one in enumerate(result.sounds, start=1)
     ]
-    for place, course in enumerate(result.listening.courses if result.listening else (), start=1):
+    listened = result.listening
+    for place, course in enumerate(listened.as_new if listened else (), start=1):
+        one = course.analysis.recording
+        rows.append(
+            (f"sound as new {place}", f"{number(one.duration_s)} s at {one.sample_rate_hz:.0f} samples per second")
+        )
+    for place, course in enumerate(listened.courses if listened else (), start=1):
         ends, motion = len(course.analysis.motion.reversal_times_s), "repeats" if course.repeats else "does not repeat"
         speed = "known from the lines of its teeth" if course.speed else "not known"
         rows.append(

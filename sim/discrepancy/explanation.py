@@ -211,6 +211,8 @@ def telling_apart(first: str, second: str, load_encoder: bool) -> str:
         return MEASUREMENTS["torque_offset"]
     if pair == {"eccentricity", "encoder_error"}:
         return "Put a dial gauge, a second encoder or a laser at the load and turn it slowly once: runout of the gear moves the load, an error of the encoder does not."
+    if pair == {"tooth_damage", "mesh_error"}:
+        return "Look by endoscope at all teeth of the gear, or turn it slowly through a whole turn under load and log the torque: one damaged tooth breaks it down at one angle, teeth that all err do so everywhere."
     if pair & {"backlash", "stiffness_hardening", "hysteresis"}:
         return "Block the load, let the motor push slowly to and fro up to its torque limit and log torque against angle: play shows a flat middle, hardening a bend, hysteresis a loop."
     if pair & {"eccentricity", "encoder_error", "gravity_imbalance", "mesh_error"}:

@@ -156,7 +156,7 @@ def estimate_cells(e: Estimate) -> tuple[str, str, str]:
 
 def _left(result: Investigation, overlay: list[Panel], residual: list[Panel], sound: list[Panel]) -> list[str]:
     if result.selection is None:
-        text = "The sound falls where the axis stands still and turns back; strokes are laid over each other from there on. What stands inside the band cannot be told from noise. The first recording is shown."
+        text = "The sound falls where the axis stands still and turns back; strokes are laid over each other from there on. What stands inside the band cannot be told from noise; held against the axis as new, it is what good gearboxes differ by from day to day. The first recording is shown."
         return [_p(text), _plots([*overlay, *residual], "what noise reaches")]
     floor = "The noise floor is what the quieter parts of the record have, at each frequency of whichever model leaves less; what a model gets wrong all the time counts as noise. Values over time are means of 10 ms, bands over time are two standard deviations. Rows that do not count are left out."
     out = [_p(floor), _plots(overlay)]

@@ -13,7 +13,7 @@ from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.sound_course import LEAST_CRUISES, Course, course_of
 from sim.discrepancy.sound_evidence import Heard
 from sim.discrepancy.sound_gears import bearing_defect, play, sign_of_tooth, tooth_damage
-from sim.discrepancy.sound_growth import grown, strangers_as_new
+from sim.discrepancy.sound_growth import Grown, grown, strangers_as_new
 from sim.discrepancy.sound_path import LOWEST_WEAK, bearing_along_path
 from sim.discrepancy.sound_reach import WORDS, reach
 from sim.discrepancy.sound_recording import recording_faults
@@ -24,8 +24,8 @@ SURE = 0.9  # of what telemetry does not show, though it could
 LEAST_S = 4.0
 GEAR = frozenset({"tooth_damage", "backlash"})
 OF_TEETH = GEAR | {"mesh_error", "eccentricity"}  # what leaves families of lines of its own
-ADVICE = (
-    "How deep a notch or how wide play is cannot be heard; record telemetry for that and for what was not examined. "
+ADVICE = "How deep a notch or how wide play is cannot be heard; telemetry tells that and what was not examined."
+COMPARE = (
     "Give a recording of the same motion from when the axis was new as well, if there is one: it tells whether teeth "
     "are louder than as new and whether something rings."
 )
@@ -69,7 +69,7 @@ def listen(axis: Axis, sound: Recording, measurement: Measurement | None, offset
         out += bearing_along_path(axis, values, sound.sample_rate_hz, measurement, offset_s)
         teeth = [sign_of_tooth(axis, course)]
         machine = (*tooth_damage(axis, [course], teeth), *play(axis, [course], teeth))
-        out += [h for h in machine if h.probability >= SURE]
+        out += [replace(h, indistinguishable_from=()) for h in machine if h.probability >= SURE]  # telemetry tells
     return tuple(out)
 
 
@@ -84,7 +84,7 @@ def listen_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recor
     before = tuple(course_of(axis, sound, None, 0.0) for sound in as_new)
     teeth = [sign_of_tooth(axis, course) for course in courses]
     machine = [hear for look in (tooth_damage, play, bearing_defect) for hear in look(axis, courses, teeth)]
-    machine, told = _told_by_growth([*machine, *grown(axis, courses, before)])
+    machine, told = _told_by_growth(machine, grown(axis, courses, before))
     found = [h for h in (*machine, *_faults(sounds, courses)) if h.probability >= SAID]
     heard = tuple(with_recordings(h, names) for h in found)
     rejected = tuple((h.mechanism, h.probability) for h in machine if h.probability < SAID)
@@ -93,30 +93,45 @@ def listen_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recor
         within.sentence(),
         *_contradicted(courses, names),
         *contradictions(machine, names),
-        *strangers(sounds, names),
+        *strangers([*sounds, *as_new], [*names, *(f"{name} as new" for name in names_of(as_new))]),
         *strangers_as_new(courses, before, names),
         *copied,
         *told,
-        *(() if as_new else (ADVICE,)),
+        ADVICE,
+        *(_of_as_new(as_new, before) if as_new else (COMPARE,)),
     )
     following = _next(axis, heard, courses)
     return Listening(heard, rejected, remarks, following, courses, within.examined, within.not_examined, names, before)
 
 
-def _told_by_growth(machine: Sequence[Heard]) -> tuple[list[Heard], tuple[str, ...]]:
-    """Teeth that have all grown louder make impacts of their own; where they have not, impacts are none of theirs."""
-    compared = [h.probability for h in machine if h.mechanism == "mesh_error"]
-    if not compared:
-        return list(machine), ()
-    if max(compared) < SAID:
-        return [replace(h, indistinguishable_from=()) for h in machine], ()
-    left_out = [h.mechanism for h in machine if h.mechanism in GEAR and h.probability >= SAID]
+def _told_by_growth(machine: Sequence[Heard], growth: Grown) -> tuple[list[Heard], tuple[str, ...]]:
+    """Teeth that have all grown louder make impacts of their own; where none have, impacts are none of theirs.
+
+    What was heard of impacts is then said with the teeth that err: sound does not tell one from the other.
+    """
+    if growth.teeth_as_new:
+        machine = [replace(h, indistinguishable_from=()) for h in machine]
+    erring = next((h for h in growth.heard if h.mechanism == "mesh_error" and h.probability >= SAID), None)
+    struck = [h.mechanism for h in machine if h.mechanism in GEAR and h.probability >= SAID]
+    if erring is None or not struck:
+        return [*machine, *growth.heard], ()
+    alike = replace(erring, indistinguishable_from=tuple(struck))
     remarks = tuple(
         f"Impacts as of {WORDS[name]} are heard as well; teeth of a gear that have all grown louder make such, too. "
-        "Telemetry tells."
-        for name in left_out
+        "Until a look or telemetry has told, treat it as both."
+        for name in struck
     )
-    return [h for h in machine if h.mechanism not in left_out], remarks
+    rest = [h for h in machine if h.mechanism not in struck]
+    return [*rest, *(alike if h is erring else h for h in growth.heard)], remarks
+
+
+def _of_as_new(as_new: Sequence[Recording], courses: Sequence[Course]) -> tuple[str, ...]:
+    """Remarks on faults of what was compared with."""
+    return tuple(
+        f"Sound as new, {name}: {fault.explanation}"
+        for name, sound, course in zip(names_of(as_new), as_new, courses, strict=True)
+        for fault in recording_faults(np.asarray(sound.samples, np.float64), sound.sample_rate_hz, course.moving)
+    )
 
 
 def _faults(sounds: Sequence[Recording], courses: Sequence[Course]) -> list[Heard]:

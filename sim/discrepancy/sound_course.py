@@ -23,6 +23,7 @@ from casebase.signals.stroke import reversal_times_s
 from sim.axis import Axis
 from sim.chain_model import Array
 from sim.discrepancy.measurement import Measurement
+from sim.discrepancy.sound_levels import Levels, levels_of
 from sim.discrepancy.sound_lines import TRANSFORM, heard_speed, mesh_orders, over_surroundings
 
 Mask = NDArray[np.bool_]
@@ -39,12 +40,16 @@ EVEN_S = 0.05  # how early or late a standstill is heard
 
 @dataclass(frozen=True, eq=False)
 class Cruise:
-    """A stretch at constant speed: start and end [s], direction (1 or -1; strokes alternate), motor speed [1/s]."""
+    """A stretch at constant speed: start and end [s], direction (1 or -1; strokes alternate), motor speed [1/s].
+
+    `heard`: the speed is that of lines in the sound and not only described.
+    """
 
     start_s: float
     end_s: float
     direction: int
     turns_per_s: float | None = None
+    heard: bool = False
 
     @property
     def length_s(self) -> float:
@@ -86,6 +91,13 @@ class Course:
         """Power spectrum (m,) of the envelope of a band [Hz] during a cruise, over its surroundings."""
         spectra: Array = self._envelopes[band]
         return np.asarray(spectra[cruise])
+
+    @cached_property
+    def levels(self) -> Levels:
+        """How loud it is at each pitch, cruising, at changing speed and at rest."""
+        spans = [(c.start_s, c.end_s) for c in self.cruises]
+        moving = np.ones(1, dtype=np.bool_) if self.moving is None else self.moving
+        return levels_of(self.analysis.samples, spans, moving, self.analysis.recording.sample_rate_hz)
 
     @cached_property
     def _envelopes(self) -> _Envelopes:
@@ -263,6 +275,6 @@ def _with_heard_speed(axis: Axis, cruises: tuple[Cruise, ...], spectra: Array, r
     if repeats:
         longest = max(c.length_s for c in cruises)
         speed = heard_speed(axis, orders, np.asarray(spectra.mean(axis=0)), len(cruises), longest, described)
-        return tuple(replace(c, turns_per_s=speed or described) for c in cruises)
+        return tuple(replace(c, turns_per_s=speed or described, heard=speed is not None) for c in cruises)
     alone = [heard_speed(axis, orders, row, 1, c.length_s) for c, row in zip(cruises, spectra, strict=True)]
-    return tuple(replace(c, turns_per_s=speed) for c, speed in zip(cruises, alone, strict=True))
+    return tuple(replace(c, turns_per_s=v, heard=v is not None) for c, v in zip(cruises, alone, strict=True))

@@ -73,9 +73,8 @@ def tooth_damage(axis: Axis, courses: Sequence[Course], signs: Sequence[Sign | N
         stage, told = _stage_of_impacts(axis, best)
         text = (
             f"{best.times_s.size} impacts stand {best.height_db:.0f} dB and more over the sound around them, which no "
-            "other does: a damaged tooth that meets the mesh, unless something beside the axis knocked, or teeth that "
-            "all err are loud where their tone passes a resonance. Strokes cannot be laid over each other, so that its "
-            "angle is not told."
+            "other does: a damaged tooth that meets the mesh, unless something beside the axis knocked. Strokes cannot "
+            "be laid over each other, so that its angle is not told."
         )
         alike = ("mesh_error",)
     else:

@@ -135,15 +135,16 @@ def test_several_telemetries_are_kept_in_order_with_their_sounds(
 
 
 def test_sound_is_compared_with_sound_as_new(operator: httpx.Client, live_server: LiveServer) -> None:
-    files = [("sound", ("today.wav", sound(1))), ("as_new", ("may.wav", sound(2)))]
+    files = [("sound", ("today.wav", sound(1)))]
+    files += [("as_new", (f"{month}.wav", sound(seed))) for month, seed in (("may", 2), ("june", 3))]
     asked = operator.post(URL, files=files, data={"axis": AXIS}).raise_for_status().json()
     library = CaseLibrary.open(live_server.data_dir)
     with library.reading() as session:
         row = get_investigation(session, asked["investigation_id"])
-    assert (names_of(row, "sound"), names_of(row, "as_new")) == (["today.wav"], ["may.wav"])
+    assert (names_of(row, "sound"), names_of(row, "as_new")) == (["today.wav"], ["may.wav", "june.wav"])
     perform(library, row.id, lambda stage, share: None)
     document = operator.get(f"{URL}/{row.id}").raise_for_status().json()
-    assert document["provenance"]["as_new_sha256"]
+    assert document["provenance"]["as_new_sha256"].count("+") == 1
     assert "when the axis was new was given" not in str(document["not_examined"])
     assert "may.wav" in operator.get(f"{URL}/{row.id}/report", headers={"Accept": "text/html"}).text
 

@@ -105,6 +105,15 @@ def test_impacts_at_one_angle_are_a_tooth_of_the_output_gear(angle: float, forwa
     heard = hear(struck(running(5), TIME[crossed], 70.0, 0.4))
     assert named(heard) == [("tooth_damage", "output")]
     assert heard.heard[0].elsewhere == ("transfer",)
+    assert heard.heard[0].indistinguishable_from == ("mesh_error",)
+
+
+def test_teeth_that_are_as_new_leave_impacts_to_a_damaged_one() -> None:
+    crossed = np.flatnonzero((ANGLE[:-1] - 1.4) * (ANGLE[1:] - 1.4) < 0.0)
+    now = recording(struck(running(5), TIME[crossed[LOAD_SPEED[crossed] > 0.0]], 70.0, 0.4))
+    heard = listen_alone(AXIS, [now], [recording(running(6))])
+    assert named(heard) == [("tooth_damage", "output")]
+    assert heard.heard[0].indistinguishable_from == ()
 
 
 def test_impacts_at_the_end_of_every_stroke_are_play() -> None:
