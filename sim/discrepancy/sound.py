@@ -11,8 +11,8 @@ from casebase.signals.recording import Recording
 from sim.axis import Axis
 from sim.discrepancy.measurement import Measurement
 from sim.discrepancy.sound_course import LEAST_CRUISES, Course, course_of
-from sim.discrepancy.sound_evidence import Heard
-from sim.discrepancy.sound_gears import bearing_defect, play, sign_of_tooth, tooth_damage
+from sim.discrepancy.sound_evidence import Heard, probability
+from sim.discrepancy.sound_gears import SHOWN, bearing_defect, not_as_new, play, sign_of_tooth, tooth_damage
 from sim.discrepancy.sound_growth import Grown, grown, strangers_as_new
 from sim.discrepancy.sound_path import LOWEST_WEAK, bearing_along_path
 from sim.discrepancy.sound_reach import WORDS, reach
@@ -82,8 +82,12 @@ def listen_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recor
     names = names_of(sounds)
     courses = tuple(course_of(axis, sound, None, 0.0) for sound in sounds)
     before = tuple(course_of(axis, sound, None, 0.0) for sound in as_new)
-    teeth = [sign_of_tooth(axis, course) for course in courses]
+    teeth, teeth_before = ([sign_of_tooth(axis, one) for one in group] for group in (courses, before))
+    teeth = not_as_new(axis, list(zip(courses, teeth, strict=True)), list(zip(before, teeth_before, strict=True)))
     machine = [hear for look in (tooth_damage, play, bearing_defect) for hear in look(axis, courses, teeth)]
+    for was in play(axis, before, teeth_before):
+        if any(p is not None and p < SHOWN for p in was.p_values):
+            machine = [_as_new(h) if h.mechanism == was.mechanism else h for h in machine]
     machine, told = _told_by_growth(machine, grown(axis, courses, before))
     found = [h for h in (*machine, *_faults(sounds, courses)) if h.probability >= SAID]
     heard = tuple(with_recordings(h, names) for h in found)
@@ -102,6 +106,12 @@ def listen_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recor
     )
     following = _next(axis, heard, courses)
     return Listening(heard, rejected, remarks, following, courses, within.examined, within.not_examined, names, before)
+
+
+def _as_new(h: Heard) -> Heard:
+    """What the axis sounded of as new as well, and so is no fault."""
+    p_values = tuple(None if p is None else 1.0 for p in h.p_values)
+    return replace(h, p_values=p_values, probability=probability(p_values))
 
 
 def _told_by_growth(machine: Sequence[Heard], growth: Grown) -> tuple[list[Heard], tuple[str, ...]]:

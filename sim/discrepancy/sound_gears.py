@@ -42,6 +42,7 @@ END_TAIL = Tail(start=0.75, share=0.10, scale=0.45)
 Tooth = Bump | Impacts | Turns
 Sign = tuple[float, Tooth]  # p-value and what is heard
 CLEAR = 2.0  # logarithm of a likelihood ratio
+SHOWN = 0.05  # p-value of a recording that shows a fault
 OF_AROUND = "the sound around it"
 SAME_PLACE_RAD = 0.1
 SAME_ORDER = 0.01
@@ -116,6 +117,20 @@ def sign_of_tooth(axis: Axis, course: Course) -> Sign | None:
         return sign
     p = TURNS_TAIL.p_value(turns.score)
     return (p, turns) if sign is None or p < sign[0] else sign
+
+
+def not_as_new(
+    axis: Axis, signs: Sequence[tuple[Course, Sign | None]], as_new: Sequence[tuple[Course, Sign | None]]
+) -> list[Sign | None]:
+    """Signs of a tooth, without those that a recording from when the axis was new shows at the same place."""
+    shown = [(course, sign[1]) for course, sign in as_new if sign is not None and sign[0] < SHOWN]
+
+    def is_old(course: Course, tooth: Tooth) -> bool:
+        return any(
+            type(old) is type(tooth) and _same_tooth(axis, (course, tooth), (other, old)) for other, old in shown
+        )
+
+    return [(1.0, sign[1]) if sign is not None and is_old(course, sign[1]) else sign for course, sign in signs]
 
 
 def _sign_of_impacts(course: Course) -> tuple[float, Bump | Impacts] | None:

@@ -33,6 +33,7 @@ RUNG = 0.1  # relative: so near a pitch that rings its sound lifts lines
 BESIDE_HZ = 1.5  # of a line: how far the speed of one cruise may be off
 BASE = 141  # cells: an octave each way, over which loudness differs by itself
 PEAK_DB = 3.0
+PITCH_CELLS = 1.5  # what nine in ten simulated pitches are found within
 LINE_CELLS = 1.5  # half of what a line of teeth covers
 LEAST_OPEN = 0.15  # of the cells
 AT_REST_DB = 4.0  # what is hardly louder while moving is none of the axis
@@ -312,7 +313,7 @@ def _ringing_of(course: Course, as_new: Course) -> Growth:
     near = slice(first, last + 1)
     weight = 10.0 ** (up[near] / 10.0)
     frequency = float((weight * centres[near]).sum() / weight.sum())
-    half = max(0.5 * ANALYSIS_RATE_HZ / SEGMENT, CELL * frequency)
+    half = max(0.5 * ANALYSIS_RATE_HZ / SEGMENT, PITCH_CELLS * CELL * frequency)
     apart = np.abs(np.arange(centres.size) - peak)
     other = float(down[apart > BASE // 2].max(initial=0.0))  # beside its peak a mode cancels others
     return Growth(height - other, height, None, frequency, half)

@@ -10,10 +10,10 @@ import numpy as np
 
 from casebase.signals.recording import Recording
 from sim.discrepancy.sound_evidence import Heard, log_ratio, probability
+from sim.discrepancy.sound_gears import SHOWN
 from sim.discrepancy.sound_reach import WORDS
 
 PLACES = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
-SHOWN = 0.05  # p-value of a recording that shows a fault
 LEVELS_APART_DB = 12.0  # thirty recordings: those of one gearbox within 8 dB, five gearboxes up to 20 dB apart
 ALONE = 0.5  # probability from which a recording by itself would name a fault
 

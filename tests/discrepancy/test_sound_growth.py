@@ -260,21 +260,29 @@ def test_what_has_telemetry_needs_no_comparison() -> None:
         check_pairs(0, 0, 1)
 
 
-def test_impacts_where_all_teeth_have_grown_louder_are_a_remark() -> None:
+def struck(recording: Recording, seed: int, place_s: float = 0.8) -> Recording:
+    """Thuds at one place of every other stroke of a recording that was made with this seed."""
+    samples = recording.samples.astype(np.float64)
+    after = np.arange(int(0.08 * RATE)) / RATE
+    thud = 0.2 * np.exp(-after / 0.01) * np.sin(2.0 * math.pi * 70.0 * after)
+    start = 2.0 * STROKE_S + place_s - np.random.default_rng(seed).uniform(0.0, STROKE_S)
+    for at in np.arange(start, SECONDS - 0.1, 2.0 * STROKE_S):
+        samples[int(at * RATE) : int(at * RATE) + after.size] += thud
+    return Recording(samples.astype(np.float32), float(RATE))
+
+
+def test_impacts_where_all_teeth_have_grown_louder_stay_with_them() -> None:
     """Thuds at one place of every other stroke are a damaged tooth; where all teeth of a gear are louder, maybe not."""
-
-    def struck(recording: Recording, seed: int) -> Recording:
-        samples = recording.samples.astype(np.float64)
-        after = np.arange(int(0.08 * RATE)) / RATE
-        thud = 0.2 * np.exp(-after / 0.01) * np.sin(2.0 * math.pi * 70.0 * after)
-        start = 2.0 * STROKE_S + 0.8 - np.random.default_rng(seed).uniform(0.0, STROKE_S)
-        for at in np.arange(start, SECONDS - 0.1, 2.0 * STROKE_S):
-            samples[int(at * RATE) : int(at * RATE) + after.size] += thud
-        return Recording(samples.astype(np.float32), float(RATE))
-
     alone = listen_alone(AXIS, [struck(heard(18), 18)], [AS_NEW])
     assert said(alone) == [("tooth_damage", "output")]
     both = listen_alone(AXIS, [struck(heard(18, louder={"transfer": 5.0}), 18)], [AS_NEW])
     assert said(both) == [("mesh_error", "transfer")]
     assert both.heard[0].indistinguishable_from == ("tooth_damage",)
     assert any("Impacts as of tooth damage" in remark for remark in both.remarks)
+
+
+@pytest.mark.parametrize(("place_s", "named"), [(0.8, []), (1.1, [("tooth_damage", "output")])])
+def test_an_impact_that_was_there_as_new_is_no_fault(place_s: float, named: list[tuple[str, str]]) -> None:
+    """At the same place of the travel; one at another place is new."""
+    listening = listen_alone(AXIS, [struck(heard(18), 18, place_s)], [struck(heard(20), 20)])
+    assert said(listening) == named
