@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 from playwright.sync_api import Browser, expect
 
+from app.investigations import get_investigation, names_of
 from app.security import csrf_token
+from tests.app.sounds import sound
 from tests.live import gearcase, started
 from tests.web.conftest import Opened, Site, browsing, settle, watched
 from tests.web.reading import Markup
@@ -160,6 +162,25 @@ def test_forms_work_without_script(opened: Opened, site: Site) -> None:
         expect(page.locator("audio")).to_be_visible()
         page.get_by_role("button", name="Confirm").click()
         expect(page.get_by_text("Marked confirmed")).to_be_visible()
+
+
+def test_sound_is_asked_to_be_held_against_sound_as_new(opened: Opened, site: Site) -> None:
+    """Two recordings as new may be chosen; what is kept says which was which."""
+    new = [{"name": f"{month}.wav", "mimeType": "audio/wav", "buffer": sound(seed)}
+           for seed, month in enumerate(("may", "june"), start=1)]  # fmt: skip
+    with opened("operator", "/investigations/new") as page:
+        page.get_by_label("Stored axis").select_option("bench")
+        page.get_by_label("Sound", exact=True).set_input_files(site.recording)
+        page.get_by_label("Sound as new").set_input_files(new)  # type: ignore[arg-type]
+        page.get_by_role("button", name="Investigate").click()
+        page.wait_for_url("**/jobs/*")
+        identity = page.url.rsplit("/", 1)[1]
+    with site.library().reading() as session:
+        row = get_investigation(session, identity)
+        assert names_of(row, "as_new") == ["may.wav", "june.wav"]
+        assert names_of(row, "sound") == [site.recording.name]
+    with site.server.client() as client:
+        client.delete(f"/api/v1/jobs/{identity}").raise_for_status()
 
 
 def test_job_is_followed_and_cancelled(opened: Opened, site: Site) -> None:
