@@ -82,7 +82,7 @@ def hindrance_of_ringing(course: Course, as_new: Sequence[Course]) -> str | None
 
 def grown(axis: Axis, courses: Sequence[Course], as_new: Sequence[Course]) -> Grown:
     """Errors of teeth and resonances that recordings show more of than those as new."""
-    both = [_growths(axis, course, as_new) for course in courses]
+    both = [_growths(axis, course, _akin(course, as_new)) for course in courses]
     teeth, ringing = [one for one, _ in both], [one for _, one in both]
     known = [one for one in teeth if one is not None]
     quiet = bool(known) and all(one.height_db < TEETH_TAIL.start for one in known)
@@ -90,16 +90,28 @@ def grown(axis: Axis, courses: Sequence[Course], as_new: Sequence[Course]) -> Gr
     return Grown((*_mesh_error(axis, teeth), *_resonance(ringing, told)), quiet)
 
 
+def _akin(course: Course, as_new: Sequence[Course]) -> list[Course]:
+    """Recordings as new that have much in common with a recording; all where none has, or where that is not known."""
+    akin = [one for one in as_new if _hindrance_of_pitches(course, one) or _likeness(course, one) >= ALIKE]
+    return akin or list(as_new)
+
+
 def strangers_as_new(courses: Sequence[Course], as_new: Sequence[Course], names: Sequence[str]) -> tuple[str, ...]:
     """A remark where a recording has so little in common with those as new that they may be of another gearbox."""
     out = []
     for name, course in zip(names, courses, strict=True):
         likeness = [_likeness(course, one) for one in as_new if _hindrance_of_pitches(course, one) is None]
+        spectrum = f"The spectrum{'' if len(names) == 1 else f' of {name}'}"
         if likeness and max(likeness) < ALIKE:
             out.append(
-                f"The spectrum{'' if len(names) == 1 else f' of {name}'} has little in common with that as new "
-                f"(correlation {max(likeness):.2f}): either something very loud has come in, or it is another gearbox, "
-                "housing or place of the microphone, and then the comparison says nothing."
+                f"{spectrum} has little in common with that as new (correlation {max(likeness):.2f}): either something "
+                "very loud has come in, or it is another gearbox, housing or place of the microphone, and then the "
+                "comparison says nothing."
+            )
+        elif left := len(as_new) - len(_akin(course, as_new)):
+            out.append(
+                f"{spectrum} has little in common with {left} of {len(as_new)} recordings as new, which were left out: "
+                "are they of another gearbox, housing or place of the microphone?"
             )
     return tuple(out)
 

@@ -210,6 +210,9 @@ def test_another_gearbox_makes_a_remark() -> None:
     )
     envelope = np.repeat(np.abs(AS_NEW.samples[: SECONDS * RATE].reshape(-1, 80)).max(axis=1), 80)
     stranger = Recording(np.asarray(other * envelope, dtype=np.float32), float(RATE))
+    loose = listen_alone(AXIS, [heard(14, loose=True)], [stranger, AS_NEW])
+    assert said(loose) == [("structural_resonance", None)]
+    assert any("1 of 2 recordings as new, which were left out" in remark for remark in loose.remarks)
     remarks = listen_alone(AXIS, [heard(14)], [stranger]).remarks
     assert any("another gearbox" in remark for remark in remarks)
     assert not any("another gearbox" in remark for remark in listen_alone(AXIS, [heard(14)], [AS_NEW]).remarks)
