@@ -47,7 +47,7 @@ def _chart(panel: Mapping[str, Any]) -> Chart:
         tuple(Series(line["name"], x, np.array(line["y"], dtype=np.float64)) for line in panel["lines"]),
         panel["x_label"],
         panel["y_label"],
-        bands=(Band("noise floor", *noise),) if noise else (),
+        bands=(Band(panel.get("band", "noise floor"), *noise),) if noise else (),
         markers=tuple(_markers(panel["markers"])),
         cursor=panel["cursor"],
     )

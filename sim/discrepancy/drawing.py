@@ -32,8 +32,8 @@ RC: Any = {
 }  # fmt: skip
 
 
-def svg(panel: Panel, band: str = FLOOR) -> str:
-    """The panel under its title; `band`: what its band is called."""
+def svg(panel: Panel) -> str:
+    """The panel under its title."""
     from matplotlib import rc_context
     from matplotlib.figure import Figure
 
@@ -42,7 +42,7 @@ def svg(panel: Panel, band: str = FLOOR) -> str:
         plot = figure.add_subplot()
         _lines(plot, panel)
         if panel.noise is not None:
-            plot.axhspan(*panel.noise, color=BAND, lw=0, label=band)
+            plot.axhspan(*panel.noise, color=BAND, lw=0, label=panel.band)
         _markers(plot, panel)
         plot.set_xlabel(panel.x_label)
         plot.set_ylabel(panel.y_label if len(panel.y_label) <= LONGEST else panel.y_label.replace(" [", "\n["))

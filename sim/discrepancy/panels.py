@@ -15,7 +15,7 @@ FLOOR = "noise floor"
 
 @dataclass(frozen=True)
 class Panel:
-    """Lines over one x, each of shape (n,), NaN where there is nothing; `noise` is a band of y.
+    """Lines over one x, each of shape (n,), NaN where there is nothing; `noise` is a band of y and `band` its name.
 
     Panels with the same `cursor` are read together.
     """
@@ -28,6 +28,7 @@ class Panel:
     lines: tuple[tuple[str, Array], ...]
     noise: tuple[float, float] | None = None
     markers: tuple[tuple[float, str], ...] = ()
+    band: str = FLOOR
 
     @property
     def has_floor(self) -> bool:
@@ -44,6 +45,7 @@ class Panel:
             "x": _numbers(self.x),
             "lines": [{"name": name, "y": _numbers(y)} for name, y in self.lines],
             "noise": None if self.noise is None else _numbers(np.array(self.noise)),
+            "band": self.band,
             "markers": [{"x": x, "text": text} for x, text in self.markers],
         }
 

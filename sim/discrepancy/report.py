@@ -21,7 +21,7 @@ from sim.discrepancy.explanation import (
 )
 from sim.discrepancy.fit import MISTAKEN
 from sim.discrepancy.model import DAMPING_SPREAD, LOSS_SPREAD, PAYLOAD_SPREAD, STATED_SPREAD
-from sim.discrepancy.panels import FLOOR, Panel
+from sim.discrepancy.panels import Panel
 from sim.discrepancy.story import ALIKE, Candidate, asked_for, candidates, panels
 from sim.discrepancy.written import angle, changed, interval, named, number, percent, sure, unit_in_words, words_of
 
@@ -156,8 +156,8 @@ def estimate_cells(e: Estimate) -> tuple[str, str, str]:
 
 def _left(result: Investigation, overlay: list[Panel], residual: list[Panel], sound: list[Panel]) -> list[str]:
     if result.selection is None:
-        text = "The sound falls where the axis stands still and turns back; strokes are laid over each other from there on. What stands inside the band cannot be told from noise; held against the axis as new, it is what good gearboxes differ by from day to day. The first recording is shown."
-        return [_p(text), _plots([*overlay, *residual], "what noise reaches")]
+        text = "The sound falls where the axis stands still and turns back; strokes are laid over each other from there on. What stands inside the band cannot be told from noise, or, held against the axis as new, from what good gearboxes differ by from day to day. The first recording is shown."
+        return [_p(text), _plots([*overlay, *residual])]
     floor = "The noise floor is what the quieter parts of the record have, at each frequency of whichever model leaves less; what a model gets wrong all the time counts as noise. Values over time are means of 10 ms, bands over time are two standard deviations. Rows that do not count are left out."
     out = [_p(floor), _plots(overlay)]
     for title in ("Motor torque", "Torque at the load"):
@@ -170,13 +170,13 @@ def _left(result: Investigation, overlay: list[Panel], residual: list[Panel], so
             _p(
                 "Impacts that come at an order of their own and its multiples, beside those of the teeth, are a rolling bearing's."
             ),
-            _plots(sound, "what noise reaches"),
+            _plots(sound),
         ]
     return out
 
 
-def _plots(shown: Sequence[Panel], band: str = FLOOR) -> str:
-    return f'<div class="plots">{"".join(svg(panel, band) for panel in shown)}</div>'
+def _plots(shown: Sequence[Panel]) -> str:
+    return f'<div class="plots">{"".join(svg(panel) for panel in shown)}</div>'
 
 
 def _compared(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:

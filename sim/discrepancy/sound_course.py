@@ -94,10 +94,11 @@ class Course:
 
     @cached_property
     def levels(self) -> Levels:
-        """How loud it is at each pitch, cruising, at changing speed and at rest."""
+        """How loud it is at each pitch, cruising, at changing speed and at rest; None without a standstill."""
+        if self.moving is None:
+            return Levels(None, None, None)
         spans = [(c.start_s, c.end_s) for c in self.cruises]
-        moving = np.ones(1, dtype=np.bool_) if self.moving is None else self.moving
-        return levels_of(self.analysis.samples, spans, moving, self.analysis.recording.sample_rate_hz)
+        return levels_of(self.analysis.samples, spans, self.moving, self.analysis.recording.sample_rate_hz)
 
     @cached_property
     def _envelopes(self) -> _Envelopes:

@@ -70,14 +70,14 @@ def hindrance_of_teeth(axis: Axis, course: Course, as_new: Sequence[Course]) -> 
         return NO_AS_NEW
     if not mesh_orders(axis):
         return "the description gives no tooth numbers"
-    return _least([_hindrance_of_lines(course, one) for one in as_new])
+    return _least([_hindrance_of_lines(course, one) for one in _akin(course, as_new)])
 
 
 def hindrance_of_ringing(course: Course, as_new: Sequence[Course]) -> str | None:
     """Why resonances cannot be compared; None where they can, with one recording as new at least."""
     if not as_new:
         return NO_AS_NEW
-    return _least([_hindrance_of_pitches(course, one) for one in as_new])
+    return _least([_hindrance_of_pitches(course, one) for one in _akin(course, as_new)])
 
 
 def grown(axis: Axis, courses: Sequence[Course], as_new: Sequence[Course]) -> Grown:
@@ -116,16 +116,17 @@ def strangers_as_new(courses: Sequence[Course], as_new: Sequence[Course], names:
     return tuple(out)
 
 
-def growth_curves(course: Course, as_new: Course) -> tuple[Array, tuple[tuple[str, Array], ...]]:
+def growth_curves(course: Course, as_new: Sequence[Course]) -> tuple[Array, tuple[tuple[str, Array], ...]]:
     """For a picture: frequencies [Hz], and how much louder than as new [dB] while cruising and while speed changes.
 
-    Lines of teeth are left out, as in the search; no curves where they cannot be compared.
+    Over the first recording as new that can be compared, without lines of teeth, as in the search.
     """
-    if _hindrance_of_pitches(course, as_new):
+    first = next((one for one in _akin(course, as_new) if not _hindrance_of_pitches(course, one)), None)
+    if first is None:
         return cells(), ()
     words = {"cruising": "while cruising", "speeding": "while the speed changes"}
-    of_teeth = _of_teeth((course, as_new))
-    curves = [(words[kind], np.where(of_teeth, np.nan, over)) for kind, over in _over_as_new(course, as_new).items()]
+    of_teeth = _of_teeth((course, first))
+    curves = [(words[kind], np.where(of_teeth, np.nan, over)) for kind, over in _over_as_new(course, first).items()]
     return cells(), tuple(curves)
 
 

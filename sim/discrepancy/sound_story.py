@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 SHOWN_S, SHOWN_HZ = 20.0, 1500.0
 MEAN_HOPS = 4
 SHOWN_ORDER, ORDER_STEP = 32.0, 0.05
+REACHED = "what noise reaches"
 REASONS = {
     "tooth_damage": "No impacts stand out over what good gearboxes do as well, nor lines at the turns of a gear.",
     "backlash": "No impact where braking begins stands out over what good gearboxes do as well.",
@@ -49,7 +50,9 @@ def sound_panels(listened: Listening) -> tuple[list[Panel], list[Panel]]:
     lines = (("around one end", folded.forward_db), ("around the other end", folded.backward_db))
     labels = ("time from the standstill [s]", "over what noise reaches [dB]")
     low = float(min(np.nanmin(folded.forward_db), np.nanmin(folded.backward_db)))
-    return overlay, [Panel(title, *labels, "stroke", folded.offset_s, lines, (low, 0.0), ((0.0, "standstill"),))]
+    return overlay, [
+        Panel(title, *labels, "stroke", folded.offset_s, lines, (low, 0.0), ((0.0, "standstill"),), REACHED)
+    ]
 
 
 def sound_candidates(listened: Listening) -> list[tuple[str, str]]:
@@ -78,7 +81,16 @@ def along_path(result: Investigation) -> list[Panel]:
     labels = ("times per turn of the motor", "over its surroundings [dB]")
     noise = (-10.0, 10.0 * float(np.log10(LINE)))
     return [
-        Panel("Impacts in the sound, by order", *labels, "order", centre, lines, noise, tuple(sorted((*found, *teeth))))
+        Panel(
+            "Impacts in the sound, by order",
+            *labels,
+            "order",
+            centre,
+            lines,
+            noise,
+            tuple(sorted((*found, *teeth))),
+            REACHED,
+        )
     ]
 
 
@@ -116,14 +128,14 @@ def _lines(course: Course) -> Panel:
     limit = 10.0 * float(np.log10(gamma_limit(len(course.cruises), TRANSFORM / 16.0)))
     lines = (("while cruising", 10.0 * np.log10(np.maximum(highest, 1e-3))),)
     labels = ("frequency [Hz]", "over its surroundings [dB]")
-    return Panel("Lines while cruising", *labels, "frequency", frequency, lines, (-10.0, limit), _teeth(course))
+    return Panel(
+        "Lines while cruising", *labels, "frequency", frequency, lines, (-10.0, limit), _teeth(course), REACHED
+    )
 
 
 def _growth(listened: Listening) -> list[Panel]:
     """Where the first recording is louder than as new, with what was found; none where nothing was compared."""
-    if not listened.as_new:
-        return []
-    frequency, lines = growth_curves(listened.courses[0], listened.as_new[0])
+    frequency, lines = growth_curves(listened.courses[0], listened.as_new)
     if not lines:
         return []
     pitches = [h.parameters["frequency_hz"][0] for h in listened.heard if h.mechanism == "structural_resonance"]
@@ -131,7 +143,7 @@ def _growth(listened: Listening) -> list[Panel]:
     marks = tuple(sorted([*((pitch, "rings") for pitch in pitches), *teeth]))
     labels = ("frequency [Hz]", "louder than as new [dB]")
     title, usual = "Louder than as new, over the surroundings", (-USUAL_DB, USUAL_DB)
-    return [Panel(title, *labels, "frequency", frequency, lines, usual, marks)]
+    return [Panel(title, *labels, "frequency", frequency, lines, usual, marks, "from day to day")]
 
 
 def _teeth(course: Course) -> tuple[tuple[float, str], ...]:

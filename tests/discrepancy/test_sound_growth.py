@@ -15,6 +15,7 @@ from sim.discrepancy.investigation import investigate
 from sim.discrepancy.pairs import check_pairs
 from sim.discrepancy.report import html_report
 from sim.discrepancy.sound import Listening, listen_alone
+from sim.discrepancy.sound_growth import growth_curves
 from sim.discrepancy.story import story
 from sim.errors import AxisError
 
@@ -213,6 +214,8 @@ def test_another_gearbox_makes_a_remark() -> None:
     loose = listen_alone(AXIS, [heard(14, loose=True)], [stranger, AS_NEW])
     assert said(loose) == [("structural_resonance", None)]
     assert any("1 of 2 recordings as new, which were left out" in remark for remark in loose.remarks)
+    drawn, wanted = (growth_curves(loose.courses[0], as_new)[1] for as_new in (loose.as_new, loose.as_new[1:]))
+    np.testing.assert_array_equal(drawn[0][1], wanted[0][1])
     remarks = listen_alone(AXIS, [heard(14)], [stranger]).remarks
     assert any("another gearbox" in remark for remark in remarks)
     assert not any("another gearbox" in remark for remark in listen_alone(AXIS, [heard(14)], [AS_NEW]).remarks)
