@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.chain_model import Array
 from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
-from sim.discrepancy.criteria import LEAST_GAIN, LEFT_OUT, evidence, form_gain, least_gain, wanted
+from sim.discrepancy.criteria import LEAST_GAIN, LEFT_OUT, LIKE_AN_OFFSET, evidence, form_gain, least_gain, wanted
 from sim.discrepancy.fit import Fit, Problem, Raw, Start, each
 from sim.discrepancy.model import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.nameless import nameless_terms
@@ -27,7 +27,9 @@ CLOSE = 2  # best candidates of which those that are far from linear are refitte
 BENT = 60.0  # squared deviations of what is described from what the fit makes of it
 LEFT = 0.1  # depth of a dent over the working twist
 OTHER_DENTS = ((2.0, 0.5), (0.7, 1.3))  # times as deep and as wide: where its bottom is left, a fit may begin there
-BOTTOMS = ((1.0, 1.2, 2.0), (1.3, 1.2, 2.0), (1.6, 1.2, 2.0), (2.0, 1.2, 2.0))  # times as deep, as wide, and the form
+BOTTOMS = (  # times as deep, as wide, and the form
+    (0.7, 0.95, 3.0), (0.85, 0.95, 3.0), (1.0, 1.2, 2.0), (1.3, 1.2, 2.0), (1.6, 1.2, 2.0), (2.0, 1.2, 2.0),
+)  # fmt: skip
 GROWTH = 5.0  # standard deviations by which a size may grow while its fit is finished: of 45 at -3 or less none did
 FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
 GAPS = 40  # tried where all else is as described
@@ -35,6 +37,7 @@ HUBER = 3.0
 LINEAR, FAR_FROM_LINEAR = 0.1, 0.03  # of the best promise: less is no rival
 HOPE = 0.5  # of what the form of a model may gain: of 15 parts that swing none gained over twice what was promised
 FAINT, FAINT_TRIES = 8.0, 4  # squares from which what noise may hide is looked at, and how many of them
+LIKE_NEW = 0.5  # of the size that matters: what the linear picture makes less of is as new
 NOISE_LIKE = ("structural_resonance", "stribeck_friction")  # by what shakes the load, and by what is left at low speed
 UNSURE = 0.5  # of what friction that was left out must gain, as on it all others hang: less is not tried
 
@@ -80,7 +83,11 @@ def try_terms(
     jobs: list[tuple[Term, Mapping[str, float]]] = []
     for promised, term, start in screened:
         rival = (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]
-        asked = UNSURE * least_gain(term) if term.mechanism in LEFT_OUT else max(rival, least_gain(term))
+        asked = (
+            UNSURE * least_gain(term)
+            if term.mechanism in (*LEFT_OUT, *LIKE_AN_OFFSET)
+            else max(rival, least_gain(term))
+        )
         if not term.contact:
             asked = max(asked, HOPE * form_gain(term, fit))
         if len(jobs) == tries or not term.named or promised < max(asked, least):
@@ -130,7 +137,8 @@ def faint(problem: Problem, fit: Fit) -> list[Rival]:
     ]
     jobs: dict[str, tuple[Term, Start]] = {}
     for promised, term, start in screen(problem, fit, candidates):
-        if promised >= FAINT and len(jobs) < FAINT_TRIES:
+        large = bool(start) and magnitude(term, start) > LIKE_NEW * term.size
+        if promised >= FAINT and large and len(jobs) < FAINT_TRIES:
             jobs.setdefault(term.key, (term, ({**fit.values, **start}, fit.sensitivities)))
     fits = each(lambda job: problem.best((*fit.terms, job[0]), [job[1]]), jobs.values())
     rivals = [_rival(fit, more.terms[-1], more, finished=more) for more in fits if more]

@@ -48,7 +48,7 @@ QUIET = 0.5  # of the rows: the least squares of which that is a share, where th
 LEAST_GAIN = 20.0  # whitened squares: the same for a short record, and what a screened term must promise
 LEAST_GAINS = {  # of what nothing else bends to: 110 new axes promise it 2, 14, 7, 7, 24, 15 and 14 squares at most
     "coulomb_friction": 13.0, "viscous_friction": 13.0, "torque_offset": 10.0,
-    "stribeck_friction": 15.0, "friction_asymmetry": 13.0, "time_delay": 13.0,
+    "stribeck_friction": 15.0, "friction_asymmetry": 18.0, "time_delay": 13.0,
     "load_dependent_loss": 20.0, "gravity_imbalance": 16.0, "friction_drift": 16.0,
 }  # fmt: skip
 OVER_STROKES = ("torque_offset", "stribeck_friction", "friction_asymmetry", "load_dependent_loss")

@@ -64,7 +64,7 @@ def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: boo
     if has_links(axis):
         out += _link_parameters(axis)
         out += _load_parameters(axis, load_encoder, level_n_m, rests)
-    out.append(Parameter("offset_n_m", 0.0, 0.002 * level_n_m, 0.003 * level_n_m))
+    out.append(Parameter("offset_n_m", 0.0, 0.002 * level_n_m, 0.002 * level_n_m))
     late_s = _described(axis, "time_delay", "motor", "delay_s")
     out.append(Parameter("torque_delay_s", late_s, 1e-4, 2e-4, -0.02, 0.02))
     for name, _, waves in hums(axis):  # as large as it is described, whatever its phase in this record

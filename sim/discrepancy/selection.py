@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 from sim.axis import MechanismEntry
 from sim.discrepancy.candidates import (
@@ -21,6 +22,7 @@ from sim.discrepancy.criteria import (
     BEYOND,
     CONSTANT,
     LEFT_OUT,
+    LIKE_AN_OFFSET,
     bends,
     evidence,
     holds,
@@ -185,9 +187,19 @@ def is_large(rival: Rival, fit: Fit) -> bool:
 
 
 def likely(tried: Sequence[Rival]) -> list[Rival]:
-    """Those of a size that may matter which gain at least a share of what the best of them does."""
+    """Those of a size that may matter which gain at least a share of what the best of them does.
+
+    An offset and an asymmetry are the same torque while anything moves: whichever ended in the better valley, either
+    may be meant.
+    """
     large = [r for r in tried if r.beyond > 0.0]
-    return [r for r in large if r.gain > RIVAL_SHARE * max(x.gain for x in large)]
+    best = max(large, key=lambda r: r.gain, default=None)
+    alike = (*CONSTANT, *LIKE_AN_OFFSET)
+    return [
+        r
+        for r in large
+        if best and (r.gain > RIVAL_SHARE * best.gain or {r.term.mechanism, best.term.mechanism} <= set(alike))
+    ]
 
 
 def asks_low_speed(problem: Problem, fit: Fit) -> bool:
@@ -337,7 +349,8 @@ def swap(
 
     What comes in first is chosen while other things are still missing. What is as new takes no place: it comes in
     beside the other, and what it makes needless is taken away later. Of two that explain as much, the one that does
-    better on unseen blocks. Rivals keep the numbers of their last fit. `entered`: what terms gained when they came in.
+    better on unseen blocks, if it would stay. Rivals keep the numbers of their last fit. `entered`: what terms gained
+    when they came in.
     """
     for term in fit.terms:
         tried = {r.term.key: r for r in rivals.get(term.key, ())}
@@ -355,6 +368,11 @@ def swap(
             other = known[0].term
             return in_place(problem, fit, term, other, [own_of(term, other, r.values) for r in known])
 
+        @cache
+        def less(term: Term = term) -> Fit:
+            rest = tuple(t for t in fit.terms if t is not term)
+            return problem.fit(rest, fit.values, held=fit.sensitivities, to_end=True)
+
         best = fit
         for (key, known), other in zip(options.items(), each(instead, options.values()), strict=True):
             if other is None:
@@ -368,6 +386,7 @@ def swap(
             tried[key] = rival
             margin = ahead(term if best is fit else best.terms[-1], rival.term)
             even = abs(other.cost - best.cost) < LEAST_SWAP and paired(advantage(best, other)) > margin
+            even = even and holds(rival.term, less(), other)
             as_new = beyond(rival.term, other) <= BEYOND  # it would have come in by itself
             if other.cost < best.cost - LEAST_SWAP or (even and not as_new):
                 best = beside(problem, fit, rival) if as_new else other
