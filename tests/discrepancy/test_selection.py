@@ -14,7 +14,8 @@ from scipy.stats import chi2
 from casebase.signals.telemetry import Telemetry
 from sim.axis import read_axis
 from sim.chain_model import Array, Chain, Shaft
-from sim.discrepancy.candidates import Rival
+from sim.discrepancy import candidates
+from sim.discrepancy.candidates import Rival, faint
 from sim.discrepancy.catalogue import SHARP, SOFTEST, terms_of
 from sim.discrepancy.condition import examine
 from sim.discrepancy.criteria import (
@@ -232,6 +233,31 @@ def test_what_is_as_new_hides_no_rival() -> None:
     tried = [swings, Rival(asymmetry, 19.0, {}, beyond=2.8), Rival(offset, 18.0, {}, beyond=7.0)]
     assert [r.term for r in likely(tried)] == [asymmetry, offset]
     assert [r.term for r in likely([*tried, Rival(TERMS["backlash"], 500.0, {}, beyond=9.0)])] == [TERMS["backlash"]]
+
+
+def test_an_asymmetry_whose_fit_ended_in_a_worse_valley_may_be_meant_by_an_offset() -> None:
+    """They are the same torque while anything moves, and fits of both lay 20 squares apart by their starts alone."""
+    offset, asymmetry, weight = (TERMS[n] for n in ("torque_offset", "friction_asymmetry", "gravity_imbalance"))
+    tried = [Rival(offset, 41.0, {}, beyond=9.0), Rival(weight, 6.0, {}, beyond=5.0), Rival(asymmetry, 4.0, {}, 5.0)]
+    assert [r.term for r in likely(tried)] == [offset, asymmetry]
+    assert [r.term for r in likely([*tried[:2], replace(tried[2], beyond=-1.0)])] == [offset]
+    assert [r.term for r in likely([replace(tried[1], gain=60.0), tried[2]])] == [weight]
+
+
+def test_what_is_as_new_takes_no_place_among_what_noise_may_hide(monkeypatch: pytest.MonkeyPatch) -> None:
+    """However much the linear picture promises of it: four were looked at, and dry friction came fifth."""
+    new = [next(t for t in ALL if t.mechanism == n) for n in ("eccentricity", "encoder_error", "mesh_error")]
+    new += [t for t in ALL if t.mechanism == "eccentricity"][1:2]
+    weight = TERMS["gravity_imbalance"]
+    problem = Problem(AXIS, MOVED, Noise.flat(0.1, 1.0))
+    fit = problem.fit()
+
+    def promised(*_: object) -> list[tuple[float, Term, dict[str, float]]]:
+        small = [(50.0, t, {**fit.values, **{p.name: 0.1 * t.size for p in t.parameters}}) for t in new]
+        return [*small, (10.0, weight, {**fit.values, **{p.name: weight.size for p in weight.parameters}})]
+
+    monkeypatch.setattr(candidates, "screen", promised)
+    assert [r.term.key for r in faint(problem, fit)] == [weight.key]
 
 
 def leaving(residual: Array) -> Fit:
