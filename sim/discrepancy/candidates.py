@@ -39,7 +39,7 @@ HOPE = 0.5  # of what the form of a model may gain: of 15 parts that swing none 
 FAINT, FAINT_TRIES = 8.0, 4  # squares from which what noise may hide is looked at, and how many of them
 LIKE_NEW = 0.5  # of the size that matters: what the linear picture makes less of is as new
 NOISE_LIKE = ("structural_resonance", "stribeck_friction")  # by what shakes the load, and by what is left at low speed
-UNSURE = 0.5  # of what friction that was left out must gain, as on it all others hang: less is not tried
+UNSURE = 0.5  # of what must be gained by friction that was left out, or by an asymmetry: it may be what an offset is
 
 
 @dataclass(frozen=True)
