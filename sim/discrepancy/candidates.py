@@ -137,8 +137,7 @@ def faint(problem: Problem, fit: Fit) -> list[Rival]:
     ]
     jobs: dict[str, tuple[Term, Start]] = {}
     for promised, term, start in screen(problem, fit, candidates):
-        large = bool(start) and magnitude(term, start) > LIKE_NEW * term.size
-        if promised >= FAINT and large and len(jobs) < FAINT_TRIES:
+        if promised >= FAINT and len(jobs) < FAINT_TRIES and magnitude(term, start) > LIKE_NEW * term.size:
             jobs.setdefault(term.key, (term, ({**fit.values, **start}, fit.sensitivities)))
     fits = each(lambda job: problem.best((*fit.terms, job[0]), [job[1]]), jobs.values())
     rivals = [_rival(fit, more.terms[-1], more, finished=more) for more in fits if more]

@@ -193,13 +193,11 @@ def likely(tried: Sequence[Rival]) -> list[Rival]:
     may be meant.
     """
     large = [r for r in tried if r.beyond > 0.0]
-    best = max(large, key=lambda r: r.gain, default=None)
-    alike = (*CONSTANT, *LIKE_AN_OFFSET)
-    return [
-        r
-        for r in large
-        if best and (r.gain > RIVAL_SHARE * best.gain or {r.term.mechanism, best.term.mechanism} <= set(alike))
-    ]
+    if not large:
+        return []
+    best = max(large, key=lambda r: r.gain)
+    alike = (*CONSTANT, *LIKE_AN_OFFSET) if best.term.mechanism in (*CONSTANT, *LIKE_AN_OFFSET) else ()
+    return [r for r in large if r.gain > RIVAL_SHARE * best.gain or r.term.mechanism in alike]
 
 
 def asks_low_speed(problem: Problem, fit: Fit) -> bool:
