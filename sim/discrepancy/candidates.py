@@ -11,7 +11,7 @@ import numpy as np
 
 from sim.chain_model import Array
 from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
-from sim.discrepancy.criteria import LEAST_GAIN, LEFT_OUT, LIKE_AN_OFFSET, evidence, form_gain, least_gain, wanted
+from sim.discrepancy.criteria import CONSTANT, LEAST_GAIN, LEFT_OUT, LIKE_AN_OFFSET, evidence, form_gain, least_gain, wanted
 from sim.discrepancy.fit import Fit, Problem, Raw, Start, each
 from sim.discrepancy.model import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.nameless import nameless_terms
@@ -81,13 +81,11 @@ def try_terms(
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
     straight.sort(key=lambda r: -evidence(r.term, r.gain, fit.residual.size))
     jobs: list[tuple[Term, Mapping[str, float]]] = []
+    shifted = any(t.mechanism in CONSTANT and gain >= least_gain(t) for gain, t, _ in screened)
+    unsure = (*LEFT_OUT, *LIKE_AN_OFFSET) if shifted else LEFT_OUT
     for promised, term, start in screened:
         rival = (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]
-        asked = (
-            UNSURE * least_gain(term)
-            if term.mechanism in (*LEFT_OUT, *LIKE_AN_OFFSET)
-            else max(rival, least_gain(term))
-        )
+        asked = UNSURE * least_gain(term) if term.mechanism in unsure else max(rival, least_gain(term))
         if not term.contact:
             asked = max(asked, HOPE * form_gain(term, fit))
         if len(jobs) == tries or not term.named or promised < max(asked, least):

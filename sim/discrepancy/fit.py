@@ -380,6 +380,7 @@ class Problem:
             gain, damping = self._step(terms, parameters, state, system, damping)
             small = gain < self.memory.least_drop + 1e-4 * max(0.0, state.cost - state.residual.size)
             if small and (anew or not to_end):
+                state = state if corrected else old  # where the sensitivities were taken
                 break
             if not to_end and round_ > 0 and state.cost > HOPELESS * state.residual.size:
                 break
@@ -419,21 +420,33 @@ class Problem:
     def _step(
         self, terms: Sequence[Term], parameters: Sequence[Parameter], state: _State, system: _System, damping: float
     ) -> tuple[float, float]:
-        """Move `state` to a smaller cost if there is one on the way; its gain and the next damping."""
+        """Move `state` to a smaller cost if there is one on the way; its gain and the next damping.
+
+        Two dampings at a time, on two cores, of which the better is taken; none further once so little is promised
+        that it would end the fit.
+        """
         pull = system.columns.T @ state.residual
-        for _ in range(DAMPINGS):
-            trial = system.stepped(parameters, state.values, pull, damping)
-            damping *= 10.0
+
+        def tried(damping: float) -> _State | None:
+            values = system.stepped(parameters, state.values, pull, damping)
             try:
-                raw = self.raw_residuals(terms, trial)
+                raw = self.raw_residuals(terms, values)
             except ChainError:
-                continue
+                return None
             residual = self.noise.whiten(*raw)
-            cost = _cost(residual, parameters, trial)
-            if cost < state.cost:
-                gain = state.cost - cost
-                state.values, state.raw, state.residual, state.cost = trial, raw, residual, cost
-                return gain, max(damping / 100.0, 1e-7)
+            return _State(values, raw, residual, _cost(residual, parameters, values))
+
+        for _ in range(DAMPINGS // 2):
+            dampings = (damping, 10.0 * damping)
+            trials = [(t, d) for t, d in zip(each(tried, dampings), dampings, strict=True) if t]
+            best, by = min(trials, key=lambda trial: trial[0].cost, default=(state, damping))
+            if best.cost < state.cost:
+                gain = state.cost - best.cost
+                state.values, state.raw, state.residual, state.cost = best.values, best.raw, best.residual, best.cost
+                return gain, max(by / 10.0, 1e-7)
+            if trials and system.promised(parameters, state, trials[-1][0]) < self.memory.least_drop:
+                break
+            damping *= 100.0
         return 0.0, damping
 
     def chain(self, terms: Sequence[Term], values: Mapping[str, float]) -> Chain:
