@@ -11,7 +11,16 @@ import numpy as np
 
 from sim.chain_model import Array
 from sim.discrepancy.catalogue import AS_NEW_FACTOR, terms_of, tooth_damage
-from sim.discrepancy.criteria import CONSTANT, LEAST_GAIN, LEFT_OUT, LIKE_AN_OFFSET, evidence, form_gain, least_gain, wanted
+from sim.discrepancy.criteria import (
+    CONSTANT,
+    LEAST_GAIN,
+    LEFT_OUT,
+    LIKE_AN_OFFSET,
+    evidence,
+    form_gain,
+    least_gain,
+    wanted,
+)
 from sim.discrepancy.fit import Fit, Problem, Raw, Start, each
 from sim.discrepancy.model import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.nameless import nameless_terms
@@ -138,7 +147,9 @@ def faint(problem: Problem, fit: Fit) -> list[Rival]:
         if promised >= FAINT and len(jobs) < FAINT_TRIES and magnitude(term, start) > LIKE_NEW * term.size:
             jobs.setdefault(term.key, (term, ({**fit.values, **start}, fit.sensitivities)))
     fits = each(lambda job: problem.best((*fit.terms, job[0]), [job[1]]), jobs.values())
-    rivals = [_rival(fit, more.terms[-1], more, finished=more) for more in fits if more]
+    rivals = [
+        _rival(fit, more.terms[-1], more, finished=more) for more in fits if more and fit.cost - more.cost > FAINT
+    ]
     return sorted(rivals, key=lambda r: (-r.gain, r.term.key))
 
 

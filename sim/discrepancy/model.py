@@ -26,6 +26,7 @@ MOTOR_STRETCH, MOTOR_RELEASE = "log_stretch_rad.motor", "log_release.motor"
 NONE = math.log(NO_STRETCH_RAD)
 SLOW = -5.0  # a contact lets go within a second, and not while it moves
 RUNOUT_OVER_MESH = 2.0  # of a gear as new: error once per turn over that per tooth
+TWICE = 0.25  # of what a load encoder errs by at most: its error twice per turn
 
 
 def _stated(name: str, value: float) -> Parameter:
@@ -155,6 +156,8 @@ def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: bo
             for part, err in zip(PARTS, errs, strict=True):
                 name, far = f"load_encoder.error_{part}_rad", 3.0 * new
                 out.append(Parameter(name, err, 0.3 * new, spread, err - far, err + far))
+            for part in PARTS:  # a tilted or oval scale
+                out.append(Parameter(f"load_encoder.twice_{part}_rad", 0.0, 0.1 * new, TWICE * new, -new, new))
     else:  # it may swing when the record begins
         twist = level_n_m * axis.ratio * compliance(axis)
         rate = 2.0 * math.pi * locked_mode_hz(axis) * twist
@@ -278,7 +281,7 @@ def nuisance_of(values: Values) -> Nuisance:
     return Nuisance(
         get("torque_delay_s", 0.0),
         get("load_delay_s", 0.0),
-        (get("load_encoder.error_sine_rad", 0.0), get("load_encoder.error_cosine_rad", 0.0)),
+        tuple(get(f"load_encoder.{order}_{part}_rad", 0.0) for order in ("error", "twice") for part in PARTS),
         get("load_offset_rad", 0.0),
         (get(DRIVING, 1.0), get(DRIVING, 1.0) * get(DRIVEN, 0.5)),
         (1e-3 * math.exp(get(MOTOR_RELEASE, 0.0)), width * math.exp(get("log_release.load", 0.0))),

@@ -32,8 +32,8 @@ class Nuisance:
     """What belongs to the measurement and not to the axis.
 
     `torque_delay_s`: the torque channel is late by this; `load_delay_s` the load encoder; `load_error_rad` sine and
-    cosine amplitude of the encoder's error once per revolution; `loss_split`: share of mesh losses behind the spring,
-    while the motor drives and while the load does;
+    cosine amplitude of the encoder's error once per revolution, then twice; `loss_split`: share of mesh losses behind
+    the spring, while the motor drives and while the load does;
     `friction_width`, `loss_width`: speed over which friction and losses turn their sign, of the largest;
     `stretch_rad`: by which a contact gives way before friction slides;
     `start`: angle [rad] and speed [rad/s] by which a load without encoder is ahead of where the motor takes it.
@@ -41,7 +41,7 @@ class Nuisance:
 
     torque_delay_s: float = 0.0
     load_delay_s: float = 0.0
-    load_error_rad: tuple[float, float] = (0.0, 0.0)
+    load_error_rad: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
     load_offset_rad: float = 0.0
     loss_split: tuple[float, float] = (0.5, 0.5)
     friction_width: tuple[float, float] = (1e-3, 1e-3)  # of the largest speed: motor, load
@@ -97,10 +97,13 @@ class Observer:
         return self.measurement.acceleration - self.measurement.slow_acceleration
 
     @cached_property
-    def _turn(self) -> tuple[Array, Array]:
+    def _turns(self) -> tuple[Array, Array]:
+        """Waves of the load encoder's error once and twice per revolution, and their slopes [1], shape (4, n)."""
         angle = self.measurement.slow_load_angle
         assert angle is not None
-        return np.sin(angle), np.cos(angle)
+        once, twice = (np.stack([np.sin(k * angle), np.cos(k * angle)]) for k in (1, 2))
+        slopes = np.concatenate([once[::-1] * [[1.0], [-1.0]], 2.0 * twice[::-1] * [[1.0], [-1.0]]])
+        return np.concatenate([once, twice]), slopes
 
     def predict(self, chain: Chain, nuisance: Nuisance) -> Prediction:
         """Simulate `chain` along the measured motion."""
@@ -253,13 +256,13 @@ class Observer:
     def _guide(self, nuisance: Nuisance, slow: bool) -> Array:
         """Angle and speed of the load as its encoder tells them, without that encoder's own errors, shape (2, n)."""
         m, last = self.measurement, self._told.get(slow)
-        late_s, offset, (sine, cosine) = nuisance.load_delay_s, nuisance.load_offset_rad, nuisance.load_error_rad
-        asked = (late_s, offset, sine, cosine)
+        late_s, offset, parts = nuisance.load_delay_s, nuisance.load_offset_rad, np.array(nuisance.load_error_rad)
+        asked = (late_s, offset, *nuisance.load_error_rad)
         if last is None or last[0] != asked:
-            wave, other = self._turn
+            waves, slopes = self._turns
             speed = m.slow_load_speed if slow else m.load_speed
             assert speed is not None
-            error = np.stack([sine * wave + cosine * other + offset, (sine * other - cosine * wave) * speed])
+            error = np.stack([parts @ waves + offset, (parts @ slopes) * speed])
             last = self._told[slow] = (asked, self._load_motion(late_s, slow) - error)
         return last[1]
 

@@ -182,7 +182,7 @@ def test_a_known_error_of_the_load_encoder_is_taken_out_in_angle_and_speed() -> 
         return observer.predict(chain, nuisance).guide[500:-500]
 
     true, wrong = guide(load, Nuisance()), guide(read, Nuisance())
-    mended = guide(read, Nuisance(load_error_rad=(1e-4, 0.0)))
+    mended = guide(read, Nuisance(load_error_rad=(1e-4, 0.0, 0.0, 0.0)))
     assert np.std(mended - true) < 0.01 * np.std(wrong - true)
 
 
