@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -39,6 +39,7 @@ OTHER_DENTS = ((2.0, 0.5), (0.7, 1.3))  # times as deep and as wide: where its b
 BOTTOMS = (  # times as deep, as wide, and the form
     (0.7, 0.95, 3.0), (0.85, 0.95, 3.0), (1.0, 1.2, 2.0), (1.3, 1.2, 2.0), (1.6, 1.2, 2.0), (2.0, 1.2, 2.0),
 )  # fmt: skip
+DEEPER = 1.15  # times as deep: a step of the way to the depth of a dent whose bottom is left
 GROWTH = 5.0  # standard deviations by which a size may grow while its fit is finished: of 45 at -3 or less none did
 FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
 GAPS = 40  # tried where all else is as described
@@ -198,13 +199,12 @@ def settled(
     for term in terms:
         if term.mechanism == "tooth_damage":
             starts += [({**fit.own, **other}, {}) for other in _other_dents(term, fit.own)]
-    anew = problem.best(terms, starts)
-    return anew if anew and anew.cost < fit.cost else fit
+    return _better(fit, problem.best(terms, starts))
 
 
 def _other_dents(term: Term, values: Mapping[str, float]) -> list[dict[str, float]]:
     """Numbers of dents that leave contact about as long as the one found, where its bottom is left."""
-    depth, _, _, form = term.parameters
+    depth, *_, form = term.parameters
     if values[depth.name] <= LEFT * depth.high:
         return []
     return [_reshaped(term, values, deeper, wider, form.start) for deeper, wider in OTHER_DENTS]
@@ -217,16 +217,38 @@ def _reshaped(term: Term, values: Mapping[str, float], deeper: float, wider: flo
 
 
 def bottomed(problem: Problem, fit: Fit) -> Fit:
-    """`fit`, or a better one that starts from dents of another depth and form.
+    """`fit`, or a better one that starts from dents of another depth and form, and then at every depth further on.
 
-    Teeth that leave each other in a dent say little of its bottom, and the way to the least squares is rough.
+    Teeth that leave each other in a dent say little of its bottom, and the way to the least squares is rough; from
+    depth to depth, all else refitted, it is less so.
     """
-    starts: list[Start] = []
     for term in fit.terms:
-        if term.mechanism == "tooth_damage":
-            starts += [({**fit.values, **_reshaped(term, fit.values, *shape)}, {}) for shape in BOTTOMS]
-    anew = problem.best(fit.terms, starts)
-    return anew if anew and anew.cost < fit.cost else fit
+        if term.mechanism != "tooth_damage":
+            continue
+        starts: list[Start] = [({**fit.values, **_reshaped(term, fit.values, *shape)}, {}) for shape in BOTTOMS]
+        fit = _better(fit, problem.best(fit.terms, starts))
+        for by in (DEEPER, 1.0 / DEEPER):
+            held = _deepened(problem, fit, term, by)
+            if held is not fit:
+                fit = _better(fit, problem.fit(fit.terms, held.values, to_end=True))
+    return fit
+
+
+def _better(fit: Fit, other: Fit | None) -> Fit:
+    return other if other and other.cost < fit.cost else fit
+
+
+def _deepened(problem: Problem, fit: Fit, term: Term, by: float) -> Fit:
+    """The last of the fits with a dent ever `by` times as deep that was better than the one before, `fit` if none."""
+    depth, *others = term.parameters
+    while depth.low < (deep := by * fit.values[depth.name]) < depth.high:
+        held = replace(term, parameters=(replace(depth, low=deep, high=deep), *others))
+        terms = tuple(held if t.key == term.key else t for t in fit.terms)
+        more = problem.best(terms, [({**fit.values, depth.name: deep}, fit.sensitivities)])
+        if more is None or more.cost >= fit.cost:
+            break
+        fit = more
+    return fit
 
 
 def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:
