@@ -169,11 +169,12 @@ def test_a_damper_makes_no_torque_of_the_noise_of_the_motor_encoder() -> None:
     assert added < 0.3 * whole
 
 
-def test_a_known_error_of_the_load_encoder_is_taken_out_in_angle_and_speed() -> None:
+@pytest.mark.parametrize("error_rad", [(1e-4, 0.0, 0.0, 0.0), (0.0, 0.0, 3e-5, -4e-5)])
+def test_a_known_error_of_the_load_encoder_is_taken_out_in_angle_and_speed(error_rad: tuple[float, ...]) -> None:
     t, angle, _, acceleration = swing()
     inertia, stiffness, ratio = 2.0, 4e5, 10.0
     load = angle / ratio - inertia * acceleration / ratio / stiffness
-    read = load + 1e-4 * np.sin(load)
+    read = load + np.array(error_rad) @ [wave(k * load) for k in (1, 2) for wave in (np.sin, np.cos)]
     chain = Chain((Shaft(0.01), Shaft(inertia)), (Link(ratio, stiffness, 60.0),))
 
     def guide(encoder: np.ndarray, nuisance: Nuisance) -> np.ndarray:
@@ -182,7 +183,7 @@ def test_a_known_error_of_the_load_encoder_is_taken_out_in_angle_and_speed() -> 
         return observer.predict(chain, nuisance).guide[500:-500]
 
     true, wrong = guide(load, Nuisance()), guide(read, Nuisance())
-    mended = guide(read, Nuisance(load_error_rad=(1e-4, 0.0, 0.0, 0.0)))
+    mended = guide(read, Nuisance(load_error_rad=error_rad))
     assert np.std(mended - true) < 0.01 * np.std(wrong - true)
 
 

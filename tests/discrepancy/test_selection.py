@@ -15,7 +15,7 @@ from casebase.signals.telemetry import Telemetry
 from sim.axis import read_axis
 from sim.chain_model import Array, Chain, Shaft
 from sim.discrepancy import candidates
-from sim.discrepancy.candidates import Rival, faint
+from sim.discrepancy.candidates import Rival, faint, try_terms
 from sim.discrepancy.catalogue import SHARP, SOFTEST, terms_of
 from sim.discrepancy.condition import examine
 from sim.discrepancy.criteria import (
@@ -258,6 +258,33 @@ def test_what_is_as_new_takes_no_place_among_what_noise_may_hide(monkeypatch: py
 
     monkeypatch.setattr(candidates, "screen", promised)
     assert [r.term.key for r in faint(problem, fit)] == [weight.key]
+
+
+def test_what_ends_in_a_worse_valley_is_not_what_noise_hides(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Held against a fit that began in that valley as well it seemed to take away thousands of squares."""
+    weight = TERMS["gravity_imbalance"]
+    problem = Problem(AXIS, MOVED, Noise.flat(0.1, 1.0))
+    fit = problem.fit()
+    far = {p.name: 50.0 * weight.size for p in weight.parameters}
+    monkeypatch.setattr(candidates, "screen", lambda *_: [(10.0, weight, {**fit.values, **far})])
+    lost = problem.fit((weight,), far, iterations=0)
+    assert lost.cost > fit.cost
+    monkeypatch.setattr(Problem, "best", lambda *_: lost)
+    assert faint(problem, fit) == []
+
+
+@pytest.mark.parametrize(("offset", "tried"), [(8.0, False), (12.0, True)])
+def test_an_asymmetry_of_which_little_is_promised_is_tried_beside_an_offset(
+    offset: float, tried: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    problem = Problem(AXIS, MOVED, Noise.flat(1e3, 1e3))
+    fit = problem.fit()
+    promises = ((offset, TERMS["torque_offset"]), (10.0, TERMS["friction_asymmetry"]))
+    monkeypatch.setattr(
+        candidates, "screen", lambda *_: [(gain, t, {**fit.values, **t.probes[0][0]}) for gain, t in promises]
+    )
+    names = {r.term.mechanism for r in try_terms(problem, fit, [t.mechanism for _, t in promises])}
+    assert names == ({t.mechanism for _, t in promises} if tried else set())
 
 
 def leaving(residual: Array) -> Fit:
