@@ -47,7 +47,7 @@ FEWEST_BLOCKS = 16  # for the quartile of a spectrum
 MODE_BAND = 0.2  # around the load's own frequency
 MODE_NOISE = 3.0  # power of the noise there over its floor, where no encoder sees the load
 ACTIVE_ROUNDS = 4
-MOST_STEPS = 16
+MOST_STEPS = {False: 48, True: 16}  # by whether teeth hit: there the way is rough, and leads ever on
 DAMPINGS = 8
 FIRST_DAMPING = 1e-4
 MISTAKEN = 5.0  # standard deviations off a data sheet, beyond which it has a number wrong
@@ -375,7 +375,7 @@ class Problem:
         columns = self.whitened(parameters, known)
         system = _System.of(parameters, columns)
         damping, anew, corrected = FIRST_DAMPING, False, False
-        for round_ in range(MOST_STEPS if to_end else iterations):
+        for round_ in range(MOST_STEPS[self.hits(terms)] if to_end else iterations):
             old = replace(state)
             gain, damping = self._step(terms, parameters, state, system, damping)
             small = gain < self.memory.least_drop + 1e-4 * max(0.0, state.cost - state.residual.size)
