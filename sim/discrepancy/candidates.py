@@ -49,7 +49,7 @@ HOPE = 0.5  # of what the form of a model may gain: of 15 parts that swing none 
 FAINT, FAINT_TRIES = 8.0, 4  # squares from which what noise may hide is looked at, and how many of them
 LIKE_NEW = 0.5  # of the size that matters: what the linear picture makes less of is as new
 NOISE_LIKE = ("structural_resonance", "stribeck_friction")  # by what shakes the load, and by what is left at low speed
-UNSURE = 0.5  # of what must be gained by friction that was left out, or by an asymmetry: it may be what an offset is
+UNSURE = 0.5  # of what must be gained: by friction that was left out, and beside an offset by an asymmetry
 
 
 @dataclass(frozen=True)
@@ -135,7 +135,8 @@ def try_terms(
 def faint(problem: Problem, fit: Fit) -> list[Rival]:
     """Mechanisms, teeth in contact, of which noise may hide the most; fitted to their end, best first.
 
-    Noise that is taken from a fit without a cause holds what that cause does.
+    Noise that is taken from a fit without a cause holds what that cause does. One that gains nothing in its own fit
+    ended in a worse valley, and all that is held against it there looks worse still.
     """
     present = {term.key for term in fit.terms}
     candidates = [
@@ -148,10 +149,8 @@ def faint(problem: Problem, fit: Fit) -> list[Rival]:
         if promised >= FAINT and len(jobs) < FAINT_TRIES and magnitude(term, start) > LIKE_NEW * term.size:
             jobs.setdefault(term.key, (term, ({**fit.values, **start}, fit.sensitivities)))
     fits = each(lambda job: problem.best((*fit.terms, job[0]), [job[1]]), jobs.values())
-    rivals = [
-        _rival(fit, more.terms[-1], more, finished=more) for more in fits if more and fit.cost - more.cost > FAINT
-    ]
-    return sorted(rivals, key=lambda r: (-r.gain, r.term.key))
+    rivals = [_rival(fit, more.terms[-1], more, finished=more) for more in fits if more]
+    return sorted((r for r in rivals if r.gain > FAINT), key=lambda r: (-r.gain, r.term.key))
 
 
 def _rival(fit: Fit, term: Term, more: Fit, finished: Fit | None = None) -> Rival:
