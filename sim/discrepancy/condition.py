@@ -12,6 +12,7 @@ from casebase.signals.telemetry import Telemetry
 from sim.axis import Axis
 from sim.chain_model import Array
 from sim.discrepancy.channels import check_channels
+from sim.discrepancy.drive_law import DriveLaw, drive_law
 from sim.discrepancy.fault import Fault, InvestigationError
 from sim.discrepancy.measurement import SLOW_ANGLE_CUT_HZ, SLOW_DIRECT_ANGLE_CUT_HZ, Measurement, prepare
 from sim.discrepancy.plausible import check_description
@@ -28,10 +29,11 @@ CHANCE = 0.01  # of one spell in a whole record, in which the torque repeats by 
 
 @dataclass(frozen=True)
 class Gate:
-    """Channels ready for the fit, faults found in them, remarks for the report."""
+    """Channels ready for the fit, faults found in them, what the drive's law says, remarks for the report."""
 
     measurement: Measurement
     faults: tuple[Fault, ...]
+    law: DriveLaw | None
     remarks: tuple[str, ...]
 
 
@@ -71,7 +73,11 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
             "Without a load encoder a stiffness that hardens or holds back cannot be told from friction at reversals: "
             "neither is looked for."
         )
-    return Gate(measurement, tuple(faults), tuple(remarks))
+    law = None
+    if "reference" in beside:
+        course = bridged(beside["reference"], ~lost)
+        law = drive_law(measurement, rate, even["torque"], even["angle"], course)
+    return Gate(measurement, tuple(faults), law, tuple(remarks))
 
 
 def _channels(t: Telemetry) -> tuple[float, Array, Array, Array | None]:

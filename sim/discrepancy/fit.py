@@ -55,6 +55,7 @@ UNKNOWN = 1e-6  # information of one step below which a parameter is not known
 BURST = 1e6  # times the torque: what a simulation that has burst is off by
 HOPELESS = 30.0  # times the noise, in power: what two steps leave of a try that leads nowhere
 LEAST_NOISE, LEAST_GUIDE_NOISE = 2e-3, 1.5e-4  # of the torque, and of that at the load: no drive measures better
+LITTLE = 1e-3  # by which a way may count less and be left as it is
 FORETOLD = 0.1  # of the gain of a step: sensitivities that are off by less are true there
 
 
@@ -75,12 +76,18 @@ SHORT, LONG = Memory(1.0, 0.4, 2.0), Memory(4.0, 2.0, 1.0)
 
 @dataclass(frozen=True)
 class Noise:
-    """Per channel a causal whitening filter and the level of the noise over time, relative to the filter's [1]."""
+    """Per channel a causal whitening filter and the level of the noise over time, relative to the filter's [1].
+
+    `ways`, orthonormal, shape (torque rows, p): in them the whitened torque is noisier; `less`, shape (p,): the share
+    by which they count less.
+    """
 
     torque: Array
     guide: Array
     torque_level: Array = field(default_factory=lambda: np.ones(1))
     guide_level: Array = field(default_factory=lambda: np.ones(1))
+    ways: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    less: Array = field(default_factory=lambda: np.zeros(0))
     _spectra: dict[tuple[str, int], Spectrum] = field(init=False, repr=False, compare=False, default_factory=dict)
 
     @staticmethod
@@ -90,6 +97,8 @@ class Noise:
     def whiten(self, torque: Array, guide: Array) -> Array:
         """Both residuals in one row, white and of unit level."""
         first = self._filtered("torque", torque) / self.torque_level
+        if self.less.size:
+            first -= self.ways @ (self.less * (self.ways.T @ first))
         if not guide.size:
             return first
         return np.concatenate([first, self._filtered("guide", guide) / self.guide_level])
@@ -98,9 +107,18 @@ class Noise:
         """Twice the log of how much larger residuals are than white ones: fits under different noise are as likely as
         the sum of this and their cost is small. The first tap of a minimum phase filter is its geometric mean."""
         loud = [(self.torque, self.torque_level, torque_rows), (self.guide, self.guide_level, guide_rows)]
-        return sum(
+        return -2.0 * float(np.sum(np.log1p(-self.less))) + sum(
             2.0 * rows * (float(np.mean(np.log(level))) - math.log(abs(taps[0]))) for taps, level, rows in loud if rows
         )
+
+    def doubting(self, unsure: Array) -> Noise:
+        """The same where the torque may also be wrong as a whole by each column of `unsure`, shape (rows, p) [N m]."""
+        if not unsure.size:
+            return self
+        white = np.stack([self._filtered("torque", column) / self.torque_level for column in unsure.T], axis=1)
+        ways, size, _ = np.linalg.svd(white, full_matrices=False)
+        less = 1.0 - 1.0 / np.hypot(1.0, size)
+        return replace(self, ways=np.ascontiguousarray(ways[:, less > LITTLE]), less=less[less > LITTLE])
 
     def _filtered(self, channel: str, values: Array) -> Array:
         """By one transform: the filter's own is kept, as nearly all signals of a channel have one length.
@@ -485,13 +503,22 @@ class Problem:
         mode_hz = locked_mode_hz(self.axis) if unseen else None
         least = LEAST_NOISE * m.torque_rms
         first, level = _whitener(torque, m.weight, m.rate_hz, self.memory, mode_hz, teeth=teeth, least=least)
+        unsure = m.unsure
+        if unsure.size:
+            unsure = np.stack([m.bridge.across(column) * m.counts for column in unsure.T], axis=1)
         if not guide.size:
-            return Noise(first, np.ones(1), level)
+            return Noise(first, np.ones(1), level).doubting(unsure)
         stride = m.load_stride
         least = LEAST_GUIDE_NOISE * m.torque_rms * self.axis.ratio
         weight, rate_hz = m.load_weight[::stride], m.rate_hz / stride
         second, other = _whitener(guide, weight, rate_hz, self.memory, teeth=teeth, least=least)
-        return Noise(first, second, level, other)
+        return Noise(first, second, level, other).doubting(unsure)
+
+    def measuring(self, measurement: Measurement) -> Problem:
+        """The same of another torque along the same motion."""
+        other = copy(self)
+        other.measurement = measurement
+        return other
 
     def down_to(self, standstill: float) -> Problem:
         """The same with the rows that are faster than this share of the largest speed and no others."""

@@ -175,7 +175,7 @@ def investigate(
     progress("calibration of what the description has", 0.08)
     problem = Problem(axis, gate.measurement, _first_noise(gate))
     problem, base = calibrate(problem)
-    weighed = selection = told_apart(select(problem, base, progress))
+    weighed = selection = told_apart(select(problem, base, progress, gate.law))
     problem, fit = selection.problem, selection.fit
     progress("sound", 0.78)
     heard = listen(axis, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
@@ -214,7 +214,8 @@ def investigate(
         advice, extended_axis(axis, fit, said),
         _provenance(axis, telemetry, sounds, problem),
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
-        (*gate.remarks, *doubts, *strange, *_rested(problem), *_rattled(problem)), told, selection,
+        (*gate.remarks, *doubts, *strange, *_quieted(problem, gate), *_rested(problem), *_rattled(problem)), told,
+        selection,
         weighed=weighed, gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,
     )  # fmt: skip
 
@@ -324,6 +325,16 @@ def advised(axis: Axis, finding: Finding) -> Finding:
     """With what to do now about it."""
     f = finding
     return replace(f, action=action(axis, f.mechanism, f.location, numbers_of(f), f.probability))
+
+
+def _quieted(problem: Problem, gate: Gate) -> tuple[str, ...]:
+    """That the torque channel's own noise was taken away, if it was."""
+    if gate.law is None or not problem.measurement.unsure.size:
+        return ()
+    return (
+        f"The drive's law, found in reference and encoder, tells {float(np.std(gate.law.noise)):.2g} N m (effective) of "
+        "the torque channel as noise of its own; what was found is found without most of it.",
+    )
 
 
 def _rested(problem: Problem) -> tuple[str, ...]:

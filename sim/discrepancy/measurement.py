@@ -37,7 +37,8 @@ class Measurement:
     `angle`, `speed` are of the motor; `load_angle`, `load_speed` are None without a load encoder; `slow_...` drive the
     chain, nearly free of noise. `valid`, `load_valid`: 1 where a row can be trusted, else 0; `standstill`: share of
     the largest speed below which it does not count; `rests`: it counts at the motor, from the first motion on;
-    `told`: 1 where a model can tell what the motor's torque must have been, 0 where teeth rattle.
+    `told`: 1 where a model can tell what the motor's torque must have been, 0 where teeth rattle; `unsure`, shape
+    (n, p): ways in which the torque may be wrong as a whole, each by a standard deviation [N m].
     """
 
     rate_hz: float
@@ -58,6 +59,7 @@ class Measurement:
     standstill: float = STANDSTILL_SHARE
     rests: bool = False
     told: Array = field(default_factory=lambda: np.ones(1))
+    unsure: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @cached_property
     def moving(self) -> Array:

@@ -7,6 +7,7 @@ import math
 import numpy as np
 
 from sim.discrepancy.candidates import BENT
+from sim.discrepancy.drive_law import DriveLaw, quiet, told
 from sim.discrepancy.fit import LONG, Fit, Noise, Problem
 from sim.discrepancy.measurement import gaussian_kernel
 from sim.discrepancy.model import MOTOR_RELEASE, MOTOR_STRETCH, has_links
@@ -24,6 +25,15 @@ def calibrate(problem: Problem) -> tuple[Problem, Fit]:
     described = problem.fit(iterations=0)
     problem = problem.with_noise(problem.noise_of(described)).told((), described.values)
     return afresh(*rewhiten(problem, problem.fit(held=described.sensitivities)))
+
+
+def quieted(problem: Problem, fit: Fit, law: DriveLaw | None) -> tuple[Problem, Fit]:
+    """Without the noise that the drive's law tells of the torque channel, as far as it is what `fit` leaves."""
+    m = problem.measurement
+    known = law and told(law, m, problem.raw_residuals(fit.terms, fit.values, weighted=False)[0])
+    if known is None:
+        return problem, fit
+    return afresh(*rewhiten(*rewhiten(problem.measuring(quiet(m, known)), fit)))
 
 
 def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:

@@ -32,11 +32,12 @@ from sim.discrepancy.criteria import (
     needs_no_trial,
     wanted,
 )
+from sim.discrepancy.drive_law import DriveLaw
 from sim.discrepancy.either import Nearly, ahead, evened, near, turned
 from sim.discrepancy.fit import BY_CONTACT, LONG, Fit, Problem, each
 from sim.discrepancy.measurement import NEAR_STANDSTILL_SHARE, STANDSTILL_SHARE
 from sim.discrepancy.nameless import AS_NEW
-from sim.discrepancy.refits import afresh, all_rows, look_closely, rattling, rewhiten
+from sim.discrepancy.refits import afresh, all_rows, look_closely, quieted, rattling, rewhiten
 from sim.discrepancy.size import beyond
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import Standing, advantage, in_place, named_alone, own_of, paired, standings
@@ -49,6 +50,7 @@ MOST_ENTRIES = 3  # of one round
 AT_LOW_SPEED = ("stribeck_friction",)
 MOST_RUNS = 2400  # simulations after which of all candidates only the most promising are fitted
 LAST_RUNS = 4800  # the same after which only constants and what promised much are looked for: the rest is unnamed
+BOTTOM_RUNS = 7200  # the same after which no bottom of a dent is looked for
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
 SWAPS = 3
 RIVAL_SHARE = 0.25  # of the gain of the best: less is no rival
@@ -57,6 +59,8 @@ LEAST_SWAP = 10.0  # drop of the squared residual
 LARGE = 0.01  # of the squared residual: what brings less waits until slow noise is known
 PLENTY = 0.1  # of the squared residual: a term whose lack costs more after a few steps is not needless
 SURE, MOST_HIDDEN = 1.0, 2  # tempered nats of what noise has hidden, and how many of those
+MOST_QUIET = 3  # rounds without the noise that the drive's law tells
+SHAKEN = ("gravity_imbalance", "structural_resonance")  # by what shakes the load, which is all that is left then
 ENOUGH = 0.0  # tempered nats that a term must bring
 MORE = 4.0  # the same for what is as new or has no name: it only stands aside
 
@@ -85,8 +89,11 @@ class Selection:
         return tuple(sorted(spoken, key=lambda t: -self.gains[t.key]))
 
 
-def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
-    """Forward selection with refits, backward elimination after every step."""
+def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None = None) -> Selection:
+    """Forward selection with refits, backward elimination after every step.
+
+    Where nothing came in, once more without the noise that `law` tells of the torque channel.
+    """
     fit = base
     rivals: Mapping[str, tuple[Rival, ...]] = {}
     rejected: tuple[Rival, ...] = ()
@@ -127,7 +134,8 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         problem, fit = look_closely(problem, fit)
     fit, rivals = swap(problem, fit, rivals, entered)
     problem, fit, nearly = turned(problem, fit, nearly)
-    problem, fit, gains = prune(problem, bottomed(problem, fit), strict=True)
+    fit = bottomed(problem, fit) if problem.runs.count <= BOTTOM_RUNS else fit
+    problem, fit, gains = prune(problem, fit, strict=True)
     for _ in range(MOST_HIDDEN):
         tried, entry = unmasked(problem, fit, entered)
         problem, fit, gains = entry.problem, entry.fit, dict(entry.brought) or gains
@@ -135,11 +143,48 @@ def select(problem: Problem, base: Fit, progress: Progress) -> Selection:
         nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
         if not entry.new:
             break
+    nothing = not any(is_said(t, fit) for t in fit.terms) and not problem.hits(fit.terms)
+    if law is not None and nothing and problem.runs.count <= LAST_RUNS:
+        more_rivals, more_nearly, entry = quietly(problem, fit, law, entered)
+        if entry.new:
+            problem, fit, gains = entry.problem, entry.fit, dict(entry.brought)
+            rivals, nearly = {**rivals, **more_rivals}, {**nearly, **more_nearly}
     in_place = {key: [(r.term, r.values) for r in likely(tried)] for key, tried in rivals.items()}
-    found = tuple(t for t in fit.terms if t.named and beyond(t, fit) > BEYOND)
+    found = tuple(t for t in fit.terms if t.named and is_said(t, fit))
     standing = standings(problem, fit, found, gains, in_place)
     standing |= {t.key: evened(problem, fit, t, standing[t.key], nearly.get(t.key, [])) for t in found}
     return Selection(problem, base, fit, gains, rivals, rejected, found, standing)
+
+
+def is_said(term: Term, fit: Fit) -> bool:
+    """Whether a term is a mechanism of a size that matters, or something without a name."""
+    return term.mechanism != AS_NEW and beyond(term, fit) > BEYOND
+
+
+def quietly(
+    problem: Problem, fit: Fit, law: DriveLaw, entered: Mapping[str, float]
+) -> tuple[Mapping[str, tuple[Rival, ...]], Nearly, Entry]:
+    """What comes in once the drive's law tells noise of the torque channel, the fit with it and what each term gains.
+
+    Nothing where it tells none, and where what comes in may as well be the noise at the load, which stays.
+    """
+    anew, more = quieted(problem, fit, law)
+    rivals: dict[str, tuple[Rival, ...]] = {}
+    nearly: Nearly = {}
+    for _ in range(MOST_QUIET if anew is not problem else 0):
+        tried, entry = search(anew, more, entered, None)
+        if not entry.new:
+            break
+        anew, more = entry.problem, entry.fit
+        rivals |= {r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}
+        nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
+    if not rivals:
+        return rivals, nearly, Entry((), problem, fit)
+    anew, more, gains = prune(anew, bottomed(anew, more), strict=True)
+    named = [t for t in more.terms if t.named and is_said(t, more)]
+    new = [r for t in named for r in rivals.get(t.key, ()) if r.term.key == t.key]
+    shaken = any(t.mechanism in SHAKEN for t in named)
+    return rivals, nearly, Entry((), problem, fit) if shaken else Entry(new, anew, more, gains)
 
 
 def unmasked(problem: Problem, fit: Fit, entered: Mapping[str, float]) -> tuple[list[Rival], Entry]:
