@@ -23,7 +23,7 @@ from tests.hidden_effects.generator import Scenario
 from tests.hidden_effects.product import ROOT, investigate, investigate_folder, peak_mib
 from tests.hidden_effects.scoring import Scored, complete, judge, several_table, tables
 
-KEPT = ("verdict", "findings", "unexplained", "parameters", "gain", "rejected")
+KEPT = ("verdict", "findings", "unexplained", "parameters", "gain", "rejected", "remarks")
 
 
 def _state_of_product() -> str:
