@@ -142,11 +142,13 @@ def _band(values: Array, low_hz: float, high_hz: float, rate_hz: float) -> Array
 def _follows(noise: Array, left: Array, m: Measurement, width_hz: float) -> bool:
     """Whether `left` is `noise` and something else, which may be far louder in a few rows."""
     used = m.weight > 0.99
+    if used.sum() < FEWEST_ROWS:
+        return False
     noise, left = noise[used], left[used]
     for _ in range(ROUNDS):
         gain = float(noise @ left) / max(float(noise @ noise), 1e-300)
         rest = np.abs(left - gain * noise)
-        near = rest < FAR * float(np.median(rest))
+        near = rest <= FAR * float(np.median(rest))
         noise, left = noise[near], left[near]
     rest = left - gain * noise
     rows = 2.0 * width_hz * noise.size / m.rate_hz

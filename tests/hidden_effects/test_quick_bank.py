@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -65,3 +66,14 @@ def test_what_was_hidden_is_found_with_its_place_and_size_and_nothing_else(entry
     assert judgement.solved, f"hidden {scenario.hidden}, said {said.document['verdict']} {found}"
     off = [check for check in judgement.sizes if not check.within]
     assert not off, f"hidden {scenario.hidden}, sizes off: {off}"
+
+
+def test_the_drives_law_shows_what_noise_of_the_torque_channel_hides() -> None:
+    """Stribeck friction at a third of the noise: named with the reference recorded, and not without it."""
+    scenario = Entry(53_000_810, "mechanics", ("stribeck_friction",), "third").scenario()
+    assert scenario.telemetry
+    without = {name: values for name, values in scenario.telemetry.items() if name != "reference_position_rad"}
+    known, unknown = investigate_together([scenario, replace(scenario, telemetry=without)])
+    assert [f["mechanism"] for f in known["findings"] if f["probability"] >= 0.5] == ["stribeck_friction"]
+    assert any("drive's law" in remark for remark in known["remarks"])
+    assert (unknown["verdict"], unknown["findings"]) == ("nothing_missing", [])
