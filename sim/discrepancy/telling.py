@@ -251,7 +251,7 @@ def _noise_of(problem: Problem, fit: Fit) -> Noise:
         weight = m.load_weight[:: m.load_stride]
         return Noise(noise.torque, noise.guide, level, _loud(noise.guide_level, guide, weight))
     if not has_links(problem.axis):
-        return replace(noise, torque_level=level)
+        return Noise(noise.torque, noise.guide, level)
     raw, _ = problem.raw_residuals(fit.terms, fit.values)
     shaken = _rms(raw, m.weight) * problem.axis.ratio
     added = Noise.flat(1.0, math.hypot(ENCODER_RAD / compliance(problem.axis), shaken))

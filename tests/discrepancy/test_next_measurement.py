@@ -189,6 +189,20 @@ def test_an_offset_that_the_description_knows_tells_no_causes_apart() -> None:
         assert best(offset, words) == pytest.approx(best(plain, words), rel=0.01)
 
 
+def test_what_this_torque_may_be_wrong_by_as_a_whole_says_nothing_of_the_next_recording() -> None:
+    """A body whose torque was freed of noise by the drive's law, and a measurement of another length."""
+    seen = measured(one_way()).channels
+    m = prepare(RATE_HZ, seen["motor_torque_nm"], seen["motor_position_rad"], None)
+    problem = Problem(BODY, m, Noise.flat(0.05, 0.5))
+    fit = problem.fit()
+    unsure = problem.with_noise(problem.noise.doubting(np.linspace(0.0, 0.1, m.samples)[:, None]))
+    (friction,) = (t for t in terms_of(BODY, m, problem.chain((), fit.values)) if t.mechanism == "coulomb_friction")
+    model = Model((friction,), {**fit.values, friction.parameters[0].name: 1.0})
+    plain, freed = (told_by(p, fit, model, {NOTHING: Model.of(fit)}, "coulomb_friction") for p in (problem, unsure))
+    assert plain
+    assert [one.separation for one in freed] == [one.separation for one in plain]
+
+
 @pytest.mark.parametrize("plan", [REPEAT, *PLANS])
 def test_every_plan_moves_within_what_was_measured_and_is_a_sentence_to_be(plan: Plan) -> None:
     t, angle, _, _ = swing()
