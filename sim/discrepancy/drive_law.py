@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft, rfftfreq
 from scipy.ndimage import median_filter
-from scipy.signal import welch
+from scipy.signal import butter, sosfiltfilt, welch
 
 from sim.chain_model import Array
 from sim.discrepancy.measurement import Measurement, smooth
@@ -117,6 +117,8 @@ def told(law: DriveLaw, m: Measurement, left: Array) -> DriveLaw | None:
     """
     edge = 0.0
     for low, high in BANDS_HZ:
+        if 2.0 * high >= m.rate_hz:
+            break
         if not _follows(_band(law.noise, low, high, m.rate_hz), _band(left, low, high, m.rate_hz), m, high - low):
             break
         edge = high
@@ -129,14 +131,12 @@ def told(law: DriveLaw, m: Measurement, left: Array) -> DriveLaw | None:
 
 
 def _band(values: Array, low_hz: float, high_hz: float, rate_hz: float) -> Array:
-    """What of `values` lies between two frequencies, with edges that ring little."""
-    size = next_fast_len(2 * values.size, real=True)
-    mirrored = np.concatenate([values, values[::-1], np.full(size - 2 * values.size, values[0])])
-    places = rfftfreq(size, 1.0 / rate_hz)
-    passed = 1.0 / (1.0 + (places / high_hz) ** 8)
+    """What of `values` lies between two frequencies (Butterworth of order 4, forth and back), mirrored at its ends."""
     if low_hz > 0.0:
-        passed *= 1.0 - 1.0 / (1.0 + (places / low_hz) ** 8)
-    return np.asarray(irfft(rfft(mirrored) * passed, size)[: values.size])
+        sections = butter(4, (low_hz, high_hz), "bandpass", fs=rate_hz, output="sos")
+    else:
+        sections = butter(4, high_hz, "lowpass", fs=rate_hz, output="sos")
+    return np.asarray(sosfiltfilt(sections, values, padtype="even", padlen=values.size - 1))
 
 
 def _follows(noise: Array, left: Array, m: Measurement, width_hz: float) -> bool:

@@ -515,16 +515,14 @@ class Problem:
         return Noise(first, second, level, other).doubting(unsure)
 
     def measuring(self, measurement: Measurement) -> Problem:
-        """The same of another torque along the same motion."""
+        """The same of other rows, or of another torque, along the same motion."""
         other = copy(self)
         other.measurement = measurement
         return other
 
     def down_to(self, standstill: float) -> Problem:
         """The same with the rows that are faster than this share of the largest speed and no others."""
-        other = copy(self)
-        other.measurement = replace(self.measurement, standstill=standstill, rests=False)
-        return other
+        return self.measuring(replace(self.measurement, standstill=standstill, rests=False))
 
     def resting(self, fit: Fit) -> Problem:
         """The same with the rows at rest, where `fit` can say what friction holds there.
@@ -532,10 +530,8 @@ class Problem:
         Ahead of gears, whose encoder sees how far friction gives way before it slides, and while no teeth leave each
         other, which they do first at rest.
         """
-        other = copy(self)
         rests = bool(self.axis.stages) and not self.hits(fit.terms)
-        other.measurement = replace(self.measurement, rests=rests)
-        return other
+        return self.measuring(replace(self.measurement, rests=rests))
 
     def told(self, terms: Sequence[Term], values: Mapping[str, float]) -> Problem:
         """The same without the rows whose torque this model cannot tell.
@@ -555,14 +551,11 @@ class Problem:
             for kick in (0.0, rattle.KICK, 2.0 * rattle.KICK)
         ]
         counts = rattle.told([left[:rows] for left in kicked], self.measurement.rate_hz)
-        other.measurement = replace(other.measurement, told=counts)
-        return other
+        return other.measuring(replace(other.measurement, told=counts))
 
     def with_all_told(self) -> Problem:
         """The same with the rows in which teeth rattle."""
-        other = copy(self)
-        other.measurement = replace(self.measurement, told=np.ones(1))
-        return other
+        return self.measuring(replace(self.measurement, told=np.ones(1)))
 
     def remembering(self, memory: Memory) -> Problem:
         """The same for noise that is taken anew to remember otherwise."""

@@ -27,10 +27,10 @@ def calibrate(problem: Problem) -> tuple[Problem, Fit]:
     return afresh(*rewhiten(problem, problem.fit(held=described.sensitivities)))
 
 
-def quieted(problem: Problem, fit: Fit, law: DriveLaw | None) -> tuple[Problem, Fit]:
+def quieted(problem: Problem, fit: Fit, law: DriveLaw) -> tuple[Problem, Fit]:
     """Without the noise that the drive's law tells of the torque channel, as far as it is what `fit` leaves."""
     m = problem.measurement
-    known = law and told(law, m, problem.raw_residuals(fit.terms, fit.values, weighted=False)[0])
+    known = told(law, m, problem.raw_residuals(fit.terms, fit.values, weighted=False)[0])
     if known is None:
         return problem, fit
     return afresh(*rewhiten(*rewhiten(problem.measuring(quiet(m, known)), fit)))

@@ -145,6 +145,7 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
             break
     nothing = not any(is_said(t, fit) for t in fit.terms) and not problem.hits(fit.terms)
     if law is not None and nothing and problem.runs.count <= LAST_RUNS:
+        progress("candidates without noise of the torque channel", 0.7)
         more_rivals, more_nearly, entry = quietly(problem, fit, law, entered)
         if entry.new:
             problem, fit, gains = entry.problem, entry.fit, dict(entry.brought)

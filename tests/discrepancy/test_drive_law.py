@@ -121,6 +121,15 @@ def test_what_is_left_beside_the_noise_takes_nothing_of_it() -> None:
     assert np.array_equal(known.noise, law.noise)
 
 
+def test_at_a_hundred_rows_a_second_what_is_slow_of_the_noise_is_told() -> None:
+    angle = 30.0 * np.sin(0.5 * np.arange(6000) / 100.0)
+    m = prepare(100.0, np.zeros(angle.size), angle, None)
+    noise = np.asarray(coloured(0.05)[: m.samples])
+    known = told(DriveLaw(noise, np.zeros((m.samples, 1))), m, noise)
+    assert known
+    assert 0.5 * noise.std() < known.noise.std() < noise.std()
+
+
 def test_a_record_without_motion_has_no_law() -> None:
     still = np.zeros(int(20.0 * RATE_HZ))
     m = prepare(RATE_HZ, coloured(0.05), still, None)
