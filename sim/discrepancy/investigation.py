@@ -45,6 +45,10 @@ SOLID = ("inertia_kg_m2", "stiffness_n_m_per_rad")  # what no data sheet is far 
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
 NOT_NOISE = 2.0  # the same, where something is left whatever its place: without a cause 1.3 in 117 recordings at most
 MOST_STRAIN = 120.0  # squared deviations of what is described: a model that needs more is not adequate
+NO_REFERENCE = (
+    "Without reference_position_rad noise of the torque channel cannot be told from torque, and weaker effects may "
+    "hide in it: log it as well."
+)
 Progress = Callable[[str, float], None]
 UNITS = {
     "_rad": "rad", "_n_m": "N m", "_rad_s": "rad/s", "_per_s": "1/s", "_per_rad2": "1/rad2",
@@ -208,13 +212,14 @@ def investigate(
     progress("next measurement", 0.96)
     told = simulated_advice(weighed, findings)
     advice = in_words(told) or next_measurement(axis, findings, rest, problem.guided)
+    quieted = _quieted(problem, gate) if "reference_position_rad" in telemetry or named_well else (NO_REFERENCE,)
     progress("done", 1.0)
     return Investigation(
         axis, verdict, findings, rest[0] if rest else None, estimates(problem, fit), gained,
         advice, extended_axis(axis, fit, said),
         _provenance(axis, telemetry, sounds, problem),
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
-        (*gate.remarks, *doubts, *strange, *_quieted(problem, gate), *_rested(problem), *_rattled(problem)), told,
+        (*gate.remarks, *doubts, *strange, *quieted, *_rested(problem), *_rattled(problem)), told,
         selection,
         weighed=weighed, gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,
     )  # fmt: skip

@@ -32,17 +32,21 @@ TURNS, FEWEST_TURNS = 16, 4
 TRANSFORM = 8192  # longer than any whitening filter
 DRAWS = 4  # of noise, for its floor over orders
 DESCRIBED, EXTENDED = "description, calibrated", "with what was found"
+TAKEN = "taken away: noise of the channel"
 Lines = tuple[tuple[str, Array], ...]
 
 
-def overlay_panels(selection: Selection) -> list[Panel]:
-    """Measured and simulated motor torque beside what is left of it, over time and frequency."""
-    motor = channels(selection)[0]
+def overlay_panels(selection: Selection, recorded: Array) -> list[Panel]:
+    """Measured and simulated motor torque beside what is left of it, over time and frequency.
+
+    `recorded`, shape (n,) [N m]: the torque before noise was taken away that the drive's law tells.
+    """
+    motor, torque = channels(selection)[0], selection.problem.measurement.torque
     return [
-        motor.measured_over_time(selection.problem.measurement.torque),
+        motor.measured_over_time(torque),
         motor.left_over_time(),
-        motor.measured_spectrum(selection.problem.measurement.torque),
-        motor.spectrum(),
+        motor.measured_spectrum(torque),
+        motor.spectrum(recorded - torque),
     ]
 
 
@@ -113,9 +117,13 @@ class Channel:
         lines = (("measured", measured), *((name, measured - left) for name, left in self.left))
         return self._spectra(f"{self.name}, spectrum: measured and simulated", [(n, self._level(y)) for n, y in lines])
 
-    def spectrum(self) -> Panel:
-        """Of the rows that count, as loud as if all did; a line leads over lost ones, whose edges would be loudest."""
-        lines = [(name, self._level(self._counted(left), self._share)) for name, left in self.left]
+    def spectrum(self, taken: Array | None = None) -> Panel:
+        """Of the rows that count, as loud as if all did; a line leads over lost ones, whose edges would be loudest.
+
+        Beside it what was `taken` from the measurement, shape (n,) [N m].
+        """
+        beside = () if taken is None or not taken.any() else ((TAKEN, taken),)
+        lines = [(name, self._level(self._counted(left), self._share)) for name, left in (*self.left, *beside)]
         frequency = lines[0][1][0]
         floor = 10 * np.log10(np.interp(frequency, *self._density))
         return self._spectra(f"{self.name}, spectrum: what is left", [*lines, (FLOOR, (frequency, floor))])

@@ -76,8 +76,9 @@ def story(result: Investigation) -> dict[str, object]:
 
 def panels(result: Investigation) -> tuple[list[Panel], list[Panel], list[Panel]]:
     """Model and measurement; what is left, by where it lives; what was heard beside telemetry."""
-    if result.selection is not None:
-        return overlay_panels(result.selection), residual_panels(result.selection), along_path(result)
+    if result.selection is not None and result.gate is not None:
+        overlay = overlay_panels(result.selection, result.gate.measurement.torque)
+        return overlay, residual_panels(result.selection), along_path(result)
     if result.listening is None:
         return [], [], []
     return (*sound_panels(result.listening), [])

@@ -19,6 +19,7 @@ from sim.discrepancy.explanation import headline, next_measurement, unexplained_
 from sim.discrepancy.investigation import Finding, Investigation, advised, investigate
 from sim.discrepancy.panels import FLOOR, Panel
 from sim.discrepancy.report import STEPS, html_report
+from sim.discrepancy.residuals import TAKEN
 from sim.discrepancy.story import candidates, panels, story
 from sim.discrepancy.unexplained import Unexplained
 from sim.discrepancy.written import angle, interval, number, percent
@@ -141,6 +142,20 @@ def test_a_fault_of_the_recording_stands_in_its_condition() -> None:
 
 def test_a_model_that_was_not_extended_is_not_drawn(good: Investigation) -> None:
     assert "with what was found" not in page_of(good)
+
+
+def test_noise_that_was_taken_away_is_drawn_beside_what_is_left(good: Investigation) -> None:
+    assert good.selection is not None
+    assert good.gate is not None
+    assert TAKEN not in page_of(good)
+    assert any(remark.startswith("Without reference_position_rad") for remark in good.remarks)
+    noise = 0.1 * np.random.default_rng(3).standard_normal(good.gate.measurement.samples)
+    louder = replace(good.gate.measurement, torque=good.gate.measurement.torque + noise)
+    drawn = panels(replace(good, gate=replace(good.gate, measurement=louder)))[0][3]
+    lines = dict(drawn.lines)
+    assert [*lines][-1] == FLOOR
+    rate_hz = good.gate.measurement.rate_hz
+    assert np.median(lines[TAKEN]) == pytest.approx(10.0 * np.log10(2.0 * 0.1**2 / rate_hz), abs=1.0)
 
 
 def test_a_bad_model_does_not_widen_the_noise_floor(rising: Investigation) -> None:

@@ -77,3 +77,4 @@ def test_the_drives_law_shows_what_noise_of_the_torque_channel_hides() -> None:
     assert [f["mechanism"] for f in known["findings"] if f["probability"] >= 0.5] == ["stribeck_friction"]
     assert any("drive's law" in remark for remark in known["remarks"])
     assert (unknown["verdict"], unknown["findings"]) == ("nothing_missing", [])
+    assert any(remark.startswith("Without reference_position_rad") for remark in unknown["remarks"])
