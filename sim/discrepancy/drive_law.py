@@ -25,7 +25,7 @@ WIDTHS = (0.001, 0.01, 0.05)  # of the largest speed, over which friction that t
 LATEST_S, LATE_STEP_S = 8e-3, 1e-3  # by which the torque channel may be late
 SPECTRUM_S = 4.0
 LINE, LINE_REACH = 30.0, 40  # times the median of the cells beside it, and how many of those: a line and no noise
-BANDS_HZ = ((0.5, 4.0), (4.0, 10.0), (10.0, 25.0), (25.0, 60.0))
+BANDS_HZ = ((0.5, 4.0), (4.0, 10.0), (10.0, 25.0))
 FOLLOWS = 0.15  # off one: what the model leaves must be the noise, in every band
 KNOWN = 0.4  # standard deviation of that
 LEAST_EDGE_HZ = 10.0  # up to where it must be at least
@@ -110,22 +110,21 @@ def _without_lines(noise: Array, rate_hz: float) -> Array:
 
 
 def told(law: DriveLaw, m: Measurement, left: Array) -> DriveLaw | None:
-    """Of `law` what a model leaves of the torque as well, shape (n,): all of it, what is slow of it, or None.
+    """Of `law` what is slow and what a model leaves of the torque as well, shape (n,), or None.
 
-    What the drive's law misses is felt by the axis, and a model of the axis does not leave it; what the encoder's noise
-    makes of the law is fast.
+    What the drive's law misses is felt by the axis, and a model of the axis does not leave it.  What is fast of the
+    noise stays: there a law that is a little off moves every phase, and a delay that is not there would explain it.
     """
     edge = 0.0
     for low, high in BANDS_HZ:
         if 2.0 * high >= m.rate_hz:
             break
-        if not _follows(_band(law.noise, low, high, m.rate_hz), _band(left, low, high, m.rate_hz), m, high - low):
+        noise, rest = (_band(x, low, high, m.rate_hz) for x in (law.noise, left))
+        if not _follows(noise, rest, m, high - low):
             break
         edge = high
     if edge < LEAST_EDGE_HZ:
         return None
-    if edge == BANDS_HZ[-1][1]:
-        return law
     below = [_band(x, 0.0, edge, m.rate_hz) for x in (law.noise, *law.unsure.T)]
     return DriveLaw(below[0], np.stack(below[1:], axis=1))
 

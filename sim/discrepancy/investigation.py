@@ -336,10 +336,10 @@ def _quieted(problem: Problem, gate: Gate) -> tuple[str, ...]:
     """That the torque channel's own noise was taken away, if it was."""
     if gate.law is None or not problem.measurement.unsure.size:
         return ()
-    noise = float(np.std(gate.law.noise))
+    taken = float(np.std(gate.measurement.torque - problem.measurement.torque))
     return (
-        f"The drive's law, found in reference and encoder, tells {noise:.2g} N m (effective) of the torque channel as "
-        "noise of its own; what was found is found without most of it.",
+        "The drive's law, found in reference and encoder, tells noise of the torque channel; what was found is found "
+        f"without {taken:.2g} N m (effective) of it.",
     )
 
 

@@ -7,7 +7,7 @@ from functools import cache
 
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.signal import lfilter, welch
 
 from sim.chain_model import Array
 from sim.discrepancy.drive_law import DriveLaw, drive_law, quiet, told
@@ -116,9 +116,22 @@ def test_what_is_left_beside_the_noise_takes_nothing_of_it() -> None:
     noise = coloured(0.05)
     law, m = law_of(torque + noise, reference, angle)
     effect = prepare(RATE_HZ, 0.02 * np.sin(0.7 * angle), angle, None).torque
-    known = told(law, m, prepare(RATE_HZ, noise, angle, None).torque + effect)
+    left = prepare(RATE_HZ, noise, angle, None).torque
+    without, beside = told(law, m, left), told(law, m, left + effect)
+    assert without
+    assert beside
+    assert np.array_equal(beside.noise, without.noise)
+
+
+def test_what_is_fast_of_the_noise_stays() -> None:
+    reference, angle, torque = driven()
+    noise = coloured(0.05)
+    law, m = law_of(torque + noise, reference, angle)
+    known = told(law, m, prepare(RATE_HZ, noise, angle, None).torque)
     assert known
-    assert np.array_equal(known.noise, law.noise)
+    frequency, (whole, slow_part) = welch(np.stack([law.noise, known.noise]), m.rate_hz, nperseg=4096)
+    assert slow_part[frequency > 40.0].sum() < 1e-3 * whole[frequency > 40.0].sum()
+    assert slow_part[frequency < 20.0].sum() == pytest.approx(whole[frequency < 20.0].sum(), rel=0.05)
 
 
 def test_at_a_hundred_rows_a_second_what_is_slow_of_the_noise_is_told() -> None:
