@@ -59,7 +59,11 @@ def _step(values: Array) -> float:
 
 
 def _clipping(values: Array) -> list[Heard]:
-    """More samples at an extreme than just below it: the tail of a signal that is not cut thins out outwards."""
+    """More samples at an extreme than just below it: the tail of a signal that is not cut thins out outwards.
+
+    They follow each other, or are come to and left in many ways: what is fast is cut for one sample at a time, and a
+    sound that repeats has the same extreme in every turn.
+    """
     step = _step(values)
     at = np.zeros(values.size, dtype=bool)
     for side in (1.0, -1.0):
@@ -68,7 +72,9 @@ def _clipping(values: Array) -> list[Heard]:
         below = edge - side * values
         outer, inner = below <= width, (below > width) & (below <= 2.0 * width)
         pairs = int((outer[1:] & outer[:-1]).sum())
-        if pairs >= LEAST_CUT and outer.sum() > TAIL * inner.sum() and edge > LEAST_STEPS * step:
+        rows = np.flatnonzero(outer[1:-1])
+        ways = np.unique(np.stack([values[rows], values[rows + 2]]), axis=1).shape[1]
+        if max(pairs, ways) >= LEAST_CUT and outer.sum() > TAIL * inner.sum() and edge > LEAST_STEPS * step:
             at |= outer
     if not at.any():
         return []

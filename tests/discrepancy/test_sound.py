@@ -180,6 +180,19 @@ def test_hum_is_named_by_its_frequency() -> None:
     assert heard[0].parameters["frequency_hz"][0] == pytest.approx(50.0, abs=0.02)
 
 
+def test_what_is_fast_is_cut_for_one_sample_at_a_time() -> None:
+    """Every other sample of the other sign, as at high frequencies: no two that follow each other are cut."""
+    fast = np.abs(noise(7)) * np.where(np.arange(20 * RATE) % 2, 1.0, -1.0)
+    heard = listen(AXIS, recording(np.clip(fast, -0.014, 0.014)), None, 0.0)
+    assert [h.mechanism for h in heard if h.mechanism == "clipping"] == ["clipping"]
+
+
+def test_a_turn_that_repeats_is_not_cut() -> None:
+    turn = noise(8)[: RATE // 4]
+    heard = listen(AXIS, recording(np.tile(turn, 80)), None, 0.0)
+    assert "clipping" not in [h.mechanism for h in heard]
+
+
 def test_a_recording_cut_at_its_extremes_is_named_clipping() -> None:
     heard = listen(AXIS, recording(np.clip(noise(6), -0.012, 0.012)), None, 0.0)
     assert [h.mechanism for h in heard] == ["clipping"]
