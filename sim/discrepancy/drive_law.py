@@ -112,13 +112,11 @@ def _without_lines(noise: Array, rate_hz: float) -> Array:
 def told(law: DriveLaw, m: Measurement, left: Array) -> DriveLaw | None:
     """Of `law` what is slow and what a model leaves of the torque as well, shape (n,), or None.
 
-    What the drive's law misses is felt by the axis, and a model of the axis does not leave it.  What is fast of the
+    What the drive's law misses is felt by the axis, and a model of the axis does not leave it. What is fast of the
     noise stays: there a law that is a little off moves every phase, and a delay that is not there would explain it.
     """
     edge = 0.0
     for low, high in BANDS_HZ:
-        if 2.0 * high >= m.rate_hz:
-            break
         noise, rest = (_band(x, low, high, m.rate_hz) for x in (law.noise, left))
         if not _follows(noise, rest, m, high - low):
             break

@@ -73,32 +73,30 @@ def _held_out(problem: Problem, fit: Fit, terms: Sequence[Term]) -> tuple[Array,
     rows = np.concatenate([np.arange(m.samples), np.arange(guide.size) * stride])
     for fold in range(FOLDS):
         first, last = fold * m.samples // FOLDS, (fold + 1) * m.samples // FOLDS
-        train = (rows < first) | (rows >= last)
-        a, b = problem.raw_residuals(terms, _refitted(fit, train), weighted=False)
+        a, b = problem.raw_residuals(terms, without(fit, (rows >= first) & (rows < last)), weighted=False)
         torque[first:last] = a[first:last]
         inside = (np.arange(guide.size) * stride >= first) & (np.arange(guide.size) * stride < last)
         guide[inside] = b[inside]
     return torque, guide
 
 
-def _refitted(fit: Fit, train: NDArray[np.bool_]) -> dict[str, float]:
-    """One Gauss-Newton step from the optimum of all rows to that of the training rows."""
-    steps = np.array([p.step for p in fit.parameters])
-    spread = np.array([p.spread for p in fit.parameters])
-    offset = np.array([fit.values[p.name] - p.expected for p in fit.parameters])
-    columns, residual = fit.jacobian[train], fit.residual[train]
-    information = columns.T @ columns + np.diag((steps / spread) ** 2 + 1e-9)
-    gradient = -columns.T @ residual - offset * steps / spread**2
+def without(fit: Fit, left_out: NDArray[np.bool_]) -> dict[str, float]:
+    """One Gauss-Newton step from the optimum of all rows to that without `left_out`.
+
+    The fit is taken for stationary in everything that is not at a limit, and what is stays there: free to pass it, it
+    would move all that it has in common with others, and be held back alone.
+    """
+    free = ~fit.at_limit
+    moving = [p for p, f in zip(fit.parameters, free, strict=True) if f]
+    jacobian, steps = fit.jacobian[:, free], np.array([p.step for p in moving])
+    known = np.diag((steps / np.array([p.spread for p in moving])) ** 2 + 1e-9)
+    columns = jacobian[left_out]
+    information = jacobian.T @ jacobian - columns.T @ columns + known
     scale = np.sqrt(np.maximum(np.diag(information), 1e-12))
-    move = (
-        np.linalg.solve(information / np.outer(scale, scale) + 1e-9 * np.eye(steps.size), gradient / scale)
-        / scale
-        * steps
-    )
-    return {
-        p.name: float(min(max(fit.values[p.name] + d, p.low), p.high))
-        for p, d in zip(fit.parameters, move, strict=True)
-    }
+    scaled = information / np.outer(scale, scale) + 1e-9 * np.eye(steps.size)
+    move = np.linalg.solve(scaled, columns.T @ fit.residual[left_out] / scale) / scale * steps
+    near = {p.name: float(np.clip(fit.values[p.name] + d, p.low, p.high)) for p, d in zip(moving, move, strict=True)}
+    return {**fit.values, **near}
 
 
 def _significant(before: Array, after: Array, blocks: int = 20) -> bool:
