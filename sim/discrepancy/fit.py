@@ -220,6 +220,33 @@ class Fit:
         return {p.name: self.deviation({p.name: 1.0}) for p in self.parameters}
 
 
+@dataclass(frozen=True)
+class Refits:
+    """Linear refits of a fit without some of its rows.
+
+    It is taken for stationary in everything that is not at a limit, and what is stays there: free to pass it, it would
+    move all that it has in common with others. `moving`, shape (p,): what is not; `jacobian`, shape (rows, moving).
+    """
+
+    moving: NDArray[np.bool_]
+    jacobian: Array
+    information: Array
+
+    @staticmethod
+    def of(fit: Fit) -> Refits:
+        moving = ~fit.at_limit
+        known = np.array([p.step / p.spread for p in fit.parameters])[moving]
+        jacobian = fit.jacobian[:, moving]
+        return Refits(moving, jacobian, jacobian.T @ jacobian + np.diag(known**2 + 1e-9))
+
+    def steps(self, columns: Array, residual: Array, kept: float = 0.0) -> Array:
+        """By how many steps each number moves without these rows, but for a `kept` part of what they know of it."""
+        rest = self.information - (1.0 - kept) * (columns.T @ columns)
+        scale = np.sqrt(np.maximum(np.diag(rest), 1e-12))
+        scaled = rest / np.outer(scale, scale) + 1e-9 * np.eye(scale.size)
+        return np.asarray(np.linalg.solve(scaled, (columns.T @ residual) / scale) / scale)
+
+
 def each(function: Callable[[A], B], items: Iterable[A]) -> list[B]:
     """`function` of all items, in order, on all cores: the simulation leaves the interpreter alone."""
     with ThreadPoolExecutor(WORKERS) as pool:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from sim.chain_model import Array
-from sim.discrepancy.fit import Fit, Problem
+from sim.discrepancy.fit import Fit, Problem, Refits
 from sim.discrepancy.measurement import Bridge
 from sim.discrepancy.terms import Term
 
@@ -71,32 +71,22 @@ def _held_out(problem: Problem, fit: Fit, terms: Sequence[Term]) -> tuple[Array,
     stride = m.load_stride
     torque, guide = np.zeros(m.samples), np.zeros((m.samples + stride - 1) // stride if problem.guided else 0)
     rows = np.concatenate([np.arange(m.samples), np.arange(guide.size) * stride])
+    refits = Refits.of(fit)
     for fold in range(FOLDS):
         first, last = fold * m.samples // FOLDS, (fold + 1) * m.samples // FOLDS
-        a, b = problem.raw_residuals(terms, without(fit, (rows >= first) & (rows < last)), weighted=False)
+        a, b = problem.raw_residuals(terms, without(fit, refits, (rows >= first) & (rows < last)), weighted=False)
         torque[first:last] = a[first:last]
         inside = (np.arange(guide.size) * stride >= first) & (np.arange(guide.size) * stride < last)
         guide[inside] = b[inside]
     return torque, guide
 
 
-def without(fit: Fit, left_out: NDArray[np.bool_]) -> dict[str, float]:
-    """One Gauss-Newton step from the optimum of all rows to that without `left_out`.
-
-    The fit is taken for stationary in everything that is not at a limit, and what is stays there: free to pass it, it
-    would move all that it has in common with others, and be held back alone.
-    """
-    free = ~fit.at_limit
-    moving = [p for p, f in zip(fit.parameters, free, strict=True) if f]
-    jacobian, steps = fit.jacobian[:, free], np.array([p.step for p in moving])
-    known = np.diag((steps / np.array([p.spread for p in moving])) ** 2 + 1e-9)
-    columns = jacobian[left_out]
-    information = jacobian.T @ jacobian - columns.T @ columns + known
-    scale = np.sqrt(np.maximum(np.diag(information), 1e-12))
-    scaled = information / np.outer(scale, scale) + 1e-9 * np.eye(steps.size)
-    move = np.linalg.solve(scaled, columns.T @ fit.residual[left_out] / scale) / scale * steps
-    near = {p.name: float(np.clip(fit.values[p.name] + d, p.low, p.high)) for p, d in zip(moving, move, strict=True)}
-    return {**fit.values, **near}
+def without(fit: Fit, refits: Refits, left_out: NDArray[np.bool_]) -> dict[str, float]:
+    """Numbers of the fit to all rows but `left_out`, within what is allowed."""
+    steps = refits.steps(refits.jacobian[left_out], fit.residual[left_out])
+    moving = [p for p, moves in zip(fit.parameters, refits.moving, strict=True) if moves]
+    moved = {p.name: fit.values[p.name] + s * p.step for p, s in zip(moving, steps, strict=True)}
+    return {**fit.values, **{p.name: float(np.clip(moved[p.name], p.low, p.high)) for p in moving}}
 
 
 def _significant(before: Array, after: Array, blocks: int = 20) -> bool:

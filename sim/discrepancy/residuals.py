@@ -43,9 +43,9 @@ def overlay_panels(selection: Selection, recorded: Array) -> list[Panel]:
     """
     motor, torque = channels(selection)[0], selection.problem.measurement.torque
     return [
-        motor.measured_over_time(torque),
+        motor.measured_over_time(recorded, torque),
         motor.left_over_time(),
-        motor.measured_spectrum(torque),
+        motor.measured_spectrum(recorded, torque),
         motor.spectrum(recorded - torque),
     ]
 
@@ -105,17 +105,20 @@ class Channel:
         turning = [*self.by_angles(), *([order] if order else [])]
         return [*turning, self.by_speed(), self.by_torque(), self.by_direction(), self.by_time()]
 
-    def measured_over_time(self, measured: Array) -> Panel:
-        lines = (("measured", measured), *((name, measured - left) for name, left in self.left))
-        return self._over_time(f"{self.name}: measured and simulated", lines, None)
+    def measured_over_time(self, recorded: Array, measured: Array) -> Panel:
+        return self._over_time(f"{self.name}: measured and simulated", self._simulated(recorded, measured), None)
 
     def left_over_time(self) -> Panel:
         reach = 2 * self.floor()
         return self._over_time(f"{self.name}: what is left", self._moving(), (-reach, reach))
 
-    def measured_spectrum(self, measured: Array) -> Panel:
-        lines = (("measured", measured), *((name, measured - left) for name, left in self.left))
-        return self._spectra(f"{self.name}, spectrum: measured and simulated", [(n, self._level(y)) for n, y in lines])
+    def measured_spectrum(self, recorded: Array, measured: Array) -> Panel:
+        lines = [(name, self._level(y)) for name, y in self._simulated(recorded, measured)]
+        return self._spectra(f"{self.name}, spectrum: measured and simulated", lines)
+
+    def _simulated(self, recorded: Array, measured: Array) -> Lines:
+        """What was recorded, and each model: what is left is that of `measured`, of which noise may be taken away."""
+        return (("measured", recorded), *((name, measured - left) for name, left in self.left))
 
     def spectrum(self, taken: Array | None = None) -> Panel:
         """Of the rows that count, as loud as if all did; a line leads over lost ones, whose edges would be loudest.

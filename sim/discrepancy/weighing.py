@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import log_ndtr
 
 from sim.chain_model import Array
-from sim.discrepancy.fit import Fit, Problem, each
+from sim.discrepancy.fit import Fit, Problem, Refits, each
 from sim.discrepancy.nameless import CURVES
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weights import WEIGHTS, Weights
@@ -169,20 +169,14 @@ def paired(drop: Array) -> float:
 def held_out_squares(fit: Fit) -> Array:
     """Sum of squares per block of time after one linear refit on the other blocks, shape (BLOCKS,).
 
-    The fit is taken for stationary in everything that is not at a limit, and what is stays there. A `KEPT` part of all
-    that is known goes into every refit: the other blocks cannot be asked for what one block alone knows.
+    A `KEPT` part of all that is known goes into every refit: the other blocks cannot be asked for what one block alone
+    knows.
     """
-    free = ~fit.at_limit
-    steps = np.array([p.step / p.spread for p in fit.parameters])[free]
-    jacobian = fit.jacobian[:, free]
-    information = jacobian.T @ jacobian + np.diag(steps**2 + 1e-9)
+    refits = Refits.of(fit)
     out = np.zeros(BLOCKS)
     for k, part in enumerate(fit.blocks(BLOCKS)):
-        columns, rows = jacobian[part], fit.residual[part]
-        rest = information - (1.0 - KEPT) * (columns.T @ columns)
-        scale = np.sqrt(np.maximum(np.diag(rest), 1e-12))
-        move = np.linalg.solve(rest / np.outer(scale, scale) + 1e-9 * np.eye(scale.size), -(columns.T @ rows) / scale)
-        out[k] = float(np.sum((rows - columns @ (move / scale)) ** 2))
+        columns, rows = refits.jacobian[part], fit.residual[part]
+        out[k] = float(np.sum((rows + columns @ refits.steps(columns, rows, KEPT)) ** 2))
     return out
 
 

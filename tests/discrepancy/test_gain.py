@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.discrepancy.fit import Fit
+from sim.discrepancy.fit import Fit, Refits
 from sim.discrepancy.gain import without
 from sim.discrepancy.parameters import Parameter
 
@@ -27,7 +27,7 @@ def bounded(seed: int) -> tuple[Fit, np.ndarray, np.ndarray]:
 
 def test_without_nothing_left_out_nothing_moves() -> None:
     fit, _, _ = bounded(1)
-    assert without(fit, np.zeros(ROWS, dtype=bool)) == pytest.approx(fit.values)
+    assert without(fit, Refits.of(fit), np.zeros(ROWS, dtype=bool)) == pytest.approx(fit.values)
 
 
 def test_numbers_are_those_of_the_other_rows_with_what_is_at_a_limit_still_there() -> None:
@@ -35,6 +35,6 @@ def test_numbers_are_those_of_the_other_rows_with_what_is_at_a_limit_still_there
         fit, columns, measured = bounded(2)
         left_out = np.arange(ROWS) // (ROWS // 4) == quarter
         first = columns[~left_out, 0]
-        there = without(fit, left_out)
+        there = without(fit, Refits.of(fit), left_out)
         assert there["first"] == pytest.approx(float(first @ measured[~left_out] / (first @ first)), rel=1e-6)
         assert there["second"] == 0.0
