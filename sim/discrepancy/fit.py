@@ -226,6 +226,7 @@ class Refits:
 
     It is taken for stationary in everything that is not at a limit, and what is stays there: free to pass it, it would
     move all that it has in common with others. `moving`, shape (p,): what is not; `jacobian`, shape (rows, moving).
+    `still`: numbers that stay as well.
     """
 
     moving: NDArray[np.bool_]
@@ -233,8 +234,8 @@ class Refits:
     information: Array
 
     @staticmethod
-    def of(fit: Fit) -> Refits:
-        moving = ~fit.at_limit
+    def of(fit: Fit, still: Collection[str] = ()) -> Refits:
+        moving = ~fit.at_limit & np.array([p.name not in still for p in fit.parameters], dtype=np.bool_)
         known = np.array([p.step / p.spread for p in fit.parameters])[moving]
         jacobian = fit.jacobian[:, moving]
         return Refits(moving, jacobian, jacobian.T @ jacobian + np.diag(known**2 + 1e-9))
@@ -588,6 +589,12 @@ class Problem:
         """The same for noise that is taken anew to remember otherwise."""
         other = copy(self)
         other.memory = memory
+        return other
+
+    def doubting(self, times: Mapping[str, float]) -> Problem:
+        """The same with numbers of the description known so many times less well."""
+        other = copy(self)
+        other.doubts = {**self.doubts, **{name: self.doubts.get(name, 1.0) * more for name, more in times.items()}}
         return other
 
     def with_noise(self, noise: Noise) -> Problem:

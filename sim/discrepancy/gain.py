@@ -12,6 +12,7 @@ from scipy.signal import butter, sosfiltfilt
 from sim.chain_model import Array
 from sim.discrepancy.fit import Fit, Problem, Refits
 from sim.discrepancy.measurement import Bridge
+from sim.discrepancy.model import START
 from sim.discrepancy.terms import Term
 
 FOLDS = 4
@@ -32,6 +33,8 @@ class Gain:
 
 def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple[Gain, ...]:
     """Per channel, of the rows that can be trusted; folds are quarters of the record, predicted from the others.
+
+    The state in which the record begins is known by its first rows alone, and kept.
 
     Before: the description as it is given or calibrated, whichever leaves less of the torque; numbers that a fit bends
     to stand for something missing may be worse than any data sheet. After: numbers of `fit`, by `terms` alone.
@@ -71,7 +74,7 @@ def _held_out(problem: Problem, fit: Fit, terms: Sequence[Term]) -> tuple[Array,
     stride = m.load_stride
     torque, guide = np.zeros(m.samples), np.zeros((m.samples + stride - 1) // stride if problem.guided else 0)
     rows = np.concatenate([np.arange(m.samples), np.arange(guide.size) * stride])
-    refits = Refits.of(fit)
+    refits = Refits.of(fit, START)
     for fold in range(FOLDS):
         first, last = fold * m.samples // FOLDS, (fold + 1) * m.samples // FOLDS
         a, b = problem.raw_residuals(terms, without(fit, refits, (rows >= first) & (rows < last)), weighted=False)

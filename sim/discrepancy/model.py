@@ -23,6 +23,7 @@ DRIVING, DRIVEN = "loss_split.driving", "loss_split.driven"
 LOSS_SPLITS = {DRIVING: 1.0, DRIVEN: 0.5}
 LOSS_WIDTH, LOSS_TURNS = "log_loss_width", 2e-3  # of the largest speed, over which losses turn their sign
 MOTOR_STRETCH, MOTOR_RELEASE = "log_stretch_rad.motor", "log_release.motor"
+START = ("start_rad", "start_rad_s")  # of the load over the motor, when the record begins
 NONE = math.log(NO_STRETCH_RAD)
 SLOW = -5.0  # a contact lets go within a second, and not while it moves
 RUNOUT_OVER_MESH = 2.0  # of a gear as new: error once per turn over that per tooth
@@ -161,8 +162,7 @@ def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: bo
     else:  # it may swing when the record begins
         twist = level_n_m * axis.ratio * compliance(axis)
         rate = 2.0 * math.pi * locked_mode_hz(axis) * twist
-        out.append(Parameter("start_rad", 0.0, 0.03 * twist, 2.0 * twist))
-        out.append(Parameter("start_rad_s", 0.0, 0.03 * rate, 2.0 * rate))
+        out += [Parameter(name, 0.0, 0.03 * size, 2.0 * size) for name, size in zip(START, (twist, rate), strict=True)]
     return out
 
 
@@ -287,5 +287,5 @@ def nuisance_of(values: Values) -> Nuisance:
         (1e-3 * math.exp(get(MOTOR_RELEASE, 0.0)), width * math.exp(get("log_release.load", 0.0))),
         math.exp(get(LOSS_WIDTH, math.log(LOSS_TURNS))),
         (math.exp(get(MOTOR_STRETCH, NONE)), math.exp(get("log_stretch_rad.load", NONE))),
-        (get("start_rad", 0.0), get("start_rad_s", 0.0)),
+        (get(START[0], 0.0), get(START[1], 0.0)),
     )

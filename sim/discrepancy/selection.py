@@ -38,6 +38,7 @@ from sim.discrepancy.fit import BY_CONTACT, LONG, Fit, Problem, each
 from sim.discrepancy.measurement import NEAR_STANDSTILL_SHARE, STANDSTILL_SHARE
 from sim.discrepancy.nameless import AS_NEW
 from sim.discrepancy.refits import afresh, all_rows, look_closely, quieted, rattling, rewhiten
+from sim.discrepancy.sheet import doubted
 from sim.discrepancy.size import beyond
 from sim.discrepancy.terms import Term
 from sim.discrepancy.weighing import Standing, advantage, in_place, named_alone, own_of, paired, standings
@@ -336,14 +337,15 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
 def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, dict[str, float]]:
     """Take away every term that the others have made needless; gains of those that stay.
 
-    `strict`, once all are in: also what does not hold on unseen rows or is only the error of another's form. What has
-    no name cannot make a mechanism needless. The one that costs least goes first: without it others may hold. A fit
-    without what is clearly needed is not finished: that gain is at most as large as told.
+    `strict`, once all are in: also what does not hold on unseen rows, is only the error of another's form, or needless
+    once numbers of the description are taken for wrong. What has no name cannot make a mechanism needless. The one that
+    costs least goes first: without it others may hold. A fit without what is clearly needed is not finished: that gain
+    is at most as large as told.
     """
     while fit.terms:
         plain = named_alone(problem, fit)
 
-        def without(term: Term, fit: Fit = fit, plain: Fit = plain) -> Fit:
+        def without(term: Term, problem: Problem = problem, fit: Fit = fit, plain: Fit = plain) -> Fit:
             more = plain if term.named else fit
             rest = tuple(t for t in more.terms if t is not term)
             less = problem.fit(rest, more.values, held=more.sensitivities)
@@ -368,11 +370,19 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
             or not wanted(t, beyond(t, fit))
             or (strict and not matters(t, gains[t.key], fit))
         ]
+        instead: dict[str, tuple[Problem, Fit]] = {}
+        if strict and not weak:
+            for term in fit.terms:
+                more = plain if term.named else fit
+                rival = doubted(term, gains[term.key], problem, less[term.key], more) if is_said(term, fit) else None
+                instead |= {term.key: rival} if rival else {}
+            weak = [t for t in fit.terms if t.key in instead]
         if not weak:
             return problem, fit, gains
         weakest = min(weak, key=lambda t: costs[t.key])
+        problem, without_it = instead.get(weakest.key, (problem, less[weakest.key]))
         rest = tuple(t for t in fit.terms if t is not weakest)
-        fit = problem.fit(rest, {**fit.values, **less[weakest.key].values}, held=fit.sensitivities, to_end=True)
+        fit = problem.fit(rest, {**fit.values, **without_it.values}, held=fit.sensitivities, to_end=True)
     return problem, fit, {}
 
 

@@ -38,3 +38,20 @@ def test_numbers_are_those_of_the_other_rows_with_what_is_at_a_limit_still_there
         there = without(fit, Refits.of(fit), left_out)
         assert there["first"] == pytest.approx(float(first @ measured[~left_out] / (first @ first)), rel=1e-6)
         assert there["second"] == 0.0
+
+
+def test_what_the_record_begins_with_stays_where_its_first_rows_are_left_out() -> None:
+    rng = np.random.default_rng(3)
+    columns = np.stack([np.exp(-np.arange(ROWS) / 50.0), np.ones(ROWS)], axis=1)
+    measured = columns @ np.array([5.0, 1.0]) + rng.standard_normal(ROWS)
+    best = np.linalg.lstsq(columns, measured, rcond=None)[0]
+    residual = columns @ best - measured
+    parameters = (Parameter("start_rad", 0.0, 1.0), Parameter("level", 0.0, 1.0))
+    values = {"start_rad": float(best[0]), "level": float(best[1])}
+    fit = Fit((), parameters, values, residual, columns, float(residual @ residual), ROWS)
+    left_out = np.arange(ROWS) < ROWS // 4
+    there = without(fit, Refits.of(fit, ("start_rad",)), left_out)
+    assert there["start_rad"] == values["start_rad"]
+    assert there["level"] == pytest.approx(float(measured[~left_out].mean()), abs=1e-3)
+    free = without(fit, Refits.of(fit), left_out)
+    assert abs(free["start_rad"] - 5.0) > 10.0 * fit.deviation({"start_rad": 1.0})  # of which the others know nothing
