@@ -219,8 +219,8 @@ def investigate(
         advice, extended_axis(axis, fit, said),
         _provenance(axis, telemetry, sounds, problem),
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
-        (*gate.remarks, *doubts, *strange, *quieted, *_rested(problem), *_rattled(problem)), told,
-        selection,
+        (*gate.remarks, *doubts, *strange, *quieted, *_wrong(problem, fit), *_rested(problem), *_rattled(problem)),
+        told, selection,
         weighed=weighed, gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,
     )  # fmt: skip
 
@@ -324,6 +324,19 @@ def _doubts(fit: Fit, gained: Sequence[Gain]) -> tuple[str, ...]:
             "Either the description is of another axis, or something is missing that no mechanism explains."
         )
     return tuple(out)
+
+
+def _wrong(problem: Problem, fit: Fit) -> tuple[str, ...]:
+    """Numbers of the description that were taken for wrong."""
+    wrong = [
+        f"{p.name} {p.expected:.3g} -> {fit.values[p.name]:.3g}" for p in fit.parameters if p.name in problem.doubts
+    ]
+    if not wrong:
+        return ()
+    return (
+        f"The data do not bear out what the description says: {', '.join(wrong)}. Either it has these numbers wrong, "
+        "or they stand for something too weak to be named. Check them before a cause is looked for.",
+    )
 
 
 def advised(axis: Axis, finding: Finding) -> Finding:
