@@ -6,9 +6,9 @@ import math
 
 from sim.discrepancy.criteria import LEFT_OUT, least_gain
 from sim.discrepancy.fit import Fit, Problem
+from sim.discrepancy.refits import FAR_BENT
 from sim.discrepancy.terms import Term
 
-FAR = 2.5  # standard deviations, beyond which a number may be wrong altogether
 OF_LINKS = ("damping_n_m_s_per_rad", "mesh_efficiency")  # of a stage: described as well, though less well known
 SURE = 10.0  # times the least gain: so much is not explained by any number
 
@@ -24,7 +24,7 @@ def doubted(term: Term, gain: float, problem: Problem, less: Fit, more: Fit) -> 
     base = {p.name for p in problem.base()}
     described = [p for p in less.parameters if p.name in base and (p.stated or p.name.endswith(OF_LINKS))]
     far = {p.name: p.deviation(less.values) for p in described if p.name not in term.replaces}
-    wrong = {name: times for name, times in far.items() if times > FAR}
+    wrong = {name: times for name, times in far.items() if times > FAR_BENT}
     if not wrong:
         return None
     other = problem.doubting(wrong)
