@@ -3,13 +3,13 @@
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 
 import numpy as np
 from numpy.typing import NDArray
 
 from casebase.case_table import CaseTable, Mask
-from casebase.experience import Experience, Judgement, gather, representative
+from casebase.experience import Experience, Judgement, border, gather, representative
 from casebase.explanation import Evidence, feature_evidence, motion_evidence, novelty_evidence
 from casebase.learning import Similarity
 from casebase.moving import all_move, moving
@@ -18,8 +18,8 @@ from casebase.retrieval import CaseMatrix, Match, NearestByClass
 from casebase.signals.features import Extraction, QualityFlag
 from casebase.voting import NEAREST
 
-CLEAR_ODDS = 2.0
-"""The best hypothesis must be so many times as probable as the next one, else the verdict is `ambiguous`."""
+DIAGNOSED_FROM = 0.8
+"""A label of less probability is `ambiguous`; of those above, nine in ten are right where probabilities hold."""
 NEIGHBOURS = 5
 MASKS_KEPT = 16
 
@@ -74,7 +74,8 @@ class Diagnosis:
             "hypotheses": [each.to_document() for each in self.hypotheses],
             "neighbours": [_neighbour(match) for match in self.neighbours],
             "evidence": [each.to_document() for each in self.evidence],
-            "quality": [asdict(flag) for flag in self.quality],
+            "disturbances": [each for flag in self.quality if (each := flag.disturbance) is not None],
+            "quality": [flag.to_document() for flag in self.quality],
             "novelty": {"distance": self.novelty, "threshold": self.threshold},
             "remarks": list(self.remarks),
         }
@@ -107,8 +108,9 @@ class Reasoner:
         self.table, self.similarity, self.similarity_version = table, similarity, similarity_version
         self.outgrown = outgrown
         self.matrix = CaseMatrix(table, similarity.metric)
+        known = border(table)
         self.all_move = all_move(table.names, table.values)
-        self.ranges = known_ranges(table.names, table.values, table.labels)
+        self.ranges = known_ranges(table.names, table.values[known], table.labels[known])
         self._experiences: OrderedDict[bytes, Experience] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -136,7 +138,7 @@ class Reasoner:
 
     def _judged(self, values: NDArray[np.floating], near: NearestByClass, experience: Experience) -> Judgement:
         still = self.all_move and not moving(self.table.names, values[None])[0]
-        return experience.judge(near.voting(NEAREST), self.ranges.distance(values), still)
+        return experience.judge(near.voting(NEAREST), self.ranges.distance(values), values, still)
 
     def diagnose(self, extraction: Extraction) -> Diagnosis:
         """Return the diagnosis of a recording by its features."""
@@ -155,7 +157,7 @@ class Reasoner:
         near = self._near(values, max(NEIGHBOURS, NEAREST * len(self.table.classes)), experience)
         judgement = self._judged(values, near, experience)
         hypotheses = _hypotheses(near, judgement)
-        verdict = verdict_of(judgement)
+        verdict = verdict_of(judgement, extraction.poor)
         best = hypotheses[0]
         label = None if verdict == "not_in_library" else best.label
         return Diagnosis(
@@ -168,7 +170,7 @@ class Reasoner:
             quality=extraction.quality,
             novelty=judgement.novelty,
             threshold=judgement.threshold,
-            remarks=tuple(self._remarks(judgement, experience)),
+            remarks=tuple(self._remarks(extraction, judgement, experience)),
         )
 
     def _evidence(self, extraction: Extraction, near: NearestByClass, label: str | None) -> tuple[Evidence, ...]:
@@ -177,13 +179,17 @@ class Reasoner:
             return (*novelty_evidence(self.table.names, values, self.ranges), *motion)
         return (*feature_evidence(self.table, values, near.of(label), near.other_than(label)), *motion)
 
-    def _remarks(self, judgement: Judgement, experience: Experience) -> list[str]:
-        remarks = []
+    def _remarks(self, extraction: Extraction, judgement: Judgement, experience: Experience) -> list[str]:
+        remarks = (
+            []
+            if not extraction.poor
+            else ["the recording is too poor for a label to be relied on: see what is said of it, and record again"]
+        )
         silent = int(np.count_nonzero(~experience.jury))
         if silent:
             remarks.append(
-                f"{silent} simulated cases have no vote: without them, measured cases of gearboxes held out are told "
-                "apart at least as well"
+                f"{silent} simulated cases have no vote: measured cases of gearboxes held out are told apart as well "
+                "without them"
             )
         if judgement.still:
             remarks.append(
@@ -219,12 +225,11 @@ def _hypotheses(near: NearestByClass, judgement: Judgement) -> tuple[Hypothesis,
     return tuple(sorted(found, key=lambda each: (-each.probability, -each.p_value, each.label)))
 
 
-def verdict_of(judgement: Judgement) -> str:
-    """Return `not_in_library`, `ambiguous` or `diagnosed`."""
+def verdict_of(judgement: Judgement, poor: bool = False) -> str:
+    """Return `not_in_library`, `ambiguous` or `diagnosed`; of a poor recording nothing is said with confidence."""
     if judgement.still or (judgement.threshold is not None and judgement.novelty > judgement.threshold):
         return "not_in_library"
-    *_, second, best = [0.0, *np.sort(judgement.probabilities)]
-    return "ambiguous" if best < CLEAR_ODDS * second else "diagnosed"
+    return "diagnosed" if judgement.probabilities.max() >= DIAGNOSED_FROM and not poor else "ambiguous"
 
 
 def _count(matches: Sequence[Match], label: str, origin: str) -> int:

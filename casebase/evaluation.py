@@ -10,7 +10,7 @@ from scipy import special
 from casebase.case_table import CaseTable, Mask
 from casebase.diagnosis import Reasoner, verdict_of
 from casebase.errors import InvalidRequestError
-from casebase.experience import representative, where_unknown_begins
+from casebase.experience import border, representative, where_unknown_begins
 from casebase.learning import FOLDS, Similarity, fold_numbers, learn, unlearned
 from casebase.novelty import known_ranges, spread_out
 
@@ -229,7 +229,8 @@ def _called_new(table: CaseTable, inside: Mask, tested: Mask, label: str) -> lis
     if not tested.any() or not inside.any():
         return []
     known = table.take(inside)
-    ranges = known_ranges(known.names, known.values, known.labels)
+    bordering = border(known)
+    ranges = known_ranges(known.names, known.values[bordering], known.labels[bordering])
     limits: dict[bytes, float | None] = {}
     answers = []
     for values in table.values[tested]:

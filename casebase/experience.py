@@ -1,20 +1,23 @@
 """What the library knows of itself: how far its own cases lie from each other when their gearbox is held out.
 
 From it come the three numbers that a diagnosis says: a p-value per class (conformal prediction), a probability
-(votes calibrated on held-out gearboxes), and the distance beyond which a recording is like nothing in the library.
+(votes calibrated on held-out gearboxes and on disturbed copies of their recordings), and the distance beyond which a
+recording is like nothing in the library.
 
 Source: Vovk, Gammerman, Shafer, Algorithmic Learning in a Random World (2005), label-conditional p-values.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from casebase.calibration import PRIOR, Calibration, fitted, usual_low_band
 from casebase.case_table import CaseTable, Mask
+from casebase.detection import Detection
 from casebase.learning import Similarity
-from casebase.novelty import FEWEST_FOR_LIMIT, LIMIT, KnownRanges, known_ranges, novelty_limit, spread_out
+from casebase.novelty import BASELINES, FEWEST_FOR_LIMIT, LIMIT, KnownRanges, known_ranges, novelty_limit, spread_out
 from casebase.retrieval import CaseMatrix
 from casebase.similarity import Floats
 from casebase.voting import NEAREST, balance, fitted_sharpness, log_votes, strangeness
@@ -55,6 +58,9 @@ class Experience:
         truth: class of every row.
         threshold: the novelty limit; None if the library is too small to set one.
         jury: the cases that vote, shape (cases,); see `possible_juries`.
+        detection: which faults would be heard in a recording.
+        calibration: how sure one may be of the leading label.
+        names: of the features.
     """
 
     classes: tuple[str, ...]
@@ -63,6 +69,9 @@ class Experience:
     sharpness: float
     threshold: float | None
     jury: Mask
+    detection: Detection
+    calibration: Calibration
+    names: tuple[str, ...]
 
     @property
     def doubt(self) -> float:
@@ -72,18 +81,18 @@ class Experience:
         """
         return 1 / (self.truth.size + 2)
 
-    def judge(self, nearest: Floats, novelty: float, still: bool = False) -> Judgement:
+    def judge(self, nearest: Floats, novelty: float, values: NDArray[np.floating], still: bool = False) -> Judgement:
         """Return probabilities and p-values for one query.
 
         Args:
             nearest: squared distances to the nearest cases of every class, shape (classes, k).
             novelty: distance to what is known.
+            values: its features, shape (n,).
             still: see `Judgement`.
         """
-        shares = np.exp(log_votes(nearest[None], self.sharpness)[0])
         return Judgement(
             self.classes,
-            self._probabilities(shares),
+            self._calibrated(self.shares(nearest, values), values),
             self._p_values(strangeness(nearest[None])[0]),
             LIMIT if still else novelty,
             self.threshold,
@@ -91,13 +100,36 @@ class Experience:
             still,
         )
 
-    def _probabilities(self, shares: Floats) -> Floats:
+    def shares(self, nearest: Floats, values: NDArray[np.floating], but: str = "") -> Floats:
+        """Return every class's share before calibration, shape (classes,); `but` is a gearbox that is held out."""
+        votes = self._doubted(np.exp(log_votes(nearest[None], self.sharpness)[0]))
+        return self.detection.earned(votes, self.detection.missed(values, but))
+
+    def _doubted(self, shares: Floats) -> Floats:
         """Return shares of votes mixed with ignorance, so that a small library never is certain."""
         count = len(self.classes)
         if count == 1:
             return np.array([1 - self.doubt])
         ignorance = min(1.0, self.doubt * count / (count - 1))
         return np.asarray((1 - ignorance) * shares + ignorance / count)
+
+    def _calibrated(self, shares: Floats, values: NDArray[np.floating]) -> Floats:
+        """Return probabilities: that of the leading label is calibrated, the others share the rest as before."""
+        top, count = int(shares.argmax()), len(self.classes)
+        lacking = self.calibration.lacks(self.names, values[None])
+        sound = np.array([self.classes[top] in BASELINES])
+        sure = float(self.calibration.probability(shares[top : top + 1], lacking, sound)[0])
+        sure = min(sure, 1 - self.doubt)
+        if count == 1:
+            return np.array([sure])
+        even = 1 / count
+        sure, share = max(sure, even), float(shares[top])
+        if share > sure:
+            # drawn to an even share, so that the leading label stays in the lead
+            return np.asarray(even + (sure - even) / (share - even) * (shares - even))
+        probabilities = shares * ((1 - sure) / max(1 - share, 1e-12))
+        probabilities[top] = sure
+        return np.asarray(probabilities)
 
     def _p_values(self, strange: Floats) -> Floats:
         """Return the share of each class's own cases that are at least as strange to it."""
@@ -124,13 +156,73 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
     """
     truth = np.searchsorted(table.classes, table.labels[rows])
     juries = possible_juries(table)
-    seen = _nearest_of_others(table, similarity, present, rows, juries)
+    seen = _nearest_of_others(table, similarity, present, rows, table.values[rows], juries)
     chosen = _most_telling(seen, truth)
     nearest = seen[chosen]
     known = _reached(nearest, truth)
     sharpness = fitted_sharpness(nearest[known], truth[known])
-    limit = where_unknown_begins(table, present, rows)
-    return Experience(table.classes, nearest[known], truth[known], sharpness, limit, juries[chosen])
+    return Experience(
+        table.classes,
+        nearest[known],
+        truth[known],
+        sharpness,
+        where_unknown_begins(table, present, rows),
+        juries[chosen],
+        Detection.of(table, juries[chosen]),
+        similarity.calibration or replace(PRIOR, usual=usual_low_band(table.names, table.values[rows])),
+        table.names,
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class Copies:
+    """Disturbed copies of the recordings of some cases.
+
+    Args:
+        rows: the case that each is a copy of, shape (copies,).
+        values: features, shape (copies, n), NaN where missing.
+    """
+
+    rows: NDArray[np.intp]
+    values: NDArray[np.float32]
+
+
+MOST_MASKS = 4
+"""Copies that lack features in more ways than these, the most frequent ones, are left aside."""
+FEWEST_FOR_CALIBRATION = 30
+
+
+def calibrated(table: CaseTable, similarity: Similarity, copies: Copies) -> Similarity:
+    """Return the similarity with a calibration learned from cases and copies, each held out with its gearbox."""
+    rows = representative(table)
+    own = np.isin(rows, copies.rows)
+    asked = np.concatenate([rows[own], copies.rows])
+    values = np.concatenate([table.values[rows[own]], copies.values])
+    masks, kinds, counts = np.unique(np.isfinite(values), axis=0, return_inverse=True, return_counts=True)
+    usual = usual_low_band(table.names, table.values[rows])
+    share, right, sound, kept, truth = [], [], [], [], []
+    for kind in np.argsort(-counts)[:MOST_MASKS]:
+        experience = gather(table, similarity, masks[kind], rows)
+        for index in np.flatnonzero(kinds.ravel() == kind):
+            row = asked[index]
+            if not (table.labels[experience.jury & (table.groups != table.groups[row])] == table.labels[row]).any():
+                continue
+            near = _nearest_of_others(
+                table, similarity, masks[kind], asked[index : index + 1], values[index : index + 1], [experience.jury]
+            )[0, 0]
+            shares = experience.shares(near, values[index], str(table.groups[row]))
+            leading = table.classes[int(shares.argmax())]
+            share.append(float(shares.max()))
+            right.append(leading == table.labels[row])
+            sound.append(leading in BASELINES)
+            kept.append(index)
+            truth.append(int(np.searchsorted(table.classes, table.labels[row])))
+    if len(kept) < FEWEST_FOR_CALIBRATION:
+        return similarity
+    lacking = replace(PRIOR, usual=usual).lacks(table.names, values[kept])
+    weights = balance(np.array(truth))
+    learned = fitted(np.array(share), lacking, np.array(sound), np.array(right), weights, usual)
+    return replace(similarity, calibration=learned)
 
 
 def possible_juries(table: CaseTable) -> list[Mask]:
@@ -148,9 +240,18 @@ def possible_juries(table: CaseTable) -> list[Mask]:
 
 
 def _nearest_of_others(
-    table: CaseTable, similarity: Similarity, present: Mask, rows: NDArray[np.intp], juries: Sequence[Mask]
+    table: CaseTable,
+    similarity: Similarity,
+    present: Mask,
+    rows: NDArray[np.intp],
+    values: NDArray[np.floating],
+    juries: Sequence[Mask],
 ) -> Floats:
-    """Return squared distances to the nearest of each jury from other gearboxes, shape (juries, rows, classes, k)."""
+    """Return squared distances to the nearest of each jury from other gearboxes, shape (juries, rows, classes, k).
+
+    Args:
+        values: features of the rows, or of copies of them, shape (rows, n).
+    """
     nearest = np.full((len(juries), rows.size, len(table.classes), NEAREST), np.inf)
     held_out = _held_out_together(table)
     matrices: dict[bytes, CaseMatrix] = {}
@@ -159,7 +260,7 @@ def _nearest_of_others(
         matrix = matrices.get(weights.tobytes())
         if matrix is None:
             matrix = matrices[weights.tobytes()] = CaseMatrix(table, similarity.metric.with_weights(weights))
-        query = np.where(present, table.values[row], np.nan)
+        query = np.where(present, values[index], np.nan)
         others = (held_out != held_out[row]) & (table.samples != table.samples[row])
         for seen, jury in zip(nearest, juries, strict=True):
             seen[index] = matrix.nearest_by_class(query, NEAREST, where=jury & others).voting(NEAREST)
@@ -172,25 +273,38 @@ def _reached(nearest: Floats, truth: NDArray[np.intp]) -> Mask:
 
 
 def _most_telling(seen: Floats, truth: NDArray[np.intp]) -> int:
-    """Return the jury under whose votes the true classes are most probable; of equals the smallest.
+    """Return the smallest jury, unless under the votes of a larger one the true classes are clearly more probable.
 
-    Trust in simulated cases is measured by this, on measured ones. Few rows decide nothing, and all may vote.
+    Trust in simulated cases is measured by this, on measured ones: they vote where the gain in log-probability is more
+    than its standard error, case by case. Few rows decide nothing, and all may vote.
     """
     rows = np.logical_and.reduce([_reached(nearest, truth) for nearest in seen])
     if len(seen) == 1 or rows.sum() < FEWEST_FOR_LIMIT:
         return 0
-    true, weights, losses = truth[rows], balance(truth[rows]), []
+    true, weights = truth[rows], balance(truth[rows])
+    losses = []
     for nearest in (each[rows] for each in seen):
         shares = log_votes(nearest, fitted_sharpness(nearest, true))
-        losses.append(-float(weights @ np.maximum(shares[np.arange(true.size), true], -50.0)))
-    return len(losses) - 1 - int(np.argmin(losses[::-1]))
+        losses.append(-np.maximum(shares[np.arange(true.size), true], -50.0))
+    chosen = len(losses) - 1
+    for larger in range(len(losses) - 2, -1, -1):
+        gain = losses[chosen] - losses[larger]
+        mean = float(weights @ gain)
+        if mean > float(np.sqrt(weights @ (gain - mean) ** 2 / true.size)):
+            chosen = larger
+    return chosen
+
+
+def border(table: CaseTable) -> Mask:
+    """Return the cases that say what is known: measured ones, and simulated ones of what was never measured."""
+    measured = table.origins == "measured"
+    return np.asarray(measured | ~np.isin(table.labels, np.unique(table.labels[measured])))
 
 
 def where_unknown_begins(table: CaseTable, present: Mask, rows: NDArray[np.intp]) -> float | None:
     """Return the novelty limit from how far cases lie from what all other gearboxes have shown; arguments as `gather`.
 
-    Cases of a class that no other gearbox has say nothing. Measured cases alone decide where there are enough: what
-    is simulated may widen what is known, but does not say how near to it a gearbox that is known must lie. None if
+    Cases of a class that no other gearbox has say nothing. Measured cases alone decide where there are enough. None if
     the cases are too few.
     """
     held_out = _held_out_together(table)
@@ -201,7 +315,8 @@ def where_unknown_begins(table: CaseTable, present: Mask, rows: NDArray[np.intp]
     rows = _comparable(table, held_out, rows, counts)
     novelty = np.full(rows.size, np.inf)
     for group in np.unique(held_out[rows]):
-        ranges = _ranges(table, counts & (held_out != group))
+        others = table.take(held_out != group)
+        ranges = _ranges(others, border(others))
         for index in np.flatnonzero(held_out[rows] == group):
             query = np.where(present, table.values[rows[index]], np.nan)
             novelty[index] = ranges.distance(query) if ranges else np.inf

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from casebase.case_table import CaseTable
+from casebase.detection import WORTH_SAYING_DB
 from casebase.novelty import KnownRanges
 from casebase.retrieval import Match
 from casebase.signals.features import EventKind, Extraction, MotionSource, catalogue, feature_words
@@ -17,8 +18,6 @@ SOURCES = {
     MotionSource.SOUND: "as found in the sound",
     MotionSource.NONE: "from nowhere",
 }
-WORTH_SAYING_DB = 3.0
-"""Weaker bumps are what noise makes."""
 
 
 @dataclass(frozen=True)

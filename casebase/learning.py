@@ -18,6 +18,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from casebase.calibration import Calibration
 from casebase.case_table import CaseTable
 from casebase.priors import even_weights, prior_weights
 from casebase.similarity import Floats, Metric, pooled_scales
@@ -46,6 +47,7 @@ class Similarity:
         score: share of held-out cases whose class got most votes, each class counting the same; None if the library
             is too small to say.
         reason: one sentence on how it came about.
+        calibration: how sure one may be of a label; None if nothing was learned of that.
     """
 
     metric: Metric
@@ -57,6 +59,7 @@ class Similarity:
     gearboxes: int
     classes: tuple[str, ...]
     reason: str
+    calibration: Calibration | None = None
 
     def weights_without(self, group: str) -> Floats:
         """Return weights that were learned without this gearbox."""
@@ -77,6 +80,7 @@ class Similarity:
             "gearboxes": self.gearboxes,
             "classes": list(self.classes),
             "reason": self.reason,
+            "calibration": None if self.calibration is None else self.calibration.to_document(),
         }
 
     @classmethod
@@ -95,6 +99,7 @@ class Similarity:
             document["gearboxes"],
             tuple(document["classes"]),
             document["reason"],
+            None if document.get("calibration") is None else Calibration.from_document(document["calibration"]),
         )
 
     def fits(self, table: CaseTable) -> bool:
@@ -143,6 +148,7 @@ def learn(table: CaseTable, stop: Event | None = None) -> Similarity:
     Raises:
         LearningStoppedError: if `stop` is set before it is done.
     """
+    whole, table = table, teaching(table)
     small = too_small(table)
     if small is not None:
         return unlearned(table, small)
@@ -158,7 +164,7 @@ def learn(table: CaseTable, stop: Event | None = None) -> Similarity:
     final = metric.with_weights(_fit(sample, everything, chosen.prior, chosen.strength))
     share = balance(sample.truth)
     return _similarity(
-        table,
+        whole,
         final,
         tuple(zip(_groups_of_folds(table, sample.kinds), chosen.weights, strict=True)),
         chosen.strength,
@@ -166,6 +172,12 @@ def learn(table: CaseTable, stop: Event | None = None) -> Similarity:
         float(share @ chosen.losses),
         chosen.reason,
     )
+
+
+def teaching(table: CaseTable) -> CaseTable:
+    """Return the cases to learn from: measured ones alone, where they show every class and are enough."""
+    measured = table.take(table.origins == "measured")
+    return measured if measured.classes == table.classes and too_small(measured) is None else table
 
 
 def _starts(table: CaseTable, metric: Metric) -> list[tuple[str, Floats]]:
@@ -186,7 +198,8 @@ def _starts(table: CaseTable, metric: Metric) -> list[tuple[str, Floats]]:
 
 def unlearned(table: CaseTable, reason: str) -> Similarity:
     """Return the physical priors as they are."""
-    center, scale = pooled_scales(table.values, table.labels)
+    taught = teaching(table)
+    center, scale = pooled_scales(taught.values, taught.labels)
     metric = Metric(table.names, center, scale, prior_weights(table.names))
     return _similarity(table, metric, (), None, None, None, f"physical priors: {reason}")
 

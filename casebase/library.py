@@ -28,7 +28,8 @@ from casebase.errors import (
     StaleVersionError,
 )
 from casebase.evaluation import Evaluation, evaluate
-from casebase.learning import LearningStoppedError, learn
+from casebase.experience import calibrated
+from casebase.learning import LearningStoppedError, Similarity, learn
 from casebase.models import (
     CASE_STATES,
     Artifact,
@@ -41,6 +42,7 @@ from casebase.models import (
 )
 from casebase.pages import Page, page
 from casebase.recordings import store_recording
+from casebase.rehearsal import rehearsed
 from casebase.severity import severity_of
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction
 from casebase.signals.recording import Recording
@@ -276,12 +278,20 @@ class CaseLibrary:
         if not outgrown:
             return False
         try:
-            learned = learn(table, stop)
+            with self.reading() as session:
+                learned = self._learned(session, table, stop)
             with self.transaction(actor) as session:
                 store_similarity(session, learned, kind, after=newest)
         except (IntegrityError, LearningStoppedError):
             return False
         return True
+
+    def _learned(self, session: Session, table: CaseTable, stop: Event | None = None) -> Similarity:
+        """Learn weights, and from disturbed copies of the recordings how far an answer holds."""
+        learned = learn(table, stop)
+        if learned.score is None:
+            return learned
+        return calibrated(table, learned, rehearsed(session, self.audio, table, stop))
 
     def table(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> CaseTable:
         """Return all searchable cases as they are now; only what changed is read."""
@@ -315,7 +325,7 @@ class CaseLibrary:
 
     def learn(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> Artifact:
         """Learn the weights again now and make them the active ones."""
-        learned = learn(self.table(session, extractor_version))
+        learned = self._learned(session, self.table(session, extractor_version))
         return store_similarity(session, learned, similarity_kind(extractor_version))
 
     def counts(self, session: Session) -> Mapping[tuple[str, str], int]:

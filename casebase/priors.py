@@ -18,9 +18,17 @@ SPREAD = "crest factor and kurtosis rise with impacts, but with any other knock 
 MESH = "wear and eccentricity change the lines of the mesh and their sidebands"
 COLOUR = "the colour of the sound tells more of housing and microphone than of the gear"
 
+HEARD = "it says how well a fault would be heard, not whether there is one"
 MOTION = "that the sound follows the motion tells a gear from other sounds, not one fault from another"
 
 PRIORS: tuple[tuple[str, float, str], ...] = (
+    ("cycles_left", 0.0, HEARD),
+    ("share_left_out", 0.0, HEARD),
+    ("standstill_fall", 0.0, HEARD),
+    ("noise_on_the_way", 0.0, HEARD),
+    ("unrepeated_share", 0.0, HEARD),
+    ("louder_after_start", 0.0, HEARD),
+    ("low_band_level", 0.0, HEARD),
     ("rms", 0.0, LEVEL),
     ("peak", 0.0, LEVEL),
     ("crest_factor_whole_record", 0.5, SPREAD),

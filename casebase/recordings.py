@@ -52,7 +52,7 @@ def store_recording(
         duration_s=recording.duration_s,
         unit=recording.unit,
         usable=extraction.usable,
-        quality=[asdict(flag) for flag in extraction.quality],
+        quality=[flag.to_document() for flag in extraction.quality],
         axis=description.axis,
         gearbox=description.gearbox,
         payload_kg_m2=condition.payload_kg_m2,

@@ -1,18 +1,21 @@
 """Analysis: what several feature families need of one recording, each computed once, when asked for."""
 
 import math
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
 from enum import Enum
 from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 
 from casebase.signals import envelope, filters
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.fold import SMOOTH_S, Fold, fold, noise_peak_db
 from casebase.signals.motion import HOP_HZ, Motion, find_motion, loudness_db
 from casebase.signals.recording import Recording
+from casebase.signals.segments import Span
 from casebase.signals.spectra import BandEnvelope, LongSpectrum, band_envelope, long_spectrum
 
 ANALYSIS_RATE_HZ = 8000.0
@@ -20,6 +23,12 @@ ANALYSIS_RATE_HZ = 8000.0
 
 IMPULSES_APART_S = 0.05
 """Impulses closer than this are one [s]."""
+
+AGREEING = 0.75
+"""What belongs to the machine is in three quarters of the cycles [1]; what comes by chance in two of three is not."""
+
+RAMP_S = 0.005
+"""What is left out fades out and in over so long [s], for an edge would be an impulse."""
 
 USABLE_SHARE = 0.95
 """Share of the band up to half the original sample rate that anti-aliasing filters leave whole."""
@@ -40,17 +49,52 @@ class Band(Enum):
 
 @dataclass(frozen=True, eq=False)
 class Analysis:
-    """A recording at the analysis rate, with its condition."""
+    """A recording at the analysis rate, with its condition.
+
+    Args:
+        left_out: what is not the machine; silenced, and missing from every statistic.
+        known_motion: the motion, where it was found before something was left out.
+        unrepeated: share of the time in which a band is not as in other cycles, before anything was left out [1].
+    """
 
     recording: Recording
     condition: OperatingCondition
+    left_out: tuple[Span, ...] = ()
+    known_motion: Motion | None = None
+    unrepeated: Mapping["Band", float] = field(default_factory=dict)
 
     @cached_property
     def samples(self) -> NDArray[np.float32]:
-        """Samples at the analysis rate without their mean, shape (n,) [unit]."""
+        """Samples at the analysis rate without their mean, zero where left out, shape (n,) [unit]."""
         samples = self.recording.resampled(ANALYSIS_RATE_HZ).samples
         centred: NDArray[np.float32] = samples - samples.mean()
-        return centred
+        if not self.left_out:
+            return centred
+        ramp = round(RAMP_S * ANALYSIS_RATE_HZ)
+        kept = np.repeat(self._kept, round(ANALYSIS_RATE_HZ / HOP_HZ)).astype(np.float32)
+        kept = np.pad(kept, (0, max(0, centred.size - kept.size)), mode="edge")[: centred.size]
+        faded: NDArray[np.float32] = centred * np.minimum(kept, ndimage.uniform_filter1d(kept, 2 * ramp + 1))
+        return faded
+
+    @cached_property
+    def _kept(self) -> NDArray[np.bool_]:
+        size = int(self.recording.duration_s * HOP_HZ)
+        kept = np.ones(max(1, size), dtype=np.bool_)
+        for span in self.left_out:
+            kept[int(span.start_s * HOP_HZ) : int(np.ceil(span.end_s * HOP_HZ))] = False
+        return kept
+
+    def is_kept(self, size: int) -> NDArray[np.bool_]:
+        """Return what is not left out, `HOP_HZ` values per second, shape (size,)."""
+        return np.asarray(np.pad(self._kept, (0, max(0, size - self._kept.size)), mode="edge")[:size])
+
+    def kept(self, values: NDArray[np.float32], rate_hz: float) -> NDArray[np.float32]:
+        """Return the values, shape (n,) at any rate [Hz], that are not left out, shape (k,)."""
+        if not self.left_out:
+            return values
+        place = (np.arange(values.size) * (HOP_HZ / rate_hz)).astype(np.intp)
+        chosen: NDArray[np.float32] = values[self._kept[np.minimum(place, self._kept.size - 1)]]
+        return chosen
 
     @property
     def duration_s(self) -> float:
@@ -88,27 +132,45 @@ class Analysis:
 
     @cached_property
     def loudness_db(self) -> NDArray[np.float32]:
-        """Level of the sound above 200 Hz, `HOP_HZ` values per second, shape (k,) [dB]."""
-        return loudness_db(self.samples - self.low_passed, ANALYSIS_RATE_HZ)
+        """Level of the sound above 200 Hz, `HOP_HZ` values per second, shape (k,) [dB]; bridged where left out."""
+        return self._bridged(loudness_db(self.samples - self.low_passed, ANALYSIS_RATE_HZ))
+
+    def _bridged(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """Draw a straight line over what is left out."""
+        kept = self._kept[: values.size]
+        if not self.left_out or not kept.any():
+            return values
+        index = np.arange(values.size)
+        bridged: NDArray[np.float32] = np.interp(index, index[: kept.size][kept], values[: kept.size][kept]).astype(
+            np.float32
+        )
+        return bridged
 
     @cached_property
     def motion(self) -> Motion:
         """Back and forth, as given or as heard; heard above 200 Hz, or below where nothing is heard there."""
+        if self.known_motion is not None:
+            return self.known_motion
         motion = find_motion(self.loudness_db, self.condition)
         if motion.period_in_sound_s or motion.reversal_times_s:
             return motion
-        return find_motion(loudness_db(self.low_passed, ANALYSIS_RATE_HZ), self.condition)
+        return find_motion(self._bridged(loudness_db(self.low_passed, ANALYSIS_RATE_HZ)), self.condition)
 
     def traced(self, band: Band) -> NDArray[np.float32] | None:
-        """Smoothed squared envelope of a band, `HOP_HZ` values per second, shape (k,)."""
+        """Smoothed squared envelope of a band, `HOP_HZ` values per second, shape (k,); NaN where left out."""
         return self._traces[band]
 
     @cached_property
     def _traces(self) -> dict[Band, NDArray[np.float32] | None]:
         return {
-            band: whole.smoothed(SMOOTH_S, HOP_HZ) if whole is not None else None
+            band: self._holed(whole.smoothed(SMOOTH_S, HOP_HZ)) if whole is not None else None
             for band, whole in self._envelopes.items()
         }
+
+    def _holed(self, trace: NDArray[np.float32]) -> NDArray[np.float32]:
+        if not self.left_out:
+            return trace
+        return np.where(self._kept[: trace.size], trace, np.float32(np.nan))
 
     def freedom(self, band: Band) -> float:
         """Degrees of freedom of noise in the trace of a band: two per independent value in the triangle."""
@@ -122,6 +184,7 @@ class Analysis:
     def strongest_db(self, band: Band) -> float:
         """Highest point of the trace of a band above what noise would reach [dB]; NaN without the band."""
         trace = self.traced(band)
+        trace = None if trace is None else trace[np.isfinite(trace)]
         if trace is None or trace.size == 0:
             return math.nan
         return 10 * math.log10(float(trace.max()) / float(np.median(trace))) - self.noise_peak_db(band)
@@ -129,8 +192,9 @@ class Analysis:
     def impulses(self, band: Band) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return times [s] and heights above what noise would reach [dB] of the impulses of a band."""
         trace = self.traced(band)
-        if trace is None or trace.size == 0:
+        if trace is None or not np.isfinite(trace).any():
             return np.empty(0), np.empty(0)
+        trace = np.where(np.isfinite(trace), trace, np.nanmedian(trace))
         apart = int(IMPULSES_APART_S * HOP_HZ)
         places, heights = envelope.impulses(trace, self.noise_peak_db(band), apart)
         return (places.astype(np.float64) + 0.5) / HOP_HZ, heights
@@ -142,6 +206,6 @@ class Analysis:
     @cached_property
     def _folds(self) -> dict[Band, Fold | None]:
         return {
-            band: fold(trace, self.motion, self.freedom(band)) if trace is not None else None
+            band: fold(trace, self.motion, self.freedom(band), AGREEING) if trace is not None else None
             for band, trace in self._traces.items()
         }

@@ -9,14 +9,17 @@ from scipy import fft, ndimage
 from casebase.signals.spectra import BandEnvelope
 
 
-def spectral_kurtosis_db(envelope: BandEnvelope) -> float:
+def spectral_kurtosis_db(power: NDArray[np.float32]) -> float:
     """Return how far the fourth moment of a band is above that of Gaussian noise [dB]; 0 for noise.
+
+    Args:
+        power: squared envelope of the band, shape (n,).
 
     Antoni, The spectral kurtosis: a useful tool for characterising non-stationary signals, 2006, equation (6),
     as a level: 10 lg(E|x|^4 / (2 (E|x|^2)^2)).
     """
-    power = envelope.inside().astype(np.float64)
-    mean = power.mean()
+    power = power.astype(np.float64)
+    mean = power.mean() if power.size else 0.0
     return float(10 * np.log10((power @ power) / power.size / (2 * mean**2))) if mean > 0 else np.nan
 
 
@@ -42,7 +45,9 @@ def repetition(trace: NDArray[np.float32], lag: int, tolerance: int) -> float:
     the trace never changes.
     """
     level = np.log(trace.astype(np.float64))
-    level -= level.mean()
+    known = np.isfinite(level)
+    level -= level[known].mean() if known.any() else 0.0
+    level[~known] = 0.0
     power = float(level @ level) / level.size
     if level.size - lag - tolerance < max(lag / 2, 20) or power == 0:
         return np.nan

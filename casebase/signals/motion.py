@@ -37,6 +37,12 @@ LARGEST_UNEVENNESS = 0.06
 LARGEST_QUIET_SHARE = 0.4
 """Share of the time above which the quiet part is looked at again: it may hold slow strokes [1]."""
 
+CONTRADICTS = 0.05
+"""Share by which a given period may differ from the one that is heard [1]."""
+
+FEWEST_TO_CONTRADICT = 4
+"""A period that is heard over so many reversals is used, whatever else was given [1]."""
+
 SHORTEST_DIP_S = 0.04
 LONGEST_BURST_S = 0.2
 LARGEST_SCATTER = 0.1
@@ -134,6 +140,8 @@ def find_motion(level_db: NDArray[np.float32], condition: OperatingCondition) ->
         period, times = heard_period, heard
     else:
         source = MotionSource.GIVEN
+        if heard_period is not None and not given and len(heard) >= FEWEST_TO_CONTRADICT:
+            period = heard_period if period is None or abs(heard_period / period - 1) > CONTRADICTS else period
         period = period or heard_period
         times = given or heard
     return Motion(

@@ -1,7 +1,7 @@
 """Quality: what in a recording weakens the diagnosis, or forbids it."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 from enum import StrEnum
 
 import numpy as np
@@ -9,13 +9,47 @@ from numpy.typing import NDArray
 
 from casebase.signals import crest
 from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
-from casebase.signals.motion import MotionSource
+from casebase.signals.motion import CONTRADICTS
+from casebase.signals.recording import Recording
 from casebase.signals.spectra import band_envelope
 
 STEEP = 0.005
+RARELY = 0.001
+"""What is left out or wrong for less than this share of the samples is said, and changes nothing [1]."""
+LOST_SHARE = 0.1
 DROPOUT_S = 0.005
 FEWEST_STEPS = 10
+FACTORS = (
+    (2.0, "was the time of one way given? A period is back and forth"),
+    (0.5, "were two cycles taken for one?"),
+    (1000.0, "was it given in thousands of seconds?"),
+    (0.001, "was it given in milliseconds?"),
+)
+"""What is heard over what was given, and what that comes from."""
 MAINS_HZ = (50.0, 60.0, 100.0, 120.0)
+
+
+DISTURBANCES = (
+    "silence",
+    "pause",
+    "bump",
+    "handling",
+    "wind",
+    "foreign_sound",
+    "automatic_gain",
+    "low_band_missing",
+    "dropouts",
+    "second_machine",
+    "noise",
+    "clipping",
+    "hum",
+    "lossy",
+    "truncated",
+    "dead_channel",
+)
+"""What a disturbance may be."""
+KINDS = {"clipped": "clipping", "unsteady_hum": "hum"}
+"""Checks that are named otherwise than the disturbance they find."""
 
 
 class Severity(StrEnum):
@@ -34,11 +68,32 @@ class QualityFlag:
         name: name of the check, such as clipped.
         severity: note, poor (diagnosed nevertheless) or unusable.
         reason: one sentence with numbers, and what would be right.
+        start_s, end_s: when, from the start of the recording [s]; None where it is the whole recording.
     """
 
     name: str
     severity: Severity
     reason: str
+    start_s: float | None = None
+    end_s: float | None = None
+    duration_s: float = 0.0
+
+    @property
+    def disturbance(self) -> dict[str, object] | None:
+        """The flag as a disturbance of the contract; None if it is none."""
+        kind = KINDS.get(self.name, self.name)
+        if kind not in DISTURBANCES:
+            return None
+        return {
+            "kind": kind,
+            "start_s": 0.0 if self.start_s is None else self.start_s,
+            "end_s": self.duration_s if self.end_s is None else self.end_s,
+            "severity": "info" if self.severity is Severity.NOTE else "poor",
+        }
+
+    def to_document(self) -> dict[str, object]:
+        """Return it as JSON."""
+        return {name: value for name, value in asdict(self).items() if name != "duration_s"}
 
 
 def clipped(analysis: Analysis) -> QualityFlag | None:
@@ -51,7 +106,7 @@ def clipped(analysis: Analysis) -> QualityFlag | None:
     if count == 0 or _steps(analysis) < FEWEST_STEPS:
         return None
     share = count / samples.size
-    severity = Severity.UNUSABLE if share > 0.1 else Severity.POOR
+    severity = Severity.UNUSABLE if share > 0.1 else Severity.POOR if share > RARELY else Severity.NOTE
     return QualityFlag(
         "clipped",
         severity,
@@ -73,20 +128,26 @@ def _flat_tops(samples: NDArray[np.float32], extreme: np.float32) -> int:
 def dropouts(analysis: Analysis) -> QualityFlag | None:
     """Flag stretches of at least 5 ms in which the samples do not change at all."""
     recording = analysis.recording
+    starts, ends = constant_stretches(recording)
+    if not starts.size:
+        return None
+    lost_s = float((ends - starts).sum()) / recording.sample_rate_hz
+    share = lost_s / recording.duration_s
+    return QualityFlag(
+        "dropouts",
+        Severity.UNUSABLE if share > 0.5 else Severity.POOR if share > LOST_SHARE else Severity.NOTE,
+        f"{starts.size} stretches, {lost_s:.3g} s in all, without any change of the samples; check cable, driver "
+        "and noise gate, and record again",
+    )
+
+
+def constant_stretches(recording: Recording) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
+    """Return first and last (exclusive) sample of stretches of 5 ms and more without any change, shape (k,) each."""
     samples = recording.samples
     shortest = max(16, int(DROPOUT_S * recording.sample_rate_hz))
     starts, ends = _runs(samples[1:] == samples[:-1])
     long = ends - starts >= shortest - 1
-    if not long.any():
-        return None
-    lost_s = float((ends - starts + 1)[long].sum()) / recording.sample_rate_hz
-    share = lost_s / recording.duration_s
-    return QualityFlag(
-        "dropouts",
-        Severity.UNUSABLE if share > 0.5 else Severity.POOR,
-        f"{int(long.sum())} stretches, {lost_s:.3g} s in all, without any change of the samples; check cable, driver "
-        "and noise gate, and record again",
-    )
+    return starts[long], ends[long] + 1
 
 
 def dc_offset(analysis: Analysis) -> QualityFlag | None:
@@ -97,7 +158,7 @@ def dc_offset(analysis: Analysis) -> QualityFlag | None:
         return None
     return QualityFlag(
         "dc_offset",
-        Severity.NOTE if abs(mean) <= effective else Severity.POOR,
+        Severity.NOTE,
         f"the mean is {mean:.3g}, the effective value around it {effective:.3g}; it was removed, but the recorder "
         "has less headroom on one side",
     )
@@ -162,17 +223,17 @@ def irregular_motion(analysis: Analysis) -> QualityFlag | None:
 
 def motion_contradicts(analysis: Analysis) -> QualityFlag | None:
     """Flag a given period that the loudness does not have."""
-    motion = analysis.motion
-    heard = motion.period_in_sound_s
-    if motion.source is not MotionSource.GIVEN or heard is None or motion.period_s is None:
+    heard, given = analysis.motion.period_in_sound_s, analysis.condition.motion_period_s
+    if heard is None or given is None or abs(heard / given - 1) <= CONTRADICTS:
         return None
-    if abs(heard / motion.period_s - 1) <= 0.05:
-        return None
+    factor = heard / given
+    known = next((words for value, words in FACTORS if abs(factor / value - 1) <= CONTRADICTS), "check the metadata")
+    used = " and is used" if analysis.motion.period_s == heard else ""
     return QualityFlag(
         "motion_contradicts",
         Severity.POOR,
-        f"the motion period was given as {motion.period_s:.3f} s, but the loudness repeats every {heard:.3f} s "
-        "(back and forth); check the metadata",
+        f"the motion period was given as {given:.3f} s, but the loudness repeats every {heard:.3f} s (back and forth)"
+        f"{used}; {known}",
     )
 
 
@@ -190,7 +251,7 @@ def bandwidth_too_low(analysis: Analysis) -> QualityFlag | None:
     slow = f"the sample rate is {rate_hz:.0f} Hz, so " if rate_hz < ANALYSIS_RATE_HZ else ""
     return QualityFlag(
         "bandwidth_too_low",
-        Severity.UNUSABLE if highest < 200 else Severity.POOR,
+        Severity.UNUSABLE if highest < 200 else Severity.POOR if highest < 400 else Severity.NOTE,
         f"{slow}the recording holds nothing above {highest:.0f} Hz, and all features of higher bands are missing; "
         "record at 8 kHz or more without a telephone's filter",
     )
@@ -247,7 +308,8 @@ CHECKS: tuple[Callable[[Analysis], QualityFlag | None], ...] = (
 
 def assess(analysis: Analysis) -> tuple[QualityFlag, ...]:
     """Return the flags of all checks that found something."""
-    return tuple(flag for check in CHECKS if (flag := check(analysis)) is not None)
+    found = (check(analysis) for check in CHECKS)
+    return tuple(replace(flag, duration_s=analysis.duration_s) for flag in found if flag is not None)
 
 
 def _runs(mask: NDArray[np.bool_]) -> tuple[NDArray[np.intp], NDArray[np.intp]]:

@@ -1,13 +1,17 @@
 """Features: an explicit catalogue of families, each one file, and `extract` that runs them."""
 
+from dataclasses import replace
+
 import numpy as np
 from numpy.typing import NDArray
 
 from casebase.signals.analysis import Analysis
 from casebase.signals.condition import UNKNOWN, OperatingCondition
+from casebase.signals.disturbances import flags, survey
 from casebase.signals.errors import BrokenAudioError
 from casebase.signals.events import Event, EventKind, find_events
 from casebase.signals.features.bands import LogBandEnergies
+from casebase.signals.features.circumstances import Circumstances
 from casebase.signals.features.family import FeatureFamily
 from casebase.signals.features.impulses import Impulses
 from casebase.signals.features.level import Level
@@ -17,7 +21,7 @@ from casebase.signals.features.modulation import Modulation
 from casebase.signals.features.repetition import Repetition
 from casebase.signals.features.vector import Extraction, FeatureDefinition, FeatureVector, feature_words
 from casebase.signals.motion import Motion, MotionSource
-from casebase.signals.quality import QualityFlag, Severity, assess
+from casebase.signals.quality import QualityFlag, Severity
 from casebase.signals.recording import SHORTEST_S, Recording
 
 __all__ = [
@@ -39,7 +43,7 @@ __all__ = [
     "feature_words",
 ]
 
-EXTRACTOR_VERSION = "4"
+EXTRACTOR_VERSION = "5"
 """Changes whenever a feature is added, removed or computed differently; vectors of two versions never mix."""
 
 FEATURES: tuple[FeatureFamily, ...] = (
@@ -50,6 +54,7 @@ FEATURES: tuple[FeatureFamily, ...] = (
     Modulation(),
     Meshing(),
     Loudness(),
+    Circumstances(),
 )
 """The catalogue of feature families; a new family is one file and one line here."""
 
@@ -78,11 +83,17 @@ def extract(recording: Recording, condition: OperatingCondition = UNKNOWN) -> Ex
         raise BrokenAudioError(
             f"the recording lasts {1000 * recording.duration_s:.1f} ms; at least {1000 * SHORTEST_S:g} ms are needed"
         )
-    analysis = Analysis(recording, condition)
+    surveyed = survey(recording, condition)
+    analysis = surveyed.analysis
     return Extraction(
         FeatureVector(NAMES, feature_values(analysis)),
-        assess(analysis),
-        analysis.motion,
-        find_events(analysis),
+        flags(surveyed),
+        _moved(analysis.motion, surveyed.start_s),
+        tuple(replace(event, time_s=event.time_s + surveyed.start_s) for event in find_events(analysis)),
         EXTRACTOR_VERSION,
     )
+
+
+def _moved(motion: Motion, by_s: float) -> Motion:
+    """Return the motion with times from the start of the recording."""
+    return replace(motion, reversal_times_s=tuple(time + by_s for time in motion.reversal_times_s)) if by_s else motion

@@ -7,6 +7,7 @@ from casebase.signals import envelope
 from casebase.signals.analysis import Analysis, Band
 from casebase.signals.features.family import FeatureFamily
 from casebase.signals.features.vector import FeatureDefinition
+from casebase.signals.spectra import BandEnvelope
 
 
 class Impulses(FeatureFamily):
@@ -47,6 +48,10 @@ class Impulses(FeatureFamily):
         for band in Band:
             band_envelope = analysis.envelope(band)
             values.append(analysis.strongest_db(band))
-            values.append(math.nan if band_envelope is None else envelope.spectral_kurtosis_db(band_envelope))
+            values.append(math.nan if band_envelope is None else self._kurtosis(analysis, band_envelope))
         times = analysis.impulses(Band.LOW)[0]
         return [*values, len(times) / analysis.duration_s]
+
+    @staticmethod
+    def _kurtosis(analysis: Analysis, band: BandEnvelope) -> float:
+        return envelope.spectral_kurtosis_db(analysis.kept(band.inside(), band.rate_hz))

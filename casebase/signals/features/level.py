@@ -61,7 +61,8 @@ class Level(FeatureFamily):
 
     def compute(self, analysis: Analysis) -> Sequence[float]:
         """Return level, peak, crest factors and kurtosis."""
-        whole, low = analysis.samples, analysis.low_passed
+        whole = analysis.kept(analysis.samples, ANALYSIS_RATE_HZ)
+        low = analysis.kept(analysis.low_passed, ANALYSIS_RATE_HZ)
         window = int(WINDOW_S * ANALYSIS_RATE_HZ)
         mean = largest = math.nan
         if low.size >= window:

@@ -92,6 +92,11 @@ class Extraction:
         return "; ".join(reasons) or None
 
     @property
+    def poor(self) -> bool:
+        """Whether no label may be said with confidence."""
+        return any(flag.severity is not Severity.NOTE for flag in self.quality)
+
+    @property
     def usable(self) -> bool:
         """Whether the recording can be diagnosed, if poorly."""
         return self.unusable_reason is None

@@ -1,0 +1,178 @@
+"""Calibration: how often the most voted label is right, given how clear the vote is and how well one could hear.
+
+The probability of the leading label is logistic in its log-odds and in what the recording lacks,
+
+    logit p = offset + slope * logit(share) - sum_i (harm_i + hiding_i [leading label is a baseline]) lack_i,
+
+slope, harm and hiding not below 0: nothing that a recording lacks makes an answer surer. What hides a fault makes the
+answer "normal" doubtful, what adds sounds makes a fault doubtful; so the two have coefficients of their own. Learned
+from the library's recordings and disturbed copies of them, each judged by the cases of other gearboxes; drawn to a
+prior as strongly as so many observations of it would.
+
+Source: Platt, Probabilistic outputs for support vector machines (1999), with features of the recording beside the score.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from casebase.errors import ArtifactError
+from casebase.similarity import Floats
+
+LACKS = (
+    "cycles",
+    "left out",
+    "noise",
+    "unrepeated below 200 Hz",
+    "unrepeated above 200 Hz",
+    "gain",
+    "low band",
+)
+"""What a recording may lack, in the order of the coefficients."""
+CIRCUMSTANCES = (
+    "cycles_left",
+    "share_left_out",
+    "standstill_fall_above_200_hz",
+    "unrepeated_share_12_200_hz",
+    "unrepeated_share_above_200_hz",
+    "louder_after_start",
+    "low_band_level",
+)
+"""The features they are read from."""
+ENOUGH_CYCLES, FEWEST_CYCLES = 3.0, 0.25
+QUIET_FALL_DB = 15.0
+CLEAREST = 4.0
+"""Log-odds beyond this say no more."""
+WEIGHT_OF_PRIOR = 0.02
+
+
+@dataclass(frozen=True)
+class Calibration:
+    """Coefficients; see the module.
+
+    Args:
+        harm, hiding: one per entry of LACKS.
+        usual: level of the low band that the library's recordings have, and their spread [dB].
+        observations: how many answers this was learned from; 0 for the prior.
+    """
+
+    offset: float
+    slope: float
+    harm: tuple[float, ...]
+    hiding: tuple[float, ...]
+    usual: tuple[float, float]
+    observations: int = 0
+
+    def lacks(self, names: Sequence[str], values: NDArray[np.floating]) -> Floats:
+        """Return what recordings lack, shape (recordings, len(LACKS)), from features of shape (recordings, n)."""
+        return lacks(names, values, self.usual)
+
+    def probability(self, share: Floats, lacking: Floats, baseline: NDArray[np.bool_]) -> Floats:
+        """Return how probable the leading label is, shape (recordings,).
+
+        Args:
+            share: its share of the votes.
+            lacking: see `lacks`.
+            baseline: whether the leading label is that of a gear without a fault.
+        """
+        clear = np.clip(special.logit(np.clip(share, 1e-9, 1 - 1e-9)), -CLEAREST, CLEAREST)
+        harm = lacking @ np.array(self.harm) + baseline * (lacking @ np.array(self.hiding))
+        return np.asarray(special.expit(self.offset + self.slope * clear - harm))
+
+    def to_document(self) -> dict[str, object]:
+        """Return it as JSON."""
+        return {
+            "offset": self.offset,
+            "slope": self.slope,
+            "harm": list(self.harm),
+            "hiding": list(self.hiding),
+            "usual": list(self.usual),
+            "observations": self.observations,
+        }
+
+    @classmethod
+    def from_document(cls, document: Mapping[str, Any]) -> "Calibration":
+        """Read it back; raises ArtifactError if it is for other circumstances."""
+        if len(document["harm"]) != len(LACKS) or len(document["hiding"]) != len(LACKS):
+            raise ArtifactError("the calibration is for other circumstances; learn it again")
+        return cls(
+            document["offset"],
+            document["slope"],
+            tuple(document["harm"]),
+            tuple(document["hiding"]),
+            (document["usual"][0], document["usual"][1]),
+            document["observations"],
+        )
+
+
+PRIOR = Calibration(0.0, 1.0, (1.0,) * len(LACKS), (1.0,) * len(LACKS), (-10.0, 10.0))
+"""Before anything is learned: a lack of the usual strength takes 2.7 from the odds, of a normal gear twice that."""
+
+
+def lacks(names: Sequence[str], values: NDArray[np.floating], usual: tuple[float, float]) -> Floats:
+    """Return what recordings lack, 0 for nothing and about 1 for what is usual in the field."""
+    if any(name not in names for name in CIRCUMSTANCES):
+        return np.zeros((len(values), len(LACKS)))
+    cycles, left_out, fall_db, low, high, louder_db, band_db = (
+        np.nan_to_num(np.asarray(values[:, names.index(name)], np.float64)) for name in CIRCUMSTANCES
+    )
+    return np.stack(
+        [
+            np.clip(np.log2(ENOUGH_CYCLES / np.maximum(cycles, FEWEST_CYCLES)), 0, None),
+            left_out / 0.2,
+            np.clip(QUIET_FALL_DB - fall_db, 0, None) / 10,
+            low / 0.2,
+            high / 0.2,
+            np.clip(np.abs(louder_db) - 1, 0, 4) / 2,
+            np.clip(np.abs(band_db - usual[0]) / usual[1] - 2, 0, 4) / 2,
+        ],
+        axis=1,
+    )
+
+
+def usual_low_band(names: Sequence[str], values: NDArray[np.floating]) -> tuple[float, float]:
+    """Return median level of the low band and its spread, not below 3 dB [dB]."""
+    if "low_band_level" not in names or not len(values):
+        return PRIOR.usual
+    level = values[:, names.index("low_band_level")].astype(np.float64)
+    median = float(np.median(level))
+    return median, max(3.0, 1.4826 * float(np.median(np.abs(level - median))))
+
+
+def fitted(
+    share: Floats,
+    lacking: Floats,
+    baseline: NDArray[np.bool_],
+    right: NDArray[np.bool_],
+    weights: Floats,
+    usual: tuple[float, float],
+) -> Calibration:
+    """Learn from answers that were given to held-out recordings and their copies.
+
+    Args:
+        share, lacking, baseline: as in `Calibration.probability`.
+        right: whether the leading label was the true one.
+        weights: how much each answer counts, sum 1.
+    """
+    from scipy.optimize import minimize  # slow to import
+
+    clear = np.clip(special.logit(np.clip(share, 1e-9, 1 - 1e-9)), -CLEAREST, CLEAREST)
+    columns = np.column_stack([np.ones_like(clear), clear, -lacking, -lacking * baseline[:, None]])
+    prior = np.array([PRIOR.offset, PRIOR.slope, *PRIOR.harm, *PRIOR.hiding])
+
+    def loss(parameters: Floats) -> tuple[float, Floats]:
+        score = columns @ parameters
+        pull = special.expit(score) - right
+        away = parameters - prior
+        value = float(weights @ (np.logaddexp(0, score) - right * score)) + WEIGHT_OF_PRIOR / 2 * float(away @ away)
+        return value, columns.T @ (weights * pull) + WEIGHT_OF_PRIOR * away
+
+    bounds = [(None, None)] + [(0.0, None)] * (prior.size - 1)
+    found = minimize(loss, prior, jac=True, method="L-BFGS-B", bounds=bounds).x.tolist()
+    count = len(LACKS)
+    harm, hiding = tuple(found[2 : 2 + count]), tuple(found[2 + count :])
+    return Calibration(found[0], found[1], harm, hiding, usual, right.size)

@@ -1,0 +1,196 @@
+"""Unrepeated: what a cycle of the motion has that the other cycles have not, so that it is not the machine.
+
+A gear does the same in every cycle. Stroke by stroke the level of a band is held against the median of the other
+strokes in the same direction, at the same time from the reversal: what stands out in one stroke alone is an event of
+the surroundings, with a time. Of two others the one that is more like it counts, so that most of three decide. Two
+strokes in a direction are the least of which anything can be said, and of two the louder one is the odd one.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from casebase.signals.analysis import Analysis, Band
+from casebase.signals.motion import HOP_HZ, Motion
+from casebase.signals.segments import Span
+
+Floats = NDArray[np.float64]
+EARLY_OR_LATE_S = 0.02
+"""By so much a repetition may be early or late [s], as cycles scatter."""
+KNOCK_DB = 6.0
+"""A knock of the machine comes with half to twice its amplitude in the next cycle [dB]."""
+CHANGE_DB = 3.0
+"""The machine is not twice as loud in one cycle as in the others [dB]."""
+SLOW_HOPS = 5
+"""Levels are averaged over four times so many hops when they are held against other cycles [1]: 100 ms."""
+AROUND_S = 0.04
+"""Left out on either side of an event: its beginning and its ringing [s]."""
+SHORTEST_CHANGE_S = 0.1
+
+
+@dataclass(frozen=True)
+class Event:
+    """Something that one cycle has alone.
+
+    Args:
+        span: when, from the start of the analysed piece.
+        excess_db: how much louder than the other cycles at most, per band; negative where it is quieter.
+        knock: whether it is as short as a blow.
+    """
+
+    span: Span
+    excess_db: dict[Band, float]
+    knock: bool
+
+
+@dataclass(frozen=True, eq=False)
+class Unrepeated:
+    """What does not repeat.
+
+    Args:
+        events: in order of time.
+        share: of the time that another cycle can be held against, in which the level of a band is more than twice or
+            less than half of the other cycles', per band [1].
+    """
+
+    events: tuple[Event, ...]
+    share: dict[Band, float]
+
+
+def find_unrepeated(analysis: Analysis) -> Unrepeated | None:
+    """Hold every cycle against the others; None without a motion of two cycles."""
+    motion = analysis.motion
+    traces = {band: trace for band in Band if (trace := analysis.traced(band)) is not None}
+    if not traces or motion.period_s is None or len(motion.reversal_times_s) < 2:
+        return None
+    size = min(trace.size for trace in traces.values())
+    fast, slow = _Strokes.of(motion, size, HOP_HZ), _Strokes.of(motion, size // SLOW_HOPS, HOP_HZ / SLOW_HOPS)
+    if fast is None or slow is None:
+        return None
+    heights, excesses, share = {}, {}, {}
+    knocks, changes = np.zeros(fast.size, np.bool_), np.zeros(slow.size, np.bool_)
+    for band, trace in traces.items():
+        peak_db = analysis.noise_peak_db(band)
+        heights[band] = fast.above(_level_db(trace[:size]), peak_db, KNOCK_DB)
+        knocks |= heights[band] > KNOCK_DB
+        excess = slow.differs(_level_db(_averaged(trace[:size])))
+        excesses[band] = np.nan_to_num(excess)
+        judged = np.isfinite(excess)
+        share[band] = float(np.mean(np.abs(excess[judged]) > CHANGE_DB)) if judged.any() else 0.0
+        changes |= np.abs(excesses[band]) > CHANGE_DB
+    changes = ndimage.binary_opening(changes, np.ones(round(SHORTEST_CHANGE_S * HOP_HZ / SLOW_HOPS), np.bool_))
+    known = np.zeros(slow.size, np.bool_)
+    for span in (short := _spans(knocks, HOP_HZ)):
+        known[int(span.start_s * HOP_HZ / SLOW_HOPS) : int(span.end_s * HOP_HZ / SLOW_HOPS) + 1] = True
+    events = [_event(span, heights, HOP_HZ, True) for span in short]
+    events += [
+        _event(span, excesses, HOP_HZ / SLOW_HOPS, False) for span in _spans(changes & ~known, HOP_HZ / SLOW_HOPS)
+    ]
+    return Unrepeated(tuple(sorted(events, key=lambda each: each.span.start_s)), share)
+
+
+def _level_db(trace: NDArray[np.float32]) -> Floats:
+    known = np.isfinite(trace)
+    median = float(np.median(trace[known])) if known.any() else 1.0
+    return np.asarray(10 * np.log10(np.maximum(trace.astype(np.float64), np.finfo(np.float32).tiny) / median))
+
+
+def _averaged(trace: NDArray[np.float32]) -> NDArray[np.float32]:
+    """Return means over four times SLOW_HOPS, one per SLOW_HOPS."""
+    blocks = trace[: trace.size // SLOW_HOPS * SLOW_HOPS].reshape(-1, SLOW_HOPS).mean(axis=1)
+    smooth: NDArray[np.float32] = ndimage.uniform_filter1d(blocks, 4)
+    return smooth
+
+
+@dataclass(frozen=True, eq=False)
+class _Strokes:
+    """Where every stroke lies in the record: place per stroke and time from its start, shape (strokes, m)."""
+
+    index: NDArray[np.intp]
+    inside: NDArray[np.bool_]
+    size: int
+    tolerance: int
+
+    @classmethod
+    def of(cls, motion: Motion, size: int, rate_hz: float) -> "_Strokes | None":
+        times = np.array(motion.reversal_times_s)
+        assert motion.period_s is not None
+        stroke_s = motion.period_s / 2
+        before = np.arange(np.floor(-times[0] / stroke_s - 0.5), 0) * stroke_s + times[0]
+        after = np.arange(1, np.ceil((size / rate_hz - times[-1]) / stroke_s + 0.5) + 1) * stroke_s + times[-1]
+        centres = np.concatenate([before, times, after])
+        width = round(stroke_s * rate_hz)
+        if width < 4 or len(centres) < 3:
+            return None
+        index = np.rint(centres * rate_hz).astype(np.intp)[:, None] + np.arange(width) - width // 2
+        inside = (index >= 0) & (index < size)
+        return cls(np.clip(index, 0, size - 1), inside, size, round(EARLY_OR_LATE_S * rate_hz))
+
+    def above(self, level_db: Floats, least_db: float, least_excess_db: float) -> Floats:
+        """Return by how much what is above a level stands out of the other strokes, shape (n,); 0 elsewhere."""
+        found = np.zeros(self.size)
+        rows, columns = np.nonzero(self.inside & (np.nan_to_num(level_db, nan=-np.inf)[self.index] > least_db))
+        if not rows.size:
+            return found
+        wide = ndimage.maximum_filter1d(np.nan_to_num(level_db, nan=-np.inf), 2 * self.tolerance + 1)
+        highest = np.where(self.inside, wide[self.index], np.nan)
+        highest[np.isneginf(highest)] = np.nan
+        for parity in (0, 1):
+            mine = np.flatnonzero(np.arange(len(self.index)) % 2 == parity)
+            for row in mine[np.isin(mine, rows)]:
+                at = columns[rows == row]
+                others = highest[np.ix_(mine[mine != row], at)]
+                typical = _median(others, upper=True)
+                excess = np.where(np.isfinite(typical), level_db[self.index[row, at]] - typical, 0.0)
+                found[self.index[row, at]] = np.where(excess > least_excess_db, excess, 0.0)
+        return found
+
+    def differs(self, level_db: Floats) -> Floats:
+        """Return by how much the level is above or below the other strokes', shape (n,); NaN where there is none."""
+        filled = np.nan_to_num(level_db)
+        wide = ndimage.maximum_filter1d(filled, 2 * self.tolerance + 1)
+        thin = ndimage.minimum_filter1d(filled, 2 * self.tolerance + 1)
+        known = self.inside & np.isfinite(level_db)[self.index]
+        highest = np.where(known, wide[self.index], np.nan)
+        lowest = np.where(known, thin[self.index], np.nan)
+        found = np.full(self.size, np.nan)
+        for parity in (0, 1):
+            mine = np.flatnonzero(np.arange(len(self.index)) % 2 == parity)
+            for row in mine:
+                others = mine[mine != row]
+                if not others.size:
+                    continue
+                above, below = _median(highest[others], upper=True), _median(lowest[others], upper=False)
+                below = np.where(np.isfinite(lowest[others]).sum(axis=0) > 1, below, -np.inf)
+                own = level_db[self.index[row]]
+                excess = np.where(own > above, own - above, np.minimum(own - below, 0.0))
+                excess = np.where(np.isfinite(above) & known[row], excess, np.nan)
+                found[self.index[row][self.inside[row]]] = excess[self.inside[row]]
+        return found
+
+
+def _median(rows: Floats, *, upper: bool) -> Floats:
+    """Return the median of each column without NaN, of an even number the upper or lower one; NaN of nothing."""
+    known = np.isfinite(rows).sum(axis=0)
+    place = known // 2 if upper else (known - 1) // 2
+    middle: Floats = np.take_along_axis(np.sort(rows, axis=0), np.clip(place, 0, len(rows) - 1)[None], axis=0)[0]
+    return np.where(known > 0, middle, np.nan)
+
+
+def _spans(mask: NDArray[np.bool_], rate_hz: float) -> list[Span]:
+    """Return where a mask is true and a little around it."""
+    around = round(AROUND_S * rate_hz)
+    wide = ndimage.binary_dilation(mask, np.ones(2 * around + 1, np.bool_)) if mask.any() else mask
+    edges = np.flatnonzero(np.diff(np.concatenate([[0], wide.astype(np.int8), [0]])))
+    return [Span(float(a) / rate_hz, float(b) / rate_hz) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+
+
+def _event(span: Span, excess: dict[Band, Floats], rate_hz: float, knock: bool) -> Event:
+    part = slice(round(span.start_s * rate_hz), round(span.end_s * rate_hz))
+    highest = {}
+    for band, values in excess.items():
+        inside = values[part]
+        highest[band] = float(inside[np.argmax(np.abs(inside))]) if inside.size else 0.0
+    return Event(span, highest, knock)
