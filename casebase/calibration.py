@@ -9,11 +9,11 @@ answer "normal" doubtful, what adds sounds makes a fault doubtful; so the two ha
 from the library's recordings and disturbed copies of them, each judged by the cases of other gearboxes; drawn to a
 prior as strongly as so many observations of it would.
 
-Source: Platt, Probabilistic outputs for support vector machines (1999), with features of the recording beside the score.
+Source: Platt, Probabilistic outputs for support vector machines (1999), with what a recording lacks beside the score.
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import Any
 
 import numpy as np
@@ -51,12 +51,42 @@ WEIGHT_OF_PRIOR = 0.02
 
 
 @dataclass(frozen=True)
+class Usual:
+    """What the recordings of the library have; what they all lack was in their evaluation already.
+
+    Args:
+        cycles, fall_db: what nine of ten have, at most ENOUGH_CYCLES and QUIET_FALL_DB.
+        band_db, spread_db: level of the low band, and how it scatters.
+    """
+
+    cycles: float = ENOUGH_CYCLES
+    fall_db: float = QUIET_FALL_DB
+    band_db: float = -10.0
+    spread_db: float = 10.0
+
+    @classmethod
+    def of(cls, names: Sequence[str], values: NDArray[np.floating]) -> "Usual":
+        """Take it from features of the library, shape (cases, n)."""
+        if any(name not in names for name in CIRCUMSTANCES) or not len(values):
+            return cls()
+        known = {name: values[:, names.index(name)].astype(np.float64) for name in CIRCUMSTANCES}
+        band = known["low_band_level"]
+        middle = float(np.median(band))
+        return cls(
+            float(np.clip(np.quantile(known["cycles_left"], 0.1), 1.0, ENOUGH_CYCLES)),
+            float(np.clip(np.quantile(known["standstill_fall_above_200_hz"], 0.1), 1.0, QUIET_FALL_DB)),
+            middle,
+            max(3.0, 1.4826 * float(np.median(np.abs(band - middle)))),
+        )
+
+
+@dataclass(frozen=True)
 class Calibration:
     """Coefficients; see the module.
 
     Args:
         harm, hiding: one per entry of LACKS.
-        usual: level of the low band that the library's recordings have, and their spread [dB].
+        usual: what the library's recordings have.
         observations: how many answers this was learned from; 0 for the prior.
     """
 
@@ -64,7 +94,7 @@ class Calibration:
     slope: float
     harm: tuple[float, ...]
     hiding: tuple[float, ...]
-    usual: tuple[float, float]
+    usual: Usual
     observations: int = 0
 
     def lacks(self, names: Sequence[str], values: NDArray[np.floating]) -> Floats:
@@ -90,7 +120,7 @@ class Calibration:
             "slope": self.slope,
             "harm": list(self.harm),
             "hiding": list(self.hiding),
-            "usual": list(self.usual),
+            "usual": asdict(self.usual),
             "observations": self.observations,
         }
 
@@ -104,16 +134,16 @@ class Calibration:
             document["slope"],
             tuple(document["harm"]),
             tuple(document["hiding"]),
-            (document["usual"][0], document["usual"][1]),
+            Usual(**document["usual"]),
             document["observations"],
         )
 
 
-PRIOR = Calibration(0.0, 1.0, (1.0,) * len(LACKS), (1.0,) * len(LACKS), (-10.0, 10.0))
+PRIOR = Calibration(0.0, 1.0, (1.0,) * len(LACKS), (1.0,) * len(LACKS), Usual())
 """Before anything is learned: a lack of the usual strength takes 2.7 from the odds, of a normal gear twice that."""
 
 
-def lacks(names: Sequence[str], values: NDArray[np.floating], usual: tuple[float, float]) -> Floats:
+def lacks(names: Sequence[str], values: NDArray[np.floating], usual: Usual) -> Floats:
     """Return what recordings lack, 0 for nothing and about 1 for what is usual in the field."""
     if any(name not in names for name in CIRCUMSTANCES):
         return np.zeros((len(values), len(LACKS)))
@@ -122,25 +152,16 @@ def lacks(names: Sequence[str], values: NDArray[np.floating], usual: tuple[float
     )
     return np.stack(
         [
-            np.clip(np.log2(ENOUGH_CYCLES / np.maximum(cycles, FEWEST_CYCLES)), 0, None),
+            np.clip(np.log2(usual.cycles / np.maximum(cycles, FEWEST_CYCLES)), 0, None),
             left_out / 0.2,
-            np.clip(QUIET_FALL_DB - fall_db, 0, None) / 10,
+            np.clip(usual.fall_db - fall_db, 0, None) / 10,
             low / 0.2,
             high / 0.2,
             np.clip(np.abs(louder_db) - 1, 0, 4) / 2,
-            np.clip(np.abs(band_db - usual[0]) / usual[1] - 2, 0, 4) / 2,
+            np.clip(np.abs(band_db - usual.band_db) / usual.spread_db - 2, 0, 4) / 2,
         ],
         axis=1,
     )
-
-
-def usual_low_band(names: Sequence[str], values: NDArray[np.floating]) -> tuple[float, float]:
-    """Return median level of the low band and its spread, not below 3 dB [dB]."""
-    if "low_band_level" not in names or not len(values):
-        return PRIOR.usual
-    level = values[:, names.index("low_band_level")].astype(np.float64)
-    median = float(np.median(level))
-    return median, max(3.0, 1.4826 * float(np.median(np.abs(level - median))))
 
 
 def fitted(
@@ -149,7 +170,7 @@ def fitted(
     baseline: NDArray[np.bool_],
     right: NDArray[np.bool_],
     weights: Floats,
-    usual: tuple[float, float],
+    usual: Usual,
 ) -> Calibration:
     """Learn from answers that were given to held-out recordings and their copies.
 

@@ -226,10 +226,14 @@ def _hypotheses(near: NearestByClass, judgement: Judgement) -> tuple[Hypothesis,
 
 
 def verdict_of(judgement: Judgement, poor: bool = False) -> str:
-    """Return `not_in_library`, `ambiguous` or `diagnosed`; of a poor recording nothing is said with confidence."""
+    """Return `not_in_library`, `ambiguous` or `diagnosed`.
+
+    Nothing is said with confidence of a poor recording, nor by a library that cannot say where the unknown begins.
+    """
     if judgement.still or (judgement.threshold is not None and judgement.novelty > judgement.threshold):
         return "not_in_library"
-    return "diagnosed" if judgement.probabilities.max() >= DIAGNOSED_FROM and not poor else "ambiguous"
+    sure = judgement.probabilities.max() >= DIAGNOSED_FROM and judgement.threshold is not None
+    return "diagnosed" if sure and not poor else "ambiguous"
 
 
 def _count(matches: Sequence[Match], label: str, origin: str) -> int:

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.calibration import PRIOR, Calibration, fitted, usual_low_band
+from casebase.calibration import PRIOR, Calibration, Usual, fitted
 from casebase.case_table import CaseTable, Mask
 from casebase.detection import Detection
 from casebase.learning import Similarity
@@ -102,16 +102,8 @@ class Experience:
 
     def shares(self, nearest: Floats, values: NDArray[np.floating], but: str = "") -> Floats:
         """Return every class's share before calibration, shape (classes,); `but` is a gearbox that is held out."""
-        votes = self._doubted(np.exp(log_votes(nearest[None], self.sharpness)[0]))
+        votes = np.exp(log_votes(nearest[None], self.sharpness)[0])
         return self.detection.earned(votes, self.detection.missed(values, but))
-
-    def _doubted(self, shares: Floats) -> Floats:
-        """Return shares of votes mixed with ignorance, so that a small library never is certain."""
-        count = len(self.classes)
-        if count == 1:
-            return np.array([1 - self.doubt])
-        ignorance = min(1.0, self.doubt * count / (count - 1))
-        return np.asarray((1 - ignorance) * shares + ignorance / count)
 
     def _calibrated(self, shares: Floats, values: NDArray[np.floating]) -> Floats:
         """Return probabilities: that of the leading label is calibrated, the others share the rest as before."""
@@ -169,7 +161,7 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
         where_unknown_begins(table, present, rows),
         juries[chosen],
         Detection.of(table, juries[chosen]),
-        similarity.calibration or replace(PRIOR, usual=usual_low_band(table.names, table.values[rows])),
+        similarity.calibration or replace(PRIOR, usual=Usual.of(table.names, table.values[rows])),
         table.names,
     )
 
@@ -193,13 +185,17 @@ FEWEST_FOR_CALIBRATION = 30
 
 
 def calibrated(table: CaseTable, similarity: Similarity, copies: Copies) -> Similarity:
-    """Return the similarity with a calibration learned from cases and copies, each held out with its gearbox."""
+    """Return the similarity with a calibration learned from cases and copies, each held out with its gearbox.
+
+    The library that answers knows one gearbox more than the one that was held against them. Errors fall about as one
+    over the number of gearboxes, which is what the odds are raised by.
+    """
     rows = representative(table)
     own = np.isin(rows, copies.rows)
     asked = np.concatenate([rows[own], copies.rows])
     values = np.concatenate([table.values[rows[own]], copies.values])
     masks, kinds, counts = np.unique(np.isfinite(values), axis=0, return_inverse=True, return_counts=True)
-    usual = usual_low_band(table.names, table.values[rows])
+    usual = Usual.of(table.names, table.values[rows])
     share, right, sound, kept, truth = [], [], [], [], []
     for kind in np.argsort(-counts)[:MOST_MASKS]:
         experience = gather(table, similarity, masks[kind], rows)
@@ -222,7 +218,9 @@ def calibrated(table: CaseTable, similarity: Similarity, copies: Copies) -> Simi
     lacking = replace(PRIOR, usual=usual).lacks(table.names, values[kept])
     weights = balance(np.array(truth))
     learned = fitted(np.array(share), lacking, np.array(sound), np.array(right), weights, usual)
-    return replace(similarity, calibration=learned)
+    groups = np.unique(table.groups[asked[kept]]).size
+    offset = learned.offset + np.log(groups / max(1, groups - 1))
+    return replace(similarity, calibration=replace(learned, offset=float(offset)))
 
 
 def possible_juries(table: CaseTable) -> list[Mask]:
@@ -309,9 +307,7 @@ def where_unknown_begins(table: CaseTable, present: Mask, rows: NDArray[np.intp]
     """
     held_out = _held_out_together(table)
     measured = table.origins == "measured"
-    counts = (
-        measured if _comparable(table, held_out, rows, measured).size >= FEWEST_FOR_LIMIT else np.full(len(table), True)
-    )
+    counts = measured if _comparable(table, held_out, rows, measured).size >= FEWEST_FOR_LIMIT else border(table)
     rows = _comparable(table, held_out, rows, counts)
     novelty = np.full(rows.size, np.inf)
     for group in np.unique(held_out[rows]):
