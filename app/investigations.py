@@ -15,6 +15,7 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
+from app.intake import read_sound
 from app.job import JobError, JobKind, JobNotFoundError, Json, Report
 from app.jobs import Jobs
 from app.settings import Settings
@@ -65,7 +66,7 @@ def submit(
     for measured in telemetries:
         _readable(measured, read_telemetry, several=len(telemetries) > 1)
     for measured in (*sounds, *as_new):
-        _readable(measured, read_recording, several=len(sounds) + len(as_new) > 1)
+        _readable(measured, read_sound, several=len(sounds) + len(as_new) > 1)
     inputs: dict[str, object] = {"sound_offset_s": sound_offset_s}
     if telemetries:
         kept = [_kept(library, measured) for measured in telemetries]
