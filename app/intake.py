@@ -10,12 +10,12 @@ from sqlalchemy.orm import Session
 
 from app.metadata import RecordingMetadata
 from app.settings import settings_of
+from app.sound import read_sound
 from casebase.audio_store import StoredBytes
 from casebase.axes import find_axis, list_axes
 from casebase.description import RecordingDescription
 from casebase.library import CaseLibrary
 from casebase.models import StoredDiagnosis, StoredRecording
-from casebase.signals.decode import LIMITS, read_recording
 from casebase.signals.features import Extraction, extract
 from casebase.signals.recording import Recording
 from sim.axis import Axis, read_axis
@@ -76,11 +76,6 @@ MEDIA_TYPES = {
 def media_type_of(file_name: str) -> str:
     """The media type that a file's name says: sound, video or plain bytes."""
     return MEDIA_TYPES.get(Path(file_name).suffix.lower(), "application/octet-stream")
-
-
-def read_sound(path: Path, *, channel: int | None = None) -> Recording:
-    """Decode a file that comes in, as `read_recording` does; lossy ones only if the installation takes them."""
-    return read_recording(path, channel=channel, limits=replace(LIMITS, lossy=settings_of().accept_lossy))
 
 
 def when_recorded(recording: Recording, said: datetime | None) -> tuple[datetime | None, tuple[str, ...]]:

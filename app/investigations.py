@@ -15,10 +15,10 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from app.intake import read_sound
 from app.job import JobError, JobKind, JobNotFoundError, Json, Report
 from app.jobs import Jobs
 from app.settings import Settings
+from app.sound import read_sound
 from casebase import audit
 from casebase.axes import add_axis, find_axis
 from casebase.errors import ConflictError, NotFoundError

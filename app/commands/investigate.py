@@ -11,7 +11,7 @@ from typing import Annotated, TypeVar
 import typer
 
 from app.commands.frame import Frame, frame_of
-from app.intake import read_sound
+from app.sound import read_sound
 from casebase.signals.errors import SignalError
 from casebase.signals.recording import Recording
 from casebase.signals.telemetry import Telemetry, read_telemetry

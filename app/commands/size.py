@@ -11,8 +11,9 @@ import typer
 
 from app.commands.frame import frame_of
 from app.generation import fitted_microphones
-from app.intake import mesh_orders, read_sound, shaft_orders
+from app.intake import mesh_orders, shaft_orders
 from app.sizing import RUNS, Taken, design_for
+from app.sound import read_sound
 from casebase.severity import COVERAGE, PARAMETERS
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import extract
