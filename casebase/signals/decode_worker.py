@@ -342,7 +342,8 @@ def read_wav(file: BinaryIO, size: int, limits: Mapping[str, float]) -> Found:
 def read_with_av(file: Any, limits: Mapping[str, float]) -> Found:
     """Read the first sound of a file with PyAV, in one thread, by decoders and containers of the lists above alone.
 
-    A packet that cannot be decoded is passed over as long as nothing was decoded, and ends the sound later.
+    A packet that cannot be decoded is passed over as long as nothing was decoded, and ends the sound later; so does
+    a leap in time in a container that counts samples.
 
     Raises:
         UnknownError: if it is in no container of the list.
@@ -356,7 +357,9 @@ def read_with_av(file: Any, limits: Mapping[str, float]) -> Found:
     }
     try:
         container = av.open(file, mode="r", options=options, metadata_errors="replace")
-    except (av.error.FFmpegError, ValueError, OSError) as error:
+    except MemoryError:
+        raise
+    except (av.error.FFmpegError, OSError, ValueError) as error:
         raise UnknownError(reason_of(error)) from error
     with container:
         if not container.streams.audio:
@@ -364,14 +367,15 @@ def read_with_av(file: Any, limits: Mapping[str, float]) -> Found:
         stream = container.streams.audio[0]
         name = stream.codec_context.name if stream.codec_context else "unknown"
         if name not in LOSSY and name not in LOSSLESS and name not in PLAIN:
-            raise RefusedError("not_audio", f"sound stored as {name} is not read here; {ADVICE}")
+            raise RefusedError("not_audio", f"its sound is stored in a way that is not read here ({name}); {ADVICE}")
         stream.thread_type = "NONE"
         stream.codec_context.options = {"err_detect": "crccheck+explode"} if name in LOSSLESS else {}
-        found = None
+        found = first = None
         for frame in frames_of(container, stream):
             if found is None:
-                found = found_of(container, stream, frame, limits)
-            elif (frame.sample_rate, frame.layout.nb_channels) != (found.rate_hz, found.channels):
+                found, first = found_of(container, stream, frame, limits), frame.pts
+            changed = (frame.sample_rate, frame.layout.nb_channels) != (found.rate_hz, found.channels)
+            if changed or (container.format.name in EXACT and leaps(frame, first, found)):
                 break
             found.take(samples_of(frame, found.channels))
     if found is None:
@@ -389,9 +393,9 @@ def frames_of(container: Any, stream: Any) -> Iterator[Any]:
         try:
             packet = next(packets, None)
             frames = [] if packet is None else packet.decode()
-        except av.error.MemoryError as error:
-            raise MemoryError from error
-        except (av.error.FFmpegError, ValueError):
+        except MemoryError:
+            raise
+        except (av.error.FFmpegError, OSError, ValueError):
             if decoded:
                 return
             continue
@@ -399,6 +403,13 @@ def frames_of(container: Any, stream: Any) -> Iterator[Any]:
             return
         decoded = decoded or bool(frames)
         yield from frames
+
+
+def leaps(frame: Any, first: int | None, found: Found) -> bool:
+    """Whether a frame does not follow the one before: something between them could not be read."""
+    if frame.pts is None or first is None:
+        return False
+    return abs(float((frame.pts - first) * frame.time_base) * found.rate_hz - found.frames) > 1
 
 
 def found_of(container: Any, stream: Any, frame: Any, limits: Mapping[str, float]) -> Found:

@@ -154,8 +154,9 @@ def looks_like_float(wav: Wav, content: bytes) -> bool:
     if values.size < 100 or not np.isfinite(values).all():
         return False
     magnitude = np.abs(values)
-    signs = np.count_nonzero(values < 0) / values.size
-    return bool(0.05 < signs < 0.95 and magnitude.max() <= 16 and np.quantile(magnitude, 0.05) > 1e-12)
+    negative = np.count_nonzero(values < 0) / values.size
+    small, large = float(np.quantile(magnitude, 0.05)), float(magnitude.max())
+    return 0.05 < negative < 0.95 and large <= 16 and 1e-12 < small < large / 16
 
 
 class RepairedWav(io.RawIOBase):

@@ -39,9 +39,7 @@ def riff(*chunks: bytes, form: bytes = b"RIFF") -> bytes:
     return form + struct.pack("<I", len(body) & 0xFFFFFFFF) + body
 
 
-def encode(
-    path: Path, samples: np.ndarray, rate: int, container: str, codec: str, bit_rate: int | None = None
-) -> Path:
+def encode(path: Path, samples: np.ndarray, rate: int, container: str, codec: str, bit_rate: int | None = None) -> Path:
     """Write samples, shape (n,), by PyAV and return the path; a rate that the codec does not have is resampled.
 
     Args:
@@ -98,7 +96,7 @@ LOSSLESS = tuple(BY_AV)[13:]
 BY_SOUNDFILE = {
     **{f"wav {each.lower()}": ("WAV", each) for each in ("PCM_U8", "PCM_16", "PCM_24", "PCM_32", "FLOAT", "DOUBLE")},
     **{f"{each.lower()} pcm": (each, "PCM_16") for each in ("WAVEX", "RF64", "W64", "FLAC", "AIFF", "AU", "CAF")},
-    **{f"{each.lower()} pcm": (each, "PCM_16") for each in ("NIST", "VOC", "AVR", "PAF", "IRCAM", "SVX", "MAT4", "PVF")},
+    **{f"{each.lower()} pcm": (each, "PCM_16") for each in ("NIST", "VOC", "AVR", "PAF", "IRCAM", "MAT4", "PVF")},
     "caf alac": ("CAF", "ALAC_16"),
     "aiff float": ("AIFF", "FLOAT"),
     "vorbis": ("OGG", "VORBIS"),
@@ -118,7 +116,9 @@ def seeds(folder: Path, count: int = RATE // 2) -> dict[str, bytes]:
     soundfile.write(path, noise(count, 3), RATE, format="WAV", subtype="PCM_16")
     found["three channels"] = path.read_bytes()
     tags = chunk(b"bext", bytes(602)) + chunk(b"guan", b"GUANO|Version:1.0\nTimestamp:2026-05-01T10:00:00Z")
-    tags += chunk(b"LIST", b"INFO" + chunk(b"ICMT", b"Recorded at 10:00:00 01/05/2026 (UTC) by AudioMoth 0123456789ABCDEF"))
+    tags += chunk(
+        b"LIST", b"INFO" + chunk(b"ICMT", b"Recorded at 10:00:00 01/05/2026 (UTC) by AudioMoth 0123456789ABCDEF")
+    )
     found["tags"] = riff(fmt(), tags, chunk(b"data", pcm(samples)))
     long_sizes = chunk(b"ds64", struct.pack("<QQQI", 0, 2 * count, count, 0))
     found["bw64"] = riff(long_sizes, fmt(), chunk(b"data", pcm(samples), claimed=0xFFFFFFFF), form=b"BW64")

@@ -1,6 +1,6 @@
 """Spoilt sound files, many of them, through the decoder: read or refused, never a crash of the one who asked.
 
-    python -m tests.signals.fuzz_decode --files 100000
+python -m tests.signals.fuzz_decode --files 100000
 """
 
 import argparse
@@ -64,7 +64,9 @@ def spoilt(content: bytes, others: Sequence[bytes], dice: random.Random) -> byte
 
 
 def fuzz(files: int, seed: int, folder: Path, *, show: int = 0) -> Tally:
-    """Decode so many spoilt files and count what became of them; the last one lies in the folder as `spoilt`.
+    """Decode so many spoilt files and count what became of them.
+
+    The last file lies in the folder as `spoilt`, those on which the decoder gave up as `given-up-SEED-NUMBER`.
 
     Raises:
         AssertionError: if samples are read that are not finite, or a good file is not read after all that.
@@ -87,6 +89,7 @@ def fuzz(files: int, seed: int, folder: Path, *, show: int = 0) -> Tally:
             outcome = type(error).__name__
             if isinstance(error, BrokenAudioError) and "gave up" in str(error):
                 outcome = GIVEN_UP
+                (folder / f"given-up-{seed}-{number}").write_bytes(path.read_bytes())
                 if show:
                     print(f"{name}: {error}", file=sys.stderr)
         tally.outcomes[name, outcome] += 1
@@ -115,9 +118,10 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--files", type=int, default=1000)
     parser.add_argument("--seed", type=int, default=1)
+    parser.add_argument("--folder", type=Path, help="keeps the files on which the decoder gave up")
     asked = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        tally = fuzz(asked.files, asked.seed, Path(folder), show=5000)
+        tally = fuzz(asked.files, asked.seed, asked.folder or Path(folder), show=5000)
     outcomes = sorted({outcome for _, outcome in tally.outcomes})
     print(f"{'seed':20}", *(f"{outcome[:20]:>20}" for outcome in outcomes))
     for name in sorted({name for name, _ in tally.outcomes}):
