@@ -16,6 +16,7 @@ STEEP = 0.005
 DROPOUT_S = 0.005
 FEWEST_STEPS = 10
 SHARE_MISSING = 0.1
+FOR_SPEECH = {"AMR", "AMR-WB", "GSM", "Speex"}
 MAINS_HZ = (50.0, 60.0, 100.0, 120.0)
 
 
@@ -236,6 +237,13 @@ def lossy(analysis: Analysis) -> QualityFlag | None:
     codec = analysis.recording.source.lossy
     if codec is None:
         return None
+    if codec in FOR_SPEECH:
+        return QualityFlag(
+            "lossy",
+            Severity.POOR,
+            f"the sound was stored by a codec made for speech ({codec}), under which faults are easily "
+            "mistaken for each other; record as WAV or FLAC",
+        )
     return QualityFlag(
         "lossy",
         Severity.NOTE,
