@@ -1,5 +1,6 @@
 """Decoding: every lossless format comes back whole; a file without sound is a clear error and harms nothing."""
 
+import os
 import struct
 import threading
 from pathlib import Path
@@ -253,8 +254,10 @@ def test_a_worker_is_limited_cannot_write_and_has_no_secrets(tmp_path: Path) -> 
 def test_no_such_file_and_no_regular_file(tmp_path: Path) -> None:
     with pytest.raises(FileNotFoundError):
         read_recording(tmp_path / "nowhere.wav")
-    with pytest.raises(NotAudioError, match="regular"):
-        read_recording(tmp_path)
+    os.mkfifo(tmp_path / "pipe.wav")
+    for path in (tmp_path, tmp_path / "pipe.wav", Path("/dev/null")):
+        with pytest.raises(NotAudioError, match="is no regular file"):
+            read_recording(path)
 
 
 def test_spoilt_files_are_read_or_refused_but_never_break_the_decoder(tmp_path: Path) -> None:
