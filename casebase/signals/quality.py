@@ -241,8 +241,7 @@ def lossy(analysis: Analysis) -> QualityFlag | None:
         return QualityFlag(
             "lossy",
             Severity.POOR,
-            f"the sound was stored by a codec made for speech ({codec}), under which faults are easily "
-            "mistaken for each other; record as WAV or FLAC",
+            f"the sound was stored by a codec made for speech ({codec}), which can hide faults; record as WAV or FLAC",
         )
     return QualityFlag(
         "lossy",

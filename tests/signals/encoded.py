@@ -39,12 +39,15 @@ def riff(*chunks: bytes, form: bytes = b"RIFF") -> bytes:
     return form + struct.pack("<I", len(body) & 0xFFFFFFFF) + body
 
 
-def encode(path: Path, samples: np.ndarray, rate: int, container: str, codec: str, bit_rate: int | None = None) -> Path:
+def encode(
+    path: Path, samples: np.ndarray, rate: int, container: str, codec: str, bit_rate: int | None = None, **tags: str
+) -> Path:
     """Write samples, shape (n,), by PyAV and return the path; a rate that the codec does not have is resampled.
 
     Args:
         container, codec: by FFmpeg's names.
         bit_rate: of the codec [bit/s].
+        tags: of the container.
     """
     rates = av.Codec(codec, "w").audio_rates
     written = rate if rates is None or rate in rates else min(each for each in rates if each >= rate)
@@ -53,6 +56,7 @@ def encode(path: Path, samples: np.ndarray, rate: int, container: str, codec: st
     frame = av.AudioFrame.from_ndarray(np.ascontiguousarray(samples, dtype=np.float32)[None], "fltp", "mono")
     frame.sample_rate, frame.pts = rate, 0
     with av.open(str(path), "w", format=container) as target:
+        target.metadata.update(tags)
         stream = target.add_stream(codec, rate=written, layout="mono")
         if bit_rate:
             stream.bit_rate = bit_rate

@@ -296,6 +296,16 @@ def test_date_and_device_of_recorders(tmp_path: Path, name: str, behind: bool) -
     assert (source.recorded_at is None or source.recorded_at.tzinfo is None) == (when is None or when.tzinfo is None)
 
 
+def test_date_and_device_of_phones(tmp_path: Path) -> None:
+    path = encode(
+        tmp_path / "memo.mov", SAMPLES, RATE, "mov", "alac", creation_time="2026-05-01T10:00:00Z", make="Apple"
+    )
+    source = read_recording(path).source
+    assert (source.recorded_at, source.device) == (datetime(2026, 5, 1, 10, tzinfo=UTC), "Apple")
+    path = encode(tmp_path / "memo.mka", SAMPLES, RATE, "matroska", "flac", DATE="2026")
+    assert read_recording(path).source.recorded_at is None
+
+
 FIELD = ("data", "field")
 TWIN = (*FIELD, "09-odd-chunk-without-pad", "09_odd_list_padded.wav")
 
