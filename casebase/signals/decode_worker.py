@@ -327,15 +327,13 @@ def read_wav(file: BinaryIO, size: int, limits: Mapping[str, float]) -> Found:
     found.check_length(frames)
     file.seek(header.start)
     step = max(1, BLOCK_BYTES // width)
-    looks = []
     while frames > found.frames:
         content = file.read(min(step, frames - found.frames) * width)
         content = content[: len(content) // width * width]
         if not content:
             break
-        looks.append(wav.looks_like_float(header, content))
+        found.float_tag = found.float_tag or wav.looks_like_float(header, content)
         found.take(wav.samples(header, content))
-    found.float_tag = bool(looks) and all(looks)
     return found
 
 

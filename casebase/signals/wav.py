@@ -30,6 +30,7 @@ PCM, FLOAT, EXTENSIBLE = 1, 3, 0xFFFE
 UNSTATED = 0x7FFF0000
 """From here on a size that the file does not have is what a recorder writes before it knows the length [byte]."""
 
+FEWEST_VALUES = 1000
 LONGEST_TAG = 1 << 16
 LONGEST_SEARCH = 1 << 20
 
@@ -151,7 +152,7 @@ def looks_like_float(wav: Wav, content: bytes) -> bool:
     order = ">" if wav.big_endian else "<"
     values = np.frombuffer(content, dtype=f"{order}f4")
     values = values[values != 0]
-    if values.size < 100 or not np.isfinite(values).all():
+    if values.size < FEWEST_VALUES or not np.isfinite(values).all():
         return False
     magnitude = np.abs(values)
     negative = np.count_nonzero(values < 0) / values.size

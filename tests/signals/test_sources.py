@@ -199,6 +199,8 @@ def test_floating_point_tagged_as_integers_is_unusable_and_integers_are_not(tmp_
     wrong = written(tmp_path, riff(fmt(bits=32), chunk(b"data", samples.tobytes())))
     assert severities(wrong)["wrong_tag"] is Severity.UNUSABLE
     assert "floating point with an integer tag" in reason(wrong, "wrong_tag")
+    long = np.concatenate((np.zeros(300_000, "<f4"), np.tile(samples, 4)))[: 300_050 + 262_144]
+    assert written(tmp_path, riff(fmt(bits=32), chunk(b"data", long.tobytes()))).source.float_tag
     for gain in (1e-6, 1e-3, 1.0):
         right = np.round(samples.astype(np.float64) * gain * 2**31).astype("<i4")
         recording = written(tmp_path, riff(fmt(bits=32), chunk(b"data", right.tobytes())))
