@@ -157,7 +157,7 @@ def looks_like_float(wav: Wav, content: bytes) -> bool:
     magnitude = np.abs(values)
     negative = np.count_nonzero(values < 0) / values.size
     small, large = float(np.quantile(magnitude, 0.05)), float(magnitude.max())
-    return 0.05 < negative < 0.95 and large <= 16 and 1e-12 < small < large / 16
+    return bool(0.05 < negative < 0.95 and large <= 16 and 1e-12 < small < large / 16)
 
 
 class RepairedWav(io.RawIOBase):

@@ -21,7 +21,7 @@ from casebase.signals.errors import (
     SignalError,
 )
 from tests.signals.encoded import RATE, chunk, fmt, noise, pcm, riff
-from tests.signals.fuzz_decode import fuzz
+from tests.signals.fuzz_decode import GIVEN_UP, fuzz
 
 LOSSLESS_SUBTYPES = [
     (name, subtype)
@@ -264,4 +264,5 @@ def test_spoilt_files_are_read_or_refused_but_never_break_the_decoder(tmp_path: 
     tally = fuzz(500, 3, tmp_path)
     assert tally.of("read") > 100
     assert tally.of("BrokenAudioError") > 100
+    assert tally.of(GIVEN_UP) == 0
     assert tally.largest_bytes <= LIMITS.memory_bytes

@@ -207,6 +207,8 @@ def test_floating_point_tagged_as_integers_is_unusable_and_integers_are_not(tmp_
         assert not recording.source.float_tag
     loud = (np.random.default_rng(0).uniform(-1, 1, 8000) * 2**31).astype("<i4")
     assert not written(tmp_path, riff(fmt(bits=32), chunk(b"data", loud.tobytes()))).source.float_tag
+    positive = (np.random.default_rng(0).uniform(0, 0.4, 8000) * 2**31).astype("<i4")
+    assert not written(tmp_path, riff(fmt(bits=32), chunk(b"data", positive.tobytes()))).source.float_tag
     square = np.where(np.arange(8000) % 20 < 10, 2**30, -(2**30)).astype("<i4")
     assert not written(tmp_path, riff(fmt(bits=32), chunk(b"data", square.tobytes()))).source.float_tag
 
