@@ -100,6 +100,7 @@ class AxisAnswer(Answer):
 class LimitsAnswer(Answer):
     """How large a request may be and how many are served at once."""
 
+    accept_lossy: bool
     upload_bytes: int
     document_bytes: int
     metadata_bytes: int

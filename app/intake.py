@@ -2,17 +2,20 @@
 
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
+from datetime import datetime
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 from sqlalchemy.orm import Session
 
 from app.metadata import RecordingMetadata
+from app.settings import settings_of
+from app.sound import read_sound
 from casebase.audio_store import StoredBytes
 from casebase.axes import find_axis, list_axes
 from casebase.description import RecordingDescription
 from casebase.library import CaseLibrary
 from casebase.models import StoredDiagnosis, StoredRecording
-from casebase.signals.decode import read_recording
 from casebase.signals.features import Extraction, extract
 from casebase.signals.recording import Recording
 from sim.axis import Axis, read_axis
@@ -47,10 +50,45 @@ class Intake:
         return library.diagnose(session, row, self.extraction, self.remarks)
 
 
+MEDIA_TYPES = {
+    ".wav": "audio/wav",
+    ".flac": "audio/flac",
+    ".aif": "audio/aiff",
+    ".aiff": "audio/aiff",
+    ".caf": "audio/x-caf",
+    ".mp3": "audio/mpeg",
+    ".m4a": "audio/mp4",
+    ".mp4": "video/mp4",
+    ".mov": "video/quicktime",
+    ".3gp": "video/3gpp",
+    ".aac": "audio/aac",
+    ".amr": "audio/amr",
+    ".ogg": "audio/ogg",
+    ".oga": "audio/ogg",
+    ".opus": "audio/ogg",
+    ".mka": "audio/x-matroska",
+    ".mkv": "video/x-matroska",
+    ".webm": "video/webm",
+    ".wma": "audio/x-ms-wma",
+}
+
+
 def media_type_of(file_name: str) -> str:
-    """The media type that a file's name says: sound or plain bytes."""
-    kinds = {".wav": "audio/wav", ".flac": "audio/flac", ".aif": "audio/aiff", ".aiff": "audio/aiff"}
-    return kinds.get(Path(file_name).suffix.lower(), "application/octet-stream")
+    """The media type that a file's name says: sound, video or plain bytes."""
+    return MEDIA_TYPES.get(Path(file_name).suffix.lower(), "application/octet-stream")
+
+
+def when_recorded(recording: Recording, said: datetime | None) -> tuple[datetime | None, tuple[str, ...]]:
+    """Return when a sound was recorded, what was said before what the recorder's clock says, and a remark on it.
+
+    A clock without an offset is taken to be that of the site (`GEARCASE_TIME_ZONE`).
+    """
+    clock = recording.source.recorded_at
+    if said is not None or clock is None or clock.tzinfo is not None:
+        return said or clock, ()
+    zone = settings_of().time_zone
+    remark = f"the recorder's clock said {clock:%Y-%m-%d %H:%M:%S} without an offset, which was taken as time of {zone}"
+    return clock.replace(tzinfo=ZoneInfo(zone)), (remark,)
 
 
 def shaft_orders(axis: Axis) -> tuple[float, ...]:
@@ -94,7 +132,7 @@ def take_in(
     condition = metadata.condition(
         shaft_orders=shaft_orders(axis) if axis else (), mesh_orders=mesh_orders(axis) if axis else ()
     )
-    recording = replace(read_recording(path, channel=metadata.channel), unit=metadata.unit)
+    recording = replace(read_sound(path, channel=metadata.channel), unit=metadata.unit)
     keeping = KEEPERS.submit(library.audio.put, path)
     try:
         extraction = extract(recording, condition)
@@ -103,16 +141,21 @@ def take_in(
     extra = metadata.model_dump(
         mode="json", include={"robot", "temperature_degc", "notes", "verified_by"}, exclude_none=True
     )
+    if recording.source.device is not None:
+        extra["device"] = recording.source.device
+    recorded_at, remarks = when_recorded(recording, metadata.recorded_at)
     description = RecordingDescription(
         file_name=name,
         media_type=media_type,
         axis=metadata.axis or (axis.name if axis else None),
         gearbox=metadata.gearbox,
         condition=condition,
-        recorded_at=metadata.recorded_at,
+        recorded_at=recorded_at,
         extra=extra,
     )
-    return Intake(stored, recording, extraction, description, unknown_axis(library, metadata.axis) if not axis else ())
+    if not axis:
+        remarks += unknown_axis(library, metadata.axis)
+    return Intake(stored, recording, extraction, description, remarks)
 
 
 def unknown_axis(library: CaseLibrary, name: str | None) -> tuple[str, ...]:

@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session
 from app.job import JobError, JobKind, JobNotFoundError, Json, Report
 from app.jobs import Jobs
 from app.settings import Settings
+from app.sound import read_sound
 from casebase import audit
 from casebase.axes import add_axis, find_axis
 from casebase.errors import ConflictError, NotFoundError
@@ -65,7 +66,7 @@ def submit(
     for measured in telemetries:
         _readable(measured, read_telemetry, several=len(telemetries) > 1)
     for measured in (*sounds, *as_new):
-        _readable(measured, read_recording, several=len(sounds) + len(as_new) > 1)
+        _readable(measured, read_sound, several=len(sounds) + len(as_new) > 1)
     inputs: dict[str, object] = {"sound_offset_s": sound_offset_s}
     if telemetries:
         kept = [_kept(library, measured) for measured in telemetries]

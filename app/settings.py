@@ -32,6 +32,8 @@ class Settings(BaseSettings):
     root_path: str = Field("", description="path under which a proxy serves us, e.g. /gearcase")
     cookie_secure: bool = Field(False, description="send the sign-in cookie over HTTPS only")
 
+    accept_lossy: bool = Field(True, description="take sound that was stored with loss (MP3, AAC, Opus), and flag it")
+
     upload_bytes: PositiveInt = Field(200 * MEBIBYTE, description="a multipart request, whole")
     document_bytes: PositiveInt = Field(1 * MEBIBYTE, description="any other request, whole")
     metadata_bytes: PositiveInt = Field(64 * 1024, description="one form field of a multipart request")

@@ -193,7 +193,7 @@ def multipart_body(metadata: type[BaseModel], instead: type[BaseModel] | None = 
                 "required": ["file"],
                 "additionalProperties": False,
                 "properties": {
-                    "file": {"type": "string", "format": "binary", "description": "WAV, FLAC or AIFF"},
+                    "file": {"type": "string", "format": "binary", "description": "WAV, FLAC, or what a phone records"},
                     "metadata": metadata.model_json_schema(),
                 },
             },

@@ -14,6 +14,7 @@ MODULES: tuple[str, ...] = (
     "sliders",
     "retrieval",
     "diagnosis",
+    "lossy",
     "measured_help",
     "severity",
 )

@@ -15,4 +15,5 @@ router = APIRouter(tags=["service"])
 @router.get("/limits")
 def limits(_: Viewer, service: TheService) -> LimitsAnswer:
     """Sizes [byte], times [s] and counts that requests must keep to."""
-    return LimitsAnswer(**service.settings.model_dump(include=set(LimitsAnswer.model_fields)), decoding=asdict(LIMITS))
+    decoding = {name: value for name, value in asdict(LIMITS).items() if name != "lossy"}
+    return LimitsAnswer(**service.settings.model_dump(include=set(LimitsAnswer.model_fields)), decoding=decoding)

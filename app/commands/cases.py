@@ -32,7 +32,7 @@ def register(app: typer.Typer) -> None:
 @cases.command()
 def add(
     context: typer.Context,
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="sound files: WAV, FLAC, AIFF")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="sound files: WAV, FLAC, phone formats")],
     label: Annotated[str, typer.Option(help="normal, notch, play or any other")],
     axis: Annotated[Path | None, typer.Option(metavar="AXIS.toml", help="description of the axis")] = None,
     gearbox: Annotated[str | None, typer.Option(help="serial number of the gearbox")] = None,

@@ -25,7 +25,7 @@ def register(app: typer.Typer) -> None:
 
 def diagnose(
     context: typer.Context,
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="sound files: WAV, FLAC, AIFF")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="sound files: WAV, FLAC, phone formats")],
     axis: Annotated[Path | None, typer.Option(metavar="AXIS.toml", help="description of the axis")] = None,
     speed: Annotated[float | None, typer.Option(help="largest speed of the output [rad/s]")] = None,
     payload: Annotated[float | None, typer.Option(help="inertia carried by the output [kg m2]")] = None,

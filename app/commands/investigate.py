@@ -11,7 +11,7 @@ from typing import Annotated, TypeVar
 import typer
 
 from app.commands.frame import Frame, frame_of
-from casebase.signals.decode import read_recording
+from app.sound import read_sound
 from casebase.signals.errors import SignalError
 from casebase.signals.recording import Recording
 from casebase.signals.telemetry import Telemetry, read_telemetry
@@ -68,7 +68,7 @@ def run(
     described = read_axis(axis)
     check_pairs(len(telemetry or ()), len(sound or ()), len(as_new or ()))
     heard, before = (
-        [replace(_read(one, read_recording), name=one.name) for one in files or ()] for files in (sound, as_new)
+        [replace(_read(one, read_sound), name=one.name) for one in files or ()] for files in (sound, as_new)
     )
     measured = [_read(one, read_telemetry) for one in telemetry or ()]
     if len(measured) > 1:

@@ -13,9 +13,9 @@ from app.commands.frame import frame_of
 from app.generation import fitted_microphones
 from app.intake import mesh_orders, shaft_orders
 from app.sizing import RUNS, Taken, design_for
+from app.sound import read_sound
 from casebase.severity import COVERAGE, PARAMETERS
 from casebase.signals.condition import OperatingCondition
-from casebase.signals.decode import read_recording
 from casebase.signals.features import extract
 from sim.axis import read_axis
 
@@ -26,7 +26,7 @@ def register(app: typer.Typer) -> None:
 
 def size(
     context: typer.Context,
-    file: Annotated[Path, typer.Argument(metavar="FILE", help="sound file: WAV, FLAC, AIFF")],
+    file: Annotated[Path, typer.Argument(metavar="FILE", help="sound file: WAV, FLAC, phone formats")],
     axis: Annotated[Path, typer.Option(metavar="AXIS.toml", help="description of the axis")],
     label: Annotated[str, typer.Option(help=f"what was diagnosed: {' or '.join(PARAMETERS)}")],
     speed: Annotated[float | None, typer.Option(help="largest speed of the output [rad/s]")] = None,
@@ -47,7 +47,7 @@ def size(
         shaft_orders=shaft_orders(described),
         mesh_orders=mesh_orders(described),
     )
-    recording = read_recording(file, channel=channel)
+    recording = read_sound(file, channel=channel)
     extraction = extract(recording, condition)
     taken = Taken.of(described, extraction.motion, recording.duration_s, speed, payload)
     with frame.library() as library:

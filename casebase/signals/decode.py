@@ -1,13 +1,16 @@
 """Decoding of audio files in a separate process with limits, since decoders are what attackers aim at."""
 
+from collections.abc import Mapping
 from dataclasses import asdict, dataclass
+from datetime import datetime
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from casebase.signals.decode_pool import POOL
 from casebase.signals.errors import BrokenAudioError, NotAudioError
-from casebase.signals.recording import SHORTEST_S, Recording
+from casebase.signals.recording import SHORTEST_S, Recording, Source
 
 
 @dataclass(frozen=True)
@@ -24,6 +27,7 @@ class DecodeLimits:
         lowest_rate_hz: lowest sample rate [Hz].
         highest_rate_hz: highest sample rate [Hz].
         channels: most channels [1].
+        lossy: whether sound that was stored with loss is taken.
     """
 
     seconds: float = 30.0
@@ -35,21 +39,23 @@ class DecodeLimits:
     lowest_rate_hz: float = 1000.0
     highest_rate_hz: float = 192_000.0
     channels: int = 16
+    lossy: bool = True
 
 
 LIMITS = DecodeLimits()
 
 
 def read_recording(path: Path, *, channel: int | None = None, limits: DecodeLimits = LIMITS) -> Recording:
-    """Decode one channel of a sound file in a worker process; without `channel`, the first is used.
+    """Decode one channel of a sound file in a worker process.
 
-    Any lossless format of libsndfile. The header is held against the length of the file and against what was
-    really decoded (where the format states a length), and everything is counted while reading.
+    Without `channel` it is the first, or the loudest where the first is dead. A file that ends early is read as far
+    as it goes; what is missing, lossy or dead stands in the recording's `source`. Everything is counted while
+    reading, whatever the header says.
 
     Raises:
-        NotAudioError: if the file is no sound file or a lossy one.
-        BrokenAudioError: if it is truncated, its header lies, a sample is not finite, it is silent, too short,
-            of an impossible sample rate, or makes the decoder crash or run out of time.
+        NotAudioError: if the file is no sound file, or a lossy one and these are not taken.
+        BrokenAudioError: if no sound can be read from it, a sample is not finite, it is silent, too short, of an
+            impossible sample rate, or makes the decoder crash or run out of time.
         ChannelError: if the channel is not in the file.
         RecordingTooLargeError: if it has more channels, samples or seconds than the limits allow.
         FileNotFoundError: if there is no such file.
@@ -63,20 +69,34 @@ def read_recording(path: Path, *, channel: int | None = None, limits: DecodeLimi
     with POOL.worker() as worker:
         content, result = worker.decode(path, channel, asdict(limits))
     samples = np.frombuffer(content, dtype="<f4").astype(np.float32, copy=False)
-    rate_hz = float(result["rate_hz"])
+    rate_hz, used, source = float(result["rate_hz"]), int(result["channel"]), source_of(result)
     shortest = int(np.ceil(limits.shortest_s * rate_hz))
     if samples.size < shortest:
         raise BrokenAudioError(
-            f"the recording has {samples.size} samples ({1000 * samples.size / rate_hz:.1f} ms); at least "
+            f"{samples.size} samples ({1000 * samples.size / rate_hz:.1f} ms) could be read; at least "
             f"{1000 * limits.shortest_s:g} ms are needed, and several cycles of the motion are better"
         )
-    recording = Recording(samples, rate_hz, int(result["channel"]), int(result["channels"]))
+    recording = Recording(samples, rate_hz, used, int(result["channels"]), source=source)
     if samples.min() == samples.max():
-        raise BrokenAudioError(
-            f"channel {recording.channel} is silent: every sample is {samples[0]:g}; check the microphone and the "
-            "channel"
-        )
+        advice = f"channel {source.loudest} carries sound, use that" if used in source.dead else "check the microphone"
+        raise BrokenAudioError(f"channel {used} is silent: every sample is {samples[0]:g}; {advice}")
     return recording
+
+
+def source_of(result: Mapping[str, Any]) -> Source:
+    """Return what the worker says of the file."""
+    recorded_at = result["recorded_at"]
+    return Source(
+        codec=str(result["codec"]),
+        lossy=result["lossy"],
+        missing_s=result["missing_s"],
+        dead=tuple(result.get("dead", ())),
+        loudest=result.get("loudest", 0),
+        below_db=tuple(result.get("below_db", ())),
+        float_tag=result["float_tag"],
+        recorded_at=recorded_at and datetime.fromisoformat(recorded_at),
+        device=result["device"],
+    )
 
 
 def warm_up() -> None:

@@ -13,6 +13,7 @@ import time
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 from casebase.signals.errors import (
     BrokenAudioError,
@@ -23,7 +24,8 @@ from casebase.signals.errors import (
     SignalError,
 )
 
-PROGRAM = Path(__file__).with_name("decode_worker.py")
+ROOT = Path(__file__).resolve().parents[2]
+PROGRAM = "import sys; sys.path.append(sys.argv[1]); from casebase.signals.decode_worker import main; main()"
 START_SECONDS = 60.0
 FILES_PER_WORKER = 500
 ERRORS: Mapping[str, type[SignalError]] = {
@@ -51,7 +53,7 @@ class DecodeWorker:
             if name in os.environ:
                 environment[name] = os.environ[name]
         self.process = subprocess.Popen(  # noqa: S603 - our own program, no shell
-            [sys.executable, "-I", str(PROGRAM)],
+            [sys.executable, "-I", "-c", PROGRAM, str(ROOT)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
@@ -71,7 +73,7 @@ class DecodeWorker:
 
     def decode(
         self, path: Path, channel: int | None, limits: Mapping[str, float]
-    ) -> tuple[bytearray, Mapping[str, float]]:
+    ) -> tuple[bytearray, Mapping[str, Any]]:
         """Return the samples of one channel (float32 as bytes) and the worker's result.
 
         Raises:
@@ -158,7 +160,7 @@ class DecodePool:
             except WorkerGoneError as error:
                 worker.close()
                 raise BrokenAudioError(
-                    f"the decoder gave up on the file ({error}); it is damaged or made to do harm"
+                    f"the decoder gave up on the file ({error}); export it again, for example as WAV"
                 ) from error
             except SignalError:
                 self._put(worker)

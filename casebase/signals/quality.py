@@ -26,6 +26,8 @@ FACTORS = (
     (0.001, "was it given in milliseconds?"),
 )
 """What is heard over what was given, and what that comes from."""
+SHARE_MISSING = 0.1
+FOR_SPEECH = {"AMR", "AMR-WB", "GSM", "Speex"}
 MAINS_HZ = (50.0, 60.0, 100.0, 120.0)
 
 
@@ -291,6 +293,83 @@ def channel_choice(analysis: Analysis) -> QualityFlag | None:
     )
 
 
+def lossy(analysis: Analysis) -> QualityFlag | None:
+    """Say that the sound was stored with loss."""
+    codec = analysis.recording.source.lossy
+    if codec is None:
+        return None
+    if codec in FOR_SPEECH:
+        return QualityFlag(
+            "lossy",
+            Severity.POOR,
+            f"the sound was stored by a codec made for speech ({codec}), which can hide faults; record as WAV or FLAC",
+        )
+    return QualityFlag(
+        "lossy",
+        Severity.NOTE,
+        f"the sound was stored with loss ({codec}), which leaves out what an ear would miss; record as WAV or FLAC to "
+        "keep all of it",
+    )
+
+
+def truncated(analysis: Analysis) -> QualityFlag | None:
+    """Flag a file that ends before its header says, or whose header was never finished."""
+    missing_s, name = analysis.recording.source.missing_s, "truncated"
+    if missing_s == 0:
+        return None
+    if missing_s is None:
+        return QualityFlag(
+            name,
+            Severity.NOTE,
+            "the header does not say how long the recording is, so it was read to the end of the file; whether more "
+            "was recorded is not known",
+        )
+    present_s = analysis.recording.duration_s
+    return QualityFlag(
+        name,
+        Severity.POOR if missing_s > SHARE_MISSING * (present_s + missing_s) else Severity.NOTE,
+        f"{missing_s:.3g} s are missing of the {present_s + missing_s:.4g} s that the header says; the other "
+        f"{present_s:.4g} s were used, so copy the file again if there is more of it",
+    )
+
+
+def dead_channel(analysis: Analysis) -> QualityFlag | None:
+    """Say which channels carry no machine; forbid the diagnosis of one that was asked for."""
+    recording, source = analysis.recording, analysis.recording.source
+    if not source.dead:
+        return None
+    asked = recording.channel in source.dead
+    names = f"channel {recording.channel}" if asked else _channels(source.dead)
+    louder_db = min(source.below_db[channel] for channel in ([recording.channel] if asked else source.dead))
+    how = f"is {louder_db:.0f} dB louder away from the mains" if louder_db < 200 else "has sound"
+    verb = "carries" if asked or len(source.dead) == 1 else "carry"
+    if asked:
+        reason = f"{names} {verb} no machine, channel {source.loudest} {how}; use channel {source.loudest}"
+    else:
+        reason = (
+            f"{names} {verb} no machine, channel {recording.channel} {how} and was used; check the other microphone"
+        )
+    return QualityFlag("dead_channel", Severity.UNUSABLE if asked else Severity.NOTE, reason)
+
+
+def _channels(numbers: tuple[int, ...]) -> str:
+    if len(numbers) == 1:
+        return f"channel {numbers[0]}"
+    return f"channels {', '.join(map(str, numbers[:-1]))} and {numbers[-1]}"
+
+
+def wrong_tag(analysis: Analysis) -> QualityFlag | None:
+    """Forbid samples that are tagged as integers and can only be floating point."""
+    if not analysis.recording.source.float_tag:
+        return None
+    return QualityFlag(
+        "wrong_tag",
+        Severity.UNUSABLE,
+        "the samples look like floating point with an integer tag; export the recording again, or set the format tag "
+        "of the WAV header to 3",
+    )
+
+
 CHECKS: tuple[Callable[[Analysis], QualityFlag | None], ...] = (
     clipped,
     dropouts,
@@ -302,6 +381,10 @@ CHECKS: tuple[Callable[[Analysis], QualityFlag | None], ...] = (
     bandwidth_too_low,
     unsteady_hum,
     channel_choice,
+    lossy,
+    truncated,
+    dead_channel,
+    wrong_tag,
 )
 """The catalogue of checks; a new one is a function above and a line here."""
 

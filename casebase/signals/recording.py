@@ -3,6 +3,7 @@
 import hashlib
 import math
 from dataclasses import dataclass, replace
+from datetime import datetime
 from fractions import Fraction
 from functools import cached_property
 
@@ -20,6 +21,34 @@ SHORTEST_S = 0.05
 """Shortest recording of which anything can be said [s]."""
 
 
+@dataclass(frozen=True)
+class Source:
+    """What is known of the file that a recording was decoded from.
+
+    Args:
+        codec: how the samples were stored, by the decoder's name; "" where nothing was decoded.
+        lossy: name of a codec that stores with loss, as MP3; None where nothing was lost.
+        missing_s: how much less there is than the header says [s]; None where the header should say how long the
+            sound is and does not.
+        dead: channels that carry no machine while another one does, from 0.
+        loudest: the channel with most sound away from the lines of the mains.
+        below_db: how far each channel is below the loudest there [dB]; empty for one channel.
+        float_tag: whether the samples are tagged as integers and can only be floating point.
+        recorded_at: when, by the recorder's clock; naive where it says no offset.
+        device: the recorder, as it calls itself.
+    """
+
+    codec: str = ""
+    lossy: str | None = None
+    missing_s: float | None = 0.0
+    dead: tuple[int, ...] = ()
+    loudest: int = 0
+    below_db: tuple[float, ...] = ()
+    float_tag: bool = False
+    recorded_at: datetime | None = None
+    device: str | None = None
+
+
 @dataclass(frozen=True, eq=False)
 class Recording:
     """One channel as decoded, before any resampling.
@@ -31,6 +60,7 @@ class Recording:
         channels: how many channels the file has.
         unit: UCUM code of the samples; "1" for an uncalibrated microphone.
         name: what to call it in words, as its file name; "" where it has none.
+        source: what is known of the file.
 
     Raises:
         BrokenAudioError: if there are no samples, a sample is not finite or beyond 1e12, or the rate is not
@@ -43,6 +73,7 @@ class Recording:
     channels: int = 1
     unit: str = "1"
     name: str = ""
+    source: Source = Source()
 
     def __post_init__(self) -> None:
         samples = np.ascontiguousarray(self.samples, dtype=np.float32)

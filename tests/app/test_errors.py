@@ -146,11 +146,11 @@ def test_unknown_metadata_lists_the_known(admin: httpx.Client) -> None:
         (b"PK\x03\x04" + bytes(100), 415),
         (b"ID3\x03" + bytes(100), 415),
         (lying_wav(0xFFFFFFF0), 422),
-        (sound(1)[:3000], 422),
+        (sound(1)[:100], 422),
         (wav(np.zeros(8000, dtype=np.float32)), 422),
         (sound(1, seconds=0.003), 422),
     ],
-    ids=["empty", "page", "zip", "mp3", "claims 4 GiB", "truncated", "silent", "3 ms"],
+    ids=["empty", "page", "zip", "mp3", "claims 4 GiB", "cut behind 28 samples", "silent", "3 ms"],
 )
 def test_file_that_is_no_recording(admin: httpx.Client, content: bytes, status: int) -> None:
     before = admin.get(CASES, params={"limit": 1}).json()

@@ -65,12 +65,12 @@ async function wavHeader(file) {
       Object.assign(found, { channels: view.getUint16(at + 10, true), rate: view.getUint32(at + 12, true), bytes: view.getUint32(at + 16, true) });
     }
     if (tag(at) === "data") {
-      found.seconds = Math.min(size, file.size - at - 8) / found.bytes;
+      found.seconds = Math.min(size || Infinity, file.size - at - 8) / found.bytes;
       break;
     }
     at += 8 + size + (size % 2);
   }
-  return found.rate ? found : null;
+  return found.rate && found.seconds !== undefined ? found : null;
 }
 
 async function described(form) {
