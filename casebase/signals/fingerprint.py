@@ -34,8 +34,8 @@ SILENT = 0.02
 """A frame with no difference larger than this (of logarithms of energy) says nothing."""
 FEWEST_FRAMES = 16
 LARGEST_DIFFERENCE = 0.3
-"""Of all bits. Copies differ by up to 0.11 (MP3, noise 20 dB below, other beginning); other recordings of the same gearbox
-and motion by 0.46 and more, wherever they are laid over each other."""
+"""Of all bits. Copies differ by up to 0.12 (MP3, 16 bit at -34 dB, another beginning); other recordings of the same
+gearbox and motion by 0.45 and more, wherever they are laid over each other."""
 SHARED_LENGTH = 0.5
 """The same sound shares at least so much of the longer recording."""
 PLACES = 16
