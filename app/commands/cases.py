@@ -147,11 +147,13 @@ def export(
         raise FileExistsError(f"{out} exists already; choose another name")
     wanted = CaseFilter(label=label, origin=origin, axis=axis, gearbox=gearbox)
     with frame.library() as library, library.reading() as session, frame.words.status("writing"):
-        count = export_cases(library, session, out, wanted)
+        done = export_cases(library, session, out, wanted)
     if json:
-        frame.print_json({"file": str(out), "cases": count})
+        frame.print_json({"file": str(out), "cases": done.cases, "without_audio": done.without_audio})
     else:
-        frame.print(f"{out}: {count} cases")
+        frame.print(f"{out}: {done.cases} cases")
+    if done.without_audio:
+        frame.say(f"{done.without_audio} of them are without audio, for it was erased: no library can import those")
 
 
 @cases.command("import")

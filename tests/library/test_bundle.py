@@ -29,7 +29,7 @@ def test_cases_survive_the_journey(library: CaseLibrary, tmp_path: Path) -> None
     for seed, label in enumerate(("normal", "notch", "notch")):
         add_sound(library, write_sound(tmp_path / f"{seed}.wav", seed), label, gearbox=f"g{seed}")
     with library.reading() as session:
-        assert export_cases(library, session, tmp_path / "all.zip", CaseFilter()) == 3
+        assert export_cases(library, session, tmp_path / "all.zip", CaseFilter()).cases == 3
         here = library.reasoner(session).table
         sent = {case.recording.samples_sha256 for case in library.cases(session, CaseFilter()).items}
     other = fresh_library(tmp_path / "other")
