@@ -86,7 +86,7 @@ class FittedPlace:
 
 
 def normal_recordings(library: CaseLibrary, session: Session, axis: Axis) -> dict[str, list[Heard]]:
-    """Measured normal recordings of an axis by gearbox, one by one where it has no name; none without motion or audio."""
+    """Measured normal recordings of an axis by gearbox, each by itself where it has no name; none without motion."""
     statement = select(StoredRecording).join(Case, Case.recording_id == StoredRecording.id)
     statement = statement.where(
         Case.label == "normal",

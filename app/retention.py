@@ -18,7 +18,7 @@ LOG = structlog.get_logger(__name__)
 
 
 def erase_old(library: CaseLibrary, days: int, actor: str = ACTOR) -> list[str]:
-    """Erase audio older than so many days, but never that of a case or of the demonstration; return ids of recordings."""
+    """Erase audio older than so many days, never that of a case or of the demonstration; return ids of recordings."""
     with library.reading() as session:
         demo = active_artifact(session, DEMO)
     return expire(library, actor, days, keep=() if demo is None else (str(demo.content["recording_id"]),))

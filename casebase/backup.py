@@ -1,8 +1,8 @@
 """Backup and restore of a library: a consistent copy of the database and all audio, with checksums.
 
-A backup is a folder: `gearcase.db`, `audio/`, and `checksums.json`, which is written last and says which recordings were
-erased: their audio is not missing. `gearcase.db` is SQLite
-whatever the database was, so that a backup of either is restored into either.
+A backup is a folder: `gearcase.db`, `audio/`, and `checksums.json`, which is written last and says which recordings
+were erased: their audio is not missing. `gearcase.db` is SQLite whatever the database was, so that a backup of either
+is restored into either.
 """
 
 import hashlib

@@ -11,7 +11,7 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from itertools import combinations, groupby
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
@@ -142,10 +142,10 @@ def _copies(session: Session) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]
     statement = select(Case).join(StoredRecording, StoredRecording.id == Case.recording_id)
     cases = session.scalars(statement.where(searched, StoredRecording.sound_id.in_(several)).order_by(Case.id)).all()
     contradicting, copies = [], []
-    for _, group in groupby(
-        sorted(cases, key=lambda case: case.recording.sound_id), lambda case: case.recording.sound_id
-    ):
-        twins = list(group)
+    sounds: dict[str, list[Case]] = {}
+    for case in cases:
+        sounds.setdefault(case.recording.sound_id, []).append(case)
+    for twins in sounds.values():
         agreeing: set[str] = set()
         for one, other in combinations(twins, 2):
             reasons = _contradictions(one, other)

@@ -5,14 +5,15 @@ from typing import Annotated
 import typer
 
 from app.commands.frame import ACTOR, Json, frame_of
+from app.documents import ErasedAnswer
 from app.retention import erase_old
 from casebase.erasing import erase as erase_audio
 from casebase.errors import InvalidRequestError
 
 recordings = typer.Typer(help="Erase the audio of recordings.", no_args_is_help=True)
 Yes = Annotated[bool, typer.Option("--yes", help="do not ask")]
-LOST = (
-    "The sound is gone for good, and all plots of it. Features, diagnoses and cases stay. Older backups still hold it."
+LOST = "The sound and its plots are gone for good. Features, diagnoses and cases stay. Older backups still hold it."
+    "The sound and all plots of it are gone for good. Features, diagnoses and cases stay. Older backups still hold it."
 )
 
 
@@ -33,16 +34,7 @@ def erase(
     with frame.library() as library, library.transaction(ACTOR) as session:
         done = [erase_audio(library, session, each) for each in ids]
     if json:
-        listed = [
-            {
-                "id": one.id,
-                "erased_at": one.erased_at.isoformat(),
-                "recordings": one.recordings,
-                "same_sound": one.same_sound,
-            }
-            for one in done
-        ]
-        frame.print_json(listed)
+        frame.print_json([ErasedAnswer.model_validate(one).model_dump(mode="json") for one in done])
         return
     for one in done:
         frame.print(f"{one.id}: erased")

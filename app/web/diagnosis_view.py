@@ -72,7 +72,7 @@ class DiagnosisView:
 
     def spectrogram(self) -> bytes | None:
         """Draw the spectrogram as PNG; None where the audio was erased."""
-        return self.sound and views.spectrogram_png(self.sound, COLUMNS)
+        return None if self.sound is None else views.spectrogram_png(self.sound, COLUMNS)
 
     def context(self) -> dict[str, object]:
         """Return it for a template."""
