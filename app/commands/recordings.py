@@ -13,8 +13,6 @@ from casebase.errors import InvalidRequestError
 recordings = typer.Typer(help="Erase the audio of recordings.", no_args_is_help=True)
 Yes = Annotated[bool, typer.Option("--yes", help="do not ask")]
 LOST = "The sound and its plots are gone for good. Features, diagnoses and cases stay. Older backups still hold it."
-    "The sound and all plots of it are gone for good. Features, diagnoses and cases stay. Older backups still hold it."
-)
 
 
 def register(app: typer.Typer) -> None:
