@@ -17,6 +17,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("diagnose", "app.commands.diagnose", "Diagnose recordings against the local library."),
     ("size", "app.commands.size", "Say how large a play or notch is."),
     ("cases", "app.commands.cases", "Add, list, export and import cases."),
+    ("recordings", "app.commands.recordings", "Erase the audio of recordings."),
     ("generate", "app.commands.generate", "Generate cases by simulation."),
     ("fit", "app.commands.fit", "Fit the simulated sound to normal recordings of a place."),
     ("tendency", "app.commands.tendency", "Plot how features follow fault size, payload and frequency."),

@@ -146,6 +146,19 @@ class RecordingAnswer(Answer):
     description: dict[str, object]
     created_at: Instant
     created_by: str
+    sound_id: str = Field(description="the same for recordings of one sound, whatever their container, rate or gain")
+    erased_at: Instant | None = Field(description="since when the audio is not kept any more")
+    erased_by: str | None
+
+
+class ErasedAnswer(Answer):
+    """What was erased: the file with all recordings that have it, and what is left of the same sound."""
+
+    id: str
+    erased_at: Instant
+    erased_by: str
+    recordings: list[str] = Field(description="ids of all recordings of this file: their audio is erased too")
+    same_sound: list[str] = Field(description="ids of recordings of the same sound in other files: audio still there")
 
 
 class CaseAnswer(Answer):

@@ -60,6 +60,10 @@ class Conflict(StatusProblem):
     status, type_, title = 409, "conflict", "The request does not fit the present state"
 
 
+class Gone(StatusProblem):
+    status, type_, title = 410, "erased", "It was erased"
+
+
 class Stale(StatusProblem):
     status, type_, title = 412, "stale", "It was changed by someone else in the meantime"
 
@@ -111,6 +115,7 @@ DOMAIN: dict[type[Exception], type[StatusProblem]] = {
     library.ConflictError: Conflict,
     library.InvalidRequestError: Unprocessable,
     library.ArtifactError: Conflict,
+    library.ErasedError: Gone,
     library.LibraryError: Unprocessable,
     signals.NotAudioError: UnsupportedMedia,
     signals.RecordingTooLargeError: TooLarge,
@@ -208,6 +213,9 @@ def _from_http(_: ExceptionHandler, request: Request, error: HTTPException) -> P
 
 def _from_domain(_: ExceptionHandler, __: Request, error: Exception) -> Problem:
     kind = next(DOMAIN[cls] for cls in type(error).__mro__ if cls in DOMAIN)
+    if isinstance(error, library.DuplicateError):
+        there = {"id": error.case_id, "label": error.label, "gearbox": error.gearbox}
+        return kind(str(error), case=there)
     return kind(str(error))
 
 

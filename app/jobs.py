@@ -238,7 +238,7 @@ def _cursor(status: WorkflowStatus) -> str:
 
 
 def _read_cursor(cursor: str) -> tuple[int, str]:
-    match = re.fullmatch(r"([0-9]{1,14})\.(.+)", cursor)
+    match = re.fullmatch(r"([0-9]{1,14})\.([0-9A-Za-z-]{1,100})", cursor)
     if match is None:
         raise InvalidCursorError("this cursor was not made here; leave it out to start at the newest")
     return int(match[1]), match[2]

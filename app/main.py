@@ -63,6 +63,7 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
         app.state.service, app.state.gate = running, Gate(settings)
         warm_up()
         running.learner.start()
+        running.retention.start()
         yield
         if service is None:
             running.close()

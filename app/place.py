@@ -86,7 +86,7 @@ class FittedPlace:
 
 
 def normal_recordings(library: CaseLibrary, session: Session, axis: Axis) -> dict[str, list[Heard]]:
-    """Measured normal recordings of an axis by gearbox, one by one where it has no name; none without motion."""
+    """Measured normal recordings of an axis by gearbox, each by itself where it has no name; none without motion."""
     statement = select(StoredRecording).join(Case, Case.recording_id == StoredRecording.id)
     statement = statement.where(
         Case.label == "normal",
@@ -94,6 +94,7 @@ def normal_recordings(library: CaseLibrary, session: Session, axis: Axis) -> dic
         Case.state == "confirmed",
         Case.quarantine_reason.is_(None),
         StoredRecording.axis == axis.name,
+        StoredRecording.erased_at.is_(None),
     )
     found: dict[str, list[Heard]] = {}
     for row in session.scalars(statement.order_by(StoredRecording.id)):

@@ -17,6 +17,7 @@ from app.job_kinds import open_jobs
 from app.jobs import Jobs
 from app.learner import Learner
 from app.metrics import Metrics
+from app.retention import Retention
 from app.settings import Settings
 from casebase.evaluation import Evaluation
 from casebase.library import CaseLibrary
@@ -55,12 +56,17 @@ class Service:
         return Learner(self.library)
 
     @cached_property
+    def retention(self) -> Retention:
+        return Retention(self.library, self.settings)
+
+    @cached_property
     def jobs(self) -> Jobs:
         """The jobs of this installation, opened when first asked for."""
         return open_jobs(self.settings)
 
     def close(self) -> None:
         self.learner.close()
+        self.retention.close()
         if "jobs" in self.__dict__:
             self.jobs.close()
         self.library.close()

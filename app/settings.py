@@ -45,6 +45,9 @@ class Settings(BaseSettings):
     failed_keys: str = Field("1000/minute", description="wrong keys from one address before 429")
     require_if_match: bool = Field(False, description="changes of a case need the If-Match header (428)")
     idempotency_hours: PositiveInt = Field(24, description="how long an Idempotency-Key is remembered")
+    retain_audio_days: PositiveInt | None = Field(
+        None, description="audio of recordings that are no cases is erased when older; kept for ever where not given"
+    )
 
     @property
     def url(self) -> str:

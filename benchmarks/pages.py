@@ -63,6 +63,7 @@ def fill(session: Session) -> None:
                 "id": key,
                 "fingerprint": f"{number:064x}",
                 "samples_sha256": f"{number:064x}",
+                "sound_id": key,
                 "file_sha256": f"{number:064x}",
                 "file_name": f"recording {number}.wav",
                 "media_type": "audio/wav",

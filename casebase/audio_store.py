@@ -50,6 +50,13 @@ class AudioStore:
             raise NotFoundError(f"the audio {sha256[:12]} is missing from the data folder; restore it from a backup")
         return path
 
+    def discard(self, sha256: str) -> None:
+        """Delete the bytes durably, if they are there."""
+        path = self.path_of(sha256)
+        if path.is_file():
+            path.unlink(missing_ok=True)
+            sync_folder(path.parent)
+
     def path_of(self, sha256: str) -> Path:
         """Return where bytes with this hash belong."""
         if len(sha256) != 64 or not set(sha256) <= set("0123456789abcdef"):

@@ -1,7 +1,8 @@
 """Backup and restore of a library: a consistent copy of the database and all audio, with checksums.
 
-A backup is a folder: `gearcase.db`, `audio/`, and `checksums.json`, which is written last. `gearcase.db` is SQLite
-whatever the database was, so that a backup of either is restored into either.
+A backup is a folder: `gearcase.db`, `audio/`, and `checksums.json`, which is written last and says which recordings
+were erased: their audio is not missing. `gearcase.db` is SQLite whatever the database was, so that a backup of either
+is restored into either.
 """
 
 import hashlib
@@ -17,6 +18,7 @@ from sqlalchemy import Engine
 from casebase.audio_store import AudioStore, sha256_of, sync_folder
 from casebase.database import create_engine_for, sqlite_url, upgrade_database
 from casebase.errors import BackupError
+from casebase.models import now
 from casebase.rows import copy_rows
 
 CHECKSUMS = "checksums.json"
@@ -46,7 +48,13 @@ def backup(engine: Engine, data_dir: Path, target: Path) -> int:
         if copy.put(source.path(sha256)).sha256 != sha256:
             raise BackupError(f"audio {sha256[:12]} is damaged in the library; restore it from an older backup")
         sums[f"audio/{sha256}"] = sha256
-    document = {"schema": SCHEMA, "database": engine.dialect.name, "files": sums}
+    document = {
+        "schema": SCHEMA,
+        "database": engine.dialect.name,
+        "made_at": now().isoformat(),
+        "erased": _erased(target / DATABASE),
+        "files": sums,
+    }
     (target / CHECKSUMS).write_text(json.dumps(document, indent=1), encoding="utf-8")
     sync_folder(target)
     return sum(name.startswith("audio/") for name in sums)
@@ -94,14 +102,36 @@ def _faults(folder: Path, files: dict[str, str]) -> Iterator[str]:
         yield from _database_faults(folder / DATABASE, files)
 
 
+def erased_in(folder: Path) -> tuple[str, ...]:
+    """Return the ids of the recordings that were erased when a backup was made, by its manifest.
+
+    Raises:
+        BackupError: if the folder is no backup.
+    """
+    try:
+        return tuple(json.loads((folder / CHECKSUMS).read_text(encoding="utf-8")).get("erased", {}))
+    except (OSError, ValueError, AttributeError) as error:
+        raise BackupError(f"no readable {CHECKSUMS} in {folder}: this is no backup ({error})") from error
+
+
+def _erased(path: Path) -> dict[str, str]:
+    """Return which recordings of a copied database are erased: id -> SHA-256 of the file; none of an older revision."""
+    with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
+        columns = {row[1] for row in database.execute("PRAGMA table_info(recordings)")}
+        if "erased_at" not in columns:
+            return {}
+        return dict(database.execute("SELECT id, file_sha256 FROM recordings WHERE erased_at IS NOT NULL"))
+
+
 def _database_faults(path: Path, files: dict[str, str]) -> Iterator[str]:
     try:
         with closing(sqlite3.connect(f"file:{path}?mode=ro", uri=True)) as database:
             result = database.execute("PRAGMA integrity_check").fetchone()[0]
             if result != "ok":
                 yield f"the database is damaged: {result}"
+            erased = _erased(path)
             for (sha256,) in database.execute("SELECT DISTINCT file_sha256 FROM recordings"):
-                if f"audio/{sha256}" not in files:
+                if f"audio/{sha256}" not in files and sha256 not in erased.values():
                     yield f"audio/{sha256} is spoken of by the database but not in the backup"
     except sqlite3.DatabaseError as error:
         yield f"the database cannot be read: {error}"

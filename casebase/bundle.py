@@ -50,20 +50,29 @@ class Imported:
     refused: Mapping[str, str]
 
 
-def export_cases(library: CaseLibrary, session: Session, target: Path, wanted: CaseFilter) -> int:
-    """Write a bundle of the cases wanted and return how many there are."""
+@dataclass(frozen=True)
+class Exported:
+    """How many cases a bundle holds, and how many of them without audio, for it was erased."""
+
+    cases: int
+    without_audio: int
+
+
+def export_cases(library: CaseLibrary, session: Session, target: Path, wanted: CaseFilter) -> Exported:
+    """Write a bundle of the cases wanted; those whose audio was erased are in it without audio, and say so."""
     entries: list[dict[str, object]] = []
     written: set[str] = set()
     with zipfile.ZipFile(target, "x", zipfile.ZIP_DEFLATED) as bundle:
         for case in _all_cases(library, session, wanted):
-            name = f"audio/{case.recording.file_sha256}"
-            if name not in written:
+            erased = case.recording.erased_at is not None
+            name = None if erased else f"audio/{case.recording.file_sha256}"
+            if name is not None and name not in written:
                 bundle.write(library.audio_path(case.recording), name)
                 written.add(name)
             entries.append(_entry(case, name))
         manifest = {"schema": SCHEMA, "cases": entries}
         bundle.writestr(MANIFEST, json.dumps(manifest, allow_nan=False, indent=1))
-    return len(entries)
+    return Exported(len(entries), sum(entry["audio"] is None for entry in entries))
 
 
 def _all_cases(library: CaseLibrary, session: Session, wanted: CaseFilter) -> Iterator[Case]:
@@ -76,11 +85,12 @@ def _all_cases(library: CaseLibrary, session: Session, wanted: CaseFilter) -> It
             return
 
 
-def _entry(case: Case, name: str) -> dict[str, object]:
+def _entry(case: Case, name: str | None) -> dict[str, object]:
     row = case.recording
     return {
         "audio": name,
         "sha256": row.file_sha256,
+        "erased_at": None if row.erased_at is None else row.erased_at.isoformat(),
         "bytes": row.byte_count,
         "channel": row.channel,
         "recording": row.description,
@@ -126,6 +136,12 @@ def import_cases(
             check_names(bundle, source.stat().st_size, limits)
             entries = _manifest(bundle, limits)
             for number, entry in enumerate(entries):
+                if entry["audio"] is None:
+                    refused[f"case {number}"] = (
+                        "its audio was erased where it comes from, so there is nothing to compare"
+                    )
+                    progress(number + 1, len(entries))
+                    continue
                 audio = _audio(bundle, entry, limits)
                 try:
                     case, fresh = _take(library, entry, audio, actor, f"import {source.name}"[:100])

@@ -24,6 +24,7 @@ class CaseTable:
         version: the library's counter.
         values: features, shape (cases, n), float32, NaN where missing.
         groups: the gearbox; where it is unknown, and for simulated cases, the case itself.
+        samples: the sound (`StoredRecording.sound_id`); cases that share it are copies.
     """
 
     version: int
@@ -39,6 +40,27 @@ class CaseTable:
 
     def __len__(self) -> int:
         return int(self.ids.size)
+
+    @cached_property
+    def voters(self) -> "CaseTable":
+        """The cases that count: of copies the first, and none where copies are labelled differently."""
+        return self if self._counting.all() else self.take(self._counting)
+
+    @property
+    def contradicting(self) -> int:
+        """How many cases do not count because a copy is labelled differently."""
+        return int(np.count_nonzero(self._contradicting))
+
+    @cached_property
+    def _contradicting(self) -> Mask:
+        first, sound = np.unique(self.samples, return_index=True, return_inverse=True)[1:]
+        return np.isin(sound, sound[self.labels != self.labels[first][sound]])
+
+    @cached_property
+    def _counting(self) -> Mask:
+        counting = np.zeros(len(self), dtype=np.bool_)
+        counting[np.unique(self.samples, return_index=True)[1]] = True
+        return np.asarray(counting & ~self._contradicting)
 
     @cached_property
     def groups(self) -> NDArray[np.str_]:
@@ -107,7 +129,7 @@ def _statement(extractor_version: str, since: int) -> Select[*tuple[Any, ...]]:
         Case.origin,
         StoredRecording.axis,
         StoredRecording.gearbox,
-        StoredRecording.samples_sha256,
+        StoredRecording.sound_id,
         FeatureRow.finite,
         FeatureRow.missing,
     )

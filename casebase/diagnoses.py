@@ -32,14 +32,19 @@ def store_diagnosis(
     diagnosis: Diagnosis,
     reasoner: Reasoner,
     severity: Severity | None = None,
+    same_as_case: str | None = None,
 ) -> StoredDiagnosis:
-    """Keep a diagnosis as the document that it is shown as."""
+    """Keep a diagnosis as the document that it is shown as.
+
+    Args:
+        same_as_case: id of the case that is of the same sound.
+    """
     identity = new_id()
     document = {
         "id": identity,
         **diagnosis.to_document(),
         "severity": None if severity is None else severity.to_document(),
-        "recording": recording_document(recording),
+        "recording": {**recording_document(recording), "same_as_case": same_as_case},
         "provenance": provenance(reasoner),
     }
     row = StoredDiagnosis(

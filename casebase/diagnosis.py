@@ -131,30 +131,39 @@ class Reasoner:
         experience = self.experience(np.isfinite(values))
         return self._judged(values, self._near(values, NEAREST, experience), experience)
 
-    def _near(self, values: NDArray[np.floating], k: int, experience: Experience) -> NearestByClass:
+    def _near(
+        self, values: NDArray[np.floating], k: int, experience: Experience, without: Mask | None = None
+    ) -> NearestByClass:
         """Return the nearest cases of every class among those that vote."""
-        jury = experience.jury
+        jury = experience.jury if without is None else experience.jury & ~without
         return self.matrix.nearest_by_class(values, k, where=None if jury.all() else jury)
 
     def _judged(self, values: NDArray[np.floating], near: NearestByClass, experience: Experience) -> Judgement:
         still = self.all_move and not moving(self.table.names, values[None])[0]
         return experience.judge(near.voting(NEAREST), self.ranges.distance(values), values, still)
 
-    def diagnose(self, extraction: Extraction) -> Diagnosis:
-        """Return the diagnosis of a recording by its features."""
+    def diagnose(self, extraction: Extraction, without: Mask | None = None) -> Diagnosis:
+        """Return the diagnosis of a recording by its features.
+
+        Args:
+            without: the cases that are of the same sound and have no vote, shape (cases,).
+        """
         if not extraction.usable:
             remark = f"the recording cannot be used: {extraction.unusable_reason}"
             return Diagnosis("unusable", quality=extraction.quality, remarks=(remark,))
         values = extraction.features.values
-        if not len(self.table) or not np.isfinite(values).any():
+        alone = not len(self.table) if without is None else bool(without.all())
+        if alone or not np.isfinite(values).any():
             remark = "the library has no case to compare with: add labelled recordings or generate cases"
             return Diagnosis("not_in_library", quality=extraction.quality, remarks=(remark,))
-        return self._compared(extraction)
+        return self._compared(extraction, without)
 
-    def _compared(self, extraction: Extraction) -> Diagnosis:
+    def _compared(self, extraction: Extraction, without: Mask | None) -> Diagnosis:
         values = extraction.features.values
         experience = self.experience(np.isfinite(values))
-        near = self._near(values, max(NEIGHBOURS, NEAREST * len(self.table.classes)), experience)
+        near = self._near(values, max(NEIGHBOURS, NEAREST * len(self.table.classes)), experience, without)
+        # what is the same sound is shown, and has no vote
+        shown = near if without is None or not without.any() else self._near(values, NEIGHBOURS, experience)
         judgement = self._judged(values, near, experience)
         hypotheses = _hypotheses(near, judgement)
         verdict = verdict_of(judgement, extraction.poor)
@@ -165,7 +174,7 @@ class Reasoner:
             label=label,
             probability=None if label is None else best.probability,
             hypotheses=hypotheses,
-            neighbours=near.overall(NEIGHBOURS),
+            neighbours=shown.overall(NEIGHBOURS),
             evidence=self._evidence(extraction, near, label),
             quality=extraction.quality,
             novelty=judgement.novelty,

@@ -18,11 +18,15 @@ class StaleVersionError(ConflictError):
 
 
 class DuplicateError(ConflictError):
-    """It exists already; `existing_id` tells which."""
+    """The sound is a case already, with another label or gearbox; the attributes tell which case."""
 
-    def __init__(self, message: str, existing_id: str) -> None:
+    def __init__(self, message: str, *, case_id: str, label: str, gearbox: str | None) -> None:
         super().__init__(message)
-        self.existing_id = existing_id
+        self.case_id, self.label, self.gearbox = case_id, label, gearbox
+
+
+class ErasedError(LibraryError):
+    """The audio was erased; only what was taken from it is left."""
 
 
 class InvalidRequestError(LibraryError, ValueError):

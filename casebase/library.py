@@ -23,6 +23,7 @@ from casebase.diagnosis import Reasoner
 from casebase.errors import (
     ConflictError,
     DuplicateError,
+    ErasedError,
     InvalidRequestError,
     NotFoundError,
     StaleVersionError,
@@ -41,11 +42,12 @@ from casebase.models import (
     now,
 )
 from casebase.pages import Page, page
-from casebase.recordings import store_recording
+from casebase.recordings import DISCARDED, store_recording
 from casebase.rehearsal import rehearsed
 from casebase.severity import severity_of
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction
 from casebase.signals.recording import Recording
+from casebase.sounds import cases_of, other_gearbox
 
 REVISABLE = ("label", "verified_by", "note", "mechanism", "location", "severity", "quarantine_reason", "state")
 
@@ -86,6 +88,8 @@ class CaseLibrary:
             try:
                 yield session
                 session.commit()
+                for sha256 in session.info.get(DISCARDED, ()):
+                    self.audio.discard(sha256)
                 if CHANGED in session.info:
                     self.touched.set()
             except StaleDataError as error:
@@ -129,7 +133,17 @@ class CaseLibrary:
         return row
 
     def audio_path(self, row: StoredRecording) -> Path:
-        """Return the file of a recording as it came in; raises NotFoundError if it is gone."""
+        """Return the file of a recording as it came in.
+
+        Raises:
+            ErasedError: if it was erased.
+            NotFoundError: if it is missing.
+        """
+        if row.erased_at is not None:
+            raise ErasedError(
+                f"the audio of this recording was erased on {row.erased_at:%Y-%m-%d} by {row.erased_by}; its features, "
+                "diagnoses and cases are still here"
+            )
         return self.audio.path(row.file_sha256)
 
     # -- cases
@@ -142,10 +156,10 @@ class CaseLibrary:
         *,
         diagnosis_id: str | None = None,
     ) -> Case:
-        """Make a case of a recording. The same recording with the same label is the case that is there.
+        """Make a case of a recording. The same sound with the same label and gearbox is the case that is there.
 
         Raises:
-            DuplicateError: if the recording is a case with another label already.
+            DuplicateError: if the sound is a case already with another label or gearbox, or a retired one.
         """
         existing = self._existing(session, recording, labelling)
         if existing is not None:
@@ -164,19 +178,29 @@ class CaseLibrary:
         return case
 
     def _existing(self, session: Session, recording: StoredRecording, labelling: Labelling) -> Case | None:
-        same = Case.recording_id == recording.id
         if labelling.key is not None:
-            same = same | (Case.key == labelling.key)
-        case = session.scalars(select(Case).where(same).order_by(Case.id)).first()
-        if case is None:
+            case = session.scalars(select(Case).where(Case.key == labelling.key)).first()
+            if case is not None:
+                return case
+        twins = cases_of(session, recording.sound_id)
+        if labelling.key is not None:
+            # what is generated is known by its key
+            twins = [case for case in twins if case.recording_id == recording.id]
+        for case in twins:
+            agrees = (case.label, case.origin) == (labelling.label, labelling.origin)
+            if agrees and case.state != "retired" and not other_gearbox(case.recording, recording):
+                return case
+        if not twins:
             return None
-        if case.key is not None and case.key == labelling.key:
-            return case
-        if (case.label, case.origin) == (labelling.label, labelling.origin) and case.state != "retired":
-            return case
+        case = min(twins, key=lambda each: each.state == "retired")
+        box = case.recording.gearbox
+        state = "" if case.state == "confirmed" else f", {case.state}"
         raise DuplicateError(
-            f"this recording is case {case.id} already ({case.label}, {case.state}); change that case instead",
-            case.id,
+            f"this sound is case {case.id} already ({case.label}, gearbox {box or 'not told'}{state}); "
+            "change that case if it is wrong",
+            case_id=case.id,
+            label=case.label,
+            gearbox=box,
         )
 
     def case(self, session: Session, case_id: str) -> Case:
@@ -294,7 +318,10 @@ class CaseLibrary:
         return calibrated(table, learned, rehearsed(session, self.audio, table, stop))
 
     def table(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> CaseTable:
-        """Return all searchable cases as they are now; only what changed is read."""
+        """Return all cases that count as they are now, copies once; only what changed is read."""
+        return self._all_cases(session, extractor_version).voters
+
+    def _all_cases(self, session: Session, extractor_version: str) -> CaseTable:
         table = load_table(session, extractor_version, self._tables.get(extractor_version))
         if CHANGED not in session.info:
             # what this session changed may yet be rolled back, and must not be remembered
@@ -308,14 +335,26 @@ class CaseLibrary:
         extraction: Extraction,
         remarks: tuple[str, ...] = (),
     ) -> StoredDiagnosis:
-        """Diagnose a stored recording by its features and keep the diagnosis, with what else is to be remarked."""
-        reasoner = self.reasoner(session, extraction.extractor_version)
+        """Diagnose a stored recording by its features and keep the diagnosis, with what else is to be remarked.
+
+        A case of the same sound is named, and has no vote.
+        """
+        version = extraction.extractor_version
+        reasoner = self.reasoner(session, version)
         if reasoner.outgrown:
             self.touched.set()
-        diagnosis, values = reasoner.diagnose(extraction), extraction.features.values
-        diagnosis = replace(diagnosis, remarks=diagnosis.remarks + remarks)
+        values = extraction.features.values
+        diagnosis = reasoner.diagnose(extraction, without=reasoner.table.samples == recording.sound_id)
+        same = [case for case in cases_of(session, recording.sound_id) if case.state != "retired"]
+        told = (*(_told(case) for case in same), *diagnosis.remarks, *remarks, *self._contradictions(session, version))
+        diagnosis = replace(diagnosis, remarks=told)
         severity = severity_of(session, reasoner.table, diagnosis.label, values) if diagnosis.label else None
-        return store_diagnosis(session, recording, diagnosis, reasoner, severity)
+        return store_diagnosis(session, recording, diagnosis, reasoner, severity, same[0].id if same else None)
+
+    def _contradictions(self, session: Session, extractor_version: str) -> tuple[str, ...]:
+        count = self._all_cases(session, extractor_version).contradicting
+        words = f"{count} cases have no vote, for their sound is a case of another label too: see the review"
+        return (words,) if count else ()
 
     def evaluate(self, session: Session, *, group: str = "gearbox", origin: str = "both") -> Evaluation:
         """Return the library's own cross-validation; see `casebase.evaluation.evaluate`."""
@@ -345,6 +384,10 @@ class CaseLibrary:
         session.info[CHANGED] = True
         counter = update(LibraryCounter).values(value=LibraryCounter.value + 1)
         return session.scalars(counter.returning(LibraryCounter.value)).one()
+
+
+def _told(case: Case) -> str:
+    return f"this is case {case.id} ({case.label}, gearbox {case.recording.gearbox or 'not told'})"
 
 
 def _summary(case: Case) -> dict[str, object]:

@@ -7,7 +7,7 @@ from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import JSON, ForeignKey, Index, MetaData, String, Text, text
+from sqlalchemy import JSON, ForeignKey, Index, LargeBinary, MetaData, String, Text, text
 from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
 
@@ -62,6 +62,10 @@ class StoredRecording(Base):
     fingerprint: Mapped[str] = mapped_column(String(64), unique=True)
     """SHA-256 of the file's bytes, channel and description: the same twice is one recording."""
     samples_sha256: Mapped[str] = mapped_column(String(64), index=True)
+    sound_id: Mapped[str] = mapped_column(String(32), index=True, server_default="")
+    """Id of the first recording of the same sound: its own, or one that differs in container, rate, gain or coding."""
+    sound: Mapped[bytes | None] = mapped_column(LargeBinary, deferred=True)
+    """Words of the fingerprint, little-endian uint32; empty where there is none, None where it was not taken yet."""
     file_sha256: Mapped[str] = mapped_column(String(64), index=True)
     file_name: Mapped[str] = mapped_column(String(255))
     media_type: Mapped[str] = mapped_column(String(100))
@@ -82,10 +86,24 @@ class StoredRecording(Base):
     """Everything that was said of it when it came in."""
     created_at: Mapped[datetime] = mapped_column(default=now)
     created_by: Mapped[str] = mapped_column(String(200))
+    erased_at: Mapped[datetime | None]
+    """Since when the audio is not kept any more; rows, features and audit stay."""
+    erased_by: Mapped[str | None] = mapped_column(String(200))
 
     features: Mapped[list["FeatureRow"]] = relationship(back_populates="recording", cascade="all, delete-orphan")
 
     __table_args__ = (Index("ix_recordings_axis_gearbox", "axis", "gearbox", "id"),)
+
+
+class SoundKey(Base):
+    """Words by which a sound is looked up; see `casebase.signals.fingerprint`."""
+
+    __tablename__ = "sound_keys"
+
+    word: Mapped[int] = mapped_column(primary_key=True, autoincrement=False)
+    recording_id: Mapped[str] = mapped_column(
+        ForeignKey("recordings.id", ondelete="CASCADE"), primary_key=True, index=True
+    )
 
 
 class FeatureRow(Base):

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import select
+from sqlalchemy import Select, select
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
@@ -18,7 +18,12 @@ from casebase.database import strict_json
 from casebase.description import RecordingDescription
 from casebase.models import Extractor, FeatureRow, StoredRecording, new_id
 from casebase.signals.features import Extraction, FeatureVector
+from casebase.signals.fingerprint import fingerprints
 from casebase.signals.recording import Recording
+from casebase.sounds import find_sound, keep_sound
+
+DISCARDED = "discarded_files"
+"""In a session's `info`: hashes of the files that are to go when it is committed."""
 
 
 def store_recording(
@@ -36,10 +41,16 @@ def store_recording(
     existing = session.scalar(select(StoredRecording).where(StoredRecording.fingerprint == fingerprint))
     if existing is not None:
         store_features(session, existing, extraction)
+        _do_not_keep(session, existing)
         return existing
     condition = description.condition
+    prints = fingerprints(recording)
+    identity = new_id()
+    sound_id = find_sound(session, recording.sha256, prints) or identity
+    erased = session.scalars(erased_bytes(stored.sha256).limit(1)).first()
     row = StoredRecording(
-        id=new_id(),
+        id=identity,
+        sound_id=sound_id,
         fingerprint=fingerprint,
         samples_sha256=recording.sha256,
         file_sha256=stored.sha256,
@@ -60,16 +71,33 @@ def store_recording(
         recorded_at=description.recorded_at,
         description=document,
         created_by=audit.actor_of(session),
+        erased_at=erased and erased.erased_at,
+        erased_by=erased and erased.erased_by,
     )
     _know_extractor(session, extraction)
     try:
         with session.begin_nested():
             session.add_all((row, _feature_row(row.id, extraction)))
+            keep_sound(session, row, prints)
     except IntegrityError:
         # somebody stored the same at the same time
         return session.scalars(select(StoredRecording).where(StoredRecording.fingerprint == fingerprint)).one()
     audit.record(session, "recording.stored", ("recording", row.id), after={"file_sha256": stored.sha256})
+    _do_not_keep(session, row)
     return row
+
+
+def erased_bytes(file_sha256: str) -> Select[StoredRecording]:
+    """Return the statement that selects the recordings of a file whose audio was erased."""
+    return select(StoredRecording).where(
+        StoredRecording.file_sha256 == file_sha256, StoredRecording.erased_at.is_not(None)
+    )
+
+
+def _do_not_keep(session: Session, row: StoredRecording) -> None:
+    """Bytes that were erased and came again go again, once the rest is stored."""
+    if row.erased_at is not None:
+        session.info.setdefault(DISCARDED, set()).add(row.file_sha256)
 
 
 def store_features(session: Session, row: StoredRecording, extraction: Extraction) -> FeatureRow:

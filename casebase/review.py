@@ -11,10 +11,11 @@ import math
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
+from itertools import combinations
 
 import numpy as np
 from numpy.typing import NDArray
-from sqlalchemy import select
+from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from casebase.artifacts import add_artifact
@@ -23,6 +24,7 @@ from casebase.errors import InvalidRequestError, NotFoundError
 from casebase.library import CaseLibrary
 from casebase.models import Artifact, Case, StoredRecording
 from casebase.similarity import Floats
+from casebase.sounds import other_gearbox
 
 KIND = "review"
 LARGEST = 4000  # cases looked at; beyond, the newest
@@ -92,11 +94,12 @@ class Review:
 
 def review(session: Session, reasoner: Reasoner) -> Review:
     """Look through the library; changes nothing."""
+    contradicting, copies = _copies(session)
     table = reasoner.table
     rows = np.arange(len(table))[-LARGEST:]
     table = table.take(rows)
     if len(table) < 2:
-        return Review(len(table), (), (), (), (), _holes(session))
+        return Review(len(table), copies, contradicting, (), (), _holes(session))
     apart = _distances(reasoner, rows)
     foreign = (table.groups[:, None] != table.groups) & (table.samples[:, None] != table.samples)
     apart = np.where(foreign, apart, np.inf)
@@ -110,7 +113,7 @@ def review(session: Session, reasoner: Reasoner) -> Review:
         other_id = None if other is None else str(table.ids[other])
         return Finding(str(table.ids[row]), str(table.labels[row]), str(table.origins[row]), reason, other_id)
 
-    contradictory, suspect, redundant = [], [], []
+    contradictory, suspect, redundant = list(contradicting), [], list(copies)
     dropped: set[int] = set()
     for row in range(len(table)):
         near = [int(each) for each in order[row] if np.isfinite(apart[row, each])]
@@ -129,6 +132,40 @@ def review(session: Session, reasoner: Reasoner) -> Review:
             redundant.append(finding(row, "adds nothing to a case that is there and agrees with all around", first))
     far = tuple(finding(row, reason) for row, reason in _far(table.labels, table.origins, apart))
     return Review(len(table), tuple(redundant), tuple(contradictory), tuple(suspect), far, _holes(session))
+
+
+def _copies(session: Session) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
+    """Return every pair of cases of one sound that contradict each other, and the copies that do not."""
+    searched = (Case.state == "confirmed") & Case.quarantine_reason.is_(None)
+    own = select(StoredRecording.sound_id).join(Case, Case.recording_id == StoredRecording.id).where(searched)
+    several = own.group_by(StoredRecording.sound_id).having(func.count() > 1)
+    statement = select(Case).join(StoredRecording, StoredRecording.id == Case.recording_id)
+    cases = session.scalars(statement.where(searched, StoredRecording.sound_id.in_(several)).order_by(Case.id)).all()
+    contradicting, copies = [], []
+    sounds: dict[str, list[Case]] = {}
+    for case in cases:
+        sounds.setdefault(case.recording.sound_id, []).append(case)
+    for twins in sounds.values():
+        agreeing: set[str] = set()
+        for one, other in combinations(twins, 2):
+            reasons = _contradictions(one, other)
+            if reasons:
+                contradicting.append(_finding(one, f"the same sound as a case of {' and of '.join(reasons)}", other))
+            elif other.id not in agreeing:
+                agreeing.add(other.id)
+                copies.append(_finding(other, "the same sound as a case that is there: it counts once", one))
+    return tuple(contradicting), tuple(copies)
+
+
+def _contradictions(one: Case, other: Case) -> list[str]:
+    reasons = [other.label] if one.label != other.label else []
+    if other_gearbox(one.recording, other.recording):
+        reasons.append(f"gearbox {other.recording.gearbox} (here {one.recording.gearbox})")
+    return reasons
+
+
+def _finding(case: Case, reason: str, other: Case) -> Finding:
+    return Finding(case.id, case.label, case.origin, reason, other.id)
 
 
 def _distances(reasoner: Reasoner, rows: NDArray[np.intp]) -> Floats:

@@ -58,12 +58,14 @@ def list_cases(
     "/cases",
     status_code=status.HTTP_201_CREATED,
     response_model=CaseAnswer,
+    responses={200: {"model": CaseAnswer, "description": "the case that is there already"}},
     openapi_extra=multipart_body(CaseMetadata, CaseFromDiagnosis),
 )
 async def add_case(_: Admin, upload: MaybeUpload, once: OnlyOnce, request: Request) -> Response:
     """Add a labelled recording (multipart), or make a case of a diagnosis (JSON).
 
-    The same bytes with the same description are one recording, and with the same label one case.
+    The same bytes with the same description are one recording. The same sound, whatever its container, rate or gain, is
+    one case: with the same label and gearbox it is answered as it is there (200), with another one refused (409).
     """
     if upload is None:
         body = await request.body()
@@ -83,8 +85,9 @@ def _from_recording(once: Once, request: Request, upload: Upload) -> Response:
     labelling = Labelling(metadata.label, verified_by=metadata.verified_by, note=metadata.notes)
 
     def work(session: Session) -> Made:
+        before = service.library.version(session)
         row = intake.store(service.library, session)
-        return _made(request, service.library.retain(session, row, labelling))
+        return _made(request, service.library.retain(session, row, labelling), before)
 
     return once.run(work, *content)
 
@@ -97,15 +100,18 @@ def _from_diagnosis(once: Once, request: Request, body: bytes) -> Response:
     library = once.service.library
 
     def work(session: Session) -> Made:
+        before = library.version(session)
         case = library.retain_diagnosis(session, asked.diagnosis_id, label=asked.label, verified_by=asked.verified_by)
-        return _made(request, case)
+        return _made(request, case, before)
 
     return once.run(work, asked.model_dump())
 
 
-def _made(request: Request, case: Case) -> Made:
+def _made(request: Request, case: Case, before: int) -> Made:
+    """Return the case, made or as it was there already, by the library's version before."""
     location = str(request.url_for("get_case", case_id=case.id).path)
-    return Made(CaseAnswer.model_validate(case), location, {"ETag": etag(case)})
+    code = status.HTTP_201_CREATED if case.library_version > before else status.HTTP_200_OK
+    return Made(CaseAnswer.model_validate(case), location, {"ETag": etag(case)}, status=code)
 
 
 @router.get("/cases/{case_id}", response_model=CaseAnswer, responses={304: {"description": "as the client has it"}})

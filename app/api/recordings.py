@@ -14,11 +14,12 @@ from pydantic import BaseModel
 from app import views
 from app.accept import chosen
 from app.conditional import IfNoneMatch, has_already, not_modified
-from app.documents import Answer, Identifier, RecordingAnswer
+from app.documents import Answer, ErasedAnswer, Identifier, RecordingAnswer
 from app.errors import NotFound, RangeNotSatisfiable
 from app.intake import media_type_of
-from app.security import Viewer
+from app.security import Admin, Viewer
 from app.service import Reading, Service, TheService
+from casebase import erasing
 from casebase.models import Extractor, FeatureRow, StoredRecording
 from casebase.recordings import named_features
 from casebase.signals.features import EXTRACTOR_VERSION, catalogue
@@ -28,6 +29,8 @@ router = APIRouter(prefix="/recordings/{recording_id}", tags=["recordings"])
 
 BLOCK = 256 * 1024
 UNCHANGING = {"Cache-Control": "private, max-age=31536000, immutable"}
+UNTIL_ERASED = {"Cache-Control": "private, max-age=300"}
+"""What shows a recording never changes, but is to be gone soon after the audio was erased."""
 SINGLE_RANGE = re.compile(r"bytes=(\d{0,18})-(\d{0,18})")
 PNG, JSON = "image/png", "application/json"
 
@@ -36,6 +39,18 @@ PNG, JSON = "image/png", "application/json"
 def get_recording(_: Viewer, session: Reading, service: TheService, recording_id: Identifier) -> RecordingAnswer:
     """A recording and how it was taken."""
     return RecordingAnswer.model_validate(service.library.recording(session, recording_id))
+
+
+@router.delete("")
+def erase_recording(admin: Admin, service: TheService, request: Request, recording_id: Identifier) -> ErasedAnswer:
+    """Erase the audio, for good, with all that shows it; features, diagnoses, cases and the audit stay.
+
+    It goes for all recordings of this file. Recordings of the same sound in other files are named in the answer.
+    """
+    with service.library.transaction(admin.actor, request.scope["request_id"]) as session:
+        done = erasing.erase(service.library, session, recording_id)
+    views.decoded.cache_clear()
+    return ErasedAnswer.model_validate(done)
 
 
 @router.get(
@@ -58,6 +73,7 @@ def audio(
 ) -> Response:
     """The file as it came in, whole or one range of it (several ranges are answered by the whole)."""
     row = service.library.recording(session, recording_id)
+    service.library.audio_path(row)
     if has_already(if_none_match, _etag(row)):
         return not_modified(_file_headers(row))
     return file_answer(service, row, byte_range, if_range)
@@ -69,6 +85,7 @@ def audio_head(
 ) -> Response:
     """What `GET` would say of the file, without the file."""
     row = service.library.recording(session, recording_id)
+    service.library.audio_path(row)
     headers = _file_headers(row)
     if has_already(if_none_match, headers["ETag"]):
         return not_modified(headers)
@@ -81,7 +98,7 @@ def _etag(row: StoredRecording) -> str:
 
 def _file_headers(row: StoredRecording) -> dict[str, str]:
     return {
-        **UNCHANGING,
+        **UNTIL_ERASED,
         "ETag": _etag(row),
         "Accept-Ranges": "bytes",
         "Content-Disposition": f"inline; filename*=UTF-8''{quote(row.file_name)}",
@@ -154,7 +171,7 @@ def waveform(
     points: Annotated[int, Query(ge=10, le=200_000)] = 2000,
 ) -> views.Waveform:
     """Lowest and highest sample of each of `points` intervals."""
-    response.headers.update(UNCHANGING)
+    response.headers.update(UNTIL_ERASED)
     return views.waveform(decoded(service, service.library.recording(session, recording_id)), points)
 
 
@@ -168,7 +185,7 @@ def spectrum(
     resolution_hz: Annotated[float, Query(ge=0.1, le=1000)] = 2.0,
 ) -> views.Spectrum:
     """Averaged power spectrum."""
-    response.headers.update(UNCHANGING)
+    response.headers.update(UNTIL_ERASED)
     return views.spectrum(decoded(service, service.library.recording(session, recording_id)), resolution_hz)
 
 
@@ -182,7 +199,7 @@ def crest(
     window_s: Annotated[float, Query(ge=0.01, le=60)] = 0.5,
 ) -> views.CrestFactor:
     """Crest factor of the whole and over time, beside RMS and peak."""
-    response.headers.update(UNCHANGING)
+    response.headers.update(UNTIL_ERASED)
     return views.crest(decoded(service, service.library.recording(session, recording_id)), window_s)
 
 
@@ -199,7 +216,7 @@ def spectrogram(
     """Level over time and frequency: a PNG by default, numbers for `Accept: application/json`."""
     kind = chosen(request.headers.get("accept", "*/*"), (PNG, JSON))
     recording = decoded(service, service.library.recording(session, recording_id))
-    headers = {**UNCHANGING, "Vary": "Accept"}
+    headers = {**UNTIL_ERASED, "Vary": "Accept"}
     if kind == JSON:
         return Response(views.spectrogram(recording, columns).model_dump_json(), headers=headers, media_type=JSON)
     return Response(views.spectrogram_png(recording, columns, dark=theme == "dark"), headers=headers, media_type=PNG)

@@ -16,7 +16,7 @@ from app.metadata import CaseMetadata
 from casebase.bundle import export_cases, import_cases
 from casebase.case_filter import CaseFilter
 from casebase.description import Labelling
-from casebase.errors import LibraryError
+from casebase.errors import DuplicateError, LibraryError
 from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError
 from sim.axis import Axis, read_axis
@@ -43,7 +43,10 @@ def add(
     verified_by: Annotated[str | None, typer.Option(help="how the label was verified")] = None,
     json: Json = False,
 ) -> None:
-    """Add labelled recordings; each file that cannot be added is named with the reason."""
+    """Add labelled recordings; each file that cannot be added is named with the reason.
+
+    A sound that is a case already, in whatever container, rate or gain, is not added again.
+    """
     frame = frame_of(context)
     metadata = CaseMetadata(
         label=label,
@@ -56,24 +59,33 @@ def add(
     )
     described = read_axis(axis) if axis else None
     entries = []
-    with frame.library() as library, frame.progress() as progress:
+    with frame.current_library() as library, frame.progress() as progress:
         for path in progress.track(files, description="adding"):
             entries.append(_add(library, path, metadata, described))
     if json:
         frame.print_json(entries)
     else:
         for entry in entries:
-            frame.print(f"{entry['file']}: {entry.get('id') or entry['error']}")
+            frame.print(f"{entry['file']}: {entry.get('error') or entry['id']}{_known(entry)}")
     raise typer.Exit(BAD_INPUT if any("error" in entry for entry in entries) else 0)
+
+
+def _known(entry: dict[str, Any]) -> str:
+    return " is this sound already; it stays as it is" if entry.get("exists") else ""
 
 
 def _add(library: CaseLibrary, path: Path, metadata: CaseMetadata, axis: Axis | None) -> dict[str, Any]:
     try:
         intake = take_in(library, path, path.name, media_type_of(path.name), metadata, axis)
         with library.transaction(ACTOR) as session:
+            before = library.version(session)
             row = intake.store(library, session)
             case = library.retain(session, row, Labelling(metadata.label, verified_by=metadata.verified_by))
-            return {"file": str(path), **CaseAnswer.model_validate(case).model_dump(mode="json")}
+            known = case.library_version <= before
+            return {"file": str(path), "exists": known, **CaseAnswer.model_validate(case).model_dump(mode="json")}
+    except DuplicateError as error:
+        there = {"id": error.case_id, "label": error.label, "gearbox": error.gearbox}
+        return {"file": str(path), "error": sentence(error), "case": there}
     except (SignalError, LibraryError, OSError) as error:
         return {"file": str(path), "error": sentence(error)}
 
@@ -135,11 +147,13 @@ def export(
         raise FileExistsError(f"{out} exists already; choose another name")
     wanted = CaseFilter(label=label, origin=origin, axis=axis, gearbox=gearbox)
     with frame.library() as library, library.reading() as session, frame.words.status("writing"):
-        count = export_cases(library, session, out, wanted)
+        done = export_cases(library, session, out, wanted)
     if json:
-        frame.print_json({"file": str(out), "cases": count})
+        frame.print_json({"file": str(out), "cases": done.cases, "without_audio": done.without_audio})
     else:
-        frame.print(f"{out}: {count} cases")
+        frame.print(f"{out}: {done.cases} cases")
+    if done.without_audio:
+        frame.say(f"{done.without_audio} of them are without audio, for it was erased: no library can import those")
 
 
 @cases.command("import")

@@ -18,7 +18,7 @@ from casebase.audio_store import sha256_of
 from casebase.errors import NotFoundError
 from casebase.library import CaseLibrary
 from casebase.models import ApiKey, StoredRecording
-from casebase.renewal import count_outdated
+from casebase.renewal import count_left_behind, count_outdated
 from casebase.signals.decode import warm_up
 from casebase.signals.errors import DecoderUnavailableError
 
@@ -86,7 +86,10 @@ def _cases(library: CaseLibrary, session: Session) -> Iterator[Finding]:
 def _features(_: CaseLibrary, session: Session) -> Iterator[Finding]:
     old = count_outdated(session)
     fault = "Restart `gearcase serve`: it takes their features again." if old else None
-    yield Finding("features", f"{old} recordings have only features of an older extractor", fault)
+    yield Finding("features", f"{old} recordings lack features of the present extractor, or a fingerprint", fault)
+    behind = count_left_behind(session)
+    if behind:
+        yield Finding("features", f"{behind} erased recordings have features of an older extractor: not searched")
 
 
 def _decoder(_: CaseLibrary, __: Session) -> Iterator[Finding]:
@@ -101,6 +104,8 @@ def _decoder(_: CaseLibrary, __: Session) -> Iterator[Finding]:
 def _audio(library: CaseLibrary, session: Session, thorough: bool) -> Iterator[Finding]:
     missing, changed, number = [], [], 0
     for row in session.scalars(select(StoredRecording).execution_options(yield_per=500)):
+        if row.erased_at is not None:
+            continue
         number += 1
         try:
             path = library.audio_path(row)

@@ -73,20 +73,20 @@ class Frame:
             yield library
 
     def renew(self, library: CaseLibrary) -> None:
-        """Take the features again of what an older extractor has left, so that no case is missed."""
+        """Take features and fingerprints again of what an older version has left, so that no case is missed."""
         from casebase.renewal import count_outdated, renew
 
         with library.reading() as session:
             if not count_outdated(session):
                 return
         with self.progress() as progress:
-            task = progress.add_task("extracting features again")
+            task = progress.add_task("taking features and fingerprints again")
             renewed = renew(
                 library, ACTOR, progress=lambda done, total: progress.update(task, completed=done, total=total)
             )
-        self.say(f"features of {renewed.recordings} recordings taken again by the present extractor")
+        self.say(f"features and fingerprints of {renewed.recordings} recordings taken again")
         for recording, reason in renewed.failed.items():
-            self.say(f"recording {recording} keeps its old features and is not searched: {reason}")
+            self.say(f"recording {recording} keeps what it has: {reason}")
 
 
 Json = Annotated[bool, typer.Option("--json", help="one JSON document on stdout")]

@@ -29,7 +29,7 @@ def review(
 ) -> None:
     """Redundant, contradictory, suspect and far cases, and what is missing. Changes nothing unless told to."""
     frame = frame_of(context)
-    with frame.library() as library:
+    with frame.current_library() as library:
         if undo is not None:
             with library.transaction(ACTOR) as session:
                 frame.say(f"{care.undo(library, session, undo)} cases are as they were")

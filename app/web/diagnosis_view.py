@@ -54,7 +54,7 @@ class Neighbour:
 
 @dataclass(frozen=True)
 class DiagnosisView:
-    """What is shown of a diagnosis; charts are absent where the recording cannot be used."""
+    """What is shown of a diagnosis; charts and sound are absent where the audio was erased."""
 
     diagnosis: StoredDiagnosis
     recording: StoredRecording
@@ -68,11 +68,11 @@ class DiagnosisView:
     trend: Chart | None
     rms: float
     peaks: str
-    sound: Recording
+    sound: Recording | None
 
-    def spectrogram(self) -> bytes:
-        """Draw the spectrogram as PNG."""
-        return views.spectrogram_png(self.sound, COLUMNS)
+    def spectrogram(self) -> bytes | None:
+        """Draw the spectrogram as PNG; None where the audio was erased."""
+        return None if self.sound is None else views.spectrogram_png(self.sound, COLUMNS)
 
     def context(self) -> dict[str, object]:
         """Return it for a template."""
@@ -84,6 +84,7 @@ class DiagnosisView:
             "facts": self.facts,
             "quality": document["quality"],
             "usable": document["verdict"] != "unusable",
+            "audible": self.sound is not None and document["verdict"] != "unusable",
             "neighbours": self.neighbours,
             "features": self.features,
             "evidence": self.evidence,
@@ -102,16 +103,45 @@ def view_of(
 ) -> DiagnosisView:
     """Gather a diagnosis with its plots, a case laid over them if asked for."""
     document: Mapping[str, Any] = row.document
-    recording = decoded(service, row.recording)
-    analysis = analysed(recording, row.recording)
+    sound = None if row.recording.erased_at is not None else decoded(service, row.recording)
+    drawn, polar, peaks = (
+        (SimpleNamespace(), None, ()) if sound is None else _drawn(session, service, row, sound, orders, overlay)
+    )
+    features = features_of(session, row.recording.id)
+    return DiagnosisView(
+        diagnosis=row,
+        recording=row.recording,
+        verdict=verdict_of(document),
+        facts=tuple(facts_of(document)),
+        neighbours=tuple(_neighbours(session, document["neighbours"])),
+        features=features,
+        evidence=evidence_of(
+            document,
+            {name for name, chart in vars(drawn).items() if chart is not None},
+            strongest_events(session, row.recording),
+        ),
+        charts=drawn,
+        polar=polar,
+        trend=trend_of(session, row.recording),
+        rms=features.get("rms") or 0.0 if sound is None else root_mean_square(sound.samples),
+        peaks="[" + ",".join(f"{v:.4g}" for v in peaks) + "]",
+        sound=sound,
+    )
+
+
+def _drawn(
+    session: Session, service: Service, row: StoredDiagnosis, sound: Recording, orders: bool, overlay: Case | None
+) -> tuple[SimpleNamespace, Markup | None, Sequence[float]]:
+    """Return the charts, the polar plot, and the outline of the waveform."""
+    analysis = analysed(sound, row.recording)
     speed = row.recording.speed_rad_s
     order_hz = speed / (2 * math.pi) if orders and speed else None
     folded = draw.fold_charts(analysis)
     drawn = SimpleNamespace(
-        waveform=draw.waveform(recording, analysis, event_times(session, row.recording)),
-        spectrum=draw.spectrum(recording, order_markers(analysis), order_hz),
-        crest=draw.crest_trace(recording, CREST_WINDOW_S),
-        level=draw.level_trace(recording, CREST_WINDOW_S),
+        waveform=draw.waveform(sound, analysis, event_times(session, row.recording)),
+        spectrum=draw.spectrum(sound, order_markers(analysis), order_hz),
+        crest=draw.crest_trace(sound, CREST_WINDOW_S),
+        level=draw.level_trace(sound, CREST_WINDOW_S),
         fold=folded[0] if folded else None,
     )
     if overlay is not None:
@@ -119,26 +149,8 @@ def view_of(
             plot: PlotName = "orders" if name == "spectrum" and order_hz else name  # type: ignore[assignment]
             if chart is not None:
                 setattr(drawn, name, laid_over(chart, plot, session, service, row.recording, overlay))
-    peaks = draw.waveform(recording, analysis, (), PEAKS).series[0].y
-    return DiagnosisView(
-        diagnosis=row,
-        recording=row.recording,
-        verdict=verdict_of(document),
-        facts=tuple(facts_of(document)),
-        neighbours=tuple(_neighbours(session, document["neighbours"])),
-        features=features_of(session, row.recording.id),
-        evidence=evidence_of(
-            document,
-            {name for name, chart in vars(drawn).items() if chart is not None},
-            strongest_events(session, row.recording),
-        ),
-        charts=drawn,
-        polar=folded[1] if folded else None,
-        trend=trend_of(session, row.recording),
-        rms=root_mean_square(recording.samples),
-        peaks="[" + ",".join(f"{v:.4g}" for v in peaks) + "]",
-        sound=recording,
-    )
+    peaks = draw.waveform(sound, analysis, (), PEAKS).series[0].y
+    return drawn, folded[1] if folded else None, peaks.tolist()
 
 
 def facts_of(document: Mapping[str, Any]) -> list[tuple[str, object, str]]:

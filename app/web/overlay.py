@@ -11,6 +11,7 @@ from app.web.charts import Chart
 from app.web.features import features_of
 from app.web.recorded import PlotName, chart_of
 from app.web.svg import Series
+from casebase.errors import ErasedError
 from casebase.models import Case, StoredRecording
 
 TAKEN = {"waveform": 1, "crest": 1, "level": 1, "spectrum": 1, "orders": 1, "fold": 2}
@@ -23,7 +24,7 @@ def laid_over(
     """Return the chart with the lines of a case added; as it was where the case has no such plot."""
     try:
         other = chart_of(name, session, service, case.recording)
-    except NotFound:
+    except (NotFound, ErasedError):
         return chart
     words = f"{case.label} case, {case.origin}"
     gain = loudness_ratio(session, own, case.recording)

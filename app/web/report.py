@@ -41,7 +41,7 @@ def diagnosis_html(view: DiagnosisView, zone: str) -> str:
         **view.context(),
         "style": style_sheet(),
         "at": lambda value: instant(value, zone),
-        "spectrogram": base64.b64encode(view.spectrogram()).decode(),
+        "spectrogram": base64.b64encode(view.spectrogram() or b"").decode(),
     }
     return ENVIRONMENT.get_template("report.html").render(context)
 
@@ -53,7 +53,8 @@ def diagnosis_pdf(view: DiagnosisView, zone: str) -> bytes:
     target = io.BytesIO()
     with PdfPages(target, metadata={"Title": view.verdict.headline, "Creator": "Gearcase"}) as pages:
         pages.savefig(_first_page(view, zone))
-        pages.savefig(_plots(view))
+        if view.sound is not None:
+            pages.savefig(_plots(view))
     return target.getvalue()
 
 

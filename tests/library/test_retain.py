@@ -66,7 +66,7 @@ def test_case_is_one_until_its_label_differs(library: CaseLibrary) -> None:
         assert add_case(library, session, [1.0], "notch", seed=1).id == case.id
         with pytest.raises(DuplicateError) as caught:
             add_case(library, session, [1.0], "play", seed=1)
-    assert caught.value.existing_id == case.id
+    assert caught.value.case_id == case.id
 
 
 def test_generated_case_is_one_per_key(library: CaseLibrary) -> None:

@@ -170,7 +170,7 @@ def covered(session: Session) -> list[tuple[str, str, int, int, int]]:
 def case(request: Request, session: Reading, service: TheService, principal: PageViewer, case_id: str) -> Response:
     """One case: what it sounds like, where it comes from, what happened to it."""
     row = service.library.case(session, case_id)
-    known = catalogue()
+    known, erased = catalogue(), row.recording.erased_at is not None
     features = [
         (name, value, known[name].unit, known[name].physics)
         for name, value in features_of(session, row.recording_id).items()
@@ -179,8 +179,8 @@ def case(request: Request, session: Reading, service: TheService, principal: Pag
     context = {
         "case": row,
         "recording": row.recording,
-        "waveform": chart_of("waveform", session, service, row.recording),
-        "spectrum": chart_of("spectrum", session, service, row.recording),
+        "waveform": None if erased else chart_of("waveform", session, service, row.recording),
+        "spectrum": None if erased else chart_of("spectrum", session, service, row.recording),
         "features": features,
         "history": service.library.history(session, case_id),
     }

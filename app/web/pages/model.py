@@ -105,7 +105,9 @@ def _value(request: Request, slider: Slider) -> float:
 
 
 def _recordings(session: Session, axis: str) -> list[StoredRecording]:
-    statement = select(StoredRecording).where(StoredRecording.axis == axis, StoredRecording.usable)
+    statement = select(StoredRecording).where(
+        StoredRecording.axis == axis, StoredRecording.usable, StoredRecording.erased_at.is_(None)
+    )
     return list(session.scalars(statement.order_by(StoredRecording.id.desc()).limit(50)))
 
 

@@ -1,23 +1,27 @@
 """Plots and sound of a recording, for pages; the demo recording is open to anybody."""
 
+import re
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Header, Query, Request, Response
-from fastapi.responses import JSONResponse
+from fastapi import APIRouter, Form, Header, Query, Request, Response
+from fastapi.responses import JSONResponse, RedirectResponse
 from sqlalchemy.orm import Session
 
 from app import views
 from app.api import recordings as api
+from app.errors import Unprocessable
 from app.intake import DEMO
 from app.security import Role
 from app.service import Reading, TheService
 from app.web import charts
 from app.web.overlay import laid_over
 from app.web.recorded import PlotName, chart_of, decoded
-from app.web.session import SignInNeeded, Visitor, below_root
+from app.web.session import FromOurPage, PageAdmin, SignInNeeded, Visitor, below_root
+from casebase import erasing
 from casebase.artifacts import active_artifact
 
 router = APIRouter(prefix="/recordings/{recording_id}")
+PAGE_OF_OURS = re.compile(r"/(cases|diagnoses)/[0-9a-f]{32}")
 
 
 def demo_ids(session: Session) -> tuple[str, str] | None:
@@ -58,7 +62,7 @@ def plot(
     chart = chart_of(name, session, service, row, points)
     if overlay:
         chart = laid_over(chart, name, session, service, row, service.library.case(session, overlay))
-    return JSONResponse(chart.document(), headers=api.UNCHANGING)
+    return JSONResponse(chart.document(), headers=api.UNTIL_ERASED)
 
 
 @router.get("/sound")
@@ -75,6 +79,23 @@ def sound(
     return api.file_answer(service, service.library.recording(session, recording_id), byte_range, None)
 
 
+@router.post("/erase", dependencies=[FromOurPage])
+def erase(
+    service: TheService,
+    principal: PageAdmin,
+    recording_id: str,
+    sure: Annotated[Literal["yes"], Form()],
+    back: Annotated[str, Form()],
+) -> Response:
+    """Erase the audio and lead back to the page of the case or diagnosis that asked for it."""
+    if not PAGE_OF_OURS.fullmatch(back):
+        raise Unprocessable("The form must say which page to go back to: /cases/ID or /diagnoses/ID.")
+    with service.library.transaction(principal.actor) as session:
+        erasing.erase(service.library, session, recording_id)
+    views.decoded.cache_clear()
+    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}{back}", status_code=303)
+
+
 @router.get("/spectrogram.png")
 def spectrogram(
     request: Request,
@@ -88,4 +109,4 @@ def spectrogram(
     allowed(session, principal, request, recording_id)
     row = service.library.recording(session, recording_id)
     image = views.spectrogram_png(decoded(service, row), 800, dark=theme == "dark")
-    return Response(image, headers=api.UNCHANGING, media_type="image/png")
+    return Response(image, headers=api.UNTIL_ERASED, media_type="image/png")

@@ -23,7 +23,11 @@ SECTION = "/library"
 SHOWN = 50
 MOST_AT_ONCE = 1000
 KINDS = (
-    ("contradictory", "Contradictions", "Two cases that sound the same and are labelled differently."),
+    (
+        "contradictory",
+        "Contradictions",
+        "Two cases of one sound, or as good as one, with different labels or gearboxes.",
+    ),
     ("suspect", "Suspect labels", "Cases whose neighbours are nearly all labelled otherwise."),
     ("far", "Far from reality", "Simulated cases that lie far from every measured case of their label."),
     ("redundant", "Redundant", "Cases that add nothing to another one that is there."),

@@ -1,0 +1,73 @@
+"""`gearcase recordings erase | expire`: audio that is not to be kept."""
+
+from typing import Annotated
+
+import typer
+
+from app.commands.frame import ACTOR, Json, frame_of
+from app.documents import ErasedAnswer
+from app.retention import erase_old
+from casebase.erasing import erase as erase_audio
+from casebase.errors import InvalidRequestError
+
+recordings = typer.Typer(help="Erase the audio of recordings.", no_args_is_help=True)
+Yes = Annotated[bool, typer.Option("--yes", help="do not ask")]
+LOST = "The sound and its plots are gone for good. Features, diagnoses and cases stay. Older backups still hold it."
+
+
+def register(app: typer.Typer) -> None:
+    app.add_typer(recordings, name="recordings")
+
+
+@recordings.command()
+def erase(
+    context: typer.Context,
+    ids: Annotated[list[str], typer.Argument(metavar="ID...", help="ids of recordings")],
+    yes: Yes = False,
+    json: Json = False,
+) -> None:
+    """Erase the audio of recordings, all of them or none; features, diagnoses, cases and the audit stay."""
+    frame = frame_of(context)
+    _confirm(yes, json, f"Erase the audio of {len(ids)} recordings? {LOST}")
+    with frame.library() as library, library.transaction(ACTOR) as session:
+        done = [erase_audio(library, session, each) for each in ids]
+    if json:
+        frame.print_json([ErasedAnswer.model_validate(one).model_dump(mode="json") for one in done])
+        return
+    for one in done:
+        frame.print(f"{one.id}: erased")
+        for other in sorted(set(one.recordings) - {one.id}):
+            frame.print(f"{other}: erased too, for it has the same file")
+        for other in one.same_sound:
+            frame.say(f"{other} is of the same sound in another file; its audio is still here")
+
+
+@recordings.command()
+def expire(
+    context: typer.Context,
+    days: Annotated[
+        int | None, typer.Option(min=1, help="how long audio is kept [GEARCASE_RETAIN_AUDIO_DAYS]", show_default=False)
+    ] = None,
+    yes: Yes = False,
+    json: Json = False,
+) -> None:
+    """Erase the audio of recordings that are no cases and are older than so many days."""
+    frame = frame_of(context)
+    days = days or frame.settings.retain_audio_days
+    if days is None:
+        raise InvalidRequestError("say how long audio is kept: --days N, or set GEARCASE_RETAIN_AUDIO_DAYS")
+    _confirm(yes, json, f"Erase the audio of all recordings that are no cases and older than {days} days? {LOST}")
+    with frame.library() as library:
+        gone = erase_old(library, days, ACTOR)
+    if json:
+        frame.print_json({"days": days, "erased": gone})
+    else:
+        frame.print(f"{len(gone)} recordings erased")
+
+
+def _confirm(yes: bool, json: bool, question: str) -> None:
+    if yes:
+        return
+    if json:
+        raise InvalidRequestError("with --json nobody is asked: add --yes if you are sure")
+    typer.confirm(question, abort=True, err=True)

@@ -1,0 +1,90 @@
+"""Which recordings are of one sound: known by equal samples, or by fingerprints that differ in few bits.
+
+Whatever asks whether something is the same (a case that is there already, a copy that must not count twice, a query
+that the library knows) asks for `StoredRecording.sound_id`.
+"""
+
+from collections import Counter
+from collections.abc import Sequence
+
+import numpy as np
+from sqlalchemy import insert, select, update
+from sqlalchemy.orm import Session, undefer
+
+from casebase.models import Case, LibraryCounter, SoundKey, StoredRecording
+from casebase.signals.fingerprint import Fingerprint, Words, same_sound
+
+MOST_HELD_AGAINST = 256
+"""Of the recordings that share a word; those that share most come first."""
+
+
+def find_sound(session: Session, samples_sha256: str, prints: Sequence[Fingerprint], *, but: str = "") -> str | None:
+    """Return the `sound_id` of a recording that sounds the same; None if there is none.
+
+    Nobody else stores a recording until the transaction ends, so that of two of one sound the second sees the first.
+
+    Args:
+        prints: what `fingerprints` says of it.
+        but: id of a recording that is not to be found.
+    """
+    session.scalars(select(LibraryCounter.value).with_for_update()).one()
+    equal = select(StoredRecording.sound_id).where(
+        StoredRecording.samples_sha256 == samples_sha256, StoredRecording.id != but
+    )
+    found = session.scalars(equal.order_by(StoredRecording.id).limit(1)).first()
+    return found or _alike(session, prints, but)
+
+
+def _alike(session: Session, prints: Sequence[Fingerprint], but: str) -> str | None:
+    words = {word for each in prints for word in each.keys}
+    holding = select(SoundKey.recording_id).where(SoundKey.word.in_(sorted(words)), SoundKey.recording_id != but)
+    candidates = Counter(session.scalars(holding))
+    likely = [identity for identity, _ in candidates.most_common(MOST_HELD_AGAINST)]
+    statement = select(StoredRecording).where(StoredRecording.id.in_(likely)).options(undefer(StoredRecording.sound))
+    known = {row.id: row for row in session.scalars(statement)}
+    for identity in likely:
+        row = known[identity]
+        if row.sound and any(same_sound(each.words, _words(row.sound)) for each in prints):
+            return row.sound_id
+    return None
+
+
+def keep_sound(session: Session, row: StoredRecording, prints: Sequence[Fingerprint]) -> None:
+    """Keep what a recording is looked up by from now on."""
+    row.sound = prints[0].words.astype("<u4").tobytes() if prints else b""
+    session.flush()
+    if prints and prints[0].keys:
+        keys = [{"word": word, "recording_id": row.id} for word in prints[0].keys]
+        session.execute(insert(SoundKey), keys)
+
+
+def join_sounds(session: Session, row: StoredRecording, prints: Sequence[Fingerprint]) -> Sequence[str]:
+    """Keep the fingerprint of a recording that was stored without one; return ids of cases whose sound is now known
+    to be another one's too."""
+    known = find_sound(session, row.samples_sha256, prints, but=row.id)
+    keep_sound(session, row, prints)
+    if known is None or known == row.sound_id:
+        return ()
+    first, later = sorted((known, row.sound_id))
+    changed = session.scalars(
+        select(Case.id)
+        .join(StoredRecording, StoredRecording.id == Case.recording_id)
+        .where(StoredRecording.sound_id == later)
+    ).all()
+    session.execute(update(StoredRecording).where(StoredRecording.sound_id == later).values(sound_id=first))
+    return changed
+
+
+def cases_of(session: Session, sound_id: str) -> Sequence[Case]:
+    """Return the cases of a sound, retired ones too, oldest first."""
+    statement = select(Case).join(StoredRecording, StoredRecording.id == Case.recording_id)
+    return session.scalars(statement.where(StoredRecording.sound_id == sound_id).order_by(Case.id)).all()
+
+
+def other_gearbox(one: StoredRecording, other: StoredRecording) -> bool:
+    """Return whether two recordings are said to be of different gearboxes; one that was not told differs from none."""
+    return None not in (one.gearbox, other.gearbox) and one.gearbox != other.gearbox
+
+
+def _words(sound: bytes) -> Words:
+    return np.frombuffer(sound, dtype="<u4")
