@@ -10,6 +10,7 @@ from app.cli import BAD_INPUT
 from app.commands.faults import sentence
 from app.commands.frame import ACTOR, Json, frame_of
 from app.commands.review import review
+from app.commands.sounds import MEANT, Sound, sounds
 from app.documents import CaseAnswer
 from app.intake import media_type_of, take_in
 from app.metadata import CaseMetadata
@@ -32,7 +33,7 @@ def register(app: typer.Typer) -> None:
 @cases.command()
 def add(
     context: typer.Context,
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="sound files: WAV, FLAC, AIFF")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help=MEANT)],
     label: Annotated[str, typer.Option(help="normal, notch, play or any other")],
     axis: Annotated[Path | None, typer.Option(metavar="AXIS.toml", help="description of the axis")] = None,
     gearbox: Annotated[str | None, typer.Option(help="serial number of the gearbox")] = None,
@@ -56,9 +57,10 @@ def add(
     )
     described = read_axis(axis) if axis else None
     entries = []
-    with frame.library() as library, frame.progress() as progress:
-        for path in progress.track(files, description="adding"):
-            entries.append(_add(library, path, metadata, described))
+    limit = frame.settings.upload_bytes
+    with frame.library() as library, frame.progress() as progress, sounds(files, limit) as found:
+        for sound in progress.track(found, description="adding"):
+            entries.append(_add(library, sound, metadata, described))
     if json:
         frame.print_json(entries)
     else:
@@ -67,15 +69,17 @@ def add(
     raise typer.Exit(BAD_INPUT if any("error" in entry for entry in entries) else 0)
 
 
-def _add(library: CaseLibrary, path: Path, metadata: CaseMetadata, axis: Axis | None) -> dict[str, Any]:
+def _add(library: CaseLibrary, sound: Sound, metadata: CaseMetadata, axis: Axis | None) -> dict[str, Any]:
+    if sound.problem:
+        return {"file": sound.shown, "error": sound.problem}
     try:
-        intake = take_in(library, path, path.name, media_type_of(path.name), metadata, axis)
+        intake = take_in(library, sound.path, sound.name, media_type_of(sound.name), metadata, axis)
         with library.transaction(ACTOR) as session:
             row = intake.store(library, session)
             case = library.retain(session, row, Labelling(metadata.label, verified_by=metadata.verified_by))
-            return {"file": str(path), **CaseAnswer.model_validate(case).model_dump(mode="json")}
+            return {"file": sound.shown, **CaseAnswer.model_validate(case).model_dump(mode="json")}
     except (SignalError, LibraryError, OSError) as error:
-        return {"file": str(path), "error": sentence(error)}
+        return {"file": sound.shown, "error": sentence(error)}
 
 
 @cases.command("list")
