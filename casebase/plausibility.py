@@ -9,6 +9,7 @@ that is heard. A doubted value is not used, and where one mistaken unit explains
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
+from typing import Any
 
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
@@ -77,11 +78,11 @@ def _joined(one: Known | None, other: Known | None) -> Known | None:
 
 
 def measured(session: Session, axis: str) -> Expected:
-    """Return what the searchable measured cases of an axis have; nothing where they are fewer than three."""
+    """Return what the searchable measured cases of an axis have, of each quantity that three or more have."""
     heard = FeatureRow.motion["period_in_sound_s"].as_float()
     columns = (StoredRecording.speed_rad_s, StoredRecording.payload_kg_m2, heard)
     statement = (
-        select(func.count(), *(end(column) for column in columns for end in (func.min, func.max)))
+        select(*(of(column) for column in columns for of in (func.count, func.min, func.max)))
         .select_from(Case)
         .join(StoredRecording, StoredRecording.id == Case.recording_id)
         .join(FeatureRow, FeatureRow.recording_id == Case.recording_id)
@@ -91,13 +92,13 @@ def measured(session: Session, axis: str) -> Expected:
             FeatureRow.extractor_version == EXTRACTOR_VERSION,
         )
     )
-    count, *ends = session.execute(statement).one()
-    if count < FEWEST_CASES:
-        return Expected()
-    source = f"the {count} measured cases of {axis!r}"
-    ranges = zip(ends[::2], ends[1::2], strict=True)
-    speed, payload, period = (None if low is None else Known(low, high, source) for low, high in ranges)
-    return Expected(speed, payload, period)
+    found = session.execute(statement).one()
+
+    def known(first: int) -> Known | None:
+        count, low, high = found[first : first + 3]
+        return Known(low, high, f"the {count} measured cases of {axis!r}") if count >= FEWEST_CASES else None
+
+    return Expected(known(0), known(3), known(6))
 
 
 def held_against(
@@ -108,19 +109,14 @@ def held_against(
     Args:
         motion: as it was heard in the sound.
     """
-    flags = tuple(filter(None, (_speed(condition, motion, expected), _payload(condition, expected))))
-    period = _period(condition, motion, expected)
-    flags += (period,) if period else ()
-    doubted = {flag.name.removesuffix("_contradicts") for flag in flags}
-    return (
-        replace(
-            condition,
-            speed_rad_s=None if "speed" in doubted else condition.speed_rad_s,
-            payload_kg_m2=None if "payload" in doubted else condition.payload_kg_m2,
-            motion_period_s=None if "period" in doubted else condition.motion_period_s,
-        ),
-        flags,
-    )
+    judged = {
+        "speed_rad_s": _speed(condition, motion, expected),
+        "payload_kg_m2": _payload(condition, expected),
+        "motion_period_s": _period(condition, motion, expected),
+    }
+    doubted = {name: flag for name, flag in judged.items() if flag is not None}
+    without: dict[str, Any] = dict.fromkeys(doubted)
+    return replace(condition, **without), tuple(doubted.values())
 
 
 def _speed(condition: OperatingCondition, motion: Motion, expected: Expected) -> QualityFlag | None:
