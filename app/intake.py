@@ -129,7 +129,9 @@ def take_in(
     keeping = KEEPERS.submit(library.audio.put, path)
     try:
         extraction = extract(recording, condition)
-        usable, doubts = held_against(condition, extraction.motion, expected(library, axis, metadata.axis))
+        stated = condition.speed_rad_s or condition.payload_kg_m2 or condition.motion_period_s
+        known = expected(library, axis, metadata.axis) if stated else Expected()
+        usable, doubts = held_against(condition, extraction.motion, known)
         if doubts:
             extraction = extract(recording, usable)
             extraction = replace(extraction, quality=(*extraction.quality, *doubts))
