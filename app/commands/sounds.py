@@ -12,7 +12,9 @@ from glob import glob
 from pathlib import Path
 from typing import BinaryIO
 
-SUFFIX = re.compile(r"\.(wav|wave|bwf|rf64|w64|flac|aiff?|aifc|caf|au|snd|ogg|oga|opus|mp3|m4a|aac|amr|3gp|mka|wma)", re.IGNORECASE)
+SUFFIX = re.compile(
+    r"\.(wav|wave|bwf|rf64|w64|flac|aiff?|aifc|caf|au|snd|ogg|oga|opus|mp3|m4a|aac|amr|3gp|mka|wma)", re.IGNORECASE
+)
 """A folder means its files with these endings; what of them is not taken is named with the reason."""
 
 STANDARD_INPUT = ("-", "/dev/stdin", "/dev/fd/0", "/proc/self/fd/0")
