@@ -1,7 +1,8 @@
 """A recording comes in: decoded in the limited worker, its features taken, what was said of it kept."""
 
+import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from datetime import datetime
 from pathlib import Path
 from zoneinfo import ZoneInfo
@@ -16,9 +17,13 @@ from casebase.axes import find_axis, list_axes
 from casebase.description import RecordingDescription
 from casebase.library import CaseLibrary
 from casebase.models import StoredDiagnosis, StoredRecording
+from casebase.plausibility import Expected, Known, held_against
 from casebase.signals.features import Extraction, extract
 from casebase.signals.recording import Recording
 from sim.axis import Axis, read_axis
+
+CONTRADICTED = "contradicted"
+"""Key of what was typed of a recording and is not used."""
 
 DEMO = "demo"
 """Kind of the artifact that names the diagnosis and the recording of the demonstration."""
@@ -112,6 +117,29 @@ def known_axis(library: CaseLibrary, name: str | None) -> Axis | None:
     return None if row is None else read_axis(row.document)
 
 
+def expected(library: CaseLibrary, axis: Axis | None, name: str | None) -> Expected:
+    """What an axis' description and the library's measured cases of it say of its motion."""
+    name = name or (axis.name if axis else None)
+    with library.reading() as session:
+        cases = library.measured(session, name) if name else Expected()
+    if axis is None:
+        return cases
+    source = f"the description of {axis.name!r}"
+
+    def known(value: float) -> Known:
+        return Known(value, value, source)
+
+    motion, load, limit = axis.motion, axis.load.inertia_kg_m2, axis.motor.speed_limit_rad_s
+    described = Expected(
+        speed_rad_s=known(motion.load_speed_rad_s) if axis.describes_motion("load_speed_rad_s") else None,
+        payload_kg_m2=known(load) if load > 0 else None,
+        motion_period_s=known(motion.period_s) if axis.describes_motion("period_s") else None,
+        top_speed_rad_s=limit / axis.ratio if math.isfinite(limit) else None,
+        ratio=axis.ratio,
+    )
+    return described.joined(cases)
+
+
 def take_in(
     library: CaseLibrary,
     path: Path,
@@ -121,6 +149,9 @@ def take_in(
     axis: Axis | None = None,
 ) -> Intake:
     """Decode a file, take its features and, meanwhile, keep its bytes.
+
+    What sound, axis or library contradict of the condition is not used: it stands under `contradicted` in the
+    description, and a flag says why.
 
     Args:
         axis: its description; by default the library's for the name in the metadata, where it has one.
@@ -136,11 +167,19 @@ def take_in(
     keeping = KEEPERS.submit(library.audio.put, path)
     try:
         extraction = extract(recording, condition)
+        stated = condition.speed_rad_s or condition.payload_kg_m2 or condition.motion_period_s
+        known = expected(library, axis, metadata.axis) if stated else Expected()
+        usable, doubts = held_against(condition, extraction.motion, known)
+        if doubts:
+            extraction = extract(recording, usable)
+            extraction = replace(extraction, quality=(*extraction.quality, *doubts))
     finally:
         stored = keeping.result()
     extra = metadata.model_dump(
         mode="json", include={"robot", "temperature_degc", "notes", "verified_by"}, exclude_none=True
     )
+    typed = {name: value for name, value in asdict(condition).items() if value != getattr(usable, name)}
+    extra |= {CONTRADICTED: typed} if typed else {}
     if recording.source.device is not None:
         extra["device"] = recording.source.device
     recorded_at, remarks = when_recorded(recording, metadata.recorded_at)
@@ -149,7 +188,7 @@ def take_in(
         media_type=media_type,
         axis=metadata.axis or (axis.name if axis else None),
         gearbox=metadata.gearbox,
-        condition=condition,
+        condition=usable,
         recorded_at=recorded_at,
         extra=extra,
     )

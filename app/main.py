@@ -23,11 +23,12 @@ from app.api import (
 )
 from app.errors import add_problem_handlers
 from app.metrics import Metrics
-from app.middleware import BodyLimit, RequestRecord, SecurityHeaders
+from app.middleware import BodyLimit, HeadIsGet, RequestRecord, SecurityHeaders
 from app.reference import PROBLEMS, describe, only_known_query
 from app.service import Service
 from app.settings import Settings, settings_of
 from app.uploads import Gate
+from app.web.errors import PageErrors
 from app.web.pages import add_pages
 from casebase.signals.decode import warm_up
 
@@ -80,6 +81,8 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
         middleware=[
             Middleware(RequestRecord, metrics=metrics),
             Middleware(SecurityHeaders),
+            Middleware(HeadIsGet),
+            Middleware(PageErrors),
             Middleware(BodyLimit, settings=settings),
         ],
     )

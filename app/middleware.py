@@ -1,5 +1,6 @@
 """What every request passes before a route sees it: record, headers, body limit."""
 
+import asyncio
 import re
 import secrets
 import time
@@ -7,7 +8,7 @@ import time
 import structlog
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.exceptions import HTTPException
-from starlette.requests import Request
+from starlette.requests import ClientDisconnect, Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from app.errors import TooLarge, problem_answer
@@ -15,6 +16,9 @@ from app.metrics import Metrics
 from app.settings import Settings
 
 log = structlog.get_logger("gearcase.request")
+
+CLIENT_LEFT = 499
+"""Status in log and metrics of a request whose client left before there was an answer; nobody gets it."""
 
 REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 CONTENT_SECURITY_POLICY = (
@@ -45,8 +49,15 @@ class RequestRecord:
         given = Headers(scope=scope).get("x-request-id", "")
         request_id = given if REQUEST_ID.fullmatch(given) else secrets.token_hex(8)
         scope["request_id"] = request_id
-        status = 500
+        status: int | None = None
+        left = False
         started = time.perf_counter()
+
+        async def receive_or_leave() -> Message:
+            nonlocal left
+            message = await receive()
+            left = left or (message["type"] == "http.disconnect" and status is None)
+            return message
 
         async def send_with_id(message: Message) -> None:
             nonlocal status
@@ -57,9 +68,11 @@ class RequestRecord:
 
         with structlog.contextvars.bound_contextvars(request_id=request_id):
             try:
-                await self.app(scope, receive, send_with_id)
+                await self.app(scope, receive_or_leave, send_with_id)
+            except ClientDisconnect:
+                left = True
             finally:
-                self._write(scope, status, time.perf_counter() - started)
+                self._write(scope, CLIENT_LEFT if left else status or 500, time.perf_counter() - started)
 
     def _write(self, scope: Scope, status: int, seconds: float) -> None:
         route = getattr(scope.get("route"), "path", "(none)")
@@ -93,6 +106,48 @@ class SecurityHeaders:
             await send(message)
 
         await self.app(scope, receive, send_with_headers)
+
+
+class HeadIsGet:
+    """Answers HEAD wherever GET is answered: the same checks, status and headers, and no body.
+
+    An answer that would be streamed is broken off once its headers are known.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        if scope["type"] != "http" or scope["method"] != "HEAD":
+            await self.app(scope, receive, send)
+            return
+        scope.setdefault("state", {})
+        # a copy, for the server must still know that no body follows; a range is of GET alone
+        headers = [each for each in scope["headers"] if each[0] not in (b"range", b"if-range")]
+        as_get = {**scope, "method": "GET", "headers": headers}
+        answered = asyncio.Event()
+
+        async def receive_until_answered() -> Message:
+            if answered.is_set():
+                return {"type": "http.disconnect"}
+            arrives, ends = asyncio.ensure_future(receive()), asyncio.ensure_future(answered.wait())
+            try:
+                await asyncio.wait((arrives, ends), return_when=asyncio.FIRST_COMPLETED)
+                return arrives.result() if arrives.done() else {"type": "http.disconnect"}
+            finally:
+                arrives.cancel()
+                ends.cancel()
+
+        async def send_without_body(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                await send(message)
+                await send({"type": "http.response.body", "body": b""})
+                answered.set()
+
+        try:
+            await self.app(as_get, receive_until_answered, send_without_body)
+        finally:
+            scope["route"] = as_get.get("route")
 
 
 class BodyLimit:

@@ -5,7 +5,7 @@ import hashlib
 import tempfile
 from collections import defaultdict
 from collections.abc import AsyncIterator
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AsyncExitStack, aclosing, asynccontextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
@@ -14,11 +14,14 @@ from fastapi import Depends, Request
 from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel
 from starlette.datastructures import FormData, UploadFile
-from starlette.exceptions import HTTPException
+from starlette.formparsers import MultiPartException
 
 from app.errors import BadRequest, TooLarge, TooSlow, Unprocessable, UnsupportedMedia
+from app.forms import FormParser, plain_name
 from app.service import Service, service_of
 from app.settings import Settings
+from casebase.signals.errors import TextError
+from casebase.signals.text import text_of
 
 BLOCK = 1024 * 1024
 NAME_CHARACTERS = 255
@@ -54,8 +57,7 @@ class Upload:
         if name in self.files:
             return self.files[name]
         parts = ", ".join(sorted({*self.files, *self.fields})) or "none"
-        hint = " It came as text: give the part a filename." if name in self.fields else ""
-        raise Unprocessable(f"The form needs a file in the part {name!r}; it has the parts: {parts}.{hint}")
+        raise Unprocessable(f"The form needs a file in the part {name!r}; it has the parts: {parts}.")
 
     def all_of(self, name: str) -> tuple[UploadedFile, ...]:
         """Return the files of all parts of this name, as they came."""
@@ -64,13 +66,13 @@ class Upload:
     def text(self, name: str, limit: int) -> str:
         """Return the text of this part, whether sent as a field or as a file; empty where it is missing."""
         if name not in self.files:
-            return self.fields.get(name, "")
+            return text_of(self.fields.get(name, ""))
         file = self.files[name]
         if file.size > limit:
             raise TooLarge(f"The part {name!r} has {file.size} bytes; it may have {limit}.")
         try:
-            return file.path.read_text("utf-8")
-        except UnicodeDecodeError:
+            return text_of(file.path.read_bytes())
+        except TextError:
             raise Unprocessable(f"The part {name!r} is not UTF-8 text.") from None
 
     def only(self, *known: str) -> None:
@@ -106,7 +108,7 @@ def _store(part: UploadFile, folder: Path, number: int) -> UploadedFile:
         while block := part.file.read(BLOCK):
             digest.update(block)
             target.write(block)
-    name = Path((part.filename or "").replace("\\", "/")).name
+    name = Path(plain_name(part.filename or "").replace("\\", "/")).name
     printable = "".join(character for character in name if character.isprintable())[:NAME_CHARACTERS]
     media_type = part.content_type or "application/octet-stream"
     return UploadedFile(path, printable or "unnamed", media_type, part.size or 0, digest.hexdigest())
@@ -143,21 +145,23 @@ async def received(request: Request, service: Service) -> AsyncIterator[Upload]:
         raise UnsupportedMedia(
             f"Send multipart/form-data with the part 'file'; this is {content_type or 'without a content type'}."
         )
-    form_limits = {
-        "max_files": settings.form_parts,
-        "max_fields": settings.form_parts,
-        "max_part_size": settings.metadata_bytes,
-    }
     async with AsyncExitStack() as stack:
+        stream = await stack.enter_async_context(aclosing(request.stream()))
+        parser = FormParser(
+            request.headers,
+            stream,
+            max_files=settings.form_parts,
+            max_fields=settings.form_parts,
+            max_part_size=settings.metadata_bytes,
+        )
         try:
             async with asyncio.timeout(settings.upload_timeout_s):
-                form = await stack.enter_async_context(request.form(**form_limits))
+                form = await parser.parse()
         except TimeoutError:
             raise TooSlow(f"The request did not arrive within {settings.upload_timeout_s:g} s.") from None
-        except HTTPException as error:
-            if error.status_code != 400:  # the body limit's 413
-                raise
-            raise BadRequest(f"The form cannot be read: {error.detail}") from None
+        except MultiPartException as error:
+            raise BadRequest(f"The form cannot be read: {error.message}") from None
+        stack.push_async_callback(form.close)
         incoming = settings.data_dir / "incoming"
         incoming.mkdir(parents=True, exist_ok=True)
         folder = stack.enter_context(tempfile.TemporaryDirectory(dir=incoming))

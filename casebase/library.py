@@ -42,6 +42,7 @@ from casebase.models import (
     now,
 )
 from casebase.pages import Page, page
+from casebase.plausibility import Expected, measured
 from casebase.recordings import DISCARDED, store_recording
 from casebase.rehearsal import rehearsed
 from casebase.severity import severity_of
@@ -70,6 +71,7 @@ class CaseLibrary:
         """Set whenever cases changed or what was learned proved outgrown: then `keep_learned` may have work."""
         self._tables: dict[str, CaseTable] = {}
         self._reasoners: dict[str, tuple[int | None, Reasoner]] = {}
+        self._measured: dict[str, tuple[int, Expected]] = {}
 
     @classmethod
     def open(cls, data_dir: Path, url: str | None = None) -> "CaseLibrary":
@@ -327,6 +329,17 @@ class CaseLibrary:
             # what this session changed may yet be rolled back, and must not be remembered
             self._tables[extractor_version] = table
         return table
+
+    def measured(self, session: Session, axis: str) -> Expected:
+        """Return what the measured cases of an axis say of its motion; read again when cases have changed."""
+        version = self.version(session)
+        kept = self._measured.get(axis)
+        if kept is not None and kept[0] == version:
+            return kept[1]
+        found = measured(session, axis)
+        if found != Expected() and CHANGED not in session.info:
+            self._measured[axis] = (version, found)
+        return found
 
     def diagnose(
         self,

@@ -13,6 +13,8 @@ from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
+from casebase.signals.errors import TextError
+from casebase.signals.text import text_of
 from sim.errors import AxisError, ParameterError, near_match, number
 from sim.quantities import check_quantities
 
@@ -309,9 +311,9 @@ def parse_axis(text: bytes | str) -> dict[str, object]:
     True
     """
     try:
-        text = text.decode() if isinstance(text, bytes) else text
-    except UnicodeDecodeError as error:
-        raise AxisError(f"this is no TOML and no JSON, which are UTF-8 text: {error}") from None
+        text = text_of(text)
+    except TextError as error:
+        raise AxisError(f"this is no TOML and no JSON: {error}") from None
     kind, read = ("JSON", json.loads) if text.lstrip().startswith("{") else ("TOML", tomllib.loads)
     if "\0" in text or "\\u0000" in text:
         raise AxisError("an axis cannot have a NUL character")

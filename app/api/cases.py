@@ -30,6 +30,7 @@ from app.uploads import MaybeUpload, Upload, multipart_body
 from casebase.case_filter import CaseFilter
 from casebase.description import Labelling
 from casebase.models import Case
+from casebase.signals.text import text_of
 
 router = APIRouter(tags=["cases"])
 IfMatch = Annotated[str | None, Header(max_length=100, description="the ETag that the change is based on")]
@@ -94,7 +95,7 @@ def _from_recording(once: Once, request: Request, upload: Upload) -> Response:
 
 def _from_diagnosis(once: Once, request: Request, body: bytes) -> Response:
     try:
-        asked = CaseFromDiagnosis.model_validate_json(body)
+        asked = CaseFromDiagnosis.model_validate_json(text_of(body))
     except ValidationError as error:
         raise validation_problem(error.errors(include_url=False), "The body") from None
     library = once.service.library

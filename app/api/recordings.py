@@ -79,19 +79,6 @@ def audio(
     return file_answer(service, row, byte_range, if_range)
 
 
-@router.head("/audio", response_class=Response, responses={200: {"content": {"audio/*": {}}}})
-def audio_head(
-    _: Viewer, session: Reading, service: TheService, recording_id: Identifier, if_none_match: IfNoneMatch = None
-) -> Response:
-    """What `GET` would say of the file, without the file."""
-    row = service.library.recording(session, recording_id)
-    service.library.audio_path(row)
-    headers = _file_headers(row)
-    if has_already(if_none_match, headers["ETag"]):
-        return not_modified(headers)
-    return Response(headers={**headers, "Content-Length": str(row.byte_count)}, media_type=audio_type(row))
-
-
 def _etag(row: StoredRecording) -> str:
     return f'"{row.file_sha256}"'
 

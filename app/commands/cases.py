@@ -10,6 +10,7 @@ from app.cli import BAD_INPUT
 from app.commands.faults import sentence
 from app.commands.frame import ACTOR, Json, frame_of
 from app.commands.review import review
+from app.commands.sounds import MEANT, Sound, sounds
 from app.documents import CaseAnswer
 from app.intake import media_type_of, take_in
 from app.metadata import CaseMetadata
@@ -32,7 +33,7 @@ def register(app: typer.Typer) -> None:
 @cases.command()
 def add(
     context: typer.Context,
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="sound files: WAV, FLAC, phone formats")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help=MEANT)],
     label: Annotated[str, typer.Option(help="normal, notch, play or any other")],
     axis: Annotated[Path | None, typer.Option(metavar="AXIS.toml", help="description of the axis")] = None,
     gearbox: Annotated[str | None, typer.Option(help="serial number of the gearbox")] = None,
@@ -59,9 +60,10 @@ def add(
     )
     described = read_axis(axis) if axis else None
     entries = []
-    with frame.current_library() as library, frame.progress() as progress:
-        for path in progress.track(files, description="adding"):
-            entries.append(_add(library, path, metadata, described))
+    limit = frame.settings.upload_bytes
+    with frame.current_library() as library, frame.progress() as progress, sounds(files, limit) as found:
+        for sound in progress.track(found, description="adding"):
+            entries.append(_add(library, sound, metadata, described))
     if json:
         frame.print_json(entries)
     else:
@@ -74,20 +76,22 @@ def _known(entry: dict[str, Any]) -> str:
     return " is this sound already; it stays as it is" if entry.get("exists") else ""
 
 
-def _add(library: CaseLibrary, path: Path, metadata: CaseMetadata, axis: Axis | None) -> dict[str, Any]:
+def _add(library: CaseLibrary, sound: Sound, metadata: CaseMetadata, axis: Axis | None) -> dict[str, Any]:
+    if sound.problem:
+        return {"file": sound.shown, "error": sound.problem}
     try:
-        intake = take_in(library, path, path.name, media_type_of(path.name), metadata, axis)
+        intake = take_in(library, sound.path, sound.name, media_type_of(sound.name), metadata, axis)
         with library.transaction(ACTOR) as session:
             before = library.version(session)
             row = intake.store(library, session)
             case = library.retain(session, row, Labelling(metadata.label, verified_by=metadata.verified_by))
             known = case.library_version <= before
-            return {"file": str(path), "exists": known, **CaseAnswer.model_validate(case).model_dump(mode="json")}
+            return {"file": sound.shown, "exists": known, **CaseAnswer.model_validate(case).model_dump(mode="json")}
     except DuplicateError as error:
         there = {"id": error.case_id, "label": error.label, "gearbox": error.gearbox}
-        return {"file": str(path), "error": sentence(error), "case": there}
+        return {"file": sound.shown, "error": sentence(error), "case": there}
     except (SignalError, LibraryError, OSError) as error:
-        return {"file": str(path), "error": sentence(error)}
+        return {"file": sound.shown, "error": sentence(error)}
 
 
 @cases.command("list")

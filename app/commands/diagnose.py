@@ -8,6 +8,7 @@ import typer
 from app.cli import BAD_INPUT, DONE, FAULT_FOUND
 from app.commands.faults import sentence
 from app.commands.frame import ACTOR, Frame, frame_of
+from app.commands.sounds import MEANT, Sound, sounds
 from app.documents import DiagnosisAnswer
 from app.intake import media_type_of, take_in
 from app.metadata import RecordingMetadata
@@ -25,7 +26,7 @@ def register(app: typer.Typer) -> None:
 
 def diagnose(
     context: typer.Context,
-    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help="sound files: WAV, FLAC, phone formats")],
+    files: Annotated[list[Path], typer.Argument(metavar="FILE...", help=MEANT)],
     axis: Annotated[Path | None, typer.Option(metavar="AXIS.toml", help="description of the axis")] = None,
     speed: Annotated[float | None, typer.Option(help="largest speed of the output [rad/s]")] = None,
     payload: Annotated[float | None, typer.Option(help="inertia carried by the output [kg m2]")] = None,
@@ -44,8 +45,9 @@ def diagnose(
     entries = []
     with frame.current_library() as library, frame.progress() as progress:
         library.keep_learned(ACTOR)
-        for path in progress.track(files, description="diagnosing"):
-            entries.append(_entry(library, path, metadata, described))
+        with sounds(files, frame.settings.upload_bytes) as found:
+            for sound in progress.track(found, description="diagnosing"):
+                entries.append(_entry(library, sound, metadata, described))
     if json:
         frame.print_json(entries)
     else:
@@ -53,14 +55,16 @@ def diagnose(
     raise typer.Exit(_code(entries, fail_on))
 
 
-def _entry(library: CaseLibrary, path: Path, metadata: RecordingMetadata, axis: Axis | None) -> dict[str, Any]:
+def _entry(library: CaseLibrary, sound: Sound, metadata: RecordingMetadata, axis: Axis | None) -> dict[str, Any]:
+    if sound.problem:
+        return {"file": sound.shown, "error": sound.problem}
     try:
-        intake = take_in(library, path, path.name, media_type_of(path.name), metadata, axis)
+        intake = take_in(library, sound.path, sound.name, media_type_of(sound.name), metadata, axis)
     except (SignalError, OSError) as error:
-        return {"file": str(path), "error": sentence(error)}
+        return {"file": sound.shown, "error": sentence(error)}
     with library.transaction(ACTOR) as session:
         found = DiagnosisAnswer.of(intake.diagnose(library, session))
-    return {"file": str(path), **found.model_dump(mode="json")}
+    return {"file": sound.shown, **found.model_dump(mode="json")}
 
 
 def is_fault(entry: dict[str, Any]) -> bool:

@@ -13,6 +13,7 @@ from pydantic import BaseModel, ConfigDict
 from app.commands.frame import Frame, frame_of
 from app.generation import Campaign, Outcome, fitted_microphones, generate
 from casebase.library import CaseLibrary
+from casebase.signals.text import text_of
 from sim.axis import read_axis
 from sim.design import DURATION_S, LABELS, labels
 
@@ -62,7 +63,7 @@ def generate_cases(
 
 def read_plan(path: Path) -> list[dict[str, Any]]:
     """The campaigns of a plan file. Raises ValidationError where it is none."""
-    return [each.model_dump() for each in PlanFile.model_validate_json(path.read_bytes()).campaigns]
+    return [each.model_dump() for each in PlanFile.model_validate_json(text_of(path.read_bytes())).campaigns]
 
 
 class Entry(BaseModel):

@@ -31,3 +31,7 @@ class TelemetryError(SignalError):
 
 class ConditionError(SignalError):
     """An operating condition that contradicts itself or physics (HTTP 422)."""
+
+
+class TextError(SignalError):
+    """Bytes that should be text and are none (HTTP 422)."""

@@ -3,7 +3,7 @@
 from fastapi import APIRouter, FastAPI
 from fastapi.staticfiles import StaticFiles
 
-from app.web.errors import PageErrors, sign_in_first
+from app.web.errors import sign_in_first
 from app.web.pages import (
     admin,
     axes,
@@ -41,4 +41,3 @@ def add_pages(app: FastAPI) -> None:
         app.include_router(router, include_in_schema=False)
     app.mount("/static", StaticFiles(directory=STATIC), name="static")
     app.add_exception_handler(SignInNeeded, sign_in_first)
-    app.add_middleware(PageErrors)
