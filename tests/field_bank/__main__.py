@@ -5,10 +5,11 @@ import json
 import sys
 import tempfile
 import time
-from dataclasses import asdict, replace
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
+import soundfile as sf
 
 from tests.field_bank import bank as banks
 from tests.field_bank import product, score
@@ -22,38 +23,36 @@ def main() -> None:
     parser.add_argument("--gearboxes", type=int, choices=(2, 5, 10), default=5, help="measured ones; not with axis")
     parser.add_argument("--source", choices=("own", "axis"), default="own", help="axis: the shared recordings")
     parser.add_argument("--only", metavar="KIND", help="undisturbed recordings and this kind, or foreign")
+    parser.add_argument("--every", type=int, default=1, metavar="N", help="ask only each Nth recording of a kind")
     parser.add_argument("--jobs", type=int, default=2, help="diagnoses at once")
     parser.add_argument("--json", type=Path, metavar="OUT", help="totals and every answer")
     parser.add_argument("--cache", type=Path, default=Path(tempfile.gettempdir()) / "gearcase-field-bank")
-    parser.add_argument("--keep", type=Path, metavar="DIR", help="write the sounds here and leave them")
     parser.add_argument("--sounds-only", action="store_true", help="make the sounds, say their levels, ask nothing")
     a = parser.parse_args()
     begin = time.monotonic()
 
+    kinds = ("undisturbed", "unseen", "foreign", *banks.kinds_of(a.half))
+    if a.only not in (None, *kinds):
+        parser.error(f"no such kind in this half: {a.only}; there are {', '.join(kinds)}")
     bank = banks.own_bank(a.half, a.gearboxes) if a.source == "own" else banks.axis_bank(a.half)
-    with tempfile.TemporaryDirectory() as folder:
-        place: Path = a.keep or Path(folder)
-        place.mkdir(parents=True, exist_ok=True)
-        questions, files = [], []
-        try:
-            for i, question in enumerate(banks.questions(bank, a.only)):
-                files.append(product.write(question.sound, place / f"r{i:05d}"))
-                if a.sounds_only:
-                    print(f"{files[-1].name} {question.kind:<20} {levels(question)}")
-                questions.append(replace(question, sound=NOTHING))
-        except ValueError as error:
-            parser.error(str(error))
-        say(f"{len(files)} sounds made", begin)
-        if a.sounds_only:
-            return
-        answers: dict[Path, product.Answer] = {}
-        for fold, known in enumerate(bank.libraries):
-            measured = known if a.library != "starter" else ()
-            data = product.library(a.cache, a.library != "measured", measured, bank.axis)
-            say(f"library {fold + 1} of {len(bank.libraries)} is filled: {len(measured)} measured cases", begin)
-            here = [f for f, q in zip(files, questions, strict=True) if q.fold == fold]
-            answers |= product.diagnose(data, here, bank.axis, a.jobs)
-            say(f"{len(here)} diagnosed", begin)
+    asked = banks.written(bank, a.cache)
+    if a.only:
+        asked = [(f, q) for f, q in asked if q.group == "undisturbed" or a.only in (q.group, q.kind)]
+    asked = thinned(asked, a.every)
+    files, questions = [f for f, _ in asked], [q for _, q in asked]
+    say(f"{len(files)} sounds in {files[0].parent}", begin)
+    if a.sounds_only:
+        print("\n".join(f"{file.name} {q.kind:<20} {levels(file)}" for file, q in asked))
+        return
+
+    answers: dict[Path, product.Answer] = {}
+    for fold, known in enumerate(bank.libraries):
+        measured = known if a.library != "starter" else ()
+        data = product.library(a.cache, a.library != "measured", measured, bank.axis)
+        say(f"library {fold + 1} of {len(bank.libraries)} is filled: {len(measured)} measured cases", begin)
+        here = [f for f, q in asked if q.fold == fold]
+        answers |= product.diagnose(data, here, bank.axis, a.jobs)
+        say(f"{len(here)} diagnosed", begin)
     rows = score.asked(questions, [answers[f] for f in files])
     boxes = f", {a.gearboxes} gearboxes" if a.source == "own" and a.library != "starter" else ""
     print(f"\nhalf {a.half}, source {a.source}, library {a.library}{boxes}\n\n{score.report(rows)}")
@@ -71,16 +70,25 @@ def main() -> None:
         a.json.write_text(json.dumps(document, indent=1))
 
 
-NOTHING = banks.Sound(np.zeros(0), 8000)
+def thinned(asked: list[tuple[Path, banks.Question]], every: int) -> list[tuple[Path, banks.Question]]:
+    """Return each Nth of a kind, and all undisturbed recordings that those need."""
+    seen: dict[str, int] = {}
+    kept = []
+    for file, q in asked:
+        kind = "foreign" if q.group == "foreign" else q.kind
+        seen[kind] = seen.get(kind, -1) + 1
+        if seen[kind] % every == 0:
+            kept.append((file, q))
+    bases = {q.base for _, q in kept}
+    have = {file for file, _ in kept}
+    return [(f, q) for f, q in asked if f in have or (q.group == "undisturbed" and q.base in bases)]
 
 
-def levels(question: banks.Question) -> str:
+def levels(file: Path) -> str:
     """Return rate, duration in s, rms and peak of a sound as text."""
-    x = question.sound.samples
-    seconds = x.shape[0] / question.sound.rate
-    return (
-        f"{question.sound.rate:>6} Hz {seconds:6.2f} s rms {float(np.std(x)):.4f} peak {float(np.max(np.abs(x))):.4f}"
-    )
+    x, rate = sf.read(file)
+    peak = float(np.max(np.abs(x)))
+    return f"{rate:>6} Hz {x.shape[0] / rate:6.2f} s rms {float(np.std(x)):.4f} peak {peak:.4f}"
 
 
 def say(what: str, begin: float) -> None:

@@ -1,9 +1,13 @@
 """What is asked: recordings for a library, and recordings to diagnose with what is true of each."""
 
 import csv
+import json
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from hashlib import sha256
 from pathlib import Path
+from shutil import which
+from tempfile import mkdtemp
 from zlib import crc32
 
 import numpy as np
@@ -35,12 +39,11 @@ class Known:
 
 @dataclass(frozen=True)
 class Question:
-    """A sound to diagnose. `truth` is a label, or "" where none is right; `base` numbers its undisturbed recording.
+    """What is true of a sound. `truth` is a label, or "" where none is right; `base` numbers its undisturbed recording.
 
     `group` is undisturbed, unseen, harmless, disturbed or foreign; `fold` says which library may be asked.
     """
 
-    sound: Sound
     group: str
     kind: str
     truth: str
@@ -118,23 +121,14 @@ def kinds_of(half: str) -> list[str]:
     return [name for name, k in KINDS.items() if half == "final" or not k.final_only]
 
 
-def questions(bank: Bank, only: str | None = None) -> Iterator[Question]:
-    """Yield what is to be diagnosed; `only` leaves the undisturbed recordings and one kind, or `foreign`.
-
-    Raises ValueError for a kind that this half does not have.
-    """
-    kinds = kinds_of(bank.half)
-    if only is not None and only not in (*kinds, "foreign", "undisturbed"):
-        raise ValueError(f"no such kind in this half: {only}; there are foreign, undisturbed, {', '.join(kinds)}")
+def questions(bank: Bank) -> Iterator[tuple[Question, Sound]]:
+    """Yield what is to be diagnosed, with what is true of it."""
     pool = [(fold, k) for fold, tested in enumerate(bank.tested) for k in tested]
     for i, (fold, k) in enumerate(pool):
-        yield Question(k.sound, "undisturbed", "undisturbed", k.label, k.gearbox, k.size_rad, 0.0, i, fold)
-    if only in (None, "undisturbed"):
-        for k in bank.unseen:
-            yield Question(k.sound, "unseen", UNSEEN, "", k.gearbox, k.size_rad, 0.0, -1, 0)
-    for name in kinds:
-        if only not in (None, name):
-            continue
+        yield Question("undisturbed", "undisturbed", k.label, k.gearbox, k.size_rad, 0.0, i, fold), k.sound
+    for k in bank.unseen:
+        yield Question("unseen", UNSEEN, "", k.gearbox, k.size_rad, 0.0, -1, 0), k.sound
+    for name in kinds_of(bank.half):
         change = KINDS[name]
         group = "harmless" if change.harmless else "disturbed"
         rng = _seed(bank.half, name)
@@ -142,10 +136,32 @@ def questions(bank: Bank, only: str | None = None) -> Iterator[Question]:
             fold, k = pool[i]
             strength = float(rng.random())
             sound = change.change(k.sound, _seed(bank.half, name, n), strength)
-            yield Question(sound, group, name, k.label, k.gearbox, k.size_rad, strength, i, fold)
-    if only in (None, "foreign"):
-        for n, (name, sound) in enumerate(foreign(bank.half, FOREIGN, SEEDS[bank.half])):
-            yield Question(sound, "foreign", name, "", "", 0.0, 0.0, -1, n % len(bank.libraries))
+            yield Question(group, name, k.label, k.gearbox, k.size_rad, strength, i, fold), sound
+    for n, (name, sound) in enumerate(foreign(bank.half, FOREIGN, SEEDS[bank.half])):
+        yield Question("foreign", name, "", "", 0.0, 0.0, -1, n % len(bank.libraries)), sound
+
+
+def written(bank: Bank, cache: Path) -> list[tuple[Path, Question]]:
+    """Return the files to diagnose, made at the first call and taken from the cache from then on."""
+    digest = sha256(f"{bank.half} {bank.axis is None} {which('espeak-ng')} {SHARED.exists()}".encode())
+    for path in sorted(Path(__file__).parent.glob("*.py")):
+        if path.stem not in ("__main__", "product", "score", "test_bank"):
+            digest.update(path.read_bytes())
+    done = cache / f"{bank.half}-{digest.hexdigest()[:16]}"
+    if not done.exists():
+        cache.mkdir(parents=True, exist_ok=True)
+        making = Path(mkdtemp(dir=cache, prefix="making-"))
+        made = [(write(sound, making / f"r{i:05d}").name, asdict(q)) for i, (q, sound) in enumerate(questions(bank))]
+        (making / "questions.json").write_text(json.dumps(made))
+        making.rename(done)
+    return [(done / name, Question(**q)) for name, q in json.loads((done / "questions.json").read_text())]
+
+
+def write(sound: Sound, stem: Path) -> Path:
+    """Write a sound beside other files and return its path, the stem with the suffix of its format."""
+    path = stem.with_suffix(sound.suffix)
+    sf.write(path, sound.samples, sound.rate, subtype=sound.subtype)
+    return path
 
 
 def balanced(rng: np.random.Generator, labels: list[str]) -> list[int]:

@@ -12,10 +12,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from queue import SimpleQueue
 
-import soundfile as sf
-
-from tests.field_bank.bank import Known
-from tests.field_bank.sounds import Sound
+from tests.field_bank.bank import Known, write
 
 ROOT = Path(__file__).resolve().parents[2]
 BATCH = 40
@@ -28,13 +25,6 @@ class Answer:
     verdict: str
     label: str
     probability: float | None
-
-
-def write(sound: Sound, stem: Path) -> Path:
-    """Write a sound beside other files and return its path, the stem with the suffix of its format."""
-    path = stem.with_suffix(sound.suffix)
-    sf.write(path, sound.samples, sound.rate, subtype=sound.subtype)
-    return path
 
 
 def run(*arguments: str) -> str:

@@ -45,8 +45,8 @@ def asked(questions: Sequence[Question], answers: Sequence[Answer]) -> list[Aske
 def counts(rows: Iterable[Asked]) -> dict[str, int]:
     """Return the counts of a kind.
 
-    `kept` of `clean`: the undisturbed recording was diagnosed, and this one is with the same label. `said` is diagnosed,
-    `wrong` is diagnosed with a label that is not true. `refused` counts as unusable.
+    `kept` of `clean`: the undisturbed recording was diagnosed, and this one is with the same label. `said` is
+    diagnosed, `wrong` is diagnosed with a label that is not true. `refused` counts as unusable.
     """
     rows = list(rows)
     clean = [r for r in rows if r.clean is not None and r.clean.verdict == "diagnosed"]
@@ -133,19 +133,19 @@ def report(rows: Sequence[Asked]) -> str:
                 cells[1] = ""
             lines.append(f"{kind:<22}" + "".join(f"{x:>{15 if i == 6 else 10}}" for i, x in enumerate(cells)))
     lines.append("")
-    lines += [f"{name:<36} {share(*value)}" for name, value in totals(rows).items()]
+    lines += [f"{name:<40} {share(*value)}" for name, value in totals(rows).items()]
     faulty = [r for r in rows if r.group == "undisturbed" and r.size_rad > 0]
     for low, high in ((0.3e-3, 0.65e-3), (0.65e-3, 1.4e-3), (1.4e-3, 3.1e-3)):
         sized = [r for r in faulty if low <= r.size_rad < high]
         if sized:
             right = sum(r.said and r.right for r in sized)
             lines.append(
-                f"{f'undisturbed: right, {low * 1e3:.2f} to {high * 1e3:.2f} mrad':<36} {share(right, len(sized))}"
+                f"{f'undisturbed: right, {low * 1e3:.2f} to {high * 1e3:.2f} mrad':<40} {share(right, len(sized))}"
             )
     every = reliability(rows)
     machines = reliability(r for r in rows if r.group != "foreign")
-    lines.append(f"{'calibration error over all':<36} {every.error:.3f} ({every.count} answers)")
-    lines.append(f"{'calibration error without foreign':<36} {machines.error:.3f} ({machines.count} answers)")
+    lines.append(f"{'calibration error over all':<40} {every.error:.3f} ({every.count} answers)")
+    lines.append(f"{'calibration error without foreign':<40} {machines.error:.3f} ({machines.count} answers)")
     lines.append("")
     lines.append("probability from    count     mean    right")
     lines += [f"{low:>16.1f}{count:>9}{mean:>9.3f}{right:>9.3f}" for low, count, mean, right in every.bins]
