@@ -5,6 +5,7 @@ import json
 import sys
 import tempfile
 import time
+from collections import Counter
 from dataclasses import asdict
 from pathlib import Path
 
@@ -71,17 +72,15 @@ def main() -> None:
 
 
 def thinned(asked: list[tuple[Path, banks.Question]], every: int) -> list[tuple[Path, banks.Question]]:
-    """Return each Nth of a kind, and all undisturbed recordings that those need."""
-    seen: dict[str, int] = {}
+    """Return each Nth of a kind, and all undisturbed recordings, for the others are held against them."""
+    seen: Counter[str] = Counter()
     kept = []
     for file, q in asked:
         kind = "foreign" if q.group == "foreign" else q.kind
-        seen[kind] = seen.get(kind, -1) + 1
-        if seen[kind] % every == 0:
+        if q.group == "undisturbed" or seen[kind] % every == 0:
             kept.append((file, q))
-    bases = {q.base for _, q in kept}
-    have = {file for file, _ in kept}
-    return [(f, q) for f, q in asked if f in have or (q.group == "undisturbed" and q.base in bases)]
+        seen[kind] += 1
+    return kept
 
 
 def levels(file: Path) -> str:

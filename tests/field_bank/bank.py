@@ -65,16 +65,17 @@ class Bank:
     axis: Path | None
 
 
-def _seed(half: str, *what: object) -> np.random.Generator:
+def half_seed(half: str, *what: object) -> np.random.Generator:
+    """Return the source of chance of a half for something."""
     return np.random.default_rng((SEEDS[half], *(crc32(str(w).encode()) for w in what)))
 
 
 def own_bank(half: str, gearboxes: int) -> Bank:
     """Return the bank of the own generator: a library of so many gearboxes, and six others to test."""
-    units = make_units(_seed(half, "units"), UNITS)
+    units = make_units(half_seed(half, "units"), UNITS)
 
     def known(unit: int, label: str, i: int, rates: tuple[int, ...]) -> Known:
-        rng = _seed(half, unit, label, i)
+        rng = half_seed(half, unit, label, i)
         made = record(units[unit], label, rng, rate=int(rng.choice(rates)))
         return Known(made.sound, label, made.gearbox, made.speed_rad_s, made.payload_kg_m2, made.size_rad)
 
@@ -131,11 +132,11 @@ def questions(bank: Bank) -> Iterator[tuple[Question, Sound]]:
     for name in kinds_of(bank.half):
         change = KINDS[name]
         group = "harmless" if change.harmless else "disturbed"
-        rng = _seed(bank.half, name)
+        rng = half_seed(bank.half, name)
         for n, i in enumerate(balanced(rng, [k.label for _, k in pool])):
             fold, k = pool[i]
             strength = float(rng.random())
-            sound = change.change(k.sound, _seed(bank.half, name, n), strength)
+            sound = change.change(k.sound, half_seed(bank.half, name, n), strength)
             yield Question(group, name, k.label, k.gearbox, k.size_rad, strength, i, fold), sound
     for n, (name, sound) in enumerate(foreign(bank.half, FOREIGN, SEEDS[bank.half])):
         yield Question("foreign", name, "", "", 0.0, 0.0, -1, n % len(bank.libraries)), sound
