@@ -202,7 +202,7 @@ def thump(rng: Rng, rate: int) -> Floats:
     y = ring(rate, modes, 0.35)
     click = burst(rng, rate, 300, 3000, 0.003)
     y[: click.size] += 0.4 * click[: y.size]
-    return y / np.max(np.abs(y))
+    return np.asarray(y / np.max(np.abs(y)))
 
 
 def struck(sound: Sound, times: Floats, snippets: list[Floats], peaks: Floats) -> Sound:

@@ -99,7 +99,9 @@ def _notes(rng: Rng, rate: int, seconds: float, beat_s: float, timbre: tuple[flo
 
     def note() -> Floats:
         n = int(3 * decay_s * rate)
-        return harmonics(np.full(n, rng.choice(scale)), rate, timbre) * np.exp(-np.arange(n) / rate / decay_s)
+        return np.asarray(
+            harmonics(np.full(n, rng.choice(scale)), rate, timbre) * np.exp(-np.arange(n) / rate / decay_s)
+        )
 
     return _train(rng, rate, seconds, beats(rng, seconds, beat_s), note, 0.1)
 
@@ -137,8 +139,9 @@ def applause(rng: Rng, rate: int, seconds: float) -> Floats:
     """Many hands clap, more and less."""
     n = _n(rate, seconds)
     claps = (rng.random(n) < 60 / rate) * rng.uniform(0.2, 1, n)
-    return np.asarray(signal.fftconvolve(claps, burst(rng, rate, 700, 3500, 0.006))[:n]) * np.exp(
-        0.4 * wander(rng, n, rate, 2)
+    return np.asarray(
+        np.asarray(signal.fftconvolve(claps, burst(rng, rate, 700, 3500, 0.006))[:n])
+        * np.exp(0.4 * wander(rng, n, rate, 2))
     )
 
 
@@ -149,7 +152,7 @@ def breathing(rng: Rng, rate: int, seconds: float) -> Floats:
     phase = 2 * np.pi * np.arange(n) / rate / rng.uniform(2.5, 5.5)
     breath_in = band(rng.standard_normal(n), rate, 400, 2500) * np.maximum(np.sin(phase), 0) ** 1.5
     breath_out = band(rng.standard_normal(n), rate, 200, 1200) * np.maximum(-np.sin(phase), 0) ** 1.5
-    return breath_in + 1.4 * breath_out
+    return np.asarray(breath_in + 1.4 * breath_out)
 
 
 @family("final")
@@ -159,7 +162,7 @@ def snoring(rng: Rng, rate: int, seconds: float) -> Floats:
     phase = 2 * np.pi * np.arange(n) / rate / rng.uniform(3, 6)
     rattle = signal.sawtooth(2 * np.pi * np.cumsum(35 + 12 * np.abs(np.sin(phase))) / rate)
     y = band(rattle + 0.5 * rng.standard_normal(n), rate, 80, 900) * np.maximum(np.sin(phase), 0)
-    return y + 0.2 * band(rng.standard_normal(n), rate, 300, 1500) * np.maximum(-np.sin(phase), 0)
+    return np.asarray(y + 0.2 * band(rng.standard_normal(n), rate, 300, 1500) * np.maximum(-np.sin(phase), 0))
 
 
 @family("work")
@@ -205,7 +208,7 @@ def strings_swelling(rng: Rng, rate: int, seconds: float) -> Floats:
     for step in (0, 4, 7):
         f = 196 * 2 ** (step / 12) * (1 + 0.004 * np.sin(2 * np.pi * 5.5 * t + rng.uniform(0, 6)))
         y += harmonics(f, rate, 1 / np.arange(1, 9))
-    return y * swell
+    return np.asarray(y * swell)
 
 
 @family("final")
@@ -288,7 +291,7 @@ def crickets(rng: Rng, rate: int, seconds: float) -> Floats:
     t = np.arange(_n(rate, seconds)) / rate
     pulses = np.maximum(signal.square(2 * np.pi * rng.uniform(20, 50) * t), 0)
     phrases_on = np.mod(t, rng.uniform(0.5, 2.5)) < rng.uniform(0.2, 0.6)
-    return np.sin(2 * np.pi * rng.uniform(2500, 3800) * t) * pulses * phrases_on
+    return np.asarray(np.sin(2 * np.pi * rng.uniform(2500, 3800) * t) * pulses * phrases_on)
 
 
 # weather and water
@@ -318,7 +321,7 @@ def storm(rng: Rng, rate: int, seconds: float) -> Floats:
     n = _n(rate, seconds)
     gust = np.exp(0.7 * wander(rng, n, rate, 1.5))
     whistle = sweep(500 * (1 + 0.2 * wander(rng, n, rate, 1.0)), rate)
-    return (coloured(rng, n, 1.6) + 0.1 * whistle) * gust
+    return np.asarray((coloured(rng, n, 1.6) + 0.1 * whistle) * gust)
 
 
 @family("final")
@@ -359,7 +362,7 @@ def saw_strokes(rng: Rng, rate: int, seconds: float) -> Floats:
     phase = 2 * np.pi * np.arange(n) / rate / rng.uniform(0.8, 3)
     teeth = 1 + 0.5 * np.sin(40 * np.sin(phase) * rng.uniform(3, 8))
     stroke = np.abs(np.cos(phase)) * np.where(np.cos(phase) > 0, 1.0, rng.uniform(0.3, 0.8))
-    return band(rng.standard_normal(n), rate, 400, 3800) * stroke * teeth
+    return np.asarray(band(rng.standard_normal(n), rate, 400, 3800) * stroke * teeth)
 
 
 @family("final")
@@ -380,7 +383,7 @@ def rocking_chair(rng: Rng, rate: int, seconds: float) -> Floats:
     phase = 2 * np.pi * np.arange(n) / rate / every
     rumble = band(rng.standard_normal(n), rate, 40, 300) * np.abs(np.sin(phase))
     creak = harmonics(200 + 80 * np.sin(phase), rate, 1 / np.arange(1, 8)) * (np.sin(phase) > 0.7)
-    return rumble + 0.2 * creak
+    return np.asarray(rumble + 0.2 * creak)
 
 
 @family("final")
@@ -389,7 +392,7 @@ def swing(rng: Rng, rate: int, seconds: float) -> Floats:
     t = np.arange(_n(rate, seconds)) / rate
     phase = 2 * np.pi * t / rng.uniform(2.2, 4.5)
     squeak = harmonics(700 + 250 * np.sin(phase), rate, (1, 0.3, 0.3, 0.2)) * np.abs(np.cos(phase)) ** 6
-    return squeak + 0.1 * band(rng.standard_normal(t.size), rate, 100, 1500) * np.abs(np.cos(phase))
+    return np.asarray(squeak + 0.1 * band(rng.standard_normal(t.size), rate, 100, 1500) * np.abs(np.cos(phase)))
 
 
 @family("work")
@@ -403,7 +406,7 @@ def washing_machine(rng: Rng, rate: int, seconds: float) -> Floats:
     slap = burst(rng, rate, 60, 700, 0.08)
     for at in beats(rng, seconds, rng.uniform(0.7, 1.3), 0.05):
         put(y, rate, at, 1.5 * slap * abs(turns[min(int(at * rate), n - 1)]))
-    return y
+    return np.asarray(y)
 
 
 @family("final")
@@ -416,7 +419,7 @@ def wiper(rng: Rng, rate: int, seconds: float) -> Floats:
     y = 0.3 * motor * speed + band(rng.standard_normal(n), rate, 200, 2500) * speed
     for k in np.flatnonzero(np.diff(np.sign(np.sin(phase)))):
         put(y, rate, k / rate, burst(rng, rate, 60, 600, 0.03))
-    return y + 0.1 * rng.standard_normal(n)
+    return np.asarray(y + 0.1 * rng.standard_normal(n))
 
 
 @family("work")
@@ -468,8 +471,9 @@ def helicopter(rng: Rng, rate: int, seconds: float) -> Floats:
     n = _n(rate, seconds)
     t = np.arange(n) / rate
     chop = np.maximum(np.sin(2 * np.pi * rng.uniform(9, 22) * t), 0) ** 4
-    return (band(rng.standard_normal(n), rate, 40, 900) * chop + 0.1 * sweep(np.full(n, 700.0), rate)) * (
-        1 + 0.4 * np.sin(2 * np.pi * t / rng.uniform(4, 15))
+    return np.asarray(
+        (band(rng.standard_normal(n), rate, 40, 900) * chop + 0.1 * sweep(np.full(n, 700.0), rate))
+        * (1 + 0.4 * np.sin(2 * np.pi * t / rng.uniform(4, 15)))
     )
 
 
@@ -481,7 +485,7 @@ def cars_passing(rng: Rng, rate: int, seconds: float) -> Floats:
     near = sum(
         np.exp(-(((t - at) / rng.uniform(0.6, 1.5)) ** 2)) for at in beats(rng, seconds + 4, rng.uniform(2.5, 6))
     )
-    return coloured(rng, n, 1.0) * np.asarray(near) + 0.02 * rng.standard_normal(n)
+    return np.asarray(coloured(rng, n, 1.0) * np.asarray(near) + 0.02 * rng.standard_normal(n))
 
 
 # machines that are no robot axis
@@ -512,7 +516,7 @@ def pump(rng: Rng, rate: int, seconds: float) -> Floats:
     click = burst(rng, rate, 300, 3500, 0.01)
     for at in np.arange(0, seconds, every):
         put(y, rate, at, 2 * click)
-    return y
+    return np.asarray(y)
 
 
 @family("final")
@@ -523,7 +527,7 @@ def compressor(rng: Rng, rate: int, seconds: float) -> Floats:
     on = (np.mod(t + rng.uniform(0, 9), rng.uniform(4, 9)) < rng.uniform(2, 3.5)).astype(float)
     on = signal.lfilter([1 / (0.15 * rate)], [1, -1 + 1 / (0.15 * rate)], on)
     hum = harmonics(24.5 * (0.3 + 0.7 * on), rate, 1 / np.arange(1, 15))
-    return (hum + 0.7 * band(rng.standard_normal(n), rate, 100, 3000)) * on
+    return np.asarray((hum + 0.7 * band(rng.standard_normal(n), rate, 100, 3000)) * on)
 
 
 @family("work")
@@ -534,7 +538,7 @@ def drill(rng: Rng, rate: int, seconds: float) -> Floats:
     on = (np.mod(t, rng.uniform(2.5, 7)) < rng.uniform(1.2, 2.2)).astype(float)
     up = np.asarray(signal.lfilter([1 / (0.2 * rate)], [1, -1 + 1 / (0.2 * rate)], on))
     whine = harmonics(rng.uniform(250, 600) * up + 5, rate, 1 / np.arange(1, 7))
-    return (whine + band(rng.standard_normal(n), rate, 300, 3800)) * up
+    return np.asarray((whine + band(rng.standard_normal(n), rate, 300, 3800)) * up)
 
 
 @family("final")
@@ -544,7 +548,7 @@ def sewing_machine(rng: Rng, rate: int, seconds: float) -> Floats:
     t = np.arange(n) / rate
     on = np.mod(t, rng.uniform(2, 6)) < rng.uniform(1, 2)
     stitches = np.maximum(np.sin(2 * np.pi * rng.uniform(6, 14) * t), 0) ** 8
-    return band(rng.standard_normal(n), rate, 200, 3500) * (0.15 + stitches) * on
+    return np.asarray(band(rng.standard_normal(n), rate, 200, 3500) * (0.15 + stitches) * on)
 
 
 @family("work")
@@ -554,7 +558,7 @@ def printer(rng: Rng, rate: int, seconds: float) -> Floats:
     u = np.mod(np.arange(n) / rate / rng.uniform(0.7, 2.5), 1)
     speed = np.clip(8 * np.minimum(u, 0.75 - u), 0, 1)
     y = (0.3 * sweep(900 * speed + 1, rate) + band(rng.standard_normal(n), rate, 500, 3800)) * speed
-    return y + 0.5 * (u > 0.85) * signal.square(2 * np.pi * 120 * np.arange(n) / rate)
+    return np.asarray(y + 0.5 * (u > 0.85) * signal.square(2 * np.pi * 120 * np.arange(n) / rate))
 
 
 @family("final")
@@ -577,7 +581,7 @@ def noise_swelling(rng: Rng, rate: int, seconds: float) -> Floats:
     """Noise of some colour that swells every 2 to 8 s."""
     n = _n(rate, seconds)
     swell = np.abs(np.sin(np.pi * np.arange(n) / rate / rng.uniform(2, 8))) ** rng.uniform(0.3, 2)
-    return coloured(rng, n, float(rng.choice((0, 1, 2)))) * swell
+    return np.asarray(coloured(rng, n, float(rng.choice((0, 1, 2)))) * swell)
 
 
 @family("final")

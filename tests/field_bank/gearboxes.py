@@ -236,7 +236,7 @@ def record(unit: Unit, label: str, rng: Rng, *, rate: int = 8000, seconds: float
 def motion_angle(motion: Motion, t: Floats) -> Floats:
     """Return the angle in rad from the inner end of the stroke, at times in s, same shape."""
     step = 1e-3
-    grid = np.arange(0.0, motion.period_s + step, step)
+    grid = np.asarray(np.arange(0.0, motion.period_s + step, step), dtype=np.float64)
     at_zero = Motion(motion.period_s, motion.dwell_s, motion.ramp_s, motion.speed_rad_s, motion.smooth, 0.0)
     speed = at_zero.speed(grid)
     angle = np.concatenate(([0.0], np.cumsum((speed[1:] + speed[:-1]) / 2) * step))

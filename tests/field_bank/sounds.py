@@ -38,7 +38,7 @@ def coloured(rng: Rng, n: int, slope: float) -> Floats:
     spectrum *= k ** (-slope / 2)
     spectrum[0] = 0.0
     x = np.fft.irfft(spectrum, size)[:n]
-    return x / (np.sqrt(np.mean(x**2)) + 1e-12)
+    return np.asarray(x / (np.sqrt(np.mean(x**2)) + 1e-12))
 
 
 def band(x: Floats, rate: int, low_hz: float, high_hz: float, order: int = 2) -> Floats:
@@ -74,9 +74,9 @@ def envelope(x: Floats, rate: int, seconds: float) -> Floats:
     return np.asarray(np.sqrt(np.maximum(power[high] - power[low], 0.0) / np.maximum(high - low, 1)))
 
 
-def put(y: Floats, rate: int, at_s: float, what: Floats) -> None:
+def put(y: Floats, rate: int, at_s: float | np.floating, what: NDArray[np.floating]) -> None:
     """Add `what` to y from a time on; what is outside of y is left away."""
-    start = round(at_s * rate)
+    start = round(float(at_s) * rate)
     begin, end = max(start, 0), min(start + what.size, y.size)
     if end > begin:
         y[begin:end] += what[begin - start : end - start]
@@ -97,7 +97,7 @@ def burst(rng: Rng, rate: int, low_hz: float, high_hz: float, tau_s: float, atta
     n = max(int((6 * tau_s + attack_s) * rate), 16)
     t = np.arange(n) / rate
     y = band(rng.standard_normal(n), rate, low_hz, high_hz) * np.minimum(t / attack_s, 1.0) * np.exp(-t / tau_s)
-    return y / (np.max(np.abs(y)) + 1e-12)
+    return np.asarray(y / (np.max(np.abs(y)) + 1e-12))
 
 
 def sweep(frequency_hz: Floats, rate: int) -> Floats:
