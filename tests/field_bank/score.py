@@ -102,6 +102,7 @@ def totals(rows: Sequence[Asked]) -> dict[str, tuple[int, int]]:
     by = {g: counts(r for r in rows if r.group == g) for g in GROUPS}
     clean = by["undisturbed"]
     unseen = [r for r in rows if r.group == "unseen"]
+    wrong = [r for r in rows if r.group == "disturbed" and r.said and not r.right]
     return {
         "undisturbed: right": (clean["right"], clean["n"]),
         "undisturbed: right among labelled": (clean["right"], clean["said"]),
@@ -109,6 +110,8 @@ def totals(rows: Sequence[Asked]) -> dict[str, tuple[int, int]]:
         "harmless edges: label kept": (by["harmless"]["kept"], by["harmless"]["clean"]),
         "harmless edges: wrong label said": (by["harmless"]["wrong"], by["harmless"]["n"]),
         "disturbed: wrong label said": (by["disturbed"]["wrong"], by["disturbed"]["n"]),
+        "disturbed: a fault called normal": (sum(r.answer.label == "normal" for r in wrong), by["disturbed"]["n"]),
+        "disturbed: normal called a fault": (sum(r.truth == "normal" for r in wrong), by["disturbed"]["n"]),
         "disturbed: right label said": (by["disturbed"]["right"], by["disturbed"]["n"]),
         "foreign: a label said": (by["foreign"]["said"], by["foreign"]["n"]),
         "unseen fault: called normal": (sum(r.said and r.answer.label == "normal" for r in unseen), len(unseen)),
