@@ -9,7 +9,7 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
-.PHONY: setup run test suite check bench challenge screenshots lock clean
+.PHONY: setup run test suite check bench challenge field screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)
 
@@ -63,6 +63,16 @@ challenge: setup
 	$(BIN)/python -m tests.hidden_effects.second out/second --seed 1
 	$(BIN)/python -m tests.hidden_effects --folder out/second
 	$(BIN)/python -m pytest -m slow tests/discrepancy tests/hidden_effects
+
+# the half to work with; the other, --half final, is run once, at the end
+FIELD := $(BIN)/python -m tests.field_bank --half work
+field: setup
+	$(FIELD) --library starter+measured --gearboxes 2
+	$(FIELD) --library starter+measured --gearboxes 5
+	$(FIELD) --library starter+measured --gearboxes 10
+	$(FIELD) --library measured --gearboxes 5
+	$(FIELD) --library starter
+	$(FIELD) --source axis
 
 screenshots: setup
 	$(BIN)/python -m docs.screenshots
