@@ -17,6 +17,7 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import special
 
 from casebase.calibration import Calibration
 from casebase.case_table import CaseTable
@@ -31,6 +32,8 @@ LARGEST_BEND = 5.0
 """No weight moves by more than this factor, as a logarithm, from its prior."""
 OUTGROWN = 0.05
 """Weights are learned again when the number of cases changed by more than this share, or the classes did."""
+CLEARLY = 0.9
+"""Confidence with which weights must do better than more careful ones [1]."""
 BANDS = "band_level"
 STRENGTHS = (1.0, 0.1, 0.01)
 """How strongly the logarithms of the weights are drawn to the priors, strongest first."""
@@ -159,7 +162,7 @@ def learn(table: CaseTable, stop: Event | None = None) -> Similarity:
         trials += _trials(sample, start, weights, stop)
         if any(trial.right.all() for trial in trials):
             break
-    chosen = _chosen(trials)
+    chosen = _chosen(trials, sample.folds)
     everything = np.ones(sample.truth.size, dtype=bool)
     final = metric.with_weights(_fit(sample, everything, chosen.prior, chosen.strength))
     share = balance(sample.truth)
@@ -303,11 +306,21 @@ def _trial(sample: _Sample, start: str, prior: Floats, strength: float | None, s
     return _Trial(start, prior, strength, losses, right, tuple(weights))
 
 
-def _chosen(trials: Sequence[_Trial]) -> _Trial:
-    """Return the first trial whose loss is within one standard error of the best; the first is the most careful."""
+def _chosen(trials: Sequence[_Trial], folds: NDArray[np.intp]) -> _Trial:
+    """Return the first trial that the best one does not clearly beat; the first is the most careful.
+
+    Cases of one fold share gearboxes and are no independent witnesses: the gain is taken per fold, and Student's factor
+    asks much of few folds. Of two gearboxes nothing can be learned that physics does not say.
+    """
     best = min(trials, key=lambda trial: float(trial.losses.mean()))
-    error = float(best.losses.std() / np.sqrt(best.losses.size))
-    return next(trial for trial in trials if trial.losses.mean() <= best.losses.mean() + error)
+    kinds = np.unique(folds)
+    factor = float(special.stdtrit(kinds.size - 1, CLEARLY)) if kinds.size > 1 else np.inf
+    for trial in trials:
+        gains = np.array([float((trial.losses - best.losses)[folds == kind].mean()) for kind in kinds])
+        error = float(gains.std(ddof=1) / np.sqrt(kinds.size)) if kinds.size > 1 else np.inf
+        if trial is best or gains.mean() <= factor * error:
+            return trial
+    return best
 
 
 def _fit(sample: _Sample, rows: NDArray[np.bool_], prior: Floats, strength: float | None) -> Floats:

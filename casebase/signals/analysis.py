@@ -24,9 +24,6 @@ ANALYSIS_RATE_HZ = 8000.0
 IMPULSES_APART_S = 0.05
 """Impulses closer than this are one [s]."""
 
-AGREEING = 0.75
-"""What belongs to the machine is in three quarters of the cycles [1]; what comes by chance in two of three is not."""
-
 RAMP_S = 0.005
 """What is left out fades out and in over so long [s], for an edge would be an impulse."""
 
@@ -206,6 +203,6 @@ class Analysis:
     @cached_property
     def _folds(self) -> dict[Band, Fold | None]:
         return {
-            band: fold(trace, self.motion, self.freedom(band), AGREEING) if trace is not None else None
+            band: fold(trace, self.motion, self.freedom(band)) if trace is not None else None
             for band, trace in self._traces.items()
         }

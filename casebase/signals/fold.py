@@ -30,7 +30,7 @@ class Fold:
 
     Args:
         offset_s: time from the reversal, ascending from minus half a stroke, shape (m,) [s].
-        forward_db: height that enough strokes in one direction have above what noise would reach, shape (m,) [dB];
+        forward_db: height of the median stroke in one direction above what noise would reach, shape (m,) [dB];
             NaN where never recorded.
         backward_db: the same after the other reversals, shape (m,) [dB].
         zone_s: around the reversal where braking and the new start lie [s].
@@ -87,14 +87,13 @@ class Fold:
         return np.minimum(self._any_db, 0.0)
 
 
-def fold(envelope: NDArray[np.float32], motion: Motion, freedom: float, agreeing: float = 0.5) -> Fold | None:
+def fold(envelope: NDArray[np.float32], motion: Motion, freedom: float) -> Fold | None:
     """Return an envelope folded on the motion's strokes, or None without a reversal.
 
     Args:
         envelope: positive, `HOP_HZ` values per second, shape (n,); NaN where left out.
         motion: with at least one reversal.
         freedom: degrees of freedom of the chi-squared distribution that noise has in the envelope [1].
-        agreeing: share of the strokes that must have what counts, at least one more than the share says [1].
     """
     if not motion.reversal_times_s:
         return None
@@ -108,7 +107,7 @@ def fold(envelope: NDArray[np.float32], motion: Motion, freedom: float, agreeing
     rows = _rows(envelope, centres, stroke_s)
     positions = stroke_s / (2 * SMOOTH_S)
     level = float(np.nanmedian(envelope))
-    forward, backward = (_height_db(rows[direction == side], level, freedom, positions, agreeing) for side in (0, 1))
+    forward, backward = (_height_db(rows[direction == side], level, freedom, positions) for side in (0, 1))
     offset_s = (np.arange(rows.shape[1]) - rows.shape[1] // 2) / HOP_HZ
     return Fold(offset_s, forward, backward, motion.reversal_zone_s, motion.quiet_s, centres, int(direction[0]))
 
@@ -121,26 +120,18 @@ def _stroke(motion: Motion, duration_s: float) -> float:
     return float(np.median(np.diff(times))) if len(times) > 1 else 2 * max(times[0], duration_s - times[0])
 
 
-def needed_strokes(strokes: int, agreeing: float) -> int:
-    """Return how many strokes must have what counts.
+def noise_peak_db(strokes: int, freedom: float, positions: float) -> float:
+    """Return the height that the lower median of so many strokes of noise reaches somewhere [dB over the median].
 
-    >>> [needed_strokes(n, 0.5) for n in range(1, 7)], [needed_strokes(n, 0.75) for n in range(1, 7)]
-    ([1, 2, 2, 3, 3, 4], [1, 2, 3, 4, 4, 5])
-    """
-    return min(strokes, int(strokes * agreeing) + 1)
-
-
-def noise_peak_db(strokes: int, freedom: float, positions: float, agreeing: float = 0.5) -> float:
-    """Return the height that noise reaches somewhere in as many of the strokes as count [dB over the median].
-
-    A place is high where m of n strokes are; with probability p each, that happens with about (n choose m) p^m at
-    every independent position. p follows from `FALSE_ALARM`, the height from the chi-squared distribution of noise
-    power (Papoulis, Probability, Random Variables and Stochastic Processes).
+    The lower median of n strokes is high where floor(n / 2) + 1 of them are; with probability p each, that
+    happens with about (n choose k) p^k at every independent position. p follows from `FALSE_ALARM`, the height
+    from the chi-squared distribution of noise power (Papoulis, Probability, Random Variables and Stochastic
+    Processes).
 
     >>> noise_peak_db(1, 8, 100) > noise_peak_db(3, 8, 100) > noise_peak_db(5, 8, 100) > 0
     True
     """
-    needed = needed_strokes(strokes, agreeing)
+    needed = strokes // 2 + 1
     chance = (FALSE_ALARM / (2 * positions) / math.comb(strokes, needed)) ** (1 / needed)
     return float(10 * np.log10(special.chdtri(freedom, chance) / special.chdtri(freedom, 0.5)))
 
@@ -157,18 +148,15 @@ def _rows(envelope: NDArray[np.float32], centres: NDArray[np.float64], stroke_s:
     return np.where(inside, widest[np.clip(index, 0, envelope.size - 1)], np.nan)
 
 
-def _height_db(
-    rows: NDArray[np.float64], level: float, freedom: float, positions: float, agreeing: float
-) -> NDArray[np.float64]:
-    """Return what enough of the rows reach at each place, above what noise would reach in as many [dB]."""
+def _height_db(rows: NDArray[np.float64], level: float, freedom: float, positions: float) -> NDArray[np.float64]:
+    """Return the lower median of the rows at each place above what noise would reach in it [dB]; NaN of nothing."""
     if rows.shape[0] == 0:
         return np.full(rows.shape[1], np.nan)
-    counts = range(1, rows.shape[0] + 1)
     known = np.isfinite(rows).sum(axis=0)
-    needed = np.array([0, *(needed_strokes(n, agreeing) for n in counts)])[known]
-    reached = np.take_along_axis(np.sort(rows, axis=0), np.maximum(known - needed, 0)[None], axis=0)[0]
-    expected = np.array([0.0, *(noise_peak_db(n, freedom, positions, agreeing) for n in counts)])
-    height: NDArray[np.float64] = 10 * np.log10(np.where(known > 0, reached, np.nan) / level) - expected[known]
+    place = np.maximum(known - 1, 0) // 2
+    median = np.take_along_axis(np.sort(rows, axis=0), place[None], axis=0)[0]
+    expected = np.array([0.0] + [noise_peak_db(n, freedom, positions) for n in range(1, rows.shape[0] + 1)])
+    height: NDArray[np.float64] = 10 * np.log10(median / level) - expected[known]
     return height
 
 
