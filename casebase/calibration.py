@@ -30,7 +30,7 @@ LACKS = (
     "unrepeated below 200 Hz",
     "unrepeated above 200 Hz",
     "gain",
-    "low band",
+    "colour",
 )
 """What a recording may lack, in the order of the coefficients."""
 CIRCUMSTANCES = (
@@ -41,10 +41,15 @@ CIRCUMSTANCES = (
     "unrepeated_share_above_200_hz",
     "louder_after_start",
     "low_band_level",
+    "noise_on_the_way_12_200_hz",
 )
 """The features they are read from."""
 ENOUGH_CYCLES, FEWEST_CYCLES = 3.0, 0.25
 QUIET_FALL_DB = 15.0
+SMALLEST_SPREAD_DB = 3.0
+"""Levels of two microphones at one gear differ by so much [dB]."""
+UNLIKE_FROM, MOST_UNLIKE = 2.0, 8.0
+"""The colour of a sound is unlike the library's from two standard deviations on, and ten say all [1]."""
 CLEAREST = 4.0
 """Log-odds beyond this say no more."""
 WEIGHT_OF_PRIOR = 0.02
@@ -56,13 +61,16 @@ class Usual:
 
     Args:
         cycles, fall_db: what nine of ten have, at most ENOUGH_CYCLES and QUIET_FALL_DB.
-        band_db, spread_db: level of the low band, and how it scatters.
+        low_db, low_spread_db: level of the low band against 250 to 500 Hz, and how it scatters.
+        way_db, way_spread_db: level of the low band on the way against all that is above, and how it scatters.
     """
 
     cycles: float = ENOUGH_CYCLES
     fall_db: float = QUIET_FALL_DB
-    band_db: float = -10.0
-    spread_db: float = 10.0
+    low_db: float = -10.0
+    low_spread_db: float = 10.0
+    way_db: float = -15.0
+    way_spread_db: float = 10.0
 
     @classmethod
     def of(cls, names: Sequence[str], values: NDArray[np.floating]) -> "Usual":
@@ -70,14 +78,23 @@ class Usual:
         if any(name not in names for name in CIRCUMSTANCES) or not len(values):
             return cls()
         known = {name: values[:, names.index(name)].astype(np.float64) for name in CIRCUMSTANCES}
-        band = known["low_band_level"]
-        middle = float(np.median(band))
         return cls(
             float(np.clip(np.quantile(known["cycles_left"], 0.1), 1.0, ENOUGH_CYCLES)),
             float(np.clip(np.quantile(known["standstill_fall_above_200_hz"], 0.1), 1.0, QUIET_FALL_DB)),
-            middle,
-            max(3.0, 1.4826 * float(np.median(np.abs(band - middle)))),
+            *_spread(known["low_band_level"]),
+            *_spread(known["noise_on_the_way_12_200_hz"]),
         )
+
+    def unlike(self, low_band_db: Floats, way_db: Floats) -> Floats:
+        """Return by how many standard deviations the colour of sounds is unlike the library's, shape (recordings,)."""
+        low = np.abs(low_band_db - self.low_db) / self.low_spread_db
+        return np.asarray(np.maximum(low, np.abs(way_db - self.way_db) / self.way_spread_db))
+
+
+def _spread(levels: Floats) -> tuple[float, float]:
+    """Return the median and the robust standard deviation, at least SMALLEST_SPREAD_DB [dB]."""
+    middle = float(np.median(levels))
+    return middle, max(SMALLEST_SPREAD_DB, 1.4826 * float(np.median(np.abs(levels - middle))))
 
 
 @dataclass(frozen=True)
@@ -100,6 +117,13 @@ class Calibration:
     def lacks(self, names: Sequence[str], values: NDArray[np.floating]) -> Floats:
         """Return what recordings lack, shape (recordings, len(LACKS)), from features of shape (recordings, n)."""
         return lacks(names, values, self.usual)
+
+    def unlike(self, names: Sequence[str], values: NDArray[np.floating]) -> Floats:
+        """Return how unlike the library's the colour of recordings is, shape (recordings,); see `Usual.unlike`."""
+        if any(name not in names for name in CIRCUMSTANCES):
+            return np.zeros(len(values))
+        low, way = (np.asarray(values[:, names.index(name)], np.float64) for name in CIRCUMSTANCES[-2:])
+        return self.usual.unlike(low, way)
 
     def probability(self, share: Floats, lacking: Floats, baseline: NDArray[np.bool_]) -> Floats:
         """Return how probable the leading label is, shape (recordings,).
@@ -147,9 +171,10 @@ def lacks(names: Sequence[str], values: NDArray[np.floating], usual: Usual) -> F
     """Return what recordings lack, 0 for nothing and about 1 for what is usual in the field."""
     if any(name not in names for name in CIRCUMSTANCES):
         return np.zeros((len(values), len(LACKS)))
-    cycles, left_out, fall_db, low, high, louder_db, band_db = (
+    cycles, left_out, fall_db, low, high, louder_db, low_band_db, way_db = (
         np.nan_to_num(np.asarray(values[:, names.index(name)], np.float64)) for name in CIRCUMSTANCES
     )
+    unlike = usual.unlike(low_band_db, way_db)
     return np.stack(
         [
             np.clip(np.log2(usual.cycles / np.maximum(cycles, FEWEST_CYCLES)), 0, None),
@@ -158,7 +183,7 @@ def lacks(names: Sequence[str], values: NDArray[np.floating], usual: Usual) -> F
             low / 0.2,
             high / 0.2,
             np.clip(np.abs(louder_db) - 1, 0, 4) / 2,
-            np.clip(np.abs(band_db - usual.band_db) / usual.spread_db - 2, 0, 4) / 2,
+            np.clip(unlike - UNLIKE_FROM, 0, MOST_UNLIKE) / 2,
         ],
         axis=1,
     )

@@ -9,11 +9,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from casebase.case_table import CaseTable, Mask
-from casebase.experience import Experience, Judgement, border, gather, representative
+from casebase.experience import UNKNOWN_COLOUR, Experience, Judgement, border, gather, representative
 from casebase.explanation import Evidence, feature_evidence, motion_evidence, novelty_evidence
 from casebase.learning import Similarity
 from casebase.moving import all_move, moving
 from casebase.novelty import known_ranges
+from casebase.priors import prior_weights
 from casebase.retrieval import CaseMatrix, Match, NearestByClass
 from casebase.signals.features import Extraction, QualityFlag
 from casebase.voting import NEAREST
@@ -153,9 +154,15 @@ class Reasoner:
             return Diagnosis("unusable", quality=extraction.quality, remarks=(remark,))
         values = extraction.features.values
         alone = not len(self.table) if without is None else bool(without.all())
-        if alone or not np.isfinite(values).any():
+        if alone or not np.isfinite(values[prior_weights(self.table.names) > 0]).any():
             remark = "the library has no case to compare with: add labelled recordings or generate cases"
             return Diagnosis("not_in_library", quality=extraction.quality, remarks=(remark,))
+        if self.all_move and _less_than_a_cycle(extraction):
+            remark = (
+                "the recording covers less than one cycle of the motion, so what happens once per cycle cannot be "
+                "excluded; record three cycles or more"
+            )
+            return Diagnosis("unusable", quality=extraction.quality, remarks=(remark,))
         return self._compared(extraction, without)
 
     def _compared(self, extraction: Extraction, without: Mask | None) -> Diagnosis:
@@ -202,8 +209,13 @@ class Reasoner:
             )
         if judgement.still:
             remarks.append(
-                "no motion is heard, while all cases are of axes that move back and forth: "
-                "record while the axis moves, nearer to the gearbox"
+                "no regular motion is heard, while all cases are of axes that move back and forth: "
+                "record while the axis moves between the same two places, nearer to the gearbox"
+            )
+        if judgement.unlike > UNKNOWN_COLOUR:
+            remarks.append(
+                "the sound has another colour than every measured case: another machine, or a recorder that the "
+                "library does not know"
             )
         small = [label for label, enough in zip(judgement.classes, judgement.supports_level, strict=True) if not enough]
         if small:
@@ -217,6 +229,12 @@ class Reasoner:
         if judgement.threshold is None:
             remarks.append("too few cases to say where the unknown begins")
         return remarks
+
+
+def _less_than_a_cycle(extraction: Extraction) -> bool:
+    """Whether reversals are known, so few that no cycle is whole; with more of them the motion is irregular."""
+    count = len(extraction.motion.reversal_times_s)
+    return 0 < count < 3 and extraction.motion.cycles < 1
 
 
 def _hypotheses(near: NearestByClass, judgement: Judgement) -> tuple[Hypothesis, ...]:
@@ -239,7 +257,11 @@ def verdict_of(judgement: Judgement, poor: bool = False) -> str:
 
     Nothing is said with confidence of a poor recording, nor by a library that cannot say where the unknown begins.
     """
-    if judgement.still or (judgement.threshold is not None and judgement.novelty > judgement.threshold):
+    if (
+        judgement.still
+        or judgement.unlike > UNKNOWN_COLOUR
+        or (judgement.threshold is not None and judgement.novelty > judgement.threshold)
+    ):
         return "not_in_library"
     sure = judgement.probabilities.max() >= DIAGNOSED_FROM and judgement.threshold is not None
     return "diagnosed" if sure and not poor else "ambiguous"

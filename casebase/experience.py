@@ -28,6 +28,9 @@ PARTS = 10
 UNKNOWN_GEARBOX = 1.5
 """Where gearboxes were not noted, cases of the same one make the library look better than it is on another; the
 unknown then begins so many times as far out."""
+UNKNOWN_COLOUR = 5.0
+"""A sound that is by so many standard deviations unlike all measured cases comes from another machine or recorder: of
+no distribution do more than four in a hundred lie so far out (Chebyshev)."""
 LEVEL = 0.05
 """The level of the conformal test that the library should be large enough for."""
 
@@ -38,6 +41,7 @@ class Judgement:
 
     Args:
         still: whether it does not follow a motion although all cases do; it is then as far as anything can be.
+        unlike: by how many standard deviations its colour is unlike that of measured cases; 0 without such.
     """
 
     classes: tuple[str, ...]
@@ -47,6 +51,7 @@ class Judgement:
     threshold: float | None
     supports_level: tuple[bool, ...]
     still: bool = False
+    unlike: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,6 +66,7 @@ class Experience:
         detection: which faults would be heard in a recording.
         calibration: how sure one may be of the leading label.
         names: of the features.
+        colour_known: whether enough cases were measured to say what a recorder makes of this machine.
     """
 
     classes: tuple[str, ...]
@@ -72,6 +78,7 @@ class Experience:
     detection: Detection
     calibration: Calibration
     names: tuple[str, ...]
+    colour_known: bool
 
     @property
     def doubt(self) -> float:
@@ -90,14 +97,16 @@ class Experience:
             values: its features, shape (n,).
             still: see `Judgement`.
         """
+        unlike = float(self.calibration.unlike(self.names, values[None])[0]) if self.colour_known else 0.0
         return Judgement(
             self.classes,
             self._calibrated(self.shares(nearest, values), values),
             self._p_values(strangeness(nearest[None])[0]),
-            LIMIT if still else novelty,
+            LIMIT if still or unlike > UNKNOWN_COLOUR else novelty,
             self.threshold,
             tuple(self._count(each) + 1 >= 1 / LEVEL for each in range(len(self.classes))),
             still,
+            unlike,
         )
 
     def shares(self, nearest: Floats, values: NDArray[np.floating], but: str = "") -> Floats:
@@ -161,9 +170,16 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
         where_unknown_begins(table, present, rows),
         juries[chosen],
         Detection.of(table, juries[chosen]),
-        similarity.calibration or replace(PRIOR, usual=Usual.of(table.names, table.values[rows])),
+        similarity.calibration or replace(PRIOR, usual=usual(table, rows)),
         table.names,
+        int((table.origins[rows] == "measured").sum()) >= FEWEST_FOR_LIMIT,
     )
+
+
+def usual(table: CaseTable, rows: NDArray[np.intp]) -> Usual:
+    """Return what recordings of the library have; of measured ones, where there are enough."""
+    measured = rows[table.origins[rows] == "measured"]
+    return Usual.of(table.names, table.values[measured if measured.size >= FEWEST_FOR_LIMIT else rows])
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,7 +211,7 @@ def calibrated(table: CaseTable, similarity: Similarity, copies: Copies) -> Simi
     asked = np.concatenate([rows[own], copies.rows])
     values = np.concatenate([table.values[rows[own]], copies.values])
     masks, kinds, counts = np.unique(np.isfinite(values), axis=0, return_inverse=True, return_counts=True)
-    usual = Usual.of(table.names, table.values[rows])
+    typical = usual(table, rows)
     share, right, sound, kept, truth = [], [], [], [], []
     for kind in np.argsort(-counts)[:MOST_MASKS]:
         experience = gather(table, similarity, masks[kind], rows)
@@ -215,9 +231,9 @@ def calibrated(table: CaseTable, similarity: Similarity, copies: Copies) -> Simi
             truth.append(int(np.searchsorted(table.classes, table.labels[row])))
     if len(kept) < FEWEST_FOR_CALIBRATION:
         return similarity
-    lacking = replace(PRIOR, usual=usual).lacks(table.names, values[kept])
+    lacking = replace(PRIOR, usual=typical).lacks(table.names, values[kept])
     weights = balance(np.array(truth))
-    learned = fitted(np.array(share), lacking, np.array(sound), np.array(right), weights, usual)
+    learned = fitted(np.array(share), lacking, np.array(sound), np.array(right), weights, typical)
     groups = np.unique(table.groups[asked[kept]]).size
     offset = learned.offset + np.log(groups / max(1, groups - 1))
     return replace(similarity, calibration=replace(learned, offset=float(offset)))

@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from casebase.signals.motion import SMALLEST_DEPTH_EVEN
 
-FALL, FOLDED = "loudness_fall_over_scatter", "notch_bump_12_200_hz"
+FALL, FOLDED, CYCLES = "loudness_fall_over_scatter", "notch_bump_12_200_hz", "cycles_left"
 NEARLY_ALL = 0.95
 
 
 def moving(names: tuple[str, ...], values: NDArray[np.floating]) -> NDArray[np.bool_]:
-    """Return which recordings follow a motion: reversals are given or heard, and the loudness falls clearly.
+    """Return which recordings follow a motion: reversals with a period, given or heard, where the loudness falls.
 
     Args:
         values: features, shape (recordings, n).
@@ -23,10 +23,10 @@ def moving(names: tuple[str, ...], values: NDArray[np.floating]) -> NDArray[np.b
     Returns:
         Shape (recordings,); false for all if these features do not speak of motion.
     """
-    if FALL not in names or FOLDED not in names:
+    if not {FALL, FOLDED, CYCLES} <= set(names):
         return np.zeros(len(values), dtype=np.bool_)
-    fall, folded = values[:, names.index(FALL)], values[:, names.index(FOLDED)]
-    return np.asarray(np.isfinite(folded) & (fall >= SMALLEST_DEPTH_EVEN))
+    fall, folded, cycles = (values[:, names.index(name)] for name in (FALL, FOLDED, CYCLES))
+    return np.asarray(np.isfinite(folded) & (fall >= SMALLEST_DEPTH_EVEN) & (cycles > 0))
 
 
 def all_move(names: tuple[str, ...], values: NDArray[np.floating]) -> bool:
