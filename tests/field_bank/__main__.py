@@ -35,8 +35,7 @@ def main() -> None:
     kinds = ("undisturbed", "unseen", "foreign", *banks.kinds_of(a.half))
     if a.only not in (None, *kinds):
         parser.error(f"no such kind in this half: {a.only}; there are {', '.join(kinds)}")
-    bank = banks.own_bank(a.half, a.gearboxes) if a.source == "own" else banks.axis_bank(a.half)
-    asked = banks.written(bank, a.cache)
+    asked = banks.written(a.half, a.source, a.cache)
     if a.only:
         asked = [(f, q) for f, q in asked if q.group == "undisturbed" or a.only in (q.group, q.kind)]
     asked = thinned(asked, a.every)
@@ -46,13 +45,15 @@ def main() -> None:
         print("\n".join(f"{file.name} {q.kind:<20} {levels(file)}" for file, q in asked))
         return
 
+    axis = None if a.source == "own" else banks.AXIS / "axis.toml"
     answers: dict[Path, product.Answer] = {}
-    for fold, known in enumerate(bank.libraries):
-        measured = known if a.library != "starter" else ()
-        data = product.library(a.cache, a.library != "measured", measured, bank.axis)
-        say(f"library {fold + 1} of {len(bank.libraries)} is filled: {len(measured)} measured cases", begin)
+    libraries = banks.libraries(a.half, a.source, a.gearboxes)
+    for fold, known in enumerate(libraries):
+        measured = known if a.library != "starter" else []
+        data = product.library(a.cache, a.library != "measured", measured, axis)
+        say(f"library {fold + 1} of {len(libraries)} is filled: {len(measured)} measured cases", begin)
         here = [f for f, q in asked if q.fold == fold]
-        answers |= product.diagnose(data, here, bank.axis, a.jobs)
+        answers |= product.diagnose(data, here, axis, a.jobs)
         say(f"{len(here)} diagnosed", begin)
     rows = score.asked(questions, [answers[f] for f in files])
     boxes = f", {a.gearboxes} gearboxes" if a.source == "own" and a.library != "starter" else ""

@@ -54,55 +54,48 @@ class Question:
     fold: int
 
 
-@dataclass(frozen=True)
-class Bank:
-    """Libraries by fold, each a list of known recordings, and undisturbed recordings by fold."""
-
-    half: str
-    libraries: tuple[tuple[Known, ...], ...]
-    tested: tuple[tuple[Known, ...], ...]
-    unseen: tuple[Known, ...]
-    axis: Path | None
-
-
 def half_seed(half: str, *what: object) -> np.random.Generator:
     """Return the source of chance of a half for something."""
     return np.random.default_rng((SEEDS[half], *(crc32(str(w).encode()) for w in what)))
 
 
-def own_bank(half: str, gearboxes: int) -> Bank:
-    """Return the bank of the own generator: a library of so many gearboxes, and six others to test."""
+def own(half: str, unit: int, label: str, i: int, rates: tuple[int, ...] = (8000,)) -> Known:
+    """Return the i-th recording of a gearbox of the own generator with a label."""
+    rng = half_seed(half, unit, label, i)
     units = make_units(half_seed(half, "units"), UNITS)
-
-    def known(unit: int, label: str, i: int, rates: tuple[int, ...]) -> Known:
-        rng = half_seed(half, unit, label, i)
-        made = record(units[unit], label, rng, rate=int(rng.choice(rates)))
-        return Known(made.sound, label, made.gearbox, made.speed_rad_s, made.payload_kg_m2, made.size_rad)
-
-    library = tuple(known(u, label, i, (8000,)) for u in range(gearboxes) for label in LABELS for i in range(2))
-    rates = (8000,) * 7 + (16000, 44100, 48000)
-    others = range(IN_LIBRARY, UNITS)
-    tested = tuple(known(u, label, i, rates) for i in range(UNDISTURBED_PER_LABEL) for u in others for label in LABELS)
-    each = UNSEEN_COUNT // len(others)
-    unseen = tuple(known(u, UNSEEN, i, (8000,)) for u in others for i in range(each))
-    return Bank(half, (library,), (tested,), unseen, None)
+    made = record(units[unit], label, rng, rate=int(rng.choice(rates)))
+    return Known(made.sound, label, made.gearbox, made.speed_rad_s, made.payload_kg_m2, made.size_rad)
 
 
-def axis_bank(half: str) -> Bank:
-    """Return the bank of the shared recordings: each gearbox is tested with a library of the others.
-
-    Raises FileNotFoundError where they are absent.
-    """
-    known = []
+def shared_axis() -> list[list[Known]]:
+    """Return the shared recordings by gearbox. Raises FileNotFoundError where they are absent."""
+    by_gearbox: dict[str, list[Known]] = {}
     for row in csv.DictReader((AXIS / "manifest.csv").open()):
         samples, rate = sf.read(AXIS / row["file"], dtype="float64")
         sound = with_standstills(Sound(samples, int(rate)))
         speed, payload = float(row["speed_rad_s"]), float(row["payload_kg_m2"])
-        known.append(Known(sound, row["label"], row["gearbox"], speed, payload, 0.0))
-    names = sorted({k.gearbox for k in known})
-    libraries = tuple(tuple(k for k in known if k.gearbox != name) for name in names)
-    tested = tuple(tuple(k for k in known if k.gearbox == name) for name in names)
-    return Bank(half, libraries, tested, (), AXIS / "axis.toml")
+        known = Known(sound, row["label"], row["gearbox"], speed, payload, 0.0)
+        by_gearbox.setdefault(row["gearbox"], []).append(known)
+    return [by_gearbox[name] for name in sorted(by_gearbox)]
+
+
+def libraries(half: str, source: str, gearboxes: int) -> list[list[Known]]:
+    """Return the cases of each library: of so many own gearboxes, or of all shared ones but one."""
+    if source == "own":
+        return [[own(half, u, label, i) for u in range(gearboxes) for label in LABELS for i in range(2)]]
+    boxes = shared_axis()
+    return [[k for box in boxes if box is not left_out for k in box] for left_out in boxes]
+
+
+def tested(half: str, source: str) -> list[list[Known]]:
+    """Return the undisturbed recordings for each library; those whose label is UNSEEN have a fault no case has."""
+    if source != "own":
+        return shared_axis()
+    rates = (8000,) * 7 + (16000, 44100, 48000)
+    others = range(IN_LIBRARY, UNITS)
+    known = [own(half, u, label, i, rates) for i in range(UNDISTURBED_PER_LABEL) for u in others for label in LABELS]
+    unseen = [own(half, u, UNSEEN, i) for u in others for i in range(UNSEEN_COUNT // len(others))]
+    return [known + unseen]
 
 
 def with_standstills(sound: Sound) -> Sound:
@@ -122,37 +115,42 @@ def kinds_of(half: str) -> list[str]:
     return [name for name, k in KINDS.items() if half == "final" or not k.final_only]
 
 
-def questions(bank: Bank) -> Iterator[tuple[Question, Sound]]:
+def questions(half: str, source: str) -> Iterator[tuple[Question, Sound]]:
     """Yield what is to be diagnosed, with what is true of it."""
-    pool = [(fold, k) for fold, tested in enumerate(bank.tested) for k in tested]
+    everything = [(fold, k) for fold, known in enumerate(tested(half, source)) for k in known]
+    pool = [(fold, k) for fold, k in everything if k.label != UNSEEN]
     for i, (fold, k) in enumerate(pool):
         yield Question("undisturbed", "undisturbed", k.label, k.gearbox, k.size_rad, 0.0, i, fold), k.sound
-    for k in bank.unseen:
-        yield Question("unseen", UNSEEN, "", k.gearbox, k.size_rad, 0.0, -1, 0), k.sound
-    for name in kinds_of(bank.half):
+    for fold, k in everything:
+        if k.label == UNSEEN:
+            yield Question("unseen", UNSEEN, "", k.gearbox, k.size_rad, 0.0, -1, fold), k.sound
+    for name in kinds_of(half):
         change = KINDS[name]
         group = "harmless" if change.harmless else "disturbed"
-        rng = half_seed(bank.half, name)
+        rng = half_seed(half, name)
         for n, i in enumerate(balanced(rng, [k.label for _, k in pool])):
             fold, k = pool[i]
             strength = float(rng.random())
-            sound = change.change(k.sound, half_seed(bank.half, name, n), strength)
+            sound = change.change(k.sound, half_seed(half, name, n), strength)
             yield Question(group, name, k.label, k.gearbox, k.size_rad, strength, i, fold), sound
-    for n, (name, sound) in enumerate(foreign(bank.half, FOREIGN, SEEDS[bank.half])):
-        yield Question("foreign", name, "", "", 0.0, 0.0, -1, n % len(bank.libraries)), sound
+    folds = 1 + max(fold for fold, _ in everything)
+    for n, (name, sound) in enumerate(foreign(half, FOREIGN, SEEDS[half])):
+        yield Question("foreign", name, "", "", 0.0, 0.0, -1, n % folds), sound
 
 
-def written(bank: Bank, cache: Path) -> list[tuple[Path, Question]]:
+def written(half: str, source: str, cache: Path) -> list[tuple[Path, Question]]:
     """Return the files to diagnose, made at the first call and taken from the cache from then on."""
-    digest = sha256(f"{bank.half} {bank.axis is None} {which('espeak-ng')} {SHARED.exists()}".encode())
+    digest = sha256(f"{half} {source} {which('espeak-ng')} {SHARED.exists()}".encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         if path.stem not in ("__main__", "product", "score", "test_bank"):
             digest.update(path.read_bytes())
-    done = cache / f"{bank.half}-{digest.hexdigest()[:16]}"
+    done = cache / f"{half}-{digest.hexdigest()[:16]}"
     if not done.exists():
         cache.mkdir(parents=True, exist_ok=True)
         making = Path(mkdtemp(dir=cache, prefix="making-"))
-        made = [(write(sound, making / f"r{i:05d}").name, asdict(q)) for i, (q, sound) in enumerate(questions(bank))]
+        made = [
+            (write(sound, making / f"r{i:05d}").name, asdict(q)) for i, (q, sound) in enumerate(questions(half, source))
+        ]
         (making / "questions.json").write_text(json.dumps(made))
         making.rename(done)
     return [(done / name, Question(**q)) for name, q in json.loads((done / "questions.json").read_text())]

@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
@@ -46,7 +47,7 @@ def version() -> str:
     return digest.hexdigest()
 
 
-def library(cache: Path, starter: bool, known: tuple[Known, ...], axis: Path | None) -> Path:
+def library(cache: Path, starter: bool, known: Sequence[Known], axis: Path | None) -> Path:
     """Return a data directory with these cases, from the cache where it was filled before.
 
     It grows by gearboxes from one that is filled already, so that a library of five serves the one of ten.
@@ -62,9 +63,9 @@ def library(cache: Path, starter: bool, known: tuple[Known, ...], axis: Path | N
     making = Path(tempfile.mkdtemp(dir=cache, prefix="making-"))
     if known:
         last = known[-1].gearbox
-        before = tuple(k for k in known if k.gearbox != last)
+        before = [k for k in known if k.gearbox != last]
         shutil.copytree(library(cache, starter, before, axis), making, dirs_exist_ok=True)
-        fill(making, tuple(k for k in known if k.gearbox == last), axis)
+        fill(making, [k for k in known if k.gearbox == last], axis)
     elif starter:
         run("--data-dir", str(making), "starter", "--processes", "1")
     else:
@@ -73,7 +74,7 @@ def library(cache: Path, starter: bool, known: tuple[Known, ...], axis: Path | N
     return done
 
 
-def fill(data: Path, known: tuple[Known, ...], axis: Path | None) -> None:
+def fill(data: Path, known: Sequence[Known], axis: Path | None) -> None:
     """Add cases to the library of a data directory."""
     with tempfile.TemporaryDirectory() as folder:
         for i, k in enumerate(known):
