@@ -7,7 +7,6 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from casebase.audio_store import AudioStore
-from casebase.augmentation import disturbed_copies
 from casebase.case_table import CaseTable
 from casebase.description import condition_of
 from casebase.errors import NotFoundError
@@ -29,6 +28,8 @@ def rehearsed(session: Session, audio: AudioStore, table: CaseTable, stop: Event
     Raises:
         LearningStoppedError: if `stop` is set before it is done.
     """
+    from casebase.augmentation import disturbed_copies  # needs filters, which are slow to import
+
     rows = spread_out(representative(table), MOST_REHEARSED)
     found, values = [], []
     for row in rows:

@@ -12,7 +12,7 @@ from scipy import ndimage
 
 from casebase.signals import envelope, filters
 from casebase.signals.condition import OperatingCondition
-from casebase.signals.fold import SMOOTH_S, Fold, fold, noise_peak_db
+from casebase.signals.fold import FALSE_ALARM, SMOOTH_S, Fold, fold, noise_peak_db
 from casebase.signals.motion import HOP_HZ, Motion, find_motion, loudness_db
 from casebase.signals.recording import Recording
 from casebase.signals.segments import Span
@@ -174,9 +174,9 @@ class Analysis:
         whole = self._envelopes[band]
         return 2 * 1.5 * SMOOTH_S * whole.bandwidth_hz if whole is not None else 0.0
 
-    def noise_peak_db(self, band: Band) -> float:
-        """Height over the median that noise reaches somewhere in the trace of a band [dB]."""
-        return noise_peak_db(1, self.freedom(band), max(1.0, self.duration_s / (2 * SMOOTH_S)))
+    def noise_peak_db(self, band: Band, alarm: float = FALSE_ALARM) -> float:
+        """Height over the median that noise reaches somewhere in the trace of a band [dB], with this probability."""
+        return noise_peak_db(1, self.freedom(band), max(1.0, self.duration_s / (2 * SMOOTH_S)), alarm)
 
     def strongest_db(self, band: Band) -> float:
         """Highest point of the trace of a band above what noise would reach [dB]; NaN without the band."""

@@ -120,11 +120,11 @@ def _stroke(motion: Motion, duration_s: float) -> float:
     return float(np.median(np.diff(times))) if len(times) > 1 else 2 * max(times[0], duration_s - times[0])
 
 
-def noise_peak_db(strokes: int, freedom: float, positions: float) -> float:
+def noise_peak_db(strokes: int, freedom: float, positions: float, alarm: float = FALSE_ALARM) -> float:
     """Return the height that the lower median of so many strokes of noise reaches somewhere [dB over the median].
 
     The lower median of n strokes is high where floor(n / 2) + 1 of them are; with probability p each, that
-    happens with about (n choose k) p^k at every independent position. p follows from `FALSE_ALARM`, the height
+    happens with about (n choose k) p^k at every independent position. p follows from the false alarm, the height
     from the chi-squared distribution of noise power (Papoulis, Probability, Random Variables and Stochastic
     Processes).
 
@@ -132,7 +132,7 @@ def noise_peak_db(strokes: int, freedom: float, positions: float) -> float:
     True
     """
     needed = strokes // 2 + 1
-    chance = (FALSE_ALARM / (2 * positions) / math.comb(strokes, needed)) ** (1 / needed)
+    chance = (alarm / (2 * positions) / math.comb(strokes, needed)) ** (1 / needed)
     return float(10 * np.log10(special.chdtri(freedom, chance) / special.chdtri(freedom, 0.5)))
 
 

@@ -41,7 +41,7 @@ CONTRADICTS = 0.05
 """Share by which a given period may differ from the one that is heard [1]."""
 
 FEWEST_TO_CONTRADICT = 4
-"""A period that is heard over so many reversals is used, whatever else was given [1]."""
+"""A period that is heard over so many reversals is used where the time of one way was given [1]."""
 
 SHORTEST_DIP_S = 0.04
 LONGEST_BURST_S = 0.2
@@ -141,7 +141,8 @@ def find_motion(level_db: NDArray[np.float32], condition: OperatingCondition) ->
     else:
         source = MotionSource.GIVEN
         if heard_period is not None and not given and len(heard) >= FEWEST_TO_CONTRADICT:
-            period = heard_period if period is None or abs(heard_period / period - 1) > CONTRADICTS else period
+            one_way = period is not None and abs(heard_period / period / 2 - 1) <= CONTRADICTS
+            period = heard_period if one_way else period
         period = period or heard_period
         times = given or heard
     return Motion(

@@ -55,7 +55,7 @@ KINDS = {"clipped": "clipping", "unsteady_hum": "hum"}
 
 
 class Severity(StrEnum):
-    """How much a quality flag matters."""
+    """How much a quality flag matters: a note changes nothing, of a poor recording no label is said with confidence."""
 
     NOTE = "note"
     POOR = "poor"
@@ -128,9 +128,11 @@ def _flat_tops(samples: NDArray[np.float32], extreme: np.float32) -> int:
 
 
 def dropouts(analysis: Analysis) -> QualityFlag | None:
-    """Flag stretches of at least 5 ms in which the samples do not change at all."""
+    """Flag stretches of at least 5 ms in which the samples do not change at all; at the ends they are silence."""
     recording = analysis.recording
     starts, ends = constant_stretches(recording)
+    inside = (starts > 1) & (ends < recording.samples.size - 1)
+    starts, ends = starts[inside], ends[inside]
     if not starts.size:
         return None
     lost_s = float((ends - starts).sum()) / recording.sample_rate_hz

@@ -23,6 +23,8 @@ LEAST_FALL = 4.0
 """Quiet is what falls so many times the scatter of the loudness below the plateau [1]; noise hardly ever does."""
 SHORTEST_EDGE_S = 0.15
 """Quiet of less at the start or the end is left as it is: it may be half of a reversal [s]."""
+SILENCE_DB = 6.0
+"""Quiet at an edge that is so far below the usual standstill is the recorder's, however short [dB]."""
 PAUSE_TIMES = 4.0
 """A standstill so many times as long as the usual one is a pause [1]."""
 SHORTEST_PAUSE_S = 1.5
@@ -63,10 +65,20 @@ class Segments:
 
 @dataclass(frozen=True)
 class _Quiet:
-    """Quiet runs by hops, start inclusive and end exclusive, and how deep they are."""
+    """Quiet runs by hops, start inclusive and end exclusive; the smoothed level, and that of usual standstills [dB]."""
 
     runs: tuple[tuple[int, int], ...]
-    size: int
+    level_db: NDArray[np.float64]
+    floor_db: float
+
+    @property
+    def size(self) -> int:
+        return self.level_db.size
+
+    def is_silence(self, run: tuple[int, int]) -> bool:
+        """Whether it is so much quieter than standstills that nothing was recorded."""
+        level_db = float(np.median(self.level_db[run[0] : run[1]]))
+        return run[1] - run[0] >= SHORTEST_EDGE_S * HOP_HZ and level_db < self.floor_db - SILENCE_DB
 
     def at_edges(self) -> list[tuple[int, int]]:
         return [run for run in self.runs if run[0] == 0 or run[1] == self.size]
@@ -114,7 +126,7 @@ def _divided(level_db: NDArray[np.float32], offset: int) -> tuple[Runs, Runs, Ru
     lengths = np.array([end - start for start, end in quiet.inside()])
     usual = float(np.median(lengths)) if lengths.size > 1 else float("nan")
     shortest = SHORTEST_EDGE_S * HOP_HZ if np.isnan(usual) else max(SHORTEST_EDGE_S * HOP_HZ, 1.2 * usual)
-    edges = [run for run in quiet.at_edges() if run[1] - run[0] >= shortest]
+    edges = [run for run in quiet.at_edges() if run[1] - run[0] >= shortest or quiet.is_silence(run)]
     least = SHORTEST_PAUSE_S * HOP_HZ
     least = least if np.isnan(usual) else max(least, PAUSE_TIMES * float(np.min(lengths)), 2 * usual)
     pauses = [run for run in quiet.inside() if run[1] - run[0] >= least]
@@ -144,8 +156,8 @@ def _quiet(level_db: NDArray[np.float32]) -> _Quiet | None:
     told = inside or [run for run in runs if _long(run)]
     if not told:
         return None
-    depth = plateau - float(np.median([np.percentile(smooth[a:b], 20) for a, b in told]))
-    return _Quiet(tuple(run for run in _runs(smooth < plateau - depth / 2) if _long(run)), smooth.size)
+    floor = float(np.median([np.percentile(smooth[a:b], 20) for a, b in told]))
+    return _Quiet(tuple(run for run in _runs(smooth < (plateau + floor) / 2) if _long(run)), smooth, floor)
 
 
 def _long(run: tuple[int, int]) -> bool:

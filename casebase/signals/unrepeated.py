@@ -19,6 +19,8 @@ from casebase.signals.segments import Span
 Floats = NDArray[np.float64]
 EARLY_OR_LATE_S = 0.02
 """By so much a repetition may be early or late [s], as cycles scatter."""
+FALSE_KNOCK = 0.001
+"""Probability with which noise alone is taken for a knock, per recording and band [1]."""
 KNOCK_DB = 6.0
 """A knock of the machine comes with half to twice its amplitude in the next cycle [dB]."""
 CHANGE_DB = 3.0
@@ -72,7 +74,7 @@ def find_unrepeated(analysis: Analysis) -> Unrepeated | None:
     heights, excesses, share = {}, {}, {}
     knocks, changes = np.zeros(fast.size, np.bool_), np.zeros(slow.size, np.bool_)
     for band, trace in traces.items():
-        peak_db = analysis.noise_peak_db(band)
+        peak_db = analysis.noise_peak_db(band, FALSE_KNOCK)
         heights[band] = fast.above(_level_db(trace[:size]), peak_db, KNOCK_DB)
         knocks |= heights[band] > KNOCK_DB
         excess = slow.differs(_level_db(_averaged(trace[:size])))

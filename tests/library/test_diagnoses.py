@@ -101,7 +101,9 @@ def test_an_unusable_recording_is_an_answer(library: CaseLibrary) -> None:
         unusable = type(given)(given.features, (flag,), given.motion, given.events, given.extractor_version)
         found = library.diagnose(session, row, unusable)
     assert found.verdict == "unusable"
-    assert found.document["quality"] == [{"name": "too_quiet", "severity": "unusable", "reason": flag.reason}]
+    told = {"name": "too_quiet", "severity": "unusable", "reason": flag.reason, "start_s": None, "end_s": None}
+    assert found.document["quality"] == [told]
+    assert found.document["disturbances"] == []
 
 
 def test_missing_features_do_not_stop_a_diagnosis(library: CaseLibrary) -> None:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.errors import BrokenAudioError
 from casebase.signals.features import EXTRACTOR_VERSION, FEATURES, FeatureFamily, catalogue, extract
+from casebase.signals.features.circumstances import Circumstances
 from casebase.signals.recording import Recording
 from tests.signals.synthetic import RATE_HZ, Joint, sound
 
@@ -65,8 +66,17 @@ def test_what_is_compared_follows_neither_gain_nor_sign(exponent: float, sign: f
 
 
 def test_level_follows_the_gain() -> None:
+    level = [name for name, entry in catalogue().items() if entry.unit == "unit of the samples"]
+    rows = [list(catalogue()).index(name) for name in level]
     louder, before = vector(NOTCH * 3), vector(NOTCH)
-    np.testing.assert_allclose(louder[~COMPARED], 3 * before[~COMPARED], rtol=1e-5)
+    assert len(level) == 4
+    np.testing.assert_allclose(louder[rows], 3 * before[rows], rtol=1e-5)
+
+
+def test_circumstances_follow_no_gain() -> None:
+    known = Circumstances.definitions
+    rows = [list(catalogue()).index(entry.name) for entry in known]
+    np.testing.assert_allclose(vector(NOTCH * 3)[rows], vector(NOTCH)[rows], atol=1e-3)
 
 
 @pytest.mark.parametrize("rate_hz", [16000.0, 44100.0, 48000.0, 96000.0, 12345.0])
