@@ -32,8 +32,8 @@ LARGEST_BEND = 5.0
 """No weight moves by more than this factor, as a logarithm, from its prior."""
 OUTGROWN = 0.05
 """Weights are learned again when the number of cases changed by more than this share, or the classes did."""
-CLEARLY = 0.9
-"""Confidence with which weights must do better than more careful ones [1]."""
+ONE_ERROR = 0.8413
+"""Share of a normal distribution below one standard deviation [1]."""
 BANDS = "band_level"
 STRENGTHS = (1.0, 0.1, 0.01)
 """How strongly the logarithms of the weights are drawn to the priors, strongest first."""
@@ -307,20 +307,21 @@ def _trial(sample: _Sample, start: str, prior: Floats, strength: float | None, s
 
 
 def _chosen(trials: Sequence[_Trial], folds: NDArray[np.intp]) -> _Trial:
-    """Return the first trial that the best one does not clearly beat; the first is the most careful.
+    """Return the first trial whose loss is within one standard error of the best; the first is the most careful.
 
-    Cases of one fold share gearboxes and are no independent witnesses: the gain is taken per fold, and Student's factor
-    asks much of few folds. Of two gearboxes nothing can be learned that physics does not say.
+    Cases of one fold share gearboxes and are no independent witnesses: the error is also taken over folds, with
+    Student's factor, which asks much of few. Of two gearboxes hardly anything can be learned that physics does not say.
+
+    Source: Breiman, Friedman, Olshen, Stone, Classification and Regression Trees (1984), the one-standard-error rule.
     """
     best = min(trials, key=lambda trial: float(trial.losses.mean()))
     kinds = np.unique(folds)
-    factor = float(special.stdtrit(kinds.size - 1, CLEARLY)) if kinds.size > 1 else np.inf
-    for trial in trials:
-        gains = np.array([float((trial.losses - best.losses)[folds == kind].mean()) for kind in kinds])
-        error = float(gains.std(ddof=1) / np.sqrt(kinds.size)) if kinds.size > 1 else np.inf
-        if trial is best or gains.mean() <= factor * error:
-            return trial
-    return best
+    means = np.array([float(best.losses[folds == kind].mean()) for kind in kinds])
+    error = float(best.losses.std() / np.sqrt(best.losses.size))
+    if kinds.size > 1:
+        factor = float(special.stdtrit(kinds.size - 1, ONE_ERROR))
+        error = max(error, factor * float(means.std(ddof=1) / np.sqrt(kinds.size)))
+    return next(trial for trial in trials if trial.losses.mean() <= best.losses.mean() + error)
 
 
 def _fit(sample: _Sample, rows: NDArray[np.bool_], prior: Floats, strength: float | None) -> Floats:

@@ -21,12 +21,16 @@ EARLY_OR_LATE_S = 0.02
 """By so much a repetition may be early or late [s], as cycles scatter."""
 FALSE_KNOCK = 0.001
 """Probability with which noise alone is taken for a knock, per recording and band [1]."""
+EMPTY = 1e-9
+"""Share of the power below which a band holds nothing [1]."""
 KNOCK_DB = 6.0
 """A knock of the machine comes with half to twice its amplitude in the next cycle [dB]."""
 CHANGE_DB = 3.0
 """The machine is not twice as loud in one cycle as in the others [dB]."""
 SLOW_HOPS = 5
 """Levels are averaged over four times so many hops when they are held against other cycles [1]: 100 ms."""
+EDGE_S = 0.05
+"""At the ends of the record a line rings where it was mirrored; a knock there is not told from that [s]."""
 AROUND_S = 0.04
 """Left out on either side of an event: its beginning and its ringing [s]."""
 SHORTEST_CHANGE_S = 0.1
@@ -64,7 +68,7 @@ class Unrepeated:
 def find_unrepeated(analysis: Analysis) -> Unrepeated | None:
     """Hold every cycle against the others; None without a motion of two cycles."""
     motion = analysis.motion
-    traces = {band: trace for band in Band if (trace := analysis.traced(band)) is not None}
+    traces = {band: trace for band in Band if (trace := analysis.traced(band)) is not None and _filled(analysis, band)}
     if not traces or motion.period_s is None or len(motion.reversal_times_s) < 2:
         return None
     size = min(trace.size for trace in traces.values())
@@ -72,11 +76,12 @@ def find_unrepeated(analysis: Analysis) -> Unrepeated | None:
     if fast is None or slow is None:
         return None
     heights, excesses, share = {}, {}, {}
+    edge = round(EDGE_S * HOP_HZ)
     knocks, changes = np.zeros(fast.size, np.bool_), np.zeros(slow.size, np.bool_)
     for band, trace in traces.items():
         peak_db = analysis.noise_peak_db(band, FALSE_KNOCK)
         heights[band] = fast.above(_level_db(trace[:size]), peak_db, KNOCK_DB)
-        knocks |= heights[band] > KNOCK_DB
+        knocks[edge:-edge] |= heights[band][edge:-edge] > KNOCK_DB
         excess = slow.differs(_level_db(_averaged(trace[:size])))
         excesses[band] = np.nan_to_num(excess)
         judged = np.isfinite(excess)
@@ -91,6 +96,13 @@ def find_unrepeated(analysis: Analysis) -> Unrepeated | None:
         _event(span, excesses, HOP_HZ / SLOW_HOPS, False) for span in _spans(changes & ~known, HOP_HZ / SLOW_HOPS)
     ]
     return Unrepeated(tuple(sorted(events, key=lambda each: each.span.start_s)), share)
+
+
+def _filled(analysis: Analysis, band: Band) -> bool:
+    """Whether the recording has more in a band than rounding: after a resampling it may not."""
+    low_hz, high_hz, _ = band.value
+    spectrum, top_hz = analysis.spectrum, min(high_hz, analysis.highest_hz)
+    return spectrum.band_power(low_hz, top_hz) > EMPTY * spectrum.band_power(Band.LOW.value[0], analysis.highest_hz)
 
 
 def _level_db(trace: NDArray[np.float32]) -> Floats:
