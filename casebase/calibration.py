@@ -79,8 +79,8 @@ class Usual:
             return cls()
         known = {name: values[:, names.index(name)].astype(np.float64) for name in CIRCUMSTANCES}
         return cls(
-            float(np.clip(np.quantile(known["cycles_left"], 0.1), 1.0, ENOUGH_CYCLES)),
-            float(np.clip(np.quantile(known["standstill_fall_above_200_hz"], 0.1), 1.0, QUIET_FALL_DB)),
+            float(np.clip(np.quantile(known["cycles_left"], 0.1), FEWEST_CYCLES, ENOUGH_CYCLES)),
+            float(np.clip(np.quantile(known["standstill_fall_above_200_hz"], 0.1), 0.0, QUIET_FALL_DB)),
             *_spread(known["low_band_level"]),
             *_spread(known["noise_on_the_way_12_200_hz"]),
         )

@@ -31,6 +31,8 @@ unknown then begins so many times as far out."""
 UNKNOWN_COLOUR = 5.0
 """A sound that is by so many standard deviations unlike all measured cases comes from another machine or recorder: of
 no distribution do more than four in a hundred lie so far out (Chebyshev)."""
+LEAST_LEAD = 0.05
+"""However little a recording tells, what leads keeps so much of its lead over an even share [1]."""
 LEVEL = 0.05
 """The level of the conformal test that the library should be large enough for."""
 
@@ -124,7 +126,8 @@ class Experience:
         if count == 1:
             return np.array([sure])
         even = 1 / count
-        sure, share = max(sure, even), float(shares[top])
+        share = float(shares[top])
+        sure = max(sure, even + LEAST_LEAD * (share - even))
         if share > sure:
             # drawn to an even share, so that the leading label stays in the lead
             return np.asarray(even + (sure - even) / (share - even) * (shares - even))
