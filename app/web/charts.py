@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from app import views
 from app.web.svg import Axis, Band, Marker, Series, line_chart, polar_chart
 from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
-from casebase.signals.analysis import Band as SignalBand
+from casebase.signals.band import Band as SignalBand
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.recording import Recording
 

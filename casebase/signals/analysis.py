@@ -1,9 +1,7 @@
 """Analysis: what several feature families need of one recording, each computed once, when asked for."""
 
 import math
-from collections.abc import Mapping
-from dataclasses import dataclass, field
-from enum import Enum
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -11,12 +9,14 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from casebase.signals import envelope, filters
+from casebase.signals.band import Band
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.fold import FALSE_ALARM, SMOOTH_S, Fold, fold, noise_peak_db
 from casebase.signals.motion import HOP_HZ, Motion, find_motion, loudness_db
 from casebase.signals.recording import Recording
 from casebase.signals.segments import Span
 from casebase.signals.spectra import BandEnvelope, LongSpectrum, band_envelope, long_spectrum
+from casebase.signals.unrepeated import FALSE_KNOCK, Unrepeated, find_unrepeated
 
 ANALYSIS_RATE_HZ = 8000.0
 """Sample rate that every recording is brought to [Hz]; the paper's."""
@@ -27,21 +27,11 @@ IMPULSES_APART_S = 0.05
 RAMP_S = 0.005
 """What is left out fades out and in over so long [s], for an edge would be an impulse."""
 
+EMPTY = 1e-9
+"""Share of the power below which a band holds nothing [1]."""
+
 USABLE_SHARE = 0.95
 """Share of the band up to half the original sample rate that anti-aliasing filters leave whole."""
-
-
-class Band(Enum):
-    """Bands in which events are looked for: (low [Hz], high [Hz], width of whitening [Hz])."""
-
-    LOW = (12.0, 200.0, 8.0)
-    MIDDLE = (200.0, 1000.0, 100.0)
-    HIGH = (1000.0, 3600.0, 100.0)
-
-    @property
-    def label(self) -> str:
-        """The band as it stands in names of features, for example `12_200_hz`."""
-        return f"{self.value[0]:.0f}_{self.value[1]:.0f}_hz"
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,14 +41,14 @@ class Analysis:
     Args:
         left_out: what is not the machine; silenced, and missing from every statistic.
         known_motion: the motion, where it was found before something was left out.
-        unrepeated: share of the time in which a band is not as in other cycles, before anything was left out [1].
+        known_unrepeated: what did not repeat, where it was looked for before something was left out.
     """
 
     recording: Recording
     condition: OperatingCondition
     left_out: tuple[Span, ...] = ()
     known_motion: Motion | None = None
-    unrepeated: Mapping["Band", float] = field(default_factory=dict)
+    known_unrepeated: Unrepeated | None = None
 
     @cached_property
     def samples(self) -> NDArray[np.float32]:
@@ -206,3 +196,18 @@ class Analysis:
             band: fold(trace, self.motion, self.freedom(band)) if trace is not None else None
             for band, trace in self._traces.items()
         }
+
+    @cached_property
+    def unrepeated(self) -> Unrepeated | None:
+        """What cycles do not have in common; None without a motion of two cycles."""
+        if self.known_unrepeated is not None:
+            return self.known_unrepeated
+        traces = {band: trace for band, trace in self._traces.items() if trace is not None and self._filled(band)}
+        peaks_db = {band: self.noise_peak_db(band, FALSE_KNOCK) for band in traces}
+        return find_unrepeated(traces, peaks_db, self.motion)
+
+    def _filled(self, band: Band) -> bool:
+        """Whether the recording has more in a band than rounding: after a resampling it may not."""
+        low_hz, high_hz, _ = band.value
+        power = self.spectrum.band_power(low_hz, min(high_hz, self.highest_hz))
+        return power > EMPTY * self.spectrum.band_power(Band.LOW.value[0], self.highest_hz)

@@ -12,7 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft
 
-from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis, Band
+from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
+from casebase.signals.band import Band
 from casebase.signals.fold import Fold
 from casebase.signals.motion import HOP_HZ
 

@@ -9,14 +9,15 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from casebase.signals.analysis import Analysis, Band
+from casebase.signals.analysis import Analysis
+from casebase.signals.band import Band
 from casebase.signals.circumstances import louder_after_start_db, low_band_level_db, standstill_db
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.motion import HOP_HZ
 from casebase.signals.quality import QualityFlag, Severity, assess, constant_stretches
 from casebase.signals.recording import Recording
 from casebase.signals.segments import Segments, Span, find_segments
-from casebase.signals.unrepeated import Event, Unrepeated, find_unrepeated
+from casebase.signals.unrepeated import Event
 
 MOST_LEFT_OUT = 0.5
 """Where more than this share would be left out, what is left is the disturbance, and nothing is left out [1]."""
@@ -46,14 +47,12 @@ class Survey:
         analysis: of the piece of motion, without what is not the machine.
         segments: how the recording is divided.
         lost: stretches of lost samples within the piece, from its start.
-        unrepeated: what cycles do not have in common; None without two cycles.
     """
 
     recording: Recording
     analysis: Analysis
     segments: Segments
     lost: tuple[Span, ...] = ()
-    unrepeated: Unrepeated | None = None
 
     @property
     def start_s(self) -> float:
@@ -73,14 +72,12 @@ def survey(recording: Recording, condition: OperatingCondition) -> Survey:
     else:
         lost = tuple(_moved(span, -machine.start_s) for span in lost if _overlap(span, machine))
         piece = Analysis(_cut(recording, machine), _shifted(condition, machine), lost)
-    unrepeated = find_unrepeated(piece)
+    unrepeated = piece.unrepeated
     events = () if unrepeated is None else tuple(event.span for event in unrepeated.events)
     left_out = _united((*lost, *events))
-    if unrepeated is not None:
-        piece = replace(piece, unrepeated=unrepeated.share)
     if events and sum(span.duration_s for span in left_out) <= MOST_LEFT_OUT * piece.duration_s:
-        piece = replace(piece, left_out=left_out, known_motion=piece.motion)
-    return Survey(recording, piece, segments, lost, unrepeated)
+        piece = replace(piece, left_out=left_out, known_motion=piece.motion, known_unrepeated=unrepeated)
+    return Survey(recording, piece, segments, lost)
 
 
 def _lost(recording: Recording) -> tuple[Span, ...]:
@@ -165,9 +162,10 @@ def pause(surveyed: Survey) -> Iterator[QualityFlag]:
 
 def unrepeated(surveyed: Survey) -> Iterator[QualityFlag]:
     """Name what some cycles have and others have not."""
-    if surveyed.unrepeated is None:
+    found = surveyed.analysis.unrepeated
+    if found is None:
         return
-    events, worst = surveyed.unrepeated.events, max(surveyed.unrepeated.share.values())
+    events, worst = found.events, max(found.share.values())
     left_out = bool(surveyed.analysis.left_out) or not events
     severity = Severity.POOR if worst > POOR_SHARE or not left_out else Severity.NOTE
     knocks = [event for event in events if event.knock]

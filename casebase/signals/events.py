@@ -6,7 +6,8 @@ from enum import StrEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.signals.analysis import Analysis, Band
+from casebase.signals.analysis import Analysis
+from casebase.signals.band import Band
 from casebase.signals.fold import Fold
 
 STRONGEST = 200

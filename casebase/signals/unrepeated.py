@@ -6,13 +6,14 @@ the surroundings, with a time. Of two others the one that is more like it counts
 strokes in a direction are the least of which anything can be said, and of two the louder one is the odd one.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from casebase.signals.analysis import Analysis, Band
+from casebase.signals.band import Band
 from casebase.signals.motion import HOP_HZ, Motion
 from casebase.signals.segments import Span
 
@@ -21,8 +22,6 @@ EARLY_OR_LATE_S = 0.02
 """By so much a repetition may be early or late [s], as cycles scatter."""
 FALSE_KNOCK = 0.001
 """Probability with which noise alone is taken for a knock, per recording and band [1]."""
-EMPTY = 1e-9
-"""Share of the power below which a band holds nothing [1]."""
 KNOCK_DB = 6.0
 """A knock of the machine comes with half to twice its amplitude in the next cycle [dB]."""
 CHANGE_DB = 3.0
@@ -65,10 +64,16 @@ class Unrepeated:
     share: dict[Band, float]
 
 
-def find_unrepeated(analysis: Analysis) -> Unrepeated | None:
-    """Hold every cycle against the others; None without a motion of two cycles."""
-    motion = analysis.motion
-    traces = {band: trace for band in Band if (trace := analysis.traced(band)) is not None and _filled(analysis, band)}
+def find_unrepeated(
+    traces: Mapping[Band, NDArray[np.float32]], peaks_db: Mapping[Band, float], motion: Motion
+) -> Unrepeated | None:
+    """Hold every cycle against the others; None without a motion of two cycles.
+
+    Args:
+        traces: smoothed squared envelopes of bands, `HOP_HZ` values per second, shape (n,) each; NaN where left out.
+        peaks_db: height over the median that noise hardly ever reaches in each [dB].
+        motion: with the reversals that strokes are counted from.
+    """
     if not traces or motion.period_s is None or len(motion.reversal_times_s) < 2:
         return None
     size = min(trace.size for trace in traces.values())
@@ -79,8 +84,7 @@ def find_unrepeated(analysis: Analysis) -> Unrepeated | None:
     edge = round(EDGE_S * HOP_HZ)
     knocks, changes = np.zeros(fast.size, np.bool_), np.zeros(slow.size, np.bool_)
     for band, trace in traces.items():
-        peak_db = analysis.noise_peak_db(band, FALSE_KNOCK)
-        heights[band] = fast.above(_level_db(trace[:size]), peak_db, KNOCK_DB)
+        heights[band] = fast.above(_level_db(trace[:size]), peaks_db[band], KNOCK_DB)
         knocks[edge:-edge] |= heights[band][edge:-edge] > KNOCK_DB
         excess = slow.differs(_level_db(_averaged(trace[:size])))
         excesses[band] = np.nan_to_num(excess)
@@ -96,13 +100,6 @@ def find_unrepeated(analysis: Analysis) -> Unrepeated | None:
         _event(span, excesses, HOP_HZ / SLOW_HOPS, False) for span in _spans(changes & ~known, HOP_HZ / SLOW_HOPS)
     ]
     return Unrepeated(tuple(sorted(events, key=lambda each: each.span.start_s)), share)
-
-
-def _filled(analysis: Analysis, band: Band) -> bool:
-    """Whether the recording has more in a band than rounding: after a resampling it may not."""
-    low_hz, high_hz, _ = band.value
-    spectrum, top_hz = analysis.spectrum, min(high_hz, analysis.highest_hz)
-    return spectrum.band_power(low_hz, top_hz) > EMPTY * spectrum.band_power(Band.LOW.value[0], analysis.highest_hz)
 
 
 def _level_db(trace: NDArray[np.float32]) -> Floats:
@@ -145,20 +142,18 @@ class _Strokes:
     def above(self, level_db: Floats, least_db: float, least_excess_db: float) -> Floats:
         """Return by how much what is above a level stands out of the other strokes, shape (n,); 0 elsewhere."""
         found = np.zeros(self.size)
-        rows, columns = np.nonzero(self.inside & (np.nan_to_num(level_db, nan=-np.inf)[self.index] > least_db))
-        if not rows.size:
+        level_db = np.nan_to_num(level_db, nan=-np.inf)
+        high = level_db > least_db
+        if not high.any():
             return found
-        wide = ndimage.maximum_filter1d(np.nan_to_num(level_db, nan=-np.inf), 2 * self.tolerance + 1)
-        highest = np.where(self.inside, wide[self.index], np.nan)
-        highest[np.isneginf(highest)] = np.nan
+        columns = np.flatnonzero((self.inside & high[self.index]).any(axis=0))
+        index, inside = self.index[:, columns], self.inside[:, columns]
+        wide = ndimage.maximum_filter1d(level_db, 2 * self.tolerance + 1)
+        highest = np.where(inside & np.isfinite(wide)[index], wide[index], np.nan)
         for parity in (0, 1):
-            mine = np.flatnonzero(np.arange(len(self.index)) % 2 == parity)
-            for row in mine[np.isin(mine, rows)]:
-                at = columns[rows == row]
-                others = highest[np.ix_(mine[mine != row], at)]
-                typical = _median(others, upper=True)
-                excess = np.where(np.isfinite(typical), level_db[self.index[row, at]] - typical, 0.0)
-                found[self.index[row, at]] = np.where(excess > least_excess_db, excess, 0.0)
+            excess = level_db[index[parity::2]] - _median_of_others(highest[parity::2], upper=True)
+            counts = inside[parity::2] & high[index[parity::2]] & (excess > least_excess_db)
+            found[index[parity::2][counts]] = excess[counts]
         return found
 
     def differs(self, level_db: Floats) -> Floats:
@@ -167,30 +162,31 @@ class _Strokes:
         wide = ndimage.maximum_filter1d(filled, 2 * self.tolerance + 1)
         thin = ndimage.minimum_filter1d(filled, 2 * self.tolerance + 1)
         known = self.inside & np.isfinite(level_db)[self.index]
-        highest = np.where(known, wide[self.index], np.nan)
-        lowest = np.where(known, thin[self.index], np.nan)
         found = np.full(self.size, np.nan)
         for parity in (0, 1):
-            mine = np.flatnonzero(np.arange(len(self.index)) % 2 == parity)
-            for row in mine:
-                others = mine[mine != row]
-                if not others.size:
-                    continue
-                above, below = _median(highest[others], upper=True), _median(lowest[others], upper=False)
-                below = np.where(np.isfinite(lowest[others]).sum(axis=0) > 1, below, -np.inf)
-                own = level_db[self.index[row]]
-                excess = np.where(own > above, own - above, np.minimum(own - below, 0.0))
-                excess = np.where(np.isfinite(above) & known[row], excess, np.nan)
-                found[self.index[row][self.inside[row]]] = excess[self.inside[row]]
+            index, here = self.index[parity::2], known[parity::2]
+            above = _median_of_others(np.where(here, wide[index], np.nan), upper=True)
+            below = _median_of_others(np.where(here, thin[index], np.nan), upper=False)
+            below = np.where(here.sum(axis=0) > 2, below, -np.inf)
+            own = level_db[index]
+            excess = np.where(own > above, own - above, np.minimum(own - below, 0.0))
+            found[index[here]] = np.where(np.isfinite(above), excess, np.nan)[here]
         return found
 
 
-def _median(rows: Floats, *, upper: bool) -> Floats:
-    """Return the median of each column without NaN, of an even number the upper or lower one; NaN of nothing."""
-    known = np.isfinite(rows).sum(axis=0)
-    place = known // 2 if upper else (known - 1) // 2
-    middle: Floats = np.take_along_axis(np.sort(rows, axis=0), np.clip(place, 0, len(rows) - 1)[None], axis=0)[0]
-    return np.where(known > 0, middle, np.nan)
+def _median_of_others(rows: Floats, *, upper: bool) -> Floats:
+    """Return for every row the median of the others in each column, of an even number the upper or lower one.
+
+    Shape as the rows; NaN where the row itself is NaN, or all others are.
+    """
+    order = np.argsort(rows, axis=0)
+    rank = np.empty_like(order)
+    np.put_along_axis(rank, order, np.arange(len(rows))[:, None], axis=0)
+    others = np.isfinite(rows).sum(axis=0) - 1
+    place = others // 2 if upper else (others - 1) // 2
+    place = np.clip(place + (rank <= place), 0, len(rows) - 1)
+    median: Floats = np.take_along_axis(np.take_along_axis(rows, order, axis=0), place, axis=0)
+    return np.where(np.isfinite(rows) & (others > 0), median, np.nan)
 
 
 def _spans(mask: NDArray[np.bool_], rate_hz: float) -> list[Span]:

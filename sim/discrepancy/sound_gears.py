@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from casebase.signals.analysis import Band
+from casebase.signals.band import Band
 from casebase.signals.motion import HOP_HZ
 from sim.axis import Axis
 from sim.chain_model import Array

@@ -15,7 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from casebase.signals.analysis import Analysis, Band
+from casebase.signals.analysis import Analysis
+from casebase.signals.band import Band
 from casebase.signals.fold import SMOOTH_S, TOLERANCE, Fold, fold
 from casebase.signals.motion import HOP_HZ
 from casebase.signals.spectra import band_envelope

@@ -6,7 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from casebase.signals.analysis import ANALYSIS_RATE_HZ, Band
+from casebase.signals.analysis import ANALYSIS_RATE_HZ
+from casebase.signals.band import Band
 from casebase.signals.motion import HOP_HZ, loudness_db
 from sim.chain_model import Array
 from sim.discrepancy.panels import Panel

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.ndimage import maximum_filter1d, median_filter
 from scipy.stats import trim_mean
 
-from casebase.signals.analysis import Band
+from casebase.signals.band import Band
 from casebase.signals.motion import HOP_HZ
 from casebase.signals.spectra import BandEnvelope, band_envelope
 from sim.chain_model import Array

@@ -5,7 +5,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from casebase.signals.analysis import Analysis, Band
+from casebase.signals.analysis import Analysis
+from casebase.signals.band import Band
 from casebase.signals.condition import UNKNOWN, OperatingCondition
 from casebase.signals.events import EventKind, find_events
 from casebase.signals.features import extract

@@ -5,7 +5,8 @@ None of these enters a distance: they say how well a fault would be heard, not w
 
 from collections.abc import Sequence
 
-from casebase.signals.analysis import Analysis, Band
+from casebase.signals.analysis import Analysis
+from casebase.signals.band import Band
 from casebase.signals.circumstances import louder_after_start_db, low_band_level_db, standstill_db
 from casebase.signals.features.family import FeatureFamily
 from casebase.signals.features.vector import FeatureDefinition
@@ -59,7 +60,7 @@ class Circumstances(FeatureFamily):
         period_s = analysis.motion.period_s
         left_out = sum(span.duration_s for span in analysis.left_out)
         kept_s = max(0.0, analysis.duration_s - left_out)
-        share = analysis.unrepeated
+        share = {} if analysis.unrepeated is None else analysis.unrepeated.share
         return [
             min(kept_s / period_s, MOST_CYCLES) if period_s else 0.0,
             min(1.0, left_out / analysis.duration_s),

@@ -4,7 +4,8 @@ import math
 from collections.abc import Sequence
 
 from casebase.signals import envelope
-from casebase.signals.analysis import Analysis, Band
+from casebase.signals.analysis import Analysis
+from casebase.signals.band import Band
 from casebase.signals.features.family import FeatureFamily
 from casebase.signals.features.vector import FeatureDefinition
 from casebase.signals.spectra import BandEnvelope

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from casebase.signals import envelope
-from casebase.signals.analysis import Analysis, Band
+from casebase.signals.analysis import Analysis
+from casebase.signals.band import Band
 from casebase.signals.features.family import FeatureFamily
 from casebase.signals.features.vector import FeatureDefinition
 
