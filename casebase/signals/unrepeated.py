@@ -20,14 +20,14 @@ from casebase.signals.segments import Span
 Floats = NDArray[np.float64]
 EARLY_OR_LATE_S = 0.02
 """By so much a repetition may be early or late [s], as cycles scatter."""
-FALSE_KNOCK = 0.001
-"""Probability with which noise alone is taken for a knock, per recording and band [1]."""
+FALSE_ALARM_OF_EVENTS = 0.001
+"""Probability with which noise alone is taken for an event, per recording and band [1]."""
 KNOCK_DB = 6.0
 """A knock of the machine comes with half to twice its amplitude in the next cycle [dB]."""
 CHANGE_DB = 3.0
 """The machine is not twice as loud in one cycle as in the others [dB]."""
-SLOW_HOPS = 5
-"""Levels are averaged over four times so many hops when they are held against other cycles [1]: 100 ms."""
+SLOW_HOPS, SLOW_S = 5, 0.1
+"""Levels are averaged over four times so many hops [1], so long [s], when they are held against other cycles."""
 EDGE_S = 0.05
 """At the ends of the record a line rings where it was mirrored; a knock there is not told from that [s]."""
 AROUND_S = 0.04
@@ -65,13 +65,17 @@ class Unrepeated:
 
 
 def find_unrepeated(
-    traces: Mapping[Band, NDArray[np.float32]], peaks_db: Mapping[Band, float], motion: Motion
+    traces: Mapping[Band, NDArray[np.float32]],
+    peaks_db: Mapping[Band, float],
+    changes_db: Mapping[Band, float],
+    motion: Motion,
 ) -> Unrepeated | None:
     """Hold every cycle against the others; None without a motion of two cycles.
 
     Args:
         traces: smoothed squared envelopes of bands, `HOP_HZ` values per second, shape (n,) each; NaN where left out.
         peaks_db: height over the median that noise hardly ever reaches in each [dB].
+        changes_db: by how much an averaged level must differ to be an event [dB].
         motion: with the reversals that strokes are counted from.
     """
     if not traces or motion.period_s is None or len(motion.reversal_times_s) < 2:
@@ -90,7 +94,7 @@ def find_unrepeated(
         excesses[band] = np.nan_to_num(excess)
         judged = np.isfinite(excess)
         share[band] = float(np.mean(np.abs(excess[judged]) > CHANGE_DB)) if judged.any() else 0.0
-        changes |= np.abs(excesses[band]) > CHANGE_DB
+        changes |= np.abs(excesses[band]) > changes_db[band]
     changes = ndimage.binary_opening(changes, np.ones(round(SHORTEST_CHANGE_S * HOP_HZ / SLOW_HOPS), np.bool_))
     known = np.zeros(slow.size, np.bool_)
     for span in (short := _spans(knocks, HOP_HZ)):
