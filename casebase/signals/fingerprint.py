@@ -20,7 +20,7 @@ Words = NDArray[np.uint32]
 
 RATE_HZ = 8000.0
 WINDOW, HOP = 2048, 256
-PHASES = (0, 64, 128, 192)
+PHASES = (0, 128)
 """Samples by which what is looked for may begin elsewhere in a hop than what is known."""
 BITS = 24
 LOWEST_HZ, HIGHEST_HZ = 250.0, 3000.0
