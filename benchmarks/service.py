@@ -1,4 +1,4 @@
-"""POST /diagnoses of a 30 s recording, against the sum of its decoding, fingerprint, features and retrieval in this process."""
+"""POST /diagnoses of a 30 s recording, against the sum of its parts in this process."""
 
 import json
 import tempfile
