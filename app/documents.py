@@ -11,6 +11,7 @@ from app.keys import Role
 from app.metadata import Label, Text, Word
 from casebase.models import StoredDiagnosis
 from casebase.pages import Page
+from casebase.signals.quality import DISTURBANCES
 
 Row = TypeVar("Row")
 Document = TypeVar("Document", bound=BaseModel)
@@ -118,8 +119,19 @@ class QualityDocument(Answer):
     """Something that weakens what can be said of a recording."""
 
     name: str
-    severity: str
+    severity: Literal["note", "poor", "unusable"]
     reason: str
+    start_s: float | None = Field(None, description="from the start of the recording; null: the whole recording")
+    end_s: float | None = None
+
+
+class DisturbanceDocument(BaseModel):
+    """Something in a recording that is not the machine, or that the recorder did to it."""
+
+    kind: str = Field(description="what it is", json_schema_extra={"enum": list(DISTURBANCES)})
+    start_s: float = Field(description="from the start of the recording")
+    end_s: float
+    severity: Literal["info", "poor"] = Field(description="info: left out or harmless; poor: no label is relied on")
 
 
 class RecordingAnswer(Answer):
@@ -273,6 +285,9 @@ class DiagnosisAnswer(BaseModel):
     hypotheses: list[HypothesisDocument]
     neighbours: list[NeighbourDocument]
     evidence: list[dict[str, object]]
+    disturbances: list[DisturbanceDocument] = Field(
+        [], description="what was left out or disturbs; empty in diagnoses from before they were looked for"
+    )
     quality: list[QualityDocument]
     novelty: Novelty
     remarks: list[str]
@@ -306,6 +321,14 @@ class ProportionDocument(BaseModel):
     high: float
 
 
+class FiguresDocument(BaseModel):
+    """What of an evaluation tells whether simulated cases help or harm."""
+
+    accuracy: ProportionDocument
+    known_called_new: ProportionDocument
+    left_out_class_called_new: dict[str, ProportionDocument]
+
+
 class EvaluationAnswer(BaseModel):
     """The library's own cross-validation: what it says of each group when that group is left out."""
 
@@ -323,3 +346,6 @@ class EvaluationAnswer(BaseModel):
     confusion: dict[str, dict[str, int]] = Field(description="true label -> answered label -> cases")
     cells: dict[str, dict[str, list[str]]] = Field(description="the ids of the cases of each cell")
     left_out_class_called_new: dict[str, ProportionDocument]
+    without_simulated: FiguresDocument | None = Field(
+        description="the same cases by the measured ones alone; null unless there are simulated cases beside them"
+    )

@@ -2,8 +2,10 @@
 
 import io
 import math
+from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +21,9 @@ from casebase.signals.crest import (
 )
 from casebase.signals.decode import read_recording
 from casebase.signals.recording import Recording
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes  # slow to import
 
 SPECTROGRAM_WINDOW = 512
 FLOOR_DB = -160.0
@@ -137,8 +142,14 @@ def crest(recording: Recording, window_s: float) -> CrestFactor:
     )
 
 
-def spectrogram_png(recording: Recording, columns: int, *, dark: bool = False) -> bytes:
-    """Return the spectrogram as a PNG with labelled axes, 80 dB below the loudest point downwards left out."""
+def spectrogram_png(
+    recording: Recording, columns: int, *, dark: bool = False, marked: Sequence[tuple[float, float, str]] = ()
+) -> bytes:
+    """Return the spectrogram as a PNG with labelled axes, 80 dB below the loudest point downwards left out.
+
+    Args:
+        marked: stretches between two lines, from [s], to [s], and their words.
+    """
     from matplotlib.figure import Figure  # a second to import, which only the first picture need wait for
 
     frequency, _, level = _spectrogram(recording, columns)
@@ -161,9 +172,34 @@ def spectrogram_png(recording: Recording, columns: int, *, dark: bool = False) -
     axes.set_ylabel("frequency [Hz]", color=ink)
     for part in (axes, bar.ax):
         part.tick_params(colors=ink)
+    mark_stretches(axes, marked)
     target = io.BytesIO()
     figure.savefig(target, format="png", facecolor=paper)
     return target.getvalue()
+
+
+def mark_stretches(axes: "Axes", marked: Sequence[tuple[float, float, str]], ink: str = "#ffffff") -> None:
+    """Put lines around stretches of time, from [s], to [s], with their words; readable on any colour."""
+    halo = {"facecolor": "#000000" if ink == "#ffffff" else "#ffffff", "alpha": 0.7, "edgecolor": "none", "pad": 1.5}
+    worded = [text for _, _, text in marked if text]
+    for start_s, end_s, text in marked:
+        axes.axvspan(start_s, end_s, facecolor=ink, alpha=0.15)
+        for edge_s in (start_s, end_s):
+            axes.axvline(edge_s, color=ink, linestyle="--", linewidth=0.8)
+        if text:
+            height = 0.93 - 0.09 * (worded.index(text) % 4)
+            late = start_s > 0.8 * axes.get_xlim()[1]
+            axes.annotate(
+                text,
+                (start_s, height),
+                xycoords=("data", "axes fraction"),
+                xytext=(-3 if late else 3, 0),
+                textcoords="offset points",
+                ha="right" if late else "left",
+                fontsize=8,
+                color=ink,
+                bbox=halo,
+            )
 
 
 def _spectrogram(

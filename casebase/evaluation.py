@@ -88,6 +88,7 @@ class Evaluation:
         called_new: cases of known classes called `not_in_library`.
         confusion: true label -> answered label -> case ids; `not_in_library` is a column.
         left_out: per class, how many of its cases are called new by a library without that class.
+        without_simulated: the same cases by the measured ones alone; None unless simulated ones were learned from too.
     """
 
     group: str
@@ -101,6 +102,15 @@ class Evaluation:
     confusion: Mapping[str, Mapping[str, tuple[str, ...]]]
     left_out: Mapping[str, Proportion]
     outcomes: tuple[Outcome, ...]
+    without_simulated: "Evaluation | None" = None
+
+    def figures(self) -> dict[str, object]:
+        """Return how often it is right, and both figures of novelty, as JSON."""
+        return {
+            "accuracy": self.accuracy.to_document(),
+            "known_called_new": self.called_new.to_document(),
+            "left_out_class_called_new": {label: each.to_document() for label, each in self.left_out.items()},
+        }
 
     def to_document(self) -> dict[str, object]:
         """Return it as JSON; `confusion` holds counts, `cells` the case ids behind them."""
@@ -110,9 +120,8 @@ class Evaluation:
             "cases": self.cases,
             "gearboxes": self.gearboxes,
             "right_means": RIGHT,
-            "accuracy": self.accuracy.to_document(),
+            **self.figures(),
             "accuracy_when_diagnosed": self.said.to_document(),
-            "known_called_new": self.called_new.to_document(),
             "per_class": {label: each.to_document() for label, each in self.per_class.items()},
             "confusion": {
                 truth: {answer: len(ids) for answer, ids in row.items()} for truth, row in self.confusion.items()
@@ -120,7 +129,7 @@ class Evaluation:
             "cells": {
                 truth: {answer: list(ids) for answer, ids in row.items()} for truth, row in self.confusion.items()
             },
-            "left_out_class_called_new": {label: each.to_document() for label, each in self.left_out.items()},
+            "without_simulated": None if self.without_simulated is None else self.without_simulated.figures(),
         }
 
 
@@ -159,7 +168,10 @@ def evaluate(
         outcomes += _outcomes(table, inside, tested & held_out, names, learned)
         for label in table.classes:
             found[label] += _called_new(table, inside & (table.labels != label), tested & held_out, label)
-    return _evaluation(table, group, origin, tuple(outcomes), found)
+    result = _evaluation(table, group, origin, tuple(outcomes), found)
+    if origin != "both" or np.unique(table.origins).size < 2:
+        return result
+    return replace(result, without_simulated=evaluate(table, group=group, origin="measured"))
 
 
 def _tested(table: CaseTable, group: str) -> Mask:

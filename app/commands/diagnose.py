@@ -12,7 +12,7 @@ from app.commands.sounds import MEANT, Sound, sounds
 from app.documents import DiagnosisAnswer
 from app.intake import media_type_of, take_in
 from app.metadata import RecordingMetadata
-from app.web.words import verdict_of
+from app.web.words import is_poor, remarks_beside, verdict_of
 from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError
 from sim.axis import Axis, read_axis
@@ -91,6 +91,8 @@ def _show(frame: Frame, entries: list[dict[str, Any]]) -> None:
         words = verdict_of(entry)
         frame.print(f"{entry['file']}: {words.headline}. {words.summary}")
         for flag in entry["quality"]:
-            frame.print(f"  {flag['severity']}: {flag['reason']}")
-        for remark in entry["remarks"]:
+            frame.print(f"  {flag['severity']}, {flag['name'].replace('_', ' ')}: {flag['reason']}")
+        for remark in remarks_beside(entry):
             frame.print(f"  note: {remark}")
+        if is_poor(entry):
+            frame.print(f"  next: {words.checks[0]}")

@@ -4,9 +4,11 @@ from typing import Annotated, Literal
 
 import typer
 from rich.table import Table
+from sqlalchemy.orm import Session
 
 from app.commands.frame import Frame, frame_of
 from casebase.evaluation import Evaluation, Proportion
+from casebase.library import CaseLibrary
 
 
 def register(app: typer.Typer) -> None:
@@ -25,10 +27,7 @@ def evaluate(
     frame = frame_of(context)
     with frame.current_library() as library, frame.words.status("cross-validating"), library.reading() as session:
         found = library.evaluate(session, group=group, origin=origin)
-        kinds = {kind for _, kind in library.counts(session)}
-        alone = (
-            [library.evaluate(session, group=group, origin=kind) for kind in sorted(kinds)] if len(kinds) > 1 else []
-        )
+        alone = _alone(library, session, found)
     if json:
         compared = {each.origin: each.accuracy.to_document() for each in (*alone, found)}
         frame.print_json({**found.to_document(), "accuracy_by_origin": compared})
@@ -36,6 +35,18 @@ def evaluate(
         _show(frame, found)
         for each in alone:
             frame.print(f"accuracy learned from {each.origin} cases alone: {_share(each.accuracy)}")
+
+
+def _alone(library: CaseLibrary, session: Session, found: Evaluation) -> list[Evaluation]:
+    """Return the evaluations by measured and by simulated cases alone, where there are both."""
+    measured = found.without_simulated
+    if measured is None and len({kind for _, kind in library.counts(session)}) < 2:
+        return []
+    kept = {each.origin: each for each in (found, measured) if each}
+    return [
+        kept.get(origin) or library.evaluate(session, group=found.group, origin=origin)
+        for origin in ("measured", "simulated")
+    ]
 
 
 def _show(frame: Frame, found: Evaluation) -> None:
@@ -47,9 +58,12 @@ def _show(frame: Frame, found: Evaluation) -> None:
     frame.results.print(table)
     frame.print(f"{found.cases} cases of {found.gearboxes} measured gearboxes, learned from {found.origin}")
     frame.print(f"accuracy {_share(found.accuracy)}; of those called 'diagnosed' {_share(found.said)}")
-    frame.print(f"known, but called not_in_library: {_share(found.called_new)}")
-    for label, share in found.left_out.items():
-        frame.print(f"{label} left out of the library, called not_in_library: {_share(share)}")
+    without = found.without_simulated
+    figures = Table("called not_in_library", *(("with simulated cases", "without") if without else ("share",)))
+    figures.add_row("known", *(_share(each.called_new) for each in (found, without) if each))
+    for label in found.left_out:
+        figures.add_row(f"{label}, left out", *(_share(each.left_out[label]) for each in (found, without) if each))
+    frame.results.print(figures)
 
 
 def _share(share: Proportion) -> str:

@@ -8,10 +8,12 @@ from markupsafe import Markup
 from numpy.typing import NDArray
 
 from app import views
-from app.web.svg import Axis, Band, Marker, Series, line_chart, polar_chart
+from app.web.disturbed import stretches
+from app.web.svg import Axis, Band, Marker, Series, Stretch, line_chart, polar_chart
 from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
 from casebase.signals.band import Band as SignalBand
 from casebase.signals.condition import OperatingCondition
+from casebase.signals.disturbances import Survey
 from casebase.signals.recording import Recording
 
 SECTORS = 72
@@ -20,7 +22,7 @@ SHOWN_POINTS = 6000
 
 @dataclass(frozen=True)
 class Chart:
-    """Lines over one pair of axes with bands, markers and events; charts with the same cursor are read together."""
+    """Lines over one pair of axes and what is marked there; charts with the same cursor are read together."""
 
     title: str
     series: tuple[Series, ...]
@@ -29,6 +31,7 @@ class Chart:
     bands: tuple[Band, ...] = ()
     markers: tuple[Marker, ...] = ()
     events: tuple[float, ...] = ()
+    stretches: tuple[Stretch, ...] = ()
     y_range: tuple[float, float] | None = None
     cursor: str = ""
 
@@ -42,6 +45,7 @@ class Chart:
             bands=self.bands,
             markers=self.markers,
             events=self.events,
+            stretches=self.stretches,
             width=width,
             height=height,
         )
@@ -58,6 +62,7 @@ class Chart:
             "bands": [{"name": b.name, "low": b.low, "high": b.high} for b in self.bands],
             "markers": [{"x": m.x, "text": m.text} for m in self.markers],
             "events": list(self.events),
+            "stretches": [{"start": s.start_s, "end": s.end_s, "text": s.text} for s in self.stretches],
         }
 
 
@@ -78,19 +83,21 @@ def envelope(samples: NDArray[np.float32], rate_hz: float, points: int) -> Serie
     return Series("", times, values.astype(np.float64))
 
 
-def waveform(recording: Recording, analysis: Analysis, events: tuple[float, ...], points: int = SHOWN_POINTS) -> Chart:
-    """The sound, what is left of it below 200 Hz, reversals of the motion and impulses."""
+def waveform(surveyed: Survey, events: tuple[float, ...], points: int = SHOWN_POINTS) -> Chart:
+    """The sound, what is analysed of it below 200 Hz, reversals of the motion, impulses, and what is left out."""
+    recording, analysis = surveyed.recording, surveyed.analysis
     sound = envelope(recording.samples, recording.sample_rate_hz, points)
     low = envelope(analysis.low_passed, ANALYSIS_RATE_HZ, points)
-    times = analysis.motion.reversal_times_s[:40]
+    times = [time + surveyed.start_s for time in analysis.motion.reversal_times_s[:40]]
     reversals = tuple(Marker(float(t), "" if number else "reversal") for number, t in enumerate(times))
     return Chart(
         "Sound over time",
-        (Series("sound", sound.x, sound.y), Series("below 200 Hz", low.x, low.y)),
+        (Series("sound", sound.x, sound.y), Series("below 200 Hz", low.x + surveyed.start_s, low.y)),
         "time [s]",
         f"sound, 0 to peak [{recording.unit}]",
         markers=reversals,
         events=events,
+        stretches=stretches(surveyed),
         cursor="time",
     )
 

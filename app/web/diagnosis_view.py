@@ -10,30 +10,32 @@ from markupsafe import Markup
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from app import views
 from app.service import Service
 from app.web import charts as draw
 from app.web.charts import Chart
+from app.web.disturbed import Flag, flags_of, listed, marked, stretches
 from app.web.evidence import Evidence, evidence_of
 from app.web.features import features_of
 from app.web.overlay import laid_over
 from app.web.recorded import (
     CREST_WINDOW_S,
     PlotName,
-    analysed,
     decoded,
     event_times,
     order_markers,
+    spectrogram_png,
     strongest_events,
+    surveyed,
 )
+from app.web.svg import Stretch
 from app.web.templating import quantity
 from app.web.trend import FEATURE, same_state, trend, when
-from app.web.words import Verdict, certainty, size_of, verdict_of
+from app.web.words import Verdict, certainty, not_compared, remarks_beside, size_of, verdict_of
 from casebase.models import Case, StoredDiagnosis, StoredRecording
 from casebase.signals.crest import root_mean_square
+from casebase.signals.disturbances import Survey
 from casebase.signals.recording import Recording
 
-COLUMNS = 800
 PEAKS = 400
 SHOWN_PARTS = 8
 
@@ -60,6 +62,9 @@ class DiagnosisView:
     recording: StoredRecording
     verdict: Verdict
     facts: tuple[tuple[str, object, str], ...]
+    quality: tuple[Flag, ...]
+    stretches: tuple[Stretch, ...]
+    marked: str
     neighbours: tuple[Neighbour, ...]
     features: Mapping[str, float | None]
     evidence: Evidence
@@ -72,7 +77,7 @@ class DiagnosisView:
 
     def spectrogram(self) -> bytes | None:
         """Draw the spectrogram as PNG; None where the audio was erased."""
-        return None if self.sound is None else views.spectrogram_png(self.sound, COLUMNS)
+        return None if self.sound is None else spectrogram_png(self.sound, self.stretches)
 
     def context(self) -> dict[str, object]:
         """Return it for a template."""
@@ -82,13 +87,15 @@ class DiagnosisView:
             "recording": self.recording,
             "verdict": self.verdict,
             "facts": self.facts,
-            "quality": document["quality"],
+            "quality": [flag for flag in self.quality if not flag.only_left_out],
+            "left_out": listed([flag for flag in self.quality if flag.only_left_out]),
+            "marked": self.marked,
             "usable": document["verdict"] != "unusable",
             "audible": self.sound is not None and document["verdict"] != "unusable",
             "neighbours": self.neighbours,
             "features": self.features,
             "evidence": self.evidence,
-            "remarks": document.get("remarks", ()),
+            "remarks": remarks_beside(document),
             "charts": self.charts,
             "polar": self.polar,
             "trend": self.trend,
@@ -104,15 +111,19 @@ def view_of(
     """Gather a diagnosis with its plots, a case laid over them if asked for."""
     document: Mapping[str, Any] = row.document
     sound = None if row.recording.erased_at is not None else decoded(service, row.recording)
+    found = None if sound is None else surveyed(sound, row.recording)
     drawn, polar, peaks = (
-        (SimpleNamespace(), None, ()) if sound is None else _drawn(session, service, row, sound, orders, overlay)
+        (SimpleNamespace(), None, ()) if found is None else _drawn(session, service, row, found, orders, overlay)
     )
     features = features_of(session, row.recording.id)
     return DiagnosisView(
         diagnosis=row,
         recording=row.recording,
         verdict=verdict_of(document),
-        facts=tuple(facts_of(document)),
+        facts=(*facts_of(document), *([analysed(found)] if found and document["verdict"] != "unusable" else ())),
+        quality=flags_of(document["quality"], row.recording.duration_s),
+        stretches=stretches(found) if found else (),
+        marked=marked(found) if found else "",
         neighbours=tuple(_neighbours(session, document["neighbours"])),
         features=features,
         evidence=evidence_of(
@@ -130,15 +141,15 @@ def view_of(
 
 
 def _drawn(
-    session: Session, service: Service, row: StoredDiagnosis, sound: Recording, orders: bool, overlay: Case | None
+    session: Session, service: Service, row: StoredDiagnosis, found: Survey, orders: bool, overlay: Case | None
 ) -> tuple[SimpleNamespace, Markup | None, Sequence[float]]:
     """Return the charts, the polar plot, and the outline of the waveform."""
-    analysis = analysed(sound, row.recording)
+    sound, analysis = found.recording, found.analysis
     speed = row.recording.speed_rad_s
     order_hz = speed / (2 * math.pi) if orders and speed else None
     folded = draw.fold_charts(analysis)
     drawn = SimpleNamespace(
-        waveform=draw.waveform(sound, analysis, event_times(session, row.recording)),
+        waveform=draw.waveform(found, event_times(session, row.recording)),
         spectrum=draw.spectrum(sound, order_markers(analysis), order_hz),
         crest=draw.crest_trace(sound, CREST_WINDOW_S),
         level=draw.level_trace(sound, CREST_WINDOW_S),
@@ -149,7 +160,7 @@ def _drawn(
             plot: PlotName = "orders" if name == "spectrum" and order_hz else name  # type: ignore[assignment]
             if chart is not None:
                 setattr(drawn, name, laid_over(chart, plot, session, service, row.recording, overlay))
-    peaks = draw.waveform(sound, analysis, (), PEAKS).series[0].y
+    peaks = draw.envelope(sound.samples, sound.sample_rate_hz, PEAKS).y
     return drawn, folded[1] if folded else None, peaks.tolist()
 
 
@@ -166,11 +177,20 @@ def facts_of(document: Mapping[str, Any]) -> list[tuple[str, object, str]]:
         if item["quantity"] == f"{document['label']}_phase" and item["value"] is not None:
             found.append(("Angle", quantity(item["value"], "°"), "of the motion's cycle, after a reversal"))
     novelty = document["novelty"]
-    if novelty["distance"] is not None:
+    if novelty["distance"] is not None and not not_compared(document):
         limit = novelty["threshold"]
         note = f"new beyond {limit:.2f}" if limit is not None else "too few cases to set a limit"
         found.append(("Distance to known kinds", quantity(novelty["distance"], digits=2), note))
     return found
+
+
+def analysed(found: Survey) -> tuple[str, object, str]:
+    """Return which piece of a recording was analysed, and how many cycles of the motion are left of it."""
+    machine, analysis = found.segments.machine, found.analysis
+    period_s = analysis.motion.period_s
+    left_s = analysis.duration_s - sum(span.duration_s for span in analysis.left_out)
+    cycles = f"{left_s / period_s:.1f} cycles of the motion" if period_s else "no cycle of a motion is heard"
+    return "Analysed", f"{machine.start_s:.1f} to {machine.end_s:.1f} s", cycles
 
 
 def _neighbours(session: Session, entries: Sequence[Mapping[str, Any]]) -> list[Neighbour]:

@@ -1,6 +1,7 @@
 """What the pages take from a stored recording: its samples, its analysis, what stood out, where its meshes lie."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -10,15 +11,17 @@ from app import views
 from app.errors import NotFound
 from app.service import Service
 from app.web import charts
-from app.web.svg import Marker
+from app.web.svg import Marker, Stretch
 from casebase.description import condition_of
 from casebase.models import FeatureRow, StoredRecording
 from casebase.signals.analysis import Analysis
+from casebase.signals.disturbances import Survey, survey
 from casebase.signals.features import EXTRACTOR_VERSION
 from casebase.signals.recording import Recording
 
 PlotName = Literal["waveform", "crest", "level", "spectrum", "orders", "fold"]
 CREST_WINDOW_S = 1.0
+COLUMNS = 800
 
 
 def decoded(service: Service, row: StoredRecording) -> Recording:
@@ -26,9 +29,9 @@ def decoded(service: Service, row: StoredRecording) -> Recording:
     return replace(views.decoded(service.library.audio_path(row), row.channel), unit=row.unit)
 
 
-def analysed(recording: Recording, row: StoredRecording) -> Analysis:
-    """Return its analysis under the condition that was told."""
-    return Analysis(recording, condition_of(row.description))
+def surveyed(recording: Recording, row: StoredRecording) -> Survey:
+    """Return what of it is analysed, and what is left out, under the condition that was told."""
+    return survey(recording, condition_of(row.description))
 
 
 def _events(session: Session, row: StoredRecording) -> list[dict[str, Any]]:
@@ -55,6 +58,13 @@ def order_markers(analysis: Analysis) -> tuple[Marker, ...]:
     return tuple(Marker(order * speed / (2 * math.pi), f"mesh {order:g}×") for order in orders)
 
 
+def spectrogram_png(recording: Recording, marked: Sequence[Stretch], *, dark: bool = False) -> bytes:
+    """Return the spectrogram as PNG with what is left out of the recording."""
+    return views.spectrogram_png(
+        recording, COLUMNS, dark=dark, marked=[(each.start_s, each.end_s, each.text) for each in marked]
+    )
+
+
 def chart_of(
     name: PlotName, session: Session, service: Service, row: StoredRecording, points: int = charts.SHOWN_POINTS
 ) -> charts.Chart:
@@ -68,9 +78,10 @@ def chart_of(
         return charts.crest_trace(recording, CREST_WINDOW_S)
     if name == "level":
         return charts.level_trace(recording, CREST_WINDOW_S)
-    analysis = analysed(recording, row)
+    found = surveyed(recording, row)
+    analysis = found.analysis
     if name == "waveform":
-        return charts.waveform(recording, analysis, event_times(session, row), points)
+        return charts.waveform(found, event_times(session, row), points)
     if name == "fold":
         folded = charts.fold_charts(analysis)
         if folded is None:

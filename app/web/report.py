@@ -9,8 +9,10 @@ from typing import TYPE_CHECKING
 
 from markupsafe import Markup
 
+from app.views import mark_stretches
 from app.web.charts import Chart
 from app.web.diagnosis_view import DiagnosisView
+from app.web.disturbed import listed
 from app.web.evidence import Compared
 from app.web.templating import ENVIRONMENT, STATIC, instant
 
@@ -69,6 +71,13 @@ def _first_page(view: DiagnosisView, zone: str) -> "Figure":
         (view.verdict.summary, 11, "normal"),
     ]
     lines += [(f"{name}: {_plain(value)}   {_plain(note)}", 10, "normal") for name, value, note in view.facts]
+    left_out = listed([flag for flag in view.quality if flag.only_left_out])
+    lines += [(f"Left out: {left_out}.", 10, "normal")] if left_out else []
+    lines += [
+        (f"{flag.severity.capitalize()}, {flag.name}: {flag.reason}. {flag.remedy}".strip(), 10, "normal")
+        for flag in view.quality
+        if not flag.only_left_out
+    ]
     lines.append(("Next checks", 13, "bold"))
     lines += [(f"•  {check}", 10, "normal") for check in view.verdict.checks]
     lines.append(("Nearest cases", 13, "bold"))
@@ -106,6 +115,7 @@ def _plots(view: DiagnosisView) -> "Figure":
     for axes, chart in zip(figure.subplots(len(named), 1), named, strict=True):
         for series, colour, style in zip(chart.series, COLOURS, STYLES, strict=False):
             axes.plot(series.x, series.y, style, color=colour, linewidth=0.8, label=series.name)
+        mark_stretches(axes, [(each.start_s, each.end_s, each.text) for each in chart.stretches], "#000000")
         axes.set_title(chart.title, fontsize=10, loc="left")
         axes.set_xlabel(chart.x_label, fontsize=8)
         axes.set_ylabel(chart.y_label, fontsize=8)

@@ -45,6 +45,15 @@ class Marker:
 
 
 @dataclass(frozen=True)
+class Stretch:
+    """A marked range of x in seconds, with its words; without any it belongs to the one before."""
+
+    start_s: float
+    end_s: float
+    text: str
+
+
+@dataclass(frozen=True)
 class Axis:
     """Words, unit and range of one axis; the range follows the data where it is None."""
 
@@ -105,6 +114,7 @@ def line_chart(
     bands: Sequence[Band] = (),
     markers: Sequence[Marker] = (),
     events: Sequence[float] = (),
+    stretches: Sequence[Stretch] = (),
     width: float = 640.0,
     height: float = 220.0,
 ) -> Markup:
@@ -130,6 +140,7 @@ def line_chart(
             f'<rect class="band" x="{LEFT}" y="{top:.1f}" width="{inner_w:.1f}" height="{bottom - top:.1f}">'
             f"<title>{escape(band.name)}</title></rect>"
         )
+    parts += _stretches([(px(max(s.start_s, x0)), px(min(s.end_s, x1)), s.text) for s in stretches], width, height)
     for number, one in enumerate(series, start=1):
         x, y = extremes(one, int(inner_w))
         keep = np.isfinite(y) & (x >= x0) & (x <= x1)
@@ -189,6 +200,27 @@ def _line(points: Sequence[tuple[float, float] | None]) -> str:
         for last, point in zip(before, points, strict=False)
         if point
     )
+
+
+def _stretches(places: Sequence[tuple[float, float, str]], width: float, height: float) -> list[str]:
+    """Shade ranges between two lines; words stand at the bottom, for those of markers stand at the top."""
+    parts: list[str] = []
+    ends = [0.0] * MARKER_ROWS
+    for low, high, text in sorted(places):
+        high, bottom = max(high, low + 2), height - BOTTOM
+        parts.append(
+            f'<rect class="stretch" x="{low:.1f}" y="{TOP}" width="{high - low:.1f}" height="{bottom - TOP:.1f}"/>'
+            f'<path class="stretch-edge" d="M{low:.1f} {TOP}V{bottom}M{high:.1f} {TOP}V{bottom}"/>'
+        )
+        if text:
+            wide = 6.0 * len(text)
+            left = min(low + 3, width - RIGHT - wide)
+            row = next((k for k, end in enumerate(ends) if end <= left), 0)
+            ends[row] = left + wide
+            parts.append(
+                f'<text class="stretch-word" x="{left:.1f}" y="{bottom - 5 - 13 * row:.1f}">{escape(text)}</text>'
+            )
+    return parts
 
 
 def _markers(places: Sequence[tuple[float, str]], width: float, height: float) -> list[str]:

@@ -6,7 +6,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from app.web.templating import parameter_words, percent, quantity
+from app.web.templating import parameter_words, percent, quantity, sentence
 
 NAMES = {
     "normal": "no fault indicated",
@@ -32,6 +32,13 @@ SIZES = {"depth_rad": ("Depth", "deep"), "gap_rad": ("Free travel", "wide")}
 CALIBRATED_FROM = 2
 """How many gearboxes must be known before a score is called a probability."""
 REJECTED_AT = 0.05
+TOO_POOR = "the recording is too poor"
+NOT_COMPARED = ("no regular motion is heard", "the sound has another colour")
+"""Remarks that begin so say why there is no label, and stand first."""
+RECORD_AGAIN = (
+    "Record again: 20 s or more, three cycles of the motion or more, the microphone held to the gearbox, without what "
+    "is called poor above."
+)
 OTHER_CHECKS = ("Compare with the nearest cases below, then open or exclude the place they name.",)
 UNKNOWN_CHECKS = (
     "Record the axis again to rule out a disturbance.",
@@ -47,6 +54,8 @@ class Verdict:
     summary: str
     label: str | None
     checks: tuple[str, ...]
+    told: tuple[str, ...] = ()
+    """Remarks of the document that the summary says."""
 
 
 def name_of(label: str | None) -> str:
@@ -85,15 +94,34 @@ def rejected(document: Mapping[str, Any]) -> list[str]:
     return [h["label"] for h in document["hypotheses"] if h["p_value"] <= REJECTED_AT]
 
 
+def remarks_beside(document: Mapping[str, Any]) -> list[str]:
+    """Return the remarks that the words of the verdict do not say already."""
+    told = verdict_of(document).told
+    return [remark for remark in document.get("remarks", ()) if remark not in told]
+
+
+def not_compared(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return the remarks that say why a recording is none of the library's, whatever its distance."""
+    return tuple(remark for remark in document.get("remarks", ()) if remark.startswith(NOT_COMPARED))
+
+
+def is_poor(document: Mapping[str, Any]) -> bool:
+    """Whether a quality flag forbids to rely on a label."""
+    return any(flag["severity"] == "poor" for flag in document.get("quality", ()))
+
+
 def verdict_of(document: Mapping[str, Any]) -> Verdict:
     """Put a diagnosis document into words."""
     label, kind = document["label"], document["verdict"]
-    hypotheses = document["hypotheses"]
+    hypotheses, remarks = document["hypotheses"], tuple(document.get("remarks", ()))
+    again = (RECORD_AGAIN,) if is_poor(document) else ()
     if kind == "unusable":
-        reason = "; ".join(document.get("remarks") or ["no reason was given"])
-        return Verdict("The recording cannot be used", f"{reason[:1].upper()}{reason[1:]}.", None, ("Record again.",))
+        reason = "; ".join(remarks or ["no reason was given"])
+        return Verdict("The recording cannot be used", sentence(reason), None, again or ("Record again.",), remarks)
+    poor = tuple(remark for remark in remarks if remark.startswith(TOO_POOR))
     if kind == "not_in_library":
-        return Verdict("Unlike anything in the library", _novelty(document), None, UNKNOWN_CHECKS)
+        summary, told = _novelty(document, poor)
+        return Verdict("Unlike anything in the library", summary, None, (*again, *UNKNOWN_CHECKS[len(again) :]), told)
     out = rejected(document)
     others = [f"{name_of(h['label'])} {percent(h['probability'])}" for h in hypotheses[1:] if h["label"] not in out]
     also = f" Also possible: {', '.join(others[:2])}." if others else ""
@@ -101,8 +129,10 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
         also += f" Rejected: {', '.join(map(name_of, out))}."
     if kind == "ambiguous":
         names = " or ".join(name_of(h["label"]) for h in hypotheses[:2])
-        summary = f"The nearest cases do not agree. {_support(document)}{also}"
-        return Verdict(f"Undecided: {names}", summary, None, _between(h["label"] for h in hypotheses[:2]))
+        because = " ".join(map(sentence, poor)) or "No label is probable enough to be named."
+        summary = f"{because} {_support(document)}{also}"
+        checks = again or _between(h["label"] for h in hypotheses[:2])
+        return Verdict(f"Undecided: {names}", summary, None, checks, poor)
     headline = "No fault indicated" if label == "normal" else f"Fault likely: {name_of(label)}"
     return Verdict(headline, f"{_size(document)}{_support(document)}{also}", label, CHECKS.get(label, OTHER_CHECKS))
 
@@ -131,14 +161,20 @@ def _support(document: Mapping[str, Any]) -> str:
     )
 
 
-def _novelty(document: Mapping[str, Any]) -> str:
-    novelty = document["novelty"]
+def _novelty(document: Mapping[str, Any], poor: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
+    """Return why a recording is none of the library's, and the remarks that this says."""
+    novelty, remarks, why = document["novelty"], tuple(document.get("remarks", ())), not_compared(document)
+    if why:
+        unforced = "It is not forced into a known class."
+        return " ".join((*map(sentence, why), unforced, *map(sentence, poor))), (*why, *poor)
     if novelty["distance"] is None or novelty["threshold"] is None:
-        return "The library has nothing to compare this recording with. " + " ".join(document.get("remarks", []))
-    return (
+        nothing = "The library has nothing to compare this recording with."
+        return " ".join((nothing, *map(sentence, remarks))), remarks
+    far = (
         f"Its distance to the nearest known case is {novelty['distance']:.2f}; recordings of known kinds stay below "
         f"{novelty['threshold']:.2f}. It is not forced into a known class."
     )
+    return " ".join((far, *map(sentence, poor))), poor
 
 
 def investigation_headline(document: Mapping[str, Any]) -> str:

@@ -169,6 +169,33 @@ def test_simulated_cases_do_not_bring_the_unknown_nearer() -> None:
     assert where_unknown_begins(both, present, representative(both)) == pytest.approx(alone)
 
 
+@pytest.mark.parametrize("gearboxes", [4, 6])
+@pytest.mark.parametrize("spoilt", [1.0, 4.0])
+def test_simulated_cases_change_neither_figure_of_novelty(gearboxes: int, spoilt: float) -> None:
+    """Simulated cases with wrong labels, scattered over what no gearbox has shown."""
+    measured, simulated = made_table(12, gearboxes=gearboxes, shift=5.0), made_table(13)
+    wrong = replace(
+        simulated, labels=np.roll(simulated.labels, 1), values=(spoilt * simulated.values).astype(np.float32)
+    )
+    found = evaluate(joined(measured, wrong))
+    without = found.without_simulated
+    assert without is not None
+    assert without == evaluate(joined(measured, wrong), origin="measured")
+    assert found.left_out == without.left_out
+    assert found.called_new == without.called_new
+    assert found.accuracy.right >= without.accuracy.right
+    assert any(share.right for share in found.left_out.values())
+
+
+def test_figures_without_simulated_cases_stand_beside_those_with_them() -> None:
+    found = evaluate(joined(made_table(12, gearboxes=4), made_table(13, gearboxes=2)))
+    document = found.to_document()["without_simulated"]
+    assert isinstance(document, dict)
+    assert set(document) == {"accuracy", "known_called_new", "left_out_class_called_new"}
+    assert document["accuracy"]["of"] == found.accuracy.of
+    assert evaluate(made_table(12, gearboxes=4)).to_document()["without_simulated"] is None
+
+
 def test_unknown_groups_are_refused() -> None:
     with pytest.raises(InvalidRequestError, match="one of gearbox"):
         evaluate(made_table(1), group="colour")

@@ -80,6 +80,19 @@ def test_pages_need_no_script(site: Site) -> None:
             assert all("audio" in names for _, given in page.tags if "data-audio" in given), path
 
 
+def test_evaluation_with_simulated_cases_stands_beside_that_without(site: Site) -> None:
+    with browsing(site, "viewer") as client:
+        both = Markup(client.get("/library/evaluation").raise_for_status().text)
+        alone = Markup(client.get("/library/evaluation?origin=measured").raise_for_status().text)
+    with site.server.client("viewer") as client:
+        document = client.get("/api/v1/library/evaluation").json()
+    assert "without" in both.ids
+    assert "without" not in alone.ids
+    for words in ("With simulated cases, and without", "Known kinds called new", "left out, called new"):
+        assert words in both.text
+    assert document["without_simulated"]["left_out_class_called_new"].keys() == document["confusion"].keys()
+
+
 @pytest.mark.parametrize(
     ("role", "refused"), [("viewer", (*OPERATOR_PAGES, *ADMIN_PAGES)), ("operator", ADMIN_PAGES), ("admin", ())]
 )

@@ -14,8 +14,9 @@ from app.intake import DEMO
 from app.security import Role
 from app.service import Reading, TheService
 from app.web import charts
+from app.web.disturbed import stretches
 from app.web.overlay import laid_over
-from app.web.recorded import PlotName, chart_of, decoded
+from app.web.recorded import PlotName, chart_of, decoded, spectrogram_png, surveyed
 from app.web.session import FromOurPage, PageAdmin, SignInNeeded, Visitor, below_root
 from casebase import erasing
 from casebase.artifacts import active_artifact
@@ -108,5 +109,6 @@ def spectrogram(
     """The spectrogram, drawn here because browsers resample sound."""
     allowed(session, principal, request, recording_id)
     row = service.library.recording(session, recording_id)
-    image = views.spectrogram_png(decoded(service, row), 800, dark=theme == "dark")
+    recording = decoded(service, row)
+    image = spectrogram_png(recording, stretches(surveyed(recording, row)), dark=theme == "dark")
     return Response(image, headers=api.UNTIL_ERASED, media_type="image/png")

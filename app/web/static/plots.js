@@ -41,6 +41,36 @@ function annotate(data) {
       ctx.fillStyle = style("--plot-band");
       ctx.fillRect(u.bbox.left, Math.max(top, u.bbox.top), u.bbox.width, Math.min(bottom, u.bbox.top + u.bbox.height) - Math.max(top, u.bbox.top));
     }
+    const edge = u.bbox.left + u.bbox.width;
+    const bottom = u.bbox.top + u.bbox.height;
+    const feet = [-Infinity, -Infinity, -Infinity]; // where the words of stretches end, in rows from the bottom
+    for (const stretch of [...(data.stretches ?? [])].sort((a, b) => a.start - b.start)) {
+      const low = Math.max(u.valToPos(stretch.start, "x", true), u.bbox.left);
+      const high = Math.min(Math.max(u.valToPos(stretch.end, "x", true), low + 2 * devicePixelRatio), edge);
+      if (high <= low) continue;
+      ctx.fillStyle = style("--plot-stretch");
+      ctx.fillRect(low, u.bbox.top, high - low, u.bbox.height);
+      ctx.strokeStyle = style("--ink-soft");
+      ctx.setLineDash([2 * devicePixelRatio, 2 * devicePixelRatio]);
+      for (const x of [low, high]) {
+        ctx.beginPath();
+        ctx.moveTo(x, u.bbox.top);
+        ctx.lineTo(x, bottom);
+        ctx.stroke();
+      }
+      if (!stretch.text) continue;
+      const wide = ctx.measureText(stretch.text).width;
+      const left = Math.min(low + 4 * devicePixelRatio, edge - wide);
+      const row = Math.max(0, feet.findIndex((end) => end < left));
+      feet[row] = left + wide + 6 * devicePixelRatio;
+      ctx.setLineDash([]);
+      ctx.lineWidth = 3 * devicePixelRatio;
+      ctx.strokeStyle = style("--sheet");
+      ctx.strokeText(stretch.text, left, bottom - (5 + 13 * row) * devicePixelRatio);
+      ctx.lineWidth = 1;
+      ctx.fillStyle = style("--ink");
+      ctx.fillText(stretch.text, left, bottom - (5 + 13 * row) * devicePixelRatio);
+    }
     ctx.strokeStyle = ctx.fillStyle = style("--ink-faint");
     ctx.setLineDash([4 * devicePixelRatio, 4 * devicePixelRatio]);
     const rows = [-Infinity, -Infinity, -Infinity]; // where the words of each row end

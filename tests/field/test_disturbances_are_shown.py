@@ -1,0 +1,228 @@
+"""What is left out of a recording stands in the answer, on the page, in the report and in the terminal, once each."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from sqlalchemy import select
+
+from app.documents import DiagnosisAnswer
+from app.web.charts import waveform
+from app.web.diagnosis_view import analysed
+from app.web.disturbed import flags_of, marked, stretches
+from app.web.words import remarks_beside, verdict_of
+from casebase.library import CaseLibrary
+from casebase.models import StoredDiagnosis
+from casebase.signals.condition import UNKNOWN
+from casebase.signals.disturbances import Survey, survey
+from casebase.signals.quality import DISTURBANCES
+from casebase.signals.recording import Recording
+from tests.app.sounds import wav
+from tests.live import LiveServer, gearcase, started
+from tests.signals.synthetic import RATE_HZ, Joint, sound
+from tests.web.reading import Markup
+
+SILENT_S, KNOCK_S = 3.0, 12.0
+TOO_POOR = "the recording is too poor for a label to be relied on: see what is said of it, and record again"
+
+
+def disturbed(seed: int = 1, label: str = "normal") -> Recording:
+    """Three seconds of silence, then a joint that moves, with one knock at the microphone at 12 s."""
+    samples = np.concatenate([np.zeros(round(SILENT_S * RATE_HZ)), sound(Joint(label, seed))])
+    time = np.arange(round(0.2 * RATE_HZ)) / RATE_HZ
+    knock = 12 * samples.std() * np.exp(-time / 0.02) * np.sin(2 * np.pi * 90 * time)
+    start = round(KNOCK_S * RATE_HZ)
+    samples[start : start + time.size] += knock
+    return Recording((0.5 * samples / np.abs(samples).max()).astype(np.float32), RATE_HZ)
+
+
+@pytest.fixture(scope="module")
+def surveyed() -> Survey:
+    return survey(disturbed(), UNKNOWN)
+
+
+@pytest.fixture(scope="module")
+def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
+    """A service that knows normal and notched joints of two gearboxes."""
+    server = started(tmp_path_factory.mktemp("shown") / "data")
+    with server.client() as admin:
+        for seed in range(8):
+            label = ("normal", "notch")[seed % 2]
+            metadata = json.dumps({"label": label, "gearbox": f"g{seed // 4}"})
+            files = {"file": (f"{seed}.wav", wav(sound(Joint(label, 10 + seed))))}
+            admin.post("/api/v1/cases", files=files, data={"metadata": metadata}).raise_for_status()
+    yield server
+    server.stop()
+
+
+@pytest.fixture(scope="module")
+def answer(server: LiveServer) -> dict[str, Any]:
+    with server.client("operator") as client:
+        files = {"file": ("field.wav", wav(disturbed().samples))}
+        found: dict[str, Any] = client.post("/api/v1/diagnoses", files=files).raise_for_status().json()
+    return found
+
+
+def page(server: LiveServer, path: str) -> Markup:
+    with server.client(None) as client:
+        client.headers["Accept"] = "text/html"
+        client.cookies.set("gearcase_key", server.keys["viewer"])
+        return Markup(client.get(path).raise_for_status().text)
+
+
+def test_stretches_lie_where_the_disturbance_is(surveyed: Survey) -> None:
+    named = {each.text: each for each in stretches(surveyed) if each.text}
+    assert named["silence"].start_s == 0
+    assert named["silence"].end_s == pytest.approx(SILENT_S, abs=0.2)
+    assert named["bump"].start_s == pytest.approx(KNOCK_S, abs=0.1)
+    assert "silence" in marked(surveyed)
+    assert "bump at 1" in marked(surveyed)
+
+
+def test_page_and_script_mark_the_same(surveyed: Survey) -> None:
+    """What the server draws is what the script is sent, and each has its word."""
+    chart = waveform(surveyed, ())
+    drawn, sent = chart.svg(), chart.document()["stretches"]
+    assert isinstance(sent, list)
+    assert drawn.count('class="stretch"') == len(sent) > 0
+    for one in sent:
+        if one["text"]:
+            assert f">{one['text']}</text>" in drawn
+
+
+def test_analysed_piece_and_cycles_are_those_of_the_survey(surveyed: Survey) -> None:
+    """20 s of cycles of 6.2 s follow the silence."""
+    name, piece, cycles = analysed(surveyed)
+    first, last = (float(word) for word in str(piece).removesuffix(" s").split(" to "))
+    assert name == "Analysed"
+    assert SILENT_S - 0.2 < first < SILENT_S + 0.3
+    assert last == pytest.approx(SILENT_S + 20, abs=0.2)
+    assert float(cycles.split()[0]) == pytest.approx(20 / 6.2, abs=0.3)
+
+
+def test_waveform_below_200_hz_begins_where_the_analysis_begins(surveyed: Survey) -> None:
+    assert waveform(surveyed, ()).series[1].x[0] == pytest.approx(surveyed.start_s)
+
+
+def test_answer_says_what_and_when(answer: dict[str, Any]) -> None:
+    kinds = {each["kind"]: each for each in answer["disturbances"]}
+    assert kinds["silence"]["end_s"] == pytest.approx(SILENT_S, abs=0.2)
+    assert kinds["bump"]["start_s"] == pytest.approx(KNOCK_S, abs=0.1)
+    assert {each["severity"] for each in answer["disturbances"]} <= {"info", "poor"}
+    times = {each["name"]: (each["start_s"], each["end_s"]) for each in answer["quality"]}
+    assert times["bump"] == (kinds["bump"]["start_s"], kinds["bump"]["end_s"])
+
+
+def test_openapi_lists_every_kind(server: LiveServer) -> None:
+    with server.client("viewer") as client:
+        schemas = client.get("/openapi.json").json()["components"]["schemas"]
+    assert schemas["DisturbanceDocument"]["properties"]["kind"]["enum"] == list(DISTURBANCES)
+    assert "disturbances" in schemas["DiagnosisAnswer"]["properties"]
+    assert {"start_s", "end_s"} <= set(schemas["QualityDocument"]["properties"])
+
+
+def test_page_and_report_name_what_is_left_out_without_script(server: LiveServer, answer: dict[str, Any]) -> None:
+    shown = page(server, f"/diagnoses/{answer['id']}")
+    assert "Left out: silence 0.0 to" in shown.text
+    assert "Analysed" in shown.text
+    assert shown.count("rect", class_="stretch") >= 2
+    with server.client("viewer") as client:
+        headers = {"Accept": "text/html"}
+        report = Markup(client.get(f"/api/v1/diagnoses/{answer['id']}/report", headers=headers).text)
+    assert "Left out: silence 0.0 to" in report.text
+    assert report.count("rect", class_="stretch") == shown.count("rect", class_="stretch")
+
+
+def test_terminal_says_every_sentence_once(server: LiveServer, tmp_path: Path) -> None:
+    path = tmp_path / "field.wav"
+    path.write_bytes(wav(disturbed(2).samples))
+    short = tmp_path / "short.wav"
+    short.write_bytes(wav(sound(Joint(duration_s=4.0))))
+    lines = gearcase("diagnose", path, short, data_dir=server.data_dir).stdout.splitlines()
+    assert any("note, silence: 3.0 s at the start" in line for line in lines)
+    assert any("note, bump: from 1" in line for line in lines)
+    first = next(line for line in lines if line.startswith(str(short)))
+    rest = [line.split(": ", 1)[1] for line in lines[lines.index(first) + 1 :]]
+    assert not [words for words in rest if words.removesuffix(".").lower() in first.lower()]
+    assert len(rest) == len(set(rest))
+
+
+def test_diagnosis_from_before_opens(server: LiveServer) -> None:
+    """Diagnoses of earlier versions have neither disturbances nor times of quality flags."""
+    with server.client("operator") as client:
+        files = {"file": ("old.wav", wav(disturbed(3).samples))}
+        made = client.post("/api/v1/diagnoses", files=files).raise_for_status().json()["id"]
+    library = CaseLibrary.open(server.data_dir)
+    with library.transaction("test") as session:
+        row = session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id == made)).one()
+        quality = [{name: flag[name] for name in ("name", "severity", "reason")} for flag in row.document["quality"]]
+        row.document = {k: v for k, v in row.document.items() if k != "disturbances"} | {"quality": quality}
+    library.close()
+    with server.client("viewer") as client:
+        old = client.get(f"/api/v1/diagnoses/{made}").raise_for_status().json()
+        client.get(f"/api/v1/diagnoses/{made}/report", headers={"Accept": "text/html"}).raise_for_status()
+    assert old["disturbances"] == []
+    assert old["quality"]
+    assert all(flag["start_s"] is None for flag in old["quality"])
+    assert page(server, f"/diagnoses/{made}").count("rect", class_="stretch") >= 2
+
+
+def poor(**changes: object) -> dict[str, Any]:
+    """A document of a recording with wind, of which the nearest cases agree."""
+    support = {"measured": 3, "simulated": 0}
+    reason = "from 1.0 s, 4.0 s in all: a rumble that comes and goes, too much to be left out: record again without it"
+    wind = {"name": "wind", "severity": "poor", "reason": reason, "start_s": 1.0, "end_s": 9.0}
+    return {
+        "verdict": "ambiguous",
+        "label": "play",
+        "probability": 0.96,
+        "hypotheses": [
+            {"label": "play", "probability": 0.96, "p_value": 0.9, "support": support},
+            {"label": "normal", "probability": 0.04, "p_value": 0.2, "support": support},
+        ],
+        "severity": None,
+        "quality": [wind],
+        "novelty": {"distance": 0.3, "threshold": 1.0},
+        "remarks": [TOO_POOR, "another remark"],
+        "provenance": {"gearboxes": 4},
+        **changes,
+    }
+
+
+def test_poor_recording_says_first_why_and_what_to_do() -> None:
+    verdict = verdict_of(poor())
+    assert verdict.summary.startswith("The recording is too poor for a label to be relied on")
+    assert verdict.checks[0].startswith("Record again: 20 s or more, three cycles")
+    assert not any("teeth" in check or "motor" in check for check in verdict.checks)
+    assert remarks_beside(poor()) == ["another remark"]
+    assert flags_of(poor()["quality"], 20.0)[0].remedy
+
+
+def test_good_recording_that_is_undecided_is_not_called_poor() -> None:
+    verdict = verdict_of(poor(quality=[], remarks=["another remark"], probability=0.6))
+    assert "poor" not in verdict.summary
+    assert any("motor" in check for check in verdict.checks)
+
+
+@pytest.mark.parametrize("beginning", ["no regular motion is heard, while", "the sound has another colour than"])
+def test_why_it_is_none_of_the_library_is_not_said_by_a_distance(beginning: str) -> None:
+    document = poor(verdict="not_in_library", label=None, probability=None, remarks=[beginning, "another remark"])
+    verdict = verdict_of(document)
+    assert verdict.summary.lower().startswith(beginning)
+    assert "0.30" not in verdict.summary
+    assert remarks_beside(document) == ["another remark"]
+
+
+def test_core_says_poor_in_the_words_that_the_page_looks_for(server: LiveServer) -> None:
+    """Half of a cycle more than one is too little: the remark of the core stands in the summary, and once."""
+    with server.client("operator") as client:
+        files = {"file": ("short.wav", wav(sound(Joint(duration_s=8.5))))}
+        found = client.post("/api/v1/diagnoses", files=files).raise_for_status().json()
+    DiagnosisAnswer.model_validate(found)
+    assert any(flag["severity"] == "poor" for flag in found["quality"])
+    assert found["verdict"] in ("ambiguous", "not_in_library")
+    assert "The recording is too poor" in verdict_of(found).summary
+    assert not [remark for remark in remarks_beside(found) if "too poor" in remark]
