@@ -54,7 +54,7 @@ def lead(seconds: float, level_db: float, *, where: str = "start") -> Change:
 def lead_with_button(samples: Samples, rate_hz: float, rng: np.random.Generator) -> Samples:
     """Press the button of the recorder, then start the robot."""
     still = hush(2.0, rate_hz, 0.002 * rms(samples), rng)
-    still[400:1200] += thump(rate_hz, 900.0, 0.01)[:800] * 4 * rms(samples)
+    add(still, round(0.1 * rate_hz), 4 * rms(samples) * thump(rate_hz, 900.0, 0.01))
     return np.concatenate([still, samples])
 
 
@@ -76,8 +76,8 @@ def thump(rate_hz: float, frequency_hz: float, decay_s: float) -> Samples:
 
 
 def add(samples: Samples, place: int, what: Samples) -> None:
-    end = min(samples.size, place + what.size)
-    samples[place:end] += what[: end - place]
+    part = samples[place : place + what.size]
+    part += what[: part.size]
 
 
 def thumps(count: int, frequency_hz: float, height: float, decay_s: float = 0.03) -> Change:
@@ -100,7 +100,7 @@ def brake(frequency_hz: float, every: int) -> Change:
         clicked = samples.copy()
         for place in stops(samples, rate_hz)[::every]:
             height = rms(samples) * rng.uniform(3, 5)
-            add(clicked, place + round(0.15 * rate_hz), height * thump(rate_hz, frequency_hz, 0.012))
+            add(clicked, place, height * thump(rate_hz, frequency_hz, 0.012))
         return clicked
 
     return change
@@ -141,9 +141,7 @@ def talk(samples: Samples, rate_hz: float, rng: np.random.Generator) -> Samples:
 
 def talked(level_db: float) -> Change:
     """Talk beside it."""
-    return lambda samples, rate_hz, rng: (
-        samples + 10 ** (level_db / 20) * rms(samples) * talk(samples, rate_hz, rng)
-    )
+    return lambda samples, rate_hz, rng: samples + 10 ** (level_db / 20) * rms(samples) * talk(samples, rate_hz, rng)
 
 
 def chords(samples: Samples, rate_hz: float, rng: np.random.Generator) -> Samples:
@@ -198,7 +196,7 @@ def speech_recorder(release_s: float) -> Change:
         block = round(0.005 * rate_hz)
         blocks = samples[: samples.size // block * block].reshape(-1, block)
         level = np.sqrt((blocks**2).mean(axis=1))
-        gain, current = np.empty(level.size), 1.0
+        gain, current = np.empty(level.size), 1 / float(np.median(level))
         most = 40 / rms(samples)
         for index, value in enumerate(level):
             wanted = min(1 / max(value, 1e-9), most)
@@ -236,7 +234,6 @@ def two_channels(other: str, *, dead: int) -> Change:
         return np.stack([silent, samples] if dead == 0 else [samples, silent], axis=1)
 
     return change
-
 
 
 def turned(gain: float) -> Change:
