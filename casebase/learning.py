@@ -32,6 +32,8 @@ LARGEST_BEND = 5.0
 """No weight moves by more than this factor, as a logarithm, from its prior."""
 OUTGROWN = 0.05
 """Weights are learned again when the number of cases changed by more than this share, or the classes did."""
+FEWEST_FOLDS = 3
+"""Of two gearboxes each is judged by the other alone: that chooses no weights, and the most trusted ones stay."""
 ONE_ERROR = 0.8413
 """Share of a normal distribution below one standard deviation [1]."""
 BANDS = "band_level"
@@ -159,6 +161,9 @@ def learn(table: CaseTable, stop: Event | None = None) -> Similarity:
     sample = _sampled(table, metric)
     trials: list[_Trial] = []
     for start, weights in _starts(table, metric):
+        if sample.kinds.size < FEWEST_FOLDS:
+            trials = [_trial(sample, start, weights, None, stop)]
+            break
         trials += _trials(sample, start, weights, stop)
         if any(trial.right.all() for trial in trials):
             break
@@ -310,7 +315,7 @@ def _chosen(trials: Sequence[_Trial], folds: NDArray[np.intp]) -> _Trial:
     """Return the first trial whose loss is within one standard error of the best; the first is the most careful.
 
     Cases of one fold share gearboxes and are no independent witnesses: the error is also taken over folds, with
-    Student's factor, which asks much of few. Of two gearboxes hardly anything can be learned that physics does not say.
+    Student's factor, which asks much of few.
 
     Source: Breiman, Friedman, Olshen, Stone, Classification and Regression Trees (1984), the one-standard-error rule.
     """

@@ -47,7 +47,7 @@ def find_events(analysis: Analysis) -> tuple[Event, ...]:
     folded = analysis.folded(Band.LOW)
     if folded is not None:
         events += _repeated(analysis, folded, EventKind.PLAY, folded.both_db, folded.in_zone & ~folded.in_quiet)
-        events += _repeated(analysis, folded, EventKind.NOTCH, folded.single_db, np.ones_like(folded.in_zone))
+        events += _repeated(analysis, folded, EventKind.NOTCH, folded.single_db, ~folded.in_quiet)
     return tuple(sorted(events, key=lambda event: (event.time_s, event.kind)))
 
 

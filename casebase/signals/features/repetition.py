@@ -21,8 +21,8 @@ SENTENCES = {
     "but a healthy gear clicks faintly here, too.",
     "both_directions_bump": "Highest bump that both directions have away from the reversal: an obstacle that is "
     "met either way, or noise.",
-    "notch_bump": "Highest bump that one direction has alone, anywhere: a notch meets the mesh at one angle and on "
-    "one flank.",
+    "notch_bump": "Highest bump that one direction has alone, where the axis moves: a notch meets the mesh at one "
+    "angle and on one flank, and never where no tooth moves.",
 }
 
 
@@ -73,7 +73,7 @@ class Repetition(FeatureFamily):
             _highest(folded.both_db[near & ~quiet]),
             _highest(folded.both_db[quiet]),
             _highest(folded.both_db[~near]),
-            _highest(folded.single_db),
+            _highest(folded.single_db[~quiet]),
         )
 
 
