@@ -85,7 +85,7 @@ def stretches(surveyed: Survey) -> tuple[Stretch, ...]:
     for flag in flags(surveyed):
         if flag.start_s is not None and flag.name not in ("silence", "pause"):
             names.setdefault(round(flag.start_s, 3), []).append(flag.name.replace("_", " "))
-    events = () if surveyed.analysis.unrepeated is None else surveyed.unrepeated.events
+    events = () if surveyed.analysis.unrepeated is None else surveyed.analysis.unrepeated.events
     found = [
         Stretch(each.span.start_s + from_s, each.span.end_s + from_s, ", ".join(names.get(at, ())))
         for each in events
