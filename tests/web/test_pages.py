@@ -11,6 +11,7 @@ from playwright.sync_api import expect
 
 from app.security import csrf_token
 from tests.app.sounds import sound, wav
+from tests.live import gearcase
 from tests.signals.synthetic import disturbed
 from tests.web.conftest import Site, Tab, browsing, parts, settle
 from tests.web.reading import Markup
@@ -105,6 +106,13 @@ def test_evaluation_with_simulated_cases_stands_beside_that_without(site: Site) 
     for words in ("With simulated cases, and without", "Known kinds called new", "left out, called new"):
         assert words in both.text
     assert document["without_simulated"]["left_out_class_called_new"].keys() == document["confusion"].keys()
+    printed = json.loads(gearcase("evaluate", "--json", data_dir=site.server.data_dir).stdout)
+    assert printed["without_simulated"] == document["without_simulated"]
+    assert printed["accuracy_by_origin"].keys() == {"measured", "simulated", "both"}
+    assert printed["accuracy_by_origin"]["measured"] == document["without_simulated"]["accuracy"]
+    words = gearcase("evaluate", data_dir=site.server.data_dir).stdout
+    assert "with simulated cases" in words
+    assert "without" in words
 
 
 @pytest.mark.parametrize(
