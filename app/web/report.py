@@ -76,7 +76,7 @@ def _first_page(view: DiagnosisView, zone: str) -> "Figure":
     lines += [
         (f"{flag.severity.capitalize()}, {flag.name}: {flag.reason}. {flag.remedy}".strip(), 10, "normal")
         for flag in view.quality
-        if not flag.only_left_out
+        if flag.severity != "note"
     ]
     lines.append(("Next checks", 13, "bold"))
     lines += [(f"•  {check}", 10, "normal") for check in view.verdict.checks]

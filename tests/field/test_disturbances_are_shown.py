@@ -5,7 +5,6 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import pytest
 from sqlalchemy import select
 
@@ -19,24 +18,12 @@ from casebase.models import StoredDiagnosis
 from casebase.signals.condition import UNKNOWN
 from casebase.signals.disturbances import Survey, survey
 from casebase.signals.quality import DISTURBANCES
-from casebase.signals.recording import Recording
 from tests.app.sounds import wav
 from tests.live import LiveServer, gearcase, started
-from tests.signals.synthetic import RATE_HZ, Joint, sound
+from tests.signals.synthetic import KNOCK_S, SILENT_S, Joint, disturbed, sound
 from tests.web.reading import Markup
 
-SILENT_S, KNOCK_S = 3.0, 12.0
 TOO_POOR = "the recording is too poor for a label to be relied on: see what is said of it, and record again"
-
-
-def disturbed(seed: int = 1, label: str = "normal") -> Recording:
-    """Three seconds of silence, then a joint that moves, with one knock at the microphone at 12 s."""
-    samples = np.concatenate([np.zeros(round(SILENT_S * RATE_HZ)), sound(Joint(label, seed))])
-    time = np.arange(round(0.2 * RATE_HZ)) / RATE_HZ
-    knock = 12 * samples.std() * np.exp(-time / 0.02) * np.sin(2 * np.pi * 90 * time)
-    start = round(KNOCK_S * RATE_HZ)
-    samples[start : start + time.size] += knock
-    return Recording((0.5 * samples / np.abs(samples).max()).astype(np.float32), RATE_HZ)
 
 
 @pytest.fixture(scope="module")

@@ -10,7 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import signal
 
+from casebase.signals.recording import Recording
+
 RATE_HZ = 8000.0
+SILENT_S, KNOCK_S = 3.0, 12.0
 
 
 @dataclass(frozen=True)
@@ -72,3 +75,13 @@ def rings(joint: Joint, time: NDArray[np.float64]) -> NDArray[np.float64]:
         since = np.maximum(time - start, 0.0)
         total += (time >= start) * np.exp(-since / 0.025) * np.sin(2 * np.pi * joint.ring_hz * since)
     return total
+
+
+def disturbed(seed: int = 1, label: str = "normal") -> Recording:
+    """Three seconds of silence, then a joint that moves, with one knock at the microphone at 12 s."""
+    samples = np.concatenate([np.zeros(round(SILENT_S * RATE_HZ)), sound(Joint(label, seed))])
+    time = np.arange(round(0.2 * RATE_HZ)) / RATE_HZ
+    knock = 12 * samples.std() * np.exp(-time / 0.02) * np.sin(2 * np.pi * 90 * time)
+    start = round(KNOCK_S * RATE_HZ)
+    samples[start : start + time.size] += knock
+    return Recording((0.5 * samples / np.abs(samples).max()).astype(np.float32), RATE_HZ)

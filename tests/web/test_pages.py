@@ -10,7 +10,9 @@ import pytest
 from playwright.sync_api import expect
 
 from app.security import csrf_token
-from tests.app.sounds import sound
+from tests.app.sounds import sound, wav
+from tests.live import gearcase
+from tests.signals.synthetic import disturbed
 from tests.web.conftest import Site, Tab, browsing, parts, settle
 from tests.web.reading import Markup
 
@@ -52,9 +54,22 @@ def address(site: Site, path: str) -> str:
 @pytest.mark.parametrize("path", EVERY_PAGE)
 def test_page_is_clean_and_accessible_and_fits(tab: Tab, site: Site, path: str) -> None:
     """No error, no foreign request; axe finds no serious fault, wide in light and narrow in dark; 360 px are enough."""
+    check(tab, address(site, path))
+
+
+def test_page_of_a_disturbed_recording_is_clean_and_accessible_and_fits(tab: Tab, site: Site) -> None:
+    with site.server.client() as client:
+        files = parts("field.wav", wav(disturbed().samples), b"{}")
+        made = client.post("/api/v1/diagnoses", files=files).raise_for_status().json()
+    assert {"silence", "bump"} <= {each["kind"] for each in made["disturbances"]}
+    check(tab, f"/diagnoses/{made['id']}")
+
+
+def check(tab: Tab, path: str) -> None:
+    """Hold one page against axe and the width of a telephone."""
     if not AXE.exists():
         pytest.skip("axe-core is not installed: make setup installs it")
-    with tab(address(site, path)) as page:
+    with tab(path) as page:
         settle(page)
         expect(page.locator("h1").first).to_be_visible()
         page.evaluate(AXE.read_text())
@@ -91,6 +106,13 @@ def test_evaluation_with_simulated_cases_stands_beside_that_without(site: Site) 
     for words in ("With simulated cases, and without", "Known kinds called new", "left out, called new"):
         assert words in both.text
     assert document["without_simulated"]["left_out_class_called_new"].keys() == document["confusion"].keys()
+    printed = json.loads(gearcase("evaluate", "--json", data_dir=site.server.data_dir).stdout)
+    assert printed["without_simulated"] == document["without_simulated"]
+    assert printed["accuracy_by_origin"].keys() == {"measured", "simulated", "both"}
+    assert printed["accuracy_by_origin"]["measured"] == document["without_simulated"]["accuracy"]
+    words = gearcase("evaluate", data_dir=site.server.data_dir).stdout
+    assert "with simulated cases" in words
+    assert "without" in words
 
 
 @pytest.mark.parametrize(
