@@ -61,8 +61,8 @@ def test_a_knock_in_one_cycle_is_one_event_with_its_time(time_s: float, frequenc
 
 @pytest.mark.xfail(
     strict=True,
-    reason="beside a strong knock below 200 Hz noise elsewhere is taken for knocks, for whitening narrows the band, and "
-    "what rings before and after it for other events",
+    reason="beside a strong knock below 200 Hz noise is taken for knocks, for whitening narrows the band, and what "
+    "rings before and after it for other events",
 )
 @pytest.mark.parametrize("time_s", [3.3, 8.05, 11.9])
 def test_a_strong_knock_is_one_event_too(time_s: float) -> None:
