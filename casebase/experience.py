@@ -348,9 +348,16 @@ def _comparable(table: CaseTable, held_out: NDArray[np.intp], rows: NDArray[np.i
 
 
 def _held_out_together(table: CaseTable) -> NDArray[np.intp]:
-    """Return the part that each case is held out with: its gearbox, or a tenth of the gearboxes where they are many."""
-    groups, part = np.unique(table.groups, return_inverse=True)
-    return part if groups.size <= MOST_PARTS else part % PARTS
+    """Return the part that each case is held out with: its gearbox, or a tenth of the gearboxes where they are many.
+
+    Simulated cases are parted by themselves, so that their number changes nothing for the measured ones.
+    """
+    part = np.zeros(len(table), np.intp)
+    measured = table.origins == "measured"
+    for kind, first in ((measured, 0), (~measured, MOST_PARTS)):
+        groups, own = np.unique(table.groups[kind], return_inverse=True)
+        part[kind] = first + (own if groups.size <= MOST_PARTS else own % PARTS)
+    return part
 
 
 def _ranges(table: CaseTable, rows: Mask) -> KnownRanges | None:
