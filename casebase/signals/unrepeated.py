@@ -33,6 +33,8 @@ EDGE_S = 0.05
 AROUND_S = 0.04
 """Left out on either side of an event: its beginning and its ringing [s]."""
 SHORTEST_CHANGE_S = 0.1
+LONGEST_KNOCK_S = 0.4
+"""A blow and its ringing last no longer [s]; what does is a sound."""
 
 
 @dataclass(frozen=True)
@@ -96,14 +98,10 @@ def find_unrepeated(
         share[band] = float(np.mean(np.abs(excess[judged]) > CHANGE_DB)) if judged.any() else 0.0
         changes |= np.abs(excesses[band]) > changes_db[band]
     changes = ndimage.binary_opening(changes, np.ones(round(SHORTEST_CHANGE_S * HOP_HZ / SLOW_HOPS), np.bool_))
-    known = np.zeros(slow.size, np.bool_)
-    for span in (short := _spans(knocks, HOP_HZ)):
-        known[int(span.start_s * HOP_HZ / SLOW_HOPS) : int(span.end_s * HOP_HZ / SLOW_HOPS) + 1] = True
-    events = [_event(span, heights, HOP_HZ, True) for span in short]
-    events += [
-        _event(span, excesses, HOP_HZ / SLOW_HOPS, False) for span in _spans(changes & ~known, HOP_HZ / SLOW_HOPS)
-    ]
-    return Unrepeated(tuple(sorted(events, key=lambda each: each.span.start_s)), share)
+    changed = np.repeat(changes, SLOW_HOPS)
+    knocks[: changed.size] |= changed
+    events = tuple(_event(span, heights, excesses) for span in _spans(knocks))
+    return Unrepeated(events, share)
 
 
 def _level_db(trace: NDArray[np.float32]) -> Floats:
@@ -193,18 +191,20 @@ def _median_of_others(rows: Floats, *, upper: bool) -> Floats:
     return np.where(np.isfinite(rows) & (others > 0), median, np.nan)
 
 
-def _spans(mask: NDArray[np.bool_], rate_hz: float) -> list[Span]:
-    """Return where a mask is true and a little around it."""
-    around = round(AROUND_S * rate_hz)
+def _spans(mask: NDArray[np.bool_]) -> list[Span]:
+    """Return where a mask, `HOP_HZ` values per second, is true and a little around it."""
+    around = round(AROUND_S * HOP_HZ)
     wide = ndimage.binary_dilation(mask, np.ones(2 * around + 1, np.bool_)) if mask.any() else mask
     edges = np.flatnonzero(np.diff(np.concatenate([[0], wide.astype(np.int8), [0]])))
-    return [Span(float(a) / rate_hz, float(b) / rate_hz) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [Span(float(a) / HOP_HZ, float(b) / HOP_HZ) for a, b in zip(edges[::2], edges[1::2], strict=True)]
 
 
-def _event(span: Span, excess: dict[Band, Floats], rate_hz: float, knock: bool) -> Event:
-    part = slice(round(span.start_s * rate_hz), round(span.end_s * rate_hz))
+def _event(span: Span, heights: Mapping[Band, Floats], excesses: Mapping[Band, Floats]) -> Event:
+    """Return the event of a span, from what stands out hop by hop and in averages, in whichever it is more."""
     highest = {}
-    for band, values in excess.items():
-        inside = values[part]
+    for band, height in heights.items():
+        parts = ((height, HOP_HZ), (excesses[band], HOP_HZ / SLOW_HOPS))
+        inside = np.concatenate([each[int(span.start_s * hz) : int(np.ceil(span.end_s * hz))] for each, hz in parts])
         highest[band] = float(inside[np.argmax(np.abs(inside))]) if inside.size else 0.0
-    return Event(span, highest, knock)
+    louder = max(highest.values(), key=abs, default=0.0) > 0
+    return Event(span, highest, louder and span.duration_s <= LONGEST_KNOCK_S + 2 * AROUND_S)
