@@ -48,6 +48,8 @@ ENOUGH_CYCLES, FEWEST_CYCLES = 3.0, 0.25
 QUIET_FALL_DB = 15.0
 SMALLEST_SPREAD_DB = 3.0
 """Levels of two microphones at one gear differ by so much [dB]."""
+SMALLEST_GAIN_DB = 0.3
+"""Levels of two strokes of one machine, averaged over some, differ by so much [dB]."""
 UNLIKE_FROM, MOST_UNLIKE = 2.0, 8.0
 """The colour of a sound is unlike the library's from two standard deviations on, and ten say all [1]."""
 CLEAREST = 4.0
@@ -63,6 +65,7 @@ class Usual:
         cycles, fall_db: what nine of ten have, at most ENOUGH_CYCLES and QUIET_FALL_DB.
         low_db, low_spread_db: level of the low band against 250 to 500 Hz, and how it scatters.
         way_db, way_spread_db: level of the low band on the way against all that is above, and how it scatters.
+        louder_db, louder_spread_db: how much louder a start is than what follows, and how it scatters.
     """
 
     cycles: float = ENOUGH_CYCLES
@@ -71,6 +74,8 @@ class Usual:
     low_spread_db: float = 10.0
     way_db: float = -15.0
     way_spread_db: float = 10.0
+    louder_db: float = 0.0
+    louder_spread_db: float = 0.5
 
     @classmethod
     def of(cls, names: Sequence[str], values: NDArray[np.floating]) -> "Usual":
@@ -83,6 +88,7 @@ class Usual:
             float(np.clip(np.quantile(known["standstill_fall_above_200_hz"], 0.1), 0.0, QUIET_FALL_DB)),
             *_spread(known["low_band_level"]),
             *_spread(known["noise_on_the_way_12_200_hz"]),
+            *_spread(known["louder_after_start"], SMALLEST_GAIN_DB),
         )
 
     def unlike(self, low_band_db: Floats, way_db: Floats) -> Floats:
@@ -91,10 +97,10 @@ class Usual:
         return np.asarray(np.maximum(low, np.abs(way_db - self.way_db) / self.way_spread_db))
 
 
-def _spread(levels: Floats) -> tuple[float, float]:
-    """Return the median and the robust standard deviation, at least SMALLEST_SPREAD_DB [dB]."""
+def _spread(levels: Floats, smallest_db: float = SMALLEST_SPREAD_DB) -> tuple[float, float]:
+    """Return the median and the robust standard deviation, at least the smallest [dB]."""
     middle = float(np.median(levels))
-    return middle, max(SMALLEST_SPREAD_DB, 1.4826 * float(np.median(np.abs(levels - middle))))
+    return middle, max(smallest_db, 1.4826 * float(np.median(np.abs(levels - middle))))
 
 
 @dataclass(frozen=True)
@@ -182,7 +188,7 @@ def lacks(names: Sequence[str], values: NDArray[np.floating], usual: Usual) -> F
             np.clip(usual.fall_db - fall_db, 0, None) / 10,
             low / 0.2,
             high / 0.2,
-            np.clip(np.abs(louder_db) - 1, 0, 4) / 2,
+            np.clip(np.abs(louder_db - usual.louder_db) / usual.louder_spread_db - UNLIKE_FROM, 0, MOST_UNLIKE) / 2,
             np.clip(unlike - UNLIKE_FROM, 0, MOST_UNLIKE) / 2,
         ],
         axis=1,

@@ -4,6 +4,7 @@ A recording is cut to the longest piece of motion, lost samples and what does no
 out, and what is left is analysed. The names tell a technician what to do otherwise next time.
 """
 
+import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
@@ -13,7 +14,7 @@ from casebase.signals.analysis import Analysis
 from casebase.signals.band import Band
 from casebase.signals.circumstances import louder_after_start_db, low_band_level_db, standstill_db
 from casebase.signals.condition import OperatingCondition
-from casebase.signals.motion import HOP_HZ
+from casebase.signals.motion import HOP_HZ, Motion
 from casebase.signals.quality import QualityFlag, Severity, assess, constant_stretches
 from casebase.signals.recording import Recording
 from casebase.signals.segments import Segments, Span, find_segments
@@ -21,8 +22,10 @@ from casebase.signals.unrepeated import Event
 
 MOST_LEFT_OUT = 0.5
 """Where more than this share would be left out, what is left is the disturbance, and nothing is left out [1]."""
-POOR_SHARE = 0.25
-"""Where cycles differ for more than this share of the time, what three have in common may be chance [1]."""
+AS_LIKELY_AS_NOT = 0.5
+"""So many places at which chance puts a disturbance into most cycles at once, and nothing that repeats counts [1]."""
+DISTURBED_S = 0.5
+"""How long a disturbance lasts about: places so far apart are disturbed independently [s]."""
 LONGEST_GAP_S = 0.5
 """Lost samples for longer are silence or a pause [s]."""
 FEW_KNOCKS = 3
@@ -167,12 +170,13 @@ def unrepeated(surveyed: Survey) -> Iterator[QualityFlag]:
         return
     events, worst = found.events, max(found.share.values())
     left_out = bool(surveyed.analysis.left_out) or not events
-    severity = Severity.POOR if worst > POOR_SHARE or not left_out else Severity.NOTE
+    by_chance = _chance_repetitions(surveyed.analysis.motion, worst)
+    severity = Severity.POOR if by_chance > AS_LIKELY_AS_NOT or not left_out else Severity.NOTE
     knocks = [event for event in events if event.knock]
     changes = [event for event in events if not event.knock and max(map(abs, event.excess_db.values())) > 0]
     low = [event for event in changes if _is_low(event)]
     high = [event for event in changes if not _is_low(event)]
-    what_then = "left out" if severity is Severity.NOTE else "too much to be left out: record again without it"
+    what_then = "left out" if severity is Severity.NOTE else "too often for what repeats to be the machine's alone"
     if len(knocks) >= FEWEST_FOR_RHYTHM and _regular(knocks):
         every_s = float(np.median(np.diff([event.span.start_s for event in knocks])))
         yield _named(
@@ -187,6 +191,19 @@ def unrepeated(surveyed: Survey) -> Iterator[QualityFlag]:
         yield _named("wind", severity, low, surveyed, f"a rumble that comes and goes, {what_then}")
     if high:
         yield _named("foreign_sound", severity, high, surveyed, f"a sound that is not in every cycle, {what_then}")
+
+
+def _chance_repetitions(motion: Motion, share: float) -> float:
+    """Return at how many places of a stroke most cycles are disturbed at once, by chance [1].
+
+    Of n cycles, each disturbed for this share q of the time, more than half are at about (n choose k) q^k of the
+    places, k = floor(n / 2) + 1: there a disturbance looks like the machine (`casebase.signals.fold`).
+    """
+    if motion.period_s is None:
+        return 0.0
+    cycles = max(1, round(motion.cycles))
+    needed = cycles // 2 + 1
+    return math.comb(cycles, needed) * share**needed * motion.period_s / 2 / DISTURBED_S
 
 
 def _is_low(event: Event) -> bool:
