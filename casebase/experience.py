@@ -204,11 +204,7 @@ FEWEST_FOR_CALIBRATION = 30
 
 
 def calibrated(table: CaseTable, similarity: Similarity, copies: Copies) -> Similarity:
-    """Return the similarity with a calibration learned from cases and copies, each held out with its gearbox.
-
-    The library that answers knows one gearbox more than the one that was held against them. Errors fall about as one
-    over the number of gearboxes, which is what the odds are raised by.
-    """
+    """Return the similarity with a calibration learned from cases and copies, each held out with its gearbox."""
     rows = representative(table)
     own = np.isin(rows, copies.rows)
     asked = np.concatenate([rows[own], copies.rows])
@@ -237,9 +233,7 @@ def calibrated(table: CaseTable, similarity: Similarity, copies: Copies) -> Simi
     lacking = replace(PRIOR, usual=typical).lacks(table.names, values[kept])
     weights = balance(np.array(truth))
     learned = fitted(np.array(share), lacking, np.array(sound), np.array(right), weights, typical)
-    groups = np.unique(table.groups[asked[kept]]).size
-    offset = learned.offset + np.log(groups / max(1, groups - 1))
-    return replace(similarity, calibration=replace(learned, offset=float(offset)))
+    return replace(similarity, calibration=learned)
 
 
 def possible_juries(table: CaseTable) -> list[Mask]:
