@@ -177,10 +177,18 @@ class Analysis:
     def strongest_db(self, band: Band) -> float:
         """Highest point of the trace of a band above what noise would reach [dB]; NaN without the band."""
         trace = self.traced(band)
-        trace = None if trace is None else trace[np.isfinite(trace)]
+        trace = None if trace is None else trace[np.isfinite(trace) & self._moves(trace.size)]
         if trace is None or trace.size == 0:
             return math.nan
         return 10 * math.log10(float(trace.max()) / float(np.median(trace))) - self.noise_peak_db(band)
+
+    def _moves(self, size: int) -> NDArray[np.bool_]:
+        """Return where the axis moves, `HOP_HZ` values per second, shape (size,): at standstill no tooth strikes."""
+        moves = np.ones(size, dtype=np.bool_)
+        start, end = self.motion.quiet_s
+        for time in self.motion.reversal_times_s:
+            moves[max(0, round((time + start) * HOP_HZ)) : max(0, round((time + end) * HOP_HZ))] = False
+        return moves if moves.any() else ~moves
 
     def impulses(self, band: Band) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return times [s] and heights above what noise would reach [dB] of the impulses of a band."""
@@ -189,6 +197,7 @@ class Analysis:
             return np.empty(0), np.empty(0)
         trace = np.where(np.isfinite(trace), trace, np.nanmedian(trace))
         apart = int(IMPULSES_APART_S * HOP_HZ)
+        trace = np.where(self._moves(trace.size), trace, np.minimum(trace, np.median(trace)))
         places, heights = envelope.impulses(trace, self.noise_peak_db(band), apart)
         return (places.astype(np.float64) + 0.5) / HOP_HZ, heights
 

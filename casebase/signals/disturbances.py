@@ -36,9 +36,9 @@ GAIN_DB = 2.0
 """So much louder just after a start than before braking is a recorder that had turned up its gain [dB]."""
 MISSING_DB = -24.0
 """Below 120 Hz so little per hertz, against 250 to 500 Hz, is a high-pass and no gear [dB]."""
-NOISY_FALL_DB = 6.0
-AS_LOUD_FALL_DB = 3.0
-"""Noise that is as loud as the machine itself leaves a fall of 3 dB at standstill [dB]."""
+NOISY_FALL_DB = 10.0
+QUARTER_FALL_DB = 6.0
+"""Where it is less than 6 dB quieter at standstill, more than a quarter of what is heard is not the machine [dB]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -231,7 +231,7 @@ def noise(surveyed: Survey) -> Iterator[QualityFlag]:
     if fall_db < NOISY_FALL_DB:
         yield _flag(
             "noise",
-            Severity.POOR if fall_db < AS_LOUD_FALL_DB else Severity.NOTE,
+            Severity.POOR if fall_db < QUARTER_FALL_DB else Severity.NOTE,
             Span(0.0, surveyed.recording.duration_s),
             f"at standstill it is only {fall_db:.1f} dB quieter than in motion: the surroundings are nearly as loud as "
             "the machine; go nearer, or hold the microphone to the gearbox",
