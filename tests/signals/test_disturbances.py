@@ -98,10 +98,10 @@ def test_what_reaches_higher_is_foreign() -> None:
     assert flag.end_s < 15.3
 
 
-def test_more_noise_is_said_and_noise_as_loud_as_the_machine_is_poor() -> None:
+def test_more_noise_is_said_and_a_quarter_of_it_is_poor() -> None:
     assert "noise" not in found(GOOD + 0.1 * RMS * NOISE)
-    assert found(GOOD + 0.7 * RMS * NOISE)["noise"].severity is Severity.NOTE
-    assert found(GOOD + 1.5 * RMS * NOISE)["noise"].severity is Severity.POOR
+    assert found(GOOD + 0.4 * RMS * NOISE)["noise"].severity is Severity.NOTE
+    assert found(GOOD + 0.8 * RMS * NOISE)["noise"].severity is Severity.POOR
 
 
 def test_a_gain_that_rises_at_standstill_is_named() -> None:
