@@ -60,8 +60,11 @@ def test_head_is_get_without_the_body(live_server: LiveServer, role: str | None,
 
 
 def seen(client: httpx.Client, method: str, path: str) -> tuple[str, int, set[str], bytes]:
-    """What comes back: path, status, names of headers, content."""
-    answer = client.request(method, path)
+    """What comes back: path, status, names of headers, content.
+
+    By a connection of its own: one that has waited too long on a busy machine is closed by the service.
+    """
+    answer = client.request(method, path, headers={"Connection": "close"})
     return path, answer.status_code, {*answer.headers} - {*OWN}, answer.content
 
 
