@@ -203,10 +203,7 @@ class Reasoner:
         )
         silent = int(np.count_nonzero(~experience.jury))
         if silent:
-            remarks.append(
-                f"{silent} simulated cases have no vote: measured cases of gearboxes held out are told apart as well "
-                "without them"
-            )
+            remarks.append(f"{silent} simulated cases have no vote: enough cases of all these kinds were measured")
         if judgement.still:
             remarks.append(
                 "no regular motion is heard, while all cases are of axes that move back and forth: "
