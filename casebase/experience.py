@@ -237,17 +237,9 @@ def calibrated(table: CaseTable, similarity: Similarity, copies: Copies) -> Simi
 
 
 def possible_juries(table: CaseTable) -> list[Mask]:
-    """Return which cases might vote, each a part of the one before: all; no simulated ones of axes without a measured
-    case; no simulated ones at all of classes that were measured. What was never measured is voted for by what is
-    simulated in any of them."""
-    measured = table.origins == "measured"
-    needed = measured | ~np.isin(table.labels, np.unique(table.labels[measured]))
-    own = np.isin(table.axes, np.unique(table.axes[measured]))
-    juries = [np.ones(len(table), bool)]
-    for jury in (needed | own, needed):
-        if not np.array_equal(jury, juries[-1]):
-            juries.append(jury)
-    return juries
+    """Return which cases might vote: all, and those that say what is known (`border`) where these are fewer."""
+    known = border(table)
+    return [np.ones(len(table), bool)] if known.all() else [np.ones(len(table), bool), known]
 
 
 def _nearest_of_others(
