@@ -41,7 +41,8 @@ def together(server: LiveServer, path: str, count: int, headers: dict[str, str])
 
 def test_service_on_postgresql(server: LiveServer) -> None:
     cases = together(server, CASES, 4, {})
-    assert [answer.status_code for answer in cases] == [201] * 4
+    # whoever comes when the case is there already is told so
+    assert {201} <= {answer.status_code for answer in cases} <= {200, 201}
     assert len({answer.json()["id"] for answer in cases}) == 1
     diagnoses = together(server, DIAGNOSES, 4, {"Idempotency-Key": "at once"})
     assert [answer.status_code for answer in diagnoses] == [201] * 4
