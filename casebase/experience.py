@@ -214,13 +214,12 @@ def calibrated(table: CaseTable, similarity: Similarity, copies: Copies) -> Simi
     share, right, sound, kept, truth = [], [], [], [], []
     for kind in np.argsort(-counts)[:MOST_MASKS]:
         experience = gather(table, similarity, masks[kind], rows)
-        for index in np.flatnonzero(kinds.ravel() == kind):
+        these = np.flatnonzero(kinds.ravel() == kind)
+        seen = _nearest_of_others(table, similarity, masks[kind], asked[these], values[these], [experience.jury])[0]
+        for index, near in zip(these, seen, strict=True):
             row = asked[index]
             if not (table.labels[experience.jury & (table.groups != table.groups[row])] == table.labels[row]).any():
                 continue
-            near = _nearest_of_others(
-                table, similarity, masks[kind], asked[index : index + 1], values[index : index + 1], [experience.jury]
-            )[0, 0]
             shares = experience.shares(near, values[index], str(table.groups[row]))
             leading = table.classes[int(shares.argmax())]
             share.append(float(shares.max()))
