@@ -19,8 +19,8 @@ from casebase.retrieval import CaseMatrix, Match, NearestByClass
 from casebase.signals.features import Extraction, QualityFlag
 from casebase.voting import NEAREST
 
-DIAGNOSED_FROM = 0.8
-"""A label of less probability is `ambiguous`; of those above, nine in ten are right where probabilities hold."""
+DIAGNOSED_FROM = 0.9
+"""A label of less probability is `ambiguous`: what is diagnosed is right nine times in ten, each by itself."""
 NEIGHBOURS = 5
 MASKS_KEPT = 16
 

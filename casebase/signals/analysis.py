@@ -89,6 +89,31 @@ class Analysis:
         chosen: NDArray[np.float32] = values[self._kept[np.minimum(place, self._kept.size - 1)]]
         return chosen
 
+    def on_the_way(self, values: NDArray[np.float32], rate_hz: float) -> NDArray[np.float32]:
+        """Return the values, shape (n,) at any rate [Hz], while the axis moves and not left out, shape (k,).
+
+        At standstill no tooth strikes: what clicks there is a brake, or the arm that comes to rest.
+        """
+        counts = self._counts
+        if counts.all():
+            return values
+        place = (np.arange(values.size) * (HOP_HZ / rate_hz)).astype(np.intp)
+        chosen: NDArray[np.float32] = values[counts[np.minimum(place, counts.size - 1)]]
+        return chosen
+
+    def calmed(self, power: NDArray[np.float32], rate_hz: float) -> NDArray[np.float32]:
+        """Return the squared envelope of shape (n,) at any rate [Hz], at standstill at most its own median there."""
+        place = (np.arange(power.size) * (HOP_HZ / rate_hz)).astype(np.intp)
+        still = ~self._moves(self._kept.size)[np.minimum(place, self._kept.size - 1)]
+        if not still.any():
+            return power
+        return np.where(still, np.minimum(power, np.median(power[still])), power)
+
+    @cached_property
+    def _counts(self) -> NDArray[np.bool_]:
+        counts = self._kept & self._moves(self._kept.size)
+        return counts if counts.any() else self._kept
+
     @property
     def duration_s(self) -> float:
         """Length [s]."""

@@ -6,8 +6,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import fft, ndimage
 
-from casebase.signals.spectra import BandEnvelope
-
 
 def spectral_kurtosis_db(power: NDArray[np.float32]) -> float:
     """Return how far the fourth moment of a band is above that of Gaussian noise [dB]; 0 for noise.
@@ -56,20 +54,22 @@ def repetition(trace: NDArray[np.float32], lag: int, tolerance: int) -> float:
     return max(-1.0, min(1.0, max(products) / power))
 
 
-def envelope_spectrum(envelope: BandEnvelope) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
+def envelope_spectrum(power: NDArray[np.float32], rate_hz: float) -> tuple[NDArray[np.float64], NDArray[np.float32]]:
     """Return frequencies [Hz] and the power of the squared envelope over its squared mean [1], shape (m,) each.
+
+    Args:
+        power: squared envelope, shape (n,), `rate_hz` values per second [Hz].
 
     Modulation of depth d at one frequency is a line of power d²/2 (Randall and Antoni, Rolling element bearing
     diagnostics - a tutorial, 2011).
     """
-    power = envelope.inside()
     mean = power.mean()
     relative = power / mean - np.float32(1.0) if mean > 0 else np.zeros_like(power)
     window = _hann(relative.size)
     size = fft.next_fast_len(relative.size, real=True)
     values = fft.rfft(relative * window, size)
     scale = np.float32(2.0 / (window @ window) / relative.size)
-    frequency = np.arange(values.size, dtype=np.float64) * (envelope.rate_hz / size)
+    frequency = np.arange(values.size, dtype=np.float64) * (rate_hz / size)
     spectrum: NDArray[np.float32] = (values.real**2 + values.imag**2) * scale
     return frequency, spectrum
 

@@ -20,8 +20,9 @@ def main() -> None:
     """Make the sounds, fill the library, diagnose, print the table."""
     parser = argparse.ArgumentParser(prog="python -m tests.field_bank", description=__doc__)
     parser.add_argument("--half", choices=("work", "final"), default="work", help="final is run once, at the end")
+    parser.add_argument("--seed", type=int, help="other machines, motions and sounds than those of this half")
     parser.add_argument("--library", choices=("measured", "starter+measured", "starter"), default="starter+measured")
-    parser.add_argument("--gearboxes", type=int, choices=(2, 5, 10), default=5, help="measured ones; not with axis")
+    parser.add_argument("--gearboxes", type=int, choices=(2, 3, 5, 10), default=5, help="measured ones; not with axis")
     parser.add_argument("--source", choices=("own", "axis"), default="own", help="axis: the shared recordings")
     parser.add_argument("--only", metavar="KIND", help="undisturbed recordings and this kind, or foreign")
     parser.add_argument("--every", type=int, default=1, metavar="N", help="ask only each Nth recording of a kind")
@@ -32,6 +33,8 @@ def main() -> None:
     a = parser.parse_args()
     begin = time.monotonic()
 
+    if a.seed is not None:
+        banks.SEEDS[a.half] = a.seed
     kinds = ("undisturbed", "unseen", "foreign", *banks.kinds_of(a.half))
     if a.only not in (None, *kinds):
         parser.error(f"no such kind in this half: {a.only}; there are {', '.join(kinds)}")

@@ -140,7 +140,7 @@ def questions(half: str, source: str) -> Iterator[tuple[Question, Sound]]:
 
 def written(half: str, source: str, cache: Path) -> list[tuple[Path, Question]]:
     """Return the files to diagnose, made at the first call and taken from the cache from then on."""
-    digest = sha256(f"{half} {source} {which('espeak-ng')} {SHARED.exists()}".encode())
+    digest = sha256(f"{half} {SEEDS[half]} {source} {which('espeak-ng')} {SHARED.exists()}".encode())
     for path in sorted(Path(__file__).parent.glob("*.py")):
         if path.stem not in ("__main__", "product", "score", "test_bank"):
             digest.update(path.read_bytes())

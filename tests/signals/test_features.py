@@ -164,3 +164,25 @@ def test_band_levels_of_white_noise_rise_three_decibels_per_octave() -> None:
     levels = [values[k] for k, name in enumerate(catalogue()) if name.startswith("band_level")][:-1]
     slope = np.polyfit(np.arange(len(levels)) / 2, levels, 1)[0]
     assert slope == pytest.approx(10 * np.log10(2), abs=0.1)
+
+
+def test_a_brake_that_clicks_at_each_stop_strikes_no_tooth() -> None:
+    """Peakedness is taken while the axis moves; only the whole record and the standstill show the click."""
+    joint = Joint(seed=5)
+    clicked = sound(joint).astype(np.float64)
+    time = np.arange(round(0.03 * RATE_HZ)) / RATE_HZ
+    click = 6 * clicked.std() * np.exp(-time / 0.005) * np.sin(2 * np.pi * 120 * time)
+    for at_s in joint.reversals_s[1:-2]:
+        clicked[round(at_s * RATE_HZ) :][: click.size] += click[: clicked.size - round(at_s * RATE_HZ)]
+    before, after = (dict(zip(catalogue(), vector(each).tolist(), strict=True)) for each in (sound(joint), clicked))
+    assert (
+        after["crest_factor_low_pass_200_hz_whole_record"] > 1.5 * before["crest_factor_low_pass_200_hz_whole_record"]
+    )
+    for name in (
+        "crest_factor_low_pass_200_hz_mean_of_1_s_windows",
+        "crest_factor_low_pass_200_hz_largest_of_1_s_windows",
+        "kurtosis_low_pass_200_hz",
+    ):
+        assert after[name] == pytest.approx(before[name], rel=0.1)
+    for name in ("spectral_kurtosis_12_200_hz", "strongest_impulse_12_200_hz", "modulation_line_4_300_hz"):
+        assert after[name] == pytest.approx(before[name], abs=1.0)

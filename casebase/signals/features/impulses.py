@@ -55,4 +55,4 @@ class Impulses(FeatureFamily):
 
     @staticmethod
     def _kurtosis(analysis: Analysis, band: BandEnvelope) -> float:
-        return envelope.spectral_kurtosis_db(analysis.kept(band.inside(), band.rate_hz))
+        return envelope.spectral_kurtosis_db(analysis.on_the_way(band.inside(), band.rate_hz))

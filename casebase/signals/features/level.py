@@ -42,19 +42,19 @@ class Level(FeatureFamily):
         FeatureDefinition(
             "crest_factor_low_pass_200_hz_mean_of_1_s_windows",
             "1",
-            "Averaged over windows of 1 s, one knock says little and a knock every second much.",
+            "Averaged over windows of 1 s while the axis moves, one knock says little and a knock every second much.",
             f"{PAPER}, equation (2)",
         ),
         FeatureDefinition(
             "crest_factor_low_pass_200_hz_largest_of_1_s_windows",
             "1",
-            "The window of 1 s with the hardest single impact for its own level.",
+            "The window of 1 s with the hardest single impact for its own level, while the axis moves.",
             f"{PAPER}, equation (2)",
         ),
         FeatureDefinition(
             "kurtosis_low_pass_200_hz",
             "1",
-            "Fourth moment over squared variance: 3 for noise, more where few large values are.",
+            "Fourth moment over squared variance while the axis moves: 3 for noise, more where few large values are.",
             "Pearson 1905; Dyer and Stewart 1978 for bearings",
         ),
     )
@@ -65,8 +65,9 @@ class Level(FeatureFamily):
         low = analysis.kept(analysis.low_passed, ANALYSIS_RATE_HZ)
         window = int(WINDOW_S * ANALYSIS_RATE_HZ)
         mean = largest = math.nan
-        if low.size >= window:
-            trace = crest.crest_factor_trace(low, window, window // STEPS_PER_WINDOW)
+        moving = analysis.on_the_way(analysis.low_passed, ANALYSIS_RATE_HZ)
+        if moving.size >= window:
+            trace = crest.crest_factor_trace(moving, window, window // STEPS_PER_WINDOW)
             trace = trace[np.isfinite(trace)]
             if trace.size:
                 mean, largest = float(trace.mean(dtype=np.float64)), float(trace.max())
@@ -79,5 +80,5 @@ class Level(FeatureFamily):
             crest.crest_factor(low),
             mean,
             largest,
-            crest.kurtosis(low),
+            crest.kurtosis(moving),
         )

@@ -43,7 +43,8 @@ class Modulation(FeatureFamily):
         band = analysis.envelope(Band.HIGH)
         if band is None:
             return [math.nan] * len(self.definitions)
-        frequency, power = envelope.envelope_spectrum(band)
+        calm = analysis.calmed(band.inside(), band.rate_hz)
+        frequency, power = envelope.envelope_spectrum(calm, band.rate_hz)
         step = frequency[1]
         octaves = []
         for low, high in OCTAVES_HZ:
