@@ -30,6 +30,7 @@ class Design:
     balls: rolling elements of the input bearing. play_in: play fault sits in the input stage.
     play, notch: fault sizes as multiples of the wind-up at nominal torque.
     rub: level of rolling/sliding noise, whine: level of motor noise, both over nominal torque.
+    notch_width: width of the damage as a share of the tooth pitch.
     """
 
     axis: str
@@ -57,6 +58,7 @@ class Design:
     notch: tuple[float, float]
     rub: float
     whine: float
+    notch_width: tuple[float, float] = (0.12, 0.4)
 
 
 DESIGNS: dict[Half, dict[str, Design]] = {
@@ -84,9 +86,10 @@ DESIGNS: dict[Half, dict[str, Design]] = {
             9,
             False,
             (2.0, 26.0),
-            (1.5, 14.0),
+            (1.2, 10.0),
             0.008,
             0.004,
+            notch_width=(0.2, 0.55),
         ),
         "harmonic": Design(
             "harmonic",
@@ -111,9 +114,10 @@ DESIGNS: dict[Half, dict[str, Design]] = {
             8,
             False,
             (2.0, 22.0),
-            (1.2, 12.0),
+            (1.0, 10.0),
             0.010,
             0.006,
+            notch_width=(0.2, 0.55),
         ),
         "planetary": Design(
             "planetary",
@@ -138,9 +142,10 @@ DESIGNS: dict[Half, dict[str, Design]] = {
             7,
             False,
             (4.0, 40.0),
-            (2.0, 24.0),
+            (2.0, 16.0),
             0.007,
             0.005,
+            notch_width=(0.2, 0.55),
         ),
         "belt": Design(
             "belt",

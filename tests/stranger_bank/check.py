@@ -70,6 +70,23 @@ def at_marks(rec: Recorded, marks: tuple[float, ...], reach_s: float) -> tuple[f
     return float(np.mean(near[loud])), float(np.mean(near))
 
 
+def after(rec: Recorded, marks: tuple[float, ...]) -> float:
+    """Median over marks of the loudest low-band frame of the next 0.1 s, over the median one [dB].
+
+    Marks nearer than 0.15 s to the one before belong to the same bump and are left out.
+    """
+    env = envelope(rec, 0, 200)
+    tops = []
+    last = -1.0
+    for m in marks:
+        if m - last > 0.15:
+            k = int(m / FRAME_S)
+            if 3 <= k < env.size - 8:
+                tops.append(np.max(env[k : k + 6]))
+        last = m
+    return float(20 * np.log10(np.median(tops) / np.median(env))) if tops else float("nan")
+
+
 def convergence(half: Half) -> None:
     """Output torque with a four times finer step, for normal and for play."""
     for axis in DESIGNS[half]:
@@ -152,6 +169,17 @@ def main() -> None:
                 h = np.mean(hits, axis=0)
                 print(f"  {s}: {h[0]:.2f} of loudest low frames at true times, chance {h[1]:.2f}"
                       f" ({len(hits)} recordings)")  # fmt: skip
+        bumps = np.array([after(r, r.landings_s) for r in rows])
+        k = (states == "play") & np.array([(r.audibility_peak_db or -99) > 8 for r in rows])
+        n0, p0 = bumps[states == "normal"], bumps[k]
+        print(
+            f"  low band after reversals over its median: normal {np.nanmedian(n0):.1f} dB,"
+            f" heard play {np.nanmedian(p0):.1f} dB,"
+            f" AUC {auc(p0[np.isfinite(p0)], n0[np.isfinite(n0)]):.2f}"
+        )
+        k = (states == "notch") & np.array([(r.audibility_peak_db or -99) > 8 for r in rows])
+        n1 = np.array([after(r, r.events_s) for r in np.array(rows, object)[k]])
+        print(f"  low band at the notch over its median: heard notch {np.nanmedian(n1):.1f} dB")
         heard = np.array([(r.audibility_peak_db or -99) > 8 for r in rows])
         normal = states == "normal"
         for s in ("notch", "play"):

@@ -310,7 +310,7 @@ def worsen(
         depth = float(np.exp(rng.uniform(np.log(lo), np.log(hi)))) if size is None else size
         at = span[0] + (span[1] - span[0]) * rng.uniform(0.2, 0.8)
         teeth = 40 if d.z_out > 120 else d.z_out
-        width = 2 * np.pi / teeth * rng.uniform(0.12, 0.4)
+        width = 2 * np.pi / teeth * rng.uniform(*d.notch_width)
         xo = np.arange(TABLE_OUT) * (2 * np.pi / TABLE_OUT)
         off = (xo - at + np.pi) % (2 * np.pi) - np.pi
         if modern:  # broken flank: steep edge on one side, slope on the other, less stiff
@@ -320,9 +320,16 @@ def worsen(
             )
             build.stiff = build.stiff * (1 - 0.3 * shape)
         else:
-            shape = np.where(
-                np.abs(off) < width / 2, 0.5 + 0.5 * np.cos(2 * np.pi * off / width), 0
-            )
+
+            def hump(centre: float, wide: float) -> Floats:
+                y = off - centre
+                return np.where(np.abs(y) < wide / 2, 0.5 + 0.5 * np.cos(2 * np.pi * y / wide), 0)
+
+            # a pit with the burr that it has thrown up on both sides
+            burr = rng.uniform(0.0, 0.1)
+            shape = hump(0.0, width)
+            for centre in (-0.6 * width, 0.6 * width):
+                shape = shape - burr * hump(centre, 0.5 * width)
         other = rng.uniform(0.5, 1.0)
         sides = (1.0, other) if rng.random() < 0.5 else (other, 1.0)
         build.dent_right = depth * sides[0] * shape

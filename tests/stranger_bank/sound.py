@@ -292,7 +292,7 @@ def surroundings(rng: np.random.Generator, n: int, rate: int, half: Half) -> Flo
     else:
         knots = np.arange(0, t[-1] + 2, 0.7)
         swell = np.interp(t, knots, rng.uniform(0.5, 1.5, knots.size))
-        y = shaped(rng, n, rate, "air") * swell
+        y = (shaped(rng, n, rate, "air") + 0.7 * shaped(rng, n, rate, "pink")) * swell
         for h in range(1, 9):
             y += (
                 0.35
