@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from casebase.case_table import CaseTable, Mask
 from casebase.experience import UNKNOWN_COLOUR, Experience, Judgement, border, gather, representative
-from casebase.explanation import Evidence, feature_evidence, motion_evidence, novelty_evidence
+from casebase.explanation import Evidence, baseline_evidence, feature_evidence, motion_evidence, novelty_evidence
 from casebase.learning import Similarity
 from casebase.moving import all_move, moving
 from casebase.novelty import known_ranges
@@ -182,15 +182,19 @@ class Reasoner:
             probability=None if label is None else best.probability,
             hypotheses=hypotheses,
             neighbours=shown.overall(NEIGHBOURS),
-            evidence=self._evidence(extraction, near, label),
+            evidence=self._evidence(extraction, near, label, experience if judgement.refused else None),
             quality=extraction.quality,
             novelty=judgement.novelty,
             threshold=judgement.threshold,
             remarks=tuple(self._remarks(extraction, judgement, experience)),
         )
 
-    def _evidence(self, extraction: Extraction, near: NearestByClass, label: str | None) -> tuple[Evidence, ...]:
+    def _evidence(
+        self, extraction: Extraction, near: NearestByClass, label: str | None, refusing: Experience | None
+    ) -> tuple[Evidence, ...]:
         values, motion = extraction.features.values, motion_evidence(extraction)
+        if refusing is not None and refusing.normal is not None:
+            return (*baseline_evidence(self.table.names, values, refusing.normal), *motion)
         if label is None:
             return (*novelty_evidence(self.table.names, values, self.ranges), *motion)
         return (*feature_evidence(self.table, values, near.of(label), near.other_than(label)), *motion)
@@ -213,6 +217,11 @@ class Reasoner:
             remarks.append(
                 "the sound has another colour than every measured case: another machine, or a recorder that the "
                 "library does not know"
+            )
+        if judgement.refused:
+            remarks.append(
+                "the nearest cases are of sound gears, but the recording is unlike every one of them: it may be a "
+                "fault that the library does not know, or a known one smaller than its cases"
             )
         small = [label for label, enough in zip(judgement.classes, judgement.supports_level, strict=True) if not enough]
         if small:
@@ -257,6 +266,7 @@ def verdict_of(judgement: Judgement, poor: bool = False) -> str:
     if (
         judgement.still
         or judgement.unlike > UNKNOWN_COLOUR
+        or judgement.refused
         or (judgement.threshold is not None and judgement.novelty > judgement.threshold)
     ):
         return "not_in_library"

@@ -10,9 +10,8 @@ from scipy import special
 from casebase.case_table import CaseTable, Mask
 from casebase.diagnosis import Reasoner, verdict_of
 from casebase.errors import InvalidRequestError
-from casebase.experience import border, representative, where_unknown_begins
 from casebase.learning import FOLDS, Similarity, fold_numbers, learn, unlearned
-from casebase.novelty import known_ranges, spread_out
+from casebase.novelty import spread_out
 
 COVERAGE = 0.95
 MOST_TESTED = 400
@@ -241,17 +240,8 @@ def _called_new(table: CaseTable, inside: Mask, tested: Mask, label: str) -> lis
     if not tested.any() or not inside.any():
         return []
     known = table.take(inside)
-    bordering = border(known)
-    ranges = known_ranges(known.names, known.values[bordering], known.labels[bordering])
-    limits: dict[bytes, float | None] = {}
-    answers = []
-    for values in table.values[tested]:
-        present = np.isfinite(values)
-        if present.tobytes() not in limits:
-            limits[present.tobytes()] = where_unknown_begins(known, present, representative(known))
-        limit = limits[present.tobytes()]
-        answers.append(limit is not None and ranges.distance(values) > limit)
-    return answers
+    reasoner = Reasoner(known, unlearned(known, "kinds are not told apart here"))
+    return [verdict_of(reasoner.judge(values)) == "not_in_library" for values in table.values[tested]]
 
 
 def _evaluation(

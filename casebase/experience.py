@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from casebase.baseline import UNLIKE, Baseline, baseline
 from casebase.calibration import PRIOR, Calibration, Usual, fitted
 from casebase.case_table import CaseTable, Mask
 from casebase.detection import Detection
@@ -44,6 +45,7 @@ class Judgement:
     Args:
         still: whether it does not follow a motion although all cases do; it is then as far as anything can be.
         unlike: by how many standard deviations its colour is unlike that of measured cases; 0 without such.
+        sound_gear: how often a sound gear departs as far from the normal ones; None where too few say so.
     """
 
     classes: tuple[str, ...]
@@ -54,6 +56,13 @@ class Judgement:
     supports_level: tuple[bool, ...]
     still: bool = False
     unlike: float = 0.0
+    sound_gear: float | None = None
+
+    @property
+    def refused(self) -> bool:
+        """Whether the leading label is `normal`, of a recording unlike every normal one."""
+        leading = self.classes[int(self.probabilities.argmax())]
+        return leading in BASELINES and self.sound_gear is not None and self.sound_gear < UNLIKE
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +78,7 @@ class Experience:
         calibration: how sure one may be of the leading label.
         names: of the features.
         colour_known: whether enough cases were measured to say what a recorder makes of this machine.
+        normal: what normal recordings have shown; None where they are too few.
     """
 
     classes: tuple[str, ...]
@@ -81,6 +91,7 @@ class Experience:
     calibration: Calibration
     names: tuple[str, ...]
     colour_known: bool
+    normal: Baseline | None
 
     @property
     def doubt(self) -> float:
@@ -109,6 +120,7 @@ class Experience:
             tuple(self._count(each) + 1 >= 1 / LEVEL for each in range(len(self.classes))),
             still,
             unlike,
+            None if self.normal is None else self.normal.p_value(values),
         )
 
     def shares(self, nearest: Floats, values: NDArray[np.floating], but: str = "") -> Floats:
@@ -176,6 +188,7 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
         similarity.calibration or replace(PRIOR, usual=usual(table, rows)),
         table.names,
         int((table.origins[rows] == "measured").sum()) >= FEWEST_FOR_LIMIT,
+        baseline(table, border(table)),
     )
 
 
@@ -210,7 +223,8 @@ def calibrated(table: CaseTable, similarity: Similarity, copies: Copies) -> Simi
     asked = np.concatenate([rows[own], copies.rows])
     values = np.concatenate([table.values[rows[own]], copies.values])
     masks, kinds, counts = np.unique(np.isfinite(values), axis=0, return_inverse=True, return_counts=True)
-    typical = usual(table, rows)
+    typical, held_out = usual(table, rows), _held_out_together(table)
+    normal = {int(part): baseline(table, border(table) & (held_out != part)) for part in np.unique(held_out[asked])}
     share, right, sound, kept, truth = [], [], [], [], []
     for kind in np.argsort(-counts)[:MOST_MASKS]:
         experience = gather(table, similarity, masks[kind], rows)
@@ -222,6 +236,9 @@ def calibrated(table: CaseTable, similarity: Similarity, copies: Copies) -> Simi
                 continue
             shares = experience.shares(near, values[index], str(table.groups[row]))
             leading = table.classes[int(shares.argmax())]
+            known = normal[int(held_out[row])]
+            if leading in BASELINES and known is not None and known.p_value(values[index]) < UNLIKE:
+                continue
             share.append(float(shares.max()))
             right.append(leading == table.labels[row])
             sound.append(leading in BASELINES)

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from casebase.baseline import Baseline
 from casebase.case_table import CaseTable
 from casebase.detection import WORTH_SAYING_DB
 from casebase.novelty import KnownRanges
@@ -137,6 +138,23 @@ def _outside(name: str, value: float, span: tuple[float, float], nearest: str, s
         sentence += f". {known.physics}"
     range_document = {"label": nearest, "low": _finite(span[0]), "high": _finite(span[1])}
     return Evidence("feature", sentence, name, _finite(value), unit, other=range_document, share=float(share))
+
+
+def baseline_evidence(names: tuple[str, ...], values: NDArray[np.floating], normal: Baseline) -> tuple[Evidence, ...]:
+    """Return the features in which the recording departs most from normal ones, strongest first."""
+    departures = normal.departures(values)
+    size = np.nan_to_num(np.abs(departures))
+    order = [int(index) for index in np.argsort(-size, kind="stable")[:MOST] if size[index] > 1]
+    return tuple(
+        _outside(
+            names[index],
+            float(values[index]),
+            (float(normal.center[index] - normal.scale[index]), float(normal.center[index] + normal.scale[index])),
+            "normal",
+            size[index] ** 2 / float(size @ size),
+        )
+        for index in order
+    )
 
 
 def motion_evidence(extraction: Extraction) -> tuple[Evidence, ...]:

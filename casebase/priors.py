@@ -15,10 +15,12 @@ FOLDED = "a tooth with a notch or a gear with play strikes at the same place of 
 IMPACT = "an impact rises above the noise in the band that the gear excites, wherever it falls in time"
 UPPER = "impacts reach higher bands too, as far as the housing and the place of the microphone let them"
 SPREAD = "crest factor and kurtosis rise with impacts, but with any other knock as well"
+CYCLIC = "impacts at a steady rate while the axis moves are of a bearing or of wear, and not of a notch or play"
 MESH = "wear and eccentricity change the lines of the mesh and their sidebands"
 COLOUR = "the colour of the sound tells more of housing and microphone than of the gear"
 
 HEARD = "it says how well a fault would be heard, not whether there is one"
+WHOLE = "a brake or an arm that comes to rest knocks at standstill: shown, compared by windows on the way"
 MOTION = "that the sound follows the motion tells a gear from other sounds, not one fault from another"
 
 PRIORS: tuple[tuple[str, float, str], ...] = (
@@ -31,7 +33,9 @@ PRIORS: tuple[tuple[str, float, str], ...] = (
     ("low_band_level", 0.0, HEARD),
     ("rms", 0.0, LEVEL),
     ("peak", 0.0, LEVEL),
-    ("crest_factor_whole_record", 0.5, SPREAD),
+    ("crest_factor_whole_record", 0.0, WHOLE),
+    ("crest_factor_low_pass_200_hz_whole_record", 0.0, WHOLE),
+    ("crest_factor_median", 0.5, SPREAD),
     ("crest_factor", 1.0, SPREAD),
     ("kurtosis", 1.0, SPREAD),
     ("notch_bump_12_200", 12.0, FOLDED),
@@ -48,7 +52,7 @@ PRIORS: tuple[tuple[str, float, str], ...] = (
     ("strongest_impulse", 1.0, UPPER),
     ("spectral_kurtosis", 1.0, UPPER),
     ("mesh", 1.0, MESH),
-    ("modulation_line", 1.0, MESH),
+    ("envelope_line", 1.0, CYCLIC),
     ("modulation", 0.2, COLOUR),
     ("band_level", 0.1, COLOUR),
     ("loudness_fall", 0.0, MOTION),

@@ -1,5 +1,6 @@
 """Analysis: what several feature families need of one recording, each computed once, when asked for."""
 
+import itertools
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -32,6 +33,9 @@ IMPULSES_APART_S = 0.05
 
 RAMP_S = 0.005
 """What is left out fades out and in over so long [s], for an edge would be an impulse."""
+
+SHORTEST_WAY_S, LONGEST_WAY_S = 0.1, 2.0
+"""A spectrum of less resolves no line; one of more is not averaged enough where an axis does not reverse [s]."""
 
 EMPTY = 1e-9
 """Share of the power below which a band holds nothing [1]."""
@@ -89,17 +93,22 @@ class Analysis:
         chosen: NDArray[np.float32] = values[self._kept[np.minimum(place, self._kept.size - 1)]]
         return chosen
 
-    def on_the_way(self, values: NDArray[np.float32], rate_hz: float) -> NDArray[np.float32]:
-        """Return the values, shape (n,) at any rate [Hz], while the axis moves and not left out, shape (k,).
+    def cycles(self, values: NDArray[np.float32], rate_hz: float) -> list[NDArray[np.float32]]:
+        """Return the values, shape (n,) at any rate [Hz], of every whole cycle while the axis moves, shape (k,) each.
 
-        At standstill no tooth strikes: what clicks there is a brake, or the arm that comes to rest.
+        At standstill no tooth strikes: what clicks there is a brake, or the arm that comes to rest. What is left out
+        is missing. Without a whole cycle it is all one.
         """
-        counts = self._counts
-        if counts.all():
-            return values
-        place = (np.arange(values.size) * (HOP_HZ / rate_hz)).astype(np.intp)
-        chosen: NDArray[np.float32] = values[counts[np.minimum(place, counts.size - 1)]]
-        return chosen
+        place = np.minimum((np.arange(values.size) * (HOP_HZ / rate_hz)).astype(np.intp), self._counts.size - 1)
+        counts = self._counts[place]
+        period_s, times = self.motion.period_s, self.motion.reversal_times_s
+        starts = np.arange(times[0] % period_s, self.duration_s, period_s) if period_s and times else np.empty(0)
+        if starts.size < 2:
+            return [values[counts]]
+        edges = np.minimum(np.rint(starts * rate_hz).astype(np.intp), values.size)
+        cut = [values[a:b][counts[a:b]] for a, b in itertools.pairwise(edges)]
+        whole = [each for each in cut if each.size > 0.5 * max(part.size for part in cut)]
+        return whole or [values[counts]]
 
     def calmed(self, power: NDArray[np.float32], rate_hz: float) -> NDArray[np.float32]:
         """Return the squared envelope of shape (n,) at any rate [Hz], at standstill at most its own median there."""
@@ -188,7 +197,7 @@ class Analysis:
     def _holed(self, trace: NDArray[np.float32]) -> NDArray[np.float32]:
         if not self.left_out:
             return trace
-        return np.where(self._kept[: trace.size], trace, np.float32(np.nan))
+        return np.where(self.is_kept(trace.size), trace, np.float32(np.nan))
 
     def freedom(self, band: Band) -> float:
         """Degrees of freedom of noise in the trace of a band: two per independent value in the triangle."""
@@ -200,12 +209,19 @@ class Analysis:
         return noise_peak_db(1, self.freedom(band), max(1.0, self.duration_s / (2 * SMOOTH_S)), alarm)
 
     def strongest_db(self, band: Band) -> float:
-        """Highest point of the trace of a band above what noise would reach [dB]; NaN without the band."""
+        """Return the highest point of the trace of a band in the typical cycle above what noise would reach [dB].
+
+        NaN without the band.
+        """
         trace = self.traced(band)
-        trace = None if trace is None else trace[np.isfinite(trace) & self._moves(trace.size)]
-        if trace is None or trace.size == 0:
+        if trace is None:
             return math.nan
-        return 10 * math.log10(float(trace.max()) / float(np.median(trace))) - self.noise_peak_db(band)
+        cycles = [known for cycle in self.cycles(trace, HOP_HZ) if (known := cycle[np.isfinite(cycle)]).size]
+        if not cycles:
+            return math.nan
+        positions = max(1.0, float(np.median([cycle.size for cycle in cycles])) / HOP_HZ / (2 * SMOOTH_S))
+        heights = [10 * math.log10(float(cycle.max()) / float(np.median(cycle))) for cycle in cycles]
+        return float(np.median(heights)) - noise_peak_db(1, self.freedom(band), positions)
 
     def _moves(self, size: int) -> NDArray[np.bool_]:
         """Return where the axis moves, `HOP_HZ` values per second, shape (size,): at standstill no tooth strikes."""
@@ -214,6 +230,23 @@ class Analysis:
         for time in self.motion.reversal_times_s:
             moves[max(0, round((time + start) * HOP_HZ)) : max(0, round((time + end) * HOP_HZ))] = False
         return moves if moves.any() else ~moves
+
+    def ways(self) -> list[Span]:
+        """Return where the axis moves at its speed, between reversals and free of what is left out, LONGEST_WAY_S each.
+
+        Without a reversal the whole record counts as one way.
+        """
+        edges = [0.0, self.duration_s]
+        if self.motion.reversal_times_s:
+            times = np.array(self.motion.reversal_times_s)
+            start, end = self.motion.slow_s
+            edges = [0.0, *np.stack([times + start, times + end], axis=1).ravel().clip(0, self.duration_s), edges[1]]
+        ways = []
+        for start_s, end_s in zip(edges[::2], edges[1::2], strict=True):
+            count = max(1, math.ceil((end_s - start_s) / LONGEST_WAY_S))
+            cuts = np.linspace(start_s, end_s, count + 1)
+            ways += [Span(float(a), float(b)) for a, b in itertools.pairwise(cuts) if b - a >= SHORTEST_WAY_S]
+        return [way for way in ways if self._kept[int(way.start_s * HOP_HZ) : int(way.end_s * HOP_HZ)].all()]
 
     def impulses(self, band: Band) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return times [s] and heights above what noise would reach [dB] of the impulses of a band."""

@@ -1,5 +1,7 @@
 """Envelope statistics: impulses in a trace, repetition after a time, the spectrum of the envelope."""
 
+from collections.abc import Sequence
+from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
@@ -77,3 +79,56 @@ def envelope_spectrum(power: NDArray[np.float32], rate_hz: float) -> tuple[NDArr
 @lru_cache(maxsize=4)
 def _hann(size: int) -> NDArray[np.float32]:
     return np.hanning(size).astype(np.float32)
+
+
+@dataclass(frozen=True, eq=False)
+class AveragedSpectrum:
+    """Spectrum of a squared envelope, averaged over pieces.
+
+    Args:
+        power: shape (m,), from 0 on.
+        step_hz: distance of two values [Hz].
+        resolution_hz: distance of two independent ones [Hz].
+        pieces: how many were averaged.
+    """
+
+    power: NDArray[np.float64]
+    step_hz: float
+    resolution_hz: float
+    pieces: int
+
+
+def averaged_spectrum(pieces: Sequence[NDArray[np.float32]], rate_hz: float) -> AveragedSpectrum | None:
+    """Return the mean spectrum of pieces of a squared envelope, shape (n,) each, or None without any.
+
+    Each piece counts relative to its own mean, so that a loud one does not count for more; one of less than half the
+    length of the longest is left out, for its lines are too wide (Welch, IEEE Trans. Audio AU-15, 1967).
+    """
+    longest = max((piece.size for piece in pieces), default=0)
+    chosen = [piece for piece in pieces if piece.size >= max(longest / 2, 16) and piece.any()]
+    if not chosen:
+        return None
+    size = fft.next_fast_len(longest, real=True)
+    total = np.zeros(size // 2 + 1)
+    for piece in chosen:
+        window = _hann(piece.size)
+        values = fft.rfft((piece / piece.mean() - np.float32(1.0)) * window, size)
+        total += (values.real**2 + values.imag**2) / float(window @ window)
+    return AveragedSpectrum(total / len(chosen), rate_hz / size, rate_hz / longest, len(chosen))
+
+
+def over_surroundings_db(
+    spectrum: AveragedSpectrum, range_hz: tuple[float, float], surroundings_hz: float
+) -> tuple[NDArray[np.float64], float]:
+    """Return the level of a range over the median of what is around each value, shape (k,) [dB].
+
+    Beside it how many independent values there are in the range; 0 where the spectrum does not reach.
+    """
+    first, last = (int(edge / spectrum.step_hz) for edge in range_hz)
+    last = min(last, spectrum.power.size)
+    if last - first < 8:
+        return np.empty(0), 0.0
+    width = max(9, int(surroundings_hz / spectrum.step_hz) | 1)
+    around = ndimage.median_filter(spectrum.power[: last + width], size=width, mode="nearest")[first:last]
+    level = 10 * np.log10(np.maximum(spectrum.power[first:last], np.finfo(np.float32).tiny) / np.maximum(around, 1e-30))
+    return level, (last - first) * spectrum.step_hz / spectrum.resolution_hz

@@ -102,7 +102,8 @@ def diagnose(data: Path, files: list[Path], axis: Path | None, jobs: int) -> dic
                 said = run("--data-dir", str(copy), "diagnose", *map(str, batch), *with_axis, "--json")
             finally:
                 free.put(copy)
-            for entry in json.loads(said):
+            told = json.loads(said)
+            for entry in told if isinstance(told, list) else [told | {"file": str(batch[0])}]:
                 answers[Path(entry["file"])] = Answer(
                     entry.get("verdict") or "refused", entry.get("label") or "", entry.get("probability")
                 )

@@ -178,3 +178,11 @@ def test_documents_have_the_whole_recording_where_no_time_is_known() -> None:
     flag = replace(QualityFlag("clipped", Severity.POOR, "too loud"), duration_s=7.0)
     assert flag.disturbance == {"kind": "clipping", "start_s": 0.0, "end_s": 7.0, "severity": "poor"}
     assert QualityFlag("dc_offset", Severity.NOTE, "").disturbance is None
+
+
+@pytest.mark.parametrize("hops", [4001, 4003, 4017])
+def test_half_a_sample_less_than_whole_hops_is_read(hops: int) -> None:
+    """What is left out is counted by the length as recorded, a trace by the resampled one, which is rounded up."""
+    resampled = signal.resample_poly(blow((7.4,), 60.0), 441, 80)[: int(hops * 44100 / 200)]
+    extraction = extract(Recording(resampled.astype(np.float32), 44100.0))
+    assert {"bump", "handling"} & {flag.name for flag in extraction.quality}

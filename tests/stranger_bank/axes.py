@@ -398,11 +398,7 @@ def error_table(
 
 def gearboxes(half: Half) -> list[Gearbox]:
     """All gearboxes of a half; the first `IN_HOUSE` of each axis may be in a library."""
-    return [
-        Gearbox(half, axis, n, held_out=n >= IN_HOUSE)
-        for axis in DESIGNS[half]
-        for n in range(PER_AXIS[half])
-    ]
+    return [Gearbox(half, axis, n, held_out=n >= IN_HOUSE) for axis in DESIGNS[half] for n in range(PER_AXIS[half])]
 
 
 @lru_cache(maxsize=256)

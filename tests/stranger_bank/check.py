@@ -153,9 +153,7 @@ def main() -> None:
                 for r in np.array(rows, object)[k]
                 if s != "normal"
             ]
-            text = (
-                "" if s == "normal" else f"audible low/full/peak {np.median(aud, axis=0).round(1)}"
-            )
+            text = "" if s == "normal" else f"audible low/full/peak {np.median(aud, axis=0).round(1)}"
             q = np.percentile(cf[k], [10, 50, 90]).round(1)
             low = np.median(feats[k, 7])
             print(f"  {s:7s} crest {q}, low band {low:5.1f} dB to 200-800 Hz {text}")

@@ -315,9 +315,7 @@ def worsen(
         off = (xo - at + np.pi) % (2 * np.pi) - np.pi
         if modern:  # broken flank: steep edge on one side, slope on the other, less stiff
             rise, fall = 0.2 * width, 0.5 * width
-            shape = np.clip((off + 0.5 * width) / rise, 0, 1) * np.clip(
-                (0.5 * width - off) / fall, 0, 1
-            )
+            shape = np.clip((off + 0.5 * width) / rise, 0, 1) * np.clip((0.5 * width - off) / fall, 0, 1)
             build.stiff = build.stiff * (1 - 0.3 * shape)
         else:
 

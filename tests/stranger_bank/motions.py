@@ -87,9 +87,7 @@ def _pause(seconds: float) -> Floats:
     return np.zeros(max(0, round(seconds * RATE)))
 
 
-def motion_of(
-    name: str, half: Half, design: Design, rng: np.random.Generator, speed: float | None
-) -> Motion:
+def motion_of(name: str, half: Half, design: Design, rng: np.random.Generator, speed: float | None) -> Motion:
     """Draw one motion of the given kind for an axis; `speed` [rad/s] overrides the drawn one."""
     work = half == "work"
     v = float(rng.uniform(*design.speed)) if speed is None else speed

@@ -294,12 +294,7 @@ def surroundings(rng: np.random.Generator, n: int, rate: int, half: Half) -> Flo
         swell = np.interp(t, knots, rng.uniform(0.5, 1.5, knots.size))
         y = (shaped(rng, n, rate, "air") + 0.7 * shaped(rng, n, rate, "pink")) * swell
         for h in range(1, 9):
-            y += (
-                0.35
-                / h
-                * rng.uniform(0.3, 1.0)
-                * np.sin(2 * np.pi * 49.6 * h * t + rng.uniform(0, 6))
-            )
+            y += 0.35 / h * rng.uniform(0.3, 1.0) * np.sin(2 * np.pi * 49.6 * h * t + rng.uniform(0, 6))
         for _ in range(rng.poisson(n / rate / 5.0)):
             k = int(rng.integers(0, n))
             length = min(n - k, int(rng.uniform(0.05, 0.5) * rate))

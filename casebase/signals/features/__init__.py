@@ -12,6 +12,7 @@ from casebase.signals.errors import BrokenAudioError
 from casebase.signals.events import Event, EventKind, find_events
 from casebase.signals.features.bands import LogBandEnergies
 from casebase.signals.features.circumstances import Circumstances
+from casebase.signals.features.envelope_lines import EnvelopeLines
 from casebase.signals.features.family import FeatureFamily
 from casebase.signals.features.impulses import Impulses
 from casebase.signals.features.level import Level
@@ -52,6 +53,7 @@ FEATURES: tuple[FeatureFamily, ...] = (
     Impulses(),
     LogBandEnergies(),
     Modulation(),
+    EnvelopeLines(),
     Meshing(),
     Loudness(),
     Circumstances(),

@@ -1,7 +1,9 @@
-"""Impulses, whether they repeat or not."""
+"""Impulses of the typical cycle, wherever in it they fall."""
 
 import math
 from collections.abc import Sequence
+
+import numpy as np
 
 from casebase.signals import envelope
 from casebase.signals.analysis import Analysis
@@ -22,15 +24,15 @@ class Impulses(FeatureFamily):
                 FeatureDefinition(
                     f"strongest_impulse_{band.label}",
                     "dB",
-                    "Highest point of the envelope above what noise would reach in a record as long: a single "
-                    "knock counts, repeated or not.",
+                    "Highest point of the envelope in the typical cycle above what noise would reach in it: a "
+                    "knock that every second cycle has counts, wherever it falls; a single one does not.",
                     "extreme value of chi-squared noise; casebase.signals.fold.noise_peak_db",
                 ),
                 FeatureDefinition(
                     f"spectral_kurtosis_{band.label}",
                     "dB",
-                    "Peakedness of the band against Gaussian noise: few strong events raise it, steady noise of "
-                    "any colour leaves it at 0.",
+                    "Peakedness of the band against Gaussian noise in the typical cycle: strong events raise it, "
+                    "steady noise of any colour leaves it at 0.",
                     "Antoni 2006, equation (6)",
                 ),
             )
@@ -55,4 +57,5 @@ class Impulses(FeatureFamily):
 
     @staticmethod
     def _kurtosis(analysis: Analysis, band: BandEnvelope) -> float:
-        return envelope.spectral_kurtosis_db(analysis.on_the_way(band.inside(), band.rate_hz))
+        cycles = analysis.cycles(band.inside(), band.rate_hz)
+        return float(np.median([envelope.spectral_kurtosis_db(each) for each in cycles]))

@@ -3,8 +3,6 @@
 import math
 from collections.abc import Sequence
 
-import numpy as np
-
 from casebase.signals import envelope
 from casebase.signals.analysis import Analysis
 from casebase.signals.band import Band
@@ -12,12 +10,11 @@ from casebase.signals.features.family import FeatureFamily
 from casebase.signals.features.vector import FeatureDefinition
 
 OCTAVES_HZ = tuple((2.0**k, 2.0 ** (k + 1)) for k in range(1, 9))
-LINES_HZ = (4.0, 300.0)
 SOURCE = "squared envelope spectrum; Randall and Antoni 2011"
 
 
 class Modulation(FeatureFamily):
-    """Power of the squared envelope above 1 kHz per octave of modulation, and its strongest line."""
+    """Power of the squared envelope above 1 kHz per octave of modulation."""
 
     definitions = (
         *(
@@ -30,16 +27,10 @@ class Modulation(FeatureFamily):
             )
             for low, high in OCTAVES_HZ
         ),
-        FeatureDefinition(
-            "modulation_line_4_300_hz",
-            "dB",
-            "Strongest line of the envelope spectrum over its median: impacts at a steady rate.",
-            SOURCE,
-        ),
     )
 
     def compute(self, analysis: Analysis) -> Sequence[float]:
-        """Return the octaves, NaN where the record is too short for them, then the line."""
+        """Return the octaves, NaN where the record is too short for them."""
         band = analysis.envelope(Band.HIGH)
         if band is None:
             return [math.nan] * len(self.definitions)
@@ -51,10 +42,4 @@ class Modulation(FeatureFamily):
             part = power[math.ceil(low / step) : math.ceil(high / step)]
             known = low * analysis.duration_s >= 1 and part.size > 0
             octaves.append(10 * math.log10(float(part.sum())) if known and part.any() else math.nan)
-        return [*octaves, self._line(power[math.ceil(LINES_HZ[0] / step) : math.ceil(LINES_HZ[1] / step)])]
-
-    @staticmethod
-    def _line(power: np.ndarray[tuple[int], np.dtype[np.float32]]) -> float:
-        if power.size < 8 or not power.any():
-            return math.nan
-        return 10 * math.log10(float(power.max()) / float(np.median(power)))
+        return octaves

@@ -17,11 +17,11 @@ def feature_words(name: str) -> str:
 
     >>> feature_words("notch_bump_12_200_hz")
     'notch bump, 12 to 200 Hz'
-    >>> feature_words("crest_factor_low_pass_200_hz_largest_of_1_s_windows")
-    'crest factor below 200 Hz, largest of 1 s windows'
+    >>> feature_words("crest_factor_low_pass_200_hz_mean_of_1_s_windows")
+    'crest factor below 200 Hz, mean of 1 s windows'
     """
     text = name.replace("_low_pass_200_hz", " below 200 Hz").replace("_whole_record", ", whole record")
-    text = re.sub(r"_(mean|largest)_of_", r", \1 of ", text)
+    text = re.sub(r"_(mean|median)_of_", r", \1 of ", text)
     return re.sub(r"_(\d+)_(\d+)_hz$", r", \1 to \2 Hz", text).replace("_", " ")
 
 

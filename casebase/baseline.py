@@ -1,0 +1,114 @@
+"""Is it like a sound gear at all? A prediction test of normal recordings, so that `normal` is earned like any label.
+
+Every feature of a recording is held against the normal recordings of the library: a Student's t of the difference
+from their mean over gearboxes, with the scatter between gearboxes and within. Few gearboxes say little of a scatter,
+so that of each feature is drawn towards the mean of its kind as if PRIOR_FREEDOM more gearboxes had shown that one.
+The p-values of all features become one by their harmonic mean, which holds however the features depend on each other.
+
+Sources: Smyth, Linear models and empirical Bayes methods, Stat. Appl. Genet. Mol. Biol. 3 (2004), the moderated t;
+Hahn and Meeker, Statistical Intervals (1991), prediction of one more observation; Wilson, The harmonic mean p-value,
+PNAS 116 (2019).
+"""
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import special
+
+from casebase.case_table import CaseTable, Mask
+from casebase.novelty import BASELINES
+from casebase.priors import repeatability
+from casebase.signals.features import FEATURES
+from casebase.signals.features.bands import LogBandEnergies
+from casebase.signals.features.circumstances import Circumstances
+from casebase.signals.features.loudness import Loudness
+from casebase.signals.features.meshing import Meshing
+from casebase.similarity import Floats
+
+PRIOR_FREEDOM = 3.0
+"""How alike the scatters of one kind of features are: as if each were known from so many gearboxes (Smyth's estimate
+from normal recordings of ten gearboxes: 2.5 to 3.3 on four draws of tests/field_bank, 1.9 on shared recordings)."""
+FEWEST_GEARBOXES = 2
+UNLIKE = 0.02
+"""A sound gear that the library has not seen gets a smaller p-value once in fifty times."""
+ELSEWHERE = (LogBandEnergies, Meshing, Loudness, Circumstances)
+"""What these families say is of housing and microphone, of one axis alone, or of how well one hears."""
+
+
+@lru_cache
+def kinds(names: tuple[str, ...]) -> NDArray[np.intp]:
+    """Return for every feature the number of its kind, features of one family and unit; -1 where it has no say.
+
+    A rate in hertz has none: a count of rare events is not normally distributed.
+    """
+    known: dict[str, tuple[str, str]] = {}
+    for family in FEATURES:
+        if not isinstance(family, ELSEWHERE):
+            known |= {
+                each.name: (type(family).__name__, each.unit)
+                for each in family.definitions
+                if each.compared and each.unit != "Hz"
+            }
+    order = sorted(set(known.values()))
+    return np.array([order.index(known[name]) if name in known else -1 for name in names], dtype=np.intp)
+
+
+@dataclass(frozen=True, eq=False)
+class Baseline:
+    """What normal recordings have shown.
+
+    Args:
+        center: mean over gearboxes, shape (n,).
+        scale: standard deviation of one more recording of another gearbox from it, shape (n,).
+        freedom: degrees of freedom of Student's t.
+        says: which features have a say, shape (n,).
+    """
+
+    center: Floats
+    scale: Floats
+    freedom: float
+    says: NDArray[np.bool_]
+
+    def departures(self, values: NDArray[np.floating]) -> Floats:
+        """Return Student's t of every feature, shape (n,); NaN where there is none."""
+        return np.where(self.says, (np.asarray(values, np.float64) - self.center) / self.scale, np.nan)
+
+    def p_value(self, values: NDArray[np.floating]) -> float:
+        """Return how often a sound gear departs as far as this recording; 1 if they have no feature in common."""
+        t = np.abs(self.departures(values))
+        t = t[np.isfinite(t)]
+        if not t.size:
+            return 1.0
+        p = 2 * special.stdtr(self.freedom, -t)
+        return float(min(1.0, t.size / np.sum(1 / np.maximum(p, 1e-300))))
+
+
+def baseline(table: CaseTable, rows: Mask) -> Baseline | None:
+    """Return what the normal ones among some rows have shown; None if they are of too few gearboxes to tell."""
+    rows = rows & np.isin(table.labels, BASELINES)
+    groups, of = np.unique(table.groups[rows], return_inverse=True)
+    if groups.size < FEWEST_GEARBOXES:
+        return None
+    values = table.values[rows].astype(np.float64)
+    known = np.isfinite(values)
+    each = np.stack([known[of == group].sum(axis=0) for group in range(groups.size)])
+    sums = np.stack([np.where(known, values, 0.0)[of == group].sum(axis=0) for group in range(groups.size)])
+    means = np.where(each > 0, sums / np.maximum(each, 1), np.nan)
+    shown = (each > 0).sum(axis=0)
+    says = (kinds(table.names) >= 0) & (shown >= FEWEST_GEARBOXES)
+    center = np.where(says, np.where(each > 0, means, 0.0).sum(axis=0) / np.maximum(shown, 1), 0.0)
+    spread = np.where(each > 0, means - center, 0.0)
+    between = (spread**2).sum(axis=0) / np.maximum(shown - 1, 1)
+    apart = np.where(known, values - means[of], 0.0)
+    within = (apart**2).sum(axis=0) / np.maximum(known.sum(axis=0) - shown, 1)
+    # the means of a gearbox's recordings have part of the scatter within; one recording has all of it
+    part = 1 - shown / np.maximum(known.sum(axis=0), 1)
+    variance = between + part * within + repeatability(table.names) ** 2
+    freedom = groups.size - 1.0
+    for kind in np.unique(kinds(table.names)[says]):
+        same = says & (kinds(table.names) == kind)
+        variance[same] = (freedom * variance[same] + PRIOR_FREEDOM * variance[same].mean()) / (freedom + PRIOR_FREEDOM)
+    scale = np.sqrt(np.where(says, variance, 1.0) * (1 + 1 / groups.size))
+    return Baseline(center, np.maximum(scale, 1e-12), freedom + PRIOR_FREEDOM, says)
