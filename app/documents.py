@@ -254,6 +254,13 @@ class HypothesisDocument(BaseModel):
     support: Support
 
 
+class FaultDocument(BaseModel):
+    """A fault that is present, with its probability."""
+
+    label: str
+    probability: float
+
+
 class NeighbourDocument(BaseModel):
     """A case near to the recording; the contributions of the features add up to the distance."""
 
@@ -284,6 +291,10 @@ class DiagnosisAnswer(BaseModel):
     probability: float | None
     hypotheses: list[HypothesisDocument]
     neighbours: list[NeighbourDocument]
+    faults: list[FaultDocument] = Field([], description="every fault that is present, the most probable first")
+    detection_limit: dict[str, dict[str, float] | None] = Field(
+        {}, description="the smallest fault of each kind that would be heard [rad]; null where that cannot be said"
+    )
     evidence: list[dict[str, object]]
     disturbances: list[DisturbanceDocument] = Field(
         [], description="what was left out or disturbs; empty in diagnoses from before they were looked for"

@@ -26,6 +26,18 @@ WORTH_SAYING_DB = 3.0
 """A lower bump is what noise makes [dB]."""
 
 
+def left_db(height_db: Floats, noise_db: Floats, here_db: float) -> Floats:
+    """Return by how much bumps would still stand out in another recording, shape (cases,) [dB].
+
+    Args:
+        height_db: by how much they stand out, shape (cases,) [dB].
+        noise_db: noise that each was heard in, shape (cases,) [dB].
+        here_db: noise of the other recording; less than where they were heard does not raise them [dB].
+    """
+    more = 10 ** (np.maximum(here_db - noise_db, 0.0) / 10)
+    return np.asarray(10 * np.log10(1 + np.maximum(10 ** (height_db / 10) - 1, 0.0) / more))
+
+
 @dataclass(frozen=True, eq=False)
 class Detection:
     """What every case of a fault would stand out by.
@@ -81,8 +93,7 @@ class Detection:
             counts = group != but
             if not counts.any():
                 continue
-            more = 10 ** (np.maximum(float(values[self.noise]) - np.maximum(noise[counts], self.usual), 0.0) / 10)
-            left = 10 * np.log10(1 + np.maximum(10 ** (height[counts] / 10) - 1, 0.0) / more)
+            left = left_db(height[counts], np.maximum(noise[counts], self.usual), float(values[self.noise]))
             heard = height[counts] > WORTH_SAYING_DB
             found[index] = float(np.mean(left[heard] < WORTH_SAYING_DB)) if heard.any() else 0.0
         return found

@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session
 
 from casebase import audit
 from casebase.description import Labelling, check_choice, check_label
+from casebase.detection_limit import NO_LIMITS, Limits
 from casebase.diagnosis import Diagnosis, Reasoner
 from casebase.errors import ConflictError, InvalidRequestError, NotFoundError, StaleVersionError
 from casebase.models import DIAGNOSIS_STATES, StoredDiagnosis, StoredRecording, new_id, now
@@ -32,17 +33,20 @@ def store_diagnosis(
     diagnosis: Diagnosis,
     reasoner: Reasoner,
     severity: Severity | None = None,
+    detection_limit: Limits = NO_LIMITS,
     same_as_case: str | None = None,
 ) -> StoredDiagnosis:
     """Keep a diagnosis as the document that it is shown as.
 
     Args:
+        detection_limit: the smallest fault of each kind that would be heard; see `casebase.detection_limit`.
         same_as_case: id of the case that is of the same sound.
     """
     identity = new_id()
     document = {
         "id": identity,
         **diagnosis.to_document(),
+        "detection_limit": {label: limit and dict(limit) for label, limit in detection_limit.items()},
         "severity": None if severity is None else severity.to_document(),
         "recording": {**recording_document(recording), "same_as_case": same_as_case},
         "provenance": provenance(reasoner),

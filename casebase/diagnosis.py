@@ -17,6 +17,7 @@ from casebase.novelty import known_ranges
 from casebase.priors import prior_weights
 from casebase.retrieval import CaseMatrix, Match, NearestByClass
 from casebase.signals.features import Extraction, QualityFlag
+from casebase.superposition import Fault, faults
 from casebase.voting import NEAREST
 
 DIAGNOSED_FROM = 0.9
@@ -51,6 +52,7 @@ class Diagnosis:
 
     Args:
         label: the best hypothesis of a `diagnosed` or `ambiguous` recording, else None.
+        faults: every fault that is present, also two at once.
         novelty, threshold: distance to what is known and where the unknown begins; None if the library cannot say.
         remarks: what limits this answer, one sentence each.
     """
@@ -65,6 +67,7 @@ class Diagnosis:
     novelty: float | None = None
     threshold: float | None = None
     remarks: tuple[str, ...] = field(default=())
+    faults: tuple[Fault, ...] = ()
 
     def to_document(self) -> dict[str, object]:
         """Return it as JSON; `id`, `recording` and `provenance` are added where it is stored."""
@@ -73,6 +76,7 @@ class Diagnosis:
             "label": self.label,
             "probability": self.probability,
             "hypotheses": [each.to_document() for each in self.hypotheses],
+            "faults": [each.to_document() for each in self.faults],
             "neighbours": [_neighbour(match) for match in self.neighbours],
             "evidence": [each.to_document() for each in self.evidence],
             "disturbances": [each for flag in self.quality if (each := flag.disturbance) is not None],
@@ -187,7 +191,14 @@ class Reasoner:
             novelty=judgement.novelty,
             threshold=judgement.threshold,
             remarks=tuple(self._remarks(extraction, judgement, experience)),
+            faults=() if label is None else self._faults(values, experience, hypotheses),
         )
+
+    def _faults(
+        self, values: NDArray[np.floating], experience: Experience, hypotheses: Sequence[Hypothesis]
+    ) -> tuple[Fault, ...]:
+        named = [(each.label, each.probability) for each in hypotheses]
+        return faults(self.table, experience.jury, self.similarity.metric, experience.sharpness, values, named)
 
     def _evidence(
         self, extraction: Extraction, near: NearestByClass, label: str | None, refusing: Experience | None

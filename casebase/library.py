@@ -18,6 +18,7 @@ from casebase.case_filter import CaseFilter, selected
 from casebase.case_table import CaseTable, load_table
 from casebase.database import WRITING, create_engine_for, sqlite_url, upgrade_database
 from casebase.description import Labelling, RecordingDescription, check_choice, check_label
+from casebase.detection_limit import NO_LIMITS, detection_limits
 from casebase.diagnoses import get_diagnosis, labelling_from, store_diagnosis
 from casebase.diagnosis import Reasoner
 from casebase.errors import (
@@ -362,7 +363,9 @@ class CaseLibrary:
         told = (*(_told(case) for case in same), *diagnosis.remarks, *remarks, *self._contradictions(session, version))
         diagnosis = replace(diagnosis, remarks=told)
         severity = severity_of(session, reasoner.table, diagnosis.label, values) if diagnosis.label else None
-        return store_diagnosis(session, recording, diagnosis, reasoner, severity, same[0].id if same else None)
+        limits = detection_limits(session, reasoner.table, recording.axis, values) if extraction.usable else NO_LIMITS
+        same_as = same[0].id if same else None
+        return store_diagnosis(session, recording, diagnosis, reasoner, severity, limits, same_as)
 
     def _contradictions(self, session: Session, extractor_version: str) -> tuple[str, ...]:
         count = self._all_cases(session, extractor_version).contradicting

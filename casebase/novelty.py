@@ -1,7 +1,8 @@
 """Is it like anything known? How far a recording lies outside what each class has shown, and where unknown begins.
 
 Each class has a range in every feature: what its cases have shown, and half as much again in the direction in which
-the class departs from normal, because a known fault that grew is not a new one. The distance to a class is
+the class departs from normal, because a known fault that grew is not a new one. Two known faults at once are a class
+as well. The distance to a class is
 
     sqrt(sum_j w_j min(e_j / s_j, LIMIT)^2),
 
@@ -13,6 +14,7 @@ Sources of the limit: Hahn and Meeker, Statistical Intervals (1991), prediction 
 Hilferty, The Distribution of Chi-Square, PNAS 17 (1931): the cube root of a sum of squares is nearly normal.
 """
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
@@ -89,17 +91,34 @@ def known_ranges(names: tuple[str, ...], values: NDArray[np.floating], labels: N
     values, labels = np.asarray(values[rows], np.float64), labels[rows]
     normal = np.isin(labels, BASELINES)
     center, scale = _normal_scale(values, labels, normal)
+    shown = {str(label): values[labels == label] for label in classes}
+    faults = [label for label in shown if label not in BASELINES] if normal.any() else []
+    for one, other in itertools.combinations(faults, 2):
+        shown[f"{one} and {other}"] = superposed(shown[one], shown[other], center, scale)
     ranges = {}
-    for label in classes:
-        shown = values[labels == label]
-        low, high = column_quantiles(shown, (TAIL, 1 - TAIL))
+    for label, cases in shown.items():
+        low, high = column_quantiles(cases, (TAIL, 1 - TAIL))
         if normal.any() and label not in BASELINES:
             low, high = (
                 low - GROWTH * np.fmax(center - low, 0.0),
                 high + GROWTH * np.fmax(high - center, 0.0),
             )
-        ranges[str(label)] = (low, high)
+        ranges[label] = (low, high)
     return KnownRanges(ranges, np.hypot(scale, repeatability(names)), kind_weights(names))
+
+
+def superposed(ones: Floats, others: Floats, normal: Floats, scale: Floats) -> Floats:
+    """Return cases of two faults, shape (cases, n): each feature from the fault that is farther from normal.
+
+    Two faults strike at places of their own, and of two sounds the stronger one is heard. As many as there are ones.
+
+    Args:
+        ones, others: cases of one fault each, shape (cases, n).
+        normal, scale: middle of normal cases and spread of each feature, shape (n,).
+    """
+    others = others[np.arange(len(ones)) % len(others)]
+    away, beyond = (np.nan_to_num(np.abs((each - normal) / scale), nan=-1.0) for each in (ones, others))
+    return np.where(beyond > away, others, ones)
 
 
 def _normal_scale(

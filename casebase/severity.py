@@ -64,15 +64,20 @@ def severity_of(session: Session, table: CaseTable, label: str, values: NDArray[
     """
     if label not in PARAMETERS:
         return None
+    rows, sizes = sized(session, table, label)
+    if rows.size < FEWEST:
+        return None
+    return estimate(PARAMETERS[label], table.values[rows], sizes, values)
+
+
+def sized(session: Session, table: CaseTable, label: str) -> tuple[NDArray[np.intp], Floats]:
+    """Return the rows of simulated cases of a label whose size is known, and the sizes [rad], shape (rows,)."""
     statement = select(Case.id, Case.severity).where(
         Case.label == label, Case.origin == "simulated", Case.severity.is_not(None), Case.state == "confirmed"
     )
     size_of = {case_id: size for case_id, size in session.execute(statement)}  # noqa: C416
     rows = np.array([row for row, key in enumerate(table.ids) if str(key) in size_of], dtype=np.intp)
-    if rows.size < FEWEST:
-        return None
-    sizes = np.array([size_of[str(table.ids[row])] for row in rows], dtype=np.float64)
-    return estimate(PARAMETERS[label], table.values[rows], sizes, values)
+    return rows, np.array([size_of[str(table.ids[row])] for row in rows], dtype=np.float64)
 
 
 def estimate(

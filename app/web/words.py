@@ -33,7 +33,7 @@ CALIBRATED_FROM = 2
 """How many gearboxes must be known before a score is called a probability."""
 REJECTED_AT = 0.05
 TOO_POOR = "the recording is too poor"
-NOT_COMPARED = ("no regular motion is heard", "the sound has another colour")
+NOT_COMPARED = ("no regular motion is heard", "the sound has another colour", "the nearest cases are of sound gears")
 """Remarks that begin so say why there is no label, and stand first."""
 RECORD_AGAIN = (
     "Record again: 20 s or more, three cycles of the motion or more, the microphone held to the gearbox, without what "
@@ -133,8 +133,30 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
         summary = f"{because} {_support(document)}{also}"
         checks = again or _between(h["label"] for h in hypotheses[:2])
         return Verdict(f"Undecided: {names}", summary, None, checks, poor)
-    headline = "No fault indicated" if label == "normal" else f"Fault likely: {name_of(label)}"
-    return Verdict(headline, f"{_size(document)}{_support(document)}{also}", label, CHECKS.get(label, OTHER_CHECKS))
+    if label == "normal":
+        summary = f"{_support(document)}{also} {limits_of(document)}"
+        return Verdict("No fault indicated", summary, label, CHECKS[label])
+    present = " and ".join(name_of(fault["label"]) for fault in document.get("faults", ())) or name_of(label)
+    summary = f"{_size(document)}{_support(document)}{also}"
+    return Verdict(f"Fault likely: {present}", summary, label, CHECKS.get(label, OTHER_CHECKS))
+
+
+def limits_of(document: Mapping[str, Any]) -> str:
+    """Say which faults "no fault" cannot exclude.
+
+    >>> limits_of({"detection_limit": {"notch": {"depth_rad": 0.0008}, "play": None}})
+    'A notch below 0.8 mrad would not be heard here. How small a play would be heard cannot be said.'
+    """
+    limits = document.get("detection_limit") or {}
+    known = {label: next(iter(limit.values())) for label, limit in limits.items() if limit}
+    unknown = [label for label, limit in limits.items() if not limit]
+    said = []
+    if known:
+        sizes = " and ".join(f"a {label} below {1e3 * size:.2g} mrad" for label, size in known.items())
+        said.append(f"{sizes[0].upper()}{sizes[1:]} would not be heard here.")
+    if unknown:
+        said.append(f"How small a {' or '.join(unknown)} would be heard cannot be said.")
+    return " ".join(said)
 
 
 def _between(labels: Iterable[str]) -> tuple[str, ...]:
