@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from casebase.case_table import CaseTable, Mask
-from casebase.novelty import BASELINES
+from casebase.novelty import BASELINES, NEW_ONCE_IN
 from casebase.priors import repeatability
 from casebase.signals.features import FEATURES
 from casebase.signals.features.bands import LogBandEnergies
@@ -31,8 +31,8 @@ PRIOR_FREEDOM = 3.0
 """How alike the scatters of one kind of features are: as if each were known from so many gearboxes (Smyth's estimate
 from normal recordings of ten gearboxes: 2.5 to 3.3 on four draws of tests/field_bank, 1.9 on shared recordings)."""
 FEWEST_GEARBOXES = 2
-UNLIKE = 0.02
-"""A sound gear that the library has not seen gets a smaller p-value once in fifty times."""
+UNLIKE = 1 / NEW_ONCE_IN
+"""A sound gear that the library has not seen gets a smaller p-value so seldom."""
 ELSEWHERE = (LogBandEnergies, Meshing, Loudness, Circumstances)
 """What these families say is of housing and microphone, of one axis alone, or of how well one hears."""
 

@@ -32,7 +32,7 @@ def of(values: np.ndarray, gearboxes: np.ndarray) -> Baseline:
 
 @pytest.mark.parametrize("boxes", [2, 3, 5, 10])
 @pytest.mark.parametrize("between", [0.0, 3.0])
-def test_a_sound_gear_is_refused_once_in_fifty(boxes: int, between: float) -> None:
+def test_a_sound_gear_is_seldom_refused(boxes: int, between: float) -> None:
     """Scatter drawn anew per feature, between gearboxes and within.
 
     In half of the trials all features share what gearboxes differ by: two gearboxes then say less than is assumed.
@@ -45,7 +45,7 @@ def test_a_sound_gear_is_refused_once_in_fifty(boxes: int, between: float) -> No
         values = np.repeat(level, 2, axis=0) + rng.normal(size=(2 * boxes + 2, len(NAMES))) * scale
         known, asked = values[:-2], values[-1]
         refused.append(of(known, np.repeat(np.arange(boxes), 2)).p_value(asked) < UNLIKE)
-    assert np.mean(refused) <= (0.08 if boxes == 2 else 0.035)
+    assert np.mean(refused) <= (0.06 if boxes == 2 else 0.025)
 
 
 def test_one_feature_that_departs_far_is_enough() -> None:
