@@ -99,24 +99,39 @@ class Analysis:
         At standstill no tooth strikes: what clicks there is a brake, or the arm that comes to rest. What is left out
         is missing. Without a whole cycle it is all one.
         """
-        place = np.minimum((np.arange(values.size) * (HOP_HZ / rate_hz)).astype(np.intp), self._counts.size - 1)
-        counts = self._counts[place]
+        step = rate_hz / HOP_HZ
+        cut = [
+            np.concatenate([values[round(first * step) : round(last * step)] for first, last in runs])
+            for runs in self._cycle_runs
+        ]
+        longest = max((each.size for each in cut), default=0)
+        return [each for each in cut if each.size and each.size > longest / 2] or [values]
+
+    @cached_property
+    def _cycle_runs(self) -> list[list[tuple[int, int]]]:
+        """Stretches of every whole cycle in which the axis moves and nothing is left out, first and last [hops]."""
+        runs = _runs(self._counts)
         period_s, times = self.motion.period_s, self.motion.reversal_times_s
         starts = np.arange(times[0] % period_s, self.duration_s, period_s) if period_s and times else np.empty(0)
         if starts.size < 2:
-            return [values[counts]]
-        edges = np.minimum(np.rint(starts * rate_hz).astype(np.intp), values.size)
-        cut = [values[a:b][counts[a:b]] for a, b in itertools.pairwise(edges)]
-        whole = [each for each in cut if each.size > 0.5 * max(part.size for part in cut)]
-        return whole or [values[counts]]
+            return [runs]
+        hops = np.rint(starts * HOP_HZ).astype(int).tolist()
+        cycles = [
+            [(max(first, a), min(last, b)) for first, last in runs if first < b and last > a]
+            for a, b in itertools.pairwise(hops)
+        ]
+        return [cycle for cycle in cycles if cycle] or [runs]
 
     def calmed(self, power: NDArray[np.float32], rate_hz: float) -> NDArray[np.float32]:
         """Return the squared envelope of shape (n,) at any rate [Hz], at standstill at most its own median there."""
-        place = (np.arange(power.size) * (HOP_HZ / rate_hz)).astype(np.intp)
-        still = ~self._moves(self._kept.size)[np.minimum(place, self._kept.size - 1)]
-        if not still.any():
+        step = rate_hz / HOP_HZ
+        still = [slice(round(a * step), round(b * step)) for a, b in _runs(~self._moves(self._kept.size))]
+        if not still:
             return power
-        return np.where(still, np.minimum(power, np.median(power[still])), power)
+        calm, usual = power.copy(), np.median(np.concatenate([power[each] for each in still]))
+        for each in still:
+            np.minimum(calm[each], usual, out=calm[each])
+        return calm
 
     @cached_property
     def _counts(self) -> NDArray[np.bool_]:
@@ -290,3 +305,9 @@ class Analysis:
         low_hz, high_hz, _ = band.value
         power = self.spectrum.band_power(low_hz, min(high_hz, self.highest_hz))
         return power > EMPTY * self.spectrum.band_power(Band.LOW.value[0], self.highest_hz)
+
+
+def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return where a mask is true, first and one past the last of every run."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))

@@ -76,9 +76,15 @@ def envelope_spectrum(power: NDArray[np.float32], rate_hz: float) -> tuple[NDArr
     return frequency, spectrum
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=32)
 def _hann(size: int) -> NDArray[np.float32]:
     return np.hanning(size).astype(np.float32)
+
+
+@lru_cache(maxsize=32)
+def _hann_power(size: int) -> float:
+    window = _hann(size)
+    return float(window @ window)
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,12 +115,15 @@ def averaged_spectrum(pieces: Sequence[NDArray[np.float32]], rate_hz: float) -> 
     if not chosen:
         return None
     size = fft.next_fast_len(longest, real=True)
-    total = np.zeros(size // 2 + 1)
-    for piece in chosen:
-        window = _hann(piece.size)
-        values = fft.rfft((piece / piece.mean() - np.float32(1.0)) * window, size)
-        total += (values.real**2 + values.imag**2) / float(window @ window)
-    return AveragedSpectrum(total / len(chosen), rate_hz / size, rate_hz / longest, len(chosen))
+    rows = np.zeros((len(chosen), size), dtype=np.float32)
+    for row, piece in zip(rows, chosen, strict=True):
+        window, scale = _hann(piece.size), 1 / np.sqrt(len(chosen) * _hann_power(piece.size))
+        np.multiply(piece, scale / piece.mean(), out=row[: piece.size])
+        row[: piece.size] -= np.float32(scale)
+        row[: piece.size] *= window
+    values = fft.rfft(rows, axis=1)
+    total = np.einsum("ij,ij->j", values.real, values.real) + np.einsum("ij,ij->j", values.imag, values.imag)
+    return AveragedSpectrum(total.astype(np.float64), rate_hz / size, rate_hz / longest, len(chosen))
 
 
 def over_surroundings_db(
