@@ -3,7 +3,7 @@
 import threading
 from collections import OrderedDict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +16,8 @@ from casebase.moving import all_move, moving
 from casebase.novelty import known_ranges
 from casebase.priors import prior_weights
 from casebase.retrieval import CaseMatrix, Match, NearestByClass
-from casebase.signals.features import Extraction, QualityFlag
+from casebase.signals.features import Extraction, FeatureVector, QualityFlag
+from casebase.signals.features.meshing import Meshing
 from casebase.superposition import Fault, faults
 from casebase.voting import NEAREST
 
@@ -24,6 +25,8 @@ DIAGNOSED_FROM = 0.9
 """A label of less probability is `ambiguous`: what is diagnosed is right nine times in ten, each by itself."""
 NEIGHBOURS = 5
 MASKS_KEPT = 16
+OF_ONE_AXIS = frozenset(definition.name for definition in Meshing.definitions)
+"""Features that mean the same on one axis alone."""
 
 
 @dataclass(frozen=True)
@@ -147,12 +150,15 @@ class Reasoner:
         still = self.all_move and not moving(self.table.names, values[None])[0]
         return experience.judge(near.voting(NEAREST), self.ranges.distance(values), values, still)
 
-    def diagnose(self, extraction: Extraction, without: Mask | None = None) -> Diagnosis:
+    def diagnose(self, extraction: Extraction, without: Mask | None = None, axis: str | None = None) -> Diagnosis:
         """Return the diagnosis of a recording by its features.
 
         Args:
             without: the cases that are of the same sound and have no vote, shape (cases,).
+            axis: of the recording; lines of its meshes are held against cases of the same axis alone, for those of
+                another are of other teeth.
         """
+        extraction = self._comparable(extraction, axis)
         if not extraction.usable:
             remark = f"the recording cannot be used: {extraction.unusable_reason}"
             return Diagnosis("unusable", quality=extraction.quality, remarks=(remark,))
@@ -168,6 +174,14 @@ class Reasoner:
             )
             return Diagnosis("unusable", quality=extraction.quality, remarks=(remark,))
         return self._compared(extraction, without)
+
+    def _comparable(self, extraction: Extraction, axis: str | None) -> Extraction:
+        """Leave out the features that only cases of the same axis can be held against, where there are none."""
+        if axis is None or axis in self.table.axes:
+            return extraction
+        names, values = extraction.features.names, extraction.features.values.copy()
+        values[[name in OF_ONE_AXIS for name in names]] = np.nan
+        return replace(extraction, features=FeatureVector(names, values))
 
     def _compared(self, extraction: Extraction, without: Mask | None) -> Diagnosis:
         values = extraction.features.values

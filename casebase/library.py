@@ -358,7 +358,7 @@ class CaseLibrary:
         if reasoner.outgrown:
             self.touched.set()
         values = extraction.features.values
-        diagnosis = reasoner.diagnose(extraction, without=reasoner.table.samples == recording.sound_id)
+        diagnosis = reasoner.diagnose(extraction, reasoner.table.samples == recording.sound_id, recording.axis)
         same = [case for case in cases_of(session, recording.sound_id) if case.state != "retired"]
         told = (*(_told(case) for case in same), *diagnosis.remarks, *remarks, *self._contradictions(session, version))
         diagnosis = replace(diagnosis, remarks=told)
