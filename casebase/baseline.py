@@ -3,7 +3,8 @@
 Every feature of a recording is held against the normal recordings of the library: a Student's t of the difference
 from their mean over gearboxes, with the scatter between gearboxes and within. Few gearboxes say little of a scatter,
 so that of each feature is drawn towards the mean of its kind as if PRIOR_FREEDOM more gearboxes had shown that one.
-The p-values of all features become one by their harmonic mean, which holds however the features depend on each other.
+The p-values of all features become one by their harmonic mean, in which every kind has the same say; it holds however
+the features depend on each other.
 
 Sources: Smyth, Linear models and empirical Bayes methods, Stat. Appl. Genet. Mol. Biol. 3 (2004), the moderated t;
 Hahn and Meeker, Statistical Intervals (1991), prediction of one more observation; Wilson, The harmonic mean p-value,
@@ -31,6 +32,7 @@ PRIOR_FREEDOM = 3.0
 """How alike the scatters of one kind of features are: as if each were known from so many gearboxes (Smyth's estimate
 from normal recordings of ten gearboxes: 2.5 to 3.3 on four draws of tests/field_bank, 1.9 on shared recordings)."""
 FEWEST_GEARBOXES = 2
+SMALLEST = 1e-300
 UNLIKE = 1 / NEW_ONCE_IN
 """A sound gear that the library has not seen gets a smaller p-value so seldom."""
 ELSEWHERE = (LogBandEnergies, Meshing, Loudness, Circumstances)
@@ -63,26 +65,26 @@ class Baseline:
         center: mean over gearboxes, shape (n,).
         scale: standard deviation of one more recording of another gearbox from it, shape (n,).
         freedom: degrees of freedom of Student's t.
-        says: which features have a say, shape (n,).
+        say: how much each feature has to say, shape (n,); 0 for none.
     """
 
     center: Floats
     scale: Floats
     freedom: float
-    says: NDArray[np.bool_]
+    say: Floats
 
     def departures(self, values: NDArray[np.floating]) -> Floats:
         """Return Student's t of every feature, shape (n,); NaN where there is none."""
-        return np.where(self.says, (np.asarray(values, np.float64) - self.center) / self.scale, np.nan)
+        return np.where(self.say > 0, (np.asarray(values, np.float64) - self.center) / self.scale, np.nan)
 
     def p_value(self, values: NDArray[np.floating]) -> float:
         """Return how often a sound gear departs as far as this recording; 1 if they have no feature in common."""
         t = np.abs(self.departures(values))
-        t = t[np.isfinite(t)]
-        if not t.size:
+        known = np.isfinite(t)
+        if not known.any():
             return 1.0
-        p = 2 * special.stdtr(self.freedom, -t)
-        return float(min(1.0, t.size / np.sum(1 / np.maximum(p, 1e-300))))
+        p = np.maximum(2 * special.stdtr(self.freedom, -t[known]), SMALLEST)
+        return float(min(1.0, self.say[known].sum() / np.sum(self.say[known] / p)))
 
 
 def baseline(table: CaseTable, rows: Mask) -> Baseline | None:
@@ -106,9 +108,10 @@ def baseline(table: CaseTable, rows: Mask) -> Baseline | None:
     # the means of a gearbox's recordings have part of the scatter within; one recording has all of it
     part = 1 - shown / np.maximum(known.sum(axis=0), 1)
     variance = between + part * within + repeatability(table.names) ** 2
-    freedom = groups.size - 1.0
+    freedom, say = groups.size - 1.0, np.zeros(says.size)
     for kind in np.unique(kinds(table.names)[says]):
         same = says & (kinds(table.names) == kind)
+        say[same] = 1 / np.count_nonzero(same)
         variance[same] = (freedom * variance[same] + PRIOR_FREEDOM * variance[same].mean()) / (freedom + PRIOR_FREEDOM)
     scale = np.sqrt(np.where(says, variance, 1.0) * (1 + 1 / groups.size))
-    return Baseline(center, np.maximum(scale, 1e-12), freedom + PRIOR_FREEDOM, says)
+    return Baseline(center, np.maximum(scale, 1e-12), freedom + PRIOR_FREEDOM, say)
