@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from scipy import special
 
 from casebase.case_table import CaseTable, Mask
-from casebase.novelty import BASELINES, NEW_ONCE_IN
+from casebase.novelty import BASELINES, NEW_ONCE_IN, spread_out
 from casebase.priors import repeatability
 from casebase.signals.features import FEATURES
 from casebase.signals.features.bands import LogBandEnergies
@@ -31,7 +31,7 @@ from casebase.similarity import Floats
 PRIOR_FREEDOM = 3.0
 """How alike the scatters of one kind of features are: as if each were known from so many gearboxes (Smyth's estimate
 from normal recordings of ten gearboxes: 2.5 to 3.3 on four draws of tests/field_bank, 1.9 on shared recordings)."""
-FEWEST_GEARBOXES = 2
+FEWEST_GEARBOXES, LARGEST_SAMPLE = 2, 2000
 SMALLEST = 1e-300
 UNLIKE = 1 / NEW_ONCE_IN
 """A sound gear that the library has not seen gets a smaller p-value so seldom."""
@@ -89,14 +89,16 @@ class Baseline:
 
 def baseline(table: CaseTable, rows: Mask) -> Baseline | None:
     """Return what the normal ones among some rows have shown; None if they are of too few gearboxes to tell."""
-    rows = rows & np.isin(table.labels, BASELINES)
-    groups, of = np.unique(table.groups[rows], return_inverse=True)
+    chosen = spread_out(np.flatnonzero(rows & np.isin(table.labels, BASELINES)), LARGEST_SAMPLE)
+    groups, of = np.unique(table.groups[chosen], return_inverse=True)
     if groups.size < FEWEST_GEARBOXES:
         return None
-    values = table.values[rows].astype(np.float64)
+    order = np.argsort(of, kind="stable")
+    values, of = table.values[chosen[order]].astype(np.float64), of[order]
+    first = np.searchsorted(of, np.arange(groups.size))
     known = np.isfinite(values)
-    each = np.stack([known[of == group].sum(axis=0) for group in range(groups.size)])
-    sums = np.stack([np.where(known, values, 0.0)[of == group].sum(axis=0) for group in range(groups.size)])
+    each = np.add.reduceat(known.astype(np.intp), first, axis=0)
+    sums = np.add.reduceat(np.where(known, values, 0.0), first, axis=0)
     means = np.where(each > 0, sums / np.maximum(each, 1), np.nan)
     shown = (each > 0).sum(axis=0)
     says = (kinds(table.names) >= 0) & (shown >= FEWEST_GEARBOXES)

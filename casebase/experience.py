@@ -273,6 +273,7 @@ def _nearest_of_others(
     """
     nearest = np.full((len(juries), rows.size, len(table.classes), NEAREST), np.inf)
     held_out = _held_out_together(table)
+    sounds = np.unique(table.samples, return_inverse=True)[1]
     matrices: dict[bytes, CaseMatrix] = {}
     for index, row in enumerate(rows):
         weights = similarity.weights_without(str(table.groups[row]))
@@ -280,7 +281,7 @@ def _nearest_of_others(
         if matrix is None:
             matrix = matrices[weights.tobytes()] = CaseMatrix(table, similarity.metric.with_weights(weights))
         query = np.where(present, values[index], np.nan)
-        others = (held_out != held_out[row]) & (table.samples != table.samples[row])
+        others = (held_out != held_out[row]) & (sounds != sounds[row])
         for seen, jury in zip(nearest, juries, strict=True):
             seen[index] = matrix.nearest_by_class(query, NEAREST, where=jury & others).voting(NEAREST)
     return nearest
