@@ -79,6 +79,7 @@ class Experience:
         names: of the features.
         colour_known: whether enough cases were measured to say what a recorder makes of this machine.
         normal: what normal recordings have shown; None where they are too few.
+        judged: how many cases were held out for the sharpness; one by one where there is one gearbox alone.
     """
 
     classes: tuple[str, ...]
@@ -92,6 +93,7 @@ class Experience:
     names: tuple[str, ...]
     colour_known: bool
     normal: Baseline | None
+    judged: int
 
     @property
     def doubt(self) -> float:
@@ -99,7 +101,7 @@ class Experience:
 
         The errors that were made are in the sharpness of the votes already.
         """
-        return 1 / (self.truth.size + 2)
+        return 1 / (self.judged + 2)
 
     def judge(self, nearest: Floats, novelty: float, values: NDArray[np.floating], still: bool = False) -> Judgement:
         """Return probabilities and p-values for one query.
@@ -176,7 +178,8 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
     chosen = _enough(seen, truth)
     nearest = seen[chosen]
     known = _reached(nearest, truth)
-    sharpness = fitted_sharpness(nearest[known], truth[known])
+    held, of = (nearest[known], truth[known]) if known.any() else _one_by_one(table, similarity, present, rows, truth)
+    sharpness = fitted_sharpness(held, of)
     return Experience(
         table.classes,
         nearest[known],
@@ -189,6 +192,7 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
         table.names,
         int((table.origins[rows] == "measured").sum()) >= FEWEST_FOR_LIMIT,
         baseline(table, border(table)),
+        of.size,
     )
 
 
@@ -285,6 +289,20 @@ def _nearest_of_others(
         for seen, jury in zip(nearest, juries, strict=True):
             seen[index] = matrix.nearest_by_class(query, NEAREST, where=jury & others).voting(NEAREST)
     return nearest
+
+
+def _one_by_one(
+    table: CaseTable, similarity: Similarity, present: Mask, rows: NDArray[np.intp], truth: NDArray[np.intp]
+) -> tuple[Floats, NDArray[np.intp]]:
+    """Return distances and classes of cases held out by themselves: all that a library of one gearbox can say."""
+    matrix, nearest = CaseMatrix(table, similarity.metric), []
+    for row in rows:
+        query = np.where(present, table.values[row], np.nan)
+        others = table.samples != table.samples[row]
+        nearest.append(matrix.nearest_by_class(query, NEAREST, where=others).voting(NEAREST))
+    found = np.array(nearest).reshape(rows.size, len(table.classes), NEAREST)
+    reached = _reached(found, truth)
+    return found[reached], truth[reached]
 
 
 def _reached(nearest: Floats, truth: NDArray[np.intp]) -> Mask:

@@ -4,7 +4,7 @@ The weights are those under which held-out cases are nearest to their own class:
 with a diagonal matrix, where a case's neighbours are always cases of other gearboxes, each class counts the same, and
 the logarithm of every weight is drawn towards its physical prior. How strongly it is drawn is chosen by
 cross-validation over gearboxes, the stronger one when in doubt; a library too small for that keeps the priors. Where
-the priors do not serve (another kind of machine), plain band energies and even weights are tried as a start as well.
+the cases lack what the priors rest on (another kind of machine), plain band energies and even weights are tried first.
 
 Source: Goldberger, Roweis, Hinton, Salakhutdinov, Neighbourhood Components Analysis, NIPS 17 (2004).
 """
@@ -191,17 +191,18 @@ def teaching(table: CaseTable) -> CaseTable:
 def _starts(table: CaseTable, metric: Metric) -> list[tuple[str, Floats]]:
     """Return the weights to begin with, by name, the most trusted first.
 
-    The physical priors rest on features that follow the motion. Where most of their weight is on features that the
-    cases do not have, as for a machine that turns steadily, the plain distance of band energies is trusted first: in
-    decibel, not scaled, so that a band in which the cases differ by much counts for much.
+    The physical priors rest on features that follow the motion, and nothing else is tried where the cases have them:
+    the colour of a sound tells few gearboxes apart better than it tells faults. Where most of their weight is on
+    features that the cases do not have, as for a machine that turns steadily, the plain distance of band energies is
+    trusted first: in decibel, not scaled, so that a band in which the cases differ by much counts for much.
     """
     physics = ("physical priors", metric.weights)
-    others = [("even weights", even_weights(table.names))]
-    bands = np.array([name.startswith(BANDS) for name in table.names]) * metric.scale**2
-    if bands.any():
-        others.insert(0, ("plain band energies", bands / bands.sum()))
     had = np.isfinite(table.values).mean(axis=0) > 0.5
-    return [physics, *others] if metric.weights[had].sum() > 0.5 else [*others, physics]
+    if metric.weights[had].sum() > 0.5:
+        return [physics]
+    bands = np.array([name.startswith(BANDS) for name in table.names]) * metric.scale**2
+    plain = [("plain band energies", bands / bands.sum())] if bands.any() else []
+    return [*plain, ("even weights", even_weights(table.names)), physics]
 
 
 def unlearned(table: CaseTable, reason: str) -> Similarity:
