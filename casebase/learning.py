@@ -191,18 +191,18 @@ def teaching(table: CaseTable) -> CaseTable:
 def _starts(table: CaseTable, metric: Metric) -> list[tuple[str, Floats]]:
     """Return the weights to begin with, by name, the most trusted first.
 
-    The physical priors rest on features that follow the motion, and nothing else is tried where the cases have them:
-    the colour of a sound tells few gearboxes apart better than it tells faults. Where most of their weight is on
+    The physical priors rest on features that follow the motion. The colour of a sound alone is not tried where the
+    cases have them: it tells a few gearboxes apart better than it tells faults. Where most of their weight is on
     features that the cases do not have, as for a machine that turns steadily, the plain distance of band energies is
     trusted first: in decibel, not scaled, so that a band in which the cases differ by much counts for much.
     """
-    physics = ("physical priors", metric.weights)
+    physics, even = ("physical priors", metric.weights), ("even weights", even_weights(table.names))
     had = np.isfinite(table.values).mean(axis=0) > 0.5
     if metric.weights[had].sum() > 0.5:
-        return [physics]
+        return [physics, even]
     bands = np.array([name.startswith(BANDS) for name in table.names]) * metric.scale**2
     plain = [("plain band energies", bands / bands.sum())] if bands.any() else []
-    return [*plain, ("even weights", even_weights(table.names)), physics]
+    return [*plain, even, physics]
 
 
 def unlearned(table: CaseTable, reason: str) -> Similarity:

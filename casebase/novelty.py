@@ -1,8 +1,9 @@
 """Is it like anything known? How far a recording lies outside what each class has shown, and where unknown begins.
 
 Each class has a range in every feature: what its cases have shown, and half as much again in the direction in which
-the class departs from normal, because a known fault that grew is not a new one. Two known faults at once are a class
-as well. The distance to a class is
+the class departs from normal, because a known fault that grew is not a new one. Nor is a small one: all ranges of a
+class may be drawn towards the middle of normal together. Two known faults at once are a class as well. The distance to
+a class is
 
     sqrt(sum_j w_j min(e_j / s_j, LIMIT)^2),
 
@@ -29,13 +30,17 @@ from casebase.similarity import Floats, column_quantiles, pooled_scales, robust_
 BASELINES = ("normal", "healthy")
 """Labels of gears without a fault."""
 GROWTH = 0.5
+PAIR = " and "
+SIZES = (1.0, 0.75, 0.5)
+"""Of one fault that departs less from normal than its cases, in all features alike."""
 TAIL = 0.02
 """Share of a class's cases that may lie outside its range at each end, once there are so many."""
 LIMIT = 7.0
+SMALLEST_LIMIT = 0.5
+"""What lies outside by less than half a spread, in the mean over all features, is not unlike what is known."""
 LARGEST_LIMIT = 0.9 * LIMIT
 """However much known gearboxes differ, what lies this far outside in everything is none of them."""
-NEW_ONCE_IN = 100
-"""With `casebase.baseline`, which errs as often, once in fifty."""
+NEW_ONCE_IN = 50
 NINTH_DECILE = 1.2816
 """Of the standard normal distribution."""
 FEWEST_FOR_LIMIT = 6
@@ -48,12 +53,14 @@ class KnownRanges:
     """What the classes have shown.
 
     Args:
-        low, high: per class, ends of the range of every feature, shape (n,); NaN where the class never had it.
+        ranges: per class, low and high end of every feature, shape (n,); NaN where the class never had it.
+        center: middle of normal, shape (n,).
         scale: spread that a departure is held against, shape (n,).
         weights: shape (n,), sum 1.
     """
 
     ranges: Mapping[str, tuple[Floats, Floats]]
+    center: Floats
     scale: Floats
     weights: Floats
 
@@ -66,13 +73,18 @@ class KnownRanges:
         present = np.isfinite(values)
         weights = np.where(present, self.weights, 0.0)
         weights /= weights.sum() if weights.any() else 1.0
-        departures = {}
+        best: tuple[float, str, Floats] | None = None
         for label, (low, high) in self.ranges.items():
-            outside = np.maximum(np.maximum(low - values, values - high), 0.0) / self.scale
-            outside = np.where(np.isnan(low) & present, 1.0, outside)
-            departures[label] = weights * np.where(present, np.minimum(outside, LIMIT), 0.0) ** 2
-        nearest = min(departures, key=lambda label: (float(departures[label].sum()), label))
-        return nearest, departures[nearest]
+            for size in (1.0,) if label in BASELINES or PAIR in label else SIZES:
+                first, last = (self.center + size * (end - self.center) for end in (low, high))
+                outside = np.maximum(np.maximum(first - values, values - last), 0.0) / self.scale
+                outside = np.where(np.isnan(low) & present, 1.0, outside)
+                departure = weights * np.where(present, np.minimum(outside, LIMIT), 0.0) ** 2
+                total = float(departure.sum())
+                if best is None or (total, label) < best[:2]:
+                    best = total, label, departure
+        assert best is not None
+        return best[1], best[2]
 
     def distance(self, values: NDArray[np.floating]) -> float:
         """Return the distance to the nearest class."""
@@ -95,7 +107,7 @@ def known_ranges(names: tuple[str, ...], values: NDArray[np.floating], labels: N
     shown = {str(label): values[labels == label] for label in classes}
     faults = [label for label in shown if label not in BASELINES] if normal.any() else []
     for one, other in itertools.combinations(faults, 2):
-        shown[f"{one} and {other}"] = superposed(shown[one], shown[other], center, scale)
+        shown[f"{one}{PAIR}{other}"] = superposed(shown[one], shown[other], center, scale)
     ranges = {}
     for label, cases in shown.items():
         low, high = column_quantiles(cases, (TAIL, 1 - TAIL))
@@ -105,7 +117,7 @@ def known_ranges(names: tuple[str, ...], values: NDArray[np.floating], labels: N
                 high + GROWTH * np.fmax(high - center, 0.0),
             )
         ranges[label] = (low, high)
-    return KnownRanges(ranges, np.hypot(scale, repeatability(names)), kind_weights(names))
+    return KnownRanges(ranges, center, np.hypot(scale, repeatability(names)), kind_weights(names))
 
 
 def superposed(ones: Floats, others: Floats, normal: Floats, scale: Floats) -> Floats:
@@ -169,4 +181,5 @@ def novelty_limit(distances: Floats) -> float | None:
     middle, high = np.quantile(distances ** (2 / 3), [0.5, 0.9])
     spread = float(high - middle) / NINTH_DECILE
     factor = float(special.stdtrit(distances.size - 1, 1 - 1 / NEW_ONCE_IN))
-    return min(float((middle + factor * spread * np.sqrt(1 + 1 / distances.size)) ** 1.5), LARGEST_LIMIT)
+    limit = float((middle + factor * spread * np.sqrt(1 + 1 / distances.size)) ** 1.5)
+    return min(max(limit, SMALLEST_LIMIT), LARGEST_LIMIT)

@@ -12,9 +12,6 @@ from casebase.similarity import Floats
 NEAREST = 3
 """How many cases of each class vote."""
 SHARPEST = 1e4
-SPREAD = 0.7
-"""Standard deviation of the logarithm of the sharpness times the squared distance to one's own class, over libraries of
-three to ten gearboxes of tests/field_bank, the shared recordings and tests/stranger_bank."""
 
 
 def nearest_of_classes(squares: NDArray[np.floating], labels: NDArray[np.str_], classes: tuple[str, ...]) -> Floats:
@@ -59,28 +56,25 @@ def log_votes(nearest: Floats, sharpness: float) -> Floats:
 def fitted_sharpness(nearest: Floats, truth: NDArray[np.intp]) -> float:
     """Return the sharpness b under which the true classes of held-out cases are most probable.
 
-    Drawn to the inverse of the typical squared distance to one's own class, a kernel as wide as a class is: that is
-    where it is found in large libraries, give or take SPREAD; so a library that makes no error does not become certain.
+    Half a case that is right and half a case that is wrong are added to the likelihood, so that a library that makes
+    no error does not become certain.
     """
     from scipy.optimize import minimize_scalar  # slow to import
 
-    voted = np.isfinite(nearest).any(axis=-1).sum(axis=-1) > 1
-    near, true = nearest[voted], truth[voted]
-    own = near[np.arange(true.size), true, 0]
-    width = float(np.median(own[np.isfinite(own)])) if np.isfinite(own).any() else 0.0
-    if width <= 0:
+    near = nearest[np.isfinite(nearest).any(axis=-1).sum(axis=-1) > 1]
+    true = truth[np.isfinite(nearest).any(axis=-1).sum(axis=-1) > 1]
+    scale = float(np.median(near[np.isfinite(near)])) if near.size else 1.0
+    if not true.size or scale <= 0:
         return 1.0
     weights = balance(true)
 
     def loss(log_sharpness: float) -> float:
         shares = log_votes(near, float(np.exp(log_sharpness)))
         right = np.take_along_axis(shares, true[:, None], axis=1)[:, 0]
-        drawn = ((log_sharpness + np.log(width)) / SPREAD) ** 2 / (2 * true.size)
-        return float(-(weights @ np.maximum(right, -50.0)) + drawn)
+        return float(-(weights @ np.maximum(right, -50.0)) + 0.01 * (log_sharpness + np.log(scale)) ** 2)
 
-    middle = -np.log(width)
-    found = minimize_scalar(loss, bounds=(middle - 6, middle + 6), method="bounded")
-    return float(min(np.exp(found.x), SHARPEST / width))
+    found = minimize_scalar(loss, bounds=(-np.log(scale) - 5, -np.log(scale) + 7), method="bounded")
+    return float(min(np.exp(found.x), SHARPEST / scale))
 
 
 def balance(truth: NDArray[np.intp]) -> Floats:

@@ -45,7 +45,7 @@ def test_a_sound_gear_is_seldom_refused(boxes: int, between: float) -> None:
         values = np.repeat(level, 2, axis=0) + rng.normal(size=(2 * boxes + 2, len(NAMES))) * scale
         known, asked = values[:-2], values[-1]
         refused.append(of(known, np.repeat(np.arange(boxes), 2)).p_value(asked) < UNLIKE)
-    assert np.mean(refused) <= (0.06 if boxes == 2 else 0.025)
+    assert np.mean(refused) <= (0.08 if boxes == 2 else 0.035)
 
 
 def test_one_feature_that_departs_far_is_enough() -> None:
