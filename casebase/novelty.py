@@ -23,11 +23,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from casebase.labels import BASELINES as BASELINES
 from casebase.priors import kind_weights, repeatability
 from casebase.similarity import Floats, column_quantiles, pooled_scales, robust_scales
 
-BASELINES = ("normal", "healthy")
-"""Labels of gears without a fault."""
 GROWTH = 0.5
 TAIL = 0.02
 """Share of a class's cases that may lie outside its range at each end, once there are so many."""

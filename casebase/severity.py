@@ -15,12 +15,11 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from casebase.case_table import CaseTable
+from casebase.labels import PARAMETERS as PARAMETERS
 from casebase.models import Case
 from casebase.signals.features import catalogue
 from casebase.similarity import Floats, robust_scales
 
-PARAMETERS = {"play": "gap_rad", "notch": "depth_rad"}
-"""What the size of a label is called in the contract."""
 FEWEST, NEAREST = 12, 200
 COVERAGE = 0.9
 LENGTHS = (0.5, 1.0, 2.0)
