@@ -14,7 +14,7 @@ from app.settings import settings_of
 from app.sound import read_sound
 from casebase.audio_store import StoredBytes
 from casebase.axes import find_axis, list_axes
-from casebase.description import RecordingDescription
+from casebase.description import RecordingDescription, check_name
 from casebase.library import CaseLibrary
 from casebase.models import StoredDiagnosis, StoredRecording
 from casebase.plausibility import Expected, Known, held_against
@@ -159,6 +159,8 @@ def take_in(
     Raises:
         SignalError: what the file or its description has wrong, as `read_recording` and `extract` say.
     """
+    if axis is not None:
+        check_name("name of the axis", axis.name)
     axis = axis or known_axis(library, metadata.axis)
     condition = metadata.condition(
         shaft_orders=shaft_orders(axis) if axis else (), mesh_orders=mesh_orders(axis) if axis else ()

@@ -14,6 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from app.errors import TooLarge, problem_answer
 from app.metrics import Metrics
 from app.settings import Settings
+from casebase import audit
 
 log = structlog.get_logger("gearcase.request")
 
@@ -66,6 +67,7 @@ class RequestRecord:
                 MutableHeaders(scope=message)["X-Request-ID"] = request_id
             await send(message)
 
+        audit.STORED.set([])
         with structlog.contextvars.bound_contextvars(request_id=request_id):
             try:
                 await self.app(scope, receive_or_leave, send_with_id)

@@ -91,6 +91,7 @@ class CaseLibrary:
             try:
                 yield session
                 session.commit()
+                audit.stored(session.info.get(audit.RECORDED, ()))
                 for sha256 in session.info.get(DISCARDED, ()):
                     self.audio.discard(sha256)
                 if CHANGED in session.info:

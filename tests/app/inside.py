@@ -11,7 +11,7 @@ from typing import Any
 import httpx
 from fastapi import FastAPI
 
-from app.job import Job, JobNotFoundError
+from app.job import Job, JobNotFoundError, Progress
 from app.keys import Role, create_key
 from app.main import create_app
 from app.metrics import Metrics
@@ -19,6 +19,7 @@ from app.security import COOKIE, csrf_token
 from app.service import Service
 from app.settings import settings_of
 from app.uploads import Gate
+from casebase.models import new_id, now
 from casebase.pages import Page
 
 
@@ -30,6 +31,11 @@ class Inside:
     service: Service
     key: str
 
+    @property
+    def token(self) -> str:
+        """What the forms of its pages carry."""
+        return csrf_token(self.key)
+
     def ask(self, method: str, path: str, **options: Any) -> httpx.Response:
         """Ask as a program does, with the key."""
         return self._sent(method, path, {"Authorization": f"Bearer {self.key}"}, options)
@@ -37,10 +43,12 @@ class Inside:
     def browse(self, method: str, path: str, **options: Any) -> httpx.Response:
         """Ask as a browser does: wants HTML, has the cookie and, for a form, the token of its page."""
         if "data" in options:
-            options["data"] = {"csrf": csrf_token(self.key), **options["data"]}
+            options["data"] = {"csrf": self.token, **options["data"]}
         return self._sent(method, path, {"Accept": "text/html", "Cookie": f"{COOKIE}={self.key}"}, options)
 
     def _sent(self, method: str, path: str, headers: dict[str, str], options: dict[str, Any]) -> httpx.Response:
+        headers |= options.pop("headers", {})
+
         async def run() -> httpx.Response:
             transport = httpx.ASGITransport(self.app, raise_app_exceptions=False)
             async with httpx.AsyncClient(transport=transport, base_url="http://test", headers=headers) as client:
@@ -73,6 +81,11 @@ class ListedJobs:
             if job.id == job_id:
                 return job
         raise JobNotFoundError(f"no job {job_id!r}")
+
+    def submit(self, kind: str, _: object, *, job_id: str | None = None, submitted_by: str | None = None) -> str:
+        job = Job(job_id or new_id(), kind, "queued", Progress(), now(), None, submitted_by, None, None, None)
+        self.jobs.insert(0, job)
+        return job.id
 
     def list(self, *, limit: int = 100) -> tuple[Job, ...]:
         return tuple(self.jobs[:limit])

@@ -17,6 +17,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app import views
+from app.errors import Unprocessable
 from app.service import Reading, Service, TheService
 from app.web.charts import Chart
 from app.web.session import PageViewer
@@ -75,6 +76,11 @@ def try_parameters(
 ) -> Response:
     """Simulate the axis with the parameters of the query, beside a measured recording of it."""
     axis = read_axis(get_axis(session, name).document)
+    if not axis.stages:
+        raise Unprocessable(
+            f"The axis {name!r} has no gear stage, so it has no teeth whose sound could be simulated. Describe its "
+            "gears in [[stages]] and add it again: POST /api/v1/axes."
+        )
     values = {slider.name: _value(request, slider) for slider in SLIDERS}
     rows = _recordings(session, name)
     row = next((one for one in rows if one.id == recording), rows[0] if rows else None)
