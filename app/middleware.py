@@ -152,6 +152,33 @@ class HeadIsGet:
             scope["route"] = as_get.get("route")
 
 
+class Faults:
+    """Answers what nobody foresaw, so that the answer passes what every answer passes: a page stays a page.
+
+    Starlette's own answer comes from outside of everything else. An answer that has begun can only be broken off.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        begun = False
+
+        async def send_noted(message: Message) -> None:
+            nonlocal begun
+            begun = True
+            await send(message)
+
+        try:
+            await self.app(scope, receive, send_noted)
+        except ClientDisconnect:
+            raise
+        except Exception as error:
+            if begun or scope["type"] != "http":
+                raise
+            await problem_answer(Request(scope), error)(scope, receive, send)
+
+
 class BodyLimit:
     """Refuses a request that is too large before it has been read whole.
 

@@ -10,6 +10,7 @@ from typing import Any
 
 import httpx
 from fastapi import FastAPI
+from structlog.testing import capture_logs
 
 from app.job import Job, JobNotFoundError, Progress
 from app.keys import Role, create_key
@@ -66,7 +67,8 @@ def inside(data_dir: Path) -> Iterator[Inside]:
         _, key = create_key(session, name="test", role=Role.ADMIN)
     app = create_app(service=service)
     app.state.service, app.state.gate = service, Gate(service.settings)
-    yield Inside(app, service, key)
+    with capture_logs():  # tracebacks drawn for people take seconds each
+        yield Inside(app, service, key)
     service.close()
 
 
