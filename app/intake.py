@@ -17,6 +17,7 @@ from casebase.axes import find_axis, list_axes
 from casebase.description import RecordingDescription, check_name
 from casebase.library import CaseLibrary
 from casebase.models import StoredDiagnosis, StoredRecording
+from casebase.origins import DEMO as DEMO
 from casebase.plausibility import Expected, Known, held_against
 from casebase.signals.features import Extraction, extract
 from casebase.signals.recording import Recording
@@ -24,10 +25,6 @@ from sim.axis import Axis, read_axis
 
 CONTRADICTED = "contradicted"
 """Key of what was typed of a recording and is not used."""
-
-DEMO = "demo"
-"""Kind of the artifact that names the diagnosis and the recording of the demonstration."""
-
 
 KEEPERS = ThreadPoolExecutor(4, thread_name_prefix="keeper")
 """Waiting for the disk takes no processor: bytes are made durable while features are computed."""

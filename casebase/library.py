@@ -42,6 +42,7 @@ from casebase.models import (
     StoredRecording,
     now,
 )
+from casebase.origins import SIMULATED, origin_of
 from casebase.pages import Page, page
 from casebase.plausibility import Expected, measured
 from casebase.recordings import DISCARDED, store_recording
@@ -162,9 +163,13 @@ class CaseLibrary:
     ) -> Case:
         """Make a case of a recording. The same sound with the same label and gearbox is the case that is there.
 
+        A simulated sound makes a simulated case, whoever brings it.
+
         Raises:
             DuplicateError: if the sound is a case already with another label or gearbox, or a retired one.
         """
+        if origin_of(session, recording) == SIMULATED:
+            labelling = replace(labelling, origin=SIMULATED)
         existing = self._existing(session, recording, labelling)
         if existing is not None:
             return existing
