@@ -1,17 +1,18 @@
 """What goes over the edge: pydantic models of requests and answers, SI units named in the keys."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from datetime import UTC
 from typing import Annotated, Generic, Literal, TypeVar
 
 from fastapi import Path, Query
-from pydantic import MISSING, AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, FiniteFloat
+from pydantic import MISSING, AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, FiniteFloat, model_validator
 
 from app.keys import Role
-from app.metadata import Label, Text, Word
+from app.metadata import Label, Text, Verification, Word
 from casebase.models import StoredDiagnosis
 from casebase.pages import Page
 from casebase.signals.quality import DISTURBANCES
+from casebase.signals.text import is_whole
 
 Row = TypeVar("Row")
 Document = TypeVar("Document", bound=BaseModel)
@@ -39,6 +40,30 @@ class Question(BaseModel):
     """A JSON request: what is not known here is refused rather than ignored."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _whole(cls, given: object) -> object:
+        for text in _texts(given):
+            if not is_whole(text):
+                raise ValueError(f"{NOT_WHOLE}; got {text[:60]!a}")
+        return given
+
+
+NOT_WHOLE = "a text must have whole characters: no NUL, and no half of a surrogate pair such as \\ud83d without \\ude00"
+
+
+def _texts(given: object) -> Iterator[str]:
+    """Yield every text of a JSON document, keys too."""
+    if isinstance(given, str):
+        yield given
+    elif isinstance(given, dict):
+        for key, value in given.items():
+            yield from _texts(key)
+            yield from _texts(value)
+    elif isinstance(given, list):
+        for value in given:
+            yield from _texts(value)
 
 
 class PageOf(BaseModel, Generic[Document]):
@@ -202,7 +227,7 @@ class CaseFromDiagnosis(Question):
 
     diagnosis_id: Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
     label: Label | None = Field(None, description="by default what the diagnosis was confirmed or corrected to")
-    verified_by: Text | None = None
+    verified_by: Verification | None = None
 
 
 class CaseChange(Question):
@@ -210,7 +235,7 @@ class CaseChange(Question):
 
     label: Label | MISSING = MISSING
     state: Literal["proposed", "confirmed", "retired"] | MISSING = MISSING
-    verified_by: Text | MISSING | None = MISSING
+    verified_by: Verification | MISSING | None = MISSING
     note: Text | MISSING | None = MISSING
     mechanism: Word | MISSING | None = MISSING
     location: Word | MISSING | None = MISSING
@@ -223,7 +248,7 @@ class DiagnosisChange(Question):
 
     verdict: Literal["confirmed", "corrected", "rejected", "open"]
     label: Label | None = Field(None, description="the right label; needed for corrected")
-    verified_by: Text | None = Field(None, description="how it was verified, e.g. gearbox opened")
+    verified_by: Verification | None = Field(None, description="how it was verified, e.g. gearbox opened")
     note: Text | None = None
 
 

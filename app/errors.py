@@ -18,6 +18,7 @@ from starlette.responses import JSONResponse, Response
 from app import job as jobs
 from app.finite import finite
 from app.storage_faults import is_full, is_unwritable
+from casebase import audit
 from casebase import errors as library
 from casebase.signals import errors as signals
 from sim import errors as sim
@@ -98,7 +99,7 @@ class InternalFault(StatusProblem):
     status, type_, title = 500, "internal-fault", "The service failed; this is not your fault"
 
     def __init__(self, _detail: str | None = None) -> None:
-        super().__init__("The fault is in the service's log under request_id; nothing was stored.")
+        super().__init__("The fault is in the service's log under request_id.")
 
 
 class Unavailable(StatusProblem):
@@ -134,6 +135,8 @@ BY_STATUS: dict[int, type[StatusProblem]] = {
 
 
 SYNTAX = "json_invalid"
+SAFE = ("GET", "HEAD", "OPTIONS")
+"""Methods that store nothing."""
 
 
 def validation_problem(errors: Sequence[Any], what: str = "The request") -> Unprocessable:
@@ -222,20 +225,32 @@ def _from_domain(_: ExceptionHandler, __: Request, error: Exception) -> Problem:
 def _from_storage(_: ExceptionHandler, __: Request, error: Exception) -> Problem:
     if is_full(error):
         return InsufficientStorage(
-            "The disk of the service is full; nothing of this request was stored and nothing else was lost. "
+            "The disk of the service is full; nothing that was there is lost. "
             "Whoever runs the service has to make room; then send it again.",
             headers={"Retry-After": "600"},
         )
     if is_unwritable(error):
         return Unavailable(
-            "The service cannot reach or write its data at the moment; nothing of this request was stored and nothing "
-            "else was lost. Whoever runs the service finds the reason in its log under request_id.",
+            "The service cannot reach or write its data at the moment; nothing that was there is lost. Whoever runs "
+            "the service finds the reason in its log under request_id.",
             headers={"Retry-After": "60"},
         )
     return InternalFault()
 
 
+def _what_was_stored() -> str:
+    """Say of a request that was to store something and failed what became of that."""
+    done = audit.STORED.get()
+    if done is None:
+        return "Look whether what was asked for is there before you send it again."
+    if not done:
+        return "So far nothing of this request was stored."
+    return f"Stored before it failed: {', '.join(sorted(set(done)))}. Look what is there before you send it again."
+
+
 def _identify(content: dict[str, Any], request: Request, response: JSONResponse) -> tuple[dict[str, Any], JSONResponse]:
+    if content["status"] >= HTTPStatus.INTERNAL_SERVER_ERROR and request.method not in SAFE:
+        content["detail"] = f"{content.get('detail', '')} {_what_was_stored()}".strip()
     content = finite({**content, "instance": request.url.path, "request_id": request.scope.get("request_id")})
     response.body = json.dumps(content, ensure_ascii=False, allow_nan=False).encode()
     return content, response

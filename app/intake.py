@@ -14,9 +14,10 @@ from app.settings import settings_of
 from app.sound import read_sound
 from casebase.audio_store import StoredBytes
 from casebase.axes import find_axis, list_axes
-from casebase.description import RecordingDescription
+from casebase.description import RecordingDescription, check_name
 from casebase.library import CaseLibrary
 from casebase.models import StoredDiagnosis, StoredRecording
+from casebase.origins import DEMO as DEMO
 from casebase.plausibility import Expected, Known, held_against
 from casebase.signals.features import Extraction, extract
 from casebase.signals.recording import Recording
@@ -24,10 +25,6 @@ from sim.axis import Axis, read_axis
 
 CONTRADICTED = "contradicted"
 """Key of what was typed of a recording and is not used."""
-
-DEMO = "demo"
-"""Kind of the artifact that names the diagnosis and the recording of the demonstration."""
-
 
 KEEPERS = ThreadPoolExecutor(4, thread_name_prefix="keeper")
 """Waiting for the disk takes no processor: bytes are made durable while features are computed."""
@@ -159,6 +156,8 @@ def take_in(
     Raises:
         SignalError: what the file or its description has wrong, as `read_recording` and `extract` say.
     """
+    if axis is not None:
+        check_name("name of the axis", axis.name)
     axis = axis or known_axis(library, metadata.axis)
     condition = metadata.condition(
         shaft_orders=shaft_orders(axis) if axis else (), mesh_orders=mesh_orders(axis) if axis else ()

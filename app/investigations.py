@@ -21,6 +21,7 @@ from app.settings import Settings
 from app.sound import read_sound
 from casebase import audit
 from casebase.axes import add_axis, find_axis
+from casebase.description import check_name
 from casebase.errors import ConflictError, NotFoundError
 from casebase.library import CaseLibrary
 from casebase.models import AxisRevision, StoredInvestigation, new_id, now
@@ -63,6 +64,7 @@ def submit(
         SignalError: if telemetry or sound cannot be read; of several it begins with the name of the file.
     """
     check_pairs(len(telemetries), len(sounds), len(as_new))
+    check_name("axis.name", axis.name)
     for measured in telemetries:
         _readable(measured, read_telemetry, several=len(telemetries) > 1)
     for measured in (*sounds, *as_new):

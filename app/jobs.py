@@ -18,6 +18,7 @@ from uuid import uuid4
 from sqlalchemy import make_url
 
 from app.job import Job, JobError, JobEvent, JobNotFoundError, JobState, JobStateError, Json, Progress
+from casebase import audit
 from casebase.errors import InvalidCursorError
 from casebase.pages import Page, cut
 
@@ -96,6 +97,7 @@ class Jobs:
             "attributes": {"kind": kind, "submitted_by": submitted_by},
         }
         handle: Any = self._client.enqueue(options, kind, parameters)
+        audit.stored(["job.submitted"])
         return str(handle.get_workflow_id())
 
     def get(self, job_id: str) -> Job:

@@ -23,7 +23,7 @@ from app.api import (
 )
 from app.errors import add_problem_handlers
 from app.metrics import Metrics
-from app.middleware import BodyLimit, HeadIsGet, RequestRecord, SecurityHeaders
+from app.middleware import BodyLimit, Faults, HeadIsGet, RequestRecord, SecurityHeaders
 from app.reference import PROBLEMS, describe, only_known_query
 from app.service import Service
 from app.settings import Settings, settings_of
@@ -83,6 +83,7 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
             Middleware(SecurityHeaders),
             Middleware(HeadIsGet),
             Middleware(PageErrors),
+            Middleware(Faults),
             Middleware(BodyLimit, settings=settings),
         ],
     )

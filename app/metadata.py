@@ -4,6 +4,7 @@ from datetime import UTC, datetime
 from typing import Annotated, Any
 
 from pydantic import (
+    AfterValidator,
     AwareDatetime,
     BaseModel,
     ConfigDict,
@@ -17,9 +18,11 @@ from pydantic import (
 )
 
 from app.errors import Unprocessable, validation_problem
+from casebase.description import check_name
+from casebase.errors import InvalidRequestError
 from casebase.signals.condition import OperatingCondition
 
-CONTROL = r"\x00-\x1f\x7f"
+CONTROL = r"\x00-\x1f\x7f-\x9f\u2028\u2029"
 CONTROL_BUT_BREAKS = r"\x00-\x08\x0b\x0c\x0e-\x1f\x7f"
 """Databases and terminals take no control characters; a text may have tabs and line breaks."""
 
@@ -31,6 +34,24 @@ def _text(longest: int, control: str) -> StringConstraints:
 
 Word = Annotated[str, _text(200, CONTROL)]
 Text = Annotated[str, _text(4000, CONTROL_BUT_BREAKS)]
+Verification = Annotated[str, _text(500, CONTROL_BUT_BREAKS)]
+"""How a label was verified, as long as the library keeps it."""
+
+
+def _name(value: str) -> str:
+    try:
+        check_name("the name of an axis", value)
+    except InvalidRequestError as error:
+        raise ValueError(str(error)) from None
+    return value
+
+
+AxisName = Annotated[
+    str,
+    StringConstraints(strip_whitespace=True, min_length=1, max_length=200),
+    AfterValidator(_name),
+    Field(json_schema_extra={"pattern": rf"^[^/{CONTROL}]+$"}),
+]
 Label = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_.-]{0,99}$")]
 Positive = Annotated[FiniteFloat, Field(ge=1e-9, le=1e9)]
 SCHEMA = "gearcase-recording/1"
@@ -47,7 +68,7 @@ class RecordingMetadata(BaseModel):
         },
     )
 
-    axis: Word | None = Field(None, description="name of the axis, as in its description")
+    axis: AxisName | None = Field(None, description="name of the axis, as in its description")
     gearbox: Word | None = Field(None, description="serial number of the gearbox")
     robot: Word | None = None
     unit: Annotated[str, StringConstraints(pattern=r"^[\x21-\x7e]{1,20}$")] = Field(
@@ -67,7 +88,7 @@ class RecordingMetadata(BaseModel):
     recorded_at: AwareDatetime | None = Field(
         None, description="RFC 3339 with an offset, e.g. 2026-11-20T14:03:00+01:00"
     )
-    verified_by: Text | None = Field(None, description="how the label was verified, e.g. gearbox opened")
+    verified_by: Verification | None = Field(None, description="how the label was verified, e.g. gearbox opened")
     notes: Text | None = None
 
     @field_validator("recorded_at", mode="before")

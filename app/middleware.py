@@ -14,6 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from app.errors import TooLarge, problem_answer
 from app.metrics import Metrics
 from app.settings import Settings
+from casebase import audit
 
 log = structlog.get_logger("gearcase.request")
 
@@ -66,6 +67,7 @@ class RequestRecord:
                 MutableHeaders(scope=message)["X-Request-ID"] = request_id
             await send(message)
 
+        audit.STORED.set([])
         with structlog.contextvars.bound_contextvars(request_id=request_id):
             try:
                 await self.app(scope, receive_or_leave, send_with_id)
@@ -148,6 +150,33 @@ class HeadIsGet:
             await self.app(as_get, receive_until_answered, send_without_body)
         finally:
             scope["route"] = as_get.get("route")
+
+
+class Faults:
+    """Answers what nobody foresaw, so that the answer passes what every answer passes: a page stays a page.
+
+    Starlette's own answer comes from outside of everything else. An answer that has begun can only be broken off.
+    """
+
+    def __init__(self, app: ASGIApp) -> None:
+        self.app = app
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        begun = False
+
+        async def send_noted(message: Message) -> None:
+            nonlocal begun
+            begun = True
+            await send(message)
+
+        try:
+            await self.app(scope, receive, send_noted)
+        except ClientDisconnect:
+            raise
+        except Exception as error:
+            if begun or scope["type"] != "http":
+                raise
+            await problem_answer(Request(scope), error)(scope, receive, send)
 
 
 class BodyLimit:

@@ -21,7 +21,7 @@ from app.forms import FormParser, plain_name
 from app.service import Service, service_of
 from app.settings import Settings
 from casebase.signals.errors import TextError
-from casebase.signals.text import text_of
+from casebase.signals.text import is_whole, text_of
 
 BLOCK = 1024 * 1024
 NAME_CHARACTERS = 255
@@ -114,6 +114,16 @@ def _store(part: UploadFile, folder: Path, number: int) -> UploadedFile:
     return UploadedFile(path, printable or "unnamed", media_type, part.size or 0, digest.hexdigest())
 
 
+def check_whole(name: str, text: str) -> None:
+    """Refuse a field of a form that no database could hold.
+
+    Raises:
+        Unprocessable: if it has NUL or half a character.
+    """
+    if not (is_whole(name) and is_whole(text)):
+        raise Unprocessable(f"The part {name!a} has NUL or half a character in it: send text as UTF-8.")
+
+
 def _store_all(form: FormData, folder: Path) -> Upload:
     files: dict[str, UploadedFile] = {}
     fields: dict[str, str] = {}
@@ -122,6 +132,7 @@ def _store_all(form: FormData, folder: Path) -> Upload:
         if name in fields or (name in files and (name not in SEVERAL or isinstance(value, str))):
             raise Unprocessable(f"The form has the part {name!r} twice; send one recording per request.")
         if isinstance(value, str):
+            check_whole(name, value)
             fields[name] = value
         elif name in files:
             more.append((name, _store(value, folder, number)))

@@ -1,13 +1,16 @@
 """Who did what: every change of the library leaves one row that nobody can alter."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from contextvars import ContextVar
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from casebase.models import AuditEntry
 
-ACTOR, REQUEST = "actor", "request_id"
+ACTOR, REQUEST, RECORDED = "actor", "request_id", "recorded"
+STORED: ContextVar[list[str] | None] = ContextVar("stored", default=None)
+"""Where somebody wants to know it: the actions that were stored for good since then, of whichever thread."""
 
 
 def record(
@@ -19,6 +22,7 @@ def record(
     after: Mapping[str, object] | None = None,
 ) -> None:
     """Add an entry for a subject (kind, id) in the session's name."""
+    session.info.setdefault(RECORDED, []).append(action)
     session.add(
         AuditEntry(
             actor=actor_of(session),
@@ -30,6 +34,13 @@ def record(
             request_id=session.info.get(REQUEST),
         )
     )
+
+
+def stored(actions: Iterable[str]) -> None:
+    """Note that these actions are stored for good, for whoever has to say later whether anything was."""
+    found = STORED.get()
+    if found is not None:
+        found.extend(actions)
 
 
 def actor_of(session: Session) -> str:

@@ -6,6 +6,7 @@ from sqlalchemy import Select, func, select
 from sqlalchemy.orm import Session
 
 from casebase import audit
+from casebase.description import check_name
 from casebase.errors import ConflictError, NotFoundError
 from casebase.models import AxisRevision
 from casebase.pages import Page, page_upwards
@@ -24,8 +25,11 @@ def add_axis(
 
     Raises:
         ConflictError: if `based_on` is given and is not the current revision.
+        InvalidRequestError: if a new axis has a name that cannot stand in an address.
     """
     current = find_axis(session, name)
+    if current is None:
+        check_name("name", name)
     if based_on is not None and (current is None or current.revision != based_on):
         have = "none" if current is None else str(current.revision)
         raise ConflictError(f"axis {name!r} is at revision {have}, not {based_on}; look at it and try again")

@@ -1,5 +1,6 @@
 """What is said of a recording and of a case when it comes in."""
 
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field, fields
 from datetime import datetime
@@ -92,6 +93,28 @@ class Labelling:
         check_label(self.label)
         check_choice("origin", self.origin, ORIGINS)
         check_choice("state", self.state, CASE_STATES)
+
+
+LONGEST_NAME = 200
+BREAKING = ("Cc", "Cs", "Zl", "Zp")
+"""Unicode's categories of control characters, half characters and separators of lines."""
+
+
+def check_name(what: str, name: str) -> None:
+    """Raise InvalidRequestError unless a name can stand in an address: in any script, but one part of a path.
+
+    >>> check_name("name", "Ось 4, 轴")
+    >>> check_name("name", "../keys")
+    Traceback (most recent call last):
+    casebase.errors.InvalidRequestError: name: 1 to 200 characters of any script without '/', '..', control \
+characters and blanks at its ends, such as 'axis 4'; got '../keys'
+    """
+    fits = name == name.strip() and 0 < len(name) <= LONGEST_NAME and name != "."
+    if not fits or "/" in name or ".." in name or any(unicodedata.category(each) in BREAKING for each in name):
+        raise InvalidRequestError(
+            f"{what}: 1 to {LONGEST_NAME} characters of any script without '/', '..', control characters and blanks at "
+            f"its ends, such as 'axis 4'; got {name[:60]!r}"
+        )
 
 
 def check_label(label: str) -> None:

@@ -46,9 +46,7 @@ def _limit(
     if axis is None or NOISE not in names or BUMP_OF[label] not in names:
         return None
     here = float(values[names.index(NOISE)])
-    rows, sizes = sized(session, table, label)
-    own = table.axes[rows] == axis
-    rows, sizes = rows[own], sizes[own]
+    rows, sizes = sized(session, table, axis, label)
     if rows.size < FEWEST or not np.isfinite(here) or not np.isfinite(values[names.index(BUMP_OF[label])]):
         return None
     height, noise = (table.values[rows, names.index(name)].astype(np.float64) for name in (BUMP_OF[label], NOISE))

@@ -42,11 +42,12 @@ from casebase.models import (
     StoredRecording,
     now,
 )
+from casebase.origins import SIMULATED, origin_of
 from casebase.pages import Page, page
 from casebase.plausibility import Expected, measured
 from casebase.recordings import DISCARDED, store_recording
 from casebase.rehearsal import rehearsed
-from casebase.severity import severity_of
+from casebase.severity import Severity, severity_of
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction
 from casebase.signals.recording import Recording
 from casebase.sounds import cases_of, other_gearbox
@@ -91,6 +92,7 @@ class CaseLibrary:
             try:
                 yield session
                 session.commit()
+                audit.stored(session.info.get(audit.RECORDED, ()))
                 for sha256 in session.info.get(DISCARDED, ()):
                     self.audio.discard(sha256)
                 if CHANGED in session.info:
@@ -161,9 +163,13 @@ class CaseLibrary:
     ) -> Case:
         """Make a case of a recording. The same sound with the same label and gearbox is the case that is there.
 
+        A simulated sound makes a simulated case, whoever brings it.
+
         Raises:
             DuplicateError: if the sound is a case already with another label or gearbox, or a retired one.
         """
+        if origin_of(session, recording) == SIMULATED:
+            labelling = replace(labelling, origin=SIMULATED)
         existing = self._existing(session, recording, labelling)
         if existing is not None:
             return existing
@@ -362,10 +368,15 @@ class CaseLibrary:
         same = [case for case in cases_of(session, recording.sound_id) if case.state != "retired"]
         told = (*(_told(case) for case in same), *diagnosis.remarks, *remarks, *self._contradictions(session, version))
         diagnosis = replace(diagnosis, remarks=told)
-        severity = severity_of(session, reasoner.table, diagnosis.label, values) if diagnosis.label else None
+        severity = self.severity(session, extraction, recording.axis, diagnosis.label) if diagnosis.label else None
         limits = detection_limits(session, reasoner.table, recording.axis, values) if extraction.usable else NO_LIMITS
         same_as = same[0].id if same else None
         return store_diagnosis(session, recording, diagnosis, reasoner, severity, limits, same_as)
+
+    def severity(self, session: Session, extraction: Extraction, axis: str | None, label: str) -> Severity | None:
+        """Return the size of a fault, for a diagnosis as for `gearcase size`; None where the library cannot say it."""
+        table = self.table(session, extraction.extractor_version)
+        return severity_of(session, table, axis, label, extraction.features.values)
 
     def _contradictions(self, session: Session, extractor_version: str) -> tuple[str, ...]:
         count = self._all_cases(session, extractor_version).contradicting

@@ -3,7 +3,7 @@
 import os
 import time
 from datetime import UTC, datetime
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +12,7 @@ from sqlalchemy.dialects.postgresql import JSONB
 from sqlalchemy.orm import DeclarativeBase, Mapped, mapped_column, relationship
 
 from casebase.database import FloatVector, UtcDateTime
+from casebase.stored_documents import diagnosis_document, investigation_document
 
 type_json = JSON().with_variant(JSONB(), "postgresql")
 
@@ -186,7 +187,8 @@ class StoredDiagnosis(Base):
     verdict: Mapped[str] = mapped_column(String(20))
     label: Mapped[str | None] = mapped_column(String(100))
     probability: Mapped[float | None]
-    document: Mapped[dict[str, object]]
+    written: Mapped[dict[str, object]] = mapped_column("document")
+    """As it was stored; what is read is `document`."""
     state: Mapped[str] = mapped_column(String(20), default="open")
     revised_label: Mapped[str | None] = mapped_column(String(100))
     verified_by: Mapped[str | None] = mapped_column(String(500))
@@ -206,6 +208,15 @@ class StoredDiagnosis(Base):
     __mapper_args__ = {  # noqa: RUF012
         "version_id_col": version
     }
+
+    @property
+    def document(self) -> dict[str, Any]:
+        """As it was given, with what versions before did not say."""
+        return diagnosis_document(self.written)
+
+    @document.setter
+    def document(self, given: dict[str, Any]) -> None:
+        self.written = given
 
 
 class AxisRevision(Base):
@@ -234,12 +245,22 @@ class StoredInvestigation(Base):
     axis_document: Mapped[dict[str, object]]
     inputs: Mapped[dict[str, object]]
     """File names and SHA-256 of telemetry and sound, kept content-addressed like recordings."""
-    document: Mapped[dict[str, object] | None] = mapped_column(type_json)
+    written: Mapped[dict[str, object] | None] = mapped_column("document", type_json)
+    """As it was stored; what is read is `document`."""
     report: Mapped[str | None] = mapped_column(Text, deferred=True)
     error: Mapped[str | None] = mapped_column(Text)
     created_at: Mapped[datetime] = mapped_column(default=now)
     finished_at: Mapped[datetime | None]
     created_by: Mapped[str] = mapped_column(String(200))
+
+    @property
+    def document(self) -> dict[str, Any] | None:
+        """What came out, with what versions before did not say; None while nothing has."""
+        return None if self.written is None else investigation_document(self.written)
+
+    @document.setter
+    def document(self, given: dict[str, Any] | None) -> None:
+        self.written = given
 
 
 class MaintenanceMark(Base):

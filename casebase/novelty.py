@@ -24,11 +24,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from casebase.labels import BASELINES as BASELINES
 from casebase.priors import kind_weights, repeatability
 from casebase.similarity import Floats, column_quantiles, pooled_scales, robust_scales
 
-BASELINES = ("normal", "healthy")
-"""Labels of gears without a fault."""
 GROWTH = 0.5
 PAIR = " and "
 SIZES = (1.0, 0.75, 0.5)

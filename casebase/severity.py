@@ -1,4 +1,4 @@
-"""How large a fault is, from simulated cases of the same label, whose size is known.
+"""How large a fault is, from simulated cases of the same axis and label, whose size is known.
 
 The logarithm of the size is regressed on the features of the nearest simulated cases: a Gaussian process with a
 linear and a local part, its two settings chosen by leave-one-out error, its interval the quantile of leave-one-out
@@ -15,12 +15,11 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from casebase.case_table import CaseTable
+from casebase.labels import PARAMETERS as PARAMETERS
 from casebase.models import Case
 from casebase.signals.features import catalogue
 from casebase.similarity import Floats, robust_scales
 
-PARAMETERS = {"play": "gap_rad", "notch": "depth_rad"}
-"""What the size of a label is called in the contract."""
 FEWEST, NEAREST = 12, 200
 COVERAGE = 0.9
 LENGTHS = (0.5, 1.0, 2.0)
@@ -56,27 +55,33 @@ class Severity:
         }
 
 
-def severity_of(session: Session, table: CaseTable, label: str, values: NDArray[np.floating]) -> Severity | None:
-    """Estimate the size of a fault; None where the label has no size or too few simulated cases have one.
+def severity_of(
+    session: Session, table: CaseTable, axis: str | None, label: str, values: NDArray[np.floating]
+) -> Severity | None:
+    """Estimate the size of a fault; None where the label has no size, or too few simulated cases of the axis have one.
+
+    Cases of another axis say nothing of the size: the same gap sounds otherwise in another gear.
 
     Args:
+        axis: of the recording; nothing is said without one.
         values: features of the recording, shape (n,), NaN where missing.
     """
-    if label not in PARAMETERS:
+    if label not in PARAMETERS or axis is None:
         return None
-    rows, sizes = sized(session, table, label)
+    rows, sizes = sized(session, table, axis, label)
     if rows.size < FEWEST:
         return None
     return estimate(PARAMETERS[label], table.values[rows], sizes, values)
 
 
-def sized(session: Session, table: CaseTable, label: str) -> tuple[NDArray[np.intp], Floats]:
-    """Return the rows of simulated cases of a label whose size is known, and the sizes [rad], shape (rows,)."""
+def sized(session: Session, table: CaseTable, axis: str, label: str) -> tuple[NDArray[np.intp], Floats]:
+    """Return the rows of an axis' simulated cases of a label whose size is known, and the sizes [rad]; (rows,) each."""
     statement = select(Case.id, Case.severity).where(
         Case.label == label, Case.origin == "simulated", Case.severity.is_not(None), Case.state == "confirmed"
     )
     size_of = {case_id: size for case_id, size in session.execute(statement)}  # noqa: C416
-    rows = np.array([row for row, key in enumerate(table.ids) if str(key) in size_of], dtype=np.intp)
+    own = table.axes == axis
+    rows = np.array([row for row, key in enumerate(table.ids) if own[row] and str(key) in size_of], dtype=np.intp)
     return rows, np.array([size_of[str(table.ids[row])] for row in rows], dtype=np.float64)
 
 

@@ -15,7 +15,7 @@ from typing import Any, TypeVar
 
 from casebase.signals.errors import TextError
 from casebase.signals.text import text_of
-from sim.errors import AxisError, ParameterError, near_match, number
+from sim.errors import AxisError, ParameterError, near_match, number, shown
 from sim.quantities import check_quantities
 
 SCHEMA = "gearcase-axis/1"
@@ -320,6 +320,8 @@ def parse_axis(text: bytes | str) -> dict[str, object]:
     try:
         document: dict[str, object] = read(text)
         json.dumps(document, ensure_ascii=False, default=str).encode()
+    except UnicodeEncodeError:
+        raise AxisError(f"this is no {kind}: a text has half a character, such as \\ud83d without \\ude00") from None
     except (ValueError, RecursionError) as error:
         raise AxisError(f"this is no {kind}: {error}") from None
     return document
@@ -349,7 +351,7 @@ def _array(document: Mapping[str, object], key: str) -> list[object]:
 
 def _text(value: object, path: str) -> str:
     if not isinstance(value, str) or not value.strip() or len(value) > 200:
-        raise AxisError(f"{path}: must be a text of 1 to 200 characters, got {value!r}")
+        raise AxisError(f"{path}: must be a text of 1 to 200 characters, got {shown(value)}")
     return value
 
 

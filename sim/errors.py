@@ -4,6 +4,8 @@ import math
 from collections.abc import Iterable
 from difflib import get_close_matches
 
+LONGEST_SHOWN = 60
+
 
 class SimulationError(ValueError):
     """Base of all errors that the simulator raises on purpose."""
@@ -59,11 +61,24 @@ def number(
     """
     rule = _range(unit, above, at_least, at_most)
     if isinstance(value, bool) or not hasattr(value, "__float__"):
-        raise ParameterError(f"{name}: must be {rule}, got {value!r}")
-    x = float(value)
+        raise ParameterError(f"{name}: must be {rule}, got {shown(value)}")
+    try:
+        x = float(value)
+    except OverflowError:  # a whole number of more than 308 digits
+        x = math.inf
     if not math.isfinite(x) or x <= above or x < at_least or x > at_most:
-        raise ParameterError(f"{name}: must be {rule}, got {value}")
+        raise ParameterError(f"{name}: must be {rule}, got {shown(value)}")
     return x
+
+
+def shown(value: object) -> str:
+    """Write what was given, shortened.
+
+    >>> shown(-20), shown("9" * 99)
+    ('-20', "'999999999999999999999999999...")
+    """
+    text = repr(value)
+    return text if len(text) <= LONGEST_SHOWN else f"{text[: LONGEST_SHOWN - 32]}..."
 
 
 def _range(unit: str, above: float, at_least: float, at_most: float) -> str:

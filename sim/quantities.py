@@ -3,7 +3,7 @@
 import math
 from dataclasses import fields
 
-from sim.errors import ParameterError, number
+from sim.errors import ParameterError, number, shown
 
 _UNITS = {
     "_kg_m2": "kg m2",
@@ -38,7 +38,7 @@ def check_quantities(table: object, positive: tuple[str, ...] = ()) -> None:
             continue
         if field.name.endswith("_teeth"):
             if isinstance(value, bool) or not isinstance(value, int) or not 1 <= value <= 100_000:
-                raise ParameterError(f"{field.name}: must be a whole number from 1 to 100000, got {value!r}")
+                raise ParameterError(f"{field.name}: must be a whole number from 1 to 100000, got {shown(value)}")
         elif not (field.name.endswith("_limit_n_m") or field.name.endswith("_limit_rad_s")) or value != math.inf:
             object.__setattr__(table, field.name, _number(field.name, value, field.name in positive))
 

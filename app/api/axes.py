@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session
 from app.documents import CONTINUES, AxisAnswer, Limit, PageOf, page_of
 from app.errors import UnsupportedMedia
 from app.idempotency import Made, OnlyOnce
+from app.location import location
 from app.security import Admin, Viewer
 from app.service import Reading
 from casebase import axes
@@ -79,6 +80,6 @@ def add_axis(
 
     def work(session: Session) -> Made:
         row = axes.add_axis(session, described.name, described.to_mapping())
-        return Made(AxisAnswer.model_validate(row), str(request.url_for("get_axis", name=row.name).path))
+        return Made(AxisAnswer.model_validate(row), location(request, "get_axis", name=row.name))
 
     return once.run(work, document)

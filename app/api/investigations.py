@@ -15,6 +15,7 @@ from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf,
 from app.errors import Unprocessable
 from app.idempotency import Made, OnlyOnce
 from app.investigations import KIND, Measured, accept, document_of, get_investigation, state_of, submit
+from app.location import location
 from app.security import Admin, Operator, Viewer
 from app.service import Reading, Service, TheService
 from app.uploads import TheUpload, Upload
@@ -217,6 +218,6 @@ def accept_investigation(
 
     def work(session: Session) -> Made:
         row = accept(session, get_investigation(session, investigation_id))
-        return Made(AxisAnswer.model_validate(row), str(request.url_for("get_axis", name=row.name).path))
+        return Made(AxisAnswer.model_validate(row), location(request, "get_axis", name=row.name))
 
     return once.run(work)

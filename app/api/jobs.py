@@ -77,7 +77,7 @@ def job_events(
     job: Existing,
     jobs: TheJobs,
     service: TheService,
-    last_event_id: Annotated[int | None, Header(alias="Last-Event-ID", ge=0)] = None,
+    last_event_id: Annotated[int | None, Header(alias="Last-Event-ID", ge=0, le=2**31 - 1)] = None,
 ) -> Iterator[ServerSentEvent]:
     """Every `progress` event has a number; a client that comes back with the last one it saw misses none.
 

@@ -13,6 +13,7 @@ from app.idempotency import Made, OnlyOnce
 from app.security import Admin
 from app.service import Service
 from casebase.axes import get_axis
+from casebase.description import check_name
 from sim.axis import Axis, read_axis
 from sim.design import DURATION_S, LABELS, labels
 
@@ -75,6 +76,8 @@ def campaign_of(service: Service, wanted: SimulationRequest) -> Campaign:
 
 def _axis(service: Service, given: dict[str, object] | str) -> Axis:
     if not isinstance(given, str):
-        return read_axis(given)
+        axis = read_axis(given)
+        check_name("axis.name", axis.name)
+        return axis
     with service.library.reading() as session:
         return read_axis(get_axis(session, given, None).document)

@@ -68,12 +68,16 @@ def add(
         frame.print_json(entries)
     else:
         for entry in entries:
-            frame.print(f"{entry['file']}: {entry.get('error') or entry['id']}{_known(entry)}")
+            frame.print(f"{entry['file']}: {entry.get('error') or entry['id']}{_known(entry)}{_simulated(entry)}")
     raise typer.Exit(BAD_INPUT if any("error" in entry for entry in entries) else 0)
 
 
 def _known(entry: dict[str, Any]) -> str:
     return " is this sound already; it stays as it is" if entry.get("exists") else ""
+
+
+def _simulated(entry: dict[str, Any]) -> str:
+    return "; its sound is simulated, so the case is, too" if entry.get("origin") == "simulated" else ""
 
 
 def _add(library: CaseLibrary, sound: Sound, metadata: CaseMetadata, axis: Axis | None) -> dict[str, Any]:

@@ -171,7 +171,8 @@ def _polar(
 ) -> Markup:
     speed = condition.speed_rad_s or 0.0
     angle = np.degrees(np.abs(offset_s) * speed) if speed else 360.0 * (offset_s - offset_s[0]) / np.ptp(offset_s)
-    title = "Height above noise over one revolution of the output, forward outside, backward inside"
+    over = "one revolution of the output" if speed else "one stroke"
+    title = f"Height above noise over {over}, forward outside, backward inside"
     return polar_chart(title, _sectors(angle, forward_db), _sectors(angle, backward_db))
 
 

@@ -175,13 +175,33 @@ def facts_of(document: Mapping[str, Any]) -> list[tuple[str, object, str]]:
         found.append((name, value, f"90 % interval {interval}, from {cases} simulated cases"))
     for item in document["evidence"]:
         if item["quantity"] == f"{document['label']}_phase" and item["value"] is not None:
-            found.append(("Angle", quantity(item["value"], "°"), "of the motion's cycle, after a reversal"))
+            found.append(_in_the_cycle(item["value"], period_of(document)))
     novelty = document["novelty"]
     if novelty["distance"] is not None and not not_compared(document):
         limit = novelty["threshold"]
         note = f"new beyond {limit:.2f}" if limit is not None else "too few cases to set a limit"
         found.append(("Distance to known kinds", quantity(novelty["distance"], digits=2), note))
     return found
+
+
+def period_of(document: Mapping[str, Any]) -> float | None:
+    """Return how long one cycle of the motion takes [s], as far as a diagnosis says it."""
+    return next((item["value"] for item in document["evidence"] if item["quantity"] == "motion_period"), None)
+
+
+def _in_the_cycle(phase_deg: float, period_s: float | None) -> tuple[str, object, str]:
+    r"""Return when in the motion's cycle something repeats: its time, and its phase, which is no angle of a gear.
+
+    >>> name, value, note = _in_the_cycle(90.0, 2.0)
+    >>> print(name, value, note)
+    Time in the cycle 0.5\xa0s after a reversal; phase 90° of a cycle of 2.00\xa0s
+    """
+    if period_s is None:
+        return "Phase in the cycle", quantity(phase_deg, "°"), "of the motion, after a reversal"
+    note = Markup("after a reversal; phase {} of a cycle of {}").format(
+        quantity(phase_deg, "°"), f"{period_s:.2f}\N{NO-BREAK SPACE}s"
+    )
+    return "Time in the cycle", quantity(phase_deg / 360.0 * period_s, "s"), note
 
 
 def analysed(found: Survey) -> tuple[str, object, str]:

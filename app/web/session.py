@@ -8,6 +8,7 @@ from fastapi import Depends, Form, Request
 from app.errors import Forbidden, NotAuthenticated
 from app.security import COOKIE, Principal, Role, check_csrf, client_of, principal_of
 from app.service import service_of
+from app.uploads import check_whole
 
 
 class SignInNeeded(Exception):
@@ -63,9 +64,11 @@ PageOperator = Annotated[Principal, Depends(PageRequires(Role.OPERATOR))]
 PageAdmin = Annotated[Principal, Depends(PageRequires(Role.ADMIN))]
 
 
-def form_token(request: Request, csrf: Annotated[str, Form()] = "") -> None:
-    """Dependency of every form: its token must belong to the cookie."""
+async def form_token(request: Request, csrf: Annotated[str, Form()] = "") -> None:
+    """Dependency of every form: its token must belong to the cookie, its texts be whole."""
     check_csrf(request, csrf)
+    for name, value in (await request.form()).multi_items():
+        check_whole(name, value if isinstance(value, str) else "")
 
 
 FromOurPage = Depends(form_token)

@@ -16,9 +16,11 @@ NAMES = {
 CHECKS = {
     "normal": ("Nothing to do. Record again at the next inspection, in the same motion and with the same payload.",),
     "notch": (
-        "Look at the teeth of the output gear at the angle where the impact repeats.",
+        "Move the axis to where it is at the time in the cycle when the impact repeats, and look at the teeth of the "
+        "output gear that mesh there.",
         "Take a grease sample and look for steel particles.",
-        "Record again with the axis moving through another range: a notch stays at its angle.",
+        "Record again with the axis moving through another range: a notch stays at its tooth, so its time in the cycle "
+        "changes.",
     ),
     "play": (
         "Lock the motor and move the arm by hand at the joint: measure the free travel.",

@@ -7,6 +7,15 @@ from casebase.signals.errors import TextError
 MARK = "\ufeff"
 
 
+def is_whole(text: str) -> bool:
+    """Whether a text has neither NUL nor half a character (a lone surrogate): no database and no file takes those.
+
+    >>> is_whole("Ось 轴"), is_whole("a\\ud800"), is_whole("a\\0")
+    (True, False, False)
+    """
+    return not any(character == "\0" or "\ud800" <= character <= "\udfff" for character in text)
+
+
 def text_of(content: bytes | str) -> str:
     """Return a text without the byte order mark that editors and shells of Windows put before it.
 

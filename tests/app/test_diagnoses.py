@@ -178,3 +178,19 @@ def test_example_of_the_shared_data(operator: httpx.Client, tmp_path: Path) -> N
     answer = diagnose(operator, path.read_bytes(), name=path.name, speed_rad_s=2.5, payload_kg_m2=40)
     assert answer.status_code == 201
     assert answer.json()["recording"]["duration_s"] == 20.0
+
+
+def test_when_a_notch_comes_is_said_as_a_time_of_the_cycle_and_no_angle(
+    operator: httpx.Client, server: LiveServer
+) -> None:
+    made = diagnose(operator, sound(60, impacts=True), speed_rad_s=2.5).raise_for_status().json()
+    said = {item["quantity"]: item for item in made["evidence"]}
+    event, period_s = said["notch_phase"], said["motion_period"]["value"]
+    time_s = event["value"] / 360 * period_s
+    assert f"{time_s:.2f} s into the motion's cycle" in event["statement"]
+    assert "angle" not in event["statement"]
+    cookies = {"gearcase_key": server.keys["viewer"]}
+    page = httpx.get(f"{server.url}/diagnoses/{made['id']}", cookies=cookies).raise_for_status().text
+    assert "Time in the cycle" in page
+    assert "<dt>Angle</dt>" not in page
+    assert "at the angle where" not in page

@@ -69,7 +69,7 @@ def test_the_report_comes_as_it_is_asked_for(live_server: LiveServer, viewer: ht
     library.close()
     page, document = viewer.get(url), viewer.get(url, headers={"Accept": "application/json"})
     assert (page.headers["content-type"], page.text) == ("text/html; charset=utf-8", "<p>told</p>")
-    assert document.json() == DOCUMENT
+    assert DOCUMENT.items() <= document.json().items()
     assert {page.headers["vary"], document.headers["vary"]} == {"Accept"}
     assert viewer.get(url, headers={"Accept": "application/pdf"}).status_code == 406
 

@@ -65,9 +65,20 @@ def test_what_is_rejected_is_not_also_possible() -> None:
     assert "no fault" in rejected
 
 
-def test_only_the_angle_of_the_named_fault_is_a_fact() -> None:
-    angles = [value for name, value, _ in facts_of(document()) if name == "Angle"]
-    assert angles == ["263°"]
+def test_only_of_the_named_fault_it_is_said_when_it_comes_in_the_cycle() -> None:
+    """As a time and as a phase; where an earlier version did not say the period, as a phase alone."""
+    found = document()
+    period = {"kind": "motion", "quantity": "motion_period", "value": 2.0, "statement": "", "unit": "s"}
+    timed = document(evidence=[period, *found["evidence"]])
+    facts = {name: (value, note) for name, value, note in facts_of(timed)}
+    value, note = facts["Time in the cycle"]
+    assert value == "1.46\N{NO-BREAK SPACE}s"
+    assert str(note) == "after a reversal; phase 263° of a cycle of 2.00\N{NO-BREAK SPACE}s"
+    without = {name: value for name, value, _ in facts_of(found)}
+    assert without["Phase in the cycle"] == "263°"
+    for told in (timed, found):
+        words = " ".join(f"{name} {value} {note}" for name, value, note in facts_of(told))
+        assert "angle" not in f"{words} {' '.join(verdict_of(told).checks)}".lower()
 
 
 def test_evidence_leads_only_to_plots_that_are_drawn() -> None:

@@ -4,11 +4,13 @@ import csv
 import io
 from typing import Annotated
 
-from fastapi import APIRouter, Form, Request
+from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import RedirectResponse, Response
+from pydantic import ValidationError
 
 from app import keys
-from app.errors import Unprocessable
+from app.documents import KeyRequest
+from app.errors import Unprocessable, validation_problem
 from app.keys import Role
 from app.service import Reading, TheService
 from app.web.session import FromOurPage, PageAdmin
@@ -18,6 +20,7 @@ from casebase import audit
 router = APIRouter()
 FORMULA_STARTS = ("=", "+", "-", "@", "\t", "\r")
 ENTRIES = 100
+Before = Annotated[int | None, Query(ge=1, le=2**63 - 1)]
 
 
 @router.get("/keys")
@@ -38,10 +41,12 @@ def key_create(
     """Make a key and show it, this once."""
     if role not in list(Role):
         raise Unprocessable(f"The role must be one of {', '.join(Role)}, got {role!r}.")
-    if not name.strip() or len(name) > 200:
-        raise Unprocessable("The name must have 1 to 200 characters.")
+    try:
+        asked = KeyRequest(name=name, role=Role(role))
+    except ValidationError as error:
+        raise validation_problem(error.errors(include_url=False), "The form") from None
     with service.library.transaction(principal.actor) as session:
-        _, key = keys.create_key(session, name=name.strip(), role=Role(role))
+        _, key = keys.create_key(session, name=asked.name, role=asked.role)
     with service.library.reading() as session:
         context = {"rows": keys.list_keys(session), "made": key, "roles": list(Role)}
         return render(request, "keys.html", context, principal=principal, section="/keys")
@@ -56,7 +61,7 @@ def key_revoke(service: TheService, principal: PageAdmin, key_id: str) -> Respon
 
 
 @router.get("/audit")
-def audit_log(request: Request, session: Reading, principal: PageAdmin, before: int | None = None) -> Response:
+def audit_log(request: Request, session: Reading, principal: PageAdmin, before: Before = None) -> Response:
     """Who did what to which, newest first."""
     rows = audit.entries(session, limit=ENTRIES, before_id=before)
     context = {"rows": rows, "older": rows[-1].id if len(rows) == ENTRIES else None}

@@ -2,6 +2,7 @@
 
 from datetime import datetime
 from typing import Annotated
+from urllib.parse import quote
 from zoneinfo import ZoneInfo
 
 import tomli_w
@@ -18,6 +19,7 @@ from app.web.session import FromOurPage, PageOperator, PageViewer
 from app.web.templating import render
 from app.web.trend import BASELINE, FEATURE, trend, when
 from casebase.axes import axis_history, get_axis, list_axes
+from casebase.description import check_name
 from casebase.models import MaintenanceMark, StoredRecording
 
 router = APIRouter(prefix="/axes")
@@ -86,12 +88,15 @@ def add_mark(
         raise Unprocessable(f"The time must look like 2026-11-20T14:03, got {at!r}.") from None
     if not text.strip():
         raise Unprocessable("Say what was done.")
+    check_name("name of the axis", name)
+    if gearbox.strip():
+        check_name("gearbox", gearbox.strip())
     with service.library.transaction(principal.actor) as session:
         mark = MaintenanceMark(
             axis=name, gearbox=gearbox.strip() or None, at=when, text=text.strip(), created_by=principal.actor
         )
         session.add(mark)
-    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/axes/{name}", status_code=303)
+    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/axes/{quote(name, safe='')}", status_code=303)
 
 
 @router.get("/{name}/axis.toml")

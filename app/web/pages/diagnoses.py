@@ -29,6 +29,7 @@ FILTERS = (
     ("not_in_library", "Not in the library"),
     ("unusable", "Unusable"),
 )
+LONGEST_VERIFICATION = 500
 NUMBERS = {"speed_rad_s": "The largest speed of the output [rad/s]", "payload_kg_m2": "The payload [kg m²]"}
 
 
@@ -168,6 +169,10 @@ def revise(
     """Confirm, correct, be unsure, or take that back."""
     with service.library.transaction(principal.actor) as session:
         right = label.strip() if verdict == "corrected" else None
+        if len(verified_by) > LONGEST_VERIFICATION:
+            raise Unprocessable(
+                f"How it was verified may have {LONGEST_VERIFICATION} characters, not {len(verified_by)}."
+            )
         revise_diagnosis(session, diagnosis_id, verdict, label=right or None, verified_by=verified_by.strip() or None)
     return RedirectResponse(f"{root_of(service)}/diagnoses/{diagnosis_id}?done=1#revise", status_code=303)
 

@@ -1,6 +1,7 @@
 """Model versus measurement: ask, follow, read the story, accept a better model."""
 
 from typing import Any
+from urllib.parse import quote
 
 from fastapi import APIRouter, Request
 from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
@@ -108,4 +109,4 @@ def take_over(service: TheService, principal: PageAdmin, investigation_id: str) 
     """Store the extended axis as the next revision."""
     with service.library.transaction(principal.actor) as session:
         name = accept(session, get_investigation(session, investigation_id)).name
-    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/axes/{name}", status_code=303)
+    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/axes/{quote(name, safe='')}", status_code=303)

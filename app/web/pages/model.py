@@ -13,10 +13,11 @@ import numpy as np
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
 from numpy.typing import NDArray
-from sqlalchemy import select
+from sqlalchemy import exists, select
 from sqlalchemy.orm import Session
 
 from app import views
+from app.errors import Unprocessable
 from app.service import Reading, Service, TheService
 from app.web.charts import Chart
 from app.web.session import PageViewer
@@ -24,7 +25,8 @@ from app.web.svg import Band, Series
 from app.web.templating import render
 from casebase.axes import get_axis
 from casebase.description import condition_of
-from casebase.models import StoredRecording
+from casebase.models import Case, StoredRecording
+from casebase.origins import SIMULATED, simulated
 from casebase.signals.analysis import Analysis
 from casebase.signals.crest import crest_factor, root_mean_square
 from casebase.signals.recording import Recording
@@ -36,6 +38,7 @@ from sim.specimen import Specimen
 router = APIRouter(prefix="/axes")
 SHOWN_S = 8.0
 RESOLUTION_HZ = 4.0
+SHOWN_RECORDINGS = 50
 LEVEL = "level, rms [dB re own RMS²]"
 DEFAULT_MODES = (Mode(320.0, 0.04, 1.0), Mode(900.0, 0.03, 0.6), Mode(1700.0, 0.03, 0.4))
 
@@ -73,23 +76,31 @@ def try_parameters(
     name: str,
     recording: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
-    """Simulate the axis with the parameters of the query, beside a measured recording of it."""
+    """Simulate the axis with the parameters of the query, beside a recording of it: measured, or a simulated case."""
     axis = read_axis(get_axis(session, name).document)
+    if not axis.stages:
+        raise Unprocessable(
+            f"The axis {name!r} has no gear stage, so it has no teeth whose sound could be simulated. Describe its "
+            "gears in [[stages]] and add it again: POST /api/v1/axes."
+        )
     values = {slider.name: _value(request, slider) for slider in SLIDERS}
     rows = _recordings(session, name)
     row = next((one for one in rows if one.id == recording), rows[0] if rows else None)
-    measured = measured_of(service, row) if row else None
+    known = simulated(session, rows)
+    origins = {one.id: "simulated case" if one.id in known else "measured" for one in rows}
+    compared = compared_of(service, row, origins[row.id]) if row else None
     began = perf_counter()
-    simulated = heard("simulated", simulate(axis, values, row, measured.period_s if measured else None))
+    tried = heard("simulated now", simulate(axis, values, row, compared.period_s if compared else None))
     took_ms = 1000 * (perf_counter() - began)
-    sounds = [simulated, measured] if measured else [simulated]
+    sounds = [tried, compared] if compared else [tried]
     context = {
         "name": name,
         "sliders": [(slider, values[slider.name]) for slider in SLIDERS],
         "recordings": rows,
         "chosen": row,
         "spectrum": _spectra(sounds),
-        "difference": _difference(simulated, measured) if measured else None,
+        "origins": origins,
+        "difference": _difference(tried, compared) if compared else None,
         "sounds": sounds,
         "took_ms": took_ms,
     }
@@ -105,10 +116,14 @@ def _value(request: Request, slider: Slider) -> float:
 
 
 def _recordings(session: Session, axis: str) -> list[StoredRecording]:
+    """Return the recordings of an axis, measured ones first, the newest first of each."""
     statement = select(StoredRecording).where(
         StoredRecording.axis == axis, StoredRecording.usable, StoredRecording.erased_at.is_(None)
     )
-    return list(session.scalars(statement.order_by(StoredRecording.id.desc()).limit(50)))
+    generated = exists().where(Case.recording_id == StoredRecording.id, Case.origin == SIMULATED)
+    rows = session.scalars(statement.order_by(generated, StoredRecording.id.desc()).limit(SHOWN_RECORDINGS)).all()
+    known = simulated(session, rows)
+    return sorted(rows, key=lambda row: row.id in known)
 
 
 def simulate(axis: Axis, values: dict[str, float], row: StoredRecording | None, period_s: float | None) -> Recording:
@@ -167,16 +182,17 @@ def heard(words: str, sound: Recording) -> Heard:
     return Heard(words, frequency, level, crest_factor(sound.samples), crest_factor(low.astype(np.float32)))
 
 
-def measured_of(service: Service, row: StoredRecording) -> Heard:
+def compared_of(service: Service, row: StoredRecording, words: str) -> Heard:
     """Return what is compared of a recording; a recording never changes, so it is looked at once."""
-    return _looked_at(service.library.audio_path(row), row.channel, json.dumps(row.description, sort_keys=True))
+    path, description = service.library.audio_path(row), json.dumps(row.description, sort_keys=True)
+    return replace(_looked_at(path, row.channel, description), words=words)
 
 
 @lru_cache(maxsize=64)
 def _looked_at(path: Path, channel: int, description: str) -> Heard:
     recording = views.decoded(path, channel)
     analysis = Analysis(recording, condition_of(json.loads(description)))
-    return replace(heard("measured", recording), period_s=analysis.motion.period_s)
+    return replace(heard("", recording), period_s=analysis.motion.period_s)
 
 
 def _spectra(sounds: Sequence[Heard]) -> Chart:
@@ -184,13 +200,13 @@ def _spectra(sounds: Sequence[Heard]) -> Chart:
     return Chart("Spectrum", tuple(series), "frequency [Hz]", LEVEL)
 
 
-def _difference(simulated: Heard, measured: Heard) -> Chart:
+def _difference(tried: Heard, compared: Heard) -> Chart:
     """What is too loud (above 0) or too quiet in the simulation, as far as both reach."""
-    frequency = simulated.frequency_hz[simulated.frequency_hz <= measured.frequency_hz[-1]]
-    level = simulated.level_db[: frequency.size] - np.interp(frequency, measured.frequency_hz, measured.level_db)
+    frequency = tried.frequency_hz[tried.frequency_hz <= compared.frequency_hz[-1]]
+    level = tried.level_db[: frequency.size] - np.interp(frequency, compared.frequency_hz, compared.level_db)
     return Chart(
         "What is left",
-        (Series("simulated less measured", frequency, level),),
+        (Series(f"{tried.words} less {compared.words}", frequency, level),),
         "frequency [Hz]",
         "difference [dB]",
         bands=(Band("within 3 dB", -3.0, 3.0),),

@@ -67,7 +67,7 @@ def edit(service: TheService, principal: PageAdmin, kind: Annotated[Literal["red
 
 
 @router.post("/review/undo", dependencies=[FromOurPage])
-def undo(service: TheService, principal: PageAdmin, version: Annotated[int, Form(ge=1)]) -> Response:
+def undo(service: TheService, principal: PageAdmin, version: Annotated[int, Form(ge=1, le=2**31 - 1)]) -> Response:
     """Take back the edits of a version."""
     with service.library.transaction(principal.actor) as session:
         care.undo(service.library, session, version)

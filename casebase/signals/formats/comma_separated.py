@@ -1,5 +1,6 @@
-"""CSV: UTF-8, comma, header, decimal point."""
+"""CSV: UTF-8 or Latin-1, comma, header, decimal point."""
 
+import codecs
 from pathlib import Path
 
 import pyarrow as pa
@@ -14,6 +15,8 @@ MAGIC = {
     b"PK": "an archive or a spreadsheet",
     b"\xff\xfe": "text in UTF-16",
 }
+
+BLOCK = 1 << 20
 
 
 def read_comma_separated(path: Path) -> pa.Table:
@@ -30,8 +33,22 @@ def read_comma_separated(path: Path) -> pa.Table:
             f"this is {kind}, not a CSV table (UTF-8, comma between columns, a header, decimal point) or Parquet"
         )
     try:
-        return csv.read_csv(path, convert_options=csv.ConvertOptions(strings_can_be_null=True))
+        reading = csv.ReadOptions(encoding="utf8" if _is_utf8(path) else "latin-1")
+        return csv.read_csv(path, read_options=reading, convert_options=csv.ConvertOptions(strings_can_be_null=True))
     except (pa.ArrowException, UnicodeDecodeError) as error:
         raise TelemetryError(
             f"not a CSV table (UTF-8, comma between columns, a header, decimal point): {error}"
         ) from error
+
+
+def _is_utf8(path: Path) -> bool:
+    """Whether a text is UTF-8; if not, a control of old wrote it in Latin-1, such as a header with °C."""
+    decoder = codecs.getincrementaldecoder("utf-8")()
+    try:
+        with path.open("rb") as file:
+            while block := file.read(BLOCK):
+                decoder.decode(block)
+        decoder.decode(b"", final=True)
+    except UnicodeDecodeError:
+        return False
+    return True

@@ -1,0 +1,43 @@
+"""Where a sound comes from: what was simulated once stays simulated, whoever sends it and under whatever name."""
+
+from collections.abc import Sequence
+
+from sqlalchemy import or_, select
+from sqlalchemy.orm import Session
+
+from casebase.models import Artifact, Case, StoredRecording
+
+MEASURED, SIMULATED = "measured", "simulated"
+DEMO = "demo"
+"""Kind of the artifact that names the diagnosis and the recording of the demonstration, which is simulated."""
+
+
+def simulated(session: Session, recordings: Sequence[StoredRecording]) -> frozenset[str]:
+    """Return ids of those recordings whose sound is that of a simulated case, retired or not, or of the demonstration.
+
+    The same sound in another container, rate, gain or coding is the same sound.
+    """
+    of_cases = (
+        select(StoredRecording.id, StoredRecording.sound_id)
+        .join(Case, Case.recording_id == StoredRecording.id)
+        .where(
+            Case.origin == SIMULATED,
+            or_(
+                StoredRecording.id.in_([row.id for row in recordings]),
+                StoredRecording.sound_id.in_([row.sound_id for row in recordings]),
+            ),
+        )
+    )
+    shown = [str(content["recording_id"]) for content in session.scalars(_demonstrations)]
+    of_demo = select(StoredRecording.id, StoredRecording.sound_id).where(StoredRecording.id.in_(shown))
+    known = [*session.execute(of_cases), *session.execute(of_demo)]
+    ids, sounds = {identity for identity, _ in known}, {sound for _, sound in known if sound}
+    return frozenset(row.id for row in recordings if row.id in ids or row.sound_id in sounds)
+
+
+def origin_of(session: Session, recording: StoredRecording) -> str:
+    """Return whether a recording was measured or simulated, as far as that is known."""
+    return SIMULATED if simulated(session, [recording]) else MEASURED
+
+
+_demonstrations = select(Artifact.content).where(Artifact.kind == DEMO)

@@ -1,0 +1,102 @@
+"""The service in this process, asked without a network: for faults that only a test can cause."""
+
+import asyncio
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import httpx
+from fastapi import FastAPI
+from structlog.testing import capture_logs
+
+from app.job import Job, JobNotFoundError, Progress
+from app.keys import Role, create_key
+from app.main import create_app
+from app.metrics import Metrics
+from app.security import COOKIE, csrf_token
+from app.service import Service
+from app.settings import settings_of
+from app.uploads import Gate
+from casebase.models import new_id, now
+from casebase.pages import Page
+
+
+@dataclass
+class Inside:
+    """An application and a key of an admin."""
+
+    app: FastAPI
+    service: Service
+    key: str
+
+    @property
+    def token(self) -> str:
+        """What the forms of its pages carry."""
+        return csrf_token(self.key)
+
+    def ask(self, method: str, path: str, **options: Any) -> httpx.Response:
+        """Ask as a program does, with the key."""
+        return self._sent(method, path, {"Authorization": f"Bearer {self.key}"}, options)
+
+    def browse(self, method: str, path: str, **options: Any) -> httpx.Response:
+        """Ask as a browser does: wants HTML, has the cookie and, for a form, the token of its page."""
+        if "data" in options:
+            options["data"] = {"csrf": self.token, **options["data"]}
+        return self._sent(method, path, {"Accept": "text/html", "Cookie": f"{COOKIE}={self.key}"}, options)
+
+    def _sent(self, method: str, path: str, headers: dict[str, str], options: dict[str, Any]) -> httpx.Response:
+        headers |= options.pop("headers", {})
+
+        async def run() -> httpx.Response:
+            transport = httpx.ASGITransport(self.app, raise_app_exceptions=False)
+            async with httpx.AsyncClient(transport=transport, base_url="http://test", headers=headers) as client:
+                return await client.request(method, path, **options)
+
+        with ThreadPoolExecutor(1) as apart:  # a browser test before may have left its loop running in this thread
+            return apart.submit(asyncio.run, run()).result()
+
+
+@contextmanager
+def inside(data_dir: Path) -> Iterator[Inside]:
+    """Open the service of a data directory in this process."""
+    service = Service.open(settings_of(data_dir), Metrics())
+    with service.library.transaction("test") as session:
+        _, key = create_key(session, name="test", role=Role.ADMIN)
+    app = create_app(service=service)
+    app.state.service, app.state.gate = service, Gate(service.settings)
+    with capture_logs():  # tracebacks drawn for people take seconds each
+        yield Inside(app, service, key)
+    service.close()
+
+
+@dataclass
+class ListedJobs:
+    """Jobs as they are told, without an engine: stands for `app.jobs.Jobs` where only their documents matter."""
+
+    jobs: list[Job] = field(default_factory=list)
+
+    def get(self, job_id: str) -> Job:
+        for job in self.jobs:
+            if job.id == job_id:
+                return job
+        raise JobNotFoundError(f"no job {job_id!r}")
+
+    def submit(self, kind: str, _: object, *, job_id: str | None = None, submitted_by: str | None = None) -> str:
+        job = Job(job_id or new_id(), kind, "queued", Progress(), now(), None, submitted_by, None, None, None)
+        self.jobs.insert(0, job)
+        return job.id
+
+    def list(self, *, limit: int = 100) -> tuple[Job, ...]:
+        return tuple(self.jobs[:limit])
+
+    def page(self, *, limit: int = 50, cursor: str | None = None) -> Page[Job]:
+        assert cursor is None
+        return Page(self.jobs[:limit], None)
+
+    def workers(self) -> dict[str, int]:
+        return {}
+
+    def close(self) -> None: ...
