@@ -1,5 +1,6 @@
 """`gearcase serve`: the service, in one process with a worker beside it."""
 
+import asyncio
 import signal
 import socket
 from contextlib import nullcontext
@@ -10,6 +11,7 @@ import uvicorn
 
 from app.commands.frame import ACTOR, Frame, frame_of
 from app.commands.worker import worker_child
+from app.connections import BACKLOG, Wants, protocol_of
 from app.keys import Role, create_key, list_keys
 from app.logs import configure_logs
 from app.main import create_app
@@ -43,6 +45,8 @@ def serve(
         configure_logs()
         config = uvicorn.Config(
             create_app(service=service),
+            http=protocol_of(frame.settings),
+            backlog=BACKLOG,
             access_log=False,
             log_config=None,
             proxy_headers=True,
@@ -76,6 +80,7 @@ class Announced(uvicorn.Server):
         await super().shutdown(sockets)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        asyncio.get_running_loop().set_exception_handler(Wants())
         await super().startup(sockets)
         if not self.started or not sockets:
             return
