@@ -11,7 +11,7 @@ import httpx
 import pytest
 
 from tests.app.sounds import sound
-from tests.app.wire import connected, descriptors, head, process_folder, received, status
+from tests.app.wire import connected, descriptors, head, process_folder, received, settled, status
 from tests.live import LiveServer, started
 
 MOST = 16
@@ -30,6 +30,7 @@ def server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
         "GEARCASE_UPLOAD_TIMEOUT_S": "10",
     }
     server = started(tmp_path_factory.mktemp("connections") / "data", **environment)
+    settled(server)
     yield server
     server.stop()
 
