@@ -129,8 +129,11 @@ class LimitsAnswer(Answer):
     accept_lossy: bool
     upload_bytes: int
     document_bytes: int
+    anonymous_bytes: int
     metadata_bytes: int
     form_parts: int
+    header_timeout_s: float
+    body_timeout_s: float
     upload_timeout_s: float
     uploads_per_key: int
     uploads_at_once: int

@@ -13,7 +13,7 @@ from fastapi_problem.handler import ExceptionHandler, new_exception_handler
 from sqlalchemy.exc import OperationalError
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import JSONResponse
 
 from app import job as jobs
 from app.finite import finite
@@ -274,11 +274,6 @@ problem_handler = new_exception_handler(
     pre_hooks=[_note],
     post_hooks=[_identify],
 )
-
-
-def problem_answer(request: Request, error: Exception) -> Response:
-    """The answer to an error that arose outside the routes."""
-    return problem_handler(request, error)
 
 
 def add_problem_handlers(app: FastAPI) -> None:

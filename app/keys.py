@@ -17,6 +17,7 @@ from casebase.pages import Page, check_cursor, page_upwards
 
 PREFIX = "gearcase_"
 SEEN_EVERY = timedelta(minutes=1)
+"""So old may the time be at which a key is said to have been used last."""
 
 
 class Role(StrEnum):

@@ -42,7 +42,7 @@ class Learner:
             try:
                 if self._library.keep_learned(ACTOR, stop=self._closed):
                     LOG.info("weights learned again")
-            except (LibraryError, SQLAlchemyError) as error:
+            except (LibraryError, SQLAlchemyError, OSError) as error:
                 LOG.warning("weights not learned", error=str(error))
 
 

@@ -1,4 +1,4 @@
-"""Logs: one JSON object per line on stderr, with the request's id, never with a key."""
+"""Logs: one JSON object per line on stderr, of bounded length, with the request's id, never with a key."""
 
 import logging
 import re
@@ -10,6 +10,8 @@ import structlog
 
 KEY = re.compile(r"gearcase_[A-Za-z0-9_-]{8,}")
 HIDDEN = "gearcase_[hidden]"
+LONGEST, LONGEST_TRACE = 2_000, 20_000
+"""Characters of one text of an entry, and of the trace of an error."""
 
 
 def without_keys(_: Any, __: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
@@ -18,6 +20,25 @@ def without_keys(_: Any, __: str, event: MutableMapping[str, Any]) -> MutableMap
         if isinstance(value, str):
             event[name] = KEY.sub(HIDDEN, value)
     return event
+
+
+def bounded(_: Any, __: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
+    """Processor: shorten texts that are longer than anybody reads, such as a path that a client made up.
+
+    >>> len(bounded(None, "", {"path": "/" * 60_000})["path"]) < 2_100
+    True
+    """
+    for name, value in event.items():
+        if isinstance(value, str):
+            event[name] = _shortened(value, LONGEST_TRACE if name == "exception" else LONGEST)
+    return event
+
+
+def _shortened(text: str, longest: int) -> str:
+    """Keep both ends: of a trace, the last line says most."""
+    if len(text) <= longest:
+        return text
+    return f"{text[: longest // 2]} [{len(text) - longest} characters left out] {text[-(longest // 2) :]}"
 
 
 def configure_logs(level: int = logging.INFO) -> None:
@@ -41,6 +62,7 @@ def configure_logs(level: int = logging.INFO) -> None:
                 structlog.stdlib.ProcessorFormatter.remove_processors_meta,
                 structlog.processors.format_exc_info,
                 without_keys,
+                bounded,
                 structlog.processors.JSONRenderer(default=str),
             ],
         )

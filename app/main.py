@@ -6,6 +6,7 @@ from importlib.metadata import version
 
 from fastapi import APIRouter, Depends, FastAPI
 from starlette.middleware import Middleware
+from starlette.middleware.exceptions import ExceptionMiddleware
 
 from app.api import (
     audit,
@@ -21,9 +22,10 @@ from app.api import (
     recordings,
     simulations,
 )
+from app.door import Door
 from app.errors import add_problem_handlers
 from app.metrics import Metrics
-from app.middleware import BodyLimit, Faults, HeadIsGet, RequestRecord, SecurityHeaders
+from app.middleware import CloseUnread, Faults, HeadIsGet, RequestRecord, SecurityHeaders
 from app.reference import PROBLEMS, describe, only_known_query
 from app.service import Service
 from app.settings import Settings, settings_of
@@ -79,12 +81,12 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
         redoc_url=None,
         redirect_slashes=False,
         middleware=[
+            Middleware(CloseUnread),
             Middleware(RequestRecord, metrics=metrics),
             Middleware(SecurityHeaders),
             Middleware(HeadIsGet),
             Middleware(PageErrors),
             Middleware(Faults),
-            Middleware(BodyLimit, settings=settings),
         ],
     )
     add_problem_handlers(app)
@@ -92,5 +94,10 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
         app.include_router(router, prefix="/api/v1", responses=PROBLEMS, dependencies=[Depends(only_known_query)])
     app.include_router(health.router, responses=PROBLEMS)
     add_pages(app)
+    expected = {kind: handler for kind, handler in app.exception_handlers.items() if kind is not Exception}
+    app.user_middleware += [  # innermost; what the door raises is answered as if a route had raised it
+        Middleware(ExceptionMiddleware, handlers=expected),
+        Middleware(Door, settings=settings),
+    ]
     app.openapi = lambda: describe(app)  # type: ignore[method-assign]
     return app

@@ -1,4 +1,4 @@
-"""What every request passes before a route sees it: record, headers, body limit."""
+"""What every request passes before the door and its route: record, headers, the end of its connection."""
 
 import asyncio
 import re
@@ -7,13 +7,11 @@ import time
 
 import structlog
 from starlette.datastructures import Headers, MutableHeaders
-from starlette.exceptions import HTTPException
 from starlette.requests import ClientDisconnect, Request
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from app.errors import TooLarge, problem_answer
-from app.metrics import Metrics
-from app.settings import Settings
+from app.errors import problem_handler
+from app.metrics import OTHER, Metrics
 from casebase import audit
 
 log = structlog.get_logger("gearcase.request")
@@ -21,6 +19,10 @@ log = structlog.get_logger("gearcase.request")
 CLIENT_LEFT = 499
 """Status in log and metrics of a request whose client left before there was an answer; nobody gets it."""
 
+DROPPED_S, DROPPED_BYTES = 1.0, 1024 * 1024
+"""How much of a body is dropped, at most, so that its sender gets to read why it was refused."""
+
+METHODS = frozenset({"GET", "HEAD", "POST", "PUT", "PATCH", "DELETE", "OPTIONS"})
 REQUEST_ID = re.compile(r"[A-Za-z0-9._-]{1,64}")
 CONTENT_SECURITY_POLICY = (
     "default-src 'self'; img-src 'self' data:; media-src 'self' blob:; "
@@ -77,9 +79,10 @@ class RequestRecord:
                 self._write(scope, CLIENT_LEFT if left else status or 500, time.perf_counter() - started)
 
     def _write(self, scope: Scope, status: int, seconds: float) -> None:
-        route = getattr(scope.get("route"), "path", "(none)")
-        self.metrics.requests.labels(scope["method"], route, status).inc()
-        self.metrics.seconds.labels(scope["method"], route).observe(seconds)
+        method = scope["method"] if scope["method"] in METHODS else OTHER
+        route = getattr(scope.get("route"), "path", OTHER)
+        self.metrics.requests.labels(method, route, status).inc()
+        self.metrics.seconds.labels(method, route).observe(seconds)
         log.info(
             "request",
             method=scope["method"],
@@ -176,48 +179,58 @@ class Faults:
         except Exception as error:
             if begun or scope["type"] != "http":
                 raise
-            await problem_answer(Request(scope), error)(scope, receive, send)
+            await problem_handler(Request(scope), error)(scope, receive, send)
 
 
-class BodyLimit:
-    """Refuses a request that is too large before it has been read whole.
+class CloseUnread:
+    """Closes the connection of a request that was answered before its body had been read whole.
 
-    A declared length is refused at once, an undeclared one as soon as the bytes counted pass the limit. Starlette's
-    own limit answers in plain text and replaces answers such as 401, hence this one.
+    Whoever still sends is given a moment to read the answer, in which a little more is taken in and dropped: a
+    connection that is closed at once may take the answer with it.
     """
 
-    def __init__(self, app: ASGIApp, settings: Settings) -> None:
+    def __init__(self, app: ASGIApp) -> None:
         self.app = app
-        self.settings = settings
 
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
-        if scope["type"] != "http":
+        if scope["type"] != "http" or not _has_body(Headers(scope=scope)):
             await self.app(scope, receive, send)
             return
-        headers = Headers(scope=scope)
-        upload = headers.get("content-type", "").lower().startswith("multipart/form-data")
-        limit = self.settings.upload_bytes if upload else self.settings.document_bytes
-        declared = headers.get("content-length", "")
-        if declared.isascii() and declared.isdigit() and int(declared) > limit:
-            answer = problem_answer(Request(scope), _too_large(int(declared), limit, upload))
-            answer.headers["Connection"] = "close"
-            await answer(scope, receive, send)
-            return
-        counted = 0
+        unread, closing, answered = True, False, False
 
-        async def receive_counted() -> Message:
-            nonlocal counted
+        async def receive_noted() -> Message:
+            nonlocal unread
             message = await receive()
-            if message["type"] == "http.request":
-                counted += len(message.get("body", b""))
-                if counted > limit:
-                    # an HTTPException, because FastAPI turns any other error while it reads a body into 400
-                    raise HTTPException(413, _too_large(counted, limit, upload).detail or "")
+            unread = unread and bool(message.get("more_body", False))
             return message
 
-        await self.app(scope, receive_counted, send)
+        async def send_closing(message: Message) -> None:
+            nonlocal closing, answered
+            if message["type"] == "http.response.start" and unread:
+                closing = True
+                MutableHeaders(scope=message)["Connection"] = "close"
+            elif closing and not message.get("more_body", False):
+                answered = True
+                message = {**message, "more_body": True}
+            await send(message)
+
+        await self.app(scope, receive_noted, send_closing)
+        if answered:
+            await _drop(receive)
+            await send({"type": "http.response.body", "body": b""})
 
 
-def _too_large(size: int, limit: int, upload: bool) -> TooLarge:
-    kind = "an upload" if upload else "a request that is no upload (multipart/form-data)"
-    return TooLarge(f"The request has {size} bytes or more; {kind} may have {limit}. See /api/v1/limits.")
+def _has_body(headers: Headers) -> bool:
+    return "transfer-encoding" in headers or headers.get("content-length", "0") != "0"
+
+
+async def _drop(receive: Receive) -> None:
+    dropped, more = 0, True
+    try:
+        async with asyncio.timeout(DROPPED_S):
+            while more and dropped < DROPPED_BYTES:
+                message = await receive()
+                dropped += len(message.get("body", b""))
+                more = bool(message.get("more_body", False))
+    except TimeoutError:
+        return

@@ -1,7 +1,11 @@
-"""Who may do what: a role on every route, by key in a header or, for pages, in a cookie with a CSRF token."""
+"""Who may do what: a role on every route, by key in a header or, for pages, in a cookie with a CSRF token.
+
+A role is a dependency of its route, and a `Guard`: the door (`app.door`) finds it there and asks it before the body.
+"""
 
 import hashlib
 import hmac
+from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import Annotated
 
@@ -9,14 +13,13 @@ import structlog
 from fastapi import Request, Security
 from fastapi.security import HTTPBearer
 from fastapi.security.http import HTTPAuthorizationCredentials
+from fastapi.security.utils import get_authorization_scheme_param
 
 from app.errors import Forbidden, NotAuthenticated, TooManyFailures
-from app.keys import PREFIX, SEEN_EVERY, Role, find_key, note_use
+from app.keys import PREFIX, Role, find_key
 from app.service import Service, service_of
-from casebase import audit
-from casebase.models import now
 
-__all__ = ["Admin", "Operator", "Principal", "Role", "Viewer"]
+__all__ = ["Admin", "Guard", "Operator", "Principal", "Role", "Viewer"]
 
 log = structlog.get_logger(__name__)
 
@@ -58,9 +61,7 @@ def principal_of(service: Service, key: str, client: str) -> Principal:
     if row is None:
         raise _refusal(service, key, client)
     principal = Principal(row.id, row.name, Role(row.role))
-    if row.last_used_at is None or now() - row.last_used_at > SEEN_EVERY:
-        with service.library.transaction(principal.actor) as session:
-            note_use(session, row.id)
+    service.key_notes.used(row, principal.actor)
     return principal
 
 
@@ -73,8 +74,7 @@ def _refusal(service: Service, key: str, client: str) -> NotAuthenticated | TooM
             "Wait a minute; a valid key still works.",
             headers={"Retry-After": "60"},
         )
-    with service.library.transaction(NOBODY) as session:
-        audit.record(session, "key.refused", ("client", client))
+    service.key_notes.refused(client, NOBODY)
     if not key.startswith(PREFIX):
         return NotAuthenticated(f"This is no Gearcase key: they begin with {PREFIX}. An admin can make one.")
     return NotAuthenticated("The key is unknown or has been revoked. An admin can make another one.")
@@ -103,10 +103,23 @@ def client_of(request: Request) -> str:
     return request.client.host if request.client else NOBODY
 
 
-def _identify(request: Request, credentials: HTTPAuthorizationCredentials | None) -> Principal:
+def admitted(request: Request, principal: Principal) -> Principal:
+    """Remember who asks, for the log and for whoever needs it later in the same request."""
+    request.state.actor, request.state.principal = principal.actor, principal
+    return principal
+
+
+def known(request: Request) -> Principal | None:
+    """Return who asks, where that has been found out already."""
+    principal: Principal | None = getattr(request.state, "principal", None)
+    return principal
+
+
+def _identify(request: Request) -> Principal:
     service = service_of(request)
-    if credentials is not None:
-        return principal_of(service, credentials.credentials, client_of(request))
+    scheme, key = get_authorization_scheme_param(request.headers.get("Authorization"))
+    if scheme.lower() == "bearer" and key:
+        return principal_of(service, key, client_of(request))
     cookie = request.cookies.get(COOKIE)
     if cookie is None:
         raise NotAuthenticated(f"Send a key: `Authorization: Bearer {PREFIX}...`. An admin can make one.")
@@ -116,18 +129,27 @@ def _identify(request: Request, credentials: HTTPAuthorizationCredentials | None
     return principal
 
 
+class Guard(ABC):
+    """Dependency that lets a request in by its headers alone."""
+
+    @abstractmethod
+    def admit(self, request: Request) -> Principal:
+        """Return who asks, if that one may; raises what the answer is to be otherwise."""
+
+
 @dataclass(frozen=True)
-class Requires:
+class Requires(Guard):
     """Dependency: the key's role must be this one or a higher one."""
 
     role: Role
 
     def __call__(
-        self, request: Request, credentials: Annotated[HTTPAuthorizationCredentials | None, Security(bearer)]
+        self, request: Request, _: Annotated[HTTPAuthorizationCredentials | None, Security(bearer)]
     ) -> Principal:
-        principal = _identify(request, credentials)
-        request.state.actor = principal.actor
-        request.state.principal = principal
+        return self.admit(request)
+
+    def admit(self, request: Request) -> Principal:
+        principal = known(request) or admitted(request, _identify(request))
         if not principal.role.may(self.role):
             raise Forbidden(
                 f"This needs the role {self.role}; the key {principal.name!r} has the role {principal.role}."

@@ -15,6 +15,7 @@ from sqlalchemy.orm import Session
 from app.evaluations import Evaluations
 from app.job_kinds import open_jobs
 from app.jobs import Jobs
+from app.key_notes import KeyNotes
 from app.learner import Learner
 from app.metrics import Metrics
 from app.retention import Retention
@@ -56,6 +57,10 @@ class Service:
         return Learner(self.library)
 
     @cached_property
+    def key_notes(self) -> KeyNotes:
+        return KeyNotes(self.library)
+
+    @cached_property
     def retention(self) -> Retention:
         return Retention(self.library, self.settings)
 
@@ -67,6 +72,7 @@ class Service:
     def close(self) -> None:
         self.learner.close()
         self.retention.close()
+        self.key_notes.close()
         if "jobs" in self.__dict__:
             self.jobs.close()
         self.library.close()

@@ -34,11 +34,17 @@ class Settings(BaseSettings):
 
     accept_lossy: bool = Field(True, description="take sound that was stored with loss (MP3, AAC, Opus), and flag it")
 
-    upload_bytes: PositiveInt = Field(200 * MEBIBYTE, description="a multipart request, whole")
-    document_bytes: PositiveInt = Field(1 * MEBIBYTE, description="any other request, whole")
+    upload_bytes: PositiveInt = Field(200 * MEBIBYTE, description="an upload, whole, where a route takes uploads")
+    document_bytes: PositiveInt = Field(1 * MEBIBYTE, description="any other request with a key, whole")
+    anonymous_bytes: PositiveInt = Field(8 * 1024, description="a request to what needs no key, such as the sign-in")
     metadata_bytes: PositiveInt = Field(64 * 1024, description="one form field of a multipart request")
     form_parts: PositiveInt = Field(8, description="form fields of a multipart request; as many files")
-    upload_timeout_s: PositiveFloat = Field(300.0, description="until a request's body must have arrived")
+    header_timeout_s: PositiveFloat = Field(10.0, description="until a request's headers must have arrived")
+    body_timeout_s: PositiveFloat = Field(20.0, description="until the body of what is no upload must have arrived")
+    upload_timeout_s: PositiveFloat = Field(300.0, description="until an upload must have arrived")
+    connections: PositiveInt = Field(
+        512, description="open at once, and never more than half of the file descriptors that the process may have"
+    )
     uploads_per_key: PositiveInt = Field(4, description="uploads of one key read at once; others wait")
     uploads_at_once: PositiveInt = Field(16, description="uploads of all keys read at once; others wait")
     page_items: PositiveInt = Field(200, description="items of a list's page, at most")

@@ -1,4 +1,4 @@
-"""Uploads: streamed to a temporary file after the key has been checked, a few at a time, within a time limit."""
+"""Uploads: streamed to a temporary file after the door has let them in, a few at a time."""
 
 import asyncio
 import hashlib
@@ -13,10 +13,10 @@ from typing import Annotated, Any
 from fastapi import Depends, Request
 from fastapi.concurrency import run_in_threadpool
 from pydantic import BaseModel
-from starlette.datastructures import FormData, UploadFile
+from starlette.datastructures import FormData, Headers, UploadFile
 from starlette.formparsers import MultiPartException
 
-from app.errors import BadRequest, TooLarge, TooSlow, Unprocessable, UnsupportedMedia
+from app.errors import BadRequest, TooLarge, Unprocessable, UnsupportedMedia
 from app.forms import FormParser, plain_name
 from app.service import Service, service_of
 from app.settings import Settings
@@ -141,21 +141,23 @@ def _store_all(form: FormData, folder: Path) -> Upload:
     return Upload(files, fields, tuple(more))
 
 
+def is_form(headers: Headers) -> bool:
+    """Whether a request says that its body is an upload; where a route takes none, that says nothing."""
+    return headers.get("content-type", "").lower().startswith("multipart/form-data")
+
+
 @asynccontextmanager
 async def received(request: Request, service: Service) -> AsyncIterator[Upload]:
     """Read a multipart request into a temporary folder, gone afterwards.
 
     Raises:
         UnsupportedMedia: if it is no multipart request.
-        TooSlow: if it does not arrive in time.
-        BadRequest, TooLarge: if the form cannot be parsed or has too many or too long parts.
+        BadRequest: if the form cannot be parsed or has too many or too long parts.
     """
     settings = service.settings
-    content_type = request.headers.get("content-type", "")
-    if not content_type.lower().startswith("multipart/form-data"):
-        raise UnsupportedMedia(
-            f"Send multipart/form-data with the part 'file'; this is {content_type or 'without a content type'}."
-        )
+    if not is_form(request.headers):
+        content_type = request.headers.get("content-type", "") or "without a content type"
+        raise UnsupportedMedia(f"Send multipart/form-data with the part 'file'; this is {content_type}.")
     async with AsyncExitStack() as stack:
         stream = await stack.enter_async_context(aclosing(request.stream()))
         parser = FormParser(
@@ -166,10 +168,7 @@ async def received(request: Request, service: Service) -> AsyncIterator[Upload]:
             max_part_size=settings.metadata_bytes,
         )
         try:
-            async with asyncio.timeout(settings.upload_timeout_s):
-                form = await parser.parse()
-        except TimeoutError:
-            raise TooSlow(f"The request did not arrive within {settings.upload_timeout_s:g} s.") from None
+            form = await parser.parse()
         except MultiPartException as error:
             raise BadRequest(f"The form cannot be read: {error.message}") from None
         stack.push_async_callback(form.close)

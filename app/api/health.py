@@ -22,8 +22,8 @@ router = APIRouter(tags=["service"])
 
 
 @router.get("/livez")
-def live() -> dict[str, str]:
-    """The process answers."""
+async def live() -> dict[str, str]:
+    """The process answers, also while all threads are busy."""
     return {"status": "alive"}
 
 

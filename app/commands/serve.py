@@ -1,5 +1,6 @@
 """`gearcase serve`: the service, in one process with a worker beside it."""
 
+import asyncio
 import signal
 import socket
 from contextlib import nullcontext
@@ -10,6 +11,7 @@ import uvicorn
 
 from app.commands.frame import ACTOR, Frame, frame_of
 from app.commands.worker import worker_child
+from app.connections import BACKLOG, Wants, protocol_of
 from app.keys import Role, create_key, list_keys
 from app.logs import configure_logs
 from app.main import create_app
@@ -43,6 +45,8 @@ def serve(
         configure_logs()
         config = uvicorn.Config(
             create_app(service=service),
+            http=protocol_of(frame.settings),
+            backlog=BACKLOG,
             access_log=False,
             log_config=None,
             proxy_headers=True,
@@ -76,6 +80,7 @@ class Announced(uvicorn.Server):
         await super().shutdown(sockets)
 
     async def startup(self, sockets: list[socket.socket] | None = None) -> None:
+        asyncio.get_running_loop().set_exception_handler(Wants())
         await super().startup(sockets)
         if not self.started or not sockets:
             return
@@ -90,7 +95,8 @@ class Announced(uvicorn.Server):
 
 def _listen(host: str, port: int) -> socket.socket:
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
-    listening = socket.socket(family, socket.SOCK_STREAM)
+    # the protocol by name, for asyncio sets TCP_NODELAY only where it is told: else each answer waits for a delayed ACK
+    listening = socket.socket(family, socket.SOCK_STREAM, socket.IPPROTO_TCP)
     try:
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         listening.bind((host, port))

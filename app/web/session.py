@@ -6,7 +6,7 @@ from urllib.parse import quote
 from fastapi import Depends, Form, Request
 
 from app.errors import Forbidden, NotAuthenticated
-from app.security import COOKIE, Principal, Role, check_csrf, client_of, principal_of
+from app.security import COOKIE, Guard, Principal, Role, admitted, check_csrf, client_of, known, principal_of
 from app.service import service_of
 from app.uploads import check_whole
 
@@ -31,26 +31,28 @@ def below_root(request: Request) -> str:
 def visitor(request: Request) -> Principal | None:
     """Return who is signed in by cookie, or None."""
     key = request.cookies.get(COOKIE)
-    if not key:
-        return None
+    if known(request) or not key:
+        return known(request)
     try:
-        principal = principal_of(service_of(request), key, client_of(request))
+        return admitted(request, principal_of(service_of(request), key, client_of(request)))
     except NotAuthenticated:
         return None
-    request.state.actor, request.state.principal = principal.actor, principal
-    return principal
 
 
 Visitor = Annotated[Principal | None, Depends(visitor)]
 
 
-class PageRequires:
+class PageRequires(Guard):
     """Dependency of a page: somebody with at least this role, or the sign-in page."""
 
     def __init__(self, role: Role) -> None:
         self.role = role
 
-    def __call__(self, request: Request, principal: Visitor) -> Principal:
+    def __call__(self, request: Request) -> Principal:
+        return self.admit(request)
+
+    def admit(self, request: Request) -> Principal:
+        principal = visitor(request)
         if principal is None:
             path = below_root(request) if request.method == "GET" else "/"
             raise SignInNeeded(path)
