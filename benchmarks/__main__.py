@@ -16,6 +16,7 @@ MODULES: tuple[str, ...] = (
     "diagnosis",
     "lossy",
     "measured_help",
+    "strangers",
     "severity",
 )
 """One line per benchmark."""

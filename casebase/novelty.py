@@ -30,13 +30,13 @@ from casebase.similarity import Floats, column_quantiles, pooled_scales, robust_
 
 GROWTH = 0.5
 PAIR = " and "
-SIZES = (1.0, 0.75, 0.5)
+SIZES = (1.0, 0.75)
 """Of one fault that departs less from normal than its cases, in all features alike."""
 TAIL = 0.02
 """Share of a class's cases that may lie outside its range at each end, once there are so many."""
 LIMIT = 7.0
-SMALLEST_LIMIT = 0.5
-"""What lies outside by less than half a spread, in the mean over all features, is not unlike what is known."""
+SMALLEST_LIMIT = 1.0
+"""What lies outside by less than one spread, in the mean over all features, is not unlike what is known."""
 LARGEST_LIMIT = 0.9 * LIMIT
 """However much known gearboxes differ, what lies this far outside in everything is none of them."""
 NEW_ONCE_IN = 50
