@@ -75,13 +75,18 @@ def severity_of(
 
 
 def sized(session: Session, table: CaseTable, axis: str, label: str) -> tuple[NDArray[np.intp], Floats]:
-    """Return the rows of an axis' simulated cases of a label whose size is known, and the sizes [rad]; (rows,) each."""
+    """Return the rows of an axis' simulated cases of a label whose size is known, and the sizes [rad]; (rows,) each.
+
+    Empty where there are too few to say anything; the database is then not asked.
+    """
+    alike = (table.axes == axis) & (table.labels == label) & (table.origins == "simulated")
+    if np.count_nonzero(alike) < FEWEST:
+        return np.empty(0, np.intp), np.empty(0)
     statement = select(Case.id, Case.severity).where(
         Case.label == label, Case.origin == "simulated", Case.severity.is_not(None), Case.state == "confirmed"
     )
     size_of = {case_id: size for case_id, size in session.execute(statement)}  # noqa: C416
-    own = table.axes == axis
-    rows = np.array([row for row, key in enumerate(table.ids) if own[row] and str(key) in size_of], dtype=np.intp)
+    rows = np.array([row for row in np.flatnonzero(alike) if str(table.ids[row]) in size_of], dtype=np.intp)
     return rows, np.array([size_of[str(table.ids[row])] for row in rows], dtype=np.float64)
 
 
