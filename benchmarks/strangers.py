@@ -14,10 +14,10 @@ from dataclasses import replace
 import numpy as np
 
 from benchmarks import Row, table
+from benchmarks.diagnosis import said
 from casebase.augmentation import disturbed_copies
 from casebase.case_table import CaseTable
 from casebase.diagnosis import Diagnosis, Reasoner
-from casebase.evaluation import Proportion
 from casebase.experience import Copies, calibrated
 from casebase.learning import learn
 from casebase.signals.condition import OperatingCondition
@@ -93,7 +93,7 @@ def audible(made: bank.Recorded) -> bool:
     return whole >= UNHEARD_DB or low >= UNHEARD_DB or peak >= UNHEARD_PEAK_DB
 
 
-def said(diagnosis: Diagnosis) -> str:
+def answer_of(diagnosis: Diagnosis) -> str:
     """Return what counts as said: the label, or the verdict where there is none."""
     return diagnosis.label or diagnosis.verdict
 
@@ -124,7 +124,7 @@ def judged(half: bank.Half, gearboxes: Sequence[int]) -> list[Row]:
                 if kind in ("known", "unseen") and not audible(truth):
                     continue
                 diagnosis = known[asked.library_axis].diagnose(extraction)
-                answer, sure = said(diagnosis), diagnosis.verdict == "diagnosed"
+                answer, sure = answer_of(diagnosis), diagnosis.verdict == "diagnosed"
                 right = answer in truth.labels
                 groups = [kind, f"known, {truth.motion}"] if kind == "known" else [kind]
                 groups += [asked.name.replace(f"/{truth.axis}", "")] if kind == "noise" else []
@@ -143,14 +143,9 @@ def _rows(tally: Counter[tuple[str, str]], count: int) -> list[Row]:
     for group in dict.fromkeys(group for group, _ in tally):
         of = tally[group, "all"]
         words = ("normal", "new", "wrong said") if group == "unseen" else ("right", "new", "wrong said")
-        note = "; ".join(f"{word} {_share(tally[group, word], of)}" for word in words)
+        note = "; ".join(f"{word} {said(tally[group, word], of)}" for word in words)
         rows.append(Row(f"{count} gearboxes, {group}", 0.0, note=note))
     return rows
-
-
-def _share(part: int, of: int) -> str:
-    low, high = Proportion(part, of).interval
-    return f"{part / of:.3f} [{low:.2f}, {high:.2f}] of {of}"
 
 
 def run() -> list[Row]:

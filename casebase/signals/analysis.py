@@ -15,7 +15,7 @@ from casebase.signals.condition import OperatingCondition
 from casebase.signals.fold import FALSE_ALARM, SMOOTH_S, Fold, fold, noise_peak_db
 from casebase.signals.motion import HOP_HZ, Motion, find_motion, loudness_db
 from casebase.signals.recording import Recording
-from casebase.signals.segments import Span
+from casebase.signals.segments import Span, runs_of
 from casebase.signals.spectra import BandEnvelope, LongSpectrum, band_envelope, long_spectrum
 from casebase.signals.unrepeated import (
     CHANGE_DB,
@@ -110,7 +110,7 @@ class Analysis:
     @cached_property
     def _cycle_runs(self) -> list[list[tuple[int, int]]]:
         """Stretches of every whole cycle in which the axis moves and nothing is left out, first and last [hops]."""
-        runs = _runs(self._counts)
+        runs = runs_of(self._counts)
         period_s, times = self.motion.period_s, self.motion.reversal_times_s
         starts = np.arange(times[0] % period_s, self.duration_s, period_s) if period_s and times else np.empty(0)
         if starts.size < 2:
@@ -125,7 +125,7 @@ class Analysis:
     def calmed(self, power: NDArray[np.float32], rate_hz: float) -> NDArray[np.float32]:
         """Return the squared envelope of shape (n,) at any rate [Hz], at standstill at most its own median there."""
         step = rate_hz / HOP_HZ
-        still = [slice(round(a * step), round(b * step)) for a, b in _runs(~self._moves(self._kept.size))]
+        still = [slice(round(a * step), round(b * step)) for a, b in runs_of(~self._moves(self._kept.size))]
         if not still:
             return power
         calm, usual = power.copy(), np.median(np.concatenate([power[each] for each in still]))
@@ -305,9 +305,3 @@ class Analysis:
         low_hz, high_hz, _ = band.value
         power = self.spectrum.band_power(low_hz, min(high_hz, self.highest_hz))
         return power > EMPTY * self.spectrum.band_power(Band.LOW.value[0], self.highest_hz)
-
-
-def _runs(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
-    """Return where a mask is true, first and one past the last of every run."""
-    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))).tolist()
-    return list(zip(edges[::2], edges[1::2], strict=True))

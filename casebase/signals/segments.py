@@ -168,5 +168,10 @@ def _runs(quiet: NDArray[np.bool_]) -> list[tuple[int, int]]:
     """Return the quiet stretches; a burst within one does not divide it."""
     burst = int(LONGEST_BURST_S * HOP_HZ)
     closed = ndimage.binary_closing(np.pad(quiet, burst, mode="edge"), np.ones(burst, dtype=np.bool_))[burst:-burst]
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], closed.astype(np.int8), [0]])))
-    return [(int(a), int(b)) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return runs_of(closed)
+
+
+def runs_of(mask: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Return where a mask, shape (n,), is true: first and one past the last of every run."""
+    edges = np.flatnonzero(np.diff(np.concatenate([[False], mask, [False]]).astype(np.int8))).tolist()
+    return list(zip(edges[::2], edges[1::2], strict=True))

@@ -15,7 +15,7 @@ from scipy import ndimage
 
 from casebase.signals.band import Band
 from casebase.signals.motion import HOP_HZ, Motion
-from casebase.signals.segments import Span
+from casebase.signals.segments import Span, runs_of
 
 Floats = NDArray[np.float64]
 EARLY_OR_LATE_S = 0.02
@@ -195,8 +195,7 @@ def _spans(mask: NDArray[np.bool_]) -> list[Span]:
     """Return where a mask, `HOP_HZ` values per second, is true and a little around it."""
     around = round(AROUND_S * HOP_HZ)
     wide = ndimage.binary_dilation(mask, np.ones(2 * around + 1, np.bool_)) if mask.any() else mask
-    edges = np.flatnonzero(np.diff(np.concatenate([[0], wide.astype(np.int8), [0]])))
-    return [Span(float(a) / HOP_HZ, float(b) / HOP_HZ) for a, b in zip(edges[::2], edges[1::2], strict=True)]
+    return [Span(first / HOP_HZ, last / HOP_HZ) for first, last in runs_of(wide)]
 
 
 def _event(span: Span, heights: Mapping[Band, Floats], excesses: Mapping[Band, Floats]) -> Event:

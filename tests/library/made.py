@@ -3,13 +3,15 @@
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 from sqlalchemy.orm import Session
 
+from casebase.case_table import CaseTable
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
 from casebase.models import Case, StoredRecording
 from casebase.signals.condition import OperatingCondition
-from casebase.signals.features import Extraction, FeatureVector
+from casebase.signals.features import EXTRACTOR_VERSION, Extraction, FeatureVector
 from casebase.signals.motion import Motion
 from casebase.signals.recording import Recording
 
@@ -62,3 +64,20 @@ def add_case(
     """Store a recording and make it a case."""
     row = store(library, session, values, seed=seed, gearbox=gearbox)
     return library.retain(session, row, Labelling(label, origin=origin))
+
+
+def measured_table(
+    names: Sequence[str],
+    values: NDArray[np.floating],
+    labels: Sequence[str],
+    gearboxes: Sequence[int],
+    axis: str = "axis",
+) -> CaseTable:
+    """Return measured cases of this extractor, each of a sound of its own; values of shape (cases, n)."""
+    ids = np.array([f"{row:032x}" for row in range(len(values))])
+    origins, axes = np.array(["measured"] * len(values)), np.array([axis] * len(values))
+    boxes = np.array([f"g{box}" for box in gearboxes])
+    said = np.array(labels)
+    return CaseTable(
+        1, EXTRACTOR_VERSION, tuple(names), ids, said, origins, axes, boxes, ids, np.asarray(values, np.float32)
+    )

@@ -7,8 +7,9 @@ from casebase.baseline import UNLIKE, Baseline, baseline, kinds
 from casebase.case_table import CaseTable
 from casebase.diagnosis import Reasoner
 from casebase.learning import learn
-from casebase.signals.features import EXTRACTOR_VERSION, catalogue, extract
+from casebase.signals.features import catalogue, extract
 from casebase.signals.recording import Recording
+from tests.library.made import measured_table
 from tests.signals.synthetic import RATE_HZ, Joint, sound
 
 NAMES = tuple(catalogue())
@@ -17,11 +18,7 @@ SAYS = kinds(NAMES) >= 0
 
 def table(values: np.ndarray, gearboxes: np.ndarray, labels: list[str] | None = None) -> CaseTable:
     """Return measured cases, of sound gears unless labels are given."""
-    ids = np.array([f"{row:032x}" for row in range(len(values))])
-    said = np.array(labels or ["normal"] * len(values))
-    measured, axis = np.array(["measured"] * len(values)), np.array(["axis"] * len(values))
-    boxes = np.array([f"g{box}" for box in gearboxes])
-    return CaseTable(1, EXTRACTOR_VERSION, NAMES, ids, said, measured, axis, boxes, ids, values.astype(np.float32))
+    return measured_table(NAMES, values, labels or ["normal"] * len(values), gearboxes.tolist())
 
 
 def of(values: np.ndarray, gearboxes: np.ndarray) -> Baseline:

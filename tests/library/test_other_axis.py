@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from casebase.case_table import CaseTable
 from casebase.diagnosis import OF_ONE_AXIS, Reasoner
 from casebase.learning import learn
 from casebase.signals.condition import OperatingCondition
-from casebase.signals.features import EXTRACTOR_VERSION, Extraction, FeatureVector, extract
+from casebase.signals.features import Extraction, FeatureVector, extract
 from casebase.signals.recording import Recording
+from tests.library.made import measured_table
 from tests.signals.synthetic import RATE_HZ, Joint, sound
 
 AXIS = OperatingCondition(speed_rad_s=2.5, shaft_orders=(100.0, 12.5, 1.0), mesh_orders=(1200.0, 150.0))
@@ -25,11 +25,9 @@ def reasoner() -> Reasoner:
     """A library of four gearboxes of one axis whose meshes are known."""
     made = [(box, label, 10 * box + i) for box in range(4) for label in ("normal", "notch", "play") for i in range(2)]
     vectors = [heard(label, seed).features for _, label, seed in made]
-    ids = np.array([f"{row:032x}" for row in range(len(made))])
-    many = [np.array([text] * len(made)) for text in ("measured", "here")]
-    boxes, labels = np.array([f"g{box}" for box, _, _ in made]), np.array([label for _, label, _ in made])
+    boxes, labels = [box for box, _, _ in made], [label for _, label, _ in made]
     values = np.array([each.values for each in vectors])
-    cases = CaseTable(1, EXTRACTOR_VERSION, vectors[0].names, ids, labels, *many, boxes, ids, values)
+    cases = measured_table(vectors[0].names, values, labels, boxes, "here")
     return Reasoner(cases, learn(cases))
 
 

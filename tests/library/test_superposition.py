@@ -5,12 +5,12 @@ from collections import Counter
 import numpy as np
 import pytest
 
-from casebase.case_table import CaseTable
 from casebase.diagnosis import Reasoner
 from casebase.learning import learn
 from casebase.novelty import superposed
-from casebase.signals.features import EXTRACTOR_VERSION, extract
+from casebase.signals.features import extract
 from casebase.signals.recording import Recording
+from tests.library.made import measured_table
 from tests.signals.synthetic import RATE_HZ, Joint, rings, sound
 
 LABELS = ("normal", "notch", "play")
@@ -33,11 +33,9 @@ def reasoner() -> Reasoner:
     """A library of five gearboxes, each normal, notch and play alone."""
     made = [(box, label, 100 * box + i) for box in range(5) for label in LABELS for i in range(2)]
     vectors = [extract(joint(seed, *(() if label == "normal" else (label,)))).features for _, label, seed in made]
-    ids = np.array([f"{row:032x}" for row in range(len(made))])
-    many = [np.array([text] * len(made)) for text in ("measured", "axis")]
-    boxes, labels = np.array([f"g{box}" for box, _, _ in made]), np.array([label for _, label, _ in made])
+    boxes, labels = [box for box, _, _ in made], [label for _, label, _ in made]
     values = np.array([each.values for each in vectors])
-    cases = CaseTable(1, EXTRACTOR_VERSION, vectors[0].names, ids, labels, *many, boxes, ids, values)
+    cases = measured_table(vectors[0].names, values, labels, boxes)
     return Reasoner(cases, learn(cases))
 
 
