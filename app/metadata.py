@@ -18,7 +18,7 @@ from pydantic import (
 )
 
 from app.errors import Unprocessable, validation_problem
-from casebase.description import check_name
+from casebase.description import Labelling, check_name
 from casebase.errors import InvalidRequestError
 from casebase.signals.condition import OperatingCondition
 
@@ -142,6 +142,13 @@ class CaseMetadata(RecordingMetadata):
     )
 
     label: Label = Field(description="normal, notch, play, or any other label of the library")
+    size_rad: Positive | None = Field(
+        None, description="gap of a play or depth of a notch as measured at the driven gear [rad]"
+    )
+
+    def labelling(self) -> Labelling:
+        """What the recording is a case of, as measured."""
+        return Labelling(self.label, severity=self.size_rad, verified_by=self.verified_by, note=self.notes)
 
 
 def read_metadata(text: str, model: type[RecordingMetadata]) -> Any:

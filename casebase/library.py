@@ -42,7 +42,7 @@ from casebase.models import (
     StoredRecording,
     now,
 )
-from casebase.origins import SIMULATED, origin_of
+from casebase.origins import MEASURED, SIMULATED, origin_of
 from casebase.pages import Page, page
 from casebase.plausibility import Expected, measured
 from casebase.recordings import DISCARDED, store_recording
@@ -368,15 +368,18 @@ class CaseLibrary:
         same = [case for case in cases_of(session, recording.sound_id) if case.state != "retired"]
         told = (*(_told(case) for case in same), *diagnosis.remarks, *remarks, *self._contradictions(session, version))
         diagnosis = replace(diagnosis, remarks=told)
-        severity = self.severity(session, extraction, recording.axis, diagnosis.label) if diagnosis.label else None
-        limits = detection_limits(session, reasoner.table, recording.axis, values) if extraction.usable else NO_LIMITS
+        axis, origin = recording.axis, origin_of(session, recording)
+        severity = self.severity(session, extraction, axis, diagnosis.label, origin) if diagnosis.label else None
+        limits = detection_limits(session, reasoner.table, axis, values, origin) if extraction.usable else NO_LIMITS
         same_as = same[0].id if same else None
         return store_diagnosis(session, recording, diagnosis, reasoner, severity, limits, same_as)
 
-    def severity(self, session: Session, extraction: Extraction, axis: str | None, label: str) -> Severity | None:
+    def severity(
+        self, session: Session, extraction: Extraction, axis: str | None, label: str, origin: str = MEASURED
+    ) -> Severity | None:
         """Return the size of a fault, for a diagnosis as for `gearcase size`; None where the library cannot say it."""
         table = self.table(session, extraction.extractor_version)
-        return severity_of(session, table, axis, label, extraction.features.values)
+        return severity_of(session, table, axis, label, extraction.features.values, origin)
 
     def _contradictions(self, session: Session, extractor_version: str) -> tuple[str, ...]:
         count = self._all_cases(session, extractor_version).contradicting
