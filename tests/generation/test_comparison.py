@@ -1,12 +1,15 @@
 """What the simulated sound gets wrong: distances that are 0 where nothing differs, causes found by replacing them."""
 
 from dataclasses import replace
+from pathlib import Path
 
 import numpy as np
 import pytest
 
+from app.cli import BAD_INPUT, run
 from app.comparison import CAUSES, Half, Space, _families, compare
 from casebase.signals.features import catalogue
+from sim.axis import write_axis
 from sim.design import path_rms, plan
 from sim.errors import ParameterError
 from sim.fitting import Heard, scenario_like
@@ -103,3 +106,12 @@ def test_what_cannot_be_compared_is_refused_with_what_is_needed() -> None:
     with pytest.raises(ParameterError, match="motion"):
         compare(PAPER_AXIS, "play", {}, {}, count=4, causes=("motoin",))
     assert "motion" in CAUSES
+
+
+def test_the_command_says_what_is_missing(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    axis = tmp_path / "axis.toml"
+    axis.write_text(write_axis(PAPER_AXIS))
+    assert run(["--data-dir", str(tmp_path), "compare", "--axis", str(axis), "--label", "notch"]) == BAD_INPUT
+    said = capfd.readouterr()
+    assert "labelled 'notch'; two are needed" in said.err
+    assert said.out == ""
