@@ -3,7 +3,8 @@
 Measured recordings of a label are held against those that `generate` would simulate. A cause is not read off a table:
 one part of the sound model at a time is replaced by what half of the gearboxes says (their motion, the microphone
 fitted to their normal recordings, the factor that brings the simulated nearest to them), the same draws are simulated
-again, and the distance to the other half is taken before and after. What helps in both halves is a cause.
+again, and the distance to the other half is taken before and after. What helps in both halves, by more than twice its
+error, is a cause.
 
 Distance: energy distance of standardised features (Szekely and Rizzo 2004), no recording paired with itself, so that it
 is about 0 where nothing differs; p-value by permuting whole gearboxes, for recordings of one are alike, after Holm.
@@ -55,6 +56,24 @@ class FeatureGap:
 
 
 @dataclass(frozen=True)
+class Gain:
+    """Share of a distance that goes, judged on either half of the gearboxes, and the standard error of the mean."""
+
+    halves: tuple[float, float]
+    error: float
+
+    @property
+    def mean(self) -> float:
+        """Of both halves."""
+        return sum(self.halves) / 2
+
+    @property
+    def helps(self) -> bool:
+        """Whether it is above 0 in both halves, and by more than two standard errors."""
+        return min(self.halves) > 0 and self.mean > 2 * self.error
+
+
+@dataclass(frozen=True)
 class FamilyGap:
     """A family of features: its energy distance per root of its number of features, p-value, and who lies farthest.
 
@@ -73,26 +92,21 @@ class FamilyGap:
 
 @dataclass(frozen=True)
 class Extension:
-    """A part of the sound model replaced: which share of the whole distance goes, on either half of the gearboxes.
+    """A part of the sound model replaced: which share of the whole distance goes.
 
     `taken` says what was taken from the half that was looked at.
     """
 
     cause: str
-    gains: tuple[float, float]
+    gain: Gain
     taken: tuple[str, str]
-
-    @property
-    def helps(self) -> bool:
-        """Whether it does so in both halves."""
-        return min(self.gains) > 0
 
 
 @dataclass(frozen=True)
 class Comparison:
     """Measured against simulated recordings of one label of an axis.
 
-    `together` are the gains of all that helps at once, `not_tried` the causes that need what is not there.
+    `together` is the gain of all that helps at once, `not_tried` the causes that need what is not there.
     """
 
     axis: str
@@ -104,7 +118,7 @@ class Comparison:
     p_value: float
     families: tuple[FamilyGap, ...]
     extensions: tuple[Extension, ...]
-    together: tuple[float, float] | None
+    together: Gain | None
     not_tried: tuple[str, ...]
 
 
@@ -291,17 +305,17 @@ def compare(
                     common[cause + taken] = vectors
                 options.append((space.distance(own, vectors), taken, change, vectors))
             best.append(min(options, key=lambda option: option[0])[1:])
-        gains = _gains(space, measured, base, [vectors for *_, vectors in best])
-        extensions.append(Extension(cause, gains, (best[0][0], best[1][0])))
+        gain = _gain(space, measured, base, [vectors for *_, vectors in best])
+        extensions.append(Extension(cause, gain, (best[0][0], best[1][0])))
         chosen[cause], found[cause] = [change for _, change, _ in best], [vectors for *_, vectors in best]
-    helping = [each.cause for each in extensions if each.helps]
+    helping = [each.cause for each in extensions if each.gain.helps]
     together = None
     if len(helping) == 1:
-        together = next(each.gains for each in extensions if each.helps)
+        together = next(each.gain for each in extensions if each.gain.helps)
     elif helping:
         advance("simulating with all that helps")
         both = [simulated([chosen[cause][number] for cause in helping]) for number in (0, 1)]
-        together = _gains(space, measured, base, both)
+        together = _gain(space, measured, base, both)
     everything = np.concatenate(measured)
     distance, p_value = space.test(everything, groups, base)
     return Comparison(
@@ -313,7 +327,7 @@ def compare(
         distance=distance,
         p_value=p_value,
         families=_families(space, measured, groups, base, found),
-        extensions=tuple(sorted(extensions, key=lambda each: -sum(each.gains))),
+        extensions=tuple(sorted(extensions, key=lambda each: -each.gain.mean)),
         together=together,
         not_tried=not_tried,
     )
@@ -343,16 +357,25 @@ def _heard_vector(axis: Axis, heard: Heard) -> NDArray[np.float32]:
     return extract(Recording(heard.samples, SAMPLE_RATE_HZ), condition).features.values
 
 
-def _gains(
+def _gain(
     space: Space, measured: Sequence[Floats], base: Floats, extended: Sequence[Floats], family: str | None = None
-) -> tuple[float, float]:
-    """Shares of the distance to the other half that go with what was taken from a half."""
-    out = []
-    for taken, judged in ((0, 1), (1, 0)):
-        before = space.distance(measured[judged], base, family)
-        after = space.distance(measured[judged], extended[taken], family)
-        out.append((before - after) / before if before > 0 else 0.0)
-    return out[0], out[1]
+) -> Gain:
+    """What goes of the distance to the other half with what was taken from a half.
+
+    The draws are the same before and after; leaving out one at a time tells the error (jackknife, Efron 1982).
+    """
+
+    def shares(kept: NDArray[np.bool_]) -> tuple[float, float]:
+        out = []
+        for taken, judged in ((0, 1), (1, 0)):
+            before = space.distance(measured[judged], base[kept], family)
+            after = space.distance(measured[judged], extended[taken][kept], family)
+            out.append((before - after) / before if before > 0 else 0.0)
+        return out[0], out[1]
+
+    draws = len(base)
+    without = np.array([sum(shares(np.arange(draws) != out)) / 2 for out in range(draws)])
+    return Gain(shares(np.ones(draws, dtype=np.bool_)), float(math.sqrt(draws - 1) * without.std()))
 
 
 def _families(
@@ -367,8 +390,8 @@ def _families(
     holm = _holm({family: p_value for family, (_, p_value) in tests.items()})
     out = []
     for family, (distance, _) in tests.items():
-        gains = {cause: _gains(space, measured, base, vectors, family) for cause, vectors in found.items()}
-        helping = {cause: sum(each) / 2 for cause, each in gains.items() if min(each) > 0}
+        gains = {cause: _gain(space, measured, base, vectors, family) for cause, vectors in found.items()}
+        helping = {cause: gain.mean for cause, gain in gains.items() if gain.helps}
         cause = max(helping, key=lambda name: helping[name]) if helping and holm[family] < 0.05 else None
         out.append(
             FamilyGap(
@@ -442,9 +465,9 @@ class Space:
         apart = cdist(both, both) / math.sqrt(both.shape[1])
         names = sorted(set(groups))
         of = np.array([names.index(name) for name in groups] + [len(names) + i for i in range(len(simulated))])
-        random = np.random.default_rng(0)
-        drawn = [random.permutation(int(of.max()) + 1)[: len(names)] for _ in range(PERMUTATIONS)]
-        distance, *others = _energies(apart, np.array([of < len(names), *(np.isin(of, each) for each in drawn)]))
+        as_is = np.arange(of.max() + 1) < len(names)
+        drawn = np.random.default_rng(0).permuted(np.tile(as_is, (PERMUTATIONS, 1)), axis=1)
+        distance, *others = _energies(apart, np.concatenate([as_is[None], drawn])[:, of])
         return float(distance), float(np.mean([True, *(other >= distance for other in others)]))
 
     def farthest(self, measured: Floats, simulated: Floats, family: str) -> tuple[FeatureGap, ...]:

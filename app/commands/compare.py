@@ -10,7 +10,7 @@ from typing import Annotated
 import typer
 
 from app.commands.frame import Frame, frame_of
-from app.comparison import CAUSES, Comparison, FamilyGap, compare
+from app.comparison import CAUSES, Comparison, FamilyGap, Gain, compare
 from app.place import measured_recordings
 from casebase.signals.features import feature_words
 from sim.axis import read_axis
@@ -68,15 +68,18 @@ def _print(frame: Frame, found: Comparison) -> None:
         frame.print(f"  {_line(family)}")
     frame.print("replaced, one at a time; gain is the share of the distance that goes, on gearboxes not looked at")
     for each in found.extensions:
-        word = "helps" if each.helps else "does not help"
-        frame.print(
-            f"  {each.cause} ({CAUSES[each.cause]}): {word}, {each.gains[0]:+.0%} and {each.gains[1]:+.0%}; "
-            f"taken: {each.taken[0]}, {each.taken[1]}"
-        )
+        word = "helps" if each.gain.helps else "does not clearly help"
+        taken = ", ".join(each.taken)
+        frame.print(f"  {each.cause} ({CAUSES[each.cause]}): {word}, {_words(each.gain)}; taken: {taken}")
     if found.together is not None:
-        frame.print(f"all that helps together: {found.together[0]:+.0%} and {found.together[1]:+.0%}")
+        frame.print(f"all that helps together: {_words(found.together)}")
     for reason in found.not_tried:
         frame.print(f"not tried: {reason}")
+
+
+def _words(gain: Gain) -> str:
+    one, other = gain.halves
+    return f"{one:+.0%} and {other:+.0%}, mean {gain.mean:+.0%} with a standard error of {gain.error:.0%}"
 
 
 def _line(family: FamilyGap) -> str:

@@ -93,8 +93,9 @@ def test_recordings_that_move_as_none_of_the_simulated_do_have_motion_for_a_caus
         recordings[f"g{seed}"] = [replace(heard, samples=scenario.perform())]
     found = compare(PAPER_AXIS, "normal", recordings, {}, count=4, causes=("motion", "rubbing"))
     (motion,) = found.extensions
-    assert (motion.cause, motion.helps) == ("motion", True)
-    assert found.together == motion.gains
+    assert motion.cause == "motion"
+    assert min(motion.gain.halves) > 0
+    assert found.together in (motion.gain, None)
     assert (found.measured, found.gearboxes, found.simulated) == (2, 2, 4)
     assert found.not_tried[0].startswith("rubbing: needs normal recordings")
 
