@@ -106,7 +106,7 @@ class Extension:
 class Comparison:
     """Measured against simulated recordings of one label of an axis.
 
-    `together` is the gain of all that helps at once, `not_tried` the causes that need what is not there.
+    `together` is the gain of all causes that help, be it one family, at once; `not_tried` are those that need what is missing.
     """
 
     axis: str
@@ -308,10 +308,12 @@ def compare(
         gain = _gain(space, measured, base, [vectors for *_, vectors in best])
         extensions.append(Extension(cause, gain, (best[0][0], best[1][0])))
         chosen[cause], found[cause] = [change for _, change, _ in best], [vectors for *_, vectors in best]
-    helping = [each.cause for each in extensions if each.gain.helps]
+    families = _families(space, measured, groups, base, found)
+    mending = {family.cause for family in families} | {each.cause for each in extensions if each.gain.helps}
+    helping = [cause for cause in tried if cause in mending]
     together = None
     if len(helping) == 1:
-        together = next(each.gain for each in extensions if each.gain.helps)
+        together = next(each.gain for each in extensions if each.cause == helping[0])
     elif helping:
         advance("simulating with all that helps")
         both = [simulated([chosen[cause][number] for cause in helping]) for number in (0, 1)]
@@ -326,7 +328,7 @@ def compare(
         simulated=count,
         distance=distance,
         p_value=p_value,
-        families=_families(space, measured, groups, base, found),
+        families=families,
         extensions=tuple(sorted(extensions, key=lambda each: -each.gain.mean)),
         together=together,
         not_tried=not_tried,
