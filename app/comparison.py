@@ -106,7 +106,7 @@ class Extension:
 class Comparison:
     """Measured against simulated recordings of one label of an axis.
 
-    `together` is the gain of all causes that help, be it one family, at once; `not_tried` are those that need what is missing.
+    `together` is the gain of all causes that help, be it one family, at once; `not_tried` need what is missing.
     """
 
     axis: str
