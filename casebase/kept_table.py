@@ -10,6 +10,7 @@ import os
 import zlib
 from collections.abc import Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -60,7 +61,7 @@ def write_table(folder: Path, table: CaseTable) -> dict[str, object]:
         for column in (*COLUMNS, *DERIVED):
             array = np.ascontiguousarray(getattr(table, column))
             start = -(-file.tell() // ALIGNED) * ALIGNED
-            for block in (bytes(start - file.tell()), memoryview(array.reshape(-1).view(np.uint8))):
+            for block in (bytes(start - file.tell()), array.reshape(-1).view(np.uint8).data):
                 checksum = zlib.crc32(block, checksum)
                 file.write(block)
             columns.append({"name": column, "dtype": array.dtype.str, "shape": list(array.shape), "start": start})
@@ -144,7 +145,7 @@ def _checksum(path: Path) -> int:
     return checksum
 
 
-def _mapped(path: Path, columns: object) -> dict[str, NDArray[np.generic]]:
+def _mapped(path: Path, columns: object) -> dict[str, NDArray[Any]]:
     """Return the arrays of a file; writing to them changes no file."""
     assert isinstance(columns, Sequence)
     whole = np.memmap(path, np.uint8, "c")

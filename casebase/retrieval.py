@@ -199,16 +199,16 @@ class CaseMatrix:
         Returns:
             Rows, nearest first, shape (queries, count, k), -1 where a group has fewer; distances, infinite there.
         """
-        queries = np.asarray(queries, np.float64)
-        rows = np.full((len(queries), count, k), -1, np.int64)
+        points: Floats = np.asarray(queries, np.float64)
+        rows = np.full((len(points), count, k), -1, np.int64)
         distances = np.full(rows.shape, np.inf)
         shared, own = (np.array([pair[side] for pair in kin], np.int32) for side in (0, 1))
-        masks, kind = np.unique(np.isfinite(queries), axis=0, return_inverse=True)
+        masks, kind = np.unique(np.isfinite(points), axis=0, return_inverse=True)
         for number in range(len(masks)):
             alike = np.flatnonzero(kind.ravel() == number)
             for start in range(0, alike.size, AT_ONCE):
                 these = alike[start : start + AT_ONCE]
-                found = self._nearest(queries[these], groups, count, k, shared, np.ascontiguousarray(own[:, these]))
+                found = self._nearest(points[these], groups, count, k, shared, np.ascontiguousarray(own[:, these]))
                 rows[these], distances[these] = found
         return rows, distances
 
