@@ -9,6 +9,9 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
+# the tests start the program some hundred times: it is compiled once, also where the environment says otherwise
+unexport PYTHONDONTWRITEBYTECODE
+
 .PHONY: setup run test suite check bench challenge field screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)

@@ -31,6 +31,7 @@ from casebase.errors import (
 )
 from casebase.evaluation import Evaluation, evaluate
 from casebase.experience import calibrated
+from casebase.kept_table import name_table, outgrown, read_table, remove_others, write_table
 from casebase.learning import LearningStoppedError, Similarity, learn
 from casebase.models import (
     CASE_STATES,
@@ -56,6 +57,7 @@ REVISABLE = ("label", "verified_by", "note", "mechanism", "location", "severity"
 
 
 CHANGED = "library_changed"
+TABLES = "tables"
 
 
 class CaseLibrary:
@@ -331,11 +333,27 @@ class CaseLibrary:
         return self._all_cases(session, extractor_version).voters
 
     def _all_cases(self, session: Session, extractor_version: str) -> CaseTable:
-        table = load_table(session, extractor_version, self._tables.get(extractor_version))
+        known = self._tables.get(extractor_version)
+        if known is None:
+            known = read_table(session, self.data_dir / TABLES, extractor_version)
+        table = load_table(session, extractor_version, known)
         if CHANGED not in session.info:
             # what this session changed may yet be rolled back, and must not be remembered
             self._tables[extractor_version] = table
         return table
+
+    def keep_table(self, actor: str, extractor_version: str = EXTRACTOR_VERSION) -> bool:
+        """Write the table of a large library beside the database, where much changed; return whether it was written."""
+        folder = self.data_dir / TABLES
+        with self.reading() as session:
+            table = self._all_cases(session, extractor_version)
+            if not outgrown(session, folder, table):
+                return False
+        document = write_table(folder, table)
+        with self.transaction(actor) as session:
+            name_table(session, extractor_version, document)
+        remove_others(folder, document)
+        return True
 
     def measured(self, session: Session, axis: str) -> Expected:
         """Return what the measured cases of an axis say of its motion; read again when cases have changed."""

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from casebase import evaluation
 from casebase.case_table import CaseTable
 from casebase.errors import InvalidRequestError
 from casebase.evaluation import Proportion, evaluate
@@ -252,3 +253,17 @@ def test_useless_votes_are_given_no_sharpness() -> None:
     nearest = np.sort(generator.random((200, 2, 3)), axis=-1)
     sharpness = fitted_sharpness(nearest, generator.integers(0, 2, 200))
     assert np.exp(log_votes(nearest, sharpness)).max() < 0.7
+
+
+def test_a_large_library_is_evaluated_by_as_many_of_each_label_and_in_the_folds_of_the_whole(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    table = made_table(4, gearboxes=12)
+    learned = unlearned(table, "scales alone are wanted")
+    monkeypatch.setattr(evaluation, "MOST_KNOWN", 60)
+    result = evaluate(table, learned=learned)
+    assert (result.known, len(table)) == (60, 72)
+    per_class = {label: share.of for label, share in result.per_class.items()}
+    assert per_class == {"normal": 20, "notch": 20, "play": 20}
+    assert result.accuracy.value is not None
+    assert result.accuracy.value >= 0.9
