@@ -13,7 +13,7 @@ from limits.strategies import MovingWindowRateLimiter
 from sqlalchemy.orm import Session
 
 from app.evaluations import Evaluations
-from app.job_kinds import open_jobs
+from app.job_kinds import jobs_in
 from app.jobs import Jobs
 from app.key_notes import KeyNotes
 from app.learner import Learner
@@ -66,8 +66,8 @@ class Service:
 
     @cached_property
     def jobs(self) -> Jobs:
-        """The jobs of this installation, opened when first asked for."""
-        return open_jobs(self.settings)
+        """The jobs of this installation; the engine is opened when first asked."""
+        return jobs_in(self.library)
 
     def close(self) -> None:
         self.learner.close()

@@ -18,8 +18,8 @@ from app.main import create_app
 from app.metrics import Metrics
 from app.service import Service
 
-STOPPING_S = 8
-"""Requests under way are given so long; who runs containers kills after ten seconds."""
+STOPPING_S = 4
+"""Requests under way are given so long; the service ends within 5 s, who runs containers kills after 10."""
 
 
 def register(app: typer.Typer) -> None:
@@ -57,7 +57,7 @@ def serve(
         )
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, _stopped)
-        with worker_child(frame.settings) if worker else nullcontext():
+        with worker_child(frame.settings, service.stopping) if worker else nullcontext():
             Announced(config, frame, service, first).run(sockets=[listening])
     finally:
         service.close()
