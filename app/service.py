@@ -20,6 +20,8 @@ from app.learner import Learner
 from app.metrics import Metrics
 from app.retention import Retention
 from app.settings import Settings
+from casebase.abandoned import remove_abandoned
+from casebase.erasing import discard_left
 from casebase.evaluation import Evaluation
 from casebase.library import CaseLibrary
 
@@ -39,6 +41,12 @@ class Service:
     def open(cls, settings: Settings, metrics: Metrics) -> "Service":
         """Open the library, made or upgraded where needed."""
         return cls(settings, CaseLibrary.open(settings.data_dir, settings.database_url), metrics)
+
+    def tidy(self) -> None:
+        """Remove what processes left that were killed: uploads, half written files, audio that was erased."""
+        remove_abandoned(self.settings.incoming.glob("*"))
+        self.library.audio.tidy()
+        discard_left(self.library)
 
     def evaluation(self, session: Session, group: str, origin: str) -> Evaluation:
         """The library's cross-validation as it is now.

@@ -59,6 +59,11 @@ class Settings(BaseSettings):
     )
 
     @property
+    def incoming(self) -> Path:
+        """Where uploads are while they are looked at: a folder each, held by whoever received it."""
+        return self.data_dir / "incoming"
+
+    @property
     def url(self) -> str:
         """SQLAlchemy URL of the database."""
         return self.database_url or f"sqlite:///{self.data_dir.absolute() / 'gearcase.sqlite3'}"

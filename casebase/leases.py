@@ -89,5 +89,5 @@ class Silence:
         return [
             (lease.id, lease.beats)
             for lease in leases
-            if self._seen[lease.id][1] >= math.ceil(lease.lease_s / self.beat_s)
+            if self._seen[lease.id][1] >= math.ceil(lease.lease_s / self.beat_s) - 1  # it may just have beaten before
         ]

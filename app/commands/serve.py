@@ -40,6 +40,7 @@ def serve(
     listening = _listen(host, port)
     service = Service.open(frame.settings, Metrics())
     try:
+        service.tidy()
         frame.renew(service.library)
         first = _first_key(service)
         configure_logs()

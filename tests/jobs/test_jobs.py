@@ -9,14 +9,18 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import psycopg
 import pytest
+from sqlalchemy import make_url
 
 from app.job import Job, JobError, JobNotFoundError, JobState, JobStateError
 from app.jobs import Jobs
+from casebase import leases
+from casebase.backup import backup, restore
 from casebase.errors import InvalidCursorError
 from casebase.library import CaseLibrary
 
@@ -125,6 +129,70 @@ def test_a_stopped_worker_gives_back_what_it_holds(place: Place) -> None:
     assert place.jobs.get(job_id).state == "queued"
     place.work("other")
     assert place.ended(job_id).result == {"numbers": list(range(16))}
+
+
+@pytest.mark.postgres
+def test_a_database_that_is_away_for_longer_than_a_lease_costs_nobody_a_lease(
+    postgres_database_url: str, tmp_path: Path
+) -> None:
+    library = CaseLibrary.open(tmp_path, postgres_database_url)
+    jobs = Jobs(library, ["count"])
+    place = Place(postgres_database_url, tmp_path, library, jobs)
+    worker = place.work("patient")
+    try:
+        job_id = place.submit(20, 0.2)
+        held = place.until(job_id, lambda job: job.progress.done >= 2).worker
+        with away(postgres_database_url):
+            time.sleep(2 * LEASE_S)
+            assert worker.poll() is None
+        ended = place.ended(job_id)
+        assert (ended.state, place.done()) == ("done", list(range(20)))
+        with library.reading() as session:
+            assert [each.id for each in leases.held(session)] == [held]
+        with away(postgres_database_url):
+            worker.send_signal(signal.SIGTERM)
+            assert worker.wait(30) == 0, "it ends without a database too"
+    finally:
+        worker.kill()
+        worker.wait()
+        jobs.close()
+        library.close()
+
+
+@contextmanager
+def away(url: str) -> Iterator[None]:
+    """Nobody reaches this database: connections are broken off and refused."""
+    name = str(make_url(url).database)
+    with psycopg.connect(url.replace(f"/{name}?", "/postgres?"), autocommit=True) as server:
+        server.execute(f"ALTER DATABASE {name} ALLOW_CONNECTIONS false".encode())
+        server.execute("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = %s", (name,))
+        yield
+        server.execute(f"ALTER DATABASE {name} ALLOW_CONNECTIONS true".encode())
+
+
+@pytest.mark.postgres
+def test_a_restored_job_goes_on_and_one_that_was_over_is_still_told(postgres_database_url: str, tmp_path: Path) -> None:
+    """From PostgreSQL into SQLite: what is in no engine any more is in the backup."""
+    library = CaseLibrary.open(tmp_path / "old", postgres_database_url)
+    with Jobs(library, ["count"]) as jobs:
+        old = Place(postgres_database_url, tmp_path, library, jobs)
+        over, waiting = old.submit(1, 0.0), old.submit(3, 0.0)
+        jobs.cancel(over)
+    backup(library.engine, library.data_dir, tmp_path / "backup")
+    library.close()
+    restore(tmp_path / "backup", tmp_path / "new")
+    library = CaseLibrary.open(tmp_path / "new")
+    with Jobs(library, ["count"]) as jobs:
+        new = Place("", library.data_dir, library, jobs)
+        assert {(job.id, job.state) for job in jobs.list()} == {(over, "cancelled"), (waiting, "queued")}
+        assert list(jobs.events(over)) == []
+        worker = new.work("new")
+        try:
+            assert new.ended(waiting).result == {"numbers": [0, 1, 2]}
+        finally:
+            worker.kill()
+            worker.wait()
+    library.close()
 
 
 def test_cancel_then_resume(place: Place) -> None:
