@@ -7,11 +7,13 @@ connections; its database and folder are copies of a filled one.
 import asyncio
 import itertools
 import json
+import logging
 import os
 import random
 import shutil
 import signal
 import sys
+import threading
 import time
 import traceback
 from collections.abc import Callable, Iterator, Sequence
@@ -21,6 +23,7 @@ from pathlib import Path
 from typing import Any
 
 import httpx
+import structlog
 
 from app.job import Json
 from app.main import create_app
@@ -34,6 +37,8 @@ from tests.chaos.orders import AXIS, ORDERS, PAGES, Known, Options, counts, fill
 from tests.chaos.points import CrashPoint
 
 MOST_POINTS = 400
+APP = create_app(Settings())
+"""Made once, and asked once by `warm_up`: else every process would put the routes together for itself."""
 Work = Callable[[Service], Json]
 
 
@@ -80,6 +85,7 @@ class Ended:
 
 def apart(settings: Settings, work: Work, *, tidy: bool = True) -> Ended:
     """Do something with the service in a process of its own."""
+    assert threading.active_count() == 1, "a fork takes only its own thread along, and others' locks"
     reading, writing = os.pipe()
     sys.stdout.flush()
     child = os.fork()
@@ -107,7 +113,7 @@ def apart(settings: Settings, work: Work, *, tidy: bool = True) -> Ended:
 
 def asked(service: Service, known: Known, path: str, options: Options, point: CrashPoint | None = None) -> Any:
     """Send a request, of a page where it has a form of one; its status, headers and JSON."""
-    app = create_app(service=service)
+    app = APP
     app.state.service, app.state.gate = service, Gate(service.settings)
     headers = {"Authorization": f"Bearer {known.key}", "Idempotency-Key": "once"}
     if not path.startswith("/api/"):
@@ -290,6 +296,17 @@ def expected(name: str, at: int, of: int) -> list[Any]:
     return {"engine: order": [queued], "engine: cancel": [queued, cancelled]}.get(name, [cancelled, queued])
 
 
+def warm_up() -> None:
+    """Have the routes put together; the threads of it end with its loop."""
+    structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.CRITICAL))
+
+    async def run() -> None:
+        async with httpx.AsyncClient(transport=httpx.ASGITransport(APP), base_url="http://chaos") as client:
+            (await client.get("/livez")).raise_for_status()
+
+    asyncio.run(run())
+
+
 @contextmanager
 def ground(folder: Path, database: str) -> Iterator[tuple[Ground, Known]]:
     """A filled database of this kind."""
@@ -313,6 +330,7 @@ def run(
 ) -> dict[str, Tally]:
     """Try crash points of these orders on a database, at most so many of each and for so long; what was found."""
     until, found = time.monotonic() + seconds, {}
+    warm_up()
     with ground(folder, database) as (made, known):
         campaign = Campaign(made, known, itertools.count(), until, random.Random(seed))
         for name in names:
