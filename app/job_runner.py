@@ -49,7 +49,7 @@ def run_worker(
 ) -> bool:
     """Work until `stop` is set, or until process `parent` has gone; then give back what is not finished.
 
-    Threads may be left that are still at a task: end the process (`app.worker_process.leave`).
+    Threads may be left that are still at a task: end the process (`app.process.leave`).
 
     Args:
         library: the one that the kinds write into; it writes nothing more once the lease has ended.
@@ -156,9 +156,14 @@ class _Worker:
 
     @contextmanager
     def at(self, claimed: str) -> Iterator[None]:
+        """While this process is at a job or task; what fails while the worker stops, and all is taken down, stays."""
         self.running.add(claimed)
         try:
             yield
+        except Exception:
+            if self.stop.is_set():
+                raise SystemExit from None
+            raise
         finally:
             self.running.discard(claimed)
 

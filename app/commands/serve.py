@@ -16,6 +16,7 @@ from app.keys import Role, create_key, list_keys
 from app.logs import configure_logs
 from app.main import create_app
 from app.metrics import Metrics
+from app.process import leave
 from app.service import Service
 
 STOPPING_S = 4
@@ -63,6 +64,7 @@ def serve(
     finally:
         service.close()
         listening.close()
+    leave(again=False)
 
 
 def _stopped(_number: int, _frame: object) -> None:

@@ -18,9 +18,9 @@ from sqlalchemy.exc import OperationalError
 from app.commands.frame import Frame, frame_of
 from app.job_kinds import job_kinds
 from app.logs import configure_logs
+from app.process import leave, stop_on_signals
 from app.settings import Settings
 from app.storage_faults import is_passing
-from app.worker_process import leave, stop_on_signals
 
 if TYPE_CHECKING:
     from casebase.library import CaseLibrary

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from app.job import JobKind, Json, Report
 from app.job_runner import run_worker
-from app.worker_process import leave, stop_on_signals
+from app.process import leave, stop_on_signals
 from casebase.library import CaseLibrary
 
 

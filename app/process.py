@@ -1,4 +1,4 @@
-"""A worker as a process: how it is told to stop, and how it ends."""
+"""A process of ours: how it is told to stop, and how it ends."""
 
 import os
 import signal
@@ -16,7 +16,7 @@ def stop_on_signals() -> threading.Event:
 
 
 def leave(*, again: bool) -> NoReturn:
-    """End this process, or begin it anew, without waiting for what its threads are still at."""
+    """End this process, or begin it anew, without waiting for its threads, nor taking apart what it holds in memory."""
     sys.stdout.flush()
     sys.stderr.flush()
     if again:
