@@ -257,7 +257,7 @@ class Campaign:
 
     def _some(self, of: int, most: int) -> Iterator[int]:
         chosen = self.chance.sample(range(1, of + 1), min(of, most))
-        return itertools.takewhile(lambda _: time.monotonic() < self.until, sorted(chosen))
+        return itertools.takewhile(lambda _: time.monotonic() < self.until, chosen)
 
 
 JOB = "chaos-job"
@@ -329,11 +329,12 @@ def run(
     folder: Path, database: str, names: Sequence[str], *, most: int = MOST_POINTS, seconds: float = 600.0, seed: int = 0
 ) -> dict[str, Tally]:
     """Try crash points of these orders on a database, at most so many of each and for so long; what was found."""
-    until, found = time.monotonic() + seconds, {}
+    started, found, numbers, chance = time.monotonic(), {}, itertools.count(), random.Random(seed)
     warm_up()
     with ground(folder, database) as (made, known):
-        campaign = Campaign(made, known, itertools.count(), until, random.Random(seed))
-        for name in names:
+        for place, name in enumerate(names, 1):
+            until = started + seconds * place / len(names)  # what an order leaves of its share is for the next ones
+            campaign = Campaign(made, known, numbers, until, chance)
             found[name] = (campaign.engine if name in ENGINE else campaign.order)(name, most)
     return found
 
