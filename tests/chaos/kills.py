@@ -31,7 +31,7 @@ KINDS: dict[str, Callable[[int], Options]] = {
     "cases": lambda seed: upload(seed, label="normal", gearbox=f"g{seed}"),
     "diagnoses": lambda seed: upload(seed),
     "simulations": lambda seed: simulation(seed, CASES_OF_A_SIMULATION),
-    "investigations": lambda seed: investigation(1.0 + seed / 1000),
+    "investigations": lambda seed: investigation(1.0 + seed / 1e6),
 }
 OFTEN = ("cases", "cases", "diagnoses", "diagnoses", "simulations", "investigations")
 AGAIN_S = 0.2

@@ -59,11 +59,13 @@ Order = Callable[[Known], tuple[str, Options]]
 
 
 def telemetry(size: float = 1.0) -> bytes:
-    """Three seconds of a motor that swings."""
+    """Three seconds of the free axis' 1.006 kg m2 that swing at 10 rad/s; `size`: of its torque, 1 as described."""
     out = io.StringIO()
     table = csv.writer(out)
     table.writerow(("time_s", "motor_torque_nm", "motor_speed_rad_s"))
-    table.writerows((number / 1000, size * math.cos(number / 100), math.sin(number / 100)) for number in range(3000))
+    table.writerows(
+        (number / 1000, 10.06 * size * math.cos(number / 100), math.sin(number / 100)) for number in range(3000)
+    )
     return out.getvalue().encode()
 
 
