@@ -12,7 +12,8 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # the tests start the program some hundred times: it is compiled once, also where the environment says otherwise
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup run test suite check bench challenge field screenshots lock clean
+
+.PHONY: setup run test suite check bench challenge chaos field screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)
 
@@ -76,6 +77,12 @@ field: setup
 	$(FIELD) --library measured --gearboxes 5
 	$(FIELD) --library starter
 	$(FIELD) --source axis
+
+# kill -9 at every write, at random under load, and two machines of which one is cut off: an hour at most
+chaos: setup
+	$(BIN)/python -m tests.chaos crash-points --minutes 25
+	$(BIN)/python -m tests.chaos kills --minutes 20
+	$(BIN)/python -m tests.chaos machines
 
 screenshots: setup
 	$(BIN)/python -m docs.screenshots

@@ -13,13 +13,15 @@ from limits.strategies import MovingWindowRateLimiter
 from sqlalchemy.orm import Session
 
 from app.evaluations import Evaluations
-from app.job_kinds import open_jobs
+from app.job_kinds import jobs_in
 from app.jobs import Jobs
 from app.key_notes import KeyNotes
 from app.learner import Learner
 from app.metrics import Metrics
 from app.retention import Retention
 from app.settings import Settings
+from casebase.abandoned import remove_abandoned
+from casebase.erasing import discard_left
 from casebase.evaluation import Evaluation
 from casebase.library import CaseLibrary
 
@@ -39,6 +41,12 @@ class Service:
     def open(cls, settings: Settings, metrics: Metrics) -> "Service":
         """Open the library, made or upgraded where needed."""
         return cls(settings, CaseLibrary.open(settings.data_dir, settings.database_url), metrics)
+
+    def tidy(self) -> None:
+        """Remove what processes left that were killed: uploads, half written files, audio that was erased."""
+        remove_abandoned(self.settings.incoming.glob("*"))
+        self.library.audio.tidy()
+        discard_left(self.library)
 
     def evaluation(self, session: Session, group: str, origin: str) -> Evaluation:
         """The library's cross-validation as it is now.
@@ -66,8 +74,8 @@ class Service:
 
     @cached_property
     def jobs(self) -> Jobs:
-        """The jobs of this installation, opened when first asked for."""
-        return open_jobs(self.settings)
+        """The jobs of this installation; the engine is opened when first asked."""
+        return jobs_in(self.library)
 
     def close(self) -> None:
         self.learner.close()

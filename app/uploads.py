@@ -2,6 +2,7 @@
 
 import asyncio
 import hashlib
+import os
 import tempfile
 from collections import defaultdict
 from collections.abc import AsyncIterator
@@ -20,6 +21,7 @@ from app.errors import BadRequest, TooLarge, Unprocessable, UnsupportedMedia
 from app.forms import FormParser, plain_name
 from app.service import Service, service_of
 from app.settings import Settings
+from casebase.abandoned import hold
 from casebase.signals.errors import TextError
 from casebase.signals.text import is_whole, text_of
 
@@ -172,9 +174,11 @@ async def received(request: Request, service: Service) -> AsyncIterator[Upload]:
         except MultiPartException as error:
             raise BadRequest(f"The form cannot be read: {error.message}") from None
         stack.push_async_callback(form.close)
-        incoming = settings.data_dir / "incoming"
-        incoming.mkdir(parents=True, exist_ok=True)
-        folder = stack.enter_context(tempfile.TemporaryDirectory(dir=incoming))
+        settings.incoming.mkdir(parents=True, exist_ok=True)
+        folder = stack.enter_context(tempfile.TemporaryDirectory(dir=settings.incoming))
+        descriptor = os.open(folder, os.O_RDONLY)
+        stack.callback(os.close, descriptor)
+        hold(descriptor)
         yield await run_in_threadpool(_store_all, form, Path(folder))
 
 

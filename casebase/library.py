@@ -11,7 +11,7 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 from sqlalchemy.orm.exc import StaleDataError
 
-from casebase import audit
+from casebase import audit, leases
 from casebase.artifacts import active_version, newest_version, similarity_for, similarity_kind, store_similarity
 from casebase.audio_store import AudioStore, StoredBytes
 from casebase.case_filter import CaseFilter, selected
@@ -73,6 +73,8 @@ class CaseLibrary:
         self.audio = AudioStore(data_dir / "audio")
         self.touched = Event()
         """Set whenever cases changed or what was learned proved outgrown: then `keep_learned` may have work."""
+        self.lease: str | None = None
+        """Of the worker that this library is opened by: nothing is written once it has ended."""
         self._tables: dict[str, CaseTable] = {}
         self._reasoners: dict[str, tuple[int | None, Reasoner]] = {}
         self._measured: dict[str, tuple[int, Expected]] = {}
@@ -87,12 +89,19 @@ class CaseLibrary:
 
     @contextmanager
     def transaction(self, actor: str, request_id: str | None = None) -> Iterator[Session]:
-        """Give a session that commits when the block ends well and rolls back when it does not."""
+        """Give a session that commits when the block ends well and rolls back when it does not.
+
+        Raises:
+            LeaseLostError: if it is a worker's library and the worker's lease has ended; nothing is written then.
+        """
         with Session(self.engine, expire_on_commit=False) as session:
             session.info.update({audit.ACTOR: actor, audit.REQUEST: request_id})
             session.connection(execution_options={WRITING: True})
             try:
                 yield session
+                if self.lease is not None:
+                    session.flush()
+                    leases.hold(session, self.lease)
                 session.commit()
                 audit.stored(session.info.get(audit.RECORDED, ()))
                 for sha256 in session.info.get(DISCARDED, ()):

@@ -16,10 +16,11 @@ from app.keys import Role, create_key, list_keys
 from app.logs import configure_logs
 from app.main import create_app
 from app.metrics import Metrics
+from app.process import leave
 from app.service import Service
 
-STOPPING_S = 8
-"""Requests under way are given so long; who runs containers kills after ten seconds."""
+STOPPING_S = 4
+"""Requests under way are given so long; the service ends within 5 s, who runs containers kills after 10."""
 
 
 def register(app: typer.Typer) -> None:
@@ -40,6 +41,7 @@ def serve(
     listening = _listen(host, port)
     service = Service.open(frame.settings, Metrics())
     try:
+        service.tidy()
         frame.renew(service.library)
         first = _first_key(service)
         configure_logs()
@@ -57,11 +59,12 @@ def serve(
         )
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, _stopped)
-        with worker_child(frame.settings) if worker else nullcontext():
+        with worker_child(frame.settings, service.stopping) if worker else nullcontext():
             Announced(config, frame, service, first).run(sockets=[listening])
     finally:
         service.close()
         listening.close()
+    leave(again=False)
 
 
 def _stopped(_number: int, _frame: object) -> None:

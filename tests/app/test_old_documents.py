@@ -18,7 +18,7 @@ from app.generation import simulations
 from app.intake import take_in
 from app.job import Job, Progress
 from app.metadata import RecordingMetadata
-from app.settings import settings_of
+from casebase.library import CaseLibrary
 from casebase.models import FeatureRow, StoredDiagnosis, StoredInvestigation, StoredRecording, new_id
 from tests.app.inside import Inside, ListedJobs, inside
 from tests.app.sounds import sound
@@ -155,7 +155,7 @@ def test_a_backup_of_it_is_taken_and_brought_back(old: tuple[Inside, list[str]],
 
 def test_a_campaign_that_an_earlier_version_began_is_finished(tmp_path: Path) -> None:
     """Its tasks did not say how long they took."""
-    kind = simulations(settings_of(tmp_path))
+    kind = simulations(CaseLibrary.open(tmp_path))
     found = kind.finish(
         {"counts": {"normal": 2}}, [{"new": 1, "known": 0}, {"new": 1, "known": 0, "simulation_s": 2.0}]
     )
