@@ -12,7 +12,6 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # the tests start the program some hundred times: it is compiled once, also where the environment says otherwise
 unexport PYTHONDONTWRITEBYTECODE
 
-
 .PHONY: setup run test suite check bench challenge chaos field screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)
