@@ -30,7 +30,7 @@ from casebase.novelty import (
 )
 from casebase.retrieval import CaseMatrix, Kinship
 from casebase.similarity import Floats
-from casebase.voting import NEAREST, Vote, balance, fitted_vote, strangeness, tail_of
+from casebase.voting import NEAREST, Vote, balance, fitted_vote, strangeness
 
 LARGEST_SAMPLE = 400
 UNKNOWN_GEARBOX = 1.5
@@ -190,7 +190,7 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
         table.classes,
         nearest[known],
         truth[known],
-        fitted_vote(held, of, tail_of(table.labels[rows], table.groups[rows])),
+        fitted_vote(held, of, np.unique(table.groups[rows]).size),
         where_unknown_begins(table, present, rows),
         juries[chosen],
         Detection.of(table, juries[chosen]),

@@ -124,6 +124,7 @@ class _Sample:
     truth: NDArray[np.intp]
     labels: NDArray[np.str_]
     classes: tuple[str, ...]
+    gearboxes: int
     folds: NDArray[np.intp]
     kinds: NDArray[np.intp]
 
@@ -270,7 +271,8 @@ def _sampled(table: CaseTable, metric: Metric) -> _Sample:
     same = (table.groups[:, None] == table.groups) | (table.samples[:, None] == table.samples)
     kinds, folds = np.unique(folds[rows], return_inverse=True)
     truth = np.searchsorted(table.classes, table.labels)
-    return _Sample(differences, ~same, truth, table.labels, table.classes, folds, kinds)
+    gearboxes = np.unique(table.groups).size
+    return _Sample(differences, ~same, truth, table.labels, table.classes, gearboxes, folds, kinds)
 
 
 def _representative(table: CaseTable) -> NDArray[np.intp]:
@@ -308,7 +310,7 @@ def _trial(sample: _Sample, start: str, prior: Floats, strength: float | None, s
         weights.append(_fit(sample, ~inside, prior, strength))
         squares = np.where(sample.allowed, sample.differences @ weights[-1].astype(np.float32), np.inf)
         nearest = nearest_of_classes(squares, sample.labels, sample.classes)
-        shares = fitted_vote(nearest[~inside], sample.truth[~inside]).log_shares(nearest[inside])
+        shares = fitted_vote(nearest[~inside], sample.truth[~inside], sample.gearboxes).log_shares(nearest[inside])
         truth = sample.truth[inside]
         losses[inside] = -np.maximum(np.take_along_axis(shares, truth[:, None], axis=1)[:, 0], -LARGEST_LOSS)
         right[inside] = shares.argmax(axis=1) == truth

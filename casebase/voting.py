@@ -3,14 +3,13 @@
 With the k nearest cases of class c at squared distances d_i^2, the class gets the vote mean_i (1 + b d_i^2 / a)^-a;
 votes divided by their sum are probabilities once b is calibrated. The scatter that distances are held against is itself
 known from few gearboxes, so the vote falls as Student's t does and not as the normal distribution: far from all cases,
-which one is nearest says little. With q classes of N gearboxes in all, each class counting its own, the exponent a is
-(N - q + 1) / 2; the scatters of other features of the same kind count as PRIOR_FREEDOM gearboxes more.
+which one is nearest says little. With n gearboxes the exponent a is n / 2; the scatters of other features of the same
+kind count as PRIOR_FREEDOM more.
 
 Source: Geisser, Posterior odds for multivariate normal classifications, J. R. Stat. Soc. B 26 (1964), the predictive
-density of classes with one scatter that was estimated.
+density of a class whose scatter was estimated.
 """
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -62,7 +61,7 @@ class Vote:
 
     Args:
         sharpness: b, how fast the vote falls near the case.
-        tail: a, how slowly far from it [1]; infinite for the normal distribution.
+        tail: a, how slowly far from it [1].
     """
 
     sharpness: float
@@ -75,20 +74,12 @@ class Vote:
             nearest: squared distances, shape (queries, classes, k), infinite where there is no case.
         """
         count = np.isfinite(nearest).sum(axis=-1)
-        scaled = self.sharpness * nearest
-        each = -scaled if math.isinf(self.tail) else -self.tail * np.log1p(scaled / self.tail)
+        each = -self.tail * np.log1p(self.sharpness / self.tail * nearest)
         votes = log_sum_exp(each) - np.log(np.maximum(count, 1))
         return np.asarray(votes - log_sum_exp(votes)[..., None])
 
 
-def tail_of(labels: NDArray[np.str_], groups: NDArray[np.str_]) -> float:
-    """Return the exponent of votes whose scatter is known from cases, labels and gearboxes of shape (cases,)."""
-    classes = np.unique(labels)
-    independent = sum(np.unique(groups[labels == name]).size - 1 for name in classes)
-    return (independent + 1 + PRIOR_FREEDOM) / 2
-
-
-def fitted_vote(nearest: Floats, truth: NDArray[np.intp], tail: float = math.inf) -> Vote:
+def fitted_vote(nearest: Floats, truth: NDArray[np.intp], gearboxes: int) -> Vote:
     """Return the vote under which the true classes of held-out cases are most probable.
 
     Half a case that is right and half a case that is wrong are added to the likelihood, so that a library that makes
@@ -97,10 +88,11 @@ def fitted_vote(nearest: Floats, truth: NDArray[np.intp], tail: float = math.inf
     Args:
         nearest: squared distances, shape (cases, classes, k).
         truth: class of each, shape (cases,).
-        tail: see `tail_of`.
+        gearboxes: from how many of them the scatter of distances is known.
     """
     from scipy.optimize import minimize_scalar  # slow to import
 
+    tail = (gearboxes + PRIOR_FREEDOM) / 2
     near = nearest[np.isfinite(nearest).any(axis=-1).sum(axis=-1) > 1]
     true = truth[np.isfinite(nearest).any(axis=-1).sum(axis=-1) > 1]
     scale = float(np.median(near[np.isfinite(near)])) if near.size else 1.0
