@@ -210,7 +210,7 @@ class Reasoner:
         self, values: NDArray[np.floating], experience: Experience, hypotheses: Sequence[Hypothesis]
     ) -> tuple[Fault, ...]:
         named = [(each.label, each.probability) for each in hypotheses]
-        return faults(self.table, experience.jury, self.similarity.metric, experience.vote, values, named)
+        return faults(self.table, experience.jury, self.similarity.metric, experience.sharpness, values, named)
 
     def _evidence(
         self, extraction: Extraction, near: NearestByClass, label: str | None, refusing: Experience | None

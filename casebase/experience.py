@@ -30,7 +30,7 @@ from casebase.novelty import (
 )
 from casebase.retrieval import CaseMatrix, Kinship
 from casebase.similarity import Floats
-from casebase.voting import NEAREST, Vote, balance, fitted_vote, strangeness
+from casebase.voting import NEAREST, balance, fitted_sharpness, log_votes, strangeness
 
 LARGEST_SAMPLE = 400
 UNKNOWN_GEARBOX = 1.5
@@ -86,13 +86,13 @@ class Experience:
         names: of the features.
         colour_known: whether enough cases were measured to say what a recorder makes of this machine.
         normal: what normal recordings have shown; None where they are too few.
-        judged: how many cases were held out for the vote; one by one where there is one gearbox alone.
+        judged: how many cases were held out for the sharpness; one by one where there is one gearbox alone.
     """
 
     classes: tuple[str, ...]
     nearest: Floats
     truth: NDArray[np.intp]
-    vote: Vote
+    sharpness: float
     threshold: float | None
     jury: Mask
     detection: Detection
@@ -106,7 +106,7 @@ class Experience:
     def doubt(self) -> float:
         """Error rate that as many cases without any error still allow, by Laplace's rule of succession.
 
-        The errors that were made are in the votes already.
+        The errors that were made are in the sharpness of the votes already.
         """
         return 1 / (self.judged + 2)
 
@@ -134,7 +134,7 @@ class Experience:
 
     def shares(self, nearest: Floats, values: NDArray[np.floating], but: str = "") -> Floats:
         """Return every class's share before calibration, shape (classes,); `but` is a gearbox that is held out."""
-        votes = np.exp(self.vote.log_shares(nearest[None])[0])
+        votes = np.exp(log_votes(nearest[None], self.sharpness)[0])
         return self.detection.earned(votes, self.detection.missed(values, but))
 
     def _calibrated(self, shares: Floats, values: NDArray[np.floating]) -> Floats:
@@ -186,11 +186,12 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
     nearest = seen[chosen]
     known = _reached(nearest, truth)
     held, of = (nearest[known], truth[known]) if known.any() else _one_by_one(table, similarity, present, rows, truth)
+    sharpness = fitted_sharpness(held, of)
     return Experience(
         table.classes,
         nearest[known],
         truth[known],
-        fitted_vote(held, of, np.unique(table.groups[rows]).size),
+        sharpness,
         where_unknown_begins(table, present, rows),
         juries[chosen],
         Detection.of(table, juries[chosen]),

@@ -24,7 +24,7 @@ from casebase.case_table import CaseTable
 from casebase.novelty import spread_out
 from casebase.priors import even_weights, prior_weights
 from casebase.similarity import Floats, Metric, pooled_scales
-from casebase.voting import balance, fitted_vote, log_sum_exp, nearest_of_classes
+from casebase.voting import balance, fitted_sharpness, log_sum_exp, log_votes, nearest_of_classes
 
 FOLDS = 10
 LARGEST_SAMPLE = 160
@@ -124,7 +124,6 @@ class _Sample:
     truth: NDArray[np.intp]
     labels: NDArray[np.str_]
     classes: tuple[str, ...]
-    gearboxes: int
     folds: NDArray[np.intp]
     kinds: NDArray[np.intp]
 
@@ -271,8 +270,7 @@ def _sampled(table: CaseTable, metric: Metric) -> _Sample:
     same = (table.groups[:, None] == table.groups) | (table.samples[:, None] == table.samples)
     kinds, folds = np.unique(folds[rows], return_inverse=True)
     truth = np.searchsorted(table.classes, table.labels)
-    gearboxes = np.unique(table.groups).size
-    return _Sample(differences, ~same, truth, table.labels, table.classes, gearboxes, folds, kinds)
+    return _Sample(differences, ~same, truth, table.labels, table.classes, folds, kinds)
 
 
 def _representative(table: CaseTable) -> NDArray[np.intp]:
@@ -310,7 +308,8 @@ def _trial(sample: _Sample, start: str, prior: Floats, strength: float | None, s
         weights.append(_fit(sample, ~inside, prior, strength))
         squares = np.where(sample.allowed, sample.differences @ weights[-1].astype(np.float32), np.inf)
         nearest = nearest_of_classes(squares, sample.labels, sample.classes)
-        shares = fitted_vote(nearest[~inside], sample.truth[~inside], sample.gearboxes).log_shares(nearest[inside])
+        sharpness = fitted_sharpness(nearest[~inside], sample.truth[~inside])
+        shares = log_votes(nearest[inside], sharpness)
         truth = sample.truth[inside]
         losses[inside] = -np.maximum(np.take_along_axis(shares, truth[:, None], axis=1)[:, 0], -LARGEST_LOSS)
         right[inside] = shares.argmax(axis=1) == truth
