@@ -19,6 +19,7 @@ MODULES: tuple[str, ...] = (
     "measured_help",
     "strangers",
     "severity",
+    "strange_sizes",
 )
 """One line per benchmark."""
 
