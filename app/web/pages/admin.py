@@ -53,8 +53,10 @@ def key_create(
 
 
 @router.post("/keys/{key_id}/revoke", dependencies=[FromOurPage])
-def key_revoke(service: TheService, principal: PageAdmin, key_id: str) -> Response:
+def key_revoke(service: TheService, principal: PageAdmin, key_id: str, sure: Annotated[str, Form()] = "") -> Response:
     """Revoke a key for good."""
+    if sure != "yes":
+        raise Unprocessable("A key is revoked for good: tick the box that says so. Nothing was changed.")
     with service.library.transaction(principal.actor) as session:
         keys.revoke_key(session, key_id)
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/keys", status_code=303)

@@ -1,5 +1,6 @@
 """Axes: descriptions with their revisions, the trend of each gearbox, maintenance marks."""
 
+from collections.abc import Sequence
 from datetime import datetime
 from typing import Annotated
 from urllib.parse import quote
@@ -12,18 +13,22 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.errors import Unprocessable
-from app.service import Reading, TheService
+from app.service import Reading, Service, TheService
 from app.web.charts import Chart
 from app.web.features import features_of
 from app.web.session import FromOurPage, PageOperator, PageViewer
 from app.web.templating import render
 from app.web.trend import BASELINE, FEATURE, trend, when
+from app.web.words import investigation_headline
+from casebase import audit
 from casebase.axes import axis_history, get_axis, list_axes
 from casebase.description import check_name
-from casebase.models import MaintenanceMark, StoredRecording
+from casebase.errors import NotFoundError
+from casebase.models import MaintenanceMark, StoredDiagnosis, StoredInvestigation, StoredRecording
 
 router = APIRouter(prefix="/axes")
 SECTION = "/axes"
+LISTED = 10
 
 
 @router.get("")
@@ -49,8 +54,24 @@ def axis(request: Request, session: Reading, principal: PageViewer, name: str) -
         "trends": trends(session, name, all_marks),
         "marks": all_marks,
         "baseline": BASELINE,
+        "diagnoses": diagnoses_of(session, name),
+        "investigations": investigations_of(session, name),
+        "listed": LISTED,
     }
     return render(request, "axis.html", context, principal=principal, section=SECTION)
+
+
+def diagnoses_of(session: Session, axis: str) -> Sequence[StoredDiagnosis]:
+    """Return the newest diagnoses of recordings of an axis."""
+    statement = select(StoredDiagnosis).join(StoredDiagnosis.recording).where(StoredRecording.axis == axis)
+    return session.scalars(statement.order_by(StoredDiagnosis.id.desc()).limit(LISTED)).all()
+
+
+def investigations_of(session: Session, axis: str) -> list[tuple[StoredInvestigation, str | None]]:
+    """Return the newest investigations of an axis, with what each found."""
+    statement = select(StoredInvestigation).where(StoredInvestigation.axis == axis)
+    rows = session.scalars(statement.order_by(StoredInvestigation.id.desc()).limit(LISTED))
+    return [(row, investigation_headline(row.document) if row.document else None) for row in rows]
 
 
 def trends(session: Session, axis: str, marks: list[MaintenanceMark]) -> list[tuple[str, Chart]]:
@@ -96,6 +117,28 @@ def add_mark(
             axis=name, gearbox=gearbox.strip() or None, at=when, text=text.strip(), created_by=principal.actor
         )
         session.add(mark)
+        session.flush()
+        audit.record(session, "mark.added", ("mark", mark.id), after=_said(mark))
+    return _back(service, name)
+
+
+@router.post("/{name}/marks/{mark_id}/remove", dependencies=[FromOurPage])
+def remove_mark(service: TheService, principal: PageOperator, name: str, mark_id: str) -> Response:
+    """Take a note back; the audit log keeps what it said."""
+    with service.library.transaction(principal.actor) as session:
+        mark = session.get(MaintenanceMark, mark_id)
+        if mark is None or mark.axis != name:
+            raise NotFoundError(f"no such note of axis {name!r}; it may have been removed already")
+        audit.record(session, "mark.removed", ("mark", mark.id), before=_said(mark))
+        session.delete(mark)
+    return _back(service, name)
+
+
+def _said(mark: MaintenanceMark) -> dict[str, object]:
+    return {"axis": mark.axis, "gearbox": mark.gearbox, "at": mark.at.isoformat(), "text": mark.text}
+
+
+def _back(service: Service, name: str) -> Response:
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/axes/{quote(name, safe='')}", status_code=303)
 
 

@@ -5,6 +5,7 @@ from typing import Annotated, Literal
 
 from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import RedirectResponse, Response
+from sqlalchemy import select
 
 from app.errors import Unprocessable
 from app.intake import take_in
@@ -18,8 +19,9 @@ from app.web.pages.recordings import demo_ids
 from app.web.report import diagnosis_html, diagnosis_pdf
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer, SignInNeeded, Visitor, below_root
 from app.web.templating import Message, render
+from casebase.axes import find_axis
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
-from casebase.models import StoredDiagnosis
+from casebase.models import Case, StoredDiagnosis
 
 router = APIRouter()
 FILTERS = (
@@ -153,6 +155,8 @@ def shown(
     context = view_of(session, service, row, orders=orders, overlay=case).context()
     labels = sorted({label for label, _ in counts_of(service.library, session)})
     context |= {"demo": demo, "orders": orders, "curl": curl, "labels": labels, "overlay": case}
+    context["kept"] = session.scalars(select(Case).where(Case.diagnosis_id == row.id).order_by(Case.id)).all()
+    context["described"] = row.recording.axis is None or find_axis(session, row.recording.axis) is not None
     notices = (Message("Taken over.", ""),) if request.query_params.get("done") else ()
     return render(request, "diagnosis.html", context, principal=principal, section="/diagnoses", messages=notices)
 
@@ -166,7 +170,7 @@ def revise(
     label: Annotated[str, Form()] = "",
     verified_by: Annotated[str, Form()] = "",
 ) -> Response:
-    """Confirm, correct, be unsure, or take that back."""
+    """Confirm, correct, reject, or take that back."""
     with service.library.transaction(principal.actor) as session:
         right = label.strip() if verdict == "corrected" else None
         if len(verified_by) > LONGEST_VERIFICATION:
