@@ -47,6 +47,10 @@ class Inside:
             options["data"] = {"csrf": self.token, **options["data"]}
         return self._sent(method, path, {"Accept": "text/html", "Cookie": f"{COOKIE}={self.key}"}, options)
 
+    def anonymous(self, method: str, path: str, **options: Any) -> httpx.Response:
+        """Ask as a browser without a key does."""
+        return self._sent(method, path, {"Accept": "text/html"}, options)
+
     def _sent(self, method: str, path: str, headers: dict[str, str], options: dict[str, Any]) -> httpx.Response:
         headers |= options.pop("headers", {})
 

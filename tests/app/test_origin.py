@@ -59,6 +59,15 @@ def send(service: Inside, content: bytes, **told: Any) -> dict[str, Any]:
     return answer
 
 
+def test_anybody_may_take_the_recording_of_the_demonstration_and_no_other(service: Inside) -> None:
+    """As the README says, without a key; the name leads to the sound that the library keeps."""
+    free = service.anonymous("GET", "/demonstration.wav")
+    assert free.status_code == 302
+    assert service.anonymous("GET", free.headers["location"]).content == sound(7, impacts=True)
+    other = service.ask("POST", f"{API}/diagnoses", files={"file": ("x.wav", sound(8))}).json()["recording"]["id"]
+    assert service.anonymous("GET", f"/recordings/{other}/sound").status_code == 303
+
+
 def test_confirmed_by_a_key_press_it_is_a_simulated_case(service: Inside) -> None:
     page = f"/diagnoses/{demonstration(service)}"
     revised = service.browse("POST", f"{page}/revise", data={"verdict": "corrected", "label": "notch"})

@@ -23,6 +23,7 @@ from app.web.templating import STATIC
 PAGES: tuple[APIRouter, ...] = (
     session.router,
     diagnoses.router,
+    recordings.demonstration,
     recordings.router,
     library.router,
     care.router,

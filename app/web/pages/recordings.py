@@ -20,8 +20,10 @@ from app.web.recorded import PlotName, chart_of, decoded, spectrogram_png, surve
 from app.web.session import FromOurPage, PageAdmin, SignInNeeded, Visitor, below_root
 from casebase import erasing
 from casebase.artifacts import active_artifact
+from casebase.errors import NotFoundError
 
 router = APIRouter(prefix="/recordings/{recording_id}")
+demonstration = APIRouter()
 PAGE_OF_OURS = re.compile(r"/(cases|diagnoses)/[0-9a-f]{32}")
 
 
@@ -42,6 +44,15 @@ def allowed(session: Session, principal: Visitor, request: Request, recording_id
     demo = demo_ids(session)
     if demo is None or demo[1] != recording_id:
         raise SignInNeeded(below_root(request))
+
+
+@demonstration.get("/demonstration.wav")
+def demonstration_wav(session: Reading, service: TheService, _: Visitor) -> Response:
+    """The recording of the demonstration, under a name that examples can use."""
+    demo = demo_ids(session)
+    if demo is None:
+        raise NotFoundError("this library has no demonstration; `gearcase starter` makes one")
+    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/recordings/{demo[1]}/sound", status_code=302)
 
 
 @router.get("/plots/{name}")
