@@ -19,7 +19,7 @@ from app.web.story import Part, candidates_of, panel_of, panels_of
 from app.web.templating import render
 from app.web.words import finding_words, investigation_headline, unexplained_words
 from casebase.axes import list_axes
-from casebase.models import StoredInvestigation
+from casebase.models import AxisRevision, StoredInvestigation
 from casebase.pages import page
 
 router = APIRouter(prefix="/investigations")
@@ -83,6 +83,7 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "candidates": candidates_of(document),
         "checked": document.get("story", {}).get("checked", ()),
         "not_examined": document.get("story", {}).get("not_examined", ()),
+        "accepted": session.scalars(select(AxisRevision).where(AxisRevision.investigation_id == row.id)).first(),
     }
     return render(request, "investigation.html", context, principal=principal, section=SECTION)
 
