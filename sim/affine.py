@@ -69,7 +69,7 @@ class _Tables:
         self.strict = np.zeros((room, rows), np.bool_)
         self.stops = np.zeros((room, rows, width))
         self.enter = np.zeros((room, width, width))
-        self.follow = np.full((room, rows, follow), -1, np.int64)
+        self.follow = np.full((room, rows + 1, follow), -1, np.int64)
         self.matrices = np.zeros((room, width, width))
         self.steps = np.zeros((room, width, width))
         self.lengths = np.zeros(room)
@@ -83,7 +83,7 @@ class _Tables:
         new.derivatives[: self.room, :, : self.rows] = self.derivatives
         new.strict[: self.room, : self.rows] = self.strict
         new.stops[: self.room, : self.rows] = self.stops
-        new.follow[: self.room, : self.rows, : self.follow.shape[2]] = self.follow
+        new.follow[: self.room, : self.rows + 1, : self.follow.shape[2]] = self.follow
         new.products[: self.room, :, : self.products.shape[2]] = self.products
         return new
 
@@ -173,7 +173,7 @@ class ExactEngine:
     def _learn(self, mode: int, row: int, x: Array, scale: Array) -> int:
         """Find the mode that follows when `row` of `mode` breaks at x; remember all that were looked at."""
         key = self.modes[mode].key
-        owners = self.modes[mode].holds.owners[row]
+        owners = self.modes[mode].holds.owner(row)
         allowed = possible_branches(self.system, x, scale)
         for new_key in combinations_near(self.system, key, owners, allowed):
             number = self._number(new_key)

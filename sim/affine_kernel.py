@@ -387,11 +387,14 @@ def advance(
 ):  # fmt: skip
     """Advance to the end of the block, or to where the caller is needed: ASK for a mode that is not learnt.
 
+    The row that broke is the number of an inequality, or one more than there are where something has to be zero and no
+    longer is, which happens only as signals begin anew.
+
     Shapes: x (n,), out (count, moving), modes (count,), products (modes, n, width): the first `moving` states are
     angles and speeds, then come the signals, then one. Stops are instants at which the signals' pieces begin anew,
     with sample interval, offset in it and values.
     """
-    counts, derivatives, strict = tables[0], tables[1], tables[2]
+    counts, derivatives, strict, stops, stop_counts = tables[0], tables[1], tables[2], tables[3], tables[4]
     n = x.shape[0]
     moving = out.shape[1]
     y = np.empty(products.shape[2])
@@ -447,6 +450,8 @@ def advance(
             if check:
                 check = False
                 crossed = holding(x, scale, derivatives[mode], strict[mode], counts[mode])
+                if crossed < 0 and not resting(x, scale, stops[mode], stop_counts[mode]):
+                    crossed = counts[mode]
             if crossed >= 0:
                 events += 1
                 if events > MAX_EVENTS:

@@ -78,13 +78,17 @@ class Constraints:
     strict: NDArray[np.bool_]
     owners: tuple[frozenset[int], ...]
 
+    def owner(self, row: int) -> frozenset[int]:
+        """Components whose law breaks with a row; none beyond the last row, where what has to be zero is not."""
+        return self.owners[row] if row < len(self.owners) else frozenset()
+
 
 @dataclass(frozen=True)
 class Mode:
     """One combination of branches: x' = matrix x while all rows of `holds` are >= 0.
 
-    `stops` are speeds that must be zero to enter, `enter` maps x on entry, `solve` gives z = solve x; `regular` modes
-    have neither shafts without inertia nor torques that are free to choose.
+    `stops` are rows that must be zero to enter: speeds, and what a prescribed motion has to be; `enter` maps x on
+    entry, `solve` gives z = solve x; `regular` modes have neither hidden constraints nor torques free to choose.
     """
 
     key: tuple[int, ...]
@@ -190,7 +194,7 @@ class System:
         for part, v in zip(self.components, self.rows, strict=True):
             (absolute if isinstance(part, Inertia) else relative).extend(row[:n] for row in part.states(v))
         self.candidates = [*relative, *absolute, *np.eye(n)]
-        basis = _Basis(n)
+        basis = Basis(n)
         fixed = [i for i, row in enumerate(self.kinematics) if basis.take(row[:n])]
         for i, row in enumerate(self.kinematics):
             if i not in fixed and abs(row[self.known - 1]) > 0:
@@ -208,6 +212,14 @@ class System:
         self.to_known[2 * n :, 2 * count :] = np.eye(self.signal_width + 1)
         self.freedom = count
         self.fixed = fixed
+        self._find_prescribed()
+
+    def _find_prescribed(self) -> None:
+        """`unprescribed`: an orthonormal basis of how the coordinates can move where no motion is prescribed."""
+        rows = [row for part, v in zip(self.components, self.rows, strict=True) for row in part.prescribed(v)]
+        along = self.state_rows(_stack(rows, self.width))[:, : self.freedom]
+        _, size, right = np.linalg.svd(along)
+        self.unprescribed = right[np.count_nonzero(size > ZERO * size.max(initial=0.0)) :].T
 
     def start(self) -> Array:
         """Return the state at time 0: start values that were given, zero where none was."""
@@ -220,7 +232,7 @@ class System:
         state = np.zeros(self.state_width)
         for level in range(2):
             rows = slice(level * n, (level + 1) * n)
-            basis, system, values = _Basis(n), [], []
+            basis, system, values = Basis(n), [], []
             for i in self.fixed:
                 basis.take(self.kinematics[i, :n])
                 system.append(self.kinematics[i, :n])
@@ -300,6 +312,7 @@ class _Piece:
     holds: Array
     strict: NDArray[np.bool_]
     stops: Array
+    losses: Array
 
     @classmethod
     def of(cls, system: System, v: _Rows, branch: Branch, equations: int) -> "_Piece":
@@ -311,9 +324,10 @@ class _Piece:
             tuple(node for node, _ in pairs),
             _stack([row for _, row in pairs], system.width),
             _stack(branch.equations, system.width),
-            _stack((*branch.holds, *branch.moves), system.width),
-            np.array([False] * len(branch.holds) + [True] * len(branch.moves), dtype=np.bool_),
+            _stack((*branch.holds, *branch.strict), system.width),
+            np.array([False] * len(branch.holds) + [True] * len(branch.strict), dtype=np.bool_),
             _stack(branch.stops, system.width),
+            _stack([torque for torque, _ in branch.powers.values()], system.width),
         )
 
 
@@ -321,7 +335,7 @@ def _stack(rows: Sequence[Row], width: int) -> Array:
     return np.array(rows, dtype=np.float64).reshape(-1, width)
 
 
-class _Basis:
+class Basis:
     """Rows taken one by one while they are independent of those taken before (Gram-Schmidt, twice)."""
 
     def __init__(self, width: int) -> None:

@@ -111,8 +111,9 @@ class Branch:
         Rows that are zero, as many as the component has unknowns beyond its kinematics.
     holds
         Rows that are >= 0 as long as the branch is valid.
-    moves
-        Speeds that are > 0 from then on, not zero for good (else the shaft is stuck, not sliding) [rad/s].
+    strict
+        Rows that are > 0 from then on, not zero for good: a speed (else the shaft is stuck, not sliding), a force that
+        presses (else the friction is free).
     stops
         Speeds that are exactly zero in this branch [rad/s].
     mode
@@ -120,13 +121,13 @@ class Branch:
     channels
         Named results with their rows.
     powers
-        Named results that are products of two rows [W].
+        Named results that are products of two rows [W]: a torque of friction or damping, and its speed.
     """
 
     torques: Mapping[str, Row]
     equations: tuple[Row, ...] = ()
     holds: tuple[Row, ...] = ()
-    moves: tuple[Row, ...] = ()
+    strict: tuple[Row, ...] = ()
     stops: tuple[Row, ...] = ()
     mode: int | None = None
     channels: Mapping[str, Row] = field(default_factory=dict)
@@ -168,6 +169,10 @@ class Component(ABC):
 
     def kinematics(self, v: Variables) -> tuple[Row, ...]:
         """Rows of angles that are zero at all times."""
+        return ()
+
+    def prescribed(self, v: Variables) -> tuple[Row, ...]:
+        """Angles whose motion this component gives, whatever torque it takes."""
         return ()
 
     def states(self, v: Variables) -> tuple[Row, ...]:

@@ -157,18 +157,23 @@ class RungeKutta:
     def _enter(self, key: Key, x: Array) -> Array | None:
         """The state after entering a mode at x, or None if it does not hold there."""
         mode = compile_mode(self.system, key)
-        resting = np.abs(mode.stops @ x) <= 1e-9 * (np.abs(mode.stops) @ self.scale) + 1e-12
-        if not np.all(resting):
+        if not self._resting(mode, x):
             return None
         entered: Array = mode.enter @ x
         return entered if first_broken(mode, entered, self.scale) < 0 else None
 
+    def _resting(self, mode: Mode, x: Array) -> bool:
+        """Whether all is zero that has to be in the mode."""
+        return bool(np.all(np.abs(mode.stops @ x) <= 1e-9 * (np.abs(mode.stops) @ self.scale) + 1e-12))
+
     def _broken(self, x: Array) -> frozenset[int] | None:
-        """Owners of an inequality that does not hold after a signal's breakpoint, or None."""
+        """Owners of what does not hold after a signal's breakpoint, or None."""
         self._at(x)
         mode = compile_mode(self.system, self.key)
         row = first_broken(mode, x, self.scale)
-        return None if row < 0 else mode.holds.owners[row]
+        if row < 0 and not self._resting(mode, x):
+            row = len(mode.holds.owners)
+        return None if row < 0 else mode.holds.owner(row)
 
     def _switch(self, time: float, x: Array, owners: frozenset[int]) -> Array:
         self.scale = np.maximum(self.scale, np.abs(x))
@@ -311,7 +316,8 @@ class Law:
         rows, known = self._rows(x), self.system.known
         if self._regular:
             return np.asarray(np.linalg.solve(rows[:, known:], -rows[:, :known] @ self.system.point))
-        return np.asarray(solve_unknowns(self.system, rows)[0] @ x)
+        losses = np.vstack([self.system.branches(i)[branch].losses for i, branch in enumerate(self.key)])
+        return np.asarray(solve_unknowns(self.system, rows, losses)[0] @ x)
 
     def _inequalities(self) -> Array:
         pieces = [self.system.branches(i)[branch].holds for i, branch in enumerate(self.key)]

@@ -84,7 +84,7 @@ class LossyGear(Component):
         mode: int,
         equation: Row,
         holds: tuple[Row, ...],
-        moves: tuple[Row, ...] = (),
+        strict: tuple[Row, ...] = (),
         stops: tuple[Row, ...] = (),
     ) -> Branch:
         tau_a, loss = v.unknown(0), v.unknown(1)
@@ -94,7 +94,7 @@ class LossyGear(Component):
             torques={"flange_a": tau_a, "flange_b": tau_b, "support": -tau_a - tau_b},
             equations=(equation,),
             holds=holds,
-            moves=moves,
+            strict=strict,
             stops=stops,
             mode=mode,
             channels={

@@ -45,8 +45,11 @@ class MotionSource(Component):
         """The acceleration that the flange is given."""
         raise NotImplementedError
 
-    def states(self, v: Variables) -> tuple[Row, ...]:
+    def prescribed(self, v: Variables) -> tuple[Row, ...]:
         return (v.phi("flange") - v.phi("support"),)
+
+    def states(self, v: Variables) -> tuple[Row, ...]:
+        return self.prescribed(v)
 
     def branches(self, v: Variables) -> tuple[Branch, ...]:
         phi, w, a = self.phi_w_a(v)
