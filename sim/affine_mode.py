@@ -34,7 +34,12 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
     owners = [frozenset([i]) for i, piece in enumerate(pieces) for _ in piece.holds]
     bound = system.state_rows(np.vstack([piece.stops for piece in pieces])) if pieces else np.zeros((0, 0))
     solve, free, hidden = solve_unknowns(system, rows, np.vstack([piece.losses for piece in pieces]))
-    enter = _entry(system, np.vstack([bound, hidden]))
+    enter = _entry(system, np.vstack([bound, hidden]), system.unprescribed)
+    asked = _left_over(hidden, enter)
+    if len(asked):  # they are zero to rounding where the mode is entered; exactly so, nothing moves by that rounding
+        resting = np.vstack([bound, asked])
+        enter = _entry(system, resting, np.eye(system.freedom)) @ enter
+        solve = _sum(solve, -solve @ np.linalg.pinv(resting, rcond=ZERO), resting)
     limits = np.vstack([piece.holds for piece in pieces])
     strict = np.concatenate([piece.strict for piece in pieces])
     by_state = _sum(system.state_rows(limits), limits[:, known:], solve)
@@ -43,7 +48,7 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
         key=key,
         matrix=_flow(system, solve),
         holds=constraints,
-        stops=np.vstack([bound, _left_over(hidden, enter)]),
+        stops=np.vstack([bound, asked]),
         enter=enter,
         solve=solve,
         regular=not len(hidden) and not free.shape[1],
@@ -161,16 +166,12 @@ def _flow(system: System, solve: Array) -> Array:
     return matrix
 
 
-def _entry(system: System, rows: Array) -> Array:
-    """Return the map of x on entering: rows become zero by the least change, measured in kinetic energy.
-
-    Prescribed motions do not change: there the change is measured with an infinite inertia.
-    """
+def _entry(system: System, rows: Array, ways: Array) -> Array:
+    """Return the map of x on entering: rows become zero by the least change along `ways`, measured in kinetic energy."""
     width, count = system.state_width, system.freedom
     enter = np.eye(width)
     if not len(rows):
         return enter
-    ways = system.unprescribed
     energy = ways.T @ system.kinetic() @ ways
     light = energy + 1e-9 * (np.trace(energy) / max(len(energy), 1) + 1e-12) * np.eye(len(energy))
     for part in (slice(count, 2 * count), slice(0, count)):
