@@ -27,6 +27,9 @@ INSTANT = 1e-15
 STOP_TOLERANCE = 1e-9
 STANDSTILL = 1e-15
 """A speed below this [rad/s] is zero, however small all speeds have been."""
+NATURAL = 1e-4
+"""Share of what the terms of its acceleration amount to within a time constant that a speed is taken to have had: times
+`STOP_TOLERANCE`, the rounding of these terms, which no speed is free of."""
 MAX_EVENTS = 2000
 """Events within one sample interval from which on it is called a storm."""
 
@@ -140,6 +143,20 @@ def resting(x, scale, stops, rows):
         if abs(value) > STOP_TOLERANCE * size + STANDSTILL:
             return False
     return True
+
+
+@_jit
+def enlarge(x, scale, matrix, moving, rate):
+    """Let `scale` hold how large each state has been at least, speeds also by what accelerates them at 1/rate."""
+    n = x.shape[0]
+    for j in range(n):
+        scale[j] = max(scale[j], abs(x[j]))
+    if rate > 0.0:
+        for i in range(moving // 2, moving):
+            total = 0.0
+            for j in range(n):
+                total += abs(matrix[i, j]) * scale[j]
+            scale[i] = max(scale[i], NATURAL * total / rate)
 
 
 @_jit
@@ -383,7 +400,7 @@ def _switch(x, scale, mode, row, tables, spare):
 @_jit
 def advance(
     h, count, x, scale, state, clock, stop_sample, stop_offset, stop_values,
-    matrices, steps, lengths, products, tables, out, modes, log_where, log_modes,
+    matrices, steps, lengths, rates, products, tables, out, modes, log_where, log_modes,
 ):  # fmt: skip
     """Advance to the end of the block, or to where the caller is needed: ASK for a mode that is not learnt.
 
@@ -461,8 +478,7 @@ def advance(
                     status = LOG_FULL
                     check = True
                     break
-                for j in range(n):
-                    scale[j] = max(scale[j], abs(x[j]))
+                enlarge(x, scale, matrices[mode], moving, rates[mode])
                 new = _switch(x, scale, mode, crossed, tables, spare)
                 if new < 0:
                     status = ASK

@@ -34,12 +34,14 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
     owners = [frozenset([i]) for i, piece in enumerate(pieces) for _ in piece.holds]
     bound = system.state_rows(np.vstack([piece.stops for piece in pieces])) if pieces else np.zeros((0, 0))
     solve, free, hidden = solve_unknowns(system, rows, np.vstack([piece.losses for piece in pieces]))
-    enter = _entry(system, np.vstack([bound, hidden]), system.unprescribed)
+    enter = _entry(system, np.vstack([bound, hidden]))
     asked = _left_over(hidden, enter)
+    moving = slice(0, 2 * system.freedom)
     if len(asked):  # they are zero to rounding where the mode is entered; exactly so, nothing moves by that rounding
         resting = np.vstack([bound, asked])
-        enter = _entry(system, resting, np.eye(system.freedom)) @ enter
-        solve = _sum(solve, -solve @ np.linalg.pinv(resting, rcond=ZERO), resting)
+        resting /= np.abs(resting).max(axis=1, keepdims=True)
+        enter[moving] -= np.linalg.pinv(resting[:, moving], rcond=ZERO) @ resting @ enter
+        solve = _sum(solve, -solve @ np.linalg.pinv(resting, rcond=ZERO), resting, ZERO)
     limits = np.vstack([piece.holds for piece in pieces])
     strict = np.concatenate([piece.strict for piece in pieces])
     by_state = _sum(system.state_rows(limits), limits[:, known:], solve)
@@ -52,6 +54,7 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
         enter=enter,
         solve=solve,
         regular=not len(hidden) and not free.shape[1],
+        rows=rows,
     )
 
 
@@ -122,9 +125,10 @@ def solve_unknowns(system: System, rows: Array, losses: Array) -> tuple[Array, A
         left, size, right = np.linalg.svd(unknown / columns)
         rank = int(np.count_nonzero(size > ZERO * size[0])) if len(size) else 0
         lost = left[:, rank:].T @ rows
-        lost[np.abs(lost) <= ZERO * (np.abs(left[:, rank:].T) @ np.abs(rows))] = 0.0
+        rounding = ZERO * (np.abs(left[:, rank:].T) @ np.abs(rows)) + ROUNDING * np.abs(rows).max(axis=0)
+        lost[np.abs(lost) <= rounding] = 0.0
         lost[:, known:] = 0.0
-        bound = system.state_rows(lost)
+        bound = _sum(np.zeros((len(lost), system.state_width)), lost[:, :known], system.to_known, ZERO)
         real = np.abs(bound).max(axis=1) > ZERO * np.maximum(1.0, np.abs(rows[:, :known]).max())
         new = [i for i in np.flatnonzero(real) if taken.take(bound[i])]
         if not new:
@@ -137,7 +141,9 @@ def solve_unknowns(system: System, rows: Array, losses: Array) -> tuple[Array, A
     inverse = np.linalg.inv(scaled) if square else (right[:rank].T / size[:rank]) @ left[:, :rank].T
     inverse[np.abs(inverse) <= ROUNDING * np.abs(inverse).max(initial=0.0)] = 0.0
     inverse /= columns[:, None]
-    free = right[rank:].T / columns[:, None]
+    free = right[rank:].T
+    free[np.abs(free) <= ROUNDING] = 0.0
+    free = free / columns[:, None]
     moving = np.abs(free[: system.node_count])
     if moving.size and moving.max() > 1e-6 * np.abs(free).max():
         raise no_inertia(system, moving.max(axis=1))
@@ -150,10 +156,10 @@ def solve_unknowns(system: System, rows: Array, losses: Array) -> tuple[Array, A
     return solve, free, hidden
 
 
-def _sum(start: Array, left: Array, right: Array) -> Array:
+def _sum(start: Array, left: Array, right: Array, rounding: float = ROUNDING) -> Array:
     """Return start + left @ right, in which terms that cancel to rounding are exactly zero."""
     total = start + left @ right
-    total[np.abs(total) <= ROUNDING * (np.abs(start) + np.abs(left) @ np.abs(right))] = 0.0
+    total[np.abs(total) <= rounding * (np.abs(start) + np.abs(left) @ np.abs(right))] = 0.0
     return np.asarray(total)
 
 
@@ -166,19 +172,24 @@ def _flow(system: System, solve: Array) -> Array:
     return matrix
 
 
-def _entry(system: System, rows: Array, ways: Array) -> Array:
-    """Return the map of x on entering: rows become zero by the least change along `ways`, measured in kinetic energy."""
+def _entry(system: System, rows: Array) -> Array:
+    """Return the map of x on entering: rows become zero by the least change, measured in kinetic energy.
+
+    Prescribed motions do not change: there the change is measured with an infinite inertia.
+    """
     width, count = system.state_width, system.freedom
     enter = np.eye(width)
     if not len(rows):
         return enter
+    ways = system.unprescribed
     energy = ways.T @ system.kinetic() @ ways
     light = energy + 1e-9 * (np.trace(energy) / max(len(energy), 1) + 1e-12) * np.eye(len(energy))
     for part in (slice(count, 2 * count), slice(0, count)):
-        fast = np.abs(rows[:, count : 2 * count]).max(axis=1, initial=0) > 0
+        least = ZERO * np.abs(rows).max(axis=1)
+        fast = np.abs(rows[:, count : 2 * count]).max(axis=1, initial=0) > least
         chosen = rows[fast] if part.start else rows[~fast]
         along = chosen[:, part] @ ways
-        can = np.abs(along).max(axis=1, initial=0) > ZERO * np.abs(chosen[:, part]).max(axis=1, initial=0)
+        can = np.abs(along).max(axis=1, initial=0) > (least[fast] if part.start else least[~fast])
         if not can.any():
             continue
         chosen, along = chosen[can], along[can]

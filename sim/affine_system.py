@@ -8,6 +8,7 @@ that no digits are lost between large angles.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -88,7 +89,8 @@ class Mode:
     """One combination of branches: x' = matrix x while all rows of `holds` are >= 0.
 
     `stops` are rows that must be zero to enter: speeds, and what a prescribed motion has to be; `enter` maps x on
-    entry, `solve` gives z = solve x; `regular` modes have neither hidden constraints nor torques free to choose.
+    entry, `solve` gives z = solve x; `regular` modes have neither hidden constraints nor torques free to choose. `rows`
+    are all equations, over (y, z).
     """
 
     key: tuple[int, ...]
@@ -98,6 +100,12 @@ class Mode:
     enter: Array
     solve: Array
     regular: bool
+    rows: Array
+
+    @cached_property
+    def rate(self) -> float:
+        """Largest eigenvalue [1/s]."""
+        return float(np.abs(np.linalg.eigvals(self.matrix)).max(initial=0.0))
 
 
 class System:
@@ -172,6 +180,15 @@ class System:
                 out[:, first - 1] = pieces[:, 0]
             else:
                 out[:, first] += pieces[:, 0]
+        return out
+
+    def states(self, time_s: Array, moving: Array) -> Array:
+        """Whole states of angles and speeds `moving` at the times, shape (n, state)."""
+        out = np.empty((len(time_s), self.state_width))
+        width = moving.shape[1]
+        out[:, :width] = moving
+        out[:, width:-1] = self.signal_values(time_s)
+        out[:, -1] = 1.0
         return out
 
     def signal_flow(self) -> Array:

@@ -175,6 +175,10 @@ class Component(ABC):
         """Angles whose motion this component gives, whatever torque it takes."""
         return ()
 
+    def follows(self, v: Variables) -> tuple[tuple[Row, Signal], ...]:
+        """Angles and speeds that are to be those of a signal at all times."""
+        return ()
+
     def states(self, v: Variables) -> tuple[Row, ...]:
         """Angles that this component would have as states, as Modelica's stateSelect."""
         return ()

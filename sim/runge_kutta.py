@@ -33,6 +33,7 @@ from sim.affine_system import Array, Mode, System
 from sim.component import STUCK
 from sim.errors import RunError
 from sim.trajectory import Channels, Event, Trajectory
+from sim.verification import Residual, Verifier, check_finite, instants
 
 RELATIVE_TOLERANCE = 1e-11
 LONGEST_STEP_S = 0.02
@@ -176,8 +177,11 @@ class RungeKutta:
         return None if row < 0 else mode.holds.owner(row)
 
     def _switch(self, time: float, x: Array, owners: frozenset[int]) -> Array:
-        self.scale = np.maximum(self.scale, np.abs(x))
+        from sim import affine_kernel as kernel
+
         self._at(x)
+        mode = compile_mode(self.system, self.key)
+        kernel.enlarge(x, self.scale, mode.matrix, self.moving, mode.rate)
         allowed = possible_branches(self.system, x, self.scale)
         for key in combinations_near(self.system, self.key, owners, allowed):
             entered = self._enter(key, x)
@@ -368,7 +372,28 @@ def simulate_runge_kutta(system: System, samples: int, sample_rate_hz: float) ->
     run = RungeKutta(system, samples, sample_rate_hz).run()
     reader = _Reader(system, run)
     time = np.arange(samples) / sample_rate_hz
-    return Trajectory(time, Channels(reader.sources), reader.units, tuple(run.events), "runge-kutta")
+    residual = _verify(system, run, time)
+    return Trajectory(time, Channels(reader.sources), reader.units, tuple(run.events), "runge-kutta", residual)
+
+
+def _verify(system: System, run: _Run, time: Array) -> Residual:
+    """Look at equations, limits and prescribed motion; flow and energy are left to the steps' own error control."""
+    h = float(time[-1]) / max(len(time) - 1, 1)
+    verifier = Verifier(system, h)
+    check_finite(time, run.states, verifier.coordinate)
+    at = instants(len(time))
+    motion = verifier.motion(time[at], run.states[at])
+    equations = limits = 0.0
+    after = np.zeros((1, 2 * system.freedom))
+    for i in at.tolist():
+        system.point = system.to_known @ run.states[i]
+        one = Verifier(system, h)
+        mode = compile_mode(system, run.keys[i])
+        found = one.laws(
+            [mode], np.zeros(1, np.int32), time[i : i + 1], run.states[i : i + 1], after, np.zeros(1, np.bool_)
+        )
+        equations, limits = max(equations, found[0]), max(limits, found[1])
+    return Residual(equations, limits, motion)
 
 
 class _Reader:
