@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.affine_system import ZERO, Array, Basis, Constraints, Mode, System, no_inertia
+from sim.affine_system import ZERO, Array, Basis, Constraints, Mode, System, bend, no_inertia
 
 ROUNDING = 1e-13
 """What is left of terms that cancel, relative to them."""
@@ -103,7 +103,9 @@ def _derivative(system: System, rows: Array) -> Array:
     out[:, known : known + n] = rows[:, n : 2 * n]
     for signal, (_, swing) in zip(system.signals, system.signal_columns, strict=True):
         out[:, swing + 1] += rows[:, swing]
-        out[:, swing] -= signal.omega**2 * rows[:, swing + 1]
+        by_swing, by_rate = bend(signal)
+        out[:, swing] += by_swing * rows[:, swing + 1]
+        out[:, swing + 1] += by_rate * rows[:, swing + 1]
     return out
 
 

@@ -15,7 +15,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.component import Branch, Component, Row, Signal, Variables
-from sim.components import Inertia
 from sim.drive_train import DriveTrain
 from sim.errors import CompositionError, RunError
 
@@ -61,7 +60,8 @@ class _Rows(Variables):
         if derivative == 1:
             return self._column(swing + 1)
         if derivative == 2:
-            return -(self._system.signals[number].omega ** 2) * self._column(swing)
+            by_swing, by_rate = bend(self._system.signals[number])
+            return by_swing * self._column(swing) + by_rate * self._column(swing + 1)
         return self._column(swing) if level < 0 else self._column(level) + self._column(swing)
 
     def now(self, row: Row) -> float:
@@ -197,7 +197,7 @@ class System:
         for signal, (_, swing) in zip(self.signals, self.signal_columns, strict=True):
             column = swing - 2 * self.node_count + 2 * self.freedom
             flow[column, column + 1] = 1.0
-            flow[column + 1, column] = -(signal.omega**2)
+            flow[column + 1, column : column + 2] = bend(signal)
         return flow
 
     # ---- coordinates and start --------------------------------------------------------------------------------
@@ -209,7 +209,7 @@ class System:
         relative: list[Row] = []
         absolute: list[Row] = []
         for part, v in zip(self.components, self.rows, strict=True):
-            (absolute if isinstance(part, Inertia) else relative).extend(row[:n] for row in part.states(v))
+            (absolute if part.inertia else relative).extend(row[:n] for row in part.states(v))
         self.candidates = [*relative, *absolute, *np.eye(n)]
         basis = Basis(n)
         fixed = [i for i, row in enumerate(self.kinematics) if basis.take(row[:n])]
@@ -308,8 +308,8 @@ class System:
         """Inertia matrix in the coordinates, shape (freedom, freedom)."""
         masses = np.zeros(self.node_count)
         for part, v in zip(self.components, self.rows, strict=True):
-            if isinstance(part, Inertia):
-                masses += part.J * v.phi("flange_a")[: self.node_count]
+            if part.inertia:
+                masses += part.inertia * v.phi(part.flanges[0])[: self.node_count]
         shape = self.to_known[: self.node_count, : self.freedom]
         return np.asarray(shape.T @ (masses[:, None] * shape))
 
@@ -344,7 +344,7 @@ class _Piece:
             _stack((*branch.holds, *branch.strict), system.width),
             np.array([False] * len(branch.holds) + [True] * len(branch.strict), dtype=np.bool_),
             _stack(branch.stops, system.width),
-            _stack([torque for torque, _ in branch.powers.values()], system.width),
+            _stack([torques[0] for name, torques in branch.powers.items() if name == "lossPower"], system.width),
         )
 
 
@@ -370,6 +370,11 @@ class Basis:
             return False
         self._taken = np.vstack([self._taken, rest / left])
         return True
+
+
+def bend(signal: Signal) -> tuple[float, float]:
+    """Factors of swing and rate in the rate's derivative."""
+    return -(signal.omega**2 + signal.damping**2), -2 * signal.damping
 
 
 def describe(system: System, node: int) -> str:

@@ -31,11 +31,16 @@ CONTACT_NAMES: Mapping[int, str] = {-1: "contact backward", 0: "gap", 1: "contac
 
 
 class Signal(ABC):
-    """A function of time [s]: between its breakpoints a level plus a sine, or a straight line."""
+    """A function of time [s]: between its breakpoints a level plus a sine (that may die away), or a straight line."""
 
     @property
     def omega(self) -> float:
         """Angular frequency of the swing [rad/s]; 0 where it is a straight line."""
+        return 0.0
+
+    @property
+    def damping(self) -> float:
+        """How fast the swing dies away [1/s]: swing'' = -2 damping swing' - (omega^2 + damping^2) swing."""
         return 0.0
 
     @property
@@ -156,6 +161,11 @@ class Component(ABC):
     def affine(self) -> bool:
         """Whether every branch is affine, so that the exact engine can have it."""
         return True
+
+    @property
+    def inertia(self) -> float:
+        """Moment of inertia at its first flange [kg.m2]; a mass [kg] where the flange moves straight."""
+        return 0.0
 
     @property
     def unknowns(self) -> int:

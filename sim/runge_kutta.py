@@ -110,8 +110,10 @@ class RungeKutta:
             if w == 0:
                 values[column] = s + r * elapsed
             else:
-                c, n = np.cos(w * elapsed), np.sin(w * elapsed)
-                values[column : column + 2] = s * c + r / w * n, r * c - s * w * n
+                d = signal.damping
+                c, n = np.exp(-d * elapsed) * np.array([np.cos(w * elapsed), np.sin(w * elapsed)])
+                b = (r + d * s) / w
+                values[column : column + 2] = s * c + b * n, r * c - (d * b + w * s) * n
         x[self.moving : -1] = values
         x[-1] = 1.0
         return x

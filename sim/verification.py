@@ -120,7 +120,8 @@ class Verifier:
         speeds = slice(moving // 2, moving)
         energies = [0.5 * ((v @ self._kinetic) * v).sum(axis=1) for v in (x[:, speeds], after[:, speeds])]
         work = (np.matmul(works[at], x[:, :, None])[:, :, 0] * x).sum(axis=1)
-        size = energies[0] + energies[1] + np.matmul(np.abs(works[at]), largest) @ largest + 1e-300
+        most = largest[speeds] @ np.abs(self._kinetic) @ largest[speeds]
+        size = most + np.matmul(np.abs(works[at]), largest) @ largest + 1e-300
         off = np.where(quiet, np.abs(energies[1] - energies[0] - work) / size, 0.0)
         energy = _within(off, time_s, lambda _: "all inertias: the balance of energy is not fulfilled")
         return out[0], out[1], out[2], energy
