@@ -29,7 +29,7 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
         naming the flange that nothing holds.
     """
     known = system.known
-    pieces = [system.branches(i)[branch] for i, branch in enumerate(key)]
+    pieces = [system.piece(i, branch) for i, branch in enumerate(key)]
     rows = equations(system, key)
     owners = [frozenset([i]) for i, piece in enumerate(pieces) for _ in piece.holds]
     bound = system.state_rows(np.vstack([piece.stops for piece in pieces])) if pieces else np.zeros((0, 0))
@@ -82,7 +82,7 @@ def _add_laws(
     system: System, key: tuple[int, ...], components: Sequence[int], balances: Array, laws: list[Array]
 ) -> None:
     for i in components:
-        piece = system.branches(i)[key[i]]
+        piece = system.piece(i, key[i])
         for node, torque in zip(piece.nodes, piece.torques, strict=True):
             balances[node] += torque
         laws.append(piece.equations)

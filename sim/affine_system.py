@@ -32,6 +32,7 @@ class _Rows(Variables):
     def __init__(self, system: "System", nodes: dict[str, int], first_unknown: int, signals: list[int]) -> None:
         self._system, self._nodes, self._first, self._signals = system, nodes, first_unknown, signals
         self._unit = system.unit
+        self.asked = False
         self.one = system.unit[system.known - 1]
 
     def _node(self, flange: str, offset: int) -> Row:
@@ -65,6 +66,7 @@ class _Rows(Variables):
         return self._column(swing) if level < 0 else self._column(level) + self._column(swing)
 
     def now(self, row: Row) -> float:
+        self.asked = True
         return float(row[: self._system.known] @ self._system.point)
 
 
@@ -123,7 +125,8 @@ class System:
         self.components: list[Component] = list(train.components.values())
         node_of = self._number_nodes()
         self._lay_out()
-        self._bent: dict[int, tuple[_Piece, ...]] = {}
+        self._bent: dict[tuple[int, int], _Piece] = {}
+        self._constant: dict[tuple[int, int], _Piece] = {}
         self.point = np.zeros(self.known)
         first = self.known + self.node_count
         self.rows: list[_Rows] = []
@@ -134,9 +137,11 @@ class System:
             self.rows.append(_Rows(self, nodes, first, list(range(number, number + count))))
             first, number = first + component.unknowns, number + count
         self._choose_coordinates()
+        parts = list(zip(self.components, self.rows, strict=True))
+        self._laws = [part.unknowns - len(part.kinematics(v)) for part, v in parts]
         self.static = [self._pieces(i) if part.affine else None for i, part in enumerate(self.components)]
         self.guards: dict[int, Guard] = {}
-        self.branch_counts = [len(self.branches(i)) for i in range(len(self.components))]
+        self.branch_counts = [len(part.branches(v)) for part, v in parts]
 
     # ---- layout -----------------------------------------------------------------------------------------------
 
@@ -295,14 +300,29 @@ class System:
         static = self.static[i]
         if static is not None:
             return static
-        if i not in self._bent:
-            self._bent[i] = self._pieces(i)
-        return self._bent[i]
+        return tuple(self.piece(i, number) for number in range(self.branch_counts[i]))
+
+    def piece(self, i: int, number: int) -> "_Piece":
+        """One branch of component i, at `point` if it is not affine."""
+        static = self.static[i]
+        if static is not None:
+            return static[number]
+        known = self._bent.get((i, number)) or self._constant.get((i, number))
+        if known is None:
+            v = self.rows[i]
+            v.asked = False
+            known = _Piece.of(self, v, self.components[i].branch(v, number), self._laws[i])
+            (self._bent if v.asked else self._constant)[i, number] = known
+        return known
+
+    def bent(self, i: int, number: int) -> bool:
+        """Whether a branch of component i depends on the state other than by its rows."""
+        self.piece(i, number)
+        return self.static[i] is None and (i, number) not in self._constant
 
     def _pieces(self, i: int) -> "tuple[_Piece, ...]":
-        part, v = self.components[i], self.rows[i]
-        kinematics = len(part.kinematics(v))
-        return tuple(_Piece.of(self, v, branch, part.unknowns - kinematics) for branch in part.branches(v))
+        branches = self.components[i].branches(self.rows[i])
+        return tuple(_Piece.of(self, self.rows[i], branch, self._laws[i]) for branch in branches)
 
     def kinetic(self) -> Array:
         """Inertia matrix in the coordinates, shape (freedom, freedom)."""

@@ -200,3 +200,7 @@ class Component(ABC):
     @abstractmethod
     def branches(self, v: Variables) -> tuple[Branch, ...]:
         """Return all pieces of the law, the preferred ones first where two are possible."""
+
+    def branch(self, v: Variables, number: int) -> Branch:
+        """Return one piece of the law: where pieces are asked for anew at each instant, less work than all."""
+        return self.branches(v)[number]

@@ -6,6 +6,7 @@ inequalities becomes negative, found on the step's interpolant and then integrat
 `sim.chain`; this one is for reach, not for speed.
 """
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -103,16 +104,15 @@ class RungeKutta:
         """The whole state: angles and speeds, signals at `time` by their pieces, one."""
         x = np.empty(self.system.state_width)
         x[: self.moving] = moving
-        values, elapsed = self._pieces.copy(), time - self._pieces_from
+        values, elapsed = self._pieces.tolist(), time - self._pieces_from
         for signal, (_, swing) in zip(self.system.signals, self.system.signal_columns, strict=True):
-            column, w = swing - 2 * self.system.node_count, signal.omega
-            s, r = self._pieces[column : column + 2]
+            column, w, d = swing - 2 * self.system.node_count, signal.omega, signal.damping
+            s, r = values[column : column + 2]
             if w == 0:
                 values[column] = s + r * elapsed
             else:
-                d = signal.damping
-                c, n = np.exp(-d * elapsed) * np.array([np.cos(w * elapsed), np.sin(w * elapsed)])
-                b = (r + d * s) / w
+                left = math.exp(-d * elapsed)
+                c, n, b = left * math.cos(w * elapsed), left * math.sin(w * elapsed), (r + d * s) / w
                 values[column : column + 2] = s * c + b * n, r * c - (d * b + w * s) * n
         x[self.moving : -1] = values
         x[-1] = 1.0
@@ -153,7 +153,7 @@ class RungeKutta:
 
     def _take(self, key: Key) -> None:
         self.key = key
-        if key not in self.laws or not self.system.train.affine:
+        if key not in self.laws:
             self.laws[key] = Law(self.system, key)
         self.law = self.laws[key]
 
@@ -304,30 +304,55 @@ class Law:
     def __init__(self, system: System, key: Key) -> None:
         self.system, self.key = system, key
         mode = compile_mode(system, key)
-        self.mode = mode if system.train.affine else None
+        self._bent = [i for i, branch in enumerate(key) if system.bent(i, branch)]
+        self.mode = None if self._bent else mode
         self._regular = mode.regular
         self._limits = np.zeros((0, system.width))
-        self._bent = [i for i, part in enumerate(system.components) if not part.affine]
         self._straight = equations(system, key, [i for i in range(len(key)) if i not in self._bent])
+        if self._regular and self.mode is None:
+            self._reduce()
 
-    def _rows(self, x: Array) -> Array:
-        """All equations at x, over (y, z)."""
-        self.system.point = self.system.to_known @ x
-        return combined(self.system, self._straight, self.key, self._bent)
+    def _reduce(self) -> None:
+        """Solve once for all what does not change: z = base x + ways c, with c from the rows that do."""
+        system, known = self.system, self.system.known
+        pieces = [system.piece(i, self.key[i]) for i in self._bent]
+        self._nodes = sorted({node for piece in pieces for node in piece.nodes})
+        kept = np.delete(self._straight, self._nodes, axis=0)
+        unknown = kept[:, known:]
+        scale, columns = np.abs(unknown).max(axis=1, keepdims=True), np.abs(unknown).max(axis=0)
+        columns[columns == 0] = 1.0  # of what stands in changing rows alone
+        left, size, right = np.linalg.svd(unknown / scale / columns)
+        self._ways = right[len(size) :].T / columns[:, None]
+        solved = (right[: len(size)].T / size) @ left[:, : len(size)].T / columns[:, None]
+        self._base = -solved @ (system.state_rows(kept) / scale)
+
+    def _changing(self) -> Array:
+        """The rows that change with the state: balances of the nodes that bent components touch, and their laws."""
+        balances = self._straight[self._nodes]
+        laws = [balances]
+        for i in self._bent:
+            piece = self.system.piece(i, self.key[i])
+            for node, torque in zip(piece.nodes, piece.torques, strict=True):
+                balances[self._nodes.index(node)] += torque
+            laws.append(piece.equations)
+        return np.concatenate(laws)
 
     def unknowns(self, x: Array) -> Array:
         """Accelerations and torques at x, shape (unknowns,)."""
         if self.mode is not None:
             return np.asarray(self.mode.solve @ x)
-        rows, known = self._rows(x), self.system.known
-        if self._regular:
-            return np.asarray(np.linalg.solve(rows[:, known:], -rows[:, :known] @ self.system.point))
-        losses = np.vstack([self.system.branches(i)[branch].losses for i, branch in enumerate(self.key)])
-        return np.asarray(solve_unknowns(self.system, rows, losses)[0] @ x)
+        system, known = self.system, self.system.known
+        system.point = system.to_known @ x
+        if not self._regular:
+            losses = np.vstack([system.piece(i, branch).losses for i, branch in enumerate(self.key)])
+            rows = combined(system, self._straight, self.key, self._bent)
+            return np.asarray(solve_unknowns(system, rows, losses)[0] @ x)
+        rows, z = self._changing(), self._base @ x
+        choice = np.linalg.solve(rows[:, known:] @ self._ways, -rows[:, :known] @ system.point - rows[:, known:] @ z)
+        return np.asarray(z + self._ways @ choice)
 
     def _inequalities(self) -> Array:
-        pieces = [self.system.branches(i)[branch].holds for i, branch in enumerate(self.key)]
-        return np.vstack(pieces)
+        return np.vstack([self.system.piece(i, branch).holds for i, branch in enumerate(self.key)])
 
     def margins(self, x: Array) -> Array:
         """Values of all inequalities at x."""
@@ -353,7 +378,7 @@ class Law:
     def owners(self, x: Array) -> list[frozenset[int]]:
         """Components that each inequality belongs to."""
         if self.mode is None and self._regular:
-            branches = [self.system.branches(i)[branch].holds for i, branch in enumerate(self.key)]
+            branches = [self.system.piece(i, branch).holds for i, branch in enumerate(self.key)]
             return [frozenset([i]) for i, holds in enumerate(branches) for _ in holds]
         self.system.point = self.system.to_known @ x
         return list(compile_mode(self.system, self.key).holds.owners)
@@ -424,7 +449,7 @@ class _Reader:
 
     def _channels(self, key: Key, variables: Array) -> Iterator[tuple[str, float]]:
         for i, branch_number in enumerate(key):
-            branch = self._system.branches(i)[branch_number].branch
+            branch = self._system.piece(i, branch_number).branch
             name = self._system.names[i]
             for channel, row in branch.channels.items():
                 yield f"{name}.{channel}", float(row @ variables)
