@@ -9,7 +9,7 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
-.PHONY: setup run test suite check bench challenge field screenshots lock clean
+.PHONY: setup run test suite check bench challenge compositions field screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)
 
@@ -63,6 +63,10 @@ challenge: setup
 	$(BIN)/python -m tests.hidden_effects.second out/second --seed 1
 	$(BIN)/python -m tests.hidden_effects --folder out/second
 	$(BIN)/python -m pytest -m slow tests/discrepancy tests/hidden_effects
+
+# two thousand drawn drive trains against equations integrated by scipy
+compositions: setup
+	$(BIN)/python -m pytest -m slow tests/sim_core/test_prescribed_motion.py
 
 # the half to work with; the other, --half final, is run once, at the end
 FIELD := $(BIN)/python -m tests.field_bank --half work
