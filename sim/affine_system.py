@@ -311,7 +311,8 @@ class System:
         if known is None:
             v = self.rows[i]
             v.asked = False
-            known = _Piece.of(self, v, self.components[i].branch(v, number), self._laws[i])
+            branch = self.components[i].branch(v, number)
+            known = _Piece.of(self, v, branch, self._laws[i])
             (self._bent if v.asked else self._constant)[i, number] = known
         return known
 

@@ -308,6 +308,7 @@ class Law:
         self.mode = None if self._bent else mode
         self._regular = mode.regular
         self._limits = np.zeros((0, system.width))
+        self._places: list[tuple[int, slice]] = []
         self._straight = equations(system, key, [i for i in range(len(key)) if i not in self._bent])
         if self._regular and self.mode is None:
             self._reduce()
@@ -352,7 +353,14 @@ class Law:
         return np.asarray(z + self._ways @ choice)
 
     def _inequalities(self) -> Array:
-        return np.vstack([self.system.piece(i, branch).holds for i, branch in enumerate(self.key)])
+        """All inequalities as rows over (y, z); those of bent components are asked for anew."""
+        if not len(self._limits):
+            self._limits = np.vstack([self.system.piece(i, branch).holds for i, branch in enumerate(self.key)])
+            counts = [len(self.system.piece(i, branch).holds) for i, branch in enumerate(self.key)]
+            self._places = [(i, slice(sum(counts[:i]), sum(counts[: i + 1]))) for i in self._bent]
+        for i, place in self._places:
+            self._limits[place] = self.system.piece(i, self.key[i]).holds
+        return self._limits
 
     def margins(self, x: Array) -> Array:
         """Values of all inequalities at x."""

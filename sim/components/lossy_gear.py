@@ -159,7 +159,7 @@ class LossyGear(Component):
         return float(eta1), float(eta2), bf1 * v.one + slope1 * speed, bf2 * v.one + slope2 * speed
 
     def _at(self, speed: float, v: Variables) -> tuple[float, float, Row, Row]:
-        eta1, eta2, bf1, bf2 = (float(x) for x in self.table.at(speed))
+        eta1, eta2, bf1, bf2 = self.table.values(speed)
         if eta1 <= 0 or eta2 <= 0:
             raise RunError(f"LossyGear.lossTable: efficiency is {min(eta1, eta2):g} at {speed:g} rad/s; it must be > 0")
         return eta1, eta2, bf1 * v.one, bf2 * v.one
