@@ -60,12 +60,12 @@ def compare(case: Case, engine: Engine) -> None:
     close("friction", result[loss][clear], friction[clear], force)
 
 
-@pytest.mark.parametrize("seed", range(28))
+@pytest.mark.parametrize("seed", range(16))
 def test_a_drawn_composition_is_what_its_equations_say(seed: int) -> None:
     compare(draw(seed), "exact")
 
 
-@pytest.mark.parametrize("seed", [2, 8])
+@pytest.mark.parametrize("seed", [2])
 def test_the_other_engine_says_so_too(seed: int) -> None:
     compare(draw(seed), "runge-kutta")
 
