@@ -12,7 +12,7 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # the tests start the program some hundred times: it is compiled once, also where the environment says otherwise
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup run test suite check bench challenge chaos field screenshots lock clean
+.PHONY: setup run test suite check bench challenge chaos compositions field screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)
 
@@ -66,6 +66,10 @@ challenge: setup
 	$(BIN)/python -m tests.hidden_effects.second out/second --seed 1
 	$(BIN)/python -m tests.hidden_effects --folder out/second
 	$(BIN)/python -m pytest -m slow tests/discrepancy tests/hidden_effects
+
+# two thousand drawn drive trains against equations integrated by scipy
+compositions: setup
+	$(BIN)/python -m pytest -m slow tests/sim_core/test_prescribed_motion.py
 
 # the half to work with; the other, --half final, is run once, at the end
 FIELD := $(BIN)/python -m tests.field_bank --half work

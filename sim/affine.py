@@ -29,6 +29,7 @@ from sim.affine_system import Array, Mode, System
 from sim.component import STUCK
 from sim.errors import RunError
 from sim.trajectory import Event
+from sim.verification import Verifier
 
 RESEED_SAMPLES = 1024
 """Every so many samples sinusoids are set to their true values again; until then rounding adds up to 1e-13 of them."""
@@ -69,21 +70,22 @@ class _Tables:
         self.strict = np.zeros((room, rows), np.bool_)
         self.stops = np.zeros((room, rows, width))
         self.enter = np.zeros((room, width, width))
-        self.follow = np.full((room, rows, follow), -1, np.int64)
+        self.follow = np.full((room, rows + 1, follow), -1, np.int64)
         self.matrices = np.zeros((room, width, width))
         self.steps = np.zeros((room, width, width))
         self.lengths = np.zeros(room)
+        self.rates = np.zeros(room)
         self.products = np.zeros((room, width, kernel.CHUNK * (width + rows) + width))
 
     def grown(self, room: int, rows: int, follow: int) -> "_Tables":
 
         new = _Tables(self.width, rows, room, follow)
-        for name in ("counts", "stop_counts", "enter", "matrices", "steps", "lengths"):
+        for name in ("counts", "stop_counts", "enter", "matrices", "steps", "lengths", "rates"):
             getattr(new, name)[: self.room] = getattr(self, name)
         new.derivatives[: self.room, :, : self.rows] = self.derivatives
         new.strict[: self.room, : self.rows] = self.strict
         new.stops[: self.room, : self.rows] = self.stops
-        new.follow[: self.room, : self.rows, : self.follow.shape[2]] = self.follow
+        new.follow[: self.room, : self.rows + 1, : self.follow.shape[2]] = self.follow
         new.products[: self.room, :, : self.products.shape[2]] = self.products
         return new
 
@@ -98,6 +100,7 @@ class ExactEngine:
     def __init__(self, system: System, sample_rate_hz: float) -> None:
         self.system = system
         self.h = 1.0 / sample_rate_hz
+        self.verifier = Verifier(system, self.h)
         self.modes: list[Mode] = []
         self._numbers: dict[tuple[int, ...], int] = {}
         self._impossible: set[tuple[int, ...]] = set()
@@ -126,15 +129,16 @@ class ExactEngine:
         if number >= tables.room or most > tables.rows:
             room = 2 * tables.room if number >= tables.room else tables.room
             tables = self._tables = tables.grown(room, max(tables.rows, most), tables.follow.shape[2])
-        speed = float(np.abs(np.linalg.eigvals(mode.matrix)).max(initial=0.0))
-        parts = max(1, int(np.ceil(speed * self.h / LARGEST_ANGLE)))
+        rate = mode.rate
+        parts = max(1, int(np.ceil(rate * self.h / LARGEST_ANGLE)))
         if parts > 1_000_000:
-            raise RunError(f"a time constant of {1 / speed:g} s is too short for a sample interval of {self.h:g} s")
+            raise RunError(f"a time constant of {1 / rate:g} s is too short for a sample interval of {self.h:g} s")
         length = self.h / parts
         tables.counts[number], tables.stop_counts[number] = rows, len(mode.stops)
         tables.strict[number, :rows] = mode.holds.strict
         tables.stops[number, : len(mode.stops)] = mode.stops
-        tables.enter[number], tables.matrices[number], tables.lengths[number] = mode.enter, mode.matrix, length
+        tables.enter[number], tables.matrices[number] = mode.enter, mode.matrix
+        tables.lengths[number], tables.rates[number] = length, rate
         kernel.prepare(
             np.ascontiguousarray(mode.matrix),
             np.ascontiguousarray(mode.holds.rows),
@@ -173,7 +177,7 @@ class ExactEngine:
     def _learn(self, mode: int, row: int, x: Array, scale: Array) -> int:
         """Find the mode that follows when `row` of `mode` breaks at x; remember all that were looked at."""
         key = self.modes[mode].key
-        owners = self.modes[mode].holds.owners[row]
+        owners = self.modes[mode].holds.owner(row)
         allowed = possible_branches(self.system, x, scale)
         for new_key in combinations_near(self.system, key, owners, allowed):
             number = self._number(new_key)
@@ -240,7 +244,7 @@ class ExactEngine:
             t = self._tables
             status = kernel.advance(
                 self.h, count, x, scale, state, clock, where, offsets, values,
-                t.matrices, t.steps, t.lengths, t.products, t.for_switch, out, modes, log_where, log_modes,
+                t.matrices, t.steps, t.lengths, t.rates, t.products, t.for_switch, out, modes, log_where, log_modes,
             )  # fmt: skip
             logged = int(state[kernel.LOGGED])
             if logged:

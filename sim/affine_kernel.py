@@ -27,6 +27,9 @@ INSTANT = 1e-15
 STOP_TOLERANCE = 1e-9
 STANDSTILL = 1e-15
 """A speed below this [rad/s] is zero, however small all speeds have been."""
+NATURAL = 1e-4
+"""Share of what the terms of its acceleration amount to within a time constant that a speed is taken to have had: times
+`STOP_TOLERANCE`, the rounding of these terms, which no speed is free of."""
 MAX_EVENTS = 2000
 """Events within one sample interval from which on it is called a storm."""
 
@@ -140,6 +143,20 @@ def resting(x, scale, stops, rows):
         if abs(value) > STOP_TOLERANCE * size + STANDSTILL:
             return False
     return True
+
+
+@_jit
+def enlarge(x, scale, matrix, moving, rate):
+    """Let `scale` hold how large each state has been at least, speeds also by what accelerates them at 1/rate."""
+    n = x.shape[0]
+    for j in range(n):
+        scale[j] = max(scale[j], abs(x[j]))
+    if rate > 0.0:
+        for i in range(moving // 2, moving):
+            total = 0.0
+            for j in range(n):
+                total += abs(matrix[i, j]) * scale[j]
+            scale[i] = max(scale[i], NATURAL * total / rate)
 
 
 @_jit
@@ -383,15 +400,18 @@ def _switch(x, scale, mode, row, tables, spare):
 @_jit
 def advance(
     h, count, x, scale, state, clock, stop_sample, stop_offset, stop_values,
-    matrices, steps, lengths, products, tables, out, modes, log_where, log_modes,
+    matrices, steps, lengths, rates, products, tables, out, modes, log_where, log_modes,
 ):  # fmt: skip
     """Advance to the end of the block, or to where the caller is needed: ASK for a mode that is not learnt.
+
+    The row that broke is the number of an inequality, or one more than there are where something has to be zero and no
+    longer is, which happens only as signals begin anew.
 
     Shapes: x (n,), out (count, moving), modes (count,), products (modes, n, width): the first `moving` states are
     angles and speeds, then come the signals, then one. Stops are instants at which the signals' pieces begin anew,
     with sample interval, offset in it and values.
     """
-    counts, derivatives, strict = tables[0], tables[1], tables[2]
+    counts, derivatives, strict, stops, stop_counts = tables[0], tables[1], tables[2], tables[3], tables[4]
     n = x.shape[0]
     moving = out.shape[1]
     y = np.empty(products.shape[2])
@@ -447,6 +467,8 @@ def advance(
             if check:
                 check = False
                 crossed = holding(x, scale, derivatives[mode], strict[mode], counts[mode])
+                if crossed < 0 and not resting(x, scale, stops[mode], stop_counts[mode]):
+                    crossed = counts[mode]
             if crossed >= 0:
                 events += 1
                 if events > MAX_EVENTS:
@@ -456,8 +478,7 @@ def advance(
                     status = LOG_FULL
                     check = True
                     break
-                for j in range(n):
-                    scale[j] = max(scale[j], abs(x[j]))
+                enlarge(x, scale, matrices[mode], moving, rates[mode])
                 new = _switch(x, scale, mode, crossed, tables, spare)
                 if new < 0:
                     status = ASK

@@ -5,19 +5,23 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.affine_system import ZERO, Array, Constraints, Mode, System, no_inertia
+from sim.affine_system import ZERO, Array, Basis, Constraints, Mode, System, bend, no_inertia
 
 ROUNDING = 1e-13
 """What is left of terms that cancel, relative to them."""
+UNMOVED = 1e-6
+"""What is left of a row that entering makes zero, relative to its terms: rounding over the lightest inertia."""
 
 
 def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
     """Return the mode in which component i is in its branch key[i].
 
-    Two things make the plain system singular, and both are dealt with here. Shafts without inertia: the balance of
+    Three things make the plain system singular, and all are dealt with here. Shafts without inertia: the balance of
     torques on them binds angles and speeds; it is differentiated until accelerations appear, and entering the mode
     moves only what has no inertia. Torques that are not unique, as of two brakes that hold one shaft: the mode holds
     as long as any share of the torques keeps all limits (Fourier-Motzkin elimination of what is free to choose).
+    Prescribed motion: no torque changes it, so what a mode asks of it (a stuck friction: speed, acceleration and all
+    higher derivatives zero) either is so, or the mode cannot be.
 
     Raises
     ------
@@ -25,11 +29,19 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
         naming the flange that nothing holds.
     """
     known = system.known
-    pieces = [system.branches(i)[branch] for i, branch in enumerate(key)]
+    pieces = [system.piece(i, branch) for i, branch in enumerate(key)]
     rows = equations(system, key)
     owners = [frozenset([i]) for i, piece in enumerate(pieces) for _ in piece.holds]
     bound = system.state_rows(np.vstack([piece.stops for piece in pieces])) if pieces else np.zeros((0, 0))
-    solve, free, hidden = solve_unknowns(system, rows)
+    solve, free, hidden = solve_unknowns(system, rows, np.vstack([piece.losses for piece in pieces]))
+    enter = _entry(system, np.vstack([bound, hidden]))
+    asked = _left_over(hidden, enter)
+    moving = slice(0, 2 * system.freedom)
+    if len(asked):  # they are zero to rounding where the mode is entered; exactly so, nothing moves by that rounding
+        resting = np.vstack([bound, asked])
+        resting /= np.abs(resting).max(axis=1, keepdims=True)
+        enter[moving] -= np.linalg.pinv(resting[:, moving], rcond=ZERO) @ resting @ enter
+        solve = _sum(solve, -solve @ np.linalg.pinv(resting, rcond=ZERO), resting, ZERO)
     limits = np.vstack([piece.holds for piece in pieces])
     strict = np.concatenate([piece.strict for piece in pieces])
     by_state = _sum(system.state_rows(limits), limits[:, known:], solve)
@@ -38,10 +50,11 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
         key=key,
         matrix=_flow(system, solve),
         holds=constraints,
-        stops=bound,
-        enter=_entry(system, np.vstack([bound, hidden])),
+        stops=np.vstack([bound, asked]),
+        enter=enter,
         solve=solve,
         regular=not len(hidden) and not free.shape[1],
+        rows=rows,
     )
 
 
@@ -69,7 +82,7 @@ def _add_laws(
     system: System, key: tuple[int, ...], components: Sequence[int], balances: Array, laws: list[Array]
 ) -> None:
     for i in components:
-        piece = system.branches(i)[key[i]]
+        piece = system.piece(i, key[i])
         for node, torque in zip(piece.nodes, piece.torques, strict=True):
             balances[node] += torque
         laws.append(piece.equations)
@@ -90,15 +103,22 @@ def _derivative(system: System, rows: Array) -> Array:
     out[:, known : known + n] = rows[:, n : 2 * n]
     for signal, (_, swing) in zip(system.signals, system.signal_columns, strict=True):
         out[:, swing + 1] += rows[:, swing]
-        out[:, swing] -= signal.omega**2 * rows[:, swing + 1]
+        by_swing, by_rate = bend(signal)
+        out[:, swing] += by_swing * rows[:, swing + 1]
+        out[:, swing + 1] += by_rate * rows[:, swing + 1]
     return out
 
 
-def solve_unknowns(system: System, rows: Array) -> tuple[Array, Array, Array]:
-    """Return z = solve x, the directions of z that are free to choose, and rows of x that must be zero."""
+def solve_unknowns(system: System, rows: Array, losses: Array) -> tuple[Array, Array, Array]:
+    """Return z = solve x, the directions of z that are free to choose, and rows of x that must be zero at all times.
+
+    Where equations bind the state alone, their derivatives take their place, and those bind in turn, until nothing new
+    comes. Of torques that nothing determines, those of friction (`losses`, rows over (y, z)) are the least possible.
+    """
     known = system.known
     hidden = np.zeros((0, system.state_width))
-    for _ in range(4):
+    taken = Basis(system.state_width)
+    while True:
         scale = np.abs(rows[:, known:]).max(axis=1)
         usable = scale > 0
         rows = np.vstack([rows[usable] / scale[usable, None], rows[~usable]])
@@ -107,30 +127,41 @@ def solve_unknowns(system: System, rows: Array) -> tuple[Array, Array, Array]:
         left, size, right = np.linalg.svd(unknown / columns)
         rank = int(np.count_nonzero(size > ZERO * size[0])) if len(size) else 0
         lost = left[:, rank:].T @ rows
-        bound = system.state_rows(lost)
+        rounding = ZERO * (np.abs(left[:, rank:].T) @ np.abs(rows)) + ROUNDING * np.abs(rows).max(axis=0)
+        lost[np.abs(lost) <= rounding] = 0.0
+        lost[:, known:] = 0.0
+        bound = _sum(np.zeros((len(lost), system.state_width)), lost[:, :known], system.to_known, ZERO)
         real = np.abs(bound).max(axis=1) > ZERO * np.maximum(1.0, np.abs(rows[:, :known]).max())
-        if not real.any():
+        new = [i for i in np.flatnonzero(real) if taken.take(bound[i])]
+        if not new:
             break
-        hidden = np.vstack([hidden, bound[real]])
-        lost[:, known:] = 0
-        rows = np.vstack([left[:, :rank].T @ rows, _derivative(system, lost[real])])
+        hidden = np.vstack([hidden, bound[new]])
+        unit = lost[new] / np.abs(lost[new]).max(axis=1, keepdims=True)
+        rows = np.vstack([left[:, :rank].T @ rows, _derivative(system, unit)])
     square = unknown.shape[0] == unknown.shape[1] == rank
     scaled = unknown / columns
     inverse = np.linalg.inv(scaled) if square else (right[:rank].T / size[:rank]) @ left[:, :rank].T
     inverse[np.abs(inverse) <= ROUNDING * np.abs(inverse).max(initial=0.0)] = 0.0
     inverse /= columns[:, None]
-    free = right[rank:].T / columns[:, None]
+    free = right[rank:].T
+    free[np.abs(free) <= ROUNDING] = 0.0
+    free = free / columns[:, None]
     moving = np.abs(free[: system.node_count])
     if moving.size and moving.max() > 1e-6 * np.abs(free).max():
         raise no_inertia(system, moving.max(axis=1))
     right_side = -system.state_rows(rows)
-    return _sum(np.zeros_like(inverse @ right_side), inverse, right_side), free, hidden
+    solve = _sum(np.zeros_like(inverse @ right_side), inverse, right_side)
+    if free.shape[1]:
+        share = losses[:, known:] @ free
+        torques = system.state_rows(losses) + losses[:, known:] @ solve
+        solve = _sum(solve, -free @ np.linalg.pinv(share, rcond=ZERO), torques)
+    return solve, free, hidden
 
 
-def _sum(start: Array, left: Array, right: Array) -> Array:
+def _sum(start: Array, left: Array, right: Array, rounding: float = ROUNDING) -> Array:
     """Return start + left @ right, in which terms that cancel to rounding are exactly zero."""
     total = start + left @ right
-    total[np.abs(total) <= ROUNDING * (np.abs(start) + np.abs(left) @ np.abs(right))] = 0.0
+    total[np.abs(total) <= rounding * (np.abs(start) + np.abs(left) @ np.abs(right))] = 0.0
     return np.asarray(total)
 
 
@@ -144,23 +175,40 @@ def _flow(system: System, solve: Array) -> Array:
 
 
 def _entry(system: System, rows: Array) -> Array:
-    """Return the map of x on entering: rows become zero by the least change, measured in kinetic energy."""
+    """Return the map of x on entering: rows become zero by the least change, measured in kinetic energy.
+
+    Prescribed motions do not change: there the change is measured with an infinite inertia.
+    """
     width, count = system.state_width, system.freedom
     enter = np.eye(width)
-    energy = system.kinetic() if len(rows) else np.zeros((0, 0))
+    if not len(rows):
+        return enter
+    ways = system.unprescribed
+    energy = ways.T @ system.kinetic() @ ways
+    light = energy + 1e-9 * (np.trace(energy) / max(len(energy), 1) + 1e-12) * np.eye(len(energy))
     for part in (slice(count, 2 * count), slice(0, count)):
-        fast = np.abs(rows[:, count : 2 * count]).max(axis=1, initial=0) > 0
+        least = ZERO * np.abs(rows).max(axis=1)
+        fast = np.abs(rows[:, count : 2 * count]).max(axis=1, initial=0) > least
         chosen = rows[fast] if part.start else rows[~fast]
-        chosen = chosen[np.abs(chosen[:, part]).max(axis=1, initial=0) > 0]
-        if not len(chosen):
+        along = chosen[:, part] @ ways
+        can = np.abs(along).max(axis=1, initial=0) > (least[fast] if part.start else least[~fast])
+        if not can.any():
             continue
-        light = energy + 1e-9 * (np.trace(energy) / max(count, 1) + 1e-12) * np.eye(count)
-        moves = np.linalg.solve(light, chosen[:, part].T)
-        step = moves @ np.linalg.pinv(chosen[:, part] @ moves, rcond=1e-9)
+        chosen, along = chosen[can], along[can]
+        moves = np.linalg.solve(light, along.T)
+        step = ways @ moves @ np.linalg.pinv(along @ moves, rcond=1e-9)
         change = np.eye(width)
         change[part] -= step @ chosen
         enter = enter @ change if part.start == 0 else change @ enter
     return enter
+
+
+def _left_over(hidden: Array, enter: Array) -> Array:
+    """Rows that must be zero and that entering does not make so: they speak of what is prescribed."""
+    left = hidden @ enter
+    size = np.abs(hidden) @ np.abs(enter)
+    left[np.abs(left) <= UNMOVED * size] = 0.0
+    return np.asarray(left[np.abs(left).max(axis=1, initial=0) > 0])
 
 
 def _eliminate(rows: Array, free: Array, strict: NDArray[np.bool_], owners: list[frozenset[int]]) -> Constraints:

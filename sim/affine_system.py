@@ -8,13 +8,13 @@ that no digits are lost between large angles.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.component import Branch, Component, Row, Signal, Variables
-from sim.components import Inertia
 from sim.drive_train import DriveTrain
 from sim.errors import CompositionError, RunError
 
@@ -32,6 +32,7 @@ class _Rows(Variables):
     def __init__(self, system: "System", nodes: dict[str, int], first_unknown: int, signals: list[int]) -> None:
         self._system, self._nodes, self._first, self._signals = system, nodes, first_unknown, signals
         self._unit = system.unit
+        self.asked = False
         self.one = system.unit[system.known - 1]
 
     def _node(self, flange: str, offset: int) -> Row:
@@ -60,10 +61,12 @@ class _Rows(Variables):
         if derivative == 1:
             return self._column(swing + 1)
         if derivative == 2:
-            return -(self._system.signals[number].omega ** 2) * self._column(swing)
+            by_swing, by_rate = bend(self._system.signals[number])
+            return by_swing * self._column(swing) + by_rate * self._column(swing + 1)
         return self._column(swing) if level < 0 else self._column(level) + self._column(swing)
 
     def now(self, row: Row) -> float:
+        self.asked = True
         return float(row[: self._system.known] @ self._system.point)
 
 
@@ -78,13 +81,18 @@ class Constraints:
     strict: NDArray[np.bool_]
     owners: tuple[frozenset[int], ...]
 
+    def owner(self, row: int) -> frozenset[int]:
+        """Components whose law breaks with a row; none beyond the last row, where what has to be zero is not."""
+        return self.owners[row] if row < len(self.owners) else frozenset()
+
 
 @dataclass(frozen=True)
 class Mode:
     """One combination of branches: x' = matrix x while all rows of `holds` are >= 0.
 
-    `stops` are speeds that must be zero to enter, `enter` maps x on entry, `solve` gives z = solve x; `regular` modes
-    have neither shafts without inertia nor torques that are free to choose.
+    `stops` are rows that must be zero to enter: speeds, and what a prescribed motion has to be; `enter` maps x on
+    entry, `solve` gives z = solve x; `regular` modes have neither hidden constraints nor torques free to choose. `rows`
+    are all equations, over (y, z).
     """
 
     key: tuple[int, ...]
@@ -94,6 +102,12 @@ class Mode:
     enter: Array
     solve: Array
     regular: bool
+    rows: Array
+
+    @cached_property
+    def rate(self) -> float:
+        """Largest eigenvalue [1/s]."""
+        return float(np.abs(np.linalg.eigvals(self.matrix)).max(initial=0.0))
 
 
 class System:
@@ -111,7 +125,8 @@ class System:
         self.components: list[Component] = list(train.components.values())
         node_of = self._number_nodes()
         self._lay_out()
-        self._bent: dict[int, tuple[_Piece, ...]] = {}
+        self._bent: dict[tuple[int, int], _Piece] = {}
+        self._constant: dict[tuple[int, int], _Piece] = {}
         self.point = np.zeros(self.known)
         first = self.known + self.node_count
         self.rows: list[_Rows] = []
@@ -122,9 +137,11 @@ class System:
             self.rows.append(_Rows(self, nodes, first, list(range(number, number + count))))
             first, number = first + component.unknowns, number + count
         self._choose_coordinates()
+        parts = list(zip(self.components, self.rows, strict=True))
+        self._laws = [part.unknowns - len(part.kinematics(v)) for part, v in parts]
         self.static = [self._pieces(i) if part.affine else None for i, part in enumerate(self.components)]
         self.guards: dict[int, Guard] = {}
-        self.branch_counts = [len(self.branches(i)) for i in range(len(self.components))]
+        self.branch_counts = [len(part.branches(v)) for part, v in parts]
 
     # ---- layout -----------------------------------------------------------------------------------------------
 
@@ -170,13 +187,22 @@ class System:
                 out[:, first] += pieces[:, 0]
         return out
 
+    def states(self, time_s: Array, moving: Array) -> Array:
+        """Whole states of angles and speeds `moving` at the times, shape (n, state)."""
+        out = np.empty((len(time_s), self.state_width))
+        width = moving.shape[1]
+        out[:, :width] = moving
+        out[:, width:-1] = self.signal_values(time_s)
+        out[:, -1] = 1.0
+        return out
+
     def signal_flow(self) -> Array:
         """Matrix S of the signals' own motion: x' = S x where nothing else moves; shape (state, state)."""
         flow = np.zeros((self.state_width, self.state_width))
         for signal, (_, swing) in zip(self.signals, self.signal_columns, strict=True):
             column = swing - 2 * self.node_count + 2 * self.freedom
             flow[column, column + 1] = 1.0
-            flow[column + 1, column] = -(signal.omega**2)
+            flow[column + 1, column : column + 2] = bend(signal)
         return flow
 
     # ---- coordinates and start --------------------------------------------------------------------------------
@@ -188,9 +214,9 @@ class System:
         relative: list[Row] = []
         absolute: list[Row] = []
         for part, v in zip(self.components, self.rows, strict=True):
-            (absolute if isinstance(part, Inertia) else relative).extend(row[:n] for row in part.states(v))
+            (absolute if part.inertia else relative).extend(row[:n] for row in part.states(v))
         self.candidates = [*relative, *absolute, *np.eye(n)]
-        basis = _Basis(n)
+        basis = Basis(n)
         fixed = [i for i, row in enumerate(self.kinematics) if basis.take(row[:n])]
         for i, row in enumerate(self.kinematics):
             if i not in fixed and abs(row[self.known - 1]) > 0:
@@ -208,6 +234,14 @@ class System:
         self.to_known[2 * n :, 2 * count :] = np.eye(self.signal_width + 1)
         self.freedom = count
         self.fixed = fixed
+        self._find_prescribed()
+
+    def _find_prescribed(self) -> None:
+        """`unprescribed`: an orthonormal basis of how the coordinates can move where no motion is prescribed."""
+        rows = [row for part, v in zip(self.components, self.rows, strict=True) for row in part.prescribed(v)]
+        along = self.state_rows(_stack(rows, self.width))[:, : self.freedom]
+        _, size, right = np.linalg.svd(along)
+        self.unprescribed = right[np.count_nonzero(size > ZERO * size.max(initial=0.0)) :].T
 
     def start(self) -> Array:
         """Return the state at time 0: start values that were given, zero where none was."""
@@ -220,7 +254,7 @@ class System:
         state = np.zeros(self.state_width)
         for level in range(2):
             rows = slice(level * n, (level + 1) * n)
-            basis, system, values = _Basis(n), [], []
+            basis, system, values = Basis(n), [], []
             for i in self.fixed:
                 basis.take(self.kinematics[i, :n])
                 system.append(self.kinematics[i, :n])
@@ -266,21 +300,37 @@ class System:
         static = self.static[i]
         if static is not None:
             return static
-        if i not in self._bent:
-            self._bent[i] = self._pieces(i)
-        return self._bent[i]
+        return tuple(self.piece(i, number) for number in range(self.branch_counts[i]))
+
+    def piece(self, i: int, number: int) -> "_Piece":
+        """One branch of component i, at `point` if it is not affine."""
+        static = self.static[i]
+        if static is not None:
+            return static[number]
+        known = self._bent.get((i, number)) or self._constant.get((i, number))
+        if known is None:
+            v = self.rows[i]
+            v.asked = False
+            branch = self.components[i].branch(v, number)
+            known = _Piece.of(self, v, branch, self._laws[i])
+            (self._bent if v.asked else self._constant)[i, number] = known
+        return known
+
+    def bent(self, i: int, number: int) -> bool:
+        """Whether a branch of component i depends on the state other than by its rows."""
+        self.piece(i, number)
+        return self.static[i] is None and (i, number) not in self._constant
 
     def _pieces(self, i: int) -> "tuple[_Piece, ...]":
-        part, v = self.components[i], self.rows[i]
-        kinematics = len(part.kinematics(v))
-        return tuple(_Piece.of(self, v, branch, part.unknowns - kinematics) for branch in part.branches(v))
+        branches = self.components[i].branches(self.rows[i])
+        return tuple(_Piece.of(self, self.rows[i], branch, self._laws[i]) for branch in branches)
 
     def kinetic(self) -> Array:
         """Inertia matrix in the coordinates, shape (freedom, freedom)."""
         masses = np.zeros(self.node_count)
         for part, v in zip(self.components, self.rows, strict=True):
-            if isinstance(part, Inertia):
-                masses += part.J * v.phi("flange_a")[: self.node_count]
+            if part.inertia:
+                masses += part.inertia * v.phi(part.flanges[0])[: self.node_count]
         shape = self.to_known[: self.node_count, : self.freedom]
         return np.asarray(shape.T @ (masses[:, None] * shape))
 
@@ -300,6 +350,7 @@ class _Piece:
     holds: Array
     strict: NDArray[np.bool_]
     stops: Array
+    losses: Array
 
     @classmethod
     def of(cls, system: System, v: _Rows, branch: Branch, equations: int) -> "_Piece":
@@ -311,9 +362,10 @@ class _Piece:
             tuple(node for node, _ in pairs),
             _stack([row for _, row in pairs], system.width),
             _stack(branch.equations, system.width),
-            _stack((*branch.holds, *branch.moves), system.width),
-            np.array([False] * len(branch.holds) + [True] * len(branch.moves), dtype=np.bool_),
+            _stack((*branch.holds, *branch.strict), system.width),
+            np.array([False] * len(branch.holds) + [True] * len(branch.strict), dtype=np.bool_),
             _stack(branch.stops, system.width),
+            _stack([torques[0] for name, torques in branch.powers.items() if name == "lossPower"], system.width),
         )
 
 
@@ -321,7 +373,7 @@ def _stack(rows: Sequence[Row], width: int) -> Array:
     return np.array(rows, dtype=np.float64).reshape(-1, width)
 
 
-class _Basis:
+class Basis:
     """Rows taken one by one while they are independent of those taken before (Gram-Schmidt, twice)."""
 
     def __init__(self, width: int) -> None:
@@ -339,6 +391,11 @@ class _Basis:
             return False
         self._taken = np.vstack([self._taken, rest / left])
         return True
+
+
+def bend(signal: Signal) -> tuple[float, float]:
+    """Factors of swing and rate in the rate's derivative."""
+    return -(signal.omega**2 + signal.damping**2), -2 * signal.damping
 
 
 def describe(system: System, node: int) -> str:

@@ -40,6 +40,7 @@ from sim.drive_train import DriveTrain
 from sim.errors import CompositionError, ParameterError, RunError, number
 from sim.servo import back_and_forth
 from sim.trajectory import Trajectory
+from sim.verification import check_finite
 
 MEMORY_LIMIT_BYTES = 2_000_000_000  # of one result: 43 minutes of three shafts at 8 kHz
 MIN_RATE_OF_SERVO_HZ = 1000.0
@@ -87,6 +88,8 @@ def simulate_chain(
     chain = _chain(train, places)
     drive, reference = _drive(train, places, samples, sample_rate_hz)
     result = run_chain(chain, drive, sample_rate_hz, samples, start=_start(train, places, chain), watch=watch)
+    for values in (result.angle_rad, result.speed_rad_s):
+        check_finite(result.time_s, values, lambda column: places[column].inertias[0])
     return trajectory_of(train, places, chain, result, reference)
 
 

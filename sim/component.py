@@ -31,11 +31,16 @@ CONTACT_NAMES: Mapping[int, str] = {-1: "contact backward", 0: "gap", 1: "contac
 
 
 class Signal(ABC):
-    """A function of time [s]: between its breakpoints a level plus a sine, or a straight line."""
+    """A function of time [s]: between its breakpoints a level plus a sine (that may die away), or a straight line."""
 
     @property
     def omega(self) -> float:
         """Angular frequency of the swing [rad/s]; 0 where it is a straight line."""
+        return 0.0
+
+    @property
+    def damping(self) -> float:
+        """How fast the swing dies away [1/s]: swing'' = -2 damping swing' - (omega^2 + damping^2) swing."""
         return 0.0
 
     @property
@@ -111,8 +116,9 @@ class Branch:
         Rows that are zero, as many as the component has unknowns beyond its kinematics.
     holds
         Rows that are >= 0 as long as the branch is valid.
-    moves
-        Speeds that are > 0 from then on, not zero for good (else the shaft is stuck, not sliding) [rad/s].
+    strict
+        Rows that are > 0 from then on, not zero for good: a speed (else the shaft is stuck, not sliding), a force that
+        presses (else the friction is free).
     stops
         Speeds that are exactly zero in this branch [rad/s].
     mode
@@ -120,13 +126,13 @@ class Branch:
     channels
         Named results with their rows.
     powers
-        Named results that are products of two rows [W].
+        Named results that are products of two rows [W]: a torque of friction or damping, and its speed.
     """
 
     torques: Mapping[str, Row]
     equations: tuple[Row, ...] = ()
     holds: tuple[Row, ...] = ()
-    moves: tuple[Row, ...] = ()
+    strict: tuple[Row, ...] = ()
     stops: tuple[Row, ...] = ()
     mode: int | None = None
     channels: Mapping[str, Row] = field(default_factory=dict)
@@ -157,6 +163,11 @@ class Component(ABC):
         return True
 
     @property
+    def inertia(self) -> float:
+        """Moment of inertia at its first flange [kg.m2]; a mass [kg] where the flange moves straight."""
+        return 0.0
+
+    @property
     def unknowns(self) -> int:
         """How many unknown torques the branches speak of, those of `kinematics` first."""
         return 0
@@ -170,6 +181,14 @@ class Component(ABC):
         """Rows of angles that are zero at all times."""
         return ()
 
+    def prescribed(self, v: Variables) -> tuple[Row, ...]:
+        """Angles whose motion this component gives, whatever torque it takes."""
+        return ()
+
+    def follows(self, v: Variables) -> tuple[tuple[Row, Signal], ...]:
+        """Angles and speeds that are to be those of a signal at all times."""
+        return ()
+
     def states(self, v: Variables) -> tuple[Row, ...]:
         """Angles that this component would have as states, as Modelica's stateSelect."""
         return ()
@@ -181,3 +200,7 @@ class Component(ABC):
     @abstractmethod
     def branches(self, v: Variables) -> tuple[Branch, ...]:
         """Return all pieces of the law, the preferred ones first where two are possible."""
+
+    def branch(self, v: Variables, number: int) -> Branch:
+        """Return one piece of the law: where pieces are asked for anew at each instant, less work than all."""
+        return self.branches(v)[number]

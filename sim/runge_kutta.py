@@ -6,6 +6,7 @@ inequalities becomes negative, found on the step's interpolant and then integrat
 `sim.chain`; this one is for reach, not for speed.
 """
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
@@ -33,6 +34,7 @@ from sim.affine_system import Array, Mode, System
 from sim.component import STUCK
 from sim.errors import RunError
 from sim.trajectory import Channels, Event, Trajectory
+from sim.verification import Residual, Verifier, check_finite, instants
 
 RELATIVE_TOLERANCE = 1e-11
 LONGEST_STEP_S = 0.02
@@ -102,15 +104,16 @@ class RungeKutta:
         """The whole state: angles and speeds, signals at `time` by their pieces, one."""
         x = np.empty(self.system.state_width)
         x[: self.moving] = moving
-        values, elapsed = self._pieces.copy(), time - self._pieces_from
+        values, elapsed = self._pieces.tolist(), time - self._pieces_from
         for signal, (_, swing) in zip(self.system.signals, self.system.signal_columns, strict=True):
-            column, w = swing - 2 * self.system.node_count, signal.omega
-            s, r = self._pieces[column : column + 2]
+            column, w, d = swing - 2 * self.system.node_count, signal.omega, signal.damping
+            s, r = values[column : column + 2]
             if w == 0:
                 values[column] = s + r * elapsed
             else:
-                c, n = np.cos(w * elapsed), np.sin(w * elapsed)
-                values[column : column + 2] = s * c + r / w * n, r * c - s * w * n
+                left = math.exp(-d * elapsed)
+                c, n, b = left * math.cos(w * elapsed), left * math.sin(w * elapsed), (r + d * s) / w
+                values[column : column + 2] = s * c + b * n, r * c - (d * b + w * s) * n
         x[self.moving : -1] = values
         x[-1] = 1.0
         return x
@@ -150,29 +153,37 @@ class RungeKutta:
 
     def _take(self, key: Key) -> None:
         self.key = key
-        if key not in self.laws or not self.system.train.affine:
+        if key not in self.laws:
             self.laws[key] = Law(self.system, key)
         self.law = self.laws[key]
 
     def _enter(self, key: Key, x: Array) -> Array | None:
         """The state after entering a mode at x, or None if it does not hold there."""
         mode = compile_mode(self.system, key)
-        resting = np.abs(mode.stops @ x) <= 1e-9 * (np.abs(mode.stops) @ self.scale) + 1e-12
-        if not np.all(resting):
+        if not self._resting(mode, x):
             return None
         entered: Array = mode.enter @ x
         return entered if first_broken(mode, entered, self.scale) < 0 else None
 
+    def _resting(self, mode: Mode, x: Array) -> bool:
+        """Whether all is zero that has to be in the mode."""
+        return bool(np.all(np.abs(mode.stops @ x) <= 1e-9 * (np.abs(mode.stops) @ self.scale) + 1e-12))
+
     def _broken(self, x: Array) -> frozenset[int] | None:
-        """Owners of an inequality that does not hold after a signal's breakpoint, or None."""
+        """Owners of what does not hold after a signal's breakpoint, or None."""
         self._at(x)
         mode = compile_mode(self.system, self.key)
         row = first_broken(mode, x, self.scale)
-        return None if row < 0 else mode.holds.owners[row]
+        if row < 0 and not self._resting(mode, x):
+            row = len(mode.holds.owners)
+        return None if row < 0 else mode.holds.owner(row)
 
     def _switch(self, time: float, x: Array, owners: frozenset[int]) -> Array:
-        self.scale = np.maximum(self.scale, np.abs(x))
+        from sim import affine_kernel as kernel
+
         self._at(x)
+        mode = compile_mode(self.system, self.key)
+        kernel.enlarge(x, self.scale, mode.matrix, self.moving, mode.rate)
         allowed = possible_branches(self.system, x, self.scale)
         for key in combinations_near(self.system, self.key, owners, allowed):
             entered = self._enter(key, x)
@@ -293,29 +304,63 @@ class Law:
     def __init__(self, system: System, key: Key) -> None:
         self.system, self.key = system, key
         mode = compile_mode(system, key)
-        self.mode = mode if system.train.affine else None
+        self._bent = [i for i, branch in enumerate(key) if system.bent(i, branch)]
+        self.mode = None if self._bent else mode
         self._regular = mode.regular
         self._limits = np.zeros((0, system.width))
-        self._bent = [i for i, part in enumerate(system.components) if not part.affine]
+        self._places: list[tuple[int, slice]] = []
         self._straight = equations(system, key, [i for i in range(len(key)) if i not in self._bent])
+        if self._regular and self.mode is None:
+            self._reduce()
 
-    def _rows(self, x: Array) -> Array:
-        """All equations at x, over (y, z)."""
-        self.system.point = self.system.to_known @ x
-        return combined(self.system, self._straight, self.key, self._bent)
+    def _reduce(self) -> None:
+        """Solve once for all what does not change: z = base x + ways c, with c from the rows that do."""
+        system, known = self.system, self.system.known
+        pieces = [system.piece(i, self.key[i]) for i in self._bent]
+        self._nodes = sorted({node for piece in pieces for node in piece.nodes})
+        kept = np.delete(self._straight, self._nodes, axis=0)
+        unknown = kept[:, known:]
+        scale, columns = np.abs(unknown).max(axis=1, keepdims=True), np.abs(unknown).max(axis=0)
+        columns[columns == 0] = 1.0  # of what stands in changing rows alone
+        left, size, right = np.linalg.svd(unknown / scale / columns)
+        self._ways = right[len(size) :].T / columns[:, None]
+        solved = (right[: len(size)].T / size) @ left[:, : len(size)].T / columns[:, None]
+        self._base = -solved @ (system.state_rows(kept) / scale)
+
+    def _changing(self) -> Array:
+        """The rows that change with the state: balances of the nodes that bent components touch, and their laws."""
+        balances = self._straight[self._nodes]
+        laws = [balances]
+        for i in self._bent:
+            piece = self.system.piece(i, self.key[i])
+            for node, torque in zip(piece.nodes, piece.torques, strict=True):
+                balances[self._nodes.index(node)] += torque
+            laws.append(piece.equations)
+        return np.concatenate(laws)
 
     def unknowns(self, x: Array) -> Array:
         """Accelerations and torques at x, shape (unknowns,)."""
         if self.mode is not None:
             return np.asarray(self.mode.solve @ x)
-        rows, known = self._rows(x), self.system.known
-        if self._regular:
-            return np.asarray(np.linalg.solve(rows[:, known:], -rows[:, :known] @ self.system.point))
-        return np.asarray(solve_unknowns(self.system, rows)[0] @ x)
+        system, known = self.system, self.system.known
+        system.point = system.to_known @ x
+        if not self._regular:
+            losses = np.vstack([system.piece(i, branch).losses for i, branch in enumerate(self.key)])
+            rows = combined(system, self._straight, self.key, self._bent)
+            return np.asarray(solve_unknowns(system, rows, losses)[0] @ x)
+        rows, z = self._changing(), self._base @ x
+        choice = np.linalg.solve(rows[:, known:] @ self._ways, -rows[:, :known] @ system.point - rows[:, known:] @ z)
+        return np.asarray(z + self._ways @ choice)
 
     def _inequalities(self) -> Array:
-        pieces = [self.system.branches(i)[branch].holds for i, branch in enumerate(self.key)]
-        return np.vstack(pieces)
+        """All inequalities as rows over (y, z); those of bent components are asked for anew."""
+        if not len(self._limits):
+            self._limits = np.vstack([self.system.piece(i, branch).holds for i, branch in enumerate(self.key)])
+            counts = [len(self.system.piece(i, branch).holds) for i, branch in enumerate(self.key)]
+            self._places = [(i, slice(sum(counts[:i]), sum(counts[: i + 1]))) for i in self._bent]
+        for i, place in self._places:
+            self._limits[place] = self.system.piece(i, self.key[i]).holds
+        return self._limits
 
     def margins(self, x: Array) -> Array:
         """Values of all inequalities at x."""
@@ -341,7 +386,7 @@ class Law:
     def owners(self, x: Array) -> list[frozenset[int]]:
         """Components that each inequality belongs to."""
         if self.mode is None and self._regular:
-            branches = [self.system.branches(i)[branch].holds for i, branch in enumerate(self.key)]
+            branches = [self.system.piece(i, branch).holds for i, branch in enumerate(self.key)]
             return [frozenset([i]) for i, holds in enumerate(branches) for _ in holds]
         self.system.point = self.system.to_known @ x
         return list(compile_mode(self.system, self.key).holds.owners)
@@ -362,7 +407,28 @@ def simulate_runge_kutta(system: System, samples: int, sample_rate_hz: float) ->
     run = RungeKutta(system, samples, sample_rate_hz).run()
     reader = _Reader(system, run)
     time = np.arange(samples) / sample_rate_hz
-    return Trajectory(time, Channels(reader.sources), reader.units, tuple(run.events), "runge-kutta")
+    residual = _verify(system, run, time)
+    return Trajectory(time, Channels(reader.sources), reader.units, tuple(run.events), "runge-kutta", residual)
+
+
+def _verify(system: System, run: _Run, time: Array) -> Residual:
+    """Look at equations, limits and prescribed motion; flow and energy are left to the steps' own error control."""
+    h = float(time[-1]) / max(len(time) - 1, 1)
+    verifier = Verifier(system, h)
+    check_finite(time, run.states, verifier.coordinate)
+    at = instants(len(time))
+    motion = verifier.motion(time[at], run.states[at])
+    equations = limits = 0.0
+    after = np.zeros((1, 2 * system.freedom))
+    for i in at.tolist():
+        system.point = system.to_known @ run.states[i]
+        one = Verifier(system, h)
+        mode = compile_mode(system, run.keys[i])
+        found = one.laws(
+            [mode], np.zeros(1, np.int32), time[i : i + 1], run.states[i : i + 1], after, np.zeros(1, np.bool_)
+        )
+        equations, limits = max(equations, found[0]), max(limits, found[1])
+    return Residual(equations, limits, motion)
 
 
 class _Reader:
@@ -391,7 +457,7 @@ class _Reader:
 
     def _channels(self, key: Key, variables: Array) -> Iterator[tuple[str, float]]:
         for i, branch_number in enumerate(key):
-            branch = self._system.branches(i)[branch_number].branch
+            branch = self._system.piece(i, branch_number).branch
             name = self._system.names[i]
             for channel, row in branch.channels.items():
                 yield f"{name}.{channel}", float(row @ variables)

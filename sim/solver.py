@@ -14,6 +14,7 @@ from sim.affine_system import Array, System
 from sim.drive_train import DriveTrain
 from sim.errors import ParameterError, RunError, number
 from sim.trajectory import Channels, Trajectory
+from sim.verification import Residual, check_finite, instants
 
 Engine = Literal["exact", "runge-kutta"]
 MAX_DURATION_S = 1e6
@@ -134,7 +135,25 @@ def _trajectory(engine: ExactEngine, block: Block, sample_rate_hz: float) -> Tra
     time = (block.first + np.arange(len(block.states))) / sample_rate_hz
     events = tuple(component_events(engine, block))
     reader = _Reader(engine, block, time)
-    return Trajectory(time, Channels(reader.sources), reader.units, events, "exact")
+    residual = _verify(engine, block, time)
+    return Trajectory(time, Channels(reader.sources), reader.units, events, "exact", residual)
+
+
+def _verify(engine: ExactEngine, block: Block, time: Array) -> Residual:
+    """Look at a block; raise RunError where it does not obey its equations."""
+    verifier = engine.verifier
+    check_finite(time, block.states, verifier.coordinate)
+    at = instants(len(time))
+    x = engine.system.states(time[at], block.states[at])
+    following = np.minimum(at + 1, len(time) - 1)
+    quiet = (block.modes[following] == block.modes[at]) & (following > at)
+    knots = [signal.breakpoints(time[0], time[-1]) for signal in engine.system.signals]
+    stops = np.sort(np.concatenate([*knots, block.change_times]))
+    quiet &= np.searchsorted(stops, time[at] - 1e-9) == np.searchsorted(stops, time[following] + 1e-9)
+    motion = verifier.motion(time[at], x)
+    found = verifier.laws(engine.modes, block.modes[at], time[at], x, block.states[following], quiet)
+    equations, limits, flow, energy = found
+    return Residual(equations, limits, motion, flow, energy)
 
 
 class _Reader:
@@ -153,13 +172,7 @@ class _Reader:
 
     @cached_property
     def _states(self) -> Array:
-        system = self._engine.system
-        states = np.empty((len(self._time), system.state_width))
-        width = self._moving.shape[1]
-        states[:, :width] = self._moving
-        states[:, width:-1] = system.signal_values(self._time)
-        states[:, -1] = 1.0
-        return states
+        return self._engine.system.states(self._time, self._moving)
 
     def _read(self, i: int, channel: str) -> Array:
         branches = self._engine.system.branches(i)

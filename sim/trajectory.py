@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import CompositionError, near_match
+from sim.verification import Residual
 
 
 class Event(NamedTuple):
@@ -58,6 +59,8 @@ class Trajectory:
         All changes of mode, in order of time.
     engine
         `exact` or `runge-kutta`: how it was computed.
+    residual
+        How well the run obeys its own equations; None where nobody looked.
     """
 
     time_s: NDArray[np.float64]
@@ -65,6 +68,7 @@ class Trajectory:
     units: Mapping[str, str]
     events: tuple[Event, ...]
     engine: str
+    residual: Residual | None = None
 
     def __getitem__(self, name: str) -> NDArray[np.float64]:
         """Return one channel, shape (n,).

@@ -8,6 +8,7 @@ from sim.components.bearing_friction import BearingFriction
 from sim.components.brake import Brake
 from sim.components.clutch import Clutch, OneWayClutch
 from sim.components.damper import Damper
+from sim.components.disc import Disc
 from sim.components.elasto_backlash import ElastoBacklash, ElastoBacklash2
 from sim.components.fixed import Fixed
 from sim.components.gearbox import Gearbox
@@ -16,8 +17,22 @@ from sim.components.ideal_planetary import IdealPlanetary
 from sim.components.inertia import Inertia
 from sim.components.lossy_gear import LossyGear
 from sim.components.motion_source import Accelerate, ConstantSpeed, Move, Position, Speed
-from sim.components.signals import Constant, Product, Pulse, Ramp, Sampled, Sine, Step
+from sim.components.relative_states import RelativeStates
+from sim.components.rotation_to_translation import IdealGearR2T, IdealRollingWheel, Mass
+from sim.components.sensors import (
+    AccSensor,
+    AngleSensor,
+    MultiSensor,
+    PowerSensor,
+    RelAccSensor,
+    RelAngleSensor,
+    RelSpeedSensor,
+    SpeedSensor,
+    TorqueSensor,
+)
+from sim.components.signals import Constant, ExpSine, Product, Pulse, Ramp, Sampled, Sine, Step
 from sim.components.speed_torque import (
+    EddyCurrentTorque,
     InverseSpeedDependentTorque,
     LinearSpeedDependentTorque,
     QuadraticSpeedDependentTorque,
@@ -55,11 +70,28 @@ COMPONENTS: tuple[type[Component], ...] = (
     ConstantSpeed,
     Accelerate,
     Move,
+    Disc,
+    RelativeStates,
+    IdealGearR2T,
+    IdealRollingWheel,
+    Mass,
+    EddyCurrentTorque,
+    AngleSensor,
+    SpeedSensor,
+    AccSensor,
+    RelAngleSensor,
+    RelSpeedSensor,
+    RelAccSensor,
+    TorqueSensor,
+    PowerSensor,
+    MultiSensor,
 )
 
 __all__ = [
     "COMPONENTS",
+    "AccSensor",
     "Accelerate",
+    "AngleSensor",
     "BearingFriction",
     "Brake",
     "Clutch",
@@ -67,31 +99,45 @@ __all__ = [
     "ConstantSpeed",
     "ConstantTorque",
     "Damper",
+    "Disc",
+    "EddyCurrentTorque",
     "ElastoBacklash",
     "ElastoBacklash2",
+    "ExpSine",
     "Fixed",
     "Gearbox",
     "IdealGear",
+    "IdealGearR2T",
     "IdealPlanetary",
+    "IdealRollingWheel",
     "Inertia",
     "InverseSpeedDependentTorque",
     "LinearSpeedDependentTorque",
     "LossyGear",
+    "Mass",
     "Move",
+    "MultiSensor",
     "OneWayClutch",
     "Position",
+    "PowerSensor",
     "Product",
     "Pulse",
     "QuadraticSpeedDependentTorque",
     "Ramp",
+    "RelAccSensor",
+    "RelAngleSensor",
+    "RelSpeedSensor",
+    "RelativeStates",
     "Sampled",
     "SignTorque",
     "Sine",
     "Speed",
+    "SpeedSensor",
     "Spring",
     "SpringDamper",
     "Step",
     "Torque",
     "Torque2",
+    "TorqueSensor",
     "TorqueStep",
 ]

@@ -58,7 +58,7 @@ class BearingFriction(Component):
                 torques={"flange_a": through, "flange_b": tau - through, "support": -tau},
                 equations=(piece.equation,),
                 holds=piece.holds,
-                moves=piece.moves,
+                strict=piece.strict,
                 stops=piece.stops,
                 mode=piece.mode,
                 channels={"phi": v.phi("flange_a") - v.phi("support"), "w": w, "tau": tau},

@@ -42,7 +42,7 @@ class Brake(Pressed):
                 torques={"flange_a": through, "flange_b": tau - through, "support": -tau},
                 equations=(piece.equation,),
                 holds=piece.holds,
-                moves=piece.moves,
+                strict=piece.strict,
                 stops=piece.stops,
                 mode=piece.mode,
                 channels={"phi": phi, "w": w, "tau": tau, "fn": self.fn_max * v.signal(0)},

@@ -107,7 +107,7 @@ class Clutch(Pressed):
             torques={"flange_a": -tau, "flange_b": tau},
             equations=(piece.equation,),
             holds=piece.holds,
-            moves=piece.moves,
+            strict=piece.strict,
             stops=piece.stops,
             mode=piece.mode,
             channels={"phi_rel": v.phi_rel, "w_rel": v.w_rel, "tau": tau, "fn": self.fn_max * v.signal(0)},
@@ -127,8 +127,8 @@ class OneWayClutch(Clutch):
         sliding = tau - self.torque_at(v, v.w_rel)
         pieces = (
             Piece(STUCK, v.a_rel, (-pressing, least - tau), stops=(v.w_rel,)),
-            Piece(STUCK, v.a_rel, (pressing, limit - tau), stops=(v.w_rel,)),
-            Piece(FORWARD, tau, (-pressing,), moves=(v.w_rel,)),
-            Piece(FORWARD, sliding, (pressing,), moves=(v.w_rel,)),
+            Piece(STUCK, v.a_rel, (limit - tau,), (pressing,), stops=(v.w_rel,)),
+            Piece(FORWARD, tau, (-pressing,), (v.w_rel,)),
+            Piece(FORWARD, sliding, (), (v.w_rel, pressing)),
         )
         return tuple(self._between(v, piece) for piece in pieces)

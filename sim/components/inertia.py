@@ -39,6 +39,10 @@ class Inertia(Component):
                 number(f"Inertia.{name}", getattr(self, name), "")
 
     @property
+    def inertia(self) -> float:
+        return self.J
+
+    @property
     def unknowns(self) -> int:
         return 1
 

@@ -5,6 +5,8 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import ClassVar
 
+import numpy as np
+
 from sim.component import BACKWARD, FORWARD, FREE, STUCK, Branch, Component, Row, Variables
 from sim.components.ideal_gear import gear_ratio
 from sim.components.tables import SpeedTable, speed_table
@@ -72,11 +74,27 @@ class LossyGear(Component):
         a, b = (v.phi(flange) - v.phi("support") for flange in ("flange_a", "flange_b"))
         return (a - self.ratio * b,)
 
-    def branches(self, v: Variables) -> tuple[Branch, ...]:
-        loss = v.unknown(1)
+    @cached_property
+    def _pieces(self) -> tuple[tuple[int, int, int], ...]:
+        """Mode of each branch, and who drives: 1 flange_a, -1 flange_b; stuck, at the upper limit and at the lower one.
+
+        Stuck, one combination cannot be: between the two torques at which the driver changes, both or none drive.
+        """
         if self.table.rows == IDEAL:
-            return (self._branch(v, FREE, loss, ()),)
-        return (*self._stuck(v), *self._rolling(v, FORWARD), *self._rolling(v, BACKWARD))
+            return ((FREE, 0, 0),)
+        eta1, eta2, bf1, bf2 = (float(x) for x in self.table.at(0.0))
+        never = float(np.sign(bf1 if eta1 == eta2 == 1 else (bf1 - bf2) / (eta1 - 1 / eta2)))
+        stuck = [(STUCK, upper, lower) for upper in (1, -1) for lower in (1, -1) if (upper, lower) != (never, never)]
+        return (*stuck, *((way, driver, 0) for way in (FORWARD, BACKWARD) for driver in (1, -1)))
+
+    def branches(self, v: Variables) -> tuple[Branch, ...]:
+        return tuple(self.branch(v, number) for number in range(len(self._pieces)))
+
+    def branch(self, v: Variables, number: int) -> Branch:
+        mode, first, second = self._pieces[number]
+        if mode == FREE:
+            return self._branch(v, FREE, v.unknown(1), ())
+        return self._stuck(v, first, second) if mode == STUCK else self._rolling(v, mode, first)
 
     def _branch(
         self,
@@ -84,7 +102,7 @@ class LossyGear(Component):
         mode: int,
         equation: Row,
         holds: tuple[Row, ...],
-        moves: tuple[Row, ...] = (),
+        strict: tuple[Row, ...] = (),
         stops: tuple[Row, ...] = (),
     ) -> Branch:
         tau_a, loss = v.unknown(0), v.unknown(1)
@@ -94,7 +112,7 @@ class LossyGear(Component):
             torques={"flange_a": tau_a, "flange_b": tau_b, "support": -tau_a - tau_b},
             equations=(equation,),
             holds=holds,
-            moves=moves,
+            strict=strict,
             stops=stops,
             mode=mode,
             channels={
@@ -107,41 +125,30 @@ class LossyGear(Component):
             powers={"lossPower": (loss, w_a)},
         )
 
-    def _rolling(self, v: Variables, direction: int) -> tuple[Branch, ...]:
+    def _rolling(self, v: Variables, direction: int, driver: int) -> Branch:
         """Flange_a drives (eta_mf1), or flange_b (eta_mf2); the torque at flange_a tells which."""
         tau_a, loss = v.unknown(0), v.unknown(1)
-        w_a = v.w("flange_a") - v.w("support")
-        eta1, eta2, bf1, bf2 = self._values(v, direction * w_a)
-        a_drives = direction * (1 - eta1) * tau_a + bf1
-        b_drives = direction * (1 - 1 / eta2) * tau_a + bf2
-        turns = direction * w_a
+        turns = direction * (v.w("flange_a") - v.w("support"))
+        eta1, eta2, bf1, bf2 = self._values(v, turns)
+        share, bearing = (1 - eta1, bf1) if driver > 0 else (1 - 1 / eta2, bf2)
         margin = direction * tau_a - _switch(eta1, eta2, bf1, bf2)
-        return (
-            self._branch(v, direction, loss - direction * a_drives, (margin,), (turns,)),
-            self._branch(v, direction, loss - direction * b_drives, (-margin,), (turns,)),
-        )
+        equation = loss - share * tau_a - direction * bearing
+        return self._branch(v, direction, equation, (driver * margin,), (turns,))
 
-    def _stuck(self, v: Variables) -> tuple[Branch, ...]:
+    def _stuck(self, v: Variables, upper_side: int, lower_side: int) -> Branch:
         """The loss holds the gear while it lies within limits; each limit has two pieces, by who would drive."""
         tau_a, loss = v.unknown(0), v.unknown(1)
-        w_a = v.w("flange_a") - v.w("support")
         eta1, eta2, bf1, bf2 = self._at(0.0, v)
         switch = _switch(eta1, eta2, bf1, bf2)
-        a_drives = (1 - eta1, bf1)
-        b_drives = (1 - 1 / eta2, bf2)
-        branches = []
-        for upper, upper_side in ((a_drives, 1), (b_drives, -1)):
-            for lower, lower_side in ((a_drives, 1), (b_drives, -1)):
-                holds = (
-                    upper[0] * tau_a + upper[1] - loss,
-                    loss - lower[0] * tau_a + lower[1],
-                    upper_side * (tau_a - switch),
-                    lower_side * (-tau_a - switch),
-                )
-                if not (upper_side == lower_side and upper_side * float(switch @ v.one) > 0):
-                    stuck = v.a("flange_a") - v.a("support")
-                    branches.append(self._branch(v, STUCK, stuck, holds, stops=(w_a,)))
-        return tuple(branches)
+        upper, lower = ((1 - eta1, bf1) if side > 0 else (1 - 1 / eta2, bf2) for side in (upper_side, lower_side))
+        holds = (
+            upper[0] * tau_a + upper[1] - loss,
+            loss - lower[0] * tau_a + lower[1],
+            upper_side * (tau_a - switch),
+            lower_side * (-tau_a - switch),
+        )
+        w_a, a_a = v.w("flange_a") - v.w("support"), v.a("flange_a") - v.a("support")
+        return self._branch(v, STUCK, a_a, holds, stops=(w_a,))
 
     def _values(self, v: Variables, speed: Row) -> tuple[float, float, Row, Row]:
         """Efficiencies, and bearing friction as rows, while |w_a| is `speed`."""
@@ -152,7 +159,7 @@ class LossyGear(Component):
         return float(eta1), float(eta2), bf1 * v.one + slope1 * speed, bf2 * v.one + slope2 * speed
 
     def _at(self, speed: float, v: Variables) -> tuple[float, float, Row, Row]:
-        eta1, eta2, bf1, bf2 = (float(x) for x in self.table.at(speed))
+        eta1, eta2, bf1, bf2 = self.table.values(speed)
         if eta1 <= 0 or eta2 <= 0:
             raise RunError(f"LossyGear.lossTable: efficiency is {min(eta1, eta2):g} at {speed:g} rad/s; it must be > 0")
         return eta1, eta2, bf1 * v.one, bf2 * v.one

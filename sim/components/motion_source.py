@@ -45,8 +45,11 @@ class MotionSource(Component):
         """The acceleration that the flange is given."""
         raise NotImplementedError
 
-    def states(self, v: Variables) -> tuple[Row, ...]:
+    def prescribed(self, v: Variables) -> tuple[Row, ...]:
         return (v.phi("flange") - v.phi("support"),)
+
+    def states(self, v: Variables) -> tuple[Row, ...]:
+        return self.prescribed(v)
 
     def branches(self, v: Variables) -> tuple[Branch, ...]:
         phi, w, a = self.phi_w_a(v)
@@ -85,6 +88,9 @@ class Position(MotionSource):
     def signals(self) -> tuple[Signal, ...]:
         return (self.phi_ref,)
 
+    def follows(self, v: Variables) -> tuple[tuple[Row, Signal], ...]:
+        return ((self.phi_w_a(v)[0], self.phi_ref),) if self.exact else ()
+
     def starts(self, v: Variables) -> tuple[Start, ...]:
         phi, w, _ = self.phi_w_a(v)
         begin = self.phi_ref.pieces(np.zeros(1))[0]
@@ -120,6 +126,9 @@ class Speed(MotionSource):
     def signals(self) -> tuple[Signal, ...]:
         return (self.w_ref,)
 
+    def follows(self, v: Variables) -> tuple[tuple[Row, Signal], ...]:
+        return ((self.phi_w_a(v)[1], self.w_ref),) if self.exact else ()
+
     def starts(self, v: Variables) -> tuple[Start, ...]:
         return (Start(self.phi_w_a(v)[1], float(self.w_ref(np.zeros(1))[0])),)
 
@@ -137,6 +146,9 @@ class ConstantSpeed(MotionSource):
 
     def __post_init__(self) -> None:
         number("ConstantSpeed.w_fixed", self.w_fixed, "rad/s")
+
+    def follows(self, v: Variables) -> tuple[tuple[Row, Signal], ...]:
+        return ((self.phi_w_a(v)[1], Constant(self.w_fixed)),)
 
     def starts(self, v: Variables) -> tuple[Start, ...]:
         return (Start(self.phi_w_a(v)[1], self.w_fixed),)

@@ -74,6 +74,23 @@ class Sine(Signal):
 
 
 @dataclass(frozen=True)
+class ExpSine(Sine):
+    """y = offset + amplitude exp(-damping (t - startTime)) sin(2 pi f (t - startTime) + phase), the offset before."""
+
+    damping: float = 1.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        number("ExpSine.damping", self.damping, "1/s", at_least=0)
+
+    def pieces(self, time_s: Array) -> Array:
+        out = super().pieces(time_s)
+        out[:, 2] -= self.damping * out[:, 1]
+        out[:, 1:] *= np.exp(-self.damping * np.maximum(time_s - self.startTime, 0.0))[:, None]
+        return out
+
+
+@dataclass(frozen=True)
 class Step(Signal):
     """y = offset, from startTime on offset + height."""
 
@@ -193,6 +210,10 @@ class Product(Signal):
     @property
     def omega(self) -> float:
         return self.signal.omega
+
+    @property
+    def damping(self) -> float:
+        return self.signal.damping
 
     @property
     def has_level(self) -> bool:

@@ -15,7 +15,7 @@ class Piece:
     mode: int
     equation: Row
     holds: tuple[Row, ...]
-    moves: tuple[Row, ...] = ()
+    strict: tuple[Row, ...] = ()
     stops: tuple[Row, ...] = ()
 
 
@@ -38,9 +38,9 @@ def friction_pieces(
     free = () if pressing is None else (Piece(FREE, tau, (-pressing,)),)
     return (
         *free,
-        Piece(STUCK, acceleration, (*pressed, limit - tau, limit + tau), stops=(speed,)),
-        Piece(FORWARD, tau - torque_at(speed), pressed, moves=(speed,)),
-        Piece(BACKWARD, tau + torque_at(-speed), pressed, moves=(-speed,)),
+        Piece(STUCK, acceleration, (limit - tau, limit + tau), pressed, stops=(speed,)),
+        Piece(FORWARD, tau - torque_at(speed), (), (speed, *pressed)),
+        Piece(BACKWARD, tau + torque_at(-speed), (), (-speed, *pressed)),
     )
 
 

@@ -125,3 +125,51 @@ class SignTorque(Component):
             "CoSine": copysign(1 - cos(pi / 2 * within), x),
         }[self.reg]
         return (driving(v, self.tau_nominal * sign * v.one),)
+
+
+@dataclass(frozen=True)
+class EddyCurrentTorque(Component):
+    """Brakes with 2 tau_nominal x / (1 + x^2) (Kloss), x = w/w_nominal; tau is into the flange, as Modelica has it.
+
+    Parameters
+    ----------
+    tau_nominal
+        Largest torque [N.m], at the speed w_nominal [rad/s] and the temperature TRef [K].
+    TRef, alpha20, T
+        w_nominal grows with the disc's resistance: by alpha20 [1/K], given at 293.15 K, up to the temperature T [K].
+    """
+
+    tau_nominal: float
+    w_nominal: float
+    TRef: float = 293.15
+    alpha20: float = 0.0
+    T: float = 293.15
+
+    flanges: ClassVar[tuple[str, ...]] = ("flange", "support")
+    grounded: ClassVar[tuple[str, ...]] = ("support",)
+    units: ClassVar[Mapping[str, str]] = {**UNITS, "lossPower": "W"}
+
+    def __post_init__(self) -> None:
+        number("EddyCurrentTorque.tau_nominal", self.tau_nominal, "N.m", at_least=0)
+        number("EddyCurrentTorque.w_nominal", self.w_nominal, "rad/s", above=0)
+        number("EddyCurrentTorque.alpha20", self.alpha20, "1/K", at_least=0)
+        for name in ("TRef", "T"):
+            number(f"EddyCurrentTorque.{name}", getattr(self, name), "K", above=0)
+
+    @property
+    def affine(self) -> bool:
+        return False
+
+    def branches(self, v: Variables) -> tuple[Branch, ...]:
+        w = v.w("flange") - v.w("support")
+        at_reference = self.alpha20 / (1 + self.alpha20 * (self.TRef - 293.15))
+        x = v.now(w) / (self.w_nominal * (1 + at_reference * (self.T - self.TRef)))
+        tau = 2 * self.tau_nominal * x / (1 + x * x) * v.one
+        phi = v.phi("flange") - v.phi("support")
+        return (
+            Branch(
+                torques={"flange": tau, "support": -tau},
+                channels={"tau": tau, "phi": phi, "w": w},
+                powers={"lossPower": (tau, w)},
+            ),
+        )

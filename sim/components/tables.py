@@ -1,5 +1,6 @@
 """Tables over speed: straight between rows, and through the last two rows beyond them (Modelica's CombiTable1D)."""
 
+from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -16,18 +17,22 @@ class SpeedTable:
     rows: tuple[tuple[float, ...], ...]
 
     @cached_property
-    def _table(self) -> NDArray[np.float64]:
-        return np.array(self.rows)
+    def _speeds(self) -> list[float]:
+        return [row[0] for row in self.rows]
 
     def at(self, w: float) -> NDArray[np.float64]:
         """Values at the speed |w|, shape (columns - 1,)."""
-        table = self._table
-        if len(table) == 1:
-            return table[0, 1:].copy()
-        i = int(np.clip(np.searchsorted(table[:, 0], abs(w), side="right") - 1, 0, len(table) - 2))
-        lower, upper = table[i], table[i + 1]
+        return np.array(self.values(w))
+
+    def values(self, w: float) -> list[float]:
+        """Values at the speed |w|."""
+        rows = self.rows
+        if len(rows) == 1:
+            return list(rows[0][1:])
+        i = min(max(bisect_right(self._speeds, abs(w)) - 1, 0), len(rows) - 2)
+        lower, upper = rows[i], rows[i + 1]
         share = (abs(w) - lower[0]) / (upper[0] - lower[0])
-        return np.asarray(lower[1:] + share * (upper[1:] - lower[1:]))
+        return [low + share * (high - low) for low, high in zip(lower[1:], upper[1:], strict=True)]
 
     def slopes(self) -> NDArray[np.float64]:
         """Change of each value per rad/s in the first piece, shape (columns - 1,)."""
