@@ -18,6 +18,7 @@ MODULES: tuple[str, ...] = (
     "lossy",
     "measured_help",
     "strangers",
+    "ablation",
     "severity",
     "strange_sizes",
 )

@@ -63,8 +63,9 @@ def reasoner(cases: Sequence[tuple[bank.Recorded, Extraction]], copied: Sequence
     if similarity.score is not None:
         rows = np.unique(np.linspace(0, len(usable) - 1, MOST_COPIED).astype(int)).tolist()
         made = [(row, each.features.values) for row in rows for each in usable[row][1] if each.usable]
-        disturbed = Copies(np.array([row for row, _ in made]), np.array([vector for _, vector in made]))
-        similarity = calibrated(known, similarity, disturbed)
+        if made:
+            disturbed = Copies(np.array([row for row, _ in made]), np.array([vector for _, vector in made]))
+            similarity = calibrated(known, similarity, disturbed)
     return Reasoner(known, similarity)
 
 
