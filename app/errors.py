@@ -135,22 +135,27 @@ BY_STATUS: dict[int, type[StatusProblem]] = {
 
 
 SYNTAX = "json_invalid"
+LISTED = 20
+"""Errors of one request that are told, at most: who is wrong in more places reads these first."""
+
 SAFE = ("GET", "HEAD", "OPTIONS")
 """Methods that store nothing."""
 
 
 def validation_problem(errors: Sequence[Any], what: str = "The request") -> Unprocessable:
     """422 from pydantic's list of errors: one sentence each, and the list for programs."""
-    listed = [
+    listed: list[dict[str, Any]] = [
         {
             "location": _location(error),
             "message": _message(error),
             "kind": error["type"],
             "given": finite(error["input"]) if isinstance(error["input"], str | int | float | None) else None,
         }
-        for error in errors
+        for error in errors[:LISTED]
     ]
     words = "; ".join(f"{entry['location'] or 'body'}: {entry['message']}" for entry in listed)
+    if len(errors) > LISTED:
+        words += f"; and {len(errors) - LISTED} more"
     return Unprocessable(f"{what} is not valid: {words}", errors=listed)
 
 

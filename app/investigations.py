@@ -27,7 +27,7 @@ from casebase.library import CaseLibrary
 from casebase.models import AxisRevision, StoredInvestigation, new_id, now
 from casebase.signals.decode import read_recording
 from casebase.signals.errors import SignalError
-from casebase.signals.telemetry import read_telemetry
+from casebase.signals.telemetry import check_telemetry, read_telemetry
 from sim.axis import Axis, read_axis
 from sim.discrepancy.pairs import check_as_new, check_pairs
 from sim.errors import AxisError, SimulationError
@@ -45,16 +45,23 @@ class Measured:
     name: str
 
 
-def submit(
+@dataclass(frozen=True)
+class Question:
+    """What is to be investigated: an axis, and measured data that was read and is kept."""
+
+    axis: Axis
+    inputs: Mapping[str, object]
+
+
+def take_in(
     library: CaseLibrary,
-    session: Session,
     axis: Axis,
     telemetries: Sequence[Measured],
     sounds: Sequence[Measured],
     sound_offset_s: float = 0.0,
     as_new: Sequence[Measured] = (),
-) -> StoredInvestigation:
-    """Check and keep what was measured; the caller queues the job under the investigation's id.
+) -> Question:
+    """Check and keep what was measured; it takes a while, so no transaction may be open.
 
     The k-th sound belongs to the k-th telemetry; with sound alone, `as_new` is what it is compared with.
 
@@ -66,7 +73,7 @@ def submit(
     check_pairs(len(telemetries), len(sounds), len(as_new))
     check_name("axis.name", axis.name)
     for measured in telemetries:
-        _readable(measured, read_telemetry, several=len(telemetries) > 1)
+        _readable(measured, check_telemetry, several=len(telemetries) > 1)
     for measured in (*sounds, *as_new):
         _readable(measured, read_sound, several=len(sounds) + len(as_new) > 1)
     inputs: dict[str, object] = {"sound_offset_s": sound_offset_s}
@@ -78,17 +85,23 @@ def submit(
         if files:
             inputs[part] = [_kept(library, file) for file in files]
     check_as_new(*([str(one["sha256"]) for one in _files(inputs, part)] for part in ("sound", "as_new")))
+    return Question(axis, inputs)
+
+
+def submit(session: Session, question: Question) -> StoredInvestigation:
+    """Store what is asked; the caller queues the job under the investigation's id."""
     row = StoredInvestigation(
         id=new_id(),
-        axis=axis.name,
-        axis_document=axis.to_mapping(),
-        inputs=inputs,
+        axis=question.axis.name,
+        axis_document=question.axis.to_mapping(),
+        inputs=dict(question.inputs),
         created_by=audit.actor_of(session),
     )
     row.job_id = row.id
     session.add(row)
     session.flush()
-    audit.record(session, "investigation.asked", ("investigation", row.id), after={"axis": axis.name, **inputs})
+    asked = {"axis": question.axis.name, **question.inputs}
+    audit.record(session, "investigation.asked", ("investigation", row.id), after=asked)
     return row
 
 

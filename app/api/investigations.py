@@ -14,7 +14,7 @@ from app.api.jobs import JobDocument
 from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf, page_of
 from app.errors import Unprocessable
 from app.idempotency import Made, OnlyOnce
-from app.investigations import KIND, Measured, accept, document_of, get_investigation, state_of, submit
+from app.investigations import KIND, Measured, accept, document_of, get_investigation, state_of, submit, take_in
 from app.location import location
 from app.security import Admin, Operator, Viewer
 from app.service import Reading, Service, TheService
@@ -125,9 +125,15 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
     telemetry, sounds, as_new = (
         tuple(Measured(file.path, file.name) for file in upload.all_of(name)) for name in PARTS[1:4]
     )
+    hashes = [(name, file.sha256) for name in PARTS for file in upload.all_of(name)]
+    content = (axis.to_mapping(), hashes, offset)
+    kept = once.replay(*content)
+    if kept is not None:
+        return kept
+    question = take_in(service.library, axis, telemetry, sounds, offset, as_new)
 
     def work(session: Session) -> Made:
-        row = submit(service.library, session, axis, telemetry, sounds, offset, as_new)
+        row = submit(session, question)
         job_id = service.jobs.submit(
             KIND, {"investigation_id": row.id}, job_id=row.id, submitted_by=once.principal.actor
         )
@@ -136,8 +142,7 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
         answer = InvestigationJob(**document, investigation_id=row.id)
         return Made(answer, location, status=status.HTTP_202_ACCEPTED)
 
-    hashes = [(name, file.sha256) for name in PARTS for file in upload.all_of(name)]
-    return once.run(work, axis.to_mapping(), hashes, offset)
+    return once.run(work, *content)
 
 
 def axis_of(service: Service, upload: Upload) -> Axis:

@@ -10,7 +10,7 @@ from sqlalchemy import select
 from app.api.investigations import REPORT_POLICY, axis_of
 from app.api.recordings import UNCHANGING
 from app.errors import Unprocessable
-from app.investigations import KIND, Measured, accept, document_of, get_investigation, submit
+from app.investigations import KIND, Measured, accept, document_of, get_investigation, submit, take_in
 from app.security import check_csrf
 from app.service import Reading, TheJobs, TheService
 from app.uploads import TheUpload
@@ -59,8 +59,9 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
         tuple(Measured(file.path, file.name) for file in upload.all_of(name) if file.size)
         for name in ("telemetry", "sound", "as_new")
     )
+    question = take_in(service.library, axis, telemetry, sounds, as_new=as_new)
     with service.library.transaction(principal.actor) as session:
-        row = submit(service.library, session, axis, telemetry, sounds, as_new=as_new)
+        row = submit(session, question)
         identity = row.id
     jobs.submit(KIND, {"investigation_id": identity}, job_id=identity, submitted_by=principal.actor)
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/jobs/{identity}", status_code=303)
