@@ -35,6 +35,7 @@ from sim.errors import AxisError, SimulationError
 KIND = "investigations"
 ACTOR = "investigator"
 COMMIT_WAITS, COMMIT_WAIT_S = 20, 0.25
+PARTS = ("telemetry", "sound", "as_new")
 
 
 @dataclass(frozen=True)
@@ -84,7 +85,7 @@ def take_in(
     for part, files in (("sound", sounds), ("as_new", as_new)):
         if files:
             inputs[part] = [_kept(library, file) for file in files]
-    check_as_new(*([str(one["sha256"]) for one in _files(inputs, part)] for part in ("sound", "as_new")))
+    check_as_new(*([str(one["sha256"]) for one in files_of(inputs, part)] for part in ("sound", "as_new")))
     return Question(axis, inputs)
 
 
@@ -255,7 +256,7 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
         progress=report,
         as_new=as_new,
     )
-    files = [name for part in ("telemetry", "sound", "as_new") for name in names_of(row, part)]
+    files = [name for part in PARTS for name in names_of(row, part)]
     return _plain({**found.document(), "story": story(found)}), html_report(found, files)
 
 
@@ -286,18 +287,19 @@ def _offset(row: StoredInvestigation) -> float:
     return float(offset) if isinstance(offset, int | float) else 0.0
 
 
-def _files(inputs: Mapping[str, object], part: str) -> list[Mapping[str, Any]]:
+def files_of(inputs: Mapping[str, object], part: str) -> list[Mapping[str, Any]]:
+    """Return the files of one of `PARTS` as an investigation's inputs name them."""
     kept: Any = inputs.get(part, [])
     return kept if isinstance(kept, list) else [kept]
 
 
 def names_of(row: StoredInvestigation, part: str) -> list[str]:
     """Return what the files of `telemetry`, `sound` or `as_new` were called, in order."""
-    return [str(one["name"]) for one in _files(row.inputs, part)]
+    return [str(one["name"]) for one in files_of(row.inputs, part)]
 
 
 def _paths(library: CaseLibrary, row: StoredInvestigation, part: str) -> list[Path]:
-    return [library.audio.path(str(one["sha256"])) for one in _files(row.inputs, part)]
+    return [library.audio.whole(str(one["sha256"])) for one in files_of(row.inputs, part)]
 
 
 def _finish(

@@ -13,6 +13,7 @@ from limits.strategies import MovingWindowRateLimiter
 from sqlalchemy.orm import Session
 
 from app.evaluations import Evaluations
+from app.job_feed import JobFeed
 from app.job_kinds import open_jobs
 from app.jobs import Jobs
 from app.key_notes import KeyNotes
@@ -69,10 +70,16 @@ class Service:
         """The jobs of this installation, opened when first asked for."""
         return open_jobs(self.settings)
 
+    @cached_property
+    def job_feed(self) -> JobFeed:
+        return JobFeed(lambda: self.jobs)
+
     def close(self) -> None:
         self.learner.close()
         self.retention.close()
         self.key_notes.close()
+        if "job_feed" in self.__dict__:
+            self.job_feed.close()
         if "jobs" in self.__dict__:
             self.jobs.close()
         self.library.close()
@@ -83,6 +90,7 @@ class Service:
 
 
 def service_of(request: Request) -> Service:
+    """Return the service of the application that a request is for."""
     service: Service = request.app.state.service
     return service
 

@@ -13,14 +13,16 @@ from sqlalchemy.orm import Session
 from app.api.health import FREE_BYTES
 from app.cli import FAILURE
 from app.commands.frame import frame_of
+from app.investigations import PARTS, files_of
 from app.keys import Role
 from casebase.audio_store import sha256_of
 from casebase.errors import NotFoundError
 from casebase.library import CaseLibrary
-from casebase.models import ApiKey, StoredRecording
+from casebase.models import ApiKey, StoredInvestigation, StoredRecording
 from casebase.renewal import count_left_behind, count_outdated
 from casebase.signals.decode import warm_up
 from casebase.signals.errors import DecoderUnavailableError
+from casebase.soundness import RESTORE, faults_of
 
 
 @dataclass(frozen=True)
@@ -44,8 +46,11 @@ def doctor(
     """Check this installation and say what to do; ends with 1 if something is wrong."""
     frame = frame_of(context)
     with frame.library() as library, library.reading() as session:
-        findings = [each for check in CHECKS for each in check(library, session)]
-        findings += _audio(library, session, thorough)
+        findings = [_database(library, thorough)]
+        if findings[0].fault is None:
+            findings += [each for check in CHECKS for each in check(library, session)]
+            findings += _audio(library, session, thorough)
+            findings += _unspoken(library, session)
     if json:
         frame.print_json([asdict(finding) for finding in findings])
     else:
@@ -54,6 +59,31 @@ def doctor(
             if finding.fault:
                 frame.print(f"       {finding.fault}")
     raise typer.Exit(FAILURE if any(finding.fault for finding in findings) else 0)
+
+
+def _database(library: CaseLibrary, thorough: bool) -> Finding:
+    faults = faults_of(library.engine, thorough=thorough)
+    if faults:
+        return Finding("database", f"is damaged: {'; '.join(faults)}", RESTORE)
+    if library.engine.dialect.name != "sqlite":
+        return Finding("database", "PostgreSQL checks its pages itself, where data checksums are switched on")
+    checked = "tables and indexes are whole" if thorough else "its pages are whole (for its indexes see --thorough)"
+    return Finding("database", checked)
+
+
+def _unspoken(library: CaseLibrary, session: Session) -> Iterator[Finding]:
+    """Files that no row speaks of: a process was killed between file and row, or a request was refused after it."""
+    known = set(session.scalars(select(StoredRecording.file_sha256)))
+    for inputs in session.scalars(select(StoredInvestigation.inputs)):
+        known |= {str(file["sha256"]) for part in PARTS for file in files_of(inputs, part)}
+    unspoken = [library.audio.path_of(sha256) for sha256 in library.audio.hashes() if sha256 not in known]
+    left = [*library.audio.folder.glob(".part-*"), *(library.data_dir / "incoming").glob("*")]
+    size = sum(path.stat().st_size for path in unspoken)
+    yield Finding(
+        "leftovers",
+        f"{len(unspoken)} files of audio that no row speaks of ({size >> 20} MiB), {len(left)} uploads under way or "
+        "left behind",
+    )
 
 
 def _folder(library: CaseLibrary, _: Session) -> Iterator[Finding]:
@@ -108,7 +138,7 @@ def _audio(library: CaseLibrary, session: Session, thorough: bool) -> Iterator[F
             continue
         number += 1
         try:
-            path = library.audio_path(row)
+            path = library.audio.path(row.file_sha256)
         except NotFoundError:
             missing.append(row.id)
             continue

@@ -57,7 +57,7 @@ class LimitedWorker:
     def __init__(self, *modules: str) -> None:
         environment = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
         environment["MALLOC_MMAP_THRESHOLD_"] = str(128 * 1024)  # or what is freed stays with the process, in pieces
-        for name in ("LD_LIBRARY_PATH", "SYSTEMROOT"):
+        for name in ("LD_LIBRARY_PATH", "SYSTEMROOT", "NUMBA_CACHE_DIR"):
             if name in os.environ:
                 environment[name] = os.environ[name]
         self.process = subprocess.Popen(  # noqa: S603 - our own program, no shell
@@ -164,6 +164,7 @@ class LimitedPool:
         self._idle: list[LimitedWorker] = []
         self._lock = threading.Lock()
         self._owner = os.getpid()
+        atexit.register(self.close)
 
     def perform(
         self, task: str, arguments: Mapping[str, object], limits: Mapping[str, float], largest: int = LONGEST_RESULT
@@ -216,6 +217,3 @@ class LimitedPool:
 SOUNDS = LimitedPool(os.cpu_count() or 1, "casebase.signals.decode_worker")
 PAPERS = LimitedPool(os.cpu_count() or 1)
 """For tables and documents; apart, since what reads tables takes a fifth of the address space a sound may have."""
-
-for _pool in (SOUNDS, PAPERS):
-    atexit.register(_pool.close)

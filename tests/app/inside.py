@@ -12,6 +12,7 @@ import httpx
 from fastapi import FastAPI
 from structlog.testing import capture_logs
 
+from app.gate import Gate
 from app.job import Job, JobNotFoundError, Progress
 from app.keys import Role, create_key
 from app.main import create_app
@@ -19,7 +20,6 @@ from app.metrics import Metrics
 from app.security import COOKIE, csrf_token
 from app.service import Service
 from app.settings import settings_of
-from app.uploads import Gate
 from casebase.models import new_id, now
 from casebase.pages import Page
 
@@ -66,7 +66,7 @@ def inside(data_dir: Path) -> Iterator[Inside]:
     with service.library.transaction("test") as session:
         _, key = create_key(session, name="test", role=Role.ADMIN)
     app = create_app(service=service)
-    app.state.service, app.state.gate = service, Gate(service.settings)
+    app.state.service, app.state.gate, app.state.looking = service, Gate(4, 4), Gate(1, 1)
     with capture_logs():  # tracebacks drawn for people take seconds each
         yield Inside(app, service, key)
     service.close()
