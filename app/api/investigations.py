@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping
 
 from fastapi import APIRouter, Request, Response, status
-from fastapi.responses import HTMLResponse
 from pydantic import AwareDatetime, BaseModel, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -19,6 +18,7 @@ from app.location import location
 from app.security import Admin, Operator, Viewer
 from app.service import Reading, Service, TheService
 from app.uploads import TheUpload, Upload
+from app.web.self_contained import self_contained
 from casebase.axes import get_axis
 from casebase.models import StoredInvestigation
 from casebase.pages import page
@@ -27,7 +27,6 @@ from sim.axis import Axis, parse_axis, read_axis
 router = APIRouter(tags=["investigations"])
 PARTS = ("axis", "telemetry", "sound", "as_new", "sound_offset_s")
 HTML, JSON = "text/html", "application/json"
-REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
 BINARY = {"type": "string", "format": "binary"}
 BODY = {
     "requestBody": {
@@ -206,7 +205,7 @@ def investigation_report(
     document = InvestigationDocument.model_validate(_document(service, row))
     if chosen(request.headers.get("accept"), (HTML, JSON)) == JSON:
         return Response(document.model_dump_json(), media_type=JSON, headers={"Vary": "Accept"})
-    return HTMLResponse(row.report or "", headers={"Vary": "Accept", "Content-Security-Policy": REPORT_POLICY})
+    return self_contained(row.report or "", "'self'", Vary="Accept")
 
 
 def _document(service: Service, row: StoredInvestigation) -> Mapping[str, object]:

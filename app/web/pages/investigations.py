@@ -4,16 +4,17 @@ from typing import Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Request
-from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
+from fastapi.responses import JSONResponse, RedirectResponse, Response
 from sqlalchemy import select
 
-from app.api.investigations import REPORT_POLICY, axis_of
+from app.api.investigations import axis_of
 from app.api.recordings import UNCHANGING
 from app.errors import Unprocessable
 from app.investigations import KIND, Measured, accept, document_of, get_investigation, submit, take_in
 from app.security import check_csrf
 from app.service import Reading, TheJobs, TheService
 from app.uploads import TheUpload
+from app.web.self_contained import self_contained
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
 from app.web.story import Part, candidates_of, panel_of, panels_of
 from app.web.templating import render
@@ -100,9 +101,7 @@ def report(session: Reading, _: PageViewer, investigation_id: str) -> Response:
     """The report with all plots, as one file."""
     row = get_investigation(session, investigation_id)
     document_of(row)
-    return HTMLResponse(
-        row.report or "", headers={"Content-Security-Policy": REPORT_POLICY, "X-Frame-Options": "SAMEORIGIN"}
-    )
+    return self_contained(row.report or "", "'self'", **{"X-Frame-Options": "SAMEORIGIN"})
 
 
 @router.post("/{investigation_id}/accept", dependencies=[FromOurPage])
