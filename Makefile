@@ -9,7 +9,7 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
-.PHONY: setup run test suite check bench challenge field screenshots lock clean
+.PHONY: setup run test suite check bench challenge field bombs screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)
 
@@ -73,6 +73,11 @@ field: setup
 	$(FIELD) --library measured --gearboxes 5
 	$(FIELD) --library starter
 	$(FIELD) --source axis
+
+# wrong inputs of every kind, then ten minutes of mixed load: half an hour on two cores
+bombs: setup
+	$(BIN)/python -m tests.bombs --inputs 6000
+	$(BIN)/python -m tests.bombs --minutes 10
 
 screenshots: setup
 	$(BIN)/python -m docs.screenshots
