@@ -42,6 +42,8 @@ def faults_of(engine: Engine, *, thorough: bool = False) -> tuple[str, ...]:
         if not is_damaged(error):
             raise
         said = [str(error.orig)]
+    except UnicodeDecodeError as error:  # of what it says of names that are no text any more
+        said = [str(error)]
     return () if said == ["ok"] else tuple(line for each in said for line in each.splitlines())[:SAID]
 
 

@@ -11,7 +11,7 @@ import time
 from pathlib import Path
 
 from tests.app.wire import settled
-from tests.bombs.campaign import BATCH, Campaign
+from tests.bombs.campaign import Campaign
 from tests.bombs.inputs import Inputs
 from tests.live import started
 
@@ -29,15 +29,16 @@ def main() -> int:
     with tempfile.TemporaryDirectory() as folder:
         server = started(Path(folder) / "data")
         campaign = Campaign(server, Inputs(asked.seed))
+        once = len(campaign.inputs.kinds) * campaign.batch
         try:
-            campaign.run(6 * BATCH)  # what is loaded and compiled once is no growth
+            campaign.run(once)  # what is loaded and compiled once is no growth
             settled(server)
             campaign.tally.live_s.clear()
             if asked.minutes:
                 until = time.monotonic() + 60 * asked.minutes
                 with campaign.crowd(asked.listeners, asked.viewers):
                     while time.monotonic() < until:
-                        campaign.run(6 * BATCH, bombs=False)
+                        campaign.run(once, bombs=False)
             else:
                 campaign.run(asked.inputs)
         finally:

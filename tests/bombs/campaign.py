@@ -17,8 +17,6 @@ from tests.app.wire import connected, forget_peak, head, memory_bytes, peak_byte
 from tests.bombs.inputs import API, Inputs, Sent
 from tests.live import LiveServer
 
-BATCH = 20
-"""Inputs after which it is looked whether any of those that were refused has left something."""
 REFUSED_AND_SAID = re.compile(r'"detail"|<h1')
 
 
@@ -41,10 +39,15 @@ class Tally:
 
 @dataclass
 class Campaign:
-    """One run against one service."""
+    """One run against one service.
+
+    Args:
+        batch: inputs of a kind after which it is looked whether any of those that were refused has left something.
+    """
 
     server: LiveServer
     inputs: Inputs
+    batch: int = 20
     tally: Tally = field(default_factory=Tally)
 
     def run(self, count: int, *, bombs: bool = True) -> None:
@@ -55,9 +58,9 @@ class Campaign:
         with self.watched(), self.server.client() as client, self.browser() as browser:
             for sent in made:
                 self.send("bomb", [sent], client, browser)
-            for number in range(0, count, BATCH):
-                kind = list(self.inputs.kinds)[number // BATCH % len(self.inputs.kinds)]
-                batch = [self.inputs.kinds[kind]() for _ in range(min(BATCH, count - number))]
+            for number in range(0, count, self.batch):
+                kind = list(self.inputs.kinds)[number // self.batch % len(self.inputs.kinds)]
+                batch = [self.inputs.kinds[kind]() for _ in range(min(self.batch, count - number))]
                 self.send(kind, batch, client, browser)
         self.tally.grown_bytes = peak_bytes(self.server) - before
         self.tally.left_bytes = memory_bytes(self.server) - before
