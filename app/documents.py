@@ -137,6 +137,8 @@ class LimitsAnswer(Answer):
     upload_timeout_s: float
     uploads_per_key: int
     uploads_at_once: int
+    looks_per_key: int
+    looks_at_once: int
     page_items: int
     failed_keys: str
     idempotency_hours: int
