@@ -10,7 +10,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from tests.app.wire import settled
+from tests.app.wire import memory_bytes, settled
 from tests.bombs.campaign import Campaign
 from tests.bombs.inputs import Inputs
 from tests.live import started
@@ -34,11 +34,15 @@ def main() -> int:
             campaign.run(once)  # what is loaded and compiled once is no growth
             settled(server)
             campaign.tally.live_s.clear()
+            campaign.tally.grown_bytes = 0
             if asked.minutes:
+                before = memory_bytes(server)
                 until = time.monotonic() + 60 * asked.minutes
                 with campaign.crowd(asked.listeners, asked.viewers):
                     while time.monotonic() < until:
                         campaign.run(once, bombs=False)
+                settled(server)
+                campaign.tally.left_bytes = memory_bytes(server) - before
             else:
                 campaign.run(asked.inputs)
         finally:

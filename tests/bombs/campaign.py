@@ -62,7 +62,7 @@ class Campaign:
                 kind = list(self.inputs.kinds)[number // self.batch % len(self.inputs.kinds)]
                 batch = [self.inputs.kinds[kind]() for _ in range(min(self.batch, count - number))]
                 self.send(kind, batch, client, browser)
-        self.tally.grown_bytes = peak_bytes(self.server) - before
+        self.tally.grown_bytes = max(self.tally.grown_bytes, peak_bytes(self.server) - before)
         self.tally.left_bytes = memory_bytes(self.server) - before
 
     def send(self, kind: str, batch: list[Sent], client: httpx.Client, browser: httpx.Client) -> None:
