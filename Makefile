@@ -9,7 +9,10 @@ HOST ?= 127.0.0.1
 PORT ?= 8000
 PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 
-.PHONY: setup run test suite check bench challenge field bombs screenshots lock clean
+# the tests start the program some hundred times: it is compiled once, also where the environment says otherwise
+unexport PYTHONDONTWRITEBYTECODE
+
+.PHONY: setup run test suite check bench challenge chaos field bombs screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)
 
@@ -73,6 +76,12 @@ field: setup
 	$(FIELD) --library measured --gearboxes 5
 	$(FIELD) --library starter
 	$(FIELD) --source axis
+
+# kill -9 at every write, at random under load, and two machines of which one is cut off: an hour at most
+chaos: setup
+	$(BIN)/python -m tests.chaos crash-points --minutes 25
+	$(BIN)/python -m tests.chaos kills --minutes 20
+	$(BIN)/python -m tests.chaos machines
 
 # wrong inputs of every kind, then ten minutes of mixed load: half an hour on two cores
 bombs: setup

@@ -378,6 +378,7 @@ class EvaluationAnswer(BaseModel):
     group: str
     origin: str
     cases: int = Field(description="cases that were diagnosed without their group")
+    known_cases: int = Field(0, description="cases that the library was evaluated by: all, or 20,000 of a larger one")
     gearboxes: int = Field(description="distinct measured gearboxes behind the numbers")
     right_means: str = Field(description="what counts as right, in accuracy, per class and on confusion's diagonal")
     accuracy: ProportionDocument

@@ -27,7 +27,6 @@ from sqlalchemy.exc import IntegrityError
 
 from app.intake import mesh_orders, shaft_orders
 from app.job import JobKind, Json, Report
-from app.settings import Settings
 from casebase.artifacts import active_artifact
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
@@ -290,8 +289,8 @@ def sound_kind(axis: str) -> str:
     return f"sound/{axis}"
 
 
-def simulations(settings: Settings) -> JobKind:
-    """The job kind behind `POST /simulations`."""
+def simulations(library: CaseLibrary) -> JobKind:
+    """The job kind behind `POST /simulations`, for one library."""
 
     def cut(parameters: dict[str, Json]) -> list[dict[str, Json]]:
         batches = Campaign.from_document(parameters).batches()
@@ -303,19 +302,11 @@ def simulations(settings: Settings) -> JobKind:
         assert isinstance(task["stop"], int)
         campaign = Campaign.from_document(task["campaign"])
         wanted = campaign.planned(range(task["first"], task["stop"]))
-        library = CaseLibrary.open(settings.data_dir, settings.database_url)
-        try:
-            outcome = _retained(library, wanted)
-        finally:
-            library.close()
+        outcome = _retained(library, wanted)
         return {"new": outcome.new, "known": outcome.known, "simulation_s": round(outcome.simulation_s, 3)}
 
     def finish(parameters: dict[str, Json], results: list[Json]) -> Json:
-        library = CaseLibrary.open(settings.data_dir, settings.database_url)
-        try:
-            quarantine_far(library, ACTOR)
-        finally:
-            library.close()
+        quarantine_far(library, ACTOR)
         counted = [result for result in results if isinstance(result, dict)]
         return {
             "new": sum(int(str(result["new"])) for result in counted),

@@ -10,14 +10,12 @@ import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from time import sleep
 from typing import Any
 
 from sqlalchemy.orm import Session
 
 from app.job import JobError, JobKind, JobNotFoundError, Json, Report
 from app.jobs import Jobs
-from app.settings import Settings
 from app.sound import read_sound
 from casebase import audit
 from casebase.axes import add_axis, find_axis
@@ -34,7 +32,6 @@ from sim.errors import AxisError, SimulationError
 
 KIND = "investigations"
 ACTOR = "investigator"
-COMMIT_WAITS, COMMIT_WAIT_S = 20, 0.25
 PARTS = ("telemetry", "sound", "as_new")
 
 
@@ -90,7 +87,7 @@ def take_in(
 
 
 def submit(session: Session, question: Question) -> StoredInvestigation:
-    """Store what is asked; the caller queues the job under the investigation's id."""
+    """Store what is asked; the caller orders the job, under the investigation's id, in this transaction."""
     row = StoredInvestigation(
         id=new_id(),
         axis=question.axis.name,
@@ -191,9 +188,8 @@ def accept(session: Session, row: StoredInvestigation) -> AxisRevision:
     )
 
 
-def investigations(settings: Settings) -> JobKind:
-    """The job kind, for one installation."""
-    library = CaseLibrary.open(settings.data_dir, settings.database_url)
+def investigations(library: CaseLibrary) -> JobKind:
+    """The job kind, for one library."""
 
     def plan(parameters: dict[str, Json]) -> list[dict[str, Json]]:
         return [parameters]
@@ -208,12 +204,17 @@ def investigations(settings: Settings) -> JobKind:
 
 
 def perform(library: CaseLibrary, investigation_id: str, report: Report) -> Json:
-    """Do an investigation and keep document and report; done again, it is the same.
+    """Do an investigation and keep document and report; what is done already stays as it is.
 
     Raises:
         JobError: if the data cannot be investigated, in the words of the investigation.
     """
-    row = _committed(library, investigation_id)
+    with library.reading() as session:
+        row = get_investigation(session, investigation_id)
+    if row.error is not None:
+        raise JobError(row.error)
+    if row.document is not None:
+        return {"investigation_id": investigation_id, "verdict": str(row.document["verdict"])}
     try:
         found = _investigated(library, row, report)
     except (SimulationError, SignalError) as error:
@@ -221,17 +222,6 @@ def perform(library: CaseLibrary, investigation_id: str, report: Report) -> Json
         raise JobError(str(error)) from error
     _finish(library, investigation_id, document=found[0], report=found[1])
     return {"investigation_id": investigation_id, "verdict": str(found[0]["verdict"])}
-
-
-def _committed(library: CaseLibrary, investigation_id: str) -> StoredInvestigation:
-    """Return the investigation; its row is committed moments after its job was queued."""
-    for _ in range(COMMIT_WAITS):
-        with library.reading() as session:
-            row = session.get(StoredInvestigation, investigation_id)
-        if row is not None:
-            return row
-        sleep(COMMIT_WAIT_S)
-    raise NotFoundError(f"no investigation has the id {investigation_id!r}")
 
 
 def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report) -> tuple[dict[str, object], str]:

@@ -1,34 +1,41 @@
 """The one table of job kinds, and the jobs of an installation."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from importlib import import_module
 
 from app.job import JobKind
-from app.jobs import Jobs, jobs_url
+from app.jobs import Jobs
 from app.settings import Settings
+from casebase.library import CaseLibrary
 
 KINDS: dict[str, tuple[str, str]] = {
     "simulations": ("app.generation", "simulations"),
     "investigations": ("app.investigations", "investigations"),
 }
-"""Name of a kind, and where the function is that makes it for an installation; workers alone import it."""
+"""Name of a kind, and where the function is that makes it for a library; workers alone import it."""
 
 
-def job_kinds(settings: Settings) -> tuple[JobKind, ...]:
-    """All kinds, ready to run on this installation."""
+def job_kinds(library: CaseLibrary) -> tuple[JobKind, ...]:
+    """All kinds, ready to run on this library."""
     made = []
     for module, function in KINDS.values():
-        make: Callable[[Settings], JobKind] = getattr(import_module(module), function)
-        made.append(make(settings))
+        make: Callable[[CaseLibrary], JobKind] = getattr(import_module(module), function)
+        made.append(make(library))
     return tuple(made)
 
 
-def open_jobs(settings: Settings) -> Jobs:
-    """The jobs of this installation, to submit and to follow; close them after use."""
-    return Jobs(url_of(settings), tuple(KINDS))
+def jobs_in(library: CaseLibrary) -> Jobs:
+    """The jobs of a library, to order and to follow; close them after use."""
+    return Jobs(library, tuple(KINDS))
 
 
-def url_of(settings: Settings) -> str:
-    """Where the jobs of this installation are kept."""
-    settings.data_dir.mkdir(parents=True, exist_ok=True)
-    return jobs_url(settings.url, settings.data_dir)
+@contextmanager
+def open_jobs(settings: Settings) -> Iterator[Jobs]:
+    """The jobs of an installation, with a library of their own."""
+    library = CaseLibrary.open(settings.data_dir, settings.database_url)
+    try:
+        with jobs_in(library) as jobs:
+            yield jobs
+    finally:
+        library.close()

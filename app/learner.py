@@ -42,6 +42,8 @@ class Learner:
             try:
                 if self._library.keep_learned(ACTOR, stop=self._closed):
                     LOG.info("weights learned again")
+                if self._library.keep_table(ACTOR):
+                    LOG.info("table of the cases written")
             except (LibraryError, SQLAlchemyError, OSError) as error:
                 LOG.warning("weights not learned", error=str(error))
 

@@ -17,6 +17,7 @@ from pydantic import (
 )
 
 from app.errors import Unprocessable, validation_problem
+from casebase.description import Labelling
 from casebase.fields import AxisName, Label, Positive, Text, Verification, Word
 from casebase.signals.condition import OperatingCondition
 
@@ -108,6 +109,13 @@ class CaseMetadata(RecordingMetadata):
     )
 
     label: Label = Field(description="normal, notch, play, or any other label of the library")
+    size_rad: Positive | None = Field(
+        None, description="gap of a play or depth of a notch as measured at the driven gear [rad]"
+    )
+
+    def labelling(self) -> Labelling:
+        """What the recording is a case of, as measured."""
+        return Labelling(self.label, severity=self.size_rad, verified_by=self.verified_by, note=self.notes)
 
 
 def read_metadata(text: str, model: type[RecordingMetadata]) -> Any:

@@ -85,11 +85,13 @@ class FittedPlace:
         }
 
 
-def normal_recordings(library: CaseLibrary, session: Session, axis: Axis) -> dict[str, list[Heard]]:
-    """Measured normal recordings of an axis by gearbox, each by itself where it has no name; none without motion."""
+def measured_recordings(
+    library: CaseLibrary, session: Session, axis: Axis, label: str = "normal"
+) -> dict[str, list[Heard]]:
+    """Measured recordings of a label of an axis by gearbox, each by itself where it has none; none without motion."""
     statement = select(StoredRecording).join(Case, Case.recording_id == StoredRecording.id)
     statement = statement.where(
-        Case.label == "normal",
+        Case.label == label,
         Case.origin == "measured",
         Case.state == "confirmed",
         Case.quarantine_reason.is_(None),

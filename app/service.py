@@ -14,10 +14,11 @@ from sqlalchemy.orm import Session
 
 from app.evaluations import Evaluations
 from app.job_feed import JobFeed
-from app.job_kinds import open_jobs
+from app.job_kinds import jobs_in
 from app.jobs import Jobs
 from app.key_notes import KeyNotes
 from app.learner import Learner
+from app.leftovers import leftovers
 from app.metrics import Metrics
 from app.retention import Retention
 from app.settings import Settings
@@ -40,6 +41,10 @@ class Service:
     def open(cls, settings: Settings, metrics: Metrics) -> "Service":
         """Open the library, made or upgraded where needed."""
         return cls(settings, CaseLibrary.open(settings.data_dir, settings.database_url), metrics)
+
+    def tidy(self) -> None:
+        """Remove what processes left that were killed."""
+        leftovers(self.library, self.settings.incoming, remove=True)
 
     def evaluation(self, session: Session, group: str, origin: str) -> Evaluation:
         """The library's cross-validation as it is now.
@@ -67,8 +72,8 @@ class Service:
 
     @cached_property
     def jobs(self) -> Jobs:
-        """The jobs of this installation, opened when first asked for."""
-        return open_jobs(self.settings)
+        """The jobs of this installation; the engine is opened when first asked."""
+        return jobs_in(self.library)
 
     @cached_property
     def job_feed(self) -> JobFeed:

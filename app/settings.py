@@ -56,9 +56,17 @@ class Settings(BaseSettings):
     failed_keys: str = Field("1000/minute", description="wrong keys from one address before 429")
     require_if_match: bool = Field(False, description="changes of a case need the If-Match header (428)")
     idempotency_hours: PositiveInt = Field(24, description="how long an Idempotency-Key is remembered")
+    lease_s: float = Field(
+        15.0, ge=1.0, description="workers take over what another has in hand when it was silent for so long"
+    )
     retain_audio_days: PositiveInt | None = Field(
         None, description="audio of recordings that are no cases is erased when older; kept for ever where not given"
     )
+
+    @property
+    def incoming(self) -> Path:
+        """Where uploads are while they are looked at: a folder each, held by whoever received it."""
+        return self.data_dir / "incoming"
 
     @property
     def url(self) -> str:

@@ -3,12 +3,14 @@
 import errno
 from collections.abc import Iterator
 
-from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import DBAPIError, OperationalError
 
 FULL = (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)
 UNWRITABLE = (errno.EROFS, errno.EACCES, errno.EPERM, errno.EIO)
 DISK_FULL = "53100"
 """PostgreSQL's code of it."""
+PASSING = ("08", "57P", "25P03", "40")
+"""And of connections, of a server that stops, of who stood still in a transaction, of who came into another's way."""
 
 
 def is_full(error: BaseException) -> bool:
@@ -21,6 +23,16 @@ def is_unwritable(error: BaseException) -> bool:
     if isinstance(error, OperationalError):
         return not is_full(error)
     return isinstance(error, OSError) and error.errno in UNWRITABLE
+
+
+def is_passing(error: DBAPIError) -> bool:
+    """Whether the database could not be reached, was stopped, or was in use: it may do the same work in a moment."""
+    if error.connection_invalidated:
+        return True
+    state = getattr(error.orig, "sqlstate", "")
+    if isinstance(error, OperationalError) and state is None:
+        return True  # PostgreSQL was not reached at all
+    return str(state).startswith(PASSING) or "database is locked" in str(error.orig)
 
 
 def _full(error: BaseException) -> bool:

@@ -1,6 +1,7 @@
 """Uploads: streamed to a temporary file after the door has let them in, a few at a time."""
 
 import hashlib
+import os
 import tempfile
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, aclosing, asynccontextmanager
@@ -18,6 +19,7 @@ from app.errors import BadRequest, TooLarge, Unprocessable, UnsupportedMedia
 from app.forms import FormParser, plain_name
 from app.gate import Gate
 from app.service import Service, service_of
+from casebase.abandoned import hold
 from casebase.signals.errors import TextError
 from casebase.signals.text import is_whole, text_of
 
@@ -155,9 +157,11 @@ async def received(request: Request, service: Service) -> AsyncIterator[Upload]:
         except MultiPartException as error:
             raise BadRequest(f"The form cannot be read: {error.message}") from None
         stack.push_async_callback(form.close)
-        incoming = settings.data_dir / "incoming"
-        incoming.mkdir(parents=True, exist_ok=True)
-        folder = stack.enter_context(tempfile.TemporaryDirectory(dir=incoming))
+        settings.incoming.mkdir(parents=True, exist_ok=True)
+        folder = stack.enter_context(tempfile.TemporaryDirectory(dir=settings.incoming))
+        descriptor = os.open(folder, os.O_RDONLY)
+        stack.callback(os.close, descriptor)
+        hold(descriptor)
         yield await run_in_threadpool(_store_all, form, Path(folder))
 
 

@@ -13,6 +13,7 @@ MODULES: tuple[str, ...] = (
     "pages",
     "sliders",
     "retrieval",
+    "scale",
     "diagnosis",
     "lossy",
     "measured_help",

@@ -1,124 +1,278 @@
-"""Figures 5 to 9 of the paper from simulated sound: `python -m benchmarks.paper_sound docs/figures`.
+"""Figures 1 and 5 to 9 of the paper and its measured rows from simulated sound, with what the open numbers change.
 
-5 to 7: a recording of a normal gear, of one with a notch and of one with play, below 200 Hz. 8: their spectra.
-9: their crest factor in every cycle of the motion. The axis is the one of `sim.paper`; what the paper does not say
-(microphone, rubbing, size of the faults) is stated here.
+`python -m benchmarks.paper_sound docs/figures` draws and prints the tables of docs/paper.md, in some ten minutes. The
+configuration and the one definition of crest factor are those of `benchmarks.paper_recordings`.
 """
 
 from __future__ import annotations
 
+import math
 import sys
+from collections.abc import Iterable, Sequence
 from dataclasses import replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.signal import butter, sosfiltfilt, welch
+from scipy.signal import periodogram
 from scipy.stats import norm
 
-from casebase.signals.crest import crest_factor
-from sim.axis import Axis
-from sim.measurement import DEFAULT_MICROPHONE, built, sound_of
-from sim.mechanism import Mechanism, with_mechanism
-from sim.mechanisms import Backlash, ToothDamage
+from benchmarks.paper_recordings import (
+    DRAWS,
+    MIDDLE,
+    NOTCH_S,
+    OPEN,
+    PAPER,
+    RECORD_S,
+    REVERSAL_S,
+    REVOLUTION_S,
+    SPEED_RAD_S,
+    STROKE_S,
+    USUAL,
+    WINDOW_S,
+    CrestTrace,
+    Sound,
+    all_drawn,
+    mean_crest_factor,
+    scenario,
+    usual_traces,
+)
+from benchmarks.paper_torque import shaft_torques
+from casebase.signals.filters import PAPER_CUTOFF_HZ, low_pass
+from casebase.signals.spectra import long_spectrum
 from sim.paper import PAPER_AXIS
-from sim.solver import simulate
+from sim.scenario import SETTLING_S, Scenario
 from sim.sound import SAMPLE_RATE_HZ
 
-Signal = NDArray[np.float32]
-CYCLES, BAND_HZ = 5, 200.0
-DRAWS = 20  # of the noise: one draw differs from another by 0.3
-TRANSMISSION_ERROR_RAD = 6e-6  # of the output mesh: audible, as the paper's spectra show its frequency
-MICROPHONE = replace(DEFAULT_MICROPHONE, rubbing_n_m=5.0, rubbing_exponent=0.2, mesh_weights=(0.3, 1.0), gain=5e-4)
-CASES: dict[str, tuple[Mechanism | None, float]] = {
-    "normal": (None, 3.43),
-    "notch": (ToothDamage("output", {"angle_rad": 2.0, "depth_rad": 1e-3}), 14.6),
-    "play": (Backlash("output", {"gap_rad": 3e-3}), 9.35),
-}
-"""Label: mechanism, and the paper's mean crest factor."""
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
-
-def paper_axis() -> Axis:
-    """`PAPER_AXIS` with an audible output mesh and half a second from standstill to full speed."""
-    motion = replace(PAPER_AXIS.motion, acceleration_time_s=0.5)
-    output = replace(PAPER_AXIS.stages[1], transmission_error_rad=TRANSMISSION_ERROR_RAD)
-    return replace(PAPER_AXIS, motion=motion, stages=(PAPER_AXIS.stages[0], output))
-
-
-def recordings() -> dict[str, list[Signal]]:
-    """What the microphone hears below 200 Hz, per label, `DRAWS` times with other noise, each of shape (n,)."""
-    band = butter(4, BAND_HZ, fs=SAMPLE_RATE_HZ, output="sos")
-    heard = {}
-    for label, (mechanism, _) in CASES.items():
-        axis = with_mechanism(paper_axis(), mechanism) if mechanism else paper_axis()
-        trajectory = simulate(built(axis), CYCLES * axis.motion.period_s, SAMPLE_RATE_HZ)
-        sounds = (sound_of(trajectory, axis, MICROPHONE, seed) for seed in range(DRAWS))
-        heard[label] = [np.asarray(sosfiltfilt(band, sound), dtype=np.float32) for sound in sounds]
-    return heard
-
-
-def crest_factors(sound: Signal) -> NDArray[np.float64]:
-    """Crest factor of every cycle of the motion, shape (cycles,)."""
-    each = round(paper_axis().motion.period_s * SAMPLE_RATE_HZ)
-    return np.array([crest_factor(sound[i * each : (i + 1) * each]) for i in range(CYCLES)])
+Floats = NDArray[np.float64]
+FEW_DRAWS = 4
+"""For each end of a range: the same seeds as in the middle, so that the difference is that of the number."""
+ALL_DRAWN = 60
+PAPER_OVER_MEAN = {"normal": "", "play": "more than four", "notch": "about seven"}
+OF_A_FAULT = {"gap_rad": "play", "depth_rad": "notch"}
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Where in its range a size stands in the table of sizes."""
 
 
 def noise_floor(seconds: float) -> float:
-    """Median crest factor of steady Gaussian noise below `BAND_HZ`: 2 B T independent values (sampling theorem)."""
-    return float(norm.isf(0.5 * (1 - 0.5 ** (1 / (2 * BAND_HZ * seconds)))))
+    """Median crest factor of steady Gaussian noise below 200 Hz: 2 B T independent values (sampling theorem)."""
+    return float(norm.isf(0.5 * (1 - 0.5 ** (1 / (2 * PAPER_CUTOFF_HZ * seconds)))))
 
 
-def draw(heard: dict[str, Signal], out: Path) -> list[Path]:
-    """Write paper_5_to_7.png and paper_8_and_9.png."""
+def markdown(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    """A table."""
+    lines = [head, ["---"] * len(head), *rows]
+    return "\n".join(f"| {' | '.join(line)} |" for line in lines)
+
+
+def measured_rows() -> str:
+    """The paper's measured rows, and figures 8 and 9, over all draws."""
+    rows = []
+    for label, paper in PAPER.items():
+        traces = usual_traces(label)
+        values = np.array([trace.crest_factor for trace in traces])
+        rows.append(
+            [
+                label,
+                f"{values.mean():.2f}",
+                f"{values.min():.2f} to {values.max():.2f}",
+                f"{paper:g}",
+                f"{values.mean() / paper - 1:+.0%}",
+                f"{np.mean([trace.over_mean for trace in traces]):.1f}",
+                PAPER_OVER_MEAN[label],
+                f"{np.mean([trace.per(REVOLUTION_S) for trace in traces]):.2f}",
+            ]
+        )
+    head = ["", "crest factor, mean", f"of {DRAWS} draws", "the paper", "off by"]
+    head += ["largest over mean of the trace", "the paper", "largest per turn, mean"]
+    return markdown(head, rows)
+
+
+def sensitivities() -> str:
+    """Each open number at the ends of its range, the others as usual."""
+    rows = []
+    for words, values in (("as usual", USUAL), ("all in the middle (full speed in 0.3 s)", MIDDLE)):
+        rows.append([words, "", *(f"**{mean_crest_factor(label, FEW_DRAWS, values):.1f}**" for label in PAPER)])
+    for each in OPEN:
+        cells = []
+        for label in PAPER:
+            if each.name in OF_A_FAULT and OF_A_FAULT[each.name] != label:
+                cells.append("")
+                continue
+            ends = [{**USUAL, each.name: each.at(share)} for share in (0.0, 1.0)]
+            low, high = (mean_crest_factor(label, FEW_DRAWS, values) for values in ends)
+            cells.append(f"{low:.1f}, {high:.1f}")
+        rows.append([f"`{each.name}`", f"{each.low:.3g}, {USUAL[each.name]:.3g}, {each.high:.3g}", *cells])
+    return markdown(["number", "low, usual, high", *PAPER], rows)
+
+
+def sizes() -> str:
+    """Crest factor over the size of a fault."""
+    rows = []
+    for label, number in (("play", OPEN[0]), ("notch", OPEN[1])):
+        at = [number.at(share) for share in SHARES]
+        found = [mean_crest_factor(label, FEW_DRAWS, {**USUAL, number.name: size}) for size in at]
+        values = ", ".join(f"{value:.1f} at {1e3 * size:.2g}" for size, value in zip(at, found, strict=True))
+        rows.append([f"{label}, `{number.name}`", f"{values} mrad", f"{PAPER[label]:g}"])
+    return markdown(["", "crest factor", "the paper"], rows)
+
+
+def drawn_at_once() -> str:
+    """All open numbers drawn at once: where the paper's values lie among the crest factors."""
+    found = {
+        label: np.array(
+            [CrestTrace.of(scenario(label, seed, all_drawn(seed)).perform()).crest_factor for seed in range(ALL_DRAWN)]
+        )
+        for label in PAPER
+    }
+    rows = []
+    for label, values in found.items():
+        low, middle, high = np.quantile(values, [0.05, 0.5, 0.95])
+        below = int((values < PAPER[label]).sum())
+        rows.append([label, f"{low:.1f}, {middle:.1f}, {high:.1f}", f"{PAPER[label]:g}", f"{below}"])
+    ordered = int(((found["normal"] < found["play"]) & (found["normal"] < found["notch"])).sum())
+    words = f"\n\nnormal below both faults of the same draw: {ordered}"
+    return markdown(["", f"5 %, median, 95 % of {ALL_DRAWN} draws", "the paper", "draws below it"], rows) + words
+
+
+def items() -> str:
+    """What each item adds to the paper's model, over all draws."""
+    drawn = [scenario("normal", seed) for seed in range(DRAWS)]
+    smooth = [replace(each, specimen=replace(each.specimen, error=0.0)) for each in drawn]
+    silent = [replace(each, microphone=replace(each.microphone, rubbing_n_m=0.0, ambient_n_m=0.0)) for each in drawn]
+    lines: list[tuple[str, str, Sequence[CrestTrace]]] = [
+        ("the paper's model", "torque at the output under a sine of torque", [_trace(shaft_torques(40.0, 0.45)[1])]),
+        ("+ servo, transfer gear", "the axis goes back and forth as a robot does", [_torque(each) for each in smooth]),
+        ("+ errors of the teeth", "every tooth engagement is felt", [_torque(each) for each in drawn]),
+        ("+ housing and microphone", "sound, not torque: no swing, resonances", [_trace(e.perform()) for e in silent]),
+        ("+ rubbing and ambient noise: normal", "sliding teeth and bearings", usual_traces("normal")),
+        ("+ play", "impacts where the torque reverses", usual_traces("play")),
+        ("+ notch instead", "an impact at one angle, on one flank", usual_traces("notch")),
+    ]
+    rows, means = [], [float(np.mean([trace.crest_factor for trace in traces])) for *_, traces in lines]
+    for number, ((item, why, _), mean) in enumerate(zip(lines, means, strict=True)):
+        gain = f"{mean - means[min(number - 1, 4)]:+.2f}" if number else ""
+        rows.append([item, why, f"{mean:.2f}", gain, _paper_of(item)])
+    return markdown(["simulation", "what it adds", "crest factor", "gain", "the paper"], rows)
+
+
+def _paper_of(item: str) -> str:
+    return next((f"{value:g}" for label, value in PAPER.items() if label in item), "")
+
+
+def _trace(signal: NDArray[np.floating]) -> CrestTrace:
+    return CrestTrace.of(signal)
+
+
+def _torque(each: Scenario) -> CrestTrace:
+    return _trace(each.simulate().force_n_m[round(SETTLING_S * SAMPLE_RATE_HZ) :, len(each.axis.stages) - 1])
+
+
+def typical(label: str) -> Sound:
+    """The sound of the draw whose crest factor is the median of all."""
+    order = np.argsort([trace.crest_factor for trace in usual_traces(label)])
+    return scenario(label, int(order[DRAWS // 2])).perform()
+
+
+def cruise_spectrum() -> tuple[Floats, Floats]:
+    """Frequencies [Hz] and amplitude density of the normal sound at full speed, mean power of all draws."""
+    ramp = USUAL["acceleration_time_s"]
+    at_speed = slice(*(round(t * SAMPLE_RATE_HZ) for t in (REVERSAL_S + ramp, REVERSAL_S + STROKE_S - ramp)))
+    spectra = [
+        periodogram(scenario("normal", seed).perform()[at_speed], SAMPLE_RATE_HZ, "hann") for seed in range(DRAWS)
+    ]
+    return spectra[0][0], np.sqrt(np.mean([power for _, power in spectra], axis=0))
+
+
+def draw(out: Path) -> list[Path]:
+    """Write paper_1.png, paper_5_to_7.png and paper_8_and_9.png."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
     out.mkdir(parents=True, exist_ok=True)
-    signals, spectra = Figure(figsize=(9, 7), layout="constrained"), Figure(figsize=(9, 7), layout="constrained")
-    for figure in (signals, spectra):
+    figures = [Figure(figsize=(9, height), layout="constrained") for height in (6, 7, 5)]
+    for figure in figures:
         FigureCanvasAgg(figure)
-    rows = signals.subplots(3, 1, sharex=True)
-    upper, lower = spectra.subplots(2, 1)
-    for number, (row, (label, sound), style) in enumerate(zip(rows, heard.items(), "-:.", strict=True), 5):
-        time = np.arange(sound.size) / SAMPLE_RATE_HZ
-        row.plot(time, sound, lw=0.4)
-        row.set_title(f"{number}: {label} (simulated), mean crest factor {crest_factors(sound).mean():.2f}", fontsize=9)
+    _draw_spectrum(figures[0])
+    sounds = {label: typical(label) for label in ("normal", "notch", "play")}
+    time = np.arange(sounds["normal"].size) / SAMPLE_RATE_HZ
+    rows = figures[1].subplots(3, 1, sharex=True)
+    for number, (row, (label, sound)) in enumerate(zip(rows, sounds.items(), strict=True), 5):
+        shown = sound if label == "normal" else low_pass(long_spectrum(sound, SAMPLE_RATE_HZ))
+        row.plot(time, shown, lw=0.4)
+        row.set_title(f"{number}: {label}, {'unfiltered' if label == 'normal' else 'below 200 Hz'}", fontsize=9)
         row.set_ylabel("sound [1]")
-        frequency, density = welch(sound, SAMPLE_RATE_HZ, nperseg=8192)
-        shown = (frequency > 5) & (frequency < 250)
-        upper.semilogy(frequency[shown], np.sqrt(density[shown]), style if style != "." else "--", label=label)
-        lower.plot(range(1, CYCLES + 1), crest_factors(sound), "os^"[number - 5] + "-", label=label)
-        lower.axhline(CASES[label][1], color="0.6", lw=0.8)
-        lower.annotate(f"the paper's {label}: {CASES[label][1]}", (1, CASES[label][1]), fontsize=8, va="bottom")
+        _mark_motion(row)
     rows[-1].set_xlabel("time [s]")
-    upper.set(title="8: spectra", xlabel="frequency [Hz]", ylabel="amplitude density [1/sqrt(Hz)]")
-    lower.set(
-        title="9: crest factor of each cycle below 200 Hz", xlabel="cycle of the motion", ylabel="crest factor [1]"
-    )
-    for each in (upper, lower):
-        each.legend()
-        each.grid(alpha=0.3)
-    files = [out / "paper_5_to_7.png", out / "paper_8_and_9.png"]
-    for figure, path in zip((signals, spectra), files, strict=True):
+    rows = figures[2].subplots(2, 1, sharex=True)
+    usual = CrestTrace.of(sounds["normal"])
+    for number, (row, label) in enumerate(zip(rows, ("notch", "play"), strict=True), 8):
+        trace = CrestTrace.of(sounds[label])
+        begin = np.arange(trace.values.size) * WINDOW_S
+        row.step(begin, usual.values, where="post", lw=0.8, color="0.6", label="normal")
+        row.step(begin, trace.values, where="post", label=label)
+        row.axhline(
+            trace.values.mean(), ls="--", lw=0.8, color="C1", label=f"mean; the largest is {trace.over_mean:.1f} of it"
+        )
+        row.set(title=f"{number}: crest factor, {label}, windows of {WINDOW_S:g} s", ylabel="crest factor [1]")
+        row.legend(fontsize=8)
+        _mark_motion(row)
+    rows[-1].set_xlabel("time [s]")
+    files = [out / name for name in ("paper_1.png", "paper_5_to_7.png", "paper_8_and_9.png")]
+    for figure, path in zip(figures, files, strict=True):
         figure.savefig(path, dpi=80)
     return files
 
 
+def _draw_spectrum(figure: Figure) -> None:
+    frequency, density = cruise_spectrum()
+    turns = SPEED_RAD_S / math.tau
+    shaft = turns * PAPER_AXIS.ratio_from("transfer")
+    for row, stage, multiples in zip(figure.subplots(2, 1), ("output", "transfer"), (3, 1), strict=True):
+        teeth = next(each.driven_teeth for each in PAPER_AXIS.stages if each.name == stage) or 0
+        mesh = teeth * turns * PAPER_AXIS.ratio_from(stage)
+        low, high = (0.5 * mesh, 3.3 * mesh) if multiples > 1 else (0.93 * mesh, 1.07 * mesh)
+        shown = (frequency > low) & (frequency < high)
+        row.semilogy(frequency[shown], density[shown], lw=0.7)
+        for k in range(1, multiples + 1):
+            row.axvline(k * mesh, color="C1", lw=0.8, label=f"multiples of {mesh:.1f} Hz" if k == 1 else None)
+        for k in (-1, 1):
+            words = f"beside it by the transfer shaft, {shaft:.2f} Hz" if k == 1 else None
+            row.axvline(mesh + k * shaft, color="C2", ls="--", lw=0.8, label=words)
+        motor = turns * PAPER_AXIS.ratio
+        if low < motor < high:
+            row.axvline(motor, color="0.5", lw=0.8, ls=":", label=f"turns of the motor, {motor:.1f} Hz")
+        row.set(title=f"1: mesh of the {stage} gear at full speed", ylabel="amplitude density [1/sqrt(Hz)]")
+        row.legend(fontsize=8)
+    row.set_xlabel("frequency [Hz]")
+
+
+def _mark_motion(row: Axes) -> None:
+    """Shade the strokes that meet the notch on the other flank, and mark when the notch is met."""
+    row.axvspan(0, REVERSAL_S, color="0.93")
+    row.axvspan(REVERSAL_S + STROKE_S, RECORD_S, color="0.93")
+    for turn in range(2):
+        row.axvline(NOTCH_S + turn * REVOLUTION_S, color="C3", lw=0.6, ls=":")
+
+
 def main(out: Path) -> None:
-    """Draw, and print the crest factors beside the paper's."""
-    heard = recordings()
-    for label, sounds in heard.items():
-        means = np.array([crest_factors(sound).mean() for sound in sounds])
-        whole = float(np.mean([crest_factor(sound) for sound in sounds]))
-        print(
-            f"{label:7s} mean over cycles {means.mean():5.2f} ({means.min():.2f} to {means.max():.2f} over {DRAWS} "
-            f"draws of noise), whole record {whole:5.2f}, the paper's {CASES[label][1]}"
-        )
-    seconds = paper_axis().motion.period_s
-    print(
-        f"noise alone below {BAND_HZ:g} Hz has {noise_floor(seconds):.2f} in the median over a cycle of {seconds:g} s"
-    )
-    for path in draw({label: sounds[0] for label, sounds in heard.items()}, out):
+    """Print the tables and draw."""
+    for words, made in (
+        (f"measured rows, {DRAWS} draws", measured_rows),
+        (f"what each item adds, {DRAWS} draws", items),
+        (f"crest factor over size, {FEW_DRAWS} draws", sizes),
+        (f"sensitivities, {FEW_DRAWS} draws", sensitivities),
+        (f"all open numbers drawn at once, {ALL_DRAWN} draws", drawn_at_once),
+    ):
+        print(f"{words}\n\n{made()}\n", flush=True)
+    for seconds in (REVOLUTION_S, RECORD_S):
+        print(f"noise alone below 200 Hz has {noise_floor(seconds):.2f} in the median over {seconds:.2f} s")
+    for path in draw(out):
         print(path)
 
 

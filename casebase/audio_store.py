@@ -9,6 +9,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO
 
+from casebase.abandoned import hold
 from casebase.errors import DamagedError, NotFoundError
 
 CHUNK = 1 << 20
@@ -33,16 +34,22 @@ class AudioStore:
         self.folder.mkdir(parents=True, exist_ok=True)
         part = self.folder / f".part-{os.getpid()}-{secrets.token_hex(8)}"
         try:
-            stored = self._write(source, part)
-            target = self.path_of(stored.sha256)
-            if not target.exists():
-                target.parent.mkdir(exist_ok=True)
-                part.rename(target)
-                sync_folder(target.parent)
-                sync_folder(self.folder)
+            with part.open("xb") as out:
+                hold(out.fileno())
+                stored = _write(source, out)
+                target = self.path_of(stored.sha256)
+                if not target.exists():
+                    target.parent.mkdir(exist_ok=True)
+                    part.rename(target)
+                    sync_folder(target.parent)
+                    sync_folder(self.folder)
         finally:
             part.unlink(missing_ok=True)
         return stored
+
+    def unfinished(self) -> Iterator[Path]:
+        """Yield what is not written to its end: still held by its writer, or abandoned."""
+        yield from self.folder.glob(".part-*")
 
     def path(self, sha256: str) -> Path:
         """Return where the bytes lie; raises NotFoundError if they are gone."""
@@ -85,16 +92,16 @@ class AudioStore:
         for path in sorted(self.folder.glob("??/*")):
             yield path.parent.name + path.name
 
-    def _write(self, source: Path | bytes, part: Path) -> StoredBytes:
-        digest, count = hashlib.sha256(), 0
-        with part.open("xb") as out:
-            for chunk in chunks(source):
-                digest.update(chunk)
-                count += len(chunk)
-                out.write(chunk)
-            out.flush()
-            os.fsync(out.fileno())
-        return StoredBytes(digest.hexdigest(), count)
+
+def _write(source: Path | bytes, out: BinaryIO) -> StoredBytes:
+    digest, count = hashlib.sha256(), 0
+    for chunk in chunks(source):
+        digest.update(chunk)
+        count += len(chunk)
+        out.write(chunk)
+    out.flush()
+    os.fsync(out.fileno())
+    return StoredBytes(digest.hexdigest(), count)
 
 
 def chunks(source: Path | bytes) -> Iterator[bytes]:

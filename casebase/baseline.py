@@ -20,7 +20,7 @@ from scipy import special
 
 from casebase.case_table import CaseTable, Mask
 from casebase.novelty import BASELINES, NEW_ONCE_IN, spread_out
-from casebase.priors import repeatability
+from casebase.priors import PRIOR_FREEDOM, repeatability
 from casebase.signals.features import FEATURES
 from casebase.signals.features.bands import LogBandEnergies
 from casebase.signals.features.circumstances import Circumstances
@@ -28,9 +28,6 @@ from casebase.signals.features.loudness import Loudness
 from casebase.signals.features.meshing import Meshing
 from casebase.similarity import Floats
 
-PRIOR_FREEDOM = 3.0
-"""How alike the scatters of one kind of features are: as if each were known from so many gearboxes (Smyth's estimate
-from normal recordings of ten gearboxes: 2.5 to 3.3 on four draws of tests/field_bank, 1.9 on shared recordings)."""
 FEWEST_GEARBOXES, LARGEST_SAMPLE = 2, 2000
 SMALLEST = 1e-300
 UNLIKE = 1 / NEW_ONCE_IN

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from pgvector.sqlalchemy import Vector as PgVector
 from sqlalchemy import Connection, DateTime, Dialect, Engine, LargeBinary, create_engine, event, inspect, text
-from sqlalchemy.engine import make_url
+from sqlalchemy.engine import URL, make_url
 from sqlalchemy.types import TypeDecorator, TypeEngine
 
 import migrations
@@ -22,6 +22,17 @@ if TYPE_CHECKING:
 
 WRITING = "gearcase_writing"
 """Execution option of a connection whose transaction will write."""
+CLIENT_TIMEOUTS = {
+    "connect_timeout": "5",
+    "keepalives_idle": "4",
+    "keepalives_interval": "2",
+    "keepalives_count": "3",
+    "tcp_user_timeout": "10000",
+}
+SERVER_TIMEOUTS = "-c tcp_keepalives_idle=4 -c tcp_keepalives_interval=2 -c tcp_keepalives_count=3"
+"""A connection on which nothing comes back is given up after 10 s, on either side."""
+STANDSTILL_S = 60
+"""A transaction that writes may think for so long between two statements [s]."""
 
 
 LARGEST_LOG = 16 * 1024 * 1024
@@ -84,13 +95,36 @@ def create_engine_for(url: str) -> Engine:
     if parsed.get_backend_name() == "sqlite":
         return _sqlite_engine(parsed.render_as_string(hide_password=False))
     if parsed.get_backend_name() == "postgresql":
-        return create_engine(parsed, pool_pre_ping=True, pool_size=10, max_overflow=20, json_serializer=strict_json)
+        return _postgresql_engine(impatient(parsed))
     raise ValueError(f"database {parsed.get_backend_name()!r} is not known: use sqlite:/// or postgresql://")
+
+
+def impatient(url: URL) -> URL:
+    """Return the URL of a PostgreSQL database by which both ends notice within seconds that the other is cut off.
+
+    Else a client waits a quarter of an hour for it, and the server keeps the locks of the client for two.
+    """
+    given = dict(url.query)
+    if "options" in given:
+        given["options"] = f"{SERVER_TIMEOUTS} {given['options']}"  # of two that are given the last counts
+    return url.set(query={**CLIENT_TIMEOUTS, "options": SERVER_TIMEOUTS, **given})
 
 
 def sqlite_url(path: Path) -> str:
     """Return the URL of an SQLite database file."""
     return f"sqlite:///{path.resolve()}"
+
+
+def _postgresql_engine(url: URL) -> Engine:
+    engine = create_engine(url, pool_pre_ping=True, pool_size=10, max_overflow=20, json_serializer=strict_json)
+
+    @event.listens_for(engine, "begin")
+    def begin(connection: Connection) -> None:
+        # whoever stands still in a transaction that writes would keep everybody from writing
+        if connection.get_execution_options().get(WRITING, False):
+            connection.exec_driver_sql(f"SET LOCAL idle_in_transaction_session_timeout = '{STANDSTILL_S}s'")
+
+    return engine
 
 
 def _sqlite_engine(url: str) -> Engine:

@@ -1,8 +1,9 @@
 """The smallest fault that would be heard in a recording: what "no fault" cannot exclude.
 
-Of simulated cases the size is known, and by how much their bump stands out. In a recording with more noise it stands
-out by less (`casebase.detection`). Whether it would still be heard is logistic in the logarithm of the size; the limit
-is the size that nine of ten times would be heard. It holds for the axis that was simulated, and for no other.
+Of cases of known size it is known by how much their bump stands out. In a recording with more noise it stands out by
+less (`casebase.detection`). Whether it would still be heard is logistic in the logarithm of the size; the limit is the
+size that nine of ten times would be heard. It holds for the axis of the cases, and for no other; and simulated cases
+say nothing of what a microphone hears, so the cases are of the origin of the recording.
 
 Source: Kay, Fundamentals of Statistical Signal Processing, volume II, Detection Theory (1998); Gelman and others, A
 weakly informative default prior for logistic regression, Annals of Applied Statistics 2 (2008), the bounded slope.
@@ -29,24 +30,27 @@ Limits = Mapping[str, Mapping[str, float] | None]
 NO_LIMITS: Limits = dict.fromkeys(PARAMETERS)
 
 
-def detection_limits(session: Session, table: CaseTable, axis: str | None, values: NDArray[np.floating]) -> Limits:
+def detection_limits(
+    session: Session, table: CaseTable, axis: str | None, values: NDArray[np.floating], origin: str
+) -> Limits:
     """Return, per label that has a size, the smallest one that would be heard [rad]; None where that cannot be said.
 
     Args:
-        axis: of the recording; without one, or without simulated cases of it, nothing is said.
+        axis: of the recording; without one, or without cases of it whose size is known, nothing is said.
         values: features of the recording, shape (n,).
+        origin: of the recording, `measured` or `simulated`.
     """
-    return {label: _limit(session, table, axis, values, label) for label in PARAMETERS}
+    return {label: _limit(session, table, axis, values, label, origin) for label in PARAMETERS}
 
 
 def _limit(
-    session: Session, table: CaseTable, axis: str | None, values: NDArray[np.floating], label: str
+    session: Session, table: CaseTable, axis: str | None, values: NDArray[np.floating], label: str, origin: str
 ) -> dict[str, float] | None:
     names = table.names
     if axis is None or NOISE not in names or BUMP_OF[label] not in names:
         return None
     here = float(values[names.index(NOISE)])
-    rows, sizes = sized(session, table, axis, label)
+    rows, sizes = sized(session, table, axis, label, origin)
     if rows.size < FEWEST or not np.isfinite(here) or not np.isfinite(values[names.index(BUMP_OF[label])]):
         return None
     height, noise = (table.values[rows, names.index(name)].astype(np.float64) for name in (BUMP_OF[label], NOISE))

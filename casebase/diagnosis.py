@@ -9,11 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from casebase.case_table import CaseTable, Mask
-from casebase.experience import UNKNOWN_COLOUR, Experience, Judgement, border, gather, representative
+from casebase.experience import UNKNOWN_COLOUR, Experience, Judgement, border, gather, ranges_of, representative
 from casebase.explanation import Evidence, baseline_evidence, feature_evidence, motion_evidence, novelty_evidence
 from casebase.learning import Similarity
 from casebase.moving import all_move, moving
-from casebase.novelty import known_ranges
 from casebase.priors import prior_weights
 from casebase.retrieval import CaseMatrix, Match, NearestByClass
 from casebase.signals.features import Extraction, FeatureVector, QualityFlag
@@ -116,9 +115,8 @@ class Reasoner:
         self.table, self.similarity, self.similarity_version = table, similarity, similarity_version
         self.outgrown = outgrown
         self.matrix = CaseMatrix(table, similarity.metric)
-        known = border(table)
         self.all_move = all_move(table.names, table.values)
-        self.ranges = known_ranges(table.names, table.values[known], table.labels[known])
+        self.ranges = ranges_of(table, border(table))
         self._experiences: OrderedDict[bytes, Experience] = OrderedDict()
         self._lock = threading.Lock()
 
@@ -212,7 +210,7 @@ class Reasoner:
         self, values: NDArray[np.floating], experience: Experience, hypotheses: Sequence[Hypothesis]
     ) -> tuple[Fault, ...]:
         named = [(each.label, each.probability) for each in hypotheses]
-        return faults(self.table, experience.jury, self.similarity.metric, experience.sharpness, values, named)
+        return faults(self.table, experience.jury, self.similarity.metric, experience.vote, values, named)
 
     def _evidence(
         self, extraction: Extraction, near: NearestByClass, label: str | None, refusing: Experience | None

@@ -51,3 +51,7 @@ class BackupError(LibraryError):
 
 class ArtifactError(LibraryError):
     """Learned weights or calibration that do not fit this library."""
+
+
+class LeaseLostError(LibraryError):
+    """The worker's lease has ended, so that what it did is not written."""

@@ -15,6 +15,8 @@ from casebase.novelty import spread_out
 
 COVERAGE = 0.95
 MOST_TESTED = 400
+MOST_KNOWN = 20_000
+"""A larger library is evaluated by so many of its cases: of each label and origin as many, evenly spread."""
 RIGHT = (
     "the answer is the case's label: an ambiguous answer counts by its most probable label, and not_in_library is "
     "never right of a class that the library has"
@@ -85,6 +87,8 @@ class Evaluation:
         accuracy: cases whose answer is their label, the diagonal of `confusion`: see RIGHT.
         said: of those called `diagnosed`, how many were right.
         called_new: cases of known classes called `not_in_library`.
+        cases: how many were diagnosed.
+        known: how many cases the library was, those that were left out included; see MOST_KNOWN.
         confusion: true label -> answered label -> case ids; `not_in_library` is a column.
         left_out: per class, how many of its cases are called new by a library without that class.
         without_simulated: the same cases by the measured ones alone; None unless simulated ones were learned from too.
@@ -93,6 +97,7 @@ class Evaluation:
     group: str
     origin: str
     cases: int
+    known: int
     gearboxes: int
     accuracy: Proportion
     said: Proportion
@@ -117,6 +122,7 @@ class Evaluation:
             "group": self.group,
             "origin": self.origin,
             "cases": self.cases,
+            "known_cases": self.known,
             "gearboxes": self.gearboxes,
             "right_means": RIGHT,
             **self.figures(),
@@ -138,7 +144,8 @@ def evaluate(
     """Leave out one gearbox at a time and diagnose it by what was learned without it; then the same without its class.
 
     More than FOLDS gearboxes are left out in the folds of learning, so that what was learned without each is at hand;
-    how strongly weights are drawn to their priors was chosen once, with all gearboxes in view.
+    how strongly weights are drawn to their priors was chosen once, with all gearboxes in view. For every fold and every
+    class left out of it a library is held against itself; MOST_KNOWN bounds what each of these costs.
 
     Args:
         table: the cases.
@@ -154,16 +161,20 @@ def evaluate(
         raise InvalidRequestError(f"group must be one of {', '.join(GROUPS)}, got {group!r}")
     if origin not in ("measured", "simulated", "both"):
         raise InvalidRequestError(f"origin must be measured, simulated or both, got {origin!r}")
+    folds = fold_numbers(table)
+    if len(table) > MOST_KNOWN:
+        rows = _known(table)
+        table, folds = table.take(rows), folds[rows]
     usable = np.ones(len(table), bool) if origin == "both" else table.origins == origin
     names, tested = _names(table, group), _tested(table, group)
     if group == "axis" or not usable.any():
         learned = None
     elif learned is None or not usable.all():
-        learned = learn(table.take(usable))
+        learned, folds = learn(table.take(usable)), fold_numbers(table)
     outcomes: list[Outcome] = []
     found: dict[str, list[bool]] = {label: [] for label in table.classes}
-    for held_out in _held_out(table, group, tested):
-        inside = usable & ~held_out & ~np.isin(table.samples, table.samples[tested & held_out])
+    for held_out in _held_out(table, group, tested, folds):
+        inside = usable & ~held_out & ~np.isin(table.sounds, table.sounds[tested & held_out])
         outcomes += _outcomes(table, inside, tested & held_out, names, learned)
         for label in table.classes:
             found[label] += _called_new(table, inside & (table.labels != label), tested & held_out, label)
@@ -182,12 +193,20 @@ def _tested(table: CaseTable, group: str) -> Mask:
     return tested
 
 
-def _held_out(table: CaseTable, group: str, tested: Mask) -> list[Mask]:
+def _known(table: CaseTable) -> NDArray[np.intp]:
+    """Return the rows of at most MOST_KNOWN cases, in order."""
+    kind = 2 * table.class_numbers + (table.origins == "measured")
+    kinds = np.unique(kind)
+    return np.sort(
+        np.concatenate([spread_out(np.flatnonzero(kind == each), MOST_KNOWN // kinds.size) for each in kinds])
+    )
+
+
+def _held_out(table: CaseTable, group: str, tested: Mask, folds: NDArray[np.intp]) -> list[Mask]:
     """Return what is left out together: one gearbox or axis at a time, the folds of learning where they are many."""
     names = _names(table, group)
     groups = np.unique(names[tested])
     if group == "gearbox" and groups.size > FOLDS:
-        folds = fold_numbers(table)
         return [folds == fold for fold in np.unique(folds[tested])]
     count = min(groups.size, FOLDS)
     return [np.isin(names, groups[start::count]) for start in range(count)]
@@ -259,6 +278,7 @@ def _evaluation(
         group,
         origin,
         len(outcomes),
+        len(table),
         len(table.take(np.isin(table.ids, [each.case_id for each in outcomes])).gearboxes_known),
         _share(right),
         _share(said),

@@ -18,14 +18,21 @@ from casebase.calibration import PRIOR, Calibration, Usual, fitted
 from casebase.case_table import CaseTable, Mask
 from casebase.detection import Detection
 from casebase.learning import Similarity
-from casebase.novelty import BASELINES, FEWEST_FOR_LIMIT, LIMIT, KnownRanges, known_ranges, novelty_limit, spread_out
-from casebase.retrieval import CaseMatrix
+from casebase.novelty import (
+    BASELINES,
+    FEWEST_FOR_LIMIT,
+    LARGEST_CLASS,
+    LIMIT,
+    KnownRanges,
+    known_ranges,
+    novelty_limit,
+    spread_out,
+)
+from casebase.retrieval import CaseMatrix, Kinship
 from casebase.similarity import Floats
-from casebase.voting import NEAREST, balance, fitted_sharpness, log_votes, strangeness
+from casebase.voting import NEAREST, Vote, balance, fitted_vote, strangeness, tail_of
 
 LARGEST_SAMPLE = 400
-MOST_PARTS = 20
-PARTS = 10
 UNKNOWN_GEARBOX = 1.5
 """Where gearboxes were not noted, cases of the same one make the library look better than it is on another; the
 unknown then begins so many times as far out."""
@@ -79,13 +86,13 @@ class Experience:
         names: of the features.
         colour_known: whether enough cases were measured to say what a recorder makes of this machine.
         normal: what normal recordings have shown; None where they are too few.
-        judged: how many cases were held out for the sharpness; one by one where there is one gearbox alone.
+        judged: how many cases were held out for the vote; one by one where there is one gearbox alone.
     """
 
     classes: tuple[str, ...]
     nearest: Floats
     truth: NDArray[np.intp]
-    sharpness: float
+    vote: Vote
     threshold: float | None
     jury: Mask
     detection: Detection
@@ -99,7 +106,7 @@ class Experience:
     def doubt(self) -> float:
         """Error rate that as many cases without any error still allow, by Laplace's rule of succession.
 
-        The errors that were made are in the sharpness of the votes already.
+        The errors that were made are in the votes already.
         """
         return 1 / (self.judged + 2)
 
@@ -127,7 +134,7 @@ class Experience:
 
     def shares(self, nearest: Floats, values: NDArray[np.floating], but: str = "") -> Floats:
         """Return every class's share before calibration, shape (classes,); `but` is a gearbox that is held out."""
-        votes = np.exp(log_votes(nearest[None], self.sharpness)[0])
+        votes = np.exp(self.vote.log_shares(nearest[None])[0])
         return self.detection.earned(votes, self.detection.missed(values, but))
 
     def _calibrated(self, shares: Floats, values: NDArray[np.floating]) -> Floats:
@@ -179,12 +186,11 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
     nearest = seen[chosen]
     known = _reached(nearest, truth)
     held, of = (nearest[known], truth[known]) if known.any() else _one_by_one(table, similarity, present, rows, truth)
-    sharpness = fitted_sharpness(held, of)
     return Experience(
         table.classes,
         nearest[known],
         truth[known],
-        sharpness,
+        fitted_vote(held, of, tail_of(table.labels[rows], table.groups[rows])),
         where_unknown_begins(table, present, rows),
         juries[chosen],
         Detection.of(table, juries[chosen]),
@@ -227,7 +233,7 @@ def calibrated(table: CaseTable, similarity: Similarity, copies: Copies) -> Simi
     asked = np.concatenate([rows[own], copies.rows])
     values = np.concatenate([table.values[rows[own]], copies.values])
     masks, kinds, counts = np.unique(np.isfinite(values), axis=0, return_inverse=True, return_counts=True)
-    typical, held_out = usual(table, rows), _held_out_together(table)
+    typical, held_out = usual(table, rows), table.parts
     normal = {int(part): baseline(table, border(table) & (held_out != part)) for part in np.unique(held_out[asked])}
     share, right, sound, kept, truth = [], [], [], [], []
     for kind in np.argsort(-counts)[:MOST_MASKS]:
@@ -275,32 +281,55 @@ def _nearest_of_others(
     Args:
         values: features of the rows, or of copies of them, shape (rows, n).
     """
+    weights = np.array([similarity.weights_without(str(table.groups[row])) for row in rows])
+    weights = weights.reshape(rows.size, len(table.names))
+    held_out = table.parts
+    kin = [(held_out, held_out[rows]), (table.sounds, table.sounds[rows])]
+    queries = np.where(present, values, np.nan)
     nearest = np.full((len(juries), rows.size, len(table.classes), NEAREST), np.inf)
-    held_out = _held_out_together(table)
-    sounds = np.unique(table.samples, return_inverse=True)[1]
-    matrices: dict[bytes, CaseMatrix] = {}
-    for index, row in enumerate(rows):
-        weights = similarity.weights_without(str(table.groups[row]))
-        matrix = matrices.get(weights.tobytes())
-        if matrix is None:
-            matrix = matrices[weights.tobytes()] = CaseMatrix(table, similarity.metric.with_weights(weights))
-        query = np.where(present, values[index], np.nan)
-        others = (held_out != held_out[row]) & (sounds != sounds[row])
-        for seen, jury in zip(nearest, juries, strict=True):
-            seen[index] = matrix.nearest_by_class(query, NEAREST, where=jury & others).voting(NEAREST)
+    kinds, kind = np.unique(weights, axis=0, return_inverse=True)
+    for number, learned in enumerate(kinds):
+        these = np.flatnonzero(kind.ravel() == number)
+        matrix = CaseMatrix(table, similarity.metric.with_weights(learned))
+        own = [(shared, of[these]) for shared, of in kin]
+        nearest[:, these] = _nearest_voters(matrix, queries[these], juries, own)
     return nearest
+
+
+def _nearest_voters(matrix: CaseMatrix, queries: Floats, juries: Sequence[Mask], kin: Sequence[Kinship]) -> Floats:
+    """Return squared distances to the nearest of each jury that share nothing, shape (juries, queries, classes, k).
+
+    Cases that sit in the same juries are searched as one group, so that each case is looked at once.
+    """
+    table = matrix.table
+    seats = np.zeros(len(table), np.int16)
+    for place, jury in enumerate(juries):
+        seats |= jury.astype(np.int16) << place
+    sat, seat = np.unique(seats, return_inverse=True)
+    groups = np.where(seats > 0, table.class_numbers * sat.size + seat, -1).astype(np.int16)
+    count = len(table.classes) * sat.size
+    _, distances = matrix.nearest_strangers(queries, groups, count, NEAREST, kin)
+    shared = (distances**2).reshape(len(queries), len(table.classes), sat.size, NEAREST)
+    together = [
+        shared[:, :, (sat >> place) & 1 == 1].reshape(len(queries), len(table.classes), -1)
+        for place in range(len(juries))
+    ]
+    return np.array([_fewest(squares) for squares in together])
+
+
+def _fewest(squares: Floats) -> Floats:
+    """Return the NEAREST smallest along the last axis, in order, infinite where there are fewer."""
+    missing = max(0, NEAREST - squares.shape[-1])
+    return np.pad(np.sort(squares, axis=-1)[..., :NEAREST], ((0, 0), (0, 0), (0, missing)), constant_values=np.inf)
 
 
 def _one_by_one(
     table: CaseTable, similarity: Similarity, present: Mask, rows: NDArray[np.intp], truth: NDArray[np.intp]
 ) -> tuple[Floats, NDArray[np.intp]]:
     """Return distances and classes of cases held out by themselves: all that a library of one gearbox can say."""
-    matrix, nearest = CaseMatrix(table, similarity.metric), []
-    for row in rows:
-        query = np.where(present, table.values[row], np.nan)
-        others = table.samples != table.samples[row]
-        nearest.append(matrix.nearest_by_class(query, NEAREST, where=others).voting(NEAREST))
-    found = np.array(nearest).reshape(rows.size, len(table.classes), NEAREST)
+    everybody = [np.ones(len(table), bool)]
+    queries, kin = np.where(present, table.values[rows], np.nan), [(table.sounds, table.sounds[rows])]
+    found = _nearest_voters(CaseMatrix(table, similarity.metric), queries, everybody, kin)[0]
     reached = _reached(found, truth)
     return found[reached], truth[reached]
 
@@ -320,10 +349,19 @@ def _enough(seen: Floats, truth: NDArray[np.intp]) -> int:
     return len(seen) - 1 if rows.sum() >= FEWEST_FOR_LIMIT else 0
 
 
-def border(table: CaseTable) -> Mask:
-    """Return the cases that say what is known: measured ones, and simulated ones of what was never measured."""
+def border(table: CaseTable, among: Mask | None = None) -> Mask:
+    """Return the cases that say what is known: measured ones, and simulated ones of what was never measured.
+
+    Args:
+        among: the cases that there are, shape (cases,); all by default.
+    """
     measured = table.origins == "measured"
-    return np.asarray(measured | ~np.isin(table.labels, np.unique(table.labels[measured])))
+    if among is not None:
+        measured &= among
+    shown = np.zeros(len(table.classes), np.bool_)
+    shown[table.class_numbers[measured]] = True
+    known = measured | ~shown[table.class_numbers]
+    return np.asarray(known if among is None else known & among)
 
 
 def where_unknown_begins(table: CaseTable, present: Mask, rows: NDArray[np.intp]) -> float | None:
@@ -332,17 +370,16 @@ def where_unknown_begins(table: CaseTable, present: Mask, rows: NDArray[np.intp]
     Cases of a class that no other gearbox has say nothing. Measured cases alone decide where there are enough. None if
     the cases are too few.
     """
-    held_out = _held_out_together(table)
+    held_out = table.parts
     measured = table.origins == "measured"
     counts = measured if _comparable(table, held_out, rows, measured).size >= FEWEST_FOR_LIMIT else border(table)
     rows = _comparable(table, held_out, rows, counts)
     novelty = np.full(rows.size, np.inf)
     for group in np.unique(held_out[rows]):
-        others = table.take(held_out != group)
-        ranges = _ranges(others, border(others))
+        ranges = ranges_of(table, border(table, held_out != group))
         for index in np.flatnonzero(held_out[rows] == group):
             query = np.where(present, table.values[rows[index]], np.nan)
-            novelty[index] = ranges.distance(query) if ranges else np.inf
+            novelty[index] = ranges.distance(query) if ranges.ranges else np.inf
     limit = novelty_limit(novelty)
     alone = float(np.mean(table.groups[rows] == table.ids[rows])) if rows.size else 0.0
     caution = UNKNOWN_GEARBOX if alone > 0.5 else 1.0
@@ -355,21 +392,11 @@ def _comparable(table: CaseTable, held_out: NDArray[np.intp], rows: NDArray[np.i
     return rows[among[rows] & np.isin(table.labels[rows], shared)]
 
 
-def _held_out_together(table: CaseTable) -> NDArray[np.intp]:
-    """Return the part that each case is held out with: its gearbox, or a tenth of the gearboxes where they are many.
-
-    Simulated cases are parted by themselves, so that their number changes nothing for the measured ones.
-    """
-    part = np.zeros(len(table), np.intp)
-    measured = table.origins == "measured"
-    for kind, first in ((measured, 0), (~measured, MOST_PARTS)):
-        groups, own = np.unique(table.groups[kind], return_inverse=True)
-        part[kind] = first + (own if groups.size <= MOST_PARTS else own % PARTS)
-    return part
-
-
-def _ranges(table: CaseTable, rows: Mask) -> KnownRanges | None:
-    return known_ranges(table.names, table.values[rows], table.labels[rows]) if rows.any() else None
+def ranges_of(table: CaseTable, rows: Mask) -> KnownRanges:
+    """Return what these cases have shown."""
+    of_classes = [np.flatnonzero(rows & (table.class_numbers == number)) for number in range(len(table.classes))]
+    sample = np.concatenate([spread_out(each, LARGEST_CLASS) for each in of_classes] or [np.empty(0, np.intp)])
+    return known_ranges(table.names, table.values[sample], table.labels[sample])
 
 
 def representative(table: CaseTable) -> NDArray[np.intp]:

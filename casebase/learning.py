@@ -21,9 +21,10 @@ from scipy import special
 
 from casebase.calibration import Calibration
 from casebase.case_table import CaseTable
+from casebase.novelty import spread_out
 from casebase.priors import even_weights, prior_weights
 from casebase.similarity import Floats, Metric, pooled_scales
-from casebase.voting import balance, fitted_sharpness, log_sum_exp, log_votes, nearest_of_classes
+from casebase.voting import balance, fitted_vote, log_sum_exp, nearest_of_classes
 
 FOLDS = 10
 LARGEST_SAMPLE = 160
@@ -37,6 +38,8 @@ FEWEST_FOLDS = 3
 ONE_ERROR = 0.8413
 """Share of a normal distribution below one standard deviation [1]."""
 BANDS = "band_level"
+ENOUGH_FOR_SCALES = 20_000
+"""The median of so many cases lies within a hundredth of the spread (1.25 over the root of their number) [1]."""
 STRENGTHS = (1.0, 0.1, 0.01)
 """How strongly the logarithms of the weights are drawn to the priors, strongest first."""
 
@@ -208,6 +211,7 @@ def _starts(table: CaseTable, metric: Metric) -> list[tuple[str, Floats]]:
 def unlearned(table: CaseTable, reason: str) -> Similarity:
     """Return the physical priors as they are."""
     taught = teaching(table)
+    taught = taught.take(spread_out(np.arange(len(taught)), ENOUGH_FOR_SCALES))
     center, scale = pooled_scales(taught.values, taught.labels)
     metric = Metric(table.names, center, scale, prior_weights(table.names))
     return _similarity(table, metric, (), None, None, None, f"physical priors: {reason}")
@@ -304,8 +308,7 @@ def _trial(sample: _Sample, start: str, prior: Floats, strength: float | None, s
         weights.append(_fit(sample, ~inside, prior, strength))
         squares = np.where(sample.allowed, sample.differences @ weights[-1].astype(np.float32), np.inf)
         nearest = nearest_of_classes(squares, sample.labels, sample.classes)
-        sharpness = fitted_sharpness(nearest[~inside], sample.truth[~inside])
-        shares = log_votes(nearest[inside], sharpness)
+        shares = fitted_vote(nearest[~inside], sample.truth[~inside]).log_shares(nearest[inside])
         truth = sample.truth[inside]
         losses[inside] = -np.maximum(np.take_along_axis(shares, truth[:, None], axis=1)[:, 0], -LARGEST_LOSS)
         right[inside] = shares.argmax(axis=1) == truth

@@ -12,7 +12,7 @@ from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 from sqlalchemy.orm.exc import StaleDataError
 
-from casebase import audit
+from casebase import audit, leases
 from casebase.artifacts import active_version, newest_version, similarity_for, similarity_kind, store_similarity
 from casebase.audio_store import AudioStore, StoredBytes
 from casebase.case_filter import CaseFilter, selected
@@ -32,6 +32,7 @@ from casebase.errors import (
 )
 from casebase.evaluation import Evaluation, evaluate
 from casebase.experience import calibrated
+from casebase.kept_table import name_table, outgrown, read_table, remove_others, write_table
 from casebase.learning import LearningStoppedError, Similarity, learn
 from casebase.models import (
     CASE_STATES,
@@ -43,7 +44,7 @@ from casebase.models import (
     StoredRecording,
     now,
 )
-from casebase.origins import SIMULATED, origin_of
+from casebase.origins import MEASURED, SIMULATED, origin_of
 from casebase.pages import Page, page
 from casebase.plausibility import Expected, measured
 from casebase.private import make_private
@@ -58,6 +59,7 @@ REVISABLE = ("label", "verified_by", "note", "mechanism", "location", "severity"
 
 
 CHANGED = "library_changed"
+TABLES = "tables"
 
 
 class CaseLibrary:
@@ -73,6 +75,8 @@ class CaseLibrary:
         self.audio = AudioStore(data_dir / "audio")
         self.touched = Event()
         """Set whenever cases changed or what was learned proved outgrown: then `keep_learned` may have work."""
+        self.lease: str | None = None
+        """Of the worker that this library is opened by: nothing is written once it has ended."""
         self._tables: dict[str, CaseTable] = {}
         self._reasoners: dict[str, tuple[int | None, Reasoner]] = {}
         self._measured: dict[str, tuple[int, Expected]] = {}
@@ -92,12 +96,19 @@ class CaseLibrary:
 
     @contextmanager
     def transaction(self, actor: str, request_id: str | None = None) -> Iterator[Session]:
-        """Give a session that commits when the block ends well and rolls back when it does not."""
+        """Give a session that commits when the block ends well and rolls back when it does not.
+
+        Raises:
+            LeaseLostError: if it is a worker's library and the worker's lease has ended; nothing is written then.
+        """
         with Session(self.engine, expire_on_commit=False) as session:
             session.info.update({audit.ACTOR: actor, audit.REQUEST: request_id})
             session.connection(execution_options={WRITING: True})
             try:
                 yield session
+                if self.lease is not None:
+                    session.flush()
+                    leases.hold(session, self.lease)
                 session.commit()
                 audit.stored(session.info.get(audit.RECORDED, ()))
                 for sha256 in session.info.get(DISCARDED, ()):
@@ -339,11 +350,27 @@ class CaseLibrary:
         return self._all_cases(session, extractor_version).voters
 
     def _all_cases(self, session: Session, extractor_version: str) -> CaseTable:
-        table = load_table(session, extractor_version, self._tables.get(extractor_version))
+        known = self._tables.get(extractor_version)
+        if known is None:
+            known = read_table(session, self.data_dir / TABLES, extractor_version)
+        table = load_table(session, extractor_version, known)
         if CHANGED not in session.info:
             # what this session changed may yet be rolled back, and must not be remembered
             self._tables[extractor_version] = table
         return table
+
+    def keep_table(self, actor: str, extractor_version: str = EXTRACTOR_VERSION) -> bool:
+        """Write the table of a large library beside the database, where much changed; return whether it was written."""
+        folder = self.data_dir / TABLES
+        with self.reading() as session:
+            table = self._all_cases(session, extractor_version)
+            if not outgrown(session, folder, table):
+                return False
+        document = write_table(folder, table)
+        with self.transaction(actor) as session:
+            name_table(session, extractor_version, document)
+        remove_others(folder, document)
+        return True
 
     def measured(self, session: Session, axis: str) -> Expected:
         """Return what the measured cases of an axis say of its motion; read again when cases have changed."""
@@ -376,15 +403,18 @@ class CaseLibrary:
         same = [case for case in cases_of(session, recording.sound_id) if case.state != "retired"]
         told = (*(_told(case) for case in same), *diagnosis.remarks, *remarks, *self._contradictions(session, version))
         diagnosis = replace(diagnosis, remarks=told)
-        severity = self.severity(session, extraction, recording.axis, diagnosis.label) if diagnosis.label else None
-        limits = detection_limits(session, reasoner.table, recording.axis, values) if extraction.usable else NO_LIMITS
+        axis, origin = recording.axis, origin_of(session, recording)
+        severity = self.severity(session, extraction, axis, diagnosis.label, origin) if diagnosis.label else None
+        limits = detection_limits(session, reasoner.table, axis, values, origin) if extraction.usable else NO_LIMITS
         same_as = same[0].id if same else None
         return store_diagnosis(session, recording, diagnosis, reasoner, severity, limits, same_as)
 
-    def severity(self, session: Session, extraction: Extraction, axis: str | None, label: str) -> Severity | None:
+    def severity(
+        self, session: Session, extraction: Extraction, axis: str | None, label: str, origin: str = MEASURED
+    ) -> Severity | None:
         """Return the size of a fault, for a diagnosis as for `gearcase size`; None where the library cannot say it."""
         table = self.table(session, extraction.extractor_version)
-        return severity_of(session, table, axis, label, extraction.features.values)
+        return severity_of(session, table, axis, label, extraction.features.values, origin)
 
     def _contradictions(self, session: Session, extractor_version: str) -> tuple[str, ...]:
         count = self._all_cases(session, extractor_version).contradicting

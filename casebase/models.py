@@ -263,6 +263,51 @@ class StoredInvestigation(Base):
         self.written = given
 
 
+class StoredJob(Base):
+    """A job as it was ordered and how it ended; how far it is in between, the job engine knows.
+
+    It is stored in the transaction of what orders it, so that there is a job exactly if that was acknowledged.
+    """
+
+    __tablename__ = "jobs"
+
+    id: Mapped[str] = mapped_column(String(100), primary_key=True, default=new_id)
+    kind: Mapped[str] = mapped_column(String(100))
+    parameters: Mapped[dict[str, object]] = mapped_column(deferred=True)
+    state: Mapped[str] = mapped_column(String(20), default="queued")
+    """What is wanted of it, `queued` or `cancelled`; once it is over what became of it, `done`, `failed` too."""
+    progress: Mapped[dict[str, object]] = mapped_column(default=dict)
+    """How far it was at its end."""
+    result: Mapped[Any | None] = mapped_column(type_json)
+    error: Mapped[str | None] = mapped_column(Text)
+    created_at: Mapped[datetime] = mapped_column(default=now)
+    finished_at: Mapped[datetime | None]
+    """None until the engine has nothing to do for it any more."""
+    submitted_by: Mapped[str | None] = mapped_column(String(200))
+
+    __table_args__ = (
+        Index("ix_jobs_created", "created_at", "id"),
+        Index(
+            "ix_jobs_unfinished",
+            "id",
+            sqlite_where=text("finished_at IS NULL"),
+            postgresql_where=text("finished_at IS NULL"),
+        ),
+    )
+
+
+class WorkerLease(Base):
+    """A worker that lives, as far as anybody knows; see `casebase.leases`."""
+
+    __tablename__ = "workers"
+
+    id: Mapped[str] = mapped_column(String(100), primary_key=True)
+    beats: Mapped[int]
+    lease_s: Mapped[float]
+    """Others end the lease after so long without a beat [s]."""
+    started_at: Mapped[datetime] = mapped_column(default=now)
+
+
 class MaintenanceMark(Base):
     """Something that was done to an axis: a line in its trend."""
 

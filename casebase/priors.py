@@ -62,6 +62,9 @@ PRIORS: tuple[tuple[str, float, str], ...] = (
 
 KIND: dict[str, float] = {IMPACT: 0.5, UPPER: 0.25, SPREAD: 0.25}
 """What is left of a weight when the question is the kind of a fault: any impact raises these, the harder the more."""
+PRIOR_FREEDOM = 3.0
+"""How alike the scatters of one kind of features are: as if each were known from so many gearboxes (Smyth's estimate
+from normal recordings of ten gearboxes: 2.5 to 3.3 on four draws of tests/field_bank, 1.9 on shared recordings)."""
 REPEATABILITY_DB = 0.5
 """Two recordings of the same thing differ by so much in a level above its surroundings."""
 

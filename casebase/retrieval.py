@@ -1,8 +1,7 @@
-"""Retrieve: exact search over one matrix in memory, compiled; the rows of the database are the truth."""
+"""Retrieve: exact search over coded cases in memory, compiled; the rows of the database are the truth."""
 
 import functools
-import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import ModuleType
 
@@ -18,6 +17,13 @@ LARGEST_DISTANCE = 46340
 """The square of a coded distance fits 32 bits."""
 LANES = 16
 VIEWS_KEPT = 4
+AT_ONCE = 16
+"""Queries that go through the cases together; each takes four bytes a case meanwhile."""
+
+
+Kinship = tuple[NDArray[np.intp], NDArray[np.intp]]
+"""Numbers of what cases share with each other, shape (cases,), and those of queries, shape (queries,)."""
+NO_KIN = np.empty((0, 0), np.int32)
 
 
 @functools.cache
@@ -30,21 +36,20 @@ def kernel() -> ModuleType:
 
 @dataclass(frozen=True, eq=False)
 class _View:
-    """The matrix as a query with certain features sees it; see `search_kernel.nearest` for the arrays.
+    """The cases as a query with certain features sees them; see `search_kernel.nearest` for the arrays.
 
     Args:
         factor: what brings the weights of these features to sum 1 in a squared distance.
     """
 
     present: Mask
-    codes: NDArray[np.int16]
     extra: Floats
     scaling: Floats
     factor: float
 
 
 class _Query:
-    """Features asked for, shape (n,), and the matrix as they see it."""
+    """Features asked for, shape (n,), and the cases as they see them."""
 
     def __init__(self, values: Floats, view: _View, metric: Metric) -> None:
         self.values, self.view, self.metric = values, view, metric
@@ -140,18 +145,13 @@ class CaseMatrix:
 
     def __init__(self, table: CaseTable, metric: Metric) -> None:
         self.table, self.metric = table, metric
-        scaled = metric.scaled(table.values)
-        self.missing = np.isnan(scaled)
-        root = np.sqrt(metric.weights)
-        self.matrix = np.where(self.missing, 0.0, scaled * root).astype(np.float32)
-        count, size = self.matrix.shape
-        largest = float(root.max(initial=0.0))
+        self._values = np.ascontiguousarray(table.values, np.float32)
+        count, size = table.values.shape
+        self._scaling = np.stack([metric.center, metric.scale, np.sqrt(metric.weights), np.full(size, LIMIT)])
+        largest = float(self._scaling[2].max(initial=0.0))
         self.step = (2 * LIMIT + 0.5) * max(largest / LARGEST_CODE, 1 / LARGEST_DISTANCE)
         self._codes = np.zeros((count, -(-size // LANES) * LANES), np.int16)
-        self._codes[:, :size] = np.rint(self.matrix / np.float32(self.step))
-        off = self.matrix - self._codes[:, :size] * np.float32(self.step)
-        self.reach = math.sqrt(float(np.einsum("ij,ij->i", off, off).max(initial=0.0))) * 1.001 + self.step
-        self._gappy = bool(self.missing.any())
+        self.reach = kernel().code(self._values, self._scaling, self.step, self._codes) + self.step
         self._all = np.zeros(count, np.int16)
         self._views: dict[bytes, _View] = {}
 
@@ -179,48 +179,78 @@ class CaseMatrix:
         groups = self.table.class_numbers
         if where is not None:
             groups = np.where(where, groups, np.int16(-1))
-        asked = self._asked(query)
-        return NearestByClass(self, asked, *self._nearest(asked, groups, len(self.table.classes), k))
+        asked, k = self._asked(query), min(k, max(1, len(self.table)))
+        rows, distances = self._nearest(asked.values[None], groups, len(self.table.classes), k)
+        return NearestByClass(self, asked, rows[0], distances[0])
 
-    def squared_distances(self, query: NDArray[np.floating]) -> Floats:
-        """Return the squared distance to every case, shape (cases,)."""
-        asked = self._asked(query)
-        apart = self.matrix - asked.point
-        apart *= asked.view.present
-        squares = np.einsum("ij,ij->i", apart, apart) + asked.view.extra
-        return np.asarray(squares * asked.view.factor, dtype=np.float64)
+    def nearest_strangers(
+        self, queries: NDArray[np.floating], groups: NDArray[np.int16], count: int, k: int, kin: Sequence[Kinship]
+    ) -> tuple[NDArray[np.int64], Floats]:
+        """Return for every query the k nearest cases of every group that share nothing with it.
+
+        Costs as many passes over the codes as there are queries, several queries at a time.
+
+        Args:
+            queries: features, shape (queries, n), NaN where missing.
+            groups: number of the group of every case, below 0 if it may not be found, shape (cases,).
+            count: how many groups there are.
+            kin: numbers of what cases share (gearbox, sound), shape (cases,), with those of the queries.
+
+        Returns:
+            Rows, nearest first, shape (queries, count, k), -1 where a group has fewer; distances, infinite there.
+        """
+        points: Floats = np.asarray(queries, np.float64)
+        rows = np.full((len(points), count, k), -1, np.int64)
+        distances = np.full(rows.shape, np.inf)
+        shared, own = (np.array([pair[side] for pair in kin], np.int32) for side in (0, 1))
+        masks, kind = np.unique(np.isfinite(points), axis=0, return_inverse=True)
+        for number in range(len(masks)):
+            alike = np.flatnonzero(kind.ravel() == number)
+            for start in range(0, alike.size, AT_ONCE):
+                these = alike[start : start + AT_ONCE]
+                found = self._nearest(points[these], groups, count, k, shared, np.ascontiguousarray(own[:, these]))
+                rows[these], distances[these] = found
+        return rows, distances
 
     def shares(self, asked: _Query, row: int, distance: float) -> Floats:
         """Return what every feature adds to the distance of a case, shape (n,)."""
-        apart = self.matrix[row] - asked.point.astype(np.float64)
-        parts = apart * apart
-        if self._gappy:
-            parts += self.missing[row] * self.metric.weights
+        scaled = self.metric.scaled(self.table.values[row])
+        missing = np.isnan(scaled)
+        case = np.where(missing, 0.0, scaled * self._scaling[2]).astype(np.float32)
+        parts = (case - asked.point.astype(np.float64)) ** 2 + missing * self.metric.weights
         return np.asarray(parts * asked.view.present * (asked.view.factor / distance if distance > 0 else 0.0))
 
     def _found(self, asked: _Query, k: int, where: Mask | None) -> tuple[NDArray[np.int64], Floats]:
         groups = self._all if where is None else where.astype(np.int16) - np.int16(1)
-        rows, distances = self._nearest(asked, groups, 1, k)
-        found = rows[0] if rows[0, -1] >= 0 else rows[0, rows[0] >= 0]
-        return found, distances[0, : found.size]
+        rows, distances = self._nearest(asked.values[None], groups, 1, max(1, min(k, len(self.table))))
+        found = rows[0, 0, rows[0, 0] >= 0]
+        return found, distances[0, 0, : found.size]
 
     def _nearest(
-        self, asked: _Query, groups: NDArray[np.int16], count: int, k: int
+        self,
+        queries: Floats,
+        groups: NDArray[np.int16],
+        count: int,
+        k: int,
+        kin: NDArray[np.int32] = NO_KIN,
+        own: NDArray[np.int32] = NO_KIN,
     ) -> tuple[NDArray[np.int64], Floats]:
-        view = asked.view
-        k = max(1, min(k, len(self.table)))
+        """Return rows and distances of the nearest of every group to queries that have the same features."""
+        view = self._view(queries[0])
         rows, distances = kernel().nearest(
-            view.codes,
-            self.matrix,
+            self._codes,
+            self._values,
             view.extra,
             view.scaling,
-            asked.values,
+            queries,
             groups,
             count,
             k,
             self.step,
             self.reach,
             view.factor,
+            kin,
+            own,
         )
         return rows, distances
 
@@ -240,13 +270,10 @@ class CaseMatrix:
         return view
 
     def _made_view(self, present: Mask) -> _View:
-        metric, size = self.metric, present.size
-        weights = np.where(present, metric.weights, 0.0)
-        codes = self._codes
-        if not present.all():
-            codes = codes.copy()
-            codes[:, :size][:, ~present] = 0
-        extra = self.missing @ weights if self._gappy else np.zeros(len(self.table))
-        scaling = np.stack([metric.center, metric.scale, np.sqrt(weights), np.full(size, LIMIT)])
+        weights = np.where(present, self.metric.weights, 0.0)
+        extra = np.empty(len(self.table))
+        kernel().missing_weight(self._values, weights, extra)
+        scaling = self._scaling.copy()
+        scaling[2, ~present] = 0.0
         total = float(weights.sum())
-        return _View(present, codes, extra, scaling, 1 / total if total > 0 else 0.0)
+        return _View(present, extra, scaling, 1 / total if total > 0 else 0.0)

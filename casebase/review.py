@@ -4,7 +4,8 @@ All distances are those that diagnosis uses; a case is never held against its ow
 Edits are made on request, kept as an artifact and undone as a whole.
 
 Sources: Smyth and McKenna, Competence models and the maintenance problem, Computational Intelligence 17 (2001), for
-redundancy by coverage; Wilson, Asymptotic properties of nearest neighbor rules (1972), for suspect labels.
+competence, coverage, footprint and redundancy; Wilson, Asymptotic properties of nearest neighbor rules (1972), for
+suspect labels.
 """
 
 import math
@@ -19,15 +20,18 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from casebase.artifacts import add_artifact
+from casebase.case_table import CaseTable, numbered
 from casebase.diagnosis import Reasoner
 from casebase.errors import InvalidRequestError, NotFoundError
 from casebase.library import CaseLibrary
 from casebase.models import Artifact, Case, StoredRecording
+from casebase.novelty import spread_out
 from casebase.similarity import Floats
 from casebase.sounds import other_gearbox
 
 KIND = "review"
-LARGEST = 4000  # cases looked at; beyond, the newest
+MOST_ASKED, NEWEST = 10_000, 4_000  # cases looked at while somebody waits, the newest among them
+CHUNK = 4_096  # cases held against the library together
 NEIGHBOURS, AGREEING = 5, 4
 SAME = 0.25  # of the typical distance to the nearest case of the label: as good as the same case
 FAR = 3.0  # times the typical distance between measured cases of a label, and farther than any: not the same world
@@ -69,15 +73,37 @@ class Hole:
 
 
 @dataclass(frozen=True)
+class Competence:
+    """How much the library knows by itself.
+
+    Args:
+        solved: cases that a case of another gearbox solves, of those that were looked at.
+        of: how many were looked at.
+        footprint: how few cases solve as many as all of them; see `competence`.
+    """
+
+    solved: int
+    of: int
+    footprint: int
+
+
+@dataclass(frozen=True)
 class Review:
-    """What was found, worst first within each kind; `plan` is what `generate` and `POST /simulations` take."""
+    """What was found, worst first within each kind; `plan` is what `generate` and `POST /simulations` take.
+
+    Args:
+        cases: in the library.
+        looked_at: how many of them were held against all.
+    """
 
     cases: int
+    looked_at: int
     redundant: tuple[Finding, ...]
     contradictory: tuple[Finding, ...]
     suspect: tuple[Finding, ...]
     far: tuple[Finding, ...]
     uncovered: tuple[Hole, ...]
+    competence: Competence
 
     @property
     def plan(self) -> dict[str, int]:
@@ -92,22 +118,22 @@ class Review:
         return {**asdict(self), "plan": {"counts": self.plan, "campaigns": campaigns}}
 
 
-def review(session: Session, reasoner: Reasoner) -> Review:
-    """Look through the library; changes nothing."""
+def review(session: Session, reasoner: Reasoner, most: int | None = MOST_ASKED) -> Review:
+    """Look through the library; changes nothing.
+
+    Every case is held against all others: as many searches as there are cases, so the cost grows with their square.
+
+    Args:
+        most: how many cases are looked at, at most: the NEWEST, and others evenly spread; None for all. What they are
+            held against is the whole library all the same.
+    """
     contradicting, copies = _copies(session)
     table = reasoner.table
-    rows = np.arange(len(table))[-LARGEST:]
-    table = table.take(rows)
+    holes = _holes(session)
     if len(table) < 2:
-        return Review(len(table), copies, contradicting, (), (), _holes(session))
-    apart = _distances(reasoner, rows)
-    foreign = (table.groups[:, None] != table.groups) & (table.samples[:, None] != table.samples)
-    apart = np.where(foreign, apart, np.inf)
-    same = table.labels[:, None] == table.labels
-    own = np.where(same, apart, np.inf).min(axis=1)
-    known = own[np.isfinite(own)]
-    typical = float(np.median(known)) if known.size else math.inf
-    order = np.argsort(apart, axis=1)[:, :NEIGHBOURS]
+        return Review(len(table), len(table), copies, contradicting, (), (), holes, Competence(0, 0, len(table)))
+    near = _nearby(reasoner, _asked(len(table), most))
+    typical = float(np.median(near.own[np.isfinite(near.own)])) if np.isfinite(near.own).any() else math.inf
 
     def finding(row: int, reason: str, other: int | None = None) -> Finding:
         other_id = None if other is None else str(table.ids[other])
@@ -115,23 +141,96 @@ def review(session: Session, reasoner: Reasoner) -> Review:
 
     contradictory, suspect, redundant = list(contradicting), [], list(copies)
     dropped: set[int] = set()
-    for row in range(len(table)):
-        near = [int(each) for each in order[row] if np.isfinite(apart[row, each])]
-        if not near:
+    looked_at = set(near.asked.tolist())
+    for place, row in enumerate(near.asked.tolist()):
+        found = near.rows[place][near.rows[place] >= 0].tolist()
+        if not found:
             continue
-        first, labels = near[0], Counter(str(table.labels[each]) for each in near)
-        if not same[row, first] and apart[row, first] < typical * SAME and row < first:
+        first, labels = found[0], Counter(str(table.labels[each]) for each in found)
+        same, close = table.labels[first] == table.labels[row], near.distances[place, 0] < typical * SAME
+        if not same and close and (row < first or first not in looked_at):
             reason = f"as good as the same recording as a case of {table.labels[first]}"
             contradictory.append(finding(row, reason, first))
         label, count = labels.most_common(1)[0]
-        if label != table.labels[row] and len(near) == NEIGHBOURS and count >= AGREEING:
+        if label != table.labels[row] and len(found) == NEIGHBOURS and count >= AGREEING:
             suspect.append(finding(row, f"{count} of its {NEIGHBOURS} nearest cases are {label}", first))
         twin = row > first and first not in dropped and table.origins[row] == table.origins[first]
-        if same[row, first] and twin and len(labels) == 1 and apart[row, first] < typical * SAME:
+        if same and close and twin and len(labels) == 1:
             dropped.add(row)
             redundant.append(finding(row, "adds nothing to a case that is there and agrees with all around", first))
-    far = tuple(finding(row, reason) for row, reason in _far(table.labels, table.origins, apart))
-    return Review(len(table), tuple(redundant), tuple(contradictory), tuple(suspect), far, _holes(session))
+    far = tuple(finding(row, reason) for row, reason in _far(table, near))
+    found_all = tuple(redundant), tuple(contradictory), tuple(suspect), far
+    return Review(len(table), near.asked.size, *found_all, holes, competence(table.class_numbers, near))
+
+
+def _asked(count: int, most: int | None) -> NDArray[np.intp]:
+    """Return the rows to look at, in order."""
+    if most is None or count <= most:
+        return np.arange(count)
+    older = max(0, count - NEWEST)
+    return np.concatenate([spread_out(np.arange(older), most - NEWEST), np.arange(older, count)])
+
+
+@dataclass(frozen=True, eq=False)
+class Nearby:
+    """The nearest cases to some cases, of other gearboxes and sounds.
+
+    Args:
+        asked: the rows that were looked at, ascending, shape (asked,).
+        rows, distances: the nearest of all, shape (asked, NEIGHBOURS), -1 and infinite where there are fewer.
+        own: distance to the nearest case of the same label, shape (asked,).
+        measured: distance to the nearest measured case of the same label, shape (asked,).
+    """
+
+    asked: NDArray[np.intp]
+    rows: NDArray[np.int64]
+    distances: Floats
+    own: Floats
+    measured: Floats
+
+
+def _nearby(reasoner: Reasoner, asked: NDArray[np.intp]) -> Nearby:
+    table, count = reasoner.table, 2 * len(reasoner.table.classes)
+    groups = (2 * table.class_numbers + (table.origins == "measured")).astype(np.int16)
+    boxes = numbered(table.groups)
+    rows = np.full((asked.size, NEIGHBOURS), -1, np.int64)
+    distances = np.full(rows.shape, np.inf)
+    own, measured = np.full(asked.size, np.inf), np.full(asked.size, np.inf)
+    for start in range(0, asked.size, CHUNK):
+        part = slice(start, start + CHUNK)
+        these = asked[part]
+        kin = [(boxes, boxes[these]), (table.sounds, table.sounds[these])]
+        found, apart = reasoner.matrix.nearest_strangers(table.values[these], groups, count, NEIGHBOURS, kin)
+        labels = 2 * table.class_numbers[these]
+        measured[part] = apart[np.arange(these.size), labels + 1, 0]
+        own[part] = np.minimum(apart[np.arange(these.size), labels, 0], measured[part])
+        flat, far = found.reshape(these.size, -1), apart.reshape(these.size, -1)
+        order = np.lexsort((flat, far))[:, :NEIGHBOURS]
+        rows[part], distances[part] = (np.take_along_axis(each, order, axis=1) for each in (flat, far))
+    return Nearby(asked, rows, distances, own, measured)
+
+
+def competence(labels: NDArray[np.int16], near: Nearby) -> Competence:
+    """Return what the library can do by itself, from its NEIGHBOURS nearest cases.
+
+    A case solves another one of its label that is nearer to it than to any case of another label: that is its coverage.
+    The footprint is built of the cases in order of their relative coverage, each case solved counting the less the more
+    cases solve it; a case is left out if one in the footprint solves it.
+
+    Args:
+        labels: numbers of the labels of all cases, shape (cases,).
+    """
+    agree = (near.rows >= 0) & (labels[near.rows] == labels[near.asked][:, None])
+    solving = np.logical_and.accumulate(agree, axis=1)
+    solved = solving.sum(axis=1)
+    share = np.repeat(1 / np.maximum(solved, 1), solved)
+    coverage = np.bincount(near.rows[solving], weights=share, minlength=labels.size)[near.asked]
+    kept, footprint = np.zeros(labels.size, np.bool_), 0
+    for place in np.argsort(-coverage, kind="stable").tolist():
+        if not kept[near.rows[place, : solved[place]]].any():
+            kept[near.asked[place]] = True
+            footprint += 1
+    return Competence(int(np.count_nonzero(solved)), int(near.asked.size), footprint)
 
 
 def _copies(session: Session) -> tuple[tuple[Finding, ...], tuple[Finding, ...]]:
@@ -168,29 +267,22 @@ def _finding(case: Case, reason: str, other: Case) -> Finding:
     return Finding(case.id, case.label, case.origin, reason, other.id)
 
 
-def _distances(reasoner: Reasoner, rows: NDArray[np.intp]) -> Floats:
-    squares = [reasoner.matrix.squared_distances(reasoner.table.values[row])[rows] for row in rows]
-    return np.asarray(np.sqrt(np.maximum(np.array(squares, dtype=np.float64), 0.0)))
-
-
-def _far(labels: NDArray[np.str_], origins: NDArray[np.str_], apart: Floats) -> list[tuple[int, str]]:
+def _far(table: CaseTable, near: Nearby) -> list[tuple[int, str]]:
     """Simulated cases that are far from every measured case of their label, where there are three or more."""
     out = []
-    for label in sorted({str(each) for each in labels}):
-        measured = np.flatnonzero((labels == label) & (origins == "measured"))
-        simulated = np.flatnonzero((labels == label) & (origins == "simulated"))
-        if measured.size < FEWEST_MEASURED or simulated.size == 0:
-            continue
-        among = apart[np.ix_(measured, measured)].min(axis=1)
+    labels, simulated = table.class_numbers[near.asked], table.origins[near.asked] == "simulated"
+    for number, label in enumerate(table.classes):
+        known = (table.class_numbers == number) & (table.origins == "measured")
+        among = near.measured[(labels == number) & ~simulated]
         among = among[np.isfinite(among)]
-        if among.size == 0:
+        if np.count_nonzero(known) < FEWEST_MEASURED or among.size == 0:
             continue
         limit = max(FAR * float(np.median(among)), float(among.max()))
-        nearest = apart[np.ix_(simulated, measured)].min(axis=1)
-        for row, distance in sorted(zip(simulated, nearest, strict=True), key=lambda each: -each[1]):
-            if math.isfinite(distance) and distance > limit:
-                reason = f"its nearest measured case of {label} is {distance:.2f} away; those lie within {limit:.2f}"
-                out.append((int(row), reason))
+        these = np.flatnonzero((labels == number) & simulated & np.isfinite(near.measured) & (near.measured > limit))
+        for place in these[np.argsort(-near.measured[these], kind="stable")].tolist():
+            distance = near.measured[place]
+            reason = f"its nearest measured case of {label} is {distance:.2f} away; those lie within {limit:.2f}"
+            out.append((int(near.asked[place]), reason))
     return out
 
 

@@ -1,8 +1,10 @@
-"""How large a fault is, from simulated cases of the same axis and label, whose size is known.
+"""How large a fault is, from cases of the same axis, label and origin whose size is known.
 
-The logarithm of the size is regressed on the features of the nearest simulated cases: a Gaussian process with a
-linear and a local part, its two settings chosen by leave-one-out error, its interval the quantile of leave-one-out
-errors (jackknife; Vovk, Gammerman, Shafer, Algorithmic Learning in a Random World, 2005).
+The logarithm of the size is regressed on the features of the nearest cases: a Gaussian process with a linear and a
+local part, its two settings chosen by leave-one-out error, its interval the quantile of the errors with the gearbox
+left out (jackknife; Vovk, Gammerman, Shafer, Algorithmic Learning in a Random World, 2005). Such an interval holds for
+recordings that could have been among the cases. A simulated case could not have been recorded by a microphone, so
+measured recordings are sized by measured cases and simulated ones by simulated cases.
 Features count by how much they go with the size (Spearman), so that the housing and the microphone do not.
 """
 
@@ -21,7 +23,11 @@ from casebase.signals.features import catalogue
 from casebase.similarity import Floats, robust_scales
 
 FEWEST, NEAREST = 12, 200
+FEWEST_GEARBOXES = 3
+"""One that is left out leaves two to learn from."""
 COVERAGE = 0.9
+TOLD_WITHIN = 0.25
+"""A size that is farther off in the median decides nothing: a gap of 2 minutes of arc could be one of 3."""
 LENGTHS = (0.5, 1.0, 2.0)
 NOISES = (0.03, 0.1, 0.3, 1.0)
 LARGEST = 4.0  # scaled features are clipped here: beyond, an outlier would decide alone
@@ -56,34 +62,36 @@ class Severity:
 
 
 def severity_of(
-    session: Session, table: CaseTable, axis: str | None, label: str, values: NDArray[np.floating]
+    session: Session, table: CaseTable, axis: str | None, label: str, values: NDArray[np.floating], origin: str
 ) -> Severity | None:
-    """Estimate the size of a fault; None where the label has no size, or too few simulated cases of the axis have one.
+    """Estimate the size of a fault; None where the label has no size, or too few cases of the axis have one.
 
     Cases of another axis say nothing of the size: the same gap sounds otherwise in another gear.
 
     Args:
         axis: of the recording; nothing is said without one.
         values: features of the recording, shape (n,), NaN where missing.
+        origin: of the recording, `measured` or `simulated`.
     """
     if label not in PARAMETERS or axis is None:
         return None
-    rows, sizes = sized(session, table, axis, label)
-    if rows.size < FEWEST:
+    rows, sizes = sized(session, table, axis, label, origin)
+    specimens = np.unique(table.groups[rows], return_inverse=True)[1]
+    if rows.size < FEWEST or specimens.max() + 1 < FEWEST_GEARBOXES:
         return None
-    return estimate(PARAMETERS[label], table.values[rows], sizes, values)
+    return estimate(PARAMETERS[label], table.values[rows], sizes, values, specimens)
 
 
-def sized(session: Session, table: CaseTable, axis: str, label: str) -> tuple[NDArray[np.intp], Floats]:
-    """Return the rows of an axis' simulated cases of a label whose size is known, and the sizes [rad]; (rows,) each.
+def sized(session: Session, table: CaseTable, axis: str, label: str, origin: str) -> tuple[NDArray[np.intp], Floats]:
+    """Return the rows of an axis' cases of a label and origin whose size is known, and the sizes [rad]; (rows,) each.
 
     Empty where there are too few to say anything; the database is then not asked.
     """
-    alike = (table.axes == axis) & (table.labels == label) & (table.origins == "simulated")
+    alike = (table.axes == axis) & (table.labels == label) & (table.origins == origin)
     if np.count_nonzero(alike) < FEWEST:
         return np.empty(0, np.intp), np.empty(0)
     statement = select(Case.id, Case.severity).where(
-        Case.label == label, Case.origin == "simulated", Case.severity.is_not(None), Case.state == "confirmed"
+        Case.label == label, Case.origin == origin, Case.severity > 0, Case.state == "confirmed"
     )
     size_of = {case_id: size for case_id, size in session.execute(statement)}  # noqa: C416
     rows = np.array([row for row in np.flatnonzero(alike) if str(table.ids[row]) in size_of], dtype=np.intp)
@@ -91,14 +99,21 @@ def sized(session: Session, table: CaseTable, axis: str, label: str) -> tuple[ND
 
 
 def estimate(
-    parameter: str, known: NDArray[np.floating], sizes: Floats, values: NDArray[np.floating]
+    parameter: str,
+    known: NDArray[np.floating],
+    sizes: Floats,
+    values: NDArray[np.floating],
+    specimens: NDArray[np.intp] | None = None,
 ) -> Severity | None:
-    """Estimate a size from the features of the nearest cases of known size; None where nothing can be compared.
+    """Estimate a size from the features of the nearest cases of known size.
+
+    None where nothing can be compared, and where every second left-out case is farther off than TOLD_WITHIN.
 
     Args:
         known: features of the cases, shape (cases, n).
         sizes: of the cases, shape (cases,), > 0.
         values: features of the recording, shape (n,).
+        specimens: the gearbox of each case, shape (cases,); each of its own if None.
     """
     compared = np.array([definition.compared for definition in catalogue().values()])
     usable = compared & np.isfinite(values) & (np.isfinite(known).mean(axis=0) > 0.8)
@@ -107,7 +122,9 @@ def estimate(
     scaling = Scaling.of(known[:, usable], sizes)
     scaled, query = scaling.apply(known[:, usable]), scaling.apply(values[None, usable])
     nearest = np.argsort(_distances(query, scaled)[0])[:NEAREST]
-    return Regression.of(scaled[nearest], sizes[nearest]).severity(parameter, query)
+    own = np.arange(len(sizes)) if specimens is None else specimens
+    regression = Regression.of(scaled[nearest], sizes[nearest], own[nearest])
+    return regression.severity(parameter, query) if regression.score <= np.log(1 + TOLD_WITHIN) else None
 
 
 @dataclass(frozen=True, eq=False)

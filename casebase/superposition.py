@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from casebase.case_table import CaseTable, Mask
 from casebase.novelty import BASELINES, spread_out, superposed
 from casebase.similarity import Floats, Metric, robust_scales
-from casebase.voting import NEAREST, log_votes
+from casebase.voting import NEAREST, Vote
 
 MOST_CASES = 200
 """More cases of a fault than so many, evenly spread, tell nothing more [1]."""
@@ -43,7 +43,7 @@ def faults(
     table: CaseTable,
     jury: Mask,
     metric: Metric,
-    sharpness: float,
+    vote: Vote,
     values: NDArray[np.floating],
     hypotheses: Sequence[tuple[str, float]],
 ) -> tuple[Fault, ...]:
@@ -61,7 +61,7 @@ def faults(
     for label, alone in hypotheses[1:]:
         if label in BASELINES:
             continue
-        both = alone + probability * _beside(table, jury, metric, sharpness, values, leading, label)
+        both = alone + probability * _beside(table, jury, metric, vote, values, leading, label)
         if both > PRESENT:
             found.append(Fault(label, min(both, probability)))
     return (found[0], *sorted(found[1:], key=lambda fault: -fault.probability))
@@ -71,7 +71,7 @@ def _beside(
     table: CaseTable,
     jury: Mask,
     metric: Metric,
-    sharpness: float,
+    vote: Vote,
     values: NDArray[np.floating],
     first: str,
     second: str,
@@ -85,7 +85,7 @@ def _beside(
         return 0.0
     both = superposed(ones, others, robust_scales(normal)[0], metric.scale)
     squares = [_nearest(metric, values, cases) for cases in (ones, both)]
-    return float(np.exp(log_votes(np.stack(squares)[None], sharpness)[0, 1]))
+    return float(np.exp(vote.log_shares(np.stack(squares)[None])[0, 1]))
 
 
 def _of(table: CaseTable, jury: Mask, label: str) -> Floats:

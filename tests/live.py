@@ -47,18 +47,21 @@ class LiveServer:
     keys: dict[str, str] = field(default_factory=dict)
     url: str = ""
     process: subprocess.Popen[str] | None = None
+    worker: bool = False
+    """With a worker beside it, and then in a process group of its own."""
     printed: list[str] = field(default_factory=list)
 
     def start(self) -> None:
         """Start the service and wait until it has printed its address."""
         log = (self.data_dir.parent / "service.log").open("a")
-        command = [sys.executable, "-m", "app", "serve", "--port", "0", "--no-worker"]
+        command = [sys.executable, "-m", "app", "serve", "--port", "0", "--worker" if self.worker else "--no-worker"]
         self.process = subprocess.Popen(
             [*command, "--data-dir", str(self.data_dir)],
             stdout=subprocess.PIPE,
             stderr=log,
             text=True,
             env={**os.environ, **self.environment, "PYTHONUNBUFFERED": "1"},
+            start_new_session=self.worker,
         )
         log.close()
         assert self.process.stdout is not None
@@ -85,6 +88,13 @@ class LiveServer:
         code = self.process.wait(60)
         self.process.stdout.close()
         return code
+
+    def kill_all(self) -> None:
+        """End it and what runs beside it as a power cut would."""
+        assert self.process is not None
+        assert self.worker
+        os.killpg(self.process.pid, signal.SIGKILL)
+        self.ended()
 
     @property
     def running(self) -> bool:
@@ -121,10 +131,10 @@ def sign_in(browser: httpx.Client, key: str, path: str = "/") -> httpx.Response:
     return browser.post("/sign-in", data={"csrf": token[1], "key": key, "next": path})
 
 
-def started(data_dir: Path, **environment: str) -> LiveServer:
+def started(data_dir: Path, *, worker: bool = False, **environment: str) -> LiveServer:
     """Start a service over a data directory that has no key yet and make a key of each role."""
     data_dir.mkdir(parents=True, exist_ok=True)
-    server = LiveServer(data_dir, environment)
+    server = LiveServer(data_dir, environment, worker=worker)
     server.start()
     admin = next(line.split()[-1] for line in server.printed if line.startswith("Admin key"))
     server.keys["admin"] = admin

@@ -7,6 +7,7 @@ import subprocess
 import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TypedDict
 
@@ -48,25 +49,73 @@ def identity() -> Identity:
     return {"user": "nobody", "group": account.pw_gid, "extra_groups": []}
 
 
+@dataclass(frozen=True)
+class Server:
+    """A server that can be stopped and started again.
+
+    Args:
+        address: on which it listens; none by default, it is then reached by its socket in `folder` alone.
+        namespace: network namespace in which it runs; needs root.
+    """
+
+    folder: Path
+    tools: Path
+    who: Identity
+    address: str = ""
+    namespace: str | None = None
+
+    @property
+    def url(self) -> str:
+        """Of the database `postgres`, by the socket."""
+        return f"postgresql://{USER}@/postgres?host={self.folder}"
+
+    def start(self) -> None:
+        options = f"-c listen_addresses='{self.address}' -k {self.folder} -c fsync=off -c max_connections=200"
+        self._control("-l", self.folder / "log", "-o", options, "start")
+
+    def stop(self) -> None:
+        """As a power cut would, but that what was committed is there."""
+        self._control("-m", "immediate", "stop")
+
+    def make(self) -> None:
+        data = self.folder / "data"
+        _run([self.tools / "initdb", "-D", data, "-U", USER, "-A", "trust", "-E", "UTF8", "--no-sync"], self.who)
+        with (data / "pg_hba.conf").open("a") as access:
+            access.write("host all all samenet trust\n")
+
+    def _control(self, *words: Path | str) -> None:
+        command = [self.tools / "pg_ctl", "-D", self.folder / "data", "-w", *words]
+        if self.namespace is None:
+            _run(command, self.who)
+            return
+        as_whom = ["setpriv", f"--reuid={self.who['user']}", f"--regid={self.who['group']}", "--clear-groups"]
+        _run(["ip", "netns", "exec", self.namespace, *as_whom, *command], {})
+
+
 @contextmanager
-def running_server() -> Iterator[str]:
-    """Start a server in a temporary folder and give the URL of its database `postgres`; stop it afterwards."""
+def server(address: str = "", namespace: str | None = None) -> Iterator[Server]:
+    """Start a server in a temporary folder; stop it afterwards."""
     who, folder = identity(), Path(tempfile.mkdtemp(prefix="gearcase-pg-"))
     try:
         folder.chmod(0o700)
         if who:
             shutil.chown(folder, who["user"], who["group"])
-        tools = _readable_binaries(folder, who)
-        data, log = folder / "data", folder / "log"
-        options = f"-c listen_addresses='' -k {folder} -c fsync=off -c max_connections=200"
-        _run([tools / "initdb", "-D", data, "-U", USER, "-A", "trust", "-E", "UTF8", "--no-sync"], who)
-        _run([tools / "pg_ctl", "-D", data, "-l", log, "-w", "-o", options, "start"], who)
+        made = Server(folder, _readable_binaries(folder, who), who, address, namespace)
+        made.make()
+        made.start()
         try:
-            yield f"postgresql://{USER}@/postgres?host={folder}"
+            yield made
         finally:
-            _run([tools / "pg_ctl", "-D", data, "-m", "immediate", "-w", "stop"], who)
+            made.stop()
     finally:
         shutil.rmtree(folder, ignore_errors=True)
+
+
+@contextmanager
+def running_server() -> Iterator[str]:
+    """Start a server and give the URL of its database `postgres`; stop it afterwards."""
+    with server() as running:
+        yield running.url
 
 
 def _readable_binaries(folder: Path, who: Identity) -> Path:

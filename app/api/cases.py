@@ -28,7 +28,6 @@ from app.security import Admin, Viewer
 from app.service import Reading, Service, TheService
 from app.uploads import MaybeUpload, Upload, multipart_body
 from casebase.case_filter import CaseFilter
-from casebase.description import Labelling
 from casebase.models import Case
 from casebase.signals.text import text_of
 
@@ -83,7 +82,7 @@ def _from_recording(once: Once, request: Request, upload: Upload) -> Response:
     if kept is not None:
         return kept
     intake = take_in(service.library, file.path, file.name, file.media_type, metadata)
-    labelling = Labelling(metadata.label, verified_by=metadata.verified_by, note=metadata.notes)
+    labelling = metadata.labelling()
 
     def work(session: Session) -> Made:
         before = service.library.version(session)

@@ -133,11 +133,10 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
 
     def work(session: Session) -> Made:
         row = submit(session, question)
-        job_id = service.jobs.submit(
-            KIND, {"investigation_id": row.id}, job_id=row.id, submitted_by=once.principal.actor
-        )
-        location = str(request.url_for("get_job", job_id=job_id).path)
-        document = JobDocument.of(service.jobs.get(job_id)).model_dump()
+        actor = once.principal.actor
+        job = service.jobs.order(session, KIND, {"investigation_id": row.id}, job_id=row.id, submitted_by=actor)
+        location = str(request.url_for("get_job", job_id=job.id).path)
+        document = JobDocument.of(job).model_dump()
         answer = InvestigationJob(**document, investigation_id=row.id)
         return Made(answer, location, status=status.HTTP_202_ACCEPTED)
 

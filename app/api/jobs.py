@@ -21,7 +21,7 @@ PATIENCE_S = 2.0
 JobId = Annotated[str, Path(min_length=1, max_length=100, pattern=r"^[0-9A-Za-z-]+$")]
 After = Annotated[
     str | None,
-    Query(max_length=120, description=CONTINUES, json_schema_extra={"pattern": r"^[0-9]{1,14}\.[0-9A-Za-z-]{1,100}$"}),
+    Query(max_length=120, description=CONTINUES, json_schema_extra={"pattern": r"^[0-9]{1,16}\.[0-9A-Za-z-]{1,100}$"}),
 ]
 
 

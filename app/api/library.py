@@ -3,7 +3,7 @@
 from typing import Literal
 
 from fastapi import APIRouter
-from pydantic import BaseModel
+from pydantic import BaseModel, Field
 
 from app.documents import EvaluationAnswer
 from app.security import Viewer
@@ -38,15 +38,25 @@ class PlanAnswer(BaseModel):
     campaigns: list[dict[str, dict[str, int] | tuple[float, float]]]
 
 
+class CompetenceAnswer(BaseModel):
+    """How much the library knows by itself (Smyth and McKenna 2001)."""
+
+    solved: int = Field(description="cases looked at that a nearer case of their label, of another gearbox, solves")
+    of: int = Field(description="cases looked at")
+    footprint: int = Field(description="how few cases solve as many")
+
+
 class ReviewAnswer(BaseModel):
     """What a look through the library found."""
 
     cases: int
+    looked_at: int = Field(description="cases held against all others: all of them in a library of up to 10,000")
     redundant: list[FindingAnswer]
     contradictory: list[FindingAnswer]
     suspect: list[FindingAnswer]
     far: list[FindingAnswer]
     uncovered: list[HoleAnswer]
+    competence: CompetenceAnswer
     plan: PlanAnswer
 
 

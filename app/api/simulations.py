@@ -48,11 +48,10 @@ def simulate(wanted: SimulationRequest, _: Admin, once: OnlyOnce, request: Reque
     """
     campaign = campaign_of(once.service, wanted)
 
-    def work(_session: Session) -> Made:
-        jobs = once.service.jobs
-        job_id = jobs.submit(KIND, campaign.to_document(), submitted_by=once.principal.actor)
-        location = str(request.url_for("get_job", job_id=job_id).path)
-        return Made(JobDocument.of(jobs.get(job_id)), location, status=status.HTTP_202_ACCEPTED)
+    def work(session: Session) -> Made:
+        job = once.service.jobs.order(session, KIND, campaign.to_document(), submitted_by=once.principal.actor)
+        location = str(request.url_for("get_job", job_id=job.id).path)
+        return Made(JobDocument.of(job), location, status=status.HTTP_202_ACCEPTED)
 
     return once.run(work, wanted.model_dump(mode="json"))
 

@@ -16,7 +16,6 @@ from app.intake import media_type_of, take_in
 from app.metadata import CaseMetadata
 from casebase.bundle import export_cases, import_cases
 from casebase.case_filter import CaseFilter
-from casebase.description import Labelling
 from casebase.errors import DuplicateError, LibraryError
 from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError
@@ -42,6 +41,9 @@ def add(
     period: Annotated[float | None, typer.Option(help="one full cycle of the motion [s]")] = None,
     channel: Annotated[int | None, typer.Option(help="channel to use, from 0")] = None,
     verified_by: Annotated[str | None, typer.Option(help="how the label was verified")] = None,
+    size: Annotated[
+        float | None, typer.Option(help="gap of a play or depth of a notch as measured at the driven gear [rad]")
+    ] = None,
     json: Json = False,
 ) -> None:
     """Add labelled recordings; each file that cannot be added is named with the reason.
@@ -57,6 +59,7 @@ def add(
         motion_period_s=period,
         channel=channel,
         verified_by=verified_by,
+        size_rad=size,
     )
     described = read_axis(axis) if axis else None
     entries = []
@@ -88,7 +91,7 @@ def _add(library: CaseLibrary, sound: Sound, metadata: CaseMetadata, axis: Axis 
         with library.transaction(ACTOR) as session:
             before = library.version(session)
             row = intake.store(library, session)
-            case = library.retain(session, row, Labelling(metadata.label, verified_by=metadata.verified_by))
+            case = library.retain(session, row, metadata.labelling())
             known = case.library_version <= before
             return {"file": sound.shown, "exists": known, **CaseAnswer.model_validate(case).model_dump(mode="json")}
     except DuplicateError as error:

@@ -4,6 +4,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -15,6 +16,7 @@ from app.cli import FAILURE
 from app.commands.frame import frame_of
 from app.investigations import PARTS, files_of
 from app.keys import Role
+from app.leftovers import leftovers
 from casebase.audio_store import sha256_of
 from casebase.errors import NotFoundError
 from casebase.library import CaseLibrary
@@ -50,7 +52,7 @@ def doctor(
         if findings[0].fault is None:
             findings += [each for check in CHECKS for each in check(library, session)]
             findings += _audio(library, session, thorough)
-            findings += _unspoken(library, session)
+            findings.append(_leftovers(library, session, frame.settings.incoming))
     if json:
         frame.print_json([asdict(finding) for finding in findings])
     else:
@@ -71,18 +73,18 @@ def _database(library: CaseLibrary, thorough: bool) -> Finding:
     return Finding("database", checked)
 
 
-def _unspoken(library: CaseLibrary, session: Session) -> Iterator[Finding]:
-    """Files that no row speaks of: a process was killed between file and row, or a request was refused after it."""
+def _leftovers(library: CaseLibrary, session: Session, incoming: Path) -> Finding:
+    """Of processes that were killed; and audio without a row, of requests that were refused after it was kept."""
     known = set(session.scalars(select(StoredRecording.file_sha256)))
     for inputs in session.scalars(select(StoredInvestigation.inputs)):
         known |= {str(file["sha256"]) for part in PARTS for file in files_of(inputs, part)}
     unspoken = [library.audio.path_of(sha256) for sha256 in library.audio.hashes() if sha256 not in known]
-    left = [*library.audio.folder.glob(".part-*"), *(library.data_dir / "incoming").glob("*")]
     size = sum(path.stat().st_size for path in unspoken)
-    yield Finding(
+    left = leftovers(library, incoming, remove=False)
+    return Finding(
         "leftovers",
-        f"{len(unspoken)} files of audio that no row speaks of ({size >> 20} MiB), {len(left)} uploads under way or "
-        "left behind",
+        f"{left} that the next start of the service removes, {len(unspoken)} files of audio that no row speaks of "
+        f"({size >> 20} MiB)",
     )
 
 

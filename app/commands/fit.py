@@ -9,7 +9,7 @@ import typer
 from rich.table import Table
 
 from app.commands.frame import ACTOR, Frame, frame_of
-from app.place import FittedPlace, fit_place, keep, normal_recordings
+from app.place import FittedPlace, fit_place, keep, measured_recordings
 from sim.axis import read_axis
 
 SHOWN = 8
@@ -32,7 +32,7 @@ def fit(
     described = read_axis(axis)
     with frame.library() as library:
         with library.reading() as session:
-            recordings = normal_recordings(library, session, described)
+            recordings = measured_recordings(library, session, described)
         with frame.words.status("fitting") as status:
             place = fit_place(described, recordings, status.update)
         with library.transaction(ACTOR) as session:

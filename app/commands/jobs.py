@@ -96,14 +96,14 @@ def adopt(
     worker: Annotated[str, typer.Argument(metavar="WORKER", help="as `jobs workers` names it")],
     json: AsJson = False,
 ) -> None:
-    """Put back into the queue what a worker holds that will not return."""
+    """End the lease of a worker that will not return: others take over what it holds at once, not after 15 s."""
     frame = frame_of(context)
     with open_jobs(frame.settings) as opened:
         count = opened.adopt(worker)
     if json:
         frame.print_json({"worker": worker, "adopted": count})
         return
-    frame.say(f"{count} jobs and tasks of {worker} are in the queue again" if count else f"{worker} holds nothing")
+    frame.say(f"{count} jobs and tasks of {worker} go to the other workers" if count else f"{worker} holds nothing")
 
 
 def _document(job: Job) -> dict[str, object]:

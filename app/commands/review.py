@@ -35,7 +35,7 @@ def review(
                 frame.say(f"{care.undo(library, session, undo)} cases are as they were")
             return
         with library.reading() as session:
-            found = care.review(session, library.reasoner(session))
+            found = care.review(session, library.reasoner(session), most=None)
         version = None
         if apply is not None:
             with library.transaction(ACTOR) as session:
@@ -56,5 +56,10 @@ def review(
     for hole in found.uncovered:
         table.add_row("uncovered", "", hole.label, "", f"{hole.reason}: generate {hole.cases}")
     frame.results.print(table)
+    known = found.competence
+    frame.say(
+        f"{known.solved} of {known.of} cases are told by a case of another gearbox; "
+        f"{known.footprint} cases would tell as many"
+    )
     if version is not None:
         frame.say(f"done; take it back with: cases review --undo {version}")

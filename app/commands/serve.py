@@ -16,12 +16,13 @@ from app.keys import Role, create_key, list_keys
 from app.logs import configure_logs
 from app.main import create_app
 from app.metrics import Metrics
+from app.process import leave
 from app.service import Service
 from casebase.errors import DamagedError
 from casebase.soundness import RESTORE, cut_logs, faults_of
 
-STOPPING_S = 8
-"""Requests under way are given so long; who runs containers kills after ten seconds."""
+STOPPING_S = 4
+"""Requests under way are given so long; the service ends within 5 s, who runs containers kills after 10."""
 
 
 def register(app: typer.Typer) -> None:
@@ -40,6 +41,7 @@ def serve(
     """Serve the API and the pages; prints the address to open and, on the first start, the admin key."""
     with _listen(host, port) as listening:
         _serve(frame_of(context), listening, worker=worker, proxies=proxies)
+    leave(again=False)
 
 
 def _serve(frame: Frame, listening: socket.socket, *, worker: bool, proxies: str) -> None:
@@ -48,6 +50,7 @@ def _serve(frame: Frame, listening: socket.socket, *, worker: bool, proxies: str
         faults = faults_of(service.library.engine)
         if faults:
             raise DamagedError(f"the database is damaged ({faults[0]}). {RESTORE}")
+        service.tidy()
         cut_logs(frame.settings.data_dir)
         frame.renew(service.library)
         first = _first_key(service)
@@ -66,7 +69,7 @@ def _serve(frame: Frame, listening: socket.socket, *, worker: bool, proxies: str
         )
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, _stopped)
-        with worker_child(frame.settings) if worker else nullcontext():
+        with worker_child(frame.settings, service.stopping) if worker else nullcontext():
             Announced(config, frame, service, first).run(sockets=[listening])
     finally:
         service.close()

@@ -20,7 +20,7 @@ from casebase.signals.features import extract
 from sim.axis import read_axis
 from sim.errors import ParameterError
 
-LIBRARY, SIMULATION = "simulated cases of the library", "simulation of this recording"
+LIBRARY, SIMULATION = "measured cases of the library", "simulation of this recording"
 
 
 def register(app: typer.Typer) -> None:
@@ -42,9 +42,10 @@ def size(
 ) -> None:
     """Say how large the fault in a recording is, with an interval.
 
-    Where the library has simulated cases of the axis the size is that of a diagnosis. Otherwise, or with --simulate,
-    the fault is simulated with the recording's axis, speed, payload and motion, in many sizes, specimens and
-    microphones: about half a minute on two cores, and narrower.
+    Where the library has measured cases of the axis whose size is known, the size is that of a diagnosis. Otherwise, or
+    with --simulate, the fault is simulated with the recording's axis, speed, payload and motion, in many sizes,
+    specimens and microphones: about half a minute on two cores. That size is the simulation's, and its interval holds
+    as far as the gear sounds like its simulation.
     """
     frame = frame_of(context)
     if label not in PARAMETERS:
@@ -88,4 +89,5 @@ def _show(frame: Frame, found: Severity, about: dict[str, object], json: bool) -
             f"{found.parameter}: {found.value:.2g} rad, in {COVERAGE:.0%} of such cases between {found.low:.2g} and "
             f"{found.high:.2g} rad"
         )
-    frame.say(f"by {about['by']}" + ("; --simulate is narrower" if about["by"] == LIBRARY else ""))
+    held = "" if about["by"] == LIBRARY else "; the interval holds as far as the gear sounds like its simulation"
+    frame.say(f"by {about['by']}{held}")

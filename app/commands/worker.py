@@ -3,63 +3,100 @@
 from __future__ import annotations
 
 import os
+import socket
 import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
-from typing import Annotated
+from threading import Event, Thread
+from typing import TYPE_CHECKING, Annotated
 
 import structlog
 import typer
+from sqlalchemy.exc import OperationalError
 
 from app.commands.frame import Frame, frame_of
-from app.job_kinds import job_kinds, open_jobs, url_of
+from app.job_kinds import job_kinds
 from app.logs import configure_logs
+from app.process import leave, stop_on_signals
 from app.settings import Settings
-from app.worker_slot import stop_on_signals, take_slot
+from app.storage_faults import is_passing
+
+if TYPE_CHECKING:
+    from casebase.library import CaseLibrary
 
 log = structlog.get_logger(__name__)
-Name = Annotated[str | None, typer.Option(help="name of this worker; the first free one of this machine by default")]
-Adopt = Annotated[
-    list[str] | None, typer.Option(help="take over the jobs of a worker that will not return; may be repeated")
-]
+Name = Annotated[str | None, typer.Option(help="of this worker, to which a number is added; the host's by default")]
 Parent = Annotated[int | None, typer.Option(hidden=True, help="stop when this process has gone")]
+ATTEMPTS, APART_S = 30, 2.0
+"""A worker that starts while the database is away waits for it for a minute."""
+AGAIN_S = 5.0
 
 
 def register(app: typer.Typer) -> None:
     app.command("worker")(worker)
 
 
-def worker(context: typer.Context, name: Name = None, adopt: Adopt = None, parent: Parent = None) -> None:
+def worker(context: typer.Context, name: Name = None, parent: Parent = None) -> None:
     """Run jobs until stopped; what is unfinished then goes back into the queue.
 
-    Workers of this machine that died are noticed by their released locks, and their jobs are taken over. A worker
-    of another machine has to be named with --adopt.
+    What a worker had in hand that died, or is cut off, is taken over by the others, on whatever machine, when they have
+    not heard of it for GEARCASE_LEASE_S (15 s).
     """
     from app.job_runner import run_worker  # `serve` imports this module, and needs no job engine
 
     frame: Frame = frame_of(context)
     configure_logs()
     stop = stop_on_signals()
-    slot, dead = take_slot(frame.settings.data_dir)
-    jobs = open_jobs(frame.settings)
-    for lost in {*dead, *(adopt or ())} - {name}:
-        count = jobs.adopt(lost)
-        if count:
-            log.info("took over what another worker held", worker=lost, count=count)
-    jobs.close()
-    log.info("worker waits for jobs", worker=name or slot.name)
-    run_worker(url_of(frame.settings), job_kinds(frame.settings), name or slot.name, stop=stop, parent=parent)
-    slot.lock.close()
+    library = _opened(frame.settings, stop)
+    lost = run_worker(
+        library,
+        job_kinds(library),
+        name or socket.gethostname(),
+        stop=stop,
+        parent=parent,
+        lease_s=frame.settings.lease_s,
+    )
+    leave(again=lost)
+
+
+def _opened(settings: Settings, stop: Event) -> CaseLibrary:
+    from casebase.library import CaseLibrary
+
+    for _ in range(ATTEMPTS):
+        try:
+            return CaseLibrary.open(settings.data_dir, settings.database_url)
+        except OperationalError as error:
+            if not is_passing(error):
+                raise
+            log.warning("the worker waits for the database", error=str(error.orig))
+        if stop.wait(APART_S):
+            leave(again=False)
+    return CaseLibrary.open(settings.data_dir, settings.database_url)
 
 
 @contextmanager
-def worker_child(settings: Settings) -> Iterator[subprocess.Popen[bytes]]:
-    """A worker process of the service's own, which ends with it however it ends."""
+def worker_child(settings: Settings, stopping: Event) -> Iterator[None]:
+    """A worker process of the service's own, and another one if it dies; it ends with the service however that ends."""
     command = [sys.executable, "-m", "app", "--data-dir", str(settings.data_dir), "worker"]
-    child = subprocess.Popen([*command, "--parent", str(os.getpid())], stdin=subprocess.DEVNULL)  # noqa: S603
+    command += ["--parent", str(os.getpid())]
+
+    def keep() -> None:
+        while not stopping.is_set():
+            child = subprocess.Popen(command, stdin=subprocess.DEVNULL)  # noqa: S603
+            while child.poll() is None and not stopping.wait(0.2):
+                pass
+            if child.returncode is None:
+                child.terminate()
+                child.wait()
+                return
+            log.warning("the worker beside the service ended; another one is started", code=child.returncode)
+            stopping.wait(AGAIN_S)
+
+    keeper = Thread(target=keep, name="worker keeper")
+    keeper.start()
     try:
-        yield child
+        yield
     finally:
-        child.terminate()
-        child.wait()
+        stopping.set()
+        keeper.join()

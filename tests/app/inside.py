@@ -84,10 +84,15 @@ class ListedJobs:
                 return job
         raise JobNotFoundError(f"no job {job_id!r}")
 
-    def submit(self, kind: str, _: object, *, job_id: str | None = None, submitted_by: str | None = None) -> str:
+    def order(
+        self, _: object, kind: str, __: object, *, job_id: str | None = None, submitted_by: str | None = None
+    ) -> Job:
         job = Job(job_id or new_id(), kind, "queued", Progress(), now(), None, submitted_by, None, None, None)
         self.jobs.insert(0, job)
-        return job.id
+        return job
+
+    def submit(self, kind: str, _: object, *, job_id: str | None = None, submitted_by: str | None = None) -> str:
+        return self.order(None, kind, _, job_id=job_id, submitted_by=submitted_by).id
 
     def list(self, *, limit: int = 100) -> tuple[Job, ...]:
         return tuple(self.jobs[:limit])

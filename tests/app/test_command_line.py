@@ -38,9 +38,8 @@ def test_help_names_every_verb() -> None:
         assert verb in words
 
 
-def test_help_of_an_investigation_says_which_motion_sound_alone_uses() -> None:
-    words = [sys.executable, "-m", "app", "investigate", "--help"]
-    assert "motion.period_s" in subprocess.run(words, capture_output=True, text=True, check=True).stdout
+def test_help_of_an_investigation_says_which_motion_sound_alone_uses(tmp_path: Path) -> None:
+    assert "motion.period_s" in gearcase("investigate", "--help", data_dir=tmp_path).stdout
 
 
 def test_help_imports_nothing_heavy() -> None:

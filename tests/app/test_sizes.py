@@ -1,4 +1,4 @@
-"""The size of a fault comes from simulated cases of the recording's own axis, or is not said; one function says it."""
+"""The size of a fault comes from cases of the recording's own axis and origin, or is not said; one function says it."""
 
 import json
 from collections.abc import Iterator
@@ -8,9 +8,10 @@ import numpy as np
 import pytest
 
 from app.intake import take_in
-from app.metadata import RecordingMetadata
-from casebase.description import Labelling
+from app.metadata import CaseMetadata
 from casebase.severity import FEWEST
+from casebase.signals.decode import read_recording
+from casebase.signals.features import extract
 from sim.axis import read_axis, write_axis
 from tests.app.inside import Inside, inside
 from tests.app.sounds import hum, sound, wav
@@ -26,7 +27,7 @@ def axis(name: str) -> dict[str, object]:
 
 @pytest.fixture(scope="module")
 def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inside]:
-    """A library with normal cases and notches of known depth, all of one axis."""
+    """A library with measured cases, normal ones and notches of known depth, all of one axis."""
     folder = tmp_path_factory.mktemp("sizes")
     with inside(folder / "data") as found:
         for name in (OWN, OTHER):
@@ -37,18 +38,19 @@ def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inside]:
             quiet, loud = hum(6.0, number), hum(6.0, number, impacts=True)
             depth = 2e-4 * 1.2**number
             samples = quiet + np.float32(depth / 1e-3 if notched else 0.0) * (loud - quiet)
-            keep(found, folder / "case.wav", wav(samples), depth if notched else None)
+            keep(found, folder / "case.wav", wav(samples), depth if notched else None, f"g{number % 4}")
         (folder / "notch.wav").write_bytes(sound(40, impacts=True))
         yield found
 
 
-def keep(service: Inside, path: Path, content: bytes, depth: float | None) -> None:
+def keep(service: Inside, path: Path, content: bytes, depth: float | None, gearbox: str) -> None:
     path.write_bytes(content)
     library = service.service.library
-    intake = take_in(library, path, "case.wav", "audio/wav", RecordingMetadata(axis=OWN))
-    labelling = Labelling("normal" if depth is None else "notch", origin="simulated", severity=depth)
-    with library.transaction("generator") as session:
-        library.retain(session, intake.store(library, session), labelling)
+    label = "normal" if depth is None else "notch"
+    metadata = CaseMetadata(axis=OWN, gearbox=gearbox, label=label, size_rad=depth)
+    intake = take_in(library, path, "case.wav", "audio/wav", metadata)
+    with library.transaction("technician") as session:
+        library.retain(session, intake.store(library, session), metadata.labelling())
 
 
 def severity(service: Inside, told: dict[str, str]) -> object:
@@ -75,7 +77,17 @@ def test_the_command_and_the_diagnosis_say_the_same_size(service: Inside) -> Non
     assert json.loads(diagnosed.stdout)[0]["severity"] == by_http
     assert by_http.items() <= json.loads(sized.stdout).items()
     words = gearcase("size", file, "--axis", described, "--label", "notch", data_dir=data)
-    assert "simulated cases of the library" in words.stderr
+    assert "measured cases of the library" in words.stderr
+
+
+def test_measured_cases_say_nothing_of_a_simulated_recording(service: Inside) -> None:
+    library = service.service.library
+    extraction = extract(read_recording(service.service.settings.data_dir.parent / "notch.wav"))
+    with library.reading() as session:
+        assert library.severity(session, extraction, OWN, "notch", "simulated") is None
+        found = library.severity(session, extraction, OWN, "notch", "measured")
+    assert found is not None
+    assert found.low < found.value < found.high
 
 
 def test_a_label_without_a_size_is_refused(service: Inside) -> None:

@@ -4,6 +4,7 @@ import csv
 import json
 import shutil
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -48,6 +49,12 @@ class Library:
     def copied(self, to: Path) -> "Library":
         """Return a copy of it that may be changed."""
         return Library(self.name, Path(shutil.copytree(self.data_dir, to / "copy")))
+
+
+@lru_cache
+def known(library: Library, file: Path) -> dict[str, Any]:
+    """Return the diagnosis of a file that many tests hold others against; it is asked once."""
+    return library.asked(file)
 
 
 def recordings(*, held_out: bool) -> list[dict[str, str]]:

@@ -19,6 +19,7 @@ from casebase.signals.decode import read_recording
 from casebase.signals.features import extract
 from tests.field.disturbed import DISTURBED, FOREIGN, HARMLESS, NEVER_SURE, SHORT, SILENT, Change, foreign
 from tests.field.libraries import HELD_OUT, Library, recordings
+from tests.field.libraries import known as known_answer
 from tests.live import gearcase
 from tests.shared_data import SHARED, shared
 
@@ -41,6 +42,11 @@ def of_field(folder: str, file: str) -> Path:
 def whole(label: str) -> Path:
     """The recording that most files of the field were made of."""
     return shared("data", "axis_recordings", {"normal": "g04_normal_0", "notch": "g04_notch_1"}[label] + ".wav")
+
+
+def of_whole(library: Library, label: str) -> dict[str, Any]:
+    """The diagnosis of that recording."""
+    return known_answer(library, whole(label))
 
 
 def kinds(entry: dict[str, Any]) -> set[str]:
@@ -165,7 +171,7 @@ def test_06_less_than_a_cycle_excludes_nothing(library: Library, file: str) -> N
     ],
 )
 def test_08_unfinished_file_has_the_label_of_the_whole(measured: Library, file: str, lost_s: float | None) -> None:
-    entry, complete = measured.asked(of_field("08-unfinished-wav", file)), measured.asked(whole("notch"))
+    entry, complete = measured.asked(of_field("08-unfinished-wav", file)), of_whole(measured, "notch")
     assert entry["label"] == complete["label"] == "notch", told(entry)
     reason = flag(entry, "truncated")["reason"]
     assert ("does not say how long" if lost_s is None else f"{lost_s:.3g} s are missing") in reason
@@ -187,14 +193,14 @@ def assert_same(entry: dict[str, Any], other: dict[str, Any]) -> None:
 @pytest.mark.parametrize("file", ["08_odd_list_unpadded.wav", "09_odd_list_padded.wav"])
 def test_09_odd_chunk_is_read_like_its_padded_twin(measured: Library, file: str) -> None:
     entry = measured.asked(of_field("09-odd-chunk-without-pad", file))
-    assert_same(entry, measured.asked(whole("notch")))
+    assert_same(entry, of_whole(measured, "notch"))
     assert not kinds(entry)
 
 
 @pytest.mark.parametrize("file", ["32_flac_id3v2.flac", "33_flac_id3v1_tail.flac"])
 def test_10_tagged_flac_is_read(measured: Library, file: str) -> None:
     entry = measured.asked(of_field("10-valid-flac-called-damaged", file))
-    assert_same(entry, measured.asked(whole("notch")))
+    assert_same(entry, of_whole(measured, "notch"))
     assert not kinds(entry)
 
 
@@ -207,14 +213,14 @@ def test_10_flac_of_unknown_length_is_read(measured: Library) -> None:
 @pytest.mark.parametrize("file", ["42_alac.m4a", "45_flac.ogg"])
 def test_11_lossless_sound_is_not_called_lossy(measured: Library, file: str) -> None:
     entry = measured.asked(of_field("11-lossless-called-lossy", file))
-    assert_same(entry, measured.asked(whole("notch")))
+    assert_same(entry, of_whole(measured, "notch"))
     assert not kinds(entry)
 
 
 @pytest.mark.parametrize("file", ["90_ch0_dead_zero.wav", "91_ch0_dead_hum.wav", "92_ch0_noise_floor.wav"])
 def test_12_the_channel_that_has_the_machine_is_used(measured: Library, file: str) -> None:
     entry = measured.asked(of_field("12-dead-first-channel", file))
-    assert_same(entry, measured.asked(whole("notch")))
+    assert_same(entry, of_whole(measured, "notch"))
     assert entry["recording"]["channel"] == 1
     assert kinds(entry) == {"dead_channel"}
     (asked,) = measured.diagnosed(of_field("12-dead-first-channel", file), words=("--channel", "0"))
@@ -270,7 +276,7 @@ def test_17_floating_point_tagged_as_integer_is_no_fault(library: Library) -> No
 
 
 def test_17_bw64_is_read(measured: Library) -> None:
-    assert_same(measured.asked(of_field("17-wrong-tags", "13_bw64_ds64.wav")), measured.asked(whole("notch")))
+    assert_same(measured.asked(of_field("17-wrong-tags", "13_bw64_ds64.wav")), of_whole(measured, "notch"))
 
 
 FILES = [row["file"] for half in (False, True) for row in recordings(held_out=half)] if SHARED.exists() else []

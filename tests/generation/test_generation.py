@@ -6,7 +6,6 @@ import pytest
 from sqlalchemy import func, select
 
 from app.generation import Campaign, generate, key_of, simulations
-from app.settings import Settings
 from casebase.case_filter import CaseFilter
 from casebase.library import CaseLibrary
 from casebase.models import Case
@@ -46,7 +45,8 @@ def test_generated_twice_is_there_once(tmp_path: Path) -> None:
 
 
 def test_a_task_of_the_job_can_be_repeated(tmp_path: Path) -> None:
-    kind = simulations(Settings(data_dir=tmp_path))
+    library = CaseLibrary.open(tmp_path)
+    kind = simulations(library)
     parameters = CAMPAIGN.to_document()
     tasks = kind.plan(parameters)
     results = [kind.run(task, lambda _stage, _fraction: None) for task in (*tasks, tasks[0])]
@@ -55,7 +55,6 @@ def test_a_task_of_the_job_can_be_repeated(tmp_path: Path) -> None:
     assert took[0] > took[1] == 0, "nothing is simulated twice"
     finished = kind.finish(parameters, [{"new": 4, "known": 0, "simulation_s": took[0]}])
     assert finished == {"new": 4, "known": 0, "simulation_s": took[0], "counts": COUNTS}
-    library = CaseLibrary.open(tmp_path)
     assert _count(library) == 4
     library.close()
 

@@ -3,38 +3,44 @@
 from __future__ import annotations
 
 import json
-import multiprocessing
 import random
 import signal
 import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import psycopg
 import pytest
+from sqlalchemy import make_url
 
 from app.job import Job, JobError, JobNotFoundError, JobState, JobStateError
-from app.jobs import Jobs, jobs_url
-from app.worker_slot import take_slot
+from app.jobs import Jobs
+from casebase import leases
+from casebase.backup import backup, restore
 from casebase.errors import InvalidCursorError
+from casebase.library import CaseLibrary
 
 PATIENCE_S = 90.0
+LEASE_S = 2.0
 
 
 @dataclass
 class Place:
-    """A job database, a folder that the tasks write into, and the workers started here."""
+    """A library, a folder that the tasks write into, and the workers started here."""
 
     url: str
     folder: Path
+    library: CaseLibrary
     jobs: Jobs
     workers: list[subprocess.Popen[bytes]] = field(default_factory=list)
 
     def work(self, name: str) -> subprocess.Popen[bytes]:
-        worker = subprocess.Popen([sys.executable, "-m", "tests.jobs.worker", self.url, name])
+        command = [sys.executable, "-m", "tests.jobs.worker", str(self.folder), self.url, name, str(LEASE_S)]
+        worker = subprocess.Popen(command)
         self.workers.append(worker)
         return worker
 
@@ -62,14 +68,13 @@ class Place:
 
 @pytest.fixture(params=["sqlite", pytest.param("postgres", marks=pytest.mark.postgres)])
 def place(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Place]:
-    if request.param == "sqlite":
-        url = jobs_url("sqlite:///library.sqlite", tmp_path)
-    else:
-        url = jobs_url(request.getfixturevalue("postgres_database_url"), tmp_path)
+    url = "" if request.param == "sqlite" else request.getfixturevalue("postgres_database_url")
     with ExitStack() as stack:
-        jobs = Jobs(url, ["count"])
+        library = CaseLibrary.open(tmp_path, url or None)
+        stack.callback(library.close)
+        jobs = Jobs(library, ["count"])
         stack.callback(jobs.close)
-        here = Place(url, tmp_path, jobs)
+        here = Place(url, tmp_path, library, jobs)
         stack.callback(lambda: [(worker.kill(), worker.wait()) for worker in here.workers])
         yield here
 
@@ -97,19 +102,21 @@ def test_a_killed_worker_loses_nothing_and_doubles_nothing(place: Place) -> None
     assert len(set(place.attempts())) >= 3, "every one that was killed had work in hand"
 
 
-def test_another_worker_adopts_the_jobs_of_one_that_does_not_return(place: Place) -> None:
+def test_a_worker_takes_over_from_one_that_is_named_and_from_nobody_before(place: Place) -> None:
     lost = place.work("lost")
     job_id = place.submit(8, 0.2)
-    place.until(job_id, lambda job: job.progress.done >= 1)
-    lost.kill()
-    lost.wait()
+    held = place.until(job_id, lambda job: job.progress.done >= 1).worker
+    assert held is not None
+    lost.send_signal(signal.SIGSTOP)
     place.work("heir")
-    time.sleep(2.0)
-    assert place.jobs.get(job_id).worker == "lost", "no worker takes what another holds"
-    assert "lost" in place.jobs.workers()
-    assert place.jobs.adopt("lost") >= 1
+    assert held in place.jobs.workers()
+    assert place.jobs.adopt(held) >= 1
     assert place.ended(job_id).result == {"numbers": list(range(8))}
-    assert place.jobs.adopt("lost") == 0
+    assert place.jobs.adopt(held) == 0
+    lost.send_signal(signal.SIGCONT)
+    again = place.submit(1, 0.0)
+    assert place.ended(again).state == "done"
+    assert lost.poll() is None, "one that lost its lease begins anew"
 
 
 def test_a_stopped_worker_gives_back_what_it_holds(place: Place) -> None:
@@ -122,6 +129,70 @@ def test_a_stopped_worker_gives_back_what_it_holds(place: Place) -> None:
     assert place.jobs.get(job_id).state == "queued"
     place.work("other")
     assert place.ended(job_id).result == {"numbers": list(range(16))}
+
+
+@pytest.mark.postgres
+def test_a_database_that_is_away_for_longer_than_a_lease_costs_nobody_a_lease(
+    postgres_database_url: str, tmp_path: Path
+) -> None:
+    library = CaseLibrary.open(tmp_path, postgres_database_url)
+    jobs = Jobs(library, ["count"])
+    place = Place(postgres_database_url, tmp_path, library, jobs)
+    worker = place.work("patient")
+    try:
+        job_id = place.submit(20, 0.2)
+        held = place.until(job_id, lambda job: job.progress.done >= 2).worker
+        with away(postgres_database_url):
+            time.sleep(2 * LEASE_S)
+            assert worker.poll() is None
+        ended = place.ended(job_id)
+        assert (ended.state, place.done()) == ("done", list(range(20)))
+        with library.reading() as session:
+            assert [each.id for each in leases.held(session)] == [held]
+        with away(postgres_database_url):
+            worker.send_signal(signal.SIGTERM)
+            assert worker.wait(30) == 0, "it ends without a database too"
+    finally:
+        worker.kill()
+        worker.wait()
+        jobs.close()
+        library.close()
+
+
+@contextmanager
+def away(url: str) -> Iterator[None]:
+    """Nobody reaches this database: connections are broken off and refused."""
+    name = str(make_url(url).database)
+    with psycopg.connect(url.replace(f"/{name}?", "/postgres?"), autocommit=True) as server:
+        server.execute(f"ALTER DATABASE {name} ALLOW_CONNECTIONS false".encode())
+        server.execute("SELECT pg_terminate_backend(pid) FROM pg_stat_activity WHERE datname = %s", (name,))
+        yield
+        server.execute(f"ALTER DATABASE {name} ALLOW_CONNECTIONS true".encode())
+
+
+@pytest.mark.postgres
+def test_a_restored_job_goes_on_and_one_that_was_over_is_still_told(postgres_database_url: str, tmp_path: Path) -> None:
+    """From PostgreSQL into SQLite: what is in no engine any more is in the backup."""
+    library = CaseLibrary.open(tmp_path / "old", postgres_database_url)
+    with Jobs(library, ["count"]) as jobs:
+        old = Place(postgres_database_url, tmp_path, library, jobs)
+        over, waiting = old.submit(1, 0.0), old.submit(3, 0.0)
+        jobs.cancel(over)
+    backup(library.engine, library.data_dir, tmp_path / "backup")
+    library.close()
+    restore(tmp_path / "backup", tmp_path / "new")
+    library = CaseLibrary.open(tmp_path / "new")
+    with Jobs(library, ["count"]) as jobs:
+        new = Place("", library.data_dir, library, jobs)
+        assert {(job.id, job.state) for job in jobs.list()} == {(over, "cancelled"), (waiting, "queued")}
+        assert list(jobs.events(over)) == []
+        worker = new.work("new")
+        try:
+            assert new.ended(waiting).result == {"numbers": [0, 1, 2]}
+        finally:
+            worker.kill()
+            worker.wait()
+    library.close()
 
 
 def test_cancel_then_resume(place: Place) -> None:
@@ -200,31 +271,6 @@ def test_pages_of_jobs_hold_every_job_once_whatever_was_queued_in_the_same_momen
 def test_a_cancelled_job_that_is_cancelled_again_stays_as_it_is(place: Place) -> None:
     job_id = place.submit(1, 0.0)
     assert place.jobs.cancel(job_id) == place.jobs.cancel(job_id)
-
-
-def _hold(data_dir: Path, names: multiprocessing.Queue[tuple[str, tuple[str, ...]]]) -> None:
-    slot, free = take_slot(data_dir)
-    names.put((slot.name, free))
-    time.sleep(600)
-
-
-def test_a_worker_takes_the_name_of_a_dead_one(tmp_path: Path) -> None:
-    context = multiprocessing.get_context("spawn")
-    names: multiprocessing.Queue[tuple[str, tuple[str, ...]]] = context.Queue()
-    held = []
-    for _ in range(2):
-        process = context.Process(target=_hold, args=(tmp_path, names))
-        process.start()
-        held.append((process, names.get(timeout=60)))
-    (first, (name, _)), (second, (other, _)) = held
-    assert name != other
-    first.kill()
-    first.join()
-    slot, free = take_slot(tmp_path)
-    assert (slot.name, free) == (name, (name,))
-    second.kill()
-    second.join()
-    slot.lock.close()
 
 
 def test_what_the_engine_says_is_one_json_line_each() -> None:

@@ -7,7 +7,8 @@ from pathlib import Path
 
 from app.job import JobKind, Json, Report
 from app.job_runner import run_worker
-from app.worker_slot import stop_on_signals
+from app.process import leave, stop_on_signals
+from casebase.library import CaseLibrary
 
 
 def plan(parameters: dict[str, Json]) -> list[dict[str, Json]]:
@@ -39,4 +40,7 @@ def finish(parameters: dict[str, Json], results: list[Json]) -> Json:
 COUNT = JobKind("count", "counting", plan, run, finish)
 
 if __name__ == "__main__":
-    run_worker(sys.argv[1], [COUNT], sys.argv[2], stop=stop_on_signals())
+    data_dir, url, name, lease_s = sys.argv[1:]
+    stop = stop_on_signals()
+    lost = run_worker(CaseLibrary.open(Path(data_dir), url or None), [COUNT], name, stop=stop, lease_s=float(lease_s))
+    leave(again=lost)

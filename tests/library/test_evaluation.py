@@ -5,14 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from numpy.typing import NDArray
+from scipy import stats
 
+from casebase import evaluation
 from casebase.case_table import CaseTable
 from casebase.errors import InvalidRequestError
 from casebase.evaluation import Proportion, evaluate
 from casebase.experience import gather, representative, where_unknown_begins
 from casebase.learning import learn, unlearned
+from casebase.priors import PRIOR_FREEDOM
 from casebase.similarity import Metric
-from casebase.voting import fitted_sharpness, log_votes, nearest_of_classes
+from casebase.voting import Vote, fitted_vote, nearest_of_classes, tail_of
 
 SIZE = 10
 
@@ -244,11 +247,46 @@ def test_votes_of_a_class_do_not_grow_with_its_size() -> None:
     squares = np.array([[1.0] * 50 + [1.0]])
     labels = np.array(["normal"] * 50 + ["notch"])
     nearest = nearest_of_classes(squares, labels, ("normal", "notch"))
-    np.testing.assert_allclose(np.exp(log_votes(nearest, 3.0)), [[0.5, 0.5]])
+    np.testing.assert_allclose(np.exp(Vote(3.0, 4.0).log_shares(nearest)), [[0.5, 0.5]])
 
 
 def test_useless_votes_are_given_no_sharpness() -> None:
     generator = np.random.default_rng(1)
     nearest = np.sort(generator.random((200, 2, 3)), axis=-1)
-    sharpness = fitted_sharpness(nearest, generator.integers(0, 2, 200))
-    assert np.exp(log_votes(nearest, sharpness)).max() < 0.7
+    vote = fitted_vote(nearest, generator.integers(0, 2, 200), 10)
+    assert np.exp(vote.log_shares(nearest)).max() < 0.7
+
+
+def test_far_from_all_cases_which_is_nearest_says_little() -> None:
+    """The odds tend to a power of the ratio of distances, whatever the unit; near, they are the normal's."""
+    near = np.array([[[0.01], [0.04]]])
+    normal = 1 / (1 + np.exp(-3.0 * 0.03))
+    assert np.exp(Vote(3.0, 50.0).log_shares(near))[0, 0] == pytest.approx(normal, abs=1e-3)
+    far = np.array([[[1e4], [1.44e4]]])
+    assert np.exp(Vote(3.0, 2.0).log_shares(far))[0, 0] == pytest.approx(1.44**2 / (1 + 1.44**2), abs=1e-3)
+
+
+def test_the_vote_is_the_predictive_density_of_a_scatter_that_was_estimated() -> None:
+    """With n independent observations Student's density falls as the power -n / 2 of 1 + d^2 / (n - 1)."""
+    gearboxes = np.array(["g0", "g1", "g2", "g0", "g1", "g3", "g3"])
+    labels = np.array(["normal"] * 3 + ["notch"] * 4)
+    observations = 3 - 1 + 3 - 1 + 1 + PRIOR_FREEDOM
+    distance = np.linspace(0, 8, 9)
+    density = stats.t(observations - 1).logpdf(distance)
+    tail = tail_of(labels, gearboxes)
+    vote = -tail * np.log1p(distance**2 / (observations - 1))
+    np.testing.assert_allclose(density - density[0], vote, atol=1e-12)
+
+
+def test_a_large_library_is_evaluated_by_as_many_of_each_label_and_in_the_folds_of_the_whole(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    table = made_table(4, gearboxes=12)
+    learned = unlearned(table, "scales alone are wanted")
+    monkeypatch.setattr(evaluation, "MOST_KNOWN", 60)
+    result = evaluate(table, learned=learned)
+    assert (result.known, len(table)) == (60, 72)
+    per_class = {label: share.of for label, share in result.per_class.items()}
+    assert per_class == {"normal": 20, "notch": 20, "play": 20}
+    assert result.accuracy.value is not None
+    assert result.accuracy.value >= 0.9

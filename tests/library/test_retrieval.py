@@ -211,3 +211,53 @@ def test_kill_at_any_moment_loses_nothing_that_was_acknowledged(tmp_path: Path) 
     assert kept in (list(range(acknowledged + 1)), list(range(acknowledged + 2)))
     assert len(list(library.audio.hashes())) >= len(kept)
     library.close()
+
+
+def plain_distances(table: CaseTable, metric: Metric, query: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return distances feature by feature, in float64 between points in float32, in the order of the features."""
+    present = np.isfinite(query)
+    weights = np.where(present, metric.weights, 0.0)
+    roots = np.sqrt(weights)
+    missing = np.isnan(table.values)
+    point = np.where(present, metric.scaled(query) * roots, 0.0).astype(np.float32).astype(np.float64)
+    cases = np.where(missing, 0.0, metric.scaled(table.values) * roots).astype(np.float32).astype(np.float64)
+    total = np.zeros(len(table))
+    for j in range(query.size):
+        total += np.where(missing[:, j], weights[j], 0.0)
+    for j in np.flatnonzero(roots > 0):
+        total += (cases[:, j] - point[j]) ** 2
+    return np.asarray(np.sqrt(total * (1 / float(weights.sum()))))
+
+
+@given(seed=st.integers(0, 2**32 - 1), gaps=st.sampled_from([0.0, 0.1]))
+@settings(max_examples=20, deadline=None)
+def test_distances_are_exact_whatever_was_coded(seed: int, gaps: float) -> None:
+    """The first pass over codes of 16 bits chooses whom to measure and changes no bit of what is measured."""
+    generator = np.random.default_rng(seed)
+    values, query = generator.normal(scale=4.0, size=(600, 9)), generator.normal(size=9)
+    values[generator.random(values.shape) < gaps] = np.nan
+    table, metric = table_of(values), metric_of(9, generator.integers(0, 3, 9) + (np.arange(9) == 0.0))
+    distances = plain_distances(table, metric, query)
+    nearest = np.lexsort((np.arange(600), distances))[:20]
+    rows, found = CaseMatrix(table, metric).nearest_rows(query, 20)
+    assert found.tolist() == distances[nearest].tolist()
+    assert rows.tolist() == nearest.tolist()
+
+
+def test_queries_together_find_no_kin_and_what_each_finds_alone() -> None:
+    generator = np.random.default_rng(6)
+    values = generator.normal(size=(700, 8))
+    values[generator.random(values.shape) < 0.05] = np.nan
+    table, metric = table_of(values), metric_of(8, generator.random(8))
+    matrix = CaseMatrix(table, metric)
+    boxes, sounds = generator.integers(0, 9, 700), generator.integers(0, 300, 700)
+    groups = generator.integers(-1, 3, 700).astype(np.int16)
+    asked = np.arange(40)
+    kin = [(boxes, boxes[asked]), (sounds, sounds[asked])]
+    rows, distances = matrix.nearest_strangers(table.values[asked], groups, 3, 4, kin)
+    for query in asked:
+        strangers = (boxes != boxes[query]) & (sounds != sounds[query])
+        for group in range(3):
+            alone = matrix.nearest_rows(table.values[query], 4, where=strangers & (groups == group))
+            assert rows[query, group].tolist() == alone[0].tolist()
+            assert distances[query, group].tolist() == alone[1].tolist()

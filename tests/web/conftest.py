@@ -5,6 +5,7 @@ import shutil
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
+from functools import lru_cache
 from pathlib import Path
 
 import httpx
@@ -27,8 +28,8 @@ from casebase.artifacts import add_artifact
 from casebase.description import Labelling
 from casebase.library import CaseLibrary
 from casebase.models import StoredInvestigation, new_id, now
-from sim.axis import read_axis
-from sim.discrepancy.investigation import investigate
+from sim.axis import Axis, read_axis
+from sim.discrepancy.investigation import Investigation, investigate
 from sim.discrepancy.report import html_report
 from sim.discrepancy.story import story
 from tests.app.sounds import sound
@@ -136,12 +137,18 @@ def fill(site: Site, known: Sequence[tuple[int, str]] = KNOWN) -> None:
     library.close()
 
 
-def investigated(session: Session) -> str:
-    """Keep what a real investigation finds: friction that differs by direction, on one body with white noise."""
+@lru_cache
+def investigation() -> tuple[Axis, Investigation]:
+    """What a real investigation finds: friction that differs by direction, on one body with white noise."""
     motor = {"inertia_kg_m2": 0.3, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.02}
     axis = read_axis({"name": "one body", "motor": motor, "load": {"inertia_kg_m2": 0.0}})
     _, _, speed, _ = swing()
-    result = investigate(axis, one_body(0.3, 1.0, 0.02, 7, extra=0.006 * np.abs(speed)))
+    return axis, investigate(axis, one_body(0.3, 1.0, 0.02, 7, extra=0.006 * np.abs(speed)))
+
+
+def investigated(session: Session) -> str:
+    """Keep what the investigation finds."""
+    axis, result = investigation()
     row = StoredInvestigation(
         id=new_id(),
         axis=axis.name,

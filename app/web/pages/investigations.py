@@ -64,7 +64,7 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
     with service.library.transaction(principal.actor) as session:
         row = submit(session, question)
         identity = row.id
-    jobs.submit(KIND, {"investigation_id": identity}, job_id=identity, submitted_by=principal.actor)
+        jobs.order(session, KIND, {"investigation_id": identity}, job_id=identity, submitted_by=principal.actor)
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/jobs/{identity}", status_code=303)
 
 

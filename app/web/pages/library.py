@@ -25,7 +25,6 @@ from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.svg import map_chart
 from app.web.templating import Message, render
 from casebase.case_filter import CaseFilter
-from casebase.description import Labelling
 from casebase.models import Case, StoredRecording
 from casebase.signals.features import catalogue
 
@@ -109,7 +108,7 @@ def add(request: Request, principal: PageAdmin, upload: TheUpload, service: TheS
     intake = take_in(service.library, file.path, file.name, file.media_type, metadata)
     with service.library.transaction(principal.actor) as session:
         row = intake.store(service.library, session)
-        labelling = Labelling(metadata.label, verified_by=metadata.verified_by)
+        labelling = metadata.labelling()
         case_id = service.library.retain(session, row, labelling).id
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/cases/{case_id}", status_code=303)
 

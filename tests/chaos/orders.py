@@ -1,0 +1,164 @@
+"""Every POST that makes something, with a request that does, and what is in the database and on disk afterwards."""
+
+import csv
+import io
+import json
+import math
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from app.intake import take_in
+from app.keys import Role, create_key
+from app.metadata import RecordingMetadata
+from app.service import Service
+from casebase.models import (
+    ApiKey,
+    AuditEntry,
+    AxisRevision,
+    Case,
+    IdempotencyRecord,
+    StoredDiagnosis,
+    StoredInvestigation,
+    StoredJob,
+    StoredRecording,
+    new_id,
+)
+from tests.app.sounds import sound
+
+AXIS: dict[str, Any] = {
+    "name": "chaos",
+    "motor": {"inertia_kg_m2": 0.006, "coulomb_friction_n_m": 0.4},
+    "stages": [{"name": "output", "driver_teeth": 12, "driven_teeth": 600, "stiffness_n_m_per_rad": 1.5e5}],
+    "load": {"inertia_kg_m2": 40.0},
+    "motion": {"period_s": 4.2, "load_speed_rad_s": 2.7, "acceleration_time_s": 0.3},
+}
+FREE = {"name": "free", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 1.0}}
+COUNTED = (
+    StoredRecording, Case, StoredDiagnosis, AxisRevision, StoredInvestigation, StoredJob, ApiKey, AuditEntry,
+    IdempotencyRecord,
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Known:
+    """What a database holds before a request: the key of an admin, a diagnosis and an investigation that found."""
+
+    key: str
+    diagnosis: str
+    investigation: str
+
+
+Options = dict[str, Any]
+Order = Callable[[Known], tuple[str, Options]]
+"""The path and the rest of a request; `data` with a csrf token is added to that of a page."""
+
+
+def telemetry(size: float = 1.0) -> bytes:
+    """Three seconds of the free axis' 1.006 kg m2 that swing at 10 rad/s; `size`: of its torque, 1 as described."""
+    out = io.StringIO()
+    table = csv.writer(out)
+    table.writerow(("time_s", "motor_torque_nm", "motor_speed_rad_s"))
+    table.writerows(
+        (number / 1000, 10.06 * size * math.cos(number / 100), math.sin(number / 100)) for number in range(3000)
+    )
+    return out.getvalue().encode()
+
+
+def upload(seed: int, **metadata: str) -> Options:
+    return {"files": {"file": (f"{seed}.wav", sound(seed, seconds=2.0))}, "data": {"metadata": json.dumps(metadata)}}
+
+
+def investigation(size: float = 1.0) -> Options:
+    return {"files": {"telemetry": ("t.csv", telemetry(size))}, "data": {"axis": json.dumps(FREE)}}
+
+
+def simulation(seed: int, cases: int = 2, duration_s: float = 1.0) -> Options:
+    return {"json": {"axis": AXIS, "counts": {"normal": cases}, "seed": seed, "duration_s": duration_s}}
+
+
+API = "/api/v1"
+ORDERS: Mapping[str, Order] = {
+    "/diagnoses": lambda _: (f"{API}/diagnoses", upload(1, axis="chaos")),
+    "/cases": lambda _: (f"{API}/cases", upload(2, label="normal", gearbox="g")),
+    "/cases (diagnosis)": lambda known: (
+        f"{API}/cases",
+        {"json": {"diagnosis_id": known.diagnosis, "label": "notch"}},
+    ),
+    "/axes": lambda _: (f"{API}/axes", {"json": AXIS}),
+    "/simulations": lambda _: (f"{API}/simulations", simulation(1)),
+    "/keys": lambda _: (f"{API}/keys", {"json": {"name": "new", "role": "viewer"}}),
+    "/investigations": lambda _: (f"{API}/investigations", investigation()),
+    "/investigations/{investigation_id}/accept": lambda known: (
+        f"{API}/investigations/{known.investigation}/accept",
+        {},
+    ),
+}
+PAGES: Mapping[str, Order] = {
+    "page /investigations/new": lambda _: (
+        "/investigations/new",
+        {"files": {"telemetry": ("t.csv", telemetry()), "axis": ("axis.json", json.dumps(FREE).encode())}, "data": {}},
+    ),
+    "page /library/simulate": lambda _: ("/library/simulate", {"data": {"axis": "paper", "count": ["1", "1", "1"]}}),
+}
+"""Forms that order jobs; they have no Idempotency-Key, and are to leave all or nothing."""
+MAKES_NOTHING = ("/jobs/{job_id}/resume",)
+
+
+def fill(service: Service) -> Known:
+    """Put into an empty library what the orders need."""
+    library = service.library
+    folder = library.data_dir / "first.wav"
+    folder.write_bytes(sound(100, seconds=2.0))
+    intake = take_in(library, folder, "first.wav", "audio/wav", RecordingMetadata(gearbox="g0"))
+    folder.unlink()
+    with library.transaction("chaos") as session:
+        _, key = create_key(session, name="chaos", role=Role.ADMIN)
+        diagnosis = intake.diagnose(library, session)
+        session.add(AxisRevision(name="paper", revision=1, document={**AXIS, "name": "paper"}, created_by="chaos"))
+        extended = {**FREE, "motor": {"inertia_kg_m2": 0.006, "coulomb_friction_n_m": 0.4}}
+        found = StoredInvestigation(
+            id=new_id(), state="done", axis="free", axis_document=FREE, inputs={}, created_by="chaos",
+            document={"verdict": "named", "extended_axis": extended},
+        )  # fmt: skip
+        session.add(found)
+    return Known(key, diagnosis.id, found.id)
+
+
+def counts(session: Session) -> dict[str, int]:
+    """Rows by table."""
+    return {table.__tablename__: session.scalar(select(func.count()).select_from(table)) or 0 for table in COUNTED}
+
+
+def ghosts(service: Service) -> Iterator[str]:
+    """What is there by half: nothing, if all is well."""
+    library = service.library
+    with library.reading() as session:
+        jobs = set(session.scalars(select(StoredJob.id).where(StoredJob.kind == "investigations")))
+        asked = set(session.scalars(select(StoredInvestigation.id).where(StoredInvestigation.job_id.is_not(None))))
+        yield from (f"investigation {each} has no job" for each in asked - jobs)
+        yield from (f"job {each} has no investigation" for each in jobs - asked)
+        for record in session.scalars(select(IdempotencyRecord).where(IdempotencyRecord.status.is_(None))):
+            yield f"key {record.key} has no answer"
+        spoken = set(session.scalars(select(StoredRecording.file_sha256)))
+        for inputs in session.scalars(select(StoredInvestigation.inputs)):
+            for kept in inputs.values():
+                spoken |= {str(one["sha256"]) for one in (kept if isinstance(kept, list) else [kept]) if is_file(one)}
+    there = set(library.audio.hashes())
+    yield from (f"audio {each[:12]} is missing" for each in spoken - there)
+    yield from (f"audio {each[:12]} is nobody's" for each in there - spoken)
+    yield from (f"{path} was left" for path in left(service.settings.data_dir))
+
+
+def is_file(kept: object) -> bool:
+    return isinstance(kept, dict) and "sha256" in kept
+
+
+def left(data_dir: Path) -> Iterator[Path]:
+    """Files that were under way."""
+    yield from (data_dir / "audio").glob(".part-*")
+    yield from (data_dir / "incoming").glob("*")

@@ -1,0 +1,30 @@
+"""A few of the crash points that `make chaos` tries all of, and that none is forgotten."""
+
+import json
+import subprocess
+import sys
+
+import pytest
+
+from app.main import ROUTERS
+from tests.chaos.orders import MAKES_NOTHING, ORDERS
+
+
+def test_every_post_has_its_crash_points() -> None:
+    """A new route is one line in `tests.chaos.orders`."""
+    posts = {
+        route.path  # type: ignore[attr-defined]
+        for router in ROUTERS
+        for route in router.routes
+        if "POST" in route.methods  # type: ignore[attr-defined]
+    }
+    assert posts == {name.partition(" ")[0] for name in ORDERS} | set(MAKES_NOTHING)
+
+
+@pytest.mark.parametrize("database", ["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)])
+def test_orders_of_jobs_are_done_once_wherever_they_were_killed(database: str) -> None:
+    names = ["/simulations", "/investigations", "engine: resume"]
+    command = [sys.executable, "-m", "tests.chaos", "crash-points", "--json", "--database", database, "--most", "3"]
+    done = subprocess.run([*command, "--only", *names], capture_output=True, text=True, check=False)
+    assert (done.returncode, json.loads(done.stdout.splitlines()[-1])) == (0, []), done.stderr[-3000:]
+    assert done.stdout.count("   3 of") == len(names)
