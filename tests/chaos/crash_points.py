@@ -19,6 +19,7 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
@@ -297,7 +298,12 @@ def expected(name: str, at: int, of: int) -> list[Any]:
 
 
 def warm_up() -> None:
-    """Have the routes put together; the threads of it end with its loop."""
+    """Load what every process would load for itself, and have the routes put together.
+
+    The threads of it end with its loop.
+    """
+    for name in ("dbos", "scipy.stats"):
+        import_module(name)
     structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.CRITICAL))
 
     async def run() -> None:
