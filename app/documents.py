@@ -5,10 +5,10 @@ from datetime import UTC
 from typing import Annotated, Generic, Literal, TypeVar
 
 from fastapi import Path, Query
-from pydantic import MISSING, AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+from pydantic import MISSING, AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, model_validator
 
 from app.keys import Role
-from casebase.fields import Label, Text, Verification, Word
+from casebase.fields import Label, Positive, Text, Verification, Word
 from casebase.models import StoredDiagnosis
 from casebase.pages import Page
 from casebase.signals.quality import DISTURBANCES
@@ -244,7 +244,7 @@ class CaseChange(Question):
     note: Text | MISSING | None = MISSING
     mechanism: Word | MISSING | None = MISSING
     location: Word | MISSING | None = MISSING
-    severity: FiniteFloat | MISSING | None = MISSING
+    severity: Positive | MISSING | None = MISSING
     quarantine_reason: Text | MISSING | None = MISSING
 
 

@@ -89,7 +89,7 @@ class BundledCase(BaseModel):
     state: Literal["proposed", "confirmed", "retired"] = "confirmed"
     mechanism: Short | None = None
     location: Short | None = None
-    severity: FiniteFloat | None = None
+    severity: Positive | None = None
     parameters: Annotated[dict[Word, JsonValue], Field(max_length=200)] = {}
     model_version: Short | None = None
     verified_by: Verification | None = None

@@ -1,5 +1,6 @@
 """A disk that spoils what is stored is found out and said with the way out; what is ours is for our eyes alone."""
 
+import os
 import random
 import sqlite3
 from collections.abc import Iterator
@@ -10,6 +11,7 @@ import pytest
 from sqlalchemy import text
 
 from app.cli import FAILURE
+from casebase.abandoned import hold
 from casebase.database import LARGEST_LOG, create_engine_for, sqlite_url
 from casebase.library import CaseLibrary
 from casebase.soundness import cut_logs, faults_of
@@ -142,3 +144,20 @@ def test_doctor_counts_what_no_row_speaks_of(tmp_path: Path) -> None:
     assert "1 files of audio that no row speaks of" in gearcase("doctor", data_dir=tmp_path / "data").stdout
     with closing(sqlite3.connect(tmp_path / "data" / "gearcase.db")) as database:
         assert database.execute("PRAGMA journal_mode").fetchone() == ("wal",)
+
+
+def test_doctor_counts_what_the_next_start_removes_and_nothing_that_is_under_way(service: Inside) -> None:
+    library, incoming = service.service.library, service.service.settings.incoming
+    library.audio.folder.mkdir()
+    (library.audio.folder / ".part-1-a").write_bytes(b"half")
+    for name in ("left", "held"):
+        (incoming / name).mkdir(parents=True)
+    descriptor = os.open(incoming / "held", os.O_RDONLY)
+    hold(descriptor)
+    left = []
+    for _ in range(2):
+        left.append(gearcase("doctor", data_dir=library.data_dir).stdout.partition("leftovers: ")[2])
+        service.service.tidy()
+    os.close(descriptor)
+    assert [each.partition(" ")[0] for each in left] == ["2", "0"]
+    assert [path.name for path in incoming.iterdir()] == ["held"]
