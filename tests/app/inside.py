@@ -17,7 +17,7 @@ from app.job import Job, JobNotFoundError, Progress
 from app.keys import Role, create_key
 from app.main import create_app
 from app.metrics import Metrics
-from app.security import COOKIE, csrf_token
+from app.security import COOKIE, FORM_COOKIE, csrf_token
 from app.service import Service
 from app.settings import settings_of
 from casebase.models import new_id, now
@@ -42,10 +42,11 @@ class Inside:
         return self._sent(method, path, {"Authorization": f"Bearer {self.key}"}, options)
 
     def browse(self, method: str, path: str, **options: Any) -> httpx.Response:
-        """Ask as a browser does: wants HTML, has the cookie and, for a form, the token of its page."""
+        """Ask as a browser does: wants HTML, has the cookies and, for a form, the token of its page."""
         if "data" in options:
             options["data"] = {"csrf": self.token, **options["data"]}
-        return self._sent(method, path, {"Accept": "text/html", "Cookie": f"{COOKIE}={self.key}"}, options)
+        cookies = f"{COOKIE}={self.key}; {FORM_COOKIE}={self.key}"  # alike, so that one token is that of any form
+        return self._sent(method, path, {"Accept": "text/html", "Cookie": cookies}, options)
 
     def _sent(self, method: str, path: str, headers: dict[str, str], options: dict[str, Any]) -> httpx.Response:
         headers |= options.pop("headers", {})
