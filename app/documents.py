@@ -5,10 +5,10 @@ from datetime import UTC
 from typing import Annotated, Generic, Literal, TypeVar
 
 from fastapi import Path, Query
-from pydantic import MISSING, AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, FiniteFloat, model_validator
+from pydantic import MISSING, AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, model_validator
 
 from app.keys import Role
-from app.metadata import Label, Text, Verification, Word
+from casebase.fields import Label, Positive, Text, Verification, Word
 from casebase.models import StoredDiagnosis
 from casebase.pages import Page
 from casebase.signals.quality import DISTURBANCES
@@ -54,16 +54,16 @@ NOT_WHOLE = "a text must have whole characters: no NUL, and no half of a surroga
 
 
 def _texts(given: object) -> Iterator[str]:
-    """Yield every text of a JSON document, keys too."""
-    if isinstance(given, str):
-        yield given
-    elif isinstance(given, dict):
-        for key, value in given.items():
-            yield from _texts(key)
-            yield from _texts(value)
-    elif isinstance(given, list):
-        for value in given:
-            yield from _texts(value)
+    """Yield every text of a JSON document, keys too, however deep it nests."""
+    waiting = [given]
+    while waiting:
+        value = waiting.pop()
+        if isinstance(value, str):
+            yield value
+        elif isinstance(value, dict):
+            waiting += [*value.keys(), *value.values()]
+        elif isinstance(value, list):
+            waiting += value
 
 
 class PageOf(BaseModel, Generic[Document]):
@@ -137,6 +137,8 @@ class LimitsAnswer(Answer):
     upload_timeout_s: float
     uploads_per_key: int
     uploads_at_once: int
+    looks_per_key: int
+    looks_at_once: int
     page_items: int
     failed_keys: str
     idempotency_hours: int
@@ -242,7 +244,7 @@ class CaseChange(Question):
     note: Text | MISSING | None = MISSING
     mechanism: Word | MISSING | None = MISSING
     location: Word | MISSING | None = MISSING
-    severity: FiniteFloat | MISSING | None = MISSING
+    severity: Positive | MISSING | None = MISSING
     quarantine_reason: Text | MISSING | None = MISSING
 
 

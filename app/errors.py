@@ -10,7 +10,7 @@ from fastapi import FastAPI
 from fastapi.exceptions import RequestValidationError
 from fastapi_problem.error import Problem, StatusProblem
 from fastapi_problem.handler import ExceptionHandler, new_exception_handler
-from sqlalchemy.exc import OperationalError
+from sqlalchemy.exc import DatabaseError, OperationalError
 from starlette.exceptions import HTTPException
 from starlette.requests import Request
 from starlette.responses import JSONResponse
@@ -21,6 +21,7 @@ from app.storage_faults import is_full, is_unwritable
 from casebase import audit
 from casebase import errors as library
 from casebase.signals import errors as signals
+from casebase.soundness import RESTORE, is_damaged
 from sim import errors as sim
 
 log = structlog.get_logger(__name__)
@@ -102,6 +103,10 @@ class InternalFault(StatusProblem):
         super().__init__("The fault is in the service's log under request_id.")
 
 
+class Damaged(StatusProblem):
+    status, type_, title = 500, "damaged", "What is stored is damaged; this is not your fault"
+
+
 class Unavailable(StatusProblem):
     status, type_, title = 503, "unavailable", "The service cannot do this at the moment"
 
@@ -117,6 +122,7 @@ DOMAIN: dict[type[Exception], type[StatusProblem]] = {
     library.InvalidRequestError: Unprocessable,
     library.ArtifactError: Conflict,
     library.ErasedError: Gone,
+    library.DamagedError: Damaged,
     library.LibraryError: Unprocessable,
     signals.NotAudioError: UnsupportedMedia,
     signals.RecordingTooLargeError: TooLarge,
@@ -135,22 +141,27 @@ BY_STATUS: dict[int, type[StatusProblem]] = {
 
 
 SYNTAX = "json_invalid"
+LISTED = 20
+"""Errors of one request that are told, at most: who is wrong in more places reads these first."""
+
 SAFE = ("GET", "HEAD", "OPTIONS")
 """Methods that store nothing."""
 
 
 def validation_problem(errors: Sequence[Any], what: str = "The request") -> Unprocessable:
     """422 from pydantic's list of errors: one sentence each, and the list for programs."""
-    listed = [
+    listed: list[dict[str, Any]] = [
         {
             "location": _location(error),
             "message": _message(error),
             "kind": error["type"],
             "given": finite(error["input"]) if isinstance(error["input"], str | int | float | None) else None,
         }
-        for error in errors
+        for error in errors[:LISTED]
     ]
     words = "; ".join(f"{entry['location'] or 'body'}: {entry['message']}" for entry in listed)
+    if len(errors) > LISTED:
+        words += f"; and {len(errors) - LISTED} more"
     return Unprocessable(f"{what} is not valid: {words}", errors=listed)
 
 
@@ -229,6 +240,8 @@ def _from_storage(_: ExceptionHandler, __: Request, error: Exception) -> Problem
             "Whoever runs the service has to make room; then send it again.",
             headers={"Retry-After": "600"},
         )
+    if is_damaged(error):
+        return Damaged(f"The database of the service is damaged. Whoever runs the service has to act. {RESTORE}")
     if is_unwritable(error):
         return Unavailable(
             "The service cannot reach or write its data at the moment; nothing that was there is lost. Whoever runs "
@@ -257,13 +270,13 @@ def _identify(content: dict[str, Any], request: Request, response: JSONResponse)
 
 
 def _note(request: Request, error: Exception) -> None:
-    if is_full(error) or is_unwritable(error):
+    if is_full(error) or is_unwritable(error) or is_damaged(error) or isinstance(error, library.DamagedError):
         log.error("storage failed", path=request.url.path, error=str(error))
     elif not isinstance(error, EXPECTED):
         log.exception("request failed", path=request.url.path, exc_info=error)
 
 
-STORAGE = (OSError, OperationalError)
+STORAGE = (OSError, OperationalError, DatabaseError)
 EXPECTED = (Problem, HTTPException, RequestValidationError, *DOMAIN)
 
 problem_handler = new_exception_handler(

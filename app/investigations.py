@@ -25,13 +25,14 @@ from casebase.library import CaseLibrary
 from casebase.models import AxisRevision, StoredInvestigation, new_id, now
 from casebase.signals.decode import read_recording
 from casebase.signals.errors import SignalError
-from casebase.signals.telemetry import read_telemetry
+from casebase.signals.telemetry import check_telemetry, read_telemetry
 from sim.axis import Axis, read_axis
 from sim.discrepancy.pairs import check_as_new, check_pairs
 from sim.errors import AxisError, SimulationError
 
 KIND = "investigations"
 ACTOR = "investigator"
+PARTS = ("telemetry", "sound", "as_new")
 
 
 @dataclass(frozen=True)
@@ -42,16 +43,23 @@ class Measured:
     name: str
 
 
-def submit(
+@dataclass(frozen=True)
+class Question:
+    """What is to be investigated: an axis, and measured data that was read and is kept."""
+
+    axis: Axis
+    inputs: Mapping[str, object]
+
+
+def take_in(
     library: CaseLibrary,
-    session: Session,
     axis: Axis,
     telemetries: Sequence[Measured],
     sounds: Sequence[Measured],
     sound_offset_s: float = 0.0,
     as_new: Sequence[Measured] = (),
-) -> StoredInvestigation:
-    """Check and keep what was measured; the caller orders the job, under the investigation's id, in this transaction.
+) -> Question:
+    """Check and keep what was measured; it takes a while, so no transaction may be open.
 
     The k-th sound belongs to the k-th telemetry; with sound alone, `as_new` is what it is compared with.
 
@@ -63,7 +71,7 @@ def submit(
     check_pairs(len(telemetries), len(sounds), len(as_new))
     check_name("axis.name", axis.name)
     for measured in telemetries:
-        _readable(measured, read_telemetry, several=len(telemetries) > 1)
+        _readable(measured, check_telemetry, several=len(telemetries) > 1)
     for measured in (*sounds, *as_new):
         _readable(measured, read_sound, several=len(sounds) + len(as_new) > 1)
     inputs: dict[str, object] = {"sound_offset_s": sound_offset_s}
@@ -74,18 +82,24 @@ def submit(
     for part, files in (("sound", sounds), ("as_new", as_new)):
         if files:
             inputs[part] = [_kept(library, file) for file in files]
-    check_as_new(*([str(one["sha256"]) for one in _files(inputs, part)] for part in ("sound", "as_new")))
+    check_as_new(*([str(one["sha256"]) for one in files_of(inputs, part)] for part in ("sound", "as_new")))
+    return Question(axis, inputs)
+
+
+def submit(session: Session, question: Question) -> StoredInvestigation:
+    """Store what is asked; the caller orders the job, under the investigation's id, in this transaction."""
     row = StoredInvestigation(
         id=new_id(),
-        axis=axis.name,
-        axis_document=axis.to_mapping(),
-        inputs=inputs,
+        axis=question.axis.name,
+        axis_document=question.axis.to_mapping(),
+        inputs=dict(question.inputs),
         created_by=audit.actor_of(session),
     )
     row.job_id = row.id
     session.add(row)
     session.flush()
-    audit.record(session, "investigation.asked", ("investigation", row.id), after={"axis": axis.name, **inputs})
+    asked = {"axis": question.axis.name, **question.inputs}
+    audit.record(session, "investigation.asked", ("investigation", row.id), after=asked)
     return row
 
 
@@ -232,7 +246,7 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
         progress=report,
         as_new=as_new,
     )
-    files = [name for part in ("telemetry", "sound", "as_new") for name in names_of(row, part)]
+    files = [name for part in PARTS for name in names_of(row, part)]
     return _plain({**found.document(), "story": story(found)}), html_report(found, files)
 
 
@@ -263,18 +277,19 @@ def _offset(row: StoredInvestigation) -> float:
     return float(offset) if isinstance(offset, int | float) else 0.0
 
 
-def _files(inputs: Mapping[str, object], part: str) -> list[Mapping[str, Any]]:
+def files_of(inputs: Mapping[str, object], part: str) -> list[Mapping[str, Any]]:
+    """Return the files of one of `PARTS` as an investigation's inputs name them."""
     kept: Any = inputs.get(part, [])
     return kept if isinstance(kept, list) else [kept]
 
 
 def names_of(row: StoredInvestigation, part: str) -> list[str]:
     """Return what the files of `telemetry`, `sound` or `as_new` were called, in order."""
-    return [str(one["name"]) for one in _files(row.inputs, part)]
+    return [str(one["name"]) for one in files_of(row.inputs, part)]
 
 
 def _paths(library: CaseLibrary, row: StoredInvestigation, part: str) -> list[Path]:
-    return [library.audio.path(str(one["sha256"])) for one in _files(row.inputs, part)]
+    return [library.audio.whole(str(one["sha256"])) for one in files_of(row.inputs, part)]
 
 
 def _finish(

@@ -166,11 +166,11 @@ class Jobs:
         while self._status(job_id) is None:
             if self.get(job_id).state in OVER:
                 return  # before the engine heard of it, or an earlier engine ran it
-            time.sleep(POLL_S)
-            waited_s += POLL_S
             if waited_s >= patience_s:
                 waited_s = 0.0
                 yield None
+            time.sleep(POLL_S)
+            waited_s += POLL_S
         number = after + 1
         while True:
             entries = self._client.read_stream(

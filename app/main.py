@@ -24,12 +24,12 @@ from app.api import (
 )
 from app.door import Door
 from app.errors import add_problem_handlers
+from app.gate import Gate
 from app.metrics import Metrics
 from app.middleware import CloseUnread, Faults, HeadIsGet, RequestRecord, SecurityHeaders
 from app.reference import PROBLEMS, describe, only_known_query
 from app.service import Service
 from app.settings import Settings, settings_of
-from app.uploads import Gate
 from app.web.errors import PageErrors
 from app.web.pages import add_pages
 from casebase.signals.decode import warm_up
@@ -63,7 +63,9 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
     @asynccontextmanager
     async def lifespan(app: FastAPI) -> AsyncIterator[None]:
         running = service or Service.open(settings, metrics)
-        app.state.service, app.state.gate = running, Gate(settings)
+        app.state.service = running
+        app.state.gate = Gate(settings.uploads_at_once, settings.uploads_per_key)
+        app.state.looking = Gate(settings.looks_at_once, settings.looks_per_key)
         warm_up()
         running.learner.start()
         running.retention.start()

@@ -4,7 +4,6 @@ from datetime import UTC, datetime
 from typing import Annotated, Any
 
 from pydantic import (
-    AfterValidator,
     AwareDatetime,
     BaseModel,
     ConfigDict,
@@ -18,42 +17,10 @@ from pydantic import (
 )
 
 from app.errors import Unprocessable, validation_problem
-from casebase.description import Labelling, check_name
-from casebase.errors import InvalidRequestError
+from casebase.description import Labelling
+from casebase.fields import AxisName, Label, Positive, Text, Verification, Word
 from casebase.signals.condition import OperatingCondition
 
-CONTROL = r"\x00-\x1f\x7f-\x9f\u2028\u2029"
-CONTROL_BUT_BREAKS = r"\x00-\x08\x0b\x0c\x0e-\x1f\x7f"
-"""Databases and terminals take no control characters; a text may have tabs and line breaks."""
-
-
-def _text(longest: int, control: str) -> StringConstraints:
-    pattern = rf"^[^{control}]*[^\s{CONTROL}][^{control}]*$"
-    return StringConstraints(strip_whitespace=True, min_length=1, max_length=longest, pattern=pattern)
-
-
-Word = Annotated[str, _text(200, CONTROL)]
-Text = Annotated[str, _text(4000, CONTROL_BUT_BREAKS)]
-Verification = Annotated[str, _text(500, CONTROL_BUT_BREAKS)]
-"""How a label was verified, as long as the library keeps it."""
-
-
-def _name(value: str) -> str:
-    try:
-        check_name("the name of an axis", value)
-    except InvalidRequestError as error:
-        raise ValueError(str(error)) from None
-    return value
-
-
-AxisName = Annotated[
-    str,
-    StringConstraints(strip_whitespace=True, min_length=1, max_length=200),
-    AfterValidator(_name),
-    Field(json_schema_extra={"pattern": rf"^[^/{CONTROL}]+$"}),
-]
-Label = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_.-]{0,99}$")]
-Positive = Annotated[FiniteFloat, Field(ge=1e-9, le=1e9)]
 SCHEMA = "gearcase-recording/1"
 
 

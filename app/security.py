@@ -24,6 +24,9 @@ __all__ = ["Admin", "Guard", "Operator", "Principal", "Role", "Viewer"]
 log = structlog.get_logger(__name__)
 
 COOKIE = "gearcase_key"
+FORM_COOKIE = "gearcase_form"
+"""Of a browser that has no key yet: its sign-in form carries the token of this cookie."""
+
 CSRF_HEADER = "X-CSRF-Token"
 SAFE_METHODS = frozenset({"GET", "HEAD", "OPTIONS"})
 NOBODY = "unknown"
@@ -85,13 +88,13 @@ def csrf_token(key: str) -> str:
     return hmac.new(key.encode(), b"gearcase form", hashlib.sha256).hexdigest()
 
 
-def check_csrf(request: Request, given: str) -> None:
-    """Compare the token of a form or header with the one that belongs to the cookie's key.
+def check_csrf(request: Request, given: str, cookie: str = COOKIE) -> None:
+    """Compare the token of a form or header with the one that belongs to a cookie, by default to that with the key.
 
     Raises:
         Forbidden: if they differ.
     """
-    expected = csrf_token(request.cookies.get(COOKIE, ""))
+    expected = csrf_token(request.cookies.get(cookie, ""))
     if not hmac.compare_digest(expected.encode(), given.encode()):
         raise Forbidden(
             f"A request that is signed in by cookie must carry the page's token in {CSRF_HEADER}. "

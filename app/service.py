@@ -13,15 +13,15 @@ from limits.strategies import MovingWindowRateLimiter
 from sqlalchemy.orm import Session
 
 from app.evaluations import Evaluations
+from app.job_feed import JobFeed
 from app.job_kinds import jobs_in
 from app.jobs import Jobs
 from app.key_notes import KeyNotes
 from app.learner import Learner
+from app.leftovers import leftovers
 from app.metrics import Metrics
 from app.retention import Retention
 from app.settings import Settings
-from casebase.abandoned import remove_abandoned
-from casebase.erasing import discard_left
 from casebase.evaluation import Evaluation
 from casebase.library import CaseLibrary
 
@@ -43,10 +43,8 @@ class Service:
         return cls(settings, CaseLibrary.open(settings.data_dir, settings.database_url), metrics)
 
     def tidy(self) -> None:
-        """Remove what processes left that were killed: uploads, half written files, audio that was erased."""
-        remove_abandoned(self.settings.incoming.glob("*"))
-        self.library.audio.tidy()
-        discard_left(self.library)
+        """Remove what processes left that were killed."""
+        leftovers(self.library, self.settings.incoming, remove=True)
 
     def evaluation(self, session: Session, group: str, origin: str) -> Evaluation:
         """The library's cross-validation as it is now.
@@ -77,10 +75,16 @@ class Service:
         """The jobs of this installation; the engine is opened when first asked."""
         return jobs_in(self.library)
 
+    @cached_property
+    def job_feed(self) -> JobFeed:
+        return JobFeed(lambda: self.jobs)
+
     def close(self) -> None:
         self.learner.close()
         self.retention.close()
         self.key_notes.close()
+        if "job_feed" in self.__dict__:
+            self.job_feed.close()
         if "jobs" in self.__dict__:
             self.jobs.close()
         self.library.close()
@@ -91,6 +95,7 @@ class Service:
 
 
 def service_of(request: Request) -> Service:
+    """Return the service of the application that a request is for."""
     service: Service = request.app.state.service
     return service
 

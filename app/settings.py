@@ -1,5 +1,6 @@
 """What an installation may set: environment variables `GEARCASE_*`; every default is usable as it is."""
 
+import os
 from functools import lru_cache
 from pathlib import Path
 from typing import Annotated
@@ -47,6 +48,10 @@ class Settings(BaseSettings):
     )
     uploads_per_key: PositiveInt = Field(4, description="uploads of one key read at once; others wait")
     uploads_at_once: PositiveInt = Field(16, description="uploads of all keys read at once; others wait")
+    looks_per_key: PositiveInt = Field(1, description="pictures and reports of one key made at once; others wait")
+    looks_at_once: PositiveInt = Field(
+        max(1, (os.cpu_count() or 1) - 1), description="pictures and reports of all keys made at once; others wait"
+    )
     page_items: PositiveInt = Field(200, description="items of a list's page, at most")
     failed_keys: str = Field("1000/minute", description="wrong keys from one address before 429")
     require_if_match: bool = Field(False, description="changes of a case need the If-Match header (428)")

@@ -1,10 +1,8 @@
 """Uploads: streamed to a temporary file after the door has let them in, a few at a time."""
 
-import asyncio
 import hashlib
 import os
 import tempfile
-from collections import defaultdict
 from collections.abc import AsyncIterator
 from contextlib import AsyncExitStack, aclosing, asynccontextmanager
 from dataclasses import dataclass
@@ -19,8 +17,8 @@ from starlette.formparsers import MultiPartException
 
 from app.errors import BadRequest, TooLarge, Unprocessable, UnsupportedMedia
 from app.forms import FormParser, plain_name
+from app.gate import Gate
 from app.service import Service, service_of
-from app.settings import Settings
 from casebase.abandoned import hold
 from casebase.signals.errors import TextError
 from casebase.signals.text import is_whole, text_of
@@ -86,21 +84,6 @@ class Upload:
         unknown = sorted({*self.files, *self.fields} - set(known))
         if unknown:
             raise Unprocessable(f"The form has unknown parts: {', '.join(unknown)}. Known: {', '.join(known)}.")
-
-
-class Gate:
-    """Lets few uploads in at once, of one key and of all; the others wait unread, where they cost nothing."""
-
-    def __init__(self, settings: Settings) -> None:
-        self._all = asyncio.Semaphore(settings.uploads_at_once)
-        self._each: defaultdict[str, asyncio.Semaphore] = defaultdict(
-            lambda: asyncio.Semaphore(settings.uploads_per_key)
-        )
-
-    @asynccontextmanager
-    async def enter(self, key_id: str) -> AsyncIterator[None]:
-        async with self._each[key_id], self._all:
-            yield
 
 
 def _store(part: UploadFile, folder: Path, number: int) -> UploadedFile:

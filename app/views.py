@@ -2,10 +2,13 @@
 
 import io
 import math
-from collections.abc import Sequence
-from functools import lru_cache
+from abc import ABC, abstractmethod
+from collections import OrderedDict
+from collections.abc import Callable, Hashable, Iterator, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from threading import Lock
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +28,11 @@ from casebase.signals.recording import Recording
 if TYPE_CHECKING:
     from matplotlib.axes import Axes  # slow to import
 
+Value = TypeVar("Value")
 SPECTROGRAM_WINDOW = 512
+SHORTEST_WINDOW = 256
+AT_ONCE = 1 << 20
+"""Samples that are transformed together: what a transform needs besides grows with them alone."""
 FLOOR_DB = -160.0
 SHOWN_DB = 80.0
 
@@ -75,10 +82,106 @@ class CrestFactor(BaseModel):
     peak: list[float]
 
 
-@lru_cache(maxsize=4)
+class Kept(Generic[Value]):
+    """The values used last, so many bytes of them, for whoever asks again.
+
+    Args:
+        most: bytes of all values together.
+        size: bytes of a value.
+    """
+
+    def __init__(self, most: int, size: Callable[[Value], int]) -> None:
+        self._most, self._size = most, size
+        self._values: OrderedDict[Hashable, Value] = OrderedDict()
+        self._lock = Lock()
+
+    def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
+        """Return the value of a key, made where it is not kept."""
+        with self._lock:
+            if key in self._values:
+                self._values.move_to_end(key)
+                return self._values[key]
+        value = make()
+        with self._lock:
+            self._values[key] = value
+            while sum(map(self._size, self._values.values())) > self._most:
+                self._values.popitem(last=False)
+        return value
+
+    def clear(self) -> None:
+        """Forget all."""
+        with self._lock:
+            self._values.clear()
+
+
+DECODED: Kept[Recording] = Kept(128 << 20, lambda recording: recording.samples.nbytes)
+"""Ten minutes at 48 kHz, or many short ones."""
+ANSWERS: Kept[bytes] = Kept(32 << 20, len)
+
+
 def decoded(path: Path, channel: int) -> Recording:
     """The recording behind a content-addressed file, kept for the next plot of the same page."""
-    return read_recording(path, channel=channel)
+    return DECODED.get((path, channel), lambda: read_recording(path, channel=channel))
+
+
+def kept(key: Hashable, make: Callable[[], bytes]) -> bytes:
+    """What was computed of a content-addressed file, kept for who looks next."""
+    return ANSWERS.get(key, make)
+
+
+def forget() -> None:
+    """Keep nothing of what was decoded or computed: something was erased."""
+    DECODED.clear()
+    ANSWERS.clear()
+
+
+class View(ABC):
+    """A way to look at a recording; equal ones show the same."""
+
+    @abstractmethod
+    def of(self, recording: Recording) -> bytes:
+        """Return what is answered."""
+
+
+@dataclass(frozen=True)
+class WaveformOf(View):
+    points: int
+
+    def of(self, recording: Recording) -> bytes:
+        return waveform(recording, self.points).model_dump_json().encode()
+
+
+@dataclass(frozen=True)
+class SpectrumOf(View):
+    resolution_hz: float
+
+    def of(self, recording: Recording) -> bytes:
+        return spectrum(recording, self.resolution_hz).model_dump_json().encode()
+
+
+@dataclass(frozen=True)
+class CrestFactorOf(View):
+    window_s: float
+
+    def of(self, recording: Recording) -> bytes:
+        return crest(recording, self.window_s).model_dump_json().encode()
+
+
+@dataclass(frozen=True)
+class SpectrogramOf(View):
+    columns: int
+
+    def of(self, recording: Recording) -> bytes:
+        return spectrogram(recording, self.columns).model_dump_json().encode()
+
+
+@dataclass(frozen=True)
+class PictureOf(View):
+    columns: int
+    dark: bool
+
+    def of(self, recording: Recording) -> bytes:
+        return spectrogram_png(recording, self.columns, dark=self.dark)
 
 
 def waveform(recording: Recording, points: int) -> Waveform:
@@ -98,13 +201,18 @@ def waveform(recording: Recording, points: int) -> Waveform:
 
 
 def spectrum(recording: Recording, resolution_hz: float) -> Spectrum:
-    """Return the averaged power spectrum, resolved to about `resolution_hz` or as fine as the length allows."""
-    window = min(recording.samples.size, round(recording.sample_rate_hz / resolution_hz))
-    from scipy import signal  # slow to import
+    """Return the averaged power spectrum, resolved to about `resolution_hz` or as fine as the length allows.
 
-    frequency, power = signal.welch(
-        recording.samples, recording.sample_rate_hz, nperseg=window, scaling="spectrum", detrend="constant"
-    )
+    It is no coarser than that of `SHORTEST_WINDOW` samples: shorter windows cost the more, the less they show.
+    """
+    window = min(recording.samples.size, max(SHORTEST_WINDOW, round(recording.sample_rate_hz / resolution_hz)))
+    power = np.zeros(window // 2 + 1)
+    windows = 0
+    for block in short_powers(recording.samples, window, window - window // 2):
+        power += block.sum(axis=0, dtype=np.float64)
+        windows += len(block)
+    power /= windows
+    frequency = np.fft.rfftfreq(window, 1 / recording.sample_rate_hz)
     return Spectrum(
         unit=recording.unit,
         resolution_hz=recording.sample_rate_hz / window,
@@ -202,28 +310,56 @@ def mark_stretches(axes: "Axes", marked: Sequence[tuple[float, float, str]], ink
             )
 
 
+def short_powers(samples: NDArray[np.float32], window: int, step: int) -> Iterator[NDArray[np.float32]]:
+    """Yield mean squares per line of successive windows, in blocks of shape (windows, lines) [unit²].
+
+    Hann window, the mean of each window taken off, one side; a sine of amplitude a on a line has a²/2 there (Heinzel,
+    Rüdiger, Schilling, Spectrum and spectral density estimation by the DFT, 2002, section 9, there PS).
+
+    >>> samples = np.sin(2 * np.pi * 5 * np.arange(64) / 64).astype(np.float32)
+    >>> next(short_powers(samples, 64, 32))[0, 5].round(4)
+    np.float32(0.5)
+    """
+    from scipy import fft  # slow to import
+
+    hann = (0.5 - 0.5 * np.cos(2 * np.pi * np.arange(window) / window)).astype(np.float32)
+    if window == 1:
+        hann[:] = 1
+    both_sides = np.full(window // 2 + 1, 2.0 / hann.sum(dtype=np.float64) ** 2, dtype=np.float32)
+    both_sides[0] /= 2
+    if window % 2 == 0:
+        both_sides[-1] /= 2
+    starting = np.lib.stride_tricks.sliding_window_view(samples, window)[::step]
+    together = max(1, AT_ONCE // window)
+    for first in range(0, len(starting), together):
+        block = starting[first : first + together]
+        lines = fft.rfft((block - block.mean(axis=1, keepdims=True)) * hann, axis=1)
+        yield (lines.real**2 + lines.imag**2) * both_sides
+
+
 def _spectrogram(
     recording: Recording, columns: int
 ) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
     size = recording.samples.size
     window = min(SPECTROGRAM_WINDOW, size)
     hop = max(1, window // 4)
-    from scipy import signal
+    windows = (size - window) // hop + 1
+    width = math.ceil(windows / columns)
+    loudest = np.zeros((math.ceil(windows / width), window // 2 + 1), dtype=np.float32)
+    done = 0
+    for power in short_powers(recording.samples, window, hop):
+        # the loudest of what shares a column: an impact must not be averaged away
+        column = (done + np.arange(len(power))) // width
+        starts = np.flatnonzero(np.diff(column, prepend=-1))
+        part = loudest[column[0] : column[-1] + 1]
+        np.maximum(part, np.maximum.reduceat(power, starts, axis=0), out=part)
+        done += len(power)
+    time = (np.arange(0, windows, width) * hop + window / 2) / recording.sample_rate_hz
+    frequency = np.fft.rfftfreq(window, 1 / recording.sample_rate_hz)
+    return frequency.astype(np.float64), time.astype(np.float64), _decibel(loudest.T)
 
-    frequency, time, power = signal.spectrogram(
-        recording.samples,
-        recording.sample_rate_hz,
-        window="hann",
-        nperseg=window,
-        noverlap=window - hop,
-        scaling="spectrum",
-    )
-    # the loudest of what shares a column: an impact must not be averaged away
-    starts = np.arange(0, time.size, math.ceil(time.size / columns))
-    return frequency, time[starts], _decibel(np.maximum.reduceat(power, starts, axis=1))
 
-
-def _decibel(power: NDArray[np.float32]) -> NDArray[np.float64]:
+def _decibel(power: NDArray[np.float32] | NDArray[np.float64]) -> NDArray[np.float64]:
     floor = 10 ** (FLOOR_DB / 10)
     level: NDArray[np.float64] = 10 * np.log10(np.maximum(power.astype(np.float64), floor))
     return level.round(2)

@@ -12,12 +12,12 @@ def hold(descriptor: int) -> None:
     fcntl.flock(descriptor, fcntl.LOCK_EX)
 
 
-def remove_abandoned(paths: Iterable[Path]) -> int:
-    """Remove files and folders that nobody holds any more; return how many."""
-    return sum(_removed(path) for path in paths)
+def count_abandoned(paths: Iterable[Path], *, remove: bool) -> int:
+    """Return how many files and folders nobody holds any more, and remove them if told to."""
+    return sum(_is_abandoned(path, remove) for path in paths)
 
 
-def _removed(path: Path) -> bool:
+def _is_abandoned(path: Path, remove: bool) -> bool:
     try:
         descriptor = os.open(path, os.O_RDONLY)
     except FileNotFoundError:
@@ -27,9 +27,9 @@ def _removed(path: Path) -> bool:
     except BlockingIOError:
         return False
     else:
-        if path.is_dir():
+        if remove and path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
-        else:
+        elif remove:
             path.unlink(missing_ok=True)
         return True
     finally:

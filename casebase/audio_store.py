@@ -5,11 +5,12 @@ import os
 import secrets
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import lru_cache
 from pathlib import Path
 from typing import BinaryIO
 
-from casebase.abandoned import hold, remove_abandoned
-from casebase.errors import NotFoundError
+from casebase.abandoned import hold
+from casebase.errors import DamagedError, NotFoundError
 
 CHUNK = 1 << 20
 
@@ -46,15 +47,31 @@ class AudioStore:
             part.unlink(missing_ok=True)
         return stored
 
-    def tidy(self) -> int:
-        """Remove what was not written to its end by those that died; return how many files."""
-        return remove_abandoned(self.folder.glob(".part-*"))
+    def unfinished(self) -> Iterator[Path]:
+        """Yield what is not written to its end: still held by its writer, or abandoned."""
+        yield from self.folder.glob(".part-*")
 
     def path(self, sha256: str) -> Path:
         """Return where the bytes lie; raises NotFoundError if they are gone."""
         path = self.path_of(sha256)
         if not path.is_file():
             raise NotFoundError(f"the audio {sha256[:12]} is missing from the data folder; restore it from a backup")
+        return path
+
+    def whole(self, sha256: str) -> Path:
+        """Return where the bytes lie, read and compared since they last changed.
+
+        Raises:
+            NotFoundError: if they are gone.
+            DamagedError: if they are not those that were put.
+        """
+        path = self.path(sha256)
+        state = path.stat()
+        if not _is_whole(path, sha256, state.st_mtime_ns, state.st_size):
+            raise DamagedError(
+                f"the audio {sha256[:12]} is damaged: it is not what was stored. Bring the file back from a backup: "
+                f"it lies there as audio/{sha256[:2]}/{sha256[2:]}"
+            )
         return path
 
     def discard(self, sha256: str) -> None:
@@ -108,6 +125,11 @@ def sha256_of(source: Path | bytes) -> str:
     for chunk in chunks(source):
         digest.update(chunk)
     return digest.hexdigest()
+
+
+@lru_cache(maxsize=100_000)
+def _is_whole(path: Path, sha256: str, _changed_ns: int, _size: int) -> bool:
+    return sha256_of(path) == sha256
 
 
 def sync_folder(folder: Path) -> None:

@@ -133,7 +133,7 @@ def _database_faults(path: Path, files: dict[str, str]) -> Iterator[str]:
             for (sha256,) in database.execute("SELECT DISTINCT file_sha256 FROM recordings"):
                 if f"audio/{sha256}" not in files and sha256 not in erased.values():
                     yield f"audio/{sha256} is spoken of by the database but not in the backup"
-    except sqlite3.DatabaseError as error:
+    except (sqlite3.DatabaseError, UnicodeDecodeError) as error:  # the latter of names that are no text any more
         yield f"the database cannot be read: {error}"
 
 

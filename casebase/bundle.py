@@ -1,23 +1,23 @@
 """Case bundles: a ZIP of `manifest.json` and the audio it names, to carry cases from one library to another.
 
-A bundle from elsewhere is not trusted: names, counts, sizes and checksums are all checked, on what is really read.
+A bundle from elsewhere is not trusted: it is opened in the limited process, and what it says is held to the rules that
+hold over HTTP.
 """
 
 import hashlib
 import json
-import stat
 import zipfile
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
-from datetime import datetime
-from pathlib import Path, PurePosixPath
+from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
+from pydantic import ValidationError
 from sqlalchemy.orm import Session
 
-from casebase.audio_store import CHUNK
+from casebase.bundle_entry import BundledCase
+from casebase.bundle_worker import MANIFEST
 from casebase.case_filter import CaseFilter
-from casebase.description import Labelling, RecordingDescription, condition_of
 from casebase.errors import BundleError, DuplicateError, InvalidRequestError
 from casebase.library import CaseLibrary
 from casebase.models import Case
@@ -25,20 +25,24 @@ from casebase.pages import LARGEST_PAGE
 from casebase.signals.decode import read_recording
 from casebase.signals.errors import SignalError
 from casebase.signals.features import extract
+from casebase.signals.limited_pool import PAPERS, GaveUpError, RefusedError
 
 SCHEMA = "gearcase-bundle/1"
-MANIFEST = "manifest.json"
 
 
 @dataclass(frozen=True)
 class BundleLimits:
-    """What a bundle may cost: entries, bytes when unpacked, times its packed size, bytes of the manifest."""
+    """What a bundle may cost: entries, bytes when unpacked, times its packed size, bytes of the manifest; of each entry
+    that is read time and processor time [s] and memory [byte]."""
 
     entries: int = 10_000
     total_bytes: int = 10 * 2**30
     file_bytes: int = 200 * 2**20
     ratio: float = 100.0
     manifest_bytes: int = 64 * 2**20
+    seconds: float = 60.0
+    cpu_seconds: float = 30.0
+    memory_bytes: int = 1 << 30
 
 
 @dataclass(frozen=True)
@@ -131,144 +135,76 @@ def import_cases(
     new: list[str] = []
     known = 0
     refused: dict[str, str] = {}
-    try:
-        with zipfile.ZipFile(source) as bundle:
-            check_names(bundle, source.stat().st_size, limits)
-            entries = _manifest(bundle, limits)
-            for number, entry in enumerate(entries):
-                if entry["audio"] is None:
-                    refused[f"case {number}"] = (
-                        "its audio was erased where it comes from, so there is nothing to compare"
-                    )
-                    progress(number + 1, len(entries))
-                    continue
-                audio = _audio(bundle, entry, limits)
-                try:
-                    case, fresh = _take(library, entry, audio, actor, f"import {source.name}"[:100])
-                except (SignalError, DuplicateError, InvalidRequestError) as error:
-                    refused[str(entry["audio"])] = str(error)
-                else:
-                    known += not fresh
-                    new += [case.id] if fresh else []
-                progress(number + 1, len(entries))
-    except zipfile.BadZipFile as error:
-        raise BundleError(f"this is no readable ZIP: {error}") from error
+    entries = _manifest(source, limits)
+    for number, entry in enumerate(entries):
+        if entry.audio is None:
+            refused[f"case {number}"] = "its audio was erased where it comes from, so there is nothing to compare"
+            progress(number + 1, len(entries))
+            continue
+        audio = _audio(source, entry.audio, entry.sha256, limits)
+        try:
+            case, fresh = _take(library, entry, audio, actor, f"import {source.name}"[:100])
+        except (SignalError, DuplicateError, InvalidRequestError) as error:
+            refused[entry.audio] = str(error)
+        else:
+            known += not fresh
+            new += [case.id] if fresh else []
+        progress(number + 1, len(entries))
     return Imported(tuple(new), known, refused)
 
 
-def check_names(bundle: zipfile.ZipFile, packed_bytes: int, limits: BundleLimits) -> None:
-    """Raise BundleError for too many entries, a name that leaves the folder, a link, a name twice, or a bomb."""
-    infos = bundle.infolist()
-    if len(infos) > limits.entries:
-        raise BundleError(f"{len(infos)} entries; at most {limits.entries} are allowed: split the bundle")
-    seen: set[str] = set()
-    for info in infos:
-        path = PurePosixPath(info.filename)
-        if path.is_absolute() or ".." in path.parts or "\\" in info.filename or ":" in info.filename:
-            raise BundleError(f"the name {info.filename[:100]!r} leads out of the bundle")
-        if stat.S_ISLNK(info.external_attr >> 16):
-            raise BundleError(f"{info.filename[:100]!r} is a link; a bundle holds plain files only")
-        if path.as_posix() in seen:
-            raise BundleError(f"{info.filename[:100]!r} is there twice")
-        seen.add(path.as_posix())
-    declared = sum(info.file_size for info in infos)
-    if declared > limits.total_bytes or declared > limits.ratio * max(packed_bytes, 1):
-        raise BundleError(
-            f"{packed_bytes} bytes claim to hold {declared}; at most {limits.ratio:.0f} times as much and "
-            f"{limits.total_bytes} bytes are allowed"
-        )
-
-
-def read_entry(bundle: zipfile.ZipFile, name: str, most: int) -> bytes:
-    """Return what an entry really holds; raises BundleError once it is more than allowed or than declared."""
-    try:
-        declared = bundle.getinfo(name).file_size
-    except KeyError as error:
-        raise BundleError(f"the bundle has no {name[:100]!r}") from error
-    parts: list[bytes] = []
-    count = 0
-    with bundle.open(name) as file:
-        while part := file.read(CHUNK):
-            count += len(part)
-            if count > min(most, declared):
-                raise BundleError(f"{name[:100]!r} holds more than the {min(most, declared)} bytes allowed")
-            parts.append(part)
-    return b"".join(parts)
-
-
-def _manifest(bundle: zipfile.ZipFile, limits: BundleLimits) -> list[dict[str, Any]]:
-    try:
-        manifest = json.loads(read_entry(bundle, MANIFEST, limits.manifest_bytes))
-    except ValueError as error:
-        raise BundleError(f"{MANIFEST} is no JSON: {error}") from error
+def _manifest(source: Path, limits: BundleLimits) -> list[BundledCase]:
+    manifest = json.loads(_asked("manifest", {}, source, limits, 2 * limits.manifest_bytes))
     if not isinstance(manifest, dict) or manifest.get("schema") != SCHEMA:
         raise BundleError(f'{MANIFEST} must be an object with "schema": "{SCHEMA}"')
     entries = manifest.get("cases")
     if not isinstance(entries, list) or not all(isinstance(entry, dict) for entry in entries):
         raise BundleError(f'{MANIFEST} must have a list of objects under "cases"')
-    for number, entry in enumerate(entries):
-        missing = [name for name in ("audio", "sha256", "label", "recording") if name not in entry]
-        if missing or not isinstance(entry["recording"], dict):
-            raise BundleError(f"case {number} of {MANIFEST} lacks {', '.join(missing) or 'a table `recording`'}")
-    return entries
+    return [_case(number, entry) for number, entry in enumerate(entries)]
 
 
-def _audio(bundle: zipfile.ZipFile, entry: Mapping[str, Any], limits: BundleLimits) -> bytes:
-    audio = read_entry(bundle, str(entry["audio"]), limits.file_bytes)
-    if hashlib.sha256(audio).hexdigest() != entry["sha256"]:
-        raise BundleError(f"{str(entry['audio'])[:100]!r} is not what {MANIFEST} declares: its SHA-256 differs")
+def _case(number: int, entry: Mapping[str, Any]) -> BundledCase:
+    missing = [name for name in ("audio", "sha256", "label", "recording") if name not in entry]
+    if missing:
+        raise BundleError(f"case {number} of {MANIFEST} lacks {', '.join(missing)}")
+    told = {name: value for name, value in entry.items() if value is not None or name == "audio"}
+    try:
+        return BundledCase.model_validate(told)
+    except ValidationError as error:
+        first = error.errors(include_url=False, include_input=False)[0]
+        place = ".".join(map(str, first["loc"]))
+        raise BundleError(f"case {number} of {MANIFEST}: {place}: {first['msg']}") from None
+
+
+def _audio(source: Path, name: str, sha256: str, limits: BundleLimits) -> bytes:
+    audio = _asked("entry", {"name": name}, source, limits, limits.file_bytes)
+    if hashlib.sha256(audio).hexdigest() != sha256:
+        raise BundleError(f"{name[:100]!r} is not what {MANIFEST} declares: its SHA-256 differs")
     return audio
 
 
-def _take(library: CaseLibrary, entry: Mapping[str, Any], audio: bytes, actor: str, batch: str) -> tuple[Case, bool]:
+def _asked(task: str, about: Mapping[str, object], source: Path, limits: BundleLimits, largest: int) -> bytes:
+    """Have the bundle opened in the limited process; raises BundleError."""
+    source.open("rb").close()
+    try:
+        asked = {"path": str(source.absolute()), **about}
+        content, _ = PAPERS.perform(f"casebase.bundle_worker:{task}", asked, asdict(limits), largest)
+    except RefusedError as error:
+        raise BundleError(str(error)) from None
+    except GaveUpError as error:
+        raise BundleError(f"reading the bundle was given up ({error}): split it, or export it again") from error
+    return bytes(content)
+
+
+def _take(library: CaseLibrary, entry: BundledCase, audio: bytes, actor: str, batch: str) -> tuple[Case, bool]:
     """Decode, extract, store and retain one case; whether it is new."""
-    description = _description(entry)
+    description, labelling = entry.recording.description(), entry.labelling(batch)
     stored = library.audio.put(audio)
     path = library.audio.path(stored.sha256)
-    recording = read_recording(path, channel=_whole(entry.get("channel", 0)))
+    recording = read_recording(path, channel=entry.channel)
     extraction = extract(recording, description.condition)
-    labelling = Labelling(batch=batch, **{name: entry[name] for name in CARRIED if entry.get(name) is not None})
     with library.transaction(actor) as session:
         before = library.version(session)
         row = library.store_recording(session, path, recording, extraction, description)
         case = library.retain(session, row, labelling)
         return case, case.library_version > before
-
-
-CARRIED = (
-    "label",
-    "origin",
-    "state",
-    "mechanism",
-    "location",
-    "severity",
-    "parameters",
-    "model_version",
-    "verified_by",
-    "quarantine_reason",
-    "note",
-    "key",
-)
-
-
-def _whole(value: object) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise InvalidRequestError(f"channel must be a whole number from 0, got {value!r}")
-    return value
-
-
-def _description(entry: Mapping[str, Any]) -> RecordingDescription:
-    given = entry["recording"]
-    try:
-        recorded_at = given.get("recorded_at")
-        return RecordingDescription(
-            file_name=str(given.get("file_name", "recording.wav")),
-            media_type=str(given.get("media_type", "audio/wav")),
-            axis=given.get("axis"),
-            gearbox=given.get("gearbox"),
-            condition=condition_of(given),
-            recorded_at=None if recorded_at is None else datetime.fromisoformat(recorded_at),
-            extra=dict(given.get("extra", {})),
-        )
-    except (TypeError, ValueError) as error:
-        raise InvalidRequestError(f"the description of {str(entry['audio'])[:100]!r} is not valid: {error}") from error

@@ -35,6 +35,10 @@ STANDSTILL_S = 60
 """A transaction that writes may think for so long between two statements [s]."""
 
 
+LARGEST_LOG = 16 * 1024 * 1024
+"""Bytes that SQLite's write-ahead log keeps once all of it is in the database; one large transaction may need more."""
+
+
 class FloatVector(TypeDecorator[NDArray[np.float32]]):
     """A vector of finite float32: little-endian BLOB on SQLite, `vector` on PostgreSQL."""
 
@@ -133,6 +137,8 @@ def _sqlite_engine(url: str) -> Engine:
         connection.execute("PRAGMA synchronous=FULL")
         connection.execute("PRAGMA foreign_keys=ON")
         connection.execute("PRAGMA busy_timeout=30000")
+        connection.execute("PRAGMA trusted_schema=OFF")  # a file from elsewhere may bring triggers of its own
+        connection.execute(f"PRAGMA journal_size_limit={LARGEST_LOG}")
 
     @event.listens_for(engine, "begin")
     def begin(connection: Connection) -> None:

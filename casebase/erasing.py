@@ -104,11 +104,14 @@ def _is_case(session: Session, recording_id: str) -> bool:
     return session.scalars(same.where(StoredRecording.file_sha256 == own).limit(1)).first() is not None
 
 
-def discard_left(library: CaseLibrary) -> None:
-    """Delete files that were erased and whose bytes a crash left."""
+def discard_left(library: CaseLibrary, *, remove: bool = True) -> int:
+    """Return how many files were erased whose bytes a crash left, and delete them unless told not to."""
     with library.reading() as session:
         hashes = session.scalars(
             select(StoredRecording.file_sha256).where(StoredRecording.erased_at.is_not(None)).distinct()
         ).all()
-    for sha256 in hashes:
-        library.audio.discard(sha256)
+    left = [sha256 for sha256 in hashes if library.audio.path_of(sha256).is_file()]
+    if remove:
+        for sha256 in left:
+            library.audio.discard(sha256)
+    return len(left)

@@ -29,6 +29,10 @@ class ErasedError(LibraryError):
     """The audio was erased; only what was taken from it is left."""
 
 
+class DamagedError(LibraryError):
+    """What is stored is not what was stored: a disk, or somebody beside us, has changed it."""
+
+
 class InvalidRequestError(LibraryError, ValueError):
     """The request contradicts itself or the library's rules."""
 

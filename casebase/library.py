@@ -1,5 +1,6 @@
 """CaseLibrary: retain, revise, retire, restore; the rows are the truth, the audio lies beside them."""
 
+import os
 from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, replace
@@ -46,6 +47,7 @@ from casebase.models import (
 from casebase.origins import MEASURED, SIMULATED, origin_of
 from casebase.pages import Page, page
 from casebase.plausibility import Expected, measured
+from casebase.private import make_private
 from casebase.recordings import DISCARDED, store_recording
 from casebase.rehearsal import rehearsed
 from casebase.severity import Severity, severity_of
@@ -81,8 +83,13 @@ class CaseLibrary:
 
     @classmethod
     def open(cls, data_dir: Path, url: str | None = None) -> "CaseLibrary":
-        """Open, and create or upgrade where needed; SQLite in the data folder unless a URL is given."""
+        """Open, and create or upgrade where needed; SQLite in the data folder unless a URL is given.
+
+        Folder and files belong to their owner alone, as does whatever this process writes from then on.
+        """
+        os.umask(0o077)
         data_dir.mkdir(parents=True, exist_ok=True)
+        make_private(data_dir)
         engine = create_engine_for(url or sqlite_url(data_dir / "gearcase.db"))
         upgrade_database(engine)
         return cls(engine, data_dir)
@@ -154,13 +161,14 @@ class CaseLibrary:
         Raises:
             ErasedError: if it was erased.
             NotFoundError: if it is missing.
+            DamagedError: if its bytes are not those that came in.
         """
         if row.erased_at is not None:
             raise ErasedError(
                 f"the audio of this recording was erased on {row.erased_at:%Y-%m-%d} by {row.erased_by}; its features, "
                 "diagnoses and cases are still here"
             )
-        return self.audio.path(row.file_sha256)
+        return self.audio.whole(row.file_sha256)
 
     # -- cases
 

@@ -5,20 +5,21 @@ stiffness, damping, backlash and transmission error are felt at the driven gear.
 (a pair of gears turns back in truth; its sign is left out). A linear axis has N, m, kg where this says N m, rad, kg m2.
 """
 
-import json
 import math
-import tomllib
 from collections.abc import Mapping
 from dataclasses import MISSING, dataclass, field, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
+from casebase.signals.documents import parse_document, parse_foreign
 from casebase.signals.errors import TextError
-from casebase.signals.text import text_of
 from sim.errors import AxisError, ParameterError, near_match, number, shown
 from sim.quantities import check_quantities
 
 SCHEMA = "gearcase-axis/1"
+MOST_TABLES = 100
+"""Gear stages, or mechanisms, of one axis."""
+
 Table = TypeVar("Table")
 
 
@@ -300,39 +301,29 @@ def _shares(axis: Axis, key: str) -> tuple[float | None, ...]:
 
 
 def parse_axis(text: bytes | str) -> dict[str, object]:
-    """Return the document in a text, TOML or the same as JSON; no TOML document begins with a brace.
+    """Return the document in a text that came from elsewhere, TOML or the same as JSON, parsed in the limited process.
 
     Raises
     ------
     AxisError
-        saying where the text breaks, nests too deeply, or has what no database could hold (NUL, half a character).
+        saying where the text breaks, nests too deeply, takes too long, or has what no database could hold (NUL, half
+        a character).
 
     >>> parse_axis('{"motor": {"inertia_kg_m2": 0.6}}') == parse_axis("motor.inertia_kg_m2 = 0.6")
     True
     """
     try:
-        text = text_of(text)
+        return parse_foreign(text)
     except TextError as error:
-        raise AxisError(f"this is no TOML and no JSON: {error}") from None
-    kind, read = ("JSON", json.loads) if text.lstrip().startswith("{") else ("TOML", tomllib.loads)
-    if "\0" in text or "\\u0000" in text:
-        raise AxisError("an axis cannot have a NUL character")
-    try:
-        document: dict[str, object] = read(text)
-        json.dumps(document, ensure_ascii=False, default=str).encode()
-    except UnicodeEncodeError:
-        raise AxisError(f"this is no {kind}: a text has half a character, such as \\ud83d without \\ude00") from None
-    except (ValueError, RecursionError) as error:
-        raise AxisError(f"this is no {kind}: {error}") from None
-    return document
+        raise AxisError(str(error)) from None
 
 
 def _parse(path: Path) -> Mapping[str, object]:
     try:
-        return parse_axis(path.read_bytes())
+        return parse_document(path.read_bytes())
     except OSError as error:
         raise AxisError(f"{path.name}: {'no such file' if isinstance(error, FileNotFoundError) else error}") from None
-    except AxisError as error:
+    except TextError as error:
         raise AxisError(f"{path.name}: {error}") from None
 
 
@@ -346,6 +337,8 @@ def _array(document: Mapping[str, object], key: str) -> list[object]:
     value = document.get(key, [])
     if not isinstance(value, list | tuple):
         raise AxisError(f"{key}: must be an array of tables ([[{key}]]), got {type(value).__name__}")
+    if len(value) > MOST_TABLES:
+        raise AxisError(f"{key}: {len(value)} tables; an axis has {MOST_TABLES} at most")
     return list(value)
 
 

@@ -123,6 +123,14 @@ class LiveServer:
         return httpx.Client(base_url=self.url, headers=headers, timeout=60.0, **options)  # type: ignore[arg-type]
 
 
+def sign_in(browser: httpx.Client, key: str, path: str = "/") -> httpx.Response:
+    """Send the sign-in form as a browser does: with the token that it came with."""
+    form = browser.get("/sign-in").text
+    token = re.search(r'name="csrf" value="(\w+)"', form)
+    assert token is not None
+    return browser.post("/sign-in", data={"csrf": token[1], "key": key, "next": path})
+
+
 def started(data_dir: Path, *, worker: bool = False, **environment: str) -> LiveServer:
     """Start a service over a data directory that has no key yet and make a key of each role."""
     data_dir.mkdir(parents=True, exist_ok=True)

@@ -3,6 +3,7 @@
 from typing import Annotated
 
 from fastapi import APIRouter, Depends, Path, Query, Request, Response, status
+from fastapi.concurrency import run_in_threadpool
 from sqlalchemy.orm import Session
 
 from app.documents import CONTINUES, AxisAnswer, Limit, PageOf, page_of
@@ -68,7 +69,7 @@ async def axis_body(request: Request) -> dict[str, object]:
     kind = request.headers.get("content-type", "").split(";")[0].strip().lower()
     if kind not in ("application/toml", "application/json"):
         raise UnsupportedMedia(f"Send application/json or application/toml; this is {kind or 'without content type'}.")
-    return parse_axis(await request.body())
+    return await run_in_threadpool(parse_axis, await request.body())
 
 
 @router.post("/axes", status_code=status.HTTP_201_CREATED, response_model=AxisAnswer, openapi_extra=BODY)

@@ -8,6 +8,7 @@ from sqlalchemy.orm import Session
 
 from app.accept import chosen
 from app.documents import Cursor, DiagnosisAnswer, DiagnosisChange, Filter, Identifier, Limit, PageOf, page_of
+from app.gate import Looking
 from app.idempotency import Made, OnlyOnce
 from app.intake import take_in
 from app.metadata import RecordingMetadata, read_metadata
@@ -72,7 +73,10 @@ def diagnosis(_: Viewer, session: Reading, diagnosis_id: Identifier) -> Diagnosi
 
 
 @router.get(
-    "/diagnoses/{diagnosis_id}/report", response_model=DiagnosisAnswer, responses={200: {"content": {HTML: {}}}}
+    "/diagnoses/{diagnosis_id}/report",
+    response_model=DiagnosisAnswer,
+    responses={200: {"content": {HTML: {}}}},
+    dependencies=[Looking],
 )
 def report(_: Viewer, session: Reading, service: TheService, diagnosis_id: Identifier, request: Request) -> Response:
     """The diagnosis to read and to file: one HTML page that works offline, or JSON, by `Accept`."""

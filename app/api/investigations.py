@@ -4,7 +4,6 @@ import math
 from collections.abc import Mapping
 
 from fastapi import APIRouter, Request, Response, status
-from fastapi.responses import HTMLResponse
 from pydantic import AwareDatetime, BaseModel, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -14,11 +13,12 @@ from app.api.jobs import JobDocument
 from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf, page_of
 from app.errors import Unprocessable
 from app.idempotency import Made, OnlyOnce
-from app.investigations import KIND, Measured, accept, document_of, get_investigation, state_of, submit
+from app.investigations import KIND, Measured, accept, document_of, get_investigation, state_of, submit, take_in
 from app.location import location
 from app.security import Admin, Operator, Viewer
 from app.service import Reading, Service, TheService
 from app.uploads import TheUpload, Upload
+from app.web.self_contained import self_contained
 from casebase.axes import get_axis
 from casebase.models import StoredInvestigation
 from casebase.pages import page
@@ -27,7 +27,6 @@ from sim.axis import Axis, parse_axis, read_axis
 router = APIRouter(tags=["investigations"])
 PARTS = ("axis", "telemetry", "sound", "as_new", "sound_offset_s")
 HTML, JSON = "text/html", "application/json"
-REPORT_POLICY = "default-src 'none'; style-src 'unsafe-inline'; img-src data:; frame-ancestors 'self'"
 BINARY = {"type": "string", "format": "binary"}
 BODY = {
     "requestBody": {
@@ -125,9 +124,15 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
     telemetry, sounds, as_new = (
         tuple(Measured(file.path, file.name) for file in upload.all_of(name)) for name in PARTS[1:4]
     )
+    hashes = [(name, file.sha256) for name in PARTS for file in upload.all_of(name)]
+    content = (axis.to_mapping(), hashes, offset)
+    kept = once.replay(*content)
+    if kept is not None:
+        return kept
+    question = take_in(service.library, axis, telemetry, sounds, offset, as_new)
 
     def work(session: Session) -> Made:
-        row = submit(service.library, session, axis, telemetry, sounds, offset, as_new)
+        row = submit(session, question)
         actor = once.principal.actor
         job = service.jobs.order(session, KIND, {"investigation_id": row.id}, job_id=row.id, submitted_by=actor)
         location = str(request.url_for("get_job", job_id=job.id).path)
@@ -135,8 +140,7 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
         answer = InvestigationJob(**document, investigation_id=row.id)
         return Made(answer, location, status=status.HTTP_202_ACCEPTED)
 
-    hashes = [(name, file.sha256) for name in PARTS for file in upload.all_of(name)]
-    return once.run(work, axis.to_mapping(), hashes, offset)
+    return once.run(work, *content)
 
 
 def axis_of(service: Service, upload: Upload) -> Axis:
@@ -200,7 +204,7 @@ def investigation_report(
     document = InvestigationDocument.model_validate(_document(service, row))
     if chosen(request.headers.get("accept"), (HTML, JSON)) == JSON:
         return Response(document.model_dump_json(), media_type=JSON, headers={"Vary": "Accept"})
-    return HTMLResponse(row.report or "", headers={"Vary": "Accept", "Content-Security-Policy": REPORT_POLICY})
+    return self_contained(row.report or "", "'self'", Vary="Accept")
 
 
 def _document(service: Service, row: StoredInvestigation) -> Mapping[str, object]:

@@ -1,10 +1,11 @@
 """Jobs: how far they are, live over server-sent events, cancelled and resumed."""
 
-from collections.abc import Iterator
+from collections.abc import AsyncIterator
 from datetime import datetime
 from typing import Annotated, Any
 
 from fastapi import APIRouter, Depends, Header, Path, Query
+from fastapi.concurrency import run_in_threadpool
 from fastapi.sse import EventSourceResponse, ServerSentEvent
 from pydantic import BaseModel, ConfigDict
 
@@ -72,20 +73,20 @@ def list_jobs(jobs: TheJobs, _: Operator, limit: Limit = 50, cursor: After = Non
 
 
 @router.get("/jobs/{job_id}/events", summary="What happens to a job, live", response_class=EventSourceResponse)
-def job_events(
+async def job_events(
     _: Operator,  # first: who may not ask does not learn which jobs there are
     job: Existing,
     jobs: TheJobs,
     service: TheService,
     last_event_id: Annotated[int | None, Header(alias="Last-Event-ID", ge=0, le=2**31 - 1)] = None,
-) -> Iterator[ServerSentEvent]:
+) -> AsyncIterator[ServerSentEvent]:
     """Every `progress` event has a number; a client that comes back with the last one it saw misses none.
 
     The stream ends with an `end` event that holds the job as `GET /jobs/{id}` gives it; without one, when the service
     stops.
     """
     after = -1 if last_event_id is None else last_event_id
-    for event in jobs.events(job.id, after=after, patience_s=PATIENCE_S):
+    async for event in service.job_feed.follow(job.id, after=after, patience_s=PATIENCE_S):
         if service.stopping.is_set():
             return
         if event is None:
@@ -93,7 +94,7 @@ def job_events(
             continue
         document = ProgressDocument.model_validate(event.progress)
         yield ServerSentEvent(event="progress", id=str(event.number), data=document)
-    yield ServerSentEvent(event="end", data=JobDocument.of(jobs.get(job.id)))
+    yield ServerSentEvent(event="end", data=JobDocument.of(await run_in_threadpool(jobs.get, job.id)))
 
 
 @router.get("/jobs/{job_id}", summary="A job and how far it is")

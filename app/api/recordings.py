@@ -16,6 +16,7 @@ from app.accept import chosen
 from app.conditional import IfNoneMatch, has_already, not_modified
 from app.documents import Answer, ErasedAnswer, Identifier, RecordingAnswer
 from app.errors import NotFound, RangeNotSatisfiable
+from app.gate import Looking
 from app.intake import media_type_of
 from app.security import Admin, Viewer
 from app.service import Reading, Service, TheService
@@ -49,7 +50,7 @@ def erase_recording(admin: Admin, service: TheService, request: Request, recordi
     """
     with service.library.transaction(admin.actor, request.scope["request_id"]) as session:
         done = erasing.erase(service.library, session, recording_id)
-    views.decoded.cache_clear()
+    views.forget()
     return ErasedAnswer.model_validate(done)
 
 
@@ -144,53 +145,59 @@ def _bytes(path: Path, start: int, end: int) -> Iterator[bytes]:
             yield block
 
 
+def shown(service: Service, row: StoredRecording, view: views.View, kind: str = JSON, **headers: str) -> Response:
+    """Answer what a recording looks like, as it was computed before where that is kept."""
+    path = service.library.audio_path(row)
+    content = views.kept((path, row.channel, row.unit, view), lambda: view.of(decoded(service, row)))
+    return Response(content, headers={**UNTIL_ERASED, **headers}, media_type=kind)
+
+
 def decoded(service: Service, row: StoredRecording) -> Recording:
     return replace(views.decoded(service.library.audio_path(row), row.channel), unit=row.unit)
 
 
-@router.get("/waveform")
+@router.get("/waveform", response_model=views.Waveform, dependencies=[Looking])
 def waveform(
     _: Viewer,
     session: Reading,
     service: TheService,
     recording_id: Identifier,
-    response: Response,
     points: Annotated[int, Query(ge=10, le=200_000)] = 2000,
-) -> views.Waveform:
+) -> Response:
     """Lowest and highest sample of each of `points` intervals."""
-    response.headers.update(UNTIL_ERASED)
-    return views.waveform(decoded(service, service.library.recording(session, recording_id)), points)
+    return shown(service, service.library.recording(session, recording_id), views.WaveformOf(points))
 
 
-@router.get("/spectrum")
+@router.get("/spectrum", response_model=views.Spectrum, dependencies=[Looking])
 def spectrum(
     _: Viewer,
     session: Reading,
     service: TheService,
     recording_id: Identifier,
-    response: Response,
     resolution_hz: Annotated[float, Query(ge=0.1, le=1000)] = 2.0,
-) -> views.Spectrum:
+) -> Response:
     """Averaged power spectrum."""
-    response.headers.update(UNTIL_ERASED)
-    return views.spectrum(decoded(service, service.library.recording(session, recording_id)), resolution_hz)
+    return shown(service, service.library.recording(session, recording_id), views.SpectrumOf(resolution_hz))
 
 
-@router.get("/crest")
+@router.get("/crest", response_model=views.CrestFactor, dependencies=[Looking])
 def crest(
     _: Viewer,
     session: Reading,
     service: TheService,
     recording_id: Identifier,
-    response: Response,
     window_s: Annotated[float, Query(ge=0.01, le=60)] = 0.5,
-) -> views.CrestFactor:
+) -> Response:
     """Crest factor of the whole and over time, beside RMS and peak."""
-    response.headers.update(UNTIL_ERASED)
-    return views.crest(decoded(service, service.library.recording(session, recording_id)), window_s)
+    return shown(service, service.library.recording(session, recording_id), views.CrestFactorOf(window_s))
 
 
-@router.get("/spectrogram", response_model=views.Spectrogram, responses={200: {"content": {PNG: {}}}})
+@router.get(
+    "/spectrogram",
+    response_model=views.Spectrogram,
+    responses={200: {"content": {PNG: {}}}},
+    dependencies=[Looking],
+)
 def spectrogram(
     _: Viewer,
     session: Reading,
@@ -202,11 +209,8 @@ def spectrogram(
 ) -> Response:
     """Level over time and frequency: a PNG by default, numbers for `Accept: application/json`."""
     kind = chosen(request.headers.get("accept", "*/*"), (PNG, JSON))
-    recording = decoded(service, service.library.recording(session, recording_id))
-    headers = {**UNTIL_ERASED, "Vary": "Accept"}
-    if kind == JSON:
-        return Response(views.spectrogram(recording, columns).model_dump_json(), headers=headers, media_type=JSON)
-    return Response(views.spectrogram_png(recording, columns, dark=theme == "dark"), headers=headers, media_type=PNG)
+    view = views.SpectrogramOf(columns) if kind == JSON else views.PictureOf(columns, dark=theme == "dark")
+    return shown(service, service.library.recording(session, recording_id), view, kind, Vary="Accept")
 
 
 class Feature(BaseModel):

@@ -4,6 +4,7 @@ import os
 import shutil
 from collections.abc import Callable, Iterator
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Annotated
 
 import typer
@@ -13,14 +14,17 @@ from sqlalchemy.orm import Session
 from app.api.health import FREE_BYTES
 from app.cli import FAILURE
 from app.commands.frame import frame_of
+from app.investigations import PARTS, files_of
 from app.keys import Role
+from app.leftovers import leftovers
 from casebase.audio_store import sha256_of
 from casebase.errors import NotFoundError
 from casebase.library import CaseLibrary
-from casebase.models import ApiKey, StoredRecording
+from casebase.models import ApiKey, StoredInvestigation, StoredRecording
 from casebase.renewal import count_left_behind, count_outdated
 from casebase.signals.decode import warm_up
 from casebase.signals.errors import DecoderUnavailableError
+from casebase.soundness import RESTORE, faults_of
 
 
 @dataclass(frozen=True)
@@ -44,8 +48,11 @@ def doctor(
     """Check this installation and say what to do; ends with 1 if something is wrong."""
     frame = frame_of(context)
     with frame.library() as library, library.reading() as session:
-        findings = [each for check in CHECKS for each in check(library, session)]
-        findings += _audio(library, session, thorough)
+        findings = [_database(library, thorough)]
+        if findings[0].fault is None:
+            findings += [each for check in CHECKS for each in check(library, session)]
+            findings += _audio(library, session, thorough)
+            findings.append(_leftovers(library, session, frame.settings.incoming))
     if json:
         frame.print_json([asdict(finding) for finding in findings])
     else:
@@ -54,6 +61,31 @@ def doctor(
             if finding.fault:
                 frame.print(f"       {finding.fault}")
     raise typer.Exit(FAILURE if any(finding.fault for finding in findings) else 0)
+
+
+def _database(library: CaseLibrary, thorough: bool) -> Finding:
+    faults = faults_of(library.engine, thorough=thorough)
+    if faults:
+        return Finding("database", f"is damaged: {'; '.join(faults)}", RESTORE)
+    if library.engine.dialect.name != "sqlite":
+        return Finding("database", "PostgreSQL checks its pages itself, where data checksums are switched on")
+    checked = "tables and indexes are whole" if thorough else "its pages are whole (for its indexes see --thorough)"
+    return Finding("database", checked)
+
+
+def _leftovers(library: CaseLibrary, session: Session, incoming: Path) -> Finding:
+    """Of processes that were killed; and audio without a row, of requests that were refused after it was kept."""
+    known = set(session.scalars(select(StoredRecording.file_sha256)))
+    for inputs in session.scalars(select(StoredInvestigation.inputs)):
+        known |= {str(file["sha256"]) for part in PARTS for file in files_of(inputs, part)}
+    unspoken = [library.audio.path_of(sha256) for sha256 in library.audio.hashes() if sha256 not in known]
+    size = sum(path.stat().st_size for path in unspoken)
+    left = leftovers(library, incoming, remove=False)
+    return Finding(
+        "leftovers",
+        f"{left} that the next start of the service removes, {len(unspoken)} files of audio that no row speaks of "
+        f"({size >> 20} MiB)",
+    )
 
 
 def _folder(library: CaseLibrary, _: Session) -> Iterator[Finding]:
@@ -108,7 +140,7 @@ def _audio(library: CaseLibrary, session: Session, thorough: bool) -> Iterator[F
             continue
         number += 1
         try:
-            path = library.audio_path(row)
+            path = library.audio.path(row.file_sha256)
         except NotFoundError:
             missing.append(row.id)
             continue

@@ -6,14 +6,16 @@ from sqlalchemy.exc import OperationalError
 
 from app.cli import BAD_INPUT, FAILURE
 from app.job import JobError, JobFailedError
-from casebase.errors import LibraryError
+from casebase.errors import DamagedError, LibraryError
 from casebase.signals.errors import DecoderUnavailableError, SignalError
+from casebase.soundness import RESTORE, is_damaged
 from sim.errors import RunError, SimulationError
 
 CODES: dict[type[Exception], int] = {
     StatusProblem: BAD_INPUT,
     ValidationError: BAD_INPUT,
     LibraryError: BAD_INPUT,
+    DamagedError: FAILURE,
     JobError: BAD_INPUT,
     JobFailedError: FAILURE,
     DecoderUnavailableError: FAILURE,
@@ -29,6 +31,8 @@ CODES: dict[type[Exception], int] = {
 
 def exit_code(error: Exception) -> int | None:
     """Return the exit code of an expected error, or None for a fault of the program."""
+    if is_damaged(error):
+        return FAILURE
     return next((CODES[cls] for cls in type(error).__mro__ if cls in CODES), None)
 
 
@@ -38,6 +42,8 @@ def sentence(error: Exception) -> str:
         return error.detail or error.title
     if isinstance(error, ValidationError):
         return "; ".join(f"{'.'.join(map(str, each['loc']))}: {each['msg']}" for each in error.errors())
+    if is_damaged(error):
+        return f"the database is damaged. {RESTORE}"
     if isinstance(error, OperationalError):
         return f"the database does not answer: {error.orig}"
     if isinstance(error, FileNotFoundError) and error.filename is not None:

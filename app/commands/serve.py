@@ -18,6 +18,8 @@ from app.main import create_app
 from app.metrics import Metrics
 from app.process import leave
 from app.service import Service
+from casebase.errors import DamagedError
+from casebase.soundness import RESTORE, cut_logs, faults_of
 
 STOPPING_S = 4
 """Requests under way are given so long; the service ends within 5 s, who runs containers kills after 10."""
@@ -33,15 +35,23 @@ def serve(
     port: Annotated[int, typer.Option(min=0, max=65535, help="0 takes any that is free")] = 8000,
     worker: Annotated[bool, typer.Option(help="run a worker for jobs beside the service")] = True,
     proxies: Annotated[
-        str, typer.Option(help="addresses of proxies whose X-Forwarded headers are believed")
-    ] = "127.0.0.1",
+        str, typer.Option(help="addresses of proxies whose X-Forwarded headers are believed; none by default")
+    ] = "",
 ) -> None:
     """Serve the API and the pages; prints the address to open and, on the first start, the admin key."""
-    frame = frame_of(context)
-    listening = _listen(host, port)
+    with _listen(host, port) as listening:
+        _serve(frame_of(context), listening, worker=worker, proxies=proxies)
+    leave(again=False)
+
+
+def _serve(frame: Frame, listening: socket.socket, *, worker: bool, proxies: str) -> None:
     service = Service.open(frame.settings, Metrics())
     try:
+        faults = faults_of(service.library.engine)
+        if faults:
+            raise DamagedError(f"the database is damaged ({faults[0]}). {RESTORE}")
         service.tidy()
+        cut_logs(frame.settings.data_dir)
         frame.renew(service.library)
         first = _first_key(service)
         configure_logs()
@@ -51,8 +61,8 @@ def serve(
             backlog=BACKLOG,
             access_log=False,
             log_config=None,
-            proxy_headers=True,
-            forwarded_allow_ips=proxies,
+            proxy_headers=bool(proxies),
+            forwarded_allow_ips=proxies or "127.0.0.1",
             server_header=False,
             timeout_graceful_shutdown=STOPPING_S,
             h11_max_incomplete_event_size=64 * 1024,
@@ -63,8 +73,6 @@ def serve(
             Announced(config, frame, service, first).run(sockets=[listening])
     finally:
         service.close()
-        listening.close()
-    leave(again=False)
 
 
 def _stopped(_number: int, _frame: object) -> None:

@@ -8,8 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from casebase.signals.decode_pool import POOL
-from casebase.signals.errors import BrokenAudioError, NotAudioError
+from casebase.signals.errors import (
+    BrokenAudioError,
+    ChannelError,
+    NotAudioError,
+    RecordingTooLargeError,
+    SignalError,
+)
+from casebase.signals.limited_pool import SOUNDS, GaveUpError, OutOfMemoryError, RefusedError
 from casebase.signals.recording import SHORTEST_S, Recording, Source
 
 
@@ -43,6 +49,13 @@ class DecodeLimits:
 
 
 LIMITS = DecodeLimits()
+TASK = "casebase.signals.decode_worker:decode"
+ERRORS: Mapping[str, type[SignalError]] = {
+    "not_audio": NotAudioError,
+    "broken": BrokenAudioError,
+    "channel": ChannelError,
+    "too_large": RecordingTooLargeError,
+}
 
 
 def read_recording(path: Path, *, channel: int | None = None, limits: DecodeLimits = LIMITS) -> Recording:
@@ -66,8 +79,7 @@ def read_recording(path: Path, *, channel: int | None = None, limits: DecodeLimi
     if not path.is_file():
         raise NotAudioError(f"{path.name} is no regular file; send a sound file")
     path.open("rb").close()
-    with POOL.worker() as worker:
-        content, result = worker.decode(path, channel, asdict(limits))
+    content, result = _decoded(path, channel, limits)
     samples = np.frombuffer(content, dtype="<f4").astype(np.float32, copy=False)
     rate_hz, used, source = float(result["rate_hz"]), int(result["channel"]), source_of(result)
     shortest = int(np.ceil(limits.shortest_s * rate_hz))
@@ -81,6 +93,23 @@ def read_recording(path: Path, *, channel: int | None = None, limits: DecodeLimi
         advice = f"channel {source.loudest} carries sound, use that" if used in source.dead else "check the microphone"
         raise BrokenAudioError(f"channel {used} is silent: every sample is {samples[0]:g}; {advice}")
     return recording
+
+
+def _decoded(path: Path, channel: int | None, limits: DecodeLimits) -> tuple[bytearray, Mapping[str, Any]]:
+    asked = {"path": str(path.absolute()), "channel": channel}
+    try:
+        return SOUNDS.perform(TASK, asked, asdict(limits), 4 * limits.samples)
+    except RefusedError as refused:
+        raise ERRORS[refused.kind](str(refused)) from None
+    except OutOfMemoryError:
+        raise RecordingTooLargeError(
+            f"decoding needs more than {limits.memory_bytes >> 20} MiB of memory; send fewer channels or a "
+            "shorter piece"
+        ) from None
+    except GaveUpError as error:
+        raise BrokenAudioError(
+            f"the decoder gave up on the file ({error}); export it again, for example as WAV"
+        ) from error
 
 
 def source_of(result: Mapping[str, Any]) -> Source:
@@ -105,5 +134,5 @@ def warm_up() -> None:
     Raises:
         DecoderUnavailableError: if it cannot be started.
     """
-    with POOL.worker():
+    with SOUNDS.worker():
         pass

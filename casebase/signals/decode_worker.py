@@ -1,19 +1,12 @@
-"""The decoding worker: a program of its own that reads audio files under limits and trusts none of them.
-
-It is started as a plain subprocess by `casebase.signals.decode_pool` and speaks over pipes: one JSON line per file
-in; out come blocks, each a kind byte and a length (uint32, little-endian) before its bytes: `S` samples (float32),
-then one `R` result or `E` error (JSON). `H` says that it is up.
+"""Audio files, read in the limited process.
 
 WAV is read here, what FFmpeg knows by PyAV, the rest by libsndfile.
 """
 
 import contextlib
-import json
 import os
 import re
-import resource
 import struct
-import sys
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import datetime
@@ -24,6 +17,7 @@ import soundfile
 from numpy.typing import NDArray
 
 from casebase.signals import live_channel, recorder_tags, wav
+from casebase.signals.limited_worker import RefusedError, Send
 
 BLOCK_BYTES = 1 << 20
 BLOCK_SAMPLES = 1 << 18
@@ -117,14 +111,6 @@ MAGIC = {
 }
 
 
-class RefusedError(Exception):
-    """A file that is refused; `kind` names the error class on the other side."""
-
-    def __init__(self, kind: str, message: str) -> None:
-        super().__init__(message)
-        self.kind = kind
-
-
 class UnknownError(Exception):
     """A decoder does not know the file; the text is its reason."""
 
@@ -192,23 +178,8 @@ class Found:
         return missing_s if missing_s > max(self.slack_s, 0.5 / self.rate_hz) else 0.0
 
 
-def confine() -> None:
-    """Give up what decoding does not need: writing files, core dumps, many open files."""
-    resource.setrlimit(resource.RLIMIT_FSIZE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-    resource.setrlimit(resource.RLIMIT_NOFILE, (16, 16))
-
-
-def allow(memory_bytes: int, cpu_seconds: float) -> None:
-    """Allow this much address space, and this much processor time from now on."""
-    used = resource.getrusage(resource.RUSAGE_SELF)
-    until = int(used.ru_utime + used.ru_stime + cpu_seconds) + 1
-    resource.setrlimit(resource.RLIMIT_CPU, (until, resource.RLIM_INFINITY))
-    resource.setrlimit(resource.RLIMIT_AS, (memory_bytes, resource.RLIM_INFINITY))
-
-
-def decode(request: Mapping[str, Any], limits: Mapping[str, float], out: BinaryIO) -> None:
-    """Decode one file; send the samples of one channel, then the result."""
+def decode(request: Mapping[str, Any], limits: Mapping[str, float], send: Send) -> Mapping[str, Any]:
+    """Task: decode one file; send the samples of one channel (float32), return what the file says of its sound."""
     with open(str(request["path"]), "rb", buffering=0) as file:
         found = read(file, limits)
     asked = request["channel"]
@@ -225,8 +196,8 @@ def decode(request: Mapping[str, Any], limits: Mapping[str, float], out: BinaryI
         live = {"dead": heard.dead, "loudest": heard.loudest, "below_db": heard.below_db}
     for block in found.blocks:
         for start in range(0, len(block), BLOCK_SAMPLES):
-            send(out, b"S", np.ascontiguousarray(block[start : start + BLOCK_SAMPLES, channel]).data)
-    result = {
+            send(np.ascontiguousarray(block[start : start + BLOCK_SAMPLES, channel]).data)
+    return {
         "rate_hz": found.rate_hz,
         "channel": channel,
         "channels": found.channels,
@@ -238,7 +209,6 @@ def decode(request: Mapping[str, Any], limits: Mapping[str, float], out: BinaryI
         "device": found.device,
         **live,
     }
-    send(out, b"R", json.dumps(result).encode())
 
 
 def read(file: BinaryIO, limits: Mapping[str, float]) -> Found:
@@ -463,34 +433,3 @@ def read_with_libsndfile(file: BinaryIO, limits: Mapping[str, float]) -> Found:
 def reason_of(error: Exception) -> str:
     """What a decoder says of a file, without the place where it lies."""
     return str(getattr(error, "strerror", None) or "decoding stopped")
-
-
-def send(out: BinaryIO, kind: bytes, content: bytes | memoryview) -> None:
-    """Write one block."""
-    length = content.nbytes if isinstance(content, memoryview) else len(content)
-    out.write(kind + struct.pack("<I", length))
-    out.write(content)
-    out.flush()
-
-
-def main() -> None:
-    """Serve requests until standard input ends."""
-    confine()
-    requests, out = sys.stdin.buffer, sys.stdout.buffer
-    send(out, b"H", b"")
-    while line := requests.readline():
-        request = json.loads(line)
-        limits = request["limits"]
-        allow(int(limits["memory_bytes"]), limits["cpu_seconds"])
-        try:
-            decode(request, limits, out)
-        except RefusedError as refused:
-            send(out, b"E", json.dumps({"kind": refused.kind, "message": str(refused)}).encode())
-        except MemoryError:
-            message = f"decoding needs more than {limits['memory_bytes'] >> 20} MiB of memory"
-            send(out, b"E", json.dumps({"kind": "too_large", "message": message}).encode())
-
-
-if __name__ == "__main__":
-    with contextlib.suppress(BrokenPipeError, KeyboardInterrupt):
-        main()

@@ -1,21 +1,17 @@
 """Telemetry: named channels of an axis over one clock."""
 
-from __future__ import annotations
-
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
 from types import MappingProxyType
-from typing import TYPE_CHECKING
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from casebase.signals.errors import TelemetryError
-
-if TYPE_CHECKING:
-    import pyarrow as pa
+from casebase.signals.limited_pool import PAPERS, GaveUpError, RefusedError
 
 CHANNELS: Mapping[str, str] = MappingProxyType(
     {
@@ -33,6 +29,9 @@ CHANNELS: Mapping[str, str] = MappingProxyType(
 
 MINIMUM_ROWS = 100
 LARGEST_LOST_SHARE = 0.1
+MOST_COLUMNS = 10_000
+LONGEST_NAME = 200
+"""Characters of a column's name that are kept where it is no channel."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -84,96 +83,72 @@ class Telemetry:
         return {name: CHANNELS[name] for name in self.channels}
 
 
-def read_telemetry(path: Path) -> Telemetry:
-    """Read a CSV or Parquet table with a header and a column `time_s`.
+@dataclass(frozen=True)
+class TelemetryLimits:
+    """What reading one table may cost and yield.
+
+    Args:
+        seconds: time on the clock [s].
+        cpu_seconds: processor time [s].
+        memory_bytes: address space of the process that reads [byte].
+        cells: values of time and known channels together [1]; as many as the largest upload holds uncompressed.
+    """
+
+    seconds: float = 60.0
+    cpu_seconds: float = 30.0
+    memory_bytes: int = 1 << 30
+    cells: int = (200 << 20) // 8
+
+
+LIMITS = TelemetryLimits()
+TASK = "casebase.signals.telemetry_worker:read"
+
+
+def read_telemetry(path: Path, limits: TelemetryLimits = LIMITS) -> Telemetry:
+    """Read a CSV or Parquet table with a header and a column `time_s`, in the limited process.
 
     Missing values (empty cells or NaN) become `lost` samples, filled along a straight line, as long as
     they are few. Columns that are no known channel are not looked at, and named in `ignored`.
 
     Raises:
         TelemetryError: if the table cannot be read; `time_s` or every known channel is missing, or stands
-            twice; the clock has missing values or does not run forwards; there are fewer than 100 rows; a
-            value is infinite or no number; or more than a tenth of a channel is missing.
+            twice; the clock has missing values or does not run forwards; there are fewer than 100 rows or more
+            than the limits allow; a value is infinite or no number; more than a tenth of a channel is missing;
+            or reading takes more time or memory than the limits allow.
+        DecoderUnavailableError: if the limited process cannot be started.
     """
-    from casebase.signals.formats import READERS  # pyarrow is slow to import, and who only hears needs none
+    content, found = _read(path, limits, send=True)
+    rows, names = int(found["rows"]), list(found["channels"])
+    buffer, place = memoryview(content), 0
 
-    table = READERS[_format(path)](path)
-    table = table.rename_columns([name.strip().lstrip("\ufeff") for name in table.column_names])
-    if "time_s" not in table.column_names:
-        raise TelemetryError(f"no column time_s (time in seconds) in the table; it has {_listed(table.column_names)}")
-    known = [name for name in CHANNELS if name in table.column_names]
-    if not known:
-        raise TelemetryError(
-            f"no known channel in the table; it has {_listed(table.column_names)}, "
-            f"and would need one of {_listed(CHANNELS)}"
-        )
-    time_s = _numbers(table, "time_s")
-    _check_clock(time_s)
+    def taken(kind: type[np.generic]) -> NDArray[Any]:
+        nonlocal place
+        width = rows * np.dtype(kind).itemsize
+        place += width
+        return np.frombuffer(buffer[place - width : place], dtype=kind)
+
+    time_s = taken(np.float64)
     channels, lost = {}, {}
-    for name in known:
-        channels[name], missing = _filled(name, time_s, _numbers(table, name))
-        if missing is not None:
-            lost[name] = missing
-    ignored = tuple(name for name in table.column_names if name != "time_s" and name not in CHANNELS)
-    return Telemetry(time_s, MappingProxyType(channels), MappingProxyType(lost), ignored)
+    for name in names:
+        channels[name] = taken(np.float64)
+        if name in found["lost"]:
+            lost[name] = taken(np.bool_)
+    return Telemetry(time_s, MappingProxyType(channels), MappingProxyType(lost), tuple(found["ignored"]))
 
 
-def _format(path: Path) -> str:
-    with path.open("rb") as file:
-        start = file.read(4)
-    if not start:
-        raise TelemetryError("the telemetry file is empty; a CSV or Parquet table with a header is needed")
-    return "parquet" if start == b"PAR1" else "csv"
+def check_telemetry(path: Path, limits: TelemetryLimits = LIMITS) -> None:
+    """Read a table as `read_telemetry` does, and raise what that raises, without taking its values in."""
+    _read(path, limits, send=False)
 
 
-def _numbers(table: pa.Table, name: str) -> NDArray[np.float64]:
-    if table.column_names.count(name) > 1:
-        raise TelemetryError(f"the column {name} stands twice in the table; one of them must go")
-    import pyarrow as pa
-
-    column = table.column(name)
+def _read(path: Path, limits: TelemetryLimits, *, send: bool) -> tuple[bytearray, Mapping[str, Any]]:
+    path.open("rb").close()
+    largest = MOST_COLUMNS * (12 * LONGEST_NAME + 4) + (9 * limits.cells if send else 0)
     try:
-        values = column.cast(pa.float64()).to_numpy()
-    except pa.ArrowException as error:
-        raise TelemetryError(f"the column {name} holds something that is no number: {error}") from error
-    return np.array(values, dtype=np.float64)
-
-
-def _listed(names: Iterable[str]) -> str:
-    names = list(names)
-    shown = [name if len(name) <= 40 else name[:40] + "..." for name in names[:12]]
-    return ", ".join(shown) + (", ..." if len(names) > 12 else "")
-
-
-def _check_clock(time_s: NDArray[np.float64]) -> None:
-    if time_s.size < MINIMUM_ROWS:
-        raise TelemetryError(f"{time_s.size} rows are too few to say anything; at least {MINIMUM_ROWS} are needed")
-    broken = np.flatnonzero(~np.isfinite(time_s))
-    if broken.size:
-        raise TelemetryError(f"time_s is missing or not finite in row {broken[0] + 1}; every row needs its time")
-    backwards = np.flatnonzero(np.diff(time_s) <= 0)
-    if backwards.size:
-        row = int(backwards[0]) + 1
+        return PAPERS.perform(TASK, {"path": str(path.absolute()), "send": send}, asdict(limits), largest)
+    except RefusedError as refused:
+        raise TelemetryError(str(refused)) from None
+    except GaveUpError as error:
         raise TelemetryError(
-            f"time_s does not run forwards: {time_s[row - 1]:.9g} s in row {row}, then {time_s[row]:.9g} s "
-            f"({backwards.size} such places); sort the rows and remove doubles"
-        )
-
-
-def _filled(
-    name: str, time_s: NDArray[np.float64], values: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.bool_] | None]:
-    infinite = np.flatnonzero(np.isinf(values))
-    if infinite.size:
-        raise TelemetryError(f"{name} is infinite in row {infinite[0] + 1}; every value must be a finite number")
-    missing = np.isnan(values)
-    count = int(np.count_nonzero(missing))
-    if count == 0:
-        return values, None
-    if count > LARGEST_LOST_SHARE * values.size:
-        raise TelemetryError(
-            f"{name} is missing or NaN in {count} of {values.size} rows; at most a tenth may be missing, "
-            "or leave the column out"
-        )
-    whole = ~missing
-    return np.interp(time_s, time_s[whole], values[whole]), missing
+            f"reading the table was given up ({error}); export it again, with the known channels alone"
+        ) from error

@@ -12,14 +12,14 @@ import httpx
 from fastapi import FastAPI
 from structlog.testing import capture_logs
 
+from app.gate import Gate
 from app.job import Job, JobNotFoundError, Progress
 from app.keys import Role, create_key
 from app.main import create_app
 from app.metrics import Metrics
-from app.security import COOKIE, csrf_token
+from app.security import COOKIE, FORM_COOKIE, csrf_token
 from app.service import Service
 from app.settings import settings_of
-from app.uploads import Gate
 from casebase.models import new_id, now
 from casebase.pages import Page
 
@@ -42,10 +42,11 @@ class Inside:
         return self._sent(method, path, {"Authorization": f"Bearer {self.key}"}, options)
 
     def browse(self, method: str, path: str, **options: Any) -> httpx.Response:
-        """Ask as a browser does: wants HTML, has the cookie and, for a form, the token of its page."""
+        """Ask as a browser does: wants HTML, has the cookies and, for a form, the token of its page."""
         if "data" in options:
             options["data"] = {"csrf": self.token, **options["data"]}
-        return self._sent(method, path, {"Accept": "text/html", "Cookie": f"{COOKIE}={self.key}"}, options)
+        cookies = f"{COOKIE}={self.key}; {FORM_COOKIE}={self.key}"  # alike, so that one token is that of any form
+        return self._sent(method, path, {"Accept": "text/html", "Cookie": cookies}, options)
 
     def anonymous(self, method: str, path: str, **options: Any) -> httpx.Response:
         """Ask as a browser without a key does."""
@@ -70,7 +71,7 @@ def inside(data_dir: Path) -> Iterator[Inside]:
     with service.library.transaction("test") as session:
         _, key = create_key(session, name="test", role=Role.ADMIN)
     app = create_app(service=service)
-    app.state.service, app.state.gate = service, Gate(service.settings)
+    app.state.service, app.state.gate, app.state.looking = service, Gate(4, 4), Gate(1, 1)
     with capture_logs():  # tracebacks drawn for people take seconds each
         yield Inside(app, service, key)
     service.close()

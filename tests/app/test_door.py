@@ -24,7 +24,7 @@ from tests.app.wire import (
     settled,
     status,
 )
-from tests.live import LiveServer, started
+from tests.live import LiveServer, sign_in, started
 
 MEBIBYTE = 1024 * 1024
 WHOLE = 200 * MEBIBYTE
@@ -137,7 +137,7 @@ def test_upload_beyond_its_limit_is_413_as_soon_as_it_is_said(server: LiveServer
 def test_sign_in_takes_a_key_and_little_else(server: LiveServer) -> None:
     with server.client(None) as browser:
         key = server.keys["viewer"]
-        assert browser.post("/sign-in", data={"key": key}).status_code == 303
+        assert sign_in(browser, key).status_code == 303
         too_long = browser.post(
             "/sign-in", data={"key": key, "next": "/" + "x" * 10_000}, headers={"Accept": "text/html"}
         )

@@ -9,7 +9,7 @@ import pytest
 from tests.app.sounds import hum, sound, wav
 from tests.app.test_cases import add
 from tests.app.test_command_line import gearcase
-from tests.live import LiveServer
+from tests.live import LiveServer, sign_in
 
 SHOWN = ("audio", "waveform", "spectrum", "spectrogram", "crest")
 
@@ -53,7 +53,7 @@ def test_reports_and_pages_are_shown_without_the_sound(admin: httpx.Client, live
     given = diagnosed(admin, sound(903, impacts=True))
     case = add(admin, sound(904, impacts=True), label="notch").json()
     browser = httpx.Client(base_url=live_server.url, follow_redirects=True, timeout=120)
-    browser.post("/sign-in", data={"key": live_server.keys["admin"]}).raise_for_status()
+    sign_in(browser, live_server.keys["admin"]).raise_for_status()
     for path, recording in (
         (f"/diagnoses/{given['id']}", given["recording"]["id"]),  # type: ignore[index]
         (f"/cases/{case['id']}", case["recording"]["id"]),

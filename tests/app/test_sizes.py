@@ -1,14 +1,18 @@
 """The size of a fault comes from cases of the recording's own axis and origin, or is not said; one function says it."""
 
 import json
+import math
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 import pytest
+from pydantic import ValidationError
 
+from app.documents import CaseChange
 from app.intake import take_in
 from app.metadata import CaseMetadata
+from casebase.bundle_entry import BundledCase
 from casebase.severity import FEWEST
 from casebase.signals.decode import read_recording
 from casebase.signals.features import extract
@@ -95,3 +99,16 @@ def test_a_label_without_a_size_is_refused(service: Inside) -> None:
     described = data.parent / f"{OWN}.toml"
     done = gearcase("size", data.parent / "notch.wav", "--axis", described, "--label", "normal", data_dir=data)
     assert (done.code, "play, notch have one" in done.stderr) == (2, True)
+
+
+@pytest.mark.parametrize("size", [0.0, -1e-3, 1e10, math.nan])
+def test_a_size_is_held_to_one_rule_whichever_way_it_comes(size: float) -> None:
+    in_a_bundle = {"audio": "a", "sha256": "0" * 64, "recording": {}, "label": "notch"}
+    for model, told in (
+        (CaseMetadata, {"label": "notch", "size_rad": size}),
+        (CaseChange, {"severity": size}),
+        (BundledCase, {**in_a_bundle, "severity": size}),
+    ):
+        with pytest.raises(ValidationError, match=r"size_rad|severity"):
+            model.model_validate(told)
+    assert BundledCase.model_validate({**in_a_bundle, "severity": 1e-3}).labelling("b").severity == 1e-3

@@ -19,19 +19,20 @@ import traceback
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
+from importlib import import_module
 from pathlib import Path
 from typing import Any
 
 import httpx
 import structlog
 
+from app.gate import Gate
 from app.job import Json
 from app.main import create_app
 from app.metrics import Metrics
 from app.security import COOKIE, csrf_token
 from app.service import Service
 from app.settings import Settings
-from app.uploads import Gate
 from tests import postgres
 from tests.chaos.orders import AXIS, ORDERS, PAGES, Known, Options, counts, fill, ghosts
 from tests.chaos.points import CrashPoint
@@ -114,7 +115,7 @@ def apart(settings: Settings, work: Work, *, tidy: bool = True) -> Ended:
 def asked(service: Service, known: Known, path: str, options: Options, point: CrashPoint | None = None) -> Any:
     """Send a request, of a page where it has a form of one; its status, headers and JSON."""
     app = APP
-    app.state.service, app.state.gate = service, Gate(service.settings)
+    app.state.service, app.state.gate, app.state.looking = service, Gate(4, 4), Gate(1, 1)
     headers = {"Authorization": f"Bearer {known.key}", "Idempotency-Key": "once"}
     if not path.startswith("/api/"):
         headers = {"Accept": "text/html", "Cookie": f"{COOKIE}={known.key}"}
@@ -297,7 +298,12 @@ def expected(name: str, at: int, of: int) -> list[Any]:
 
 
 def warm_up() -> None:
-    """Have the routes put together; the threads of it end with its loop."""
+    """Load what every process would load for itself, and have the routes put together.
+
+    The threads of it end with its loop.
+    """
+    for name in ("dbos", "scipy.stats"):
+        import_module(name)
     structlog.configure(wrapper_class=structlog.make_filtering_bound_logger(logging.CRITICAL))
 
     async def run() -> None:

@@ -4,8 +4,6 @@ import json
 import subprocess
 import sys
 
-import pytest
-
 from app.main import ROUTERS
 from tests.chaos.orders import MAKES_NOTHING, ORDERS
 
@@ -21,10 +19,10 @@ def test_every_post_has_its_crash_points() -> None:
     assert posts == {name.partition(" ")[0] for name in ORDERS} | set(MAKES_NOTHING)
 
 
-@pytest.mark.parametrize("database", ["sqlite", pytest.param("postgresql", marks=pytest.mark.postgres)])
-def test_orders_of_jobs_are_done_once_wherever_they_were_killed(database: str) -> None:
+def test_orders_of_jobs_are_done_once_wherever_they_were_killed() -> None:
+    """On SQLite; `make chaos` has PostgreSQL too."""
     names = ["/simulations", "/investigations", "engine: resume"]
-    command = [sys.executable, "-m", "tests.chaos", "crash-points", "--json", "--database", database, "--most", "3"]
+    command = [sys.executable, "-m", "tests.chaos", "crash-points", "--json", "--database", "sqlite", "--most", "2"]
     done = subprocess.run([*command, "--only", *names], capture_output=True, text=True, check=False)
     assert (done.returncode, json.loads(done.stdout.splitlines()[-1])) == (0, []), done.stderr[-3000:]
-    assert done.stdout.count("   3 of") == len(names)
+    assert done.stdout.count("   2 of") == len(names)

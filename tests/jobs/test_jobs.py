@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
+from types import SimpleNamespace
 
 import psycopg
 import pytest
@@ -233,6 +234,12 @@ def test_history_is_complete_and_can_be_entered_anywhere(place: Place) -> None:
     assert len(live) > 2
     assert list(place.jobs.events(job_id, after=1)) == live[2:]
     assert list(place.jobs.events(job_id, after=live[-1].number)) == []
+
+
+def test_who_has_no_patience_does_not_wait_for_the_engine(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One thread looks after all jobs that somebody listens to."""
+    monkeypatch.setattr("app.jobs.time", SimpleNamespace(sleep=pytest.fail))
+    assert next(place.jobs.events(place.submit(1, 0.0), patience_s=0.0)) is None
 
 
 def test_what_cannot_be(place: Place) -> None:

@@ -17,8 +17,8 @@ from pathlib import Path
 import numpy as np
 
 from casebase.signals.decode import LIMITS, read_recording
-from casebase.signals.decode_pool import POOL
 from casebase.signals.errors import BrokenAudioError, DecoderUnavailableError, SignalError
+from casebase.signals.limited_pool import SOUNDS
 from tests.signals.encoded import seeds
 
 SIZES = (0, 1, 2, 7, 0x7F, 0xFF, 0x7FFF, 0xFFFF, 0x7FFFFFFF, 0x80000000, 0xFFFFFFF0, 0xFFFFFFFE, 0xFFFFFFFF)
@@ -105,7 +105,7 @@ def fuzz(files: int, seed: int, folder: Path, *, show: int = 0) -> Tally:
 
 def peak_bytes() -> int:
     """The most memory that the decoder's process had so far [byte]; 0 where there is no /proc."""
-    with POOL.worker() as worker:
+    with SOUNDS.worker() as worker:
         status = Path(f"/proc/{worker.process.pid}/status")
         if not status.exists():
             return 0

@@ -8,7 +8,7 @@ import pytest
 from pyarrow import parquet
 
 from casebase.signals.errors import TelemetryError
-from casebase.signals.telemetry import CHANNELS, read_telemetry
+from casebase.signals.telemetry import CHANNELS, MOST_COLUMNS, TelemetryLimits, check_telemetry, read_telemetry
 from tests.shared_data import shared
 
 ROWS = 400
@@ -108,6 +108,38 @@ def test_what_is_no_telemetry_is_refused(tmp_path: Path, content: bytes, words: 
     path.write_bytes(content)
     with pytest.raises(TelemetryError, match=words):
         read_telemetry(path)
+
+
+@pytest.mark.parametrize("kind", ["csv", "parquet"])
+def test_only_so_many_values_are_read_and_of_known_columns_alone(tmp_path: Path, kind: str) -> None:
+    path = tmp_path / f"t.{kind}"
+    more = {f"column {number}": [0.5] * ROWS for number in range(20)}
+    if kind == "csv":
+        write_csv(path, columns(**more))
+    else:
+        parquet.write_table(pa.table(columns(**more)), path)
+    assert read_telemetry(path, TelemetryLimits(cells=2 * ROWS)).ignored == tuple(more)
+    for read in (read_telemetry, check_telemetry):
+        with pytest.raises(TelemetryError, match="at most 799 values are read"):
+            read(path, TelemetryLimits(cells=2 * ROWS - 1))
+
+
+def test_a_table_of_more_columns_than_any_log_has_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "t.csv"
+    path.write_text("time_s,motor_torque_nm," + ",".join(map(str, range(MOST_COLUMNS))) + "\n")
+    with pytest.raises(TelemetryError, match="10002 columns"):
+        read_telemetry(path)
+
+
+def test_reading_that_takes_too_long_or_too_much_is_given_up_and_the_next_is_not(tmp_path: Path) -> None:
+    path = write_csv(tmp_path / "t.csv", columns())
+    for limits, words in (
+        (TelemetryLimits(seconds=0.0), "more time than allowed"),
+        (TelemetryLimits(memory_bytes=1 << 20), "given up"),
+    ):
+        with pytest.raises(TelemetryError, match=words):
+            read_telemetry(path, limits)
+        assert read_telemetry(path).rows == ROWS
 
 
 def test_measured_telemetry_is_read() -> None:

@@ -131,6 +131,12 @@ def test_text_that_is_no_toml(tmp_path: Path) -> None:
         ("name = 'a\0'", "NUL"),
         ("a = " + "9" * 5000, "no TOML"),
         (b"name = '\xff'", "no TOML and no JSON"),
+        ('{"a": ' * 17 + "1" + "}" * 17, "more than 16 deep"),
+        ("a = " + "[" * 17 + "]" * 17, "more than 16 deep"),
+        ("x" * 201 + " = 1", "a key of 201 characters"),
+        ("a = [" + "1," * 20_001 + "]", "more than 20000 values"),
+        ("a = 0x" + "f" * 1000, "more than 400 digits"),
+        ("a" * (1 << 20) + " = 1", "bytes"),
     ],
 )
 def test_a_hostile_text_is_refused_in_words(text: str | bytes, words: str) -> None:

@@ -7,7 +7,7 @@ from urllib.parse import urljoin, urlsplit
 import httpx
 import pytest
 
-from tests.live import LiveServer, started
+from tests.live import LiveServer, sign_in, started
 from tests.web.conftest import COOKIE, KNOWN, Site, fill
 from tests.web.reading import Markup
 
@@ -83,6 +83,6 @@ def test_cookie_and_redirects_stay_under_the_path(proxied: LiveServer) -> None:
         client.headers["Accept"] = "text/html"
         away = client.get("/library")
         assert away.headers["location"] == f"{PREFIX}/sign-in?next=%2Flibrary"
-        back = client.post("/sign-in", data={"key": proxied.keys["viewer"], "next": "/library"})
+        back = sign_in(client, proxied.keys["viewer"], "/library")
         assert back.headers["location"] == f"{PREFIX}/library"
         assert f"path={PREFIX}/" in back.headers["set-cookie"].lower()

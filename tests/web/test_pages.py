@@ -11,7 +11,7 @@ from playwright.sync_api import expect
 
 from app.security import csrf_token
 from tests.app.sounds import sound, wav
-from tests.live import gearcase
+from tests.live import gearcase, sign_in
 from tests.signals.synthetic import disturbed
 from tests.web.conftest import Site, Tab, browsing, parts, settle
 from tests.web.reading import Markup
@@ -157,7 +157,7 @@ def test_forms_need_the_token(site: Site) -> None:
 
 def test_cookie_is_hidden_from_scripts(site: Site) -> None:
     with browsing(site, None) as client:
-        answer = client.post("/sign-in", data={"key": site.server.keys["viewer"], "next": "//elsewhere.example/"})
+        answer = sign_in(client, site.server.keys["viewer"], "//elsewhere.example/")
     assert answer.headers["location"] == "/"
     cookie = answer.headers["set-cookie"].lower()
     assert "httponly" in cookie

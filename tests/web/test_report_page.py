@@ -4,8 +4,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, Page
+from playwright.sync_api import Browser, Page, Route
 
+from app.web.self_contained import self_contained
 from sim.axis import read_axis
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.report import html_report
@@ -13,6 +14,9 @@ from tests.discrepancy.telemetry_of import one_body, swing
 
 SMALLEST = """[...document.querySelectorAll("svg text")].map(
     one => parseFloat(getComputedStyle(one).fontSize) * Math.hypot(one.getScreenCTM().a, one.getScreenCTM().b))"""
+LOOKS = """[...document.querySelectorAll("h1, svg *")].map(one => {
+    const look = getComputedStyle(one);
+    return ["fill", "stroke", "strokeWidth", "fontSize", "textAnchor", "color"].map(name => look[name]).join(" ")})"""
 INKS = """[...document.querySelectorAll("svg text")].map(one => getComputedStyle(one).fill)"""
 
 
@@ -50,3 +54,33 @@ def test_plots_follow_the_colours_of_the_page(browser: Browser, report: str) -> 
         page, _ = shown(browser, report, 1200, color_scheme=scheme)
         assert set(page.evaluate(INKS)) == {page.evaluate("getComputedStyle(document.body).color")}
         page.context.close()
+
+
+@pytest.mark.browser
+def test_the_policy_lets_its_own_styles_in_and_no_other(browser: Browser, report: str) -> None:
+    """It looks as the file does, where the policy is not there; a style that somebody added is refused."""
+    answer = self_contained(report)
+    assert "unsafe" not in answer.headers["content-security-policy"]
+    evil = bytes(answer.body).decode().replace("</body>", "<style>h1{color:red}</style></body>")
+    plain, _ = looked_at(browser, report, {})
+    allowed, told = looked_at(browser, evil, {"content-security-policy": answer.headers["content-security-policy"]})
+    assert plain == allowed
+    assert len(plain) > 50
+    assert len([text for text in told if "Content Security Policy" in text]) == 1
+
+
+def looked_at(browser: Browser, body: str, headers: dict[str, str]) -> tuple[list[str], list[str]]:
+    """How the parts of a page look that is served with these headers, and what the browser says of it."""
+
+    def serve(route: Route) -> None:
+        route.fulfill(body=body, headers={**headers, "content-type": "text/html; charset=utf-8"})
+
+    context = browser.new_context()
+    page = context.new_page()
+    told: list[str] = []
+    page.on("console", lambda message: told.append(message.text))
+    page.route("http://report.example/", serve)
+    page.goto("http://report.example/")
+    looks: list[str] = page.evaluate(LOOKS)
+    context.close()
+    return looks, told

@@ -8,6 +8,7 @@ from fastapi.responses import RedirectResponse, Response
 from sqlalchemy import select
 
 from app.errors import Unprocessable
+from app.gate import Looking
 from app.intake import take_in
 from app.metadata import RecordingMetadata, read_metadata
 from app.security import Principal, check_csrf
@@ -107,7 +108,7 @@ def _number(label: str, text: str) -> float:
         ) from None
 
 
-@router.get("/diagnoses/{diagnosis_id}")
+@router.get("/diagnoses/{diagnosis_id}", dependencies=[Looking])
 def one(
     request: Request,
     session: Reading,
@@ -189,14 +190,14 @@ def retain(service: TheService, principal: PageAdmin, diagnosis_id: str) -> Resp
     return RedirectResponse(f"{root_of(service)}/cases/{case_id}", status_code=303)
 
 
-@router.get("/diagnoses/{diagnosis_id}/report.html")
+@router.get("/diagnoses/{diagnosis_id}/report.html", dependencies=[Looking])
 def report_html(session: Reading, service: TheService, _: PageViewer, diagnosis_id: str) -> Response:
     """One file that needs no network."""
     page = diagnosis_html(view_of(session, service, get_diagnosis(session, diagnosis_id)), service.settings.time_zone)
     return _download(page.encode(), "text/html; charset=utf-8", f"diagnosis-{diagnosis_id}.html")
 
 
-@router.get("/diagnoses/{diagnosis_id}/report.pdf")
+@router.get("/diagnoses/{diagnosis_id}/report.pdf", dependencies=[Looking])
 def report_pdf(session: Reading, service: TheService, _: PageViewer, diagnosis_id: str) -> Response:
     """The same on paper."""
     pages = diagnosis_pdf(view_of(session, service, get_diagnosis(session, diagnosis_id)), service.settings.time_zone)

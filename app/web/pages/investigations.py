@@ -4,16 +4,17 @@ from typing import Any
 from urllib.parse import quote
 
 from fastapi import APIRouter, Request
-from fastapi.responses import HTMLResponse, JSONResponse, RedirectResponse, Response
+from fastapi.responses import JSONResponse, RedirectResponse, Response
 from sqlalchemy import select
 
-from app.api.investigations import REPORT_POLICY, axis_of
+from app.api.investigations import axis_of
 from app.api.recordings import UNCHANGING
 from app.errors import Unprocessable
-from app.investigations import KIND, Measured, accept, document_of, get_investigation, submit
+from app.investigations import KIND, Measured, accept, document_of, get_investigation, submit, take_in
 from app.security import check_csrf
 from app.service import Reading, TheJobs, TheService
 from app.uploads import TheUpload
+from app.web.self_contained import self_contained
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
 from app.web.story import Part, candidates_of, panel_of, panels_of
 from app.web.templating import render
@@ -59,8 +60,9 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
         tuple(Measured(file.path, file.name) for file in upload.all_of(name) if file.size)
         for name in ("telemetry", "sound", "as_new")
     )
+    question = take_in(service.library, axis, telemetry, sounds, as_new=as_new)
     with service.library.transaction(principal.actor) as session:
-        row = submit(service.library, session, axis, telemetry, sounds, as_new=as_new)
+        row = submit(session, question)
         identity = row.id
         jobs.order(session, KIND, {"investigation_id": identity}, job_id=identity, submitted_by=principal.actor)
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/jobs/{identity}", status_code=303)
@@ -100,9 +102,7 @@ def report(session: Reading, _: PageViewer, investigation_id: str) -> Response:
     """The report with all plots, as one file."""
     row = get_investigation(session, investigation_id)
     document_of(row)
-    return HTMLResponse(
-        row.report or "", headers={"Content-Security-Policy": REPORT_POLICY, "X-Frame-Options": "SAMEORIGIN"}
-    )
+    return self_contained(row.report or "", "'self'", **{"X-Frame-Options": "SAMEORIGIN"})
 
 
 @router.post("/{investigation_id}/accept", dependencies=[FromOurPage])

@@ -10,6 +10,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from app.errors import Unprocessable
+from app.gate import Looking
 from app.intake import take_in
 from app.metadata import CaseMetadata, read_metadata
 from app.security import check_csrf
@@ -165,7 +166,7 @@ def covered(session: Session) -> list[tuple[str, str, int, int, int]]:
     ]
 
 
-@router.get("/cases/{case_id}")
+@router.get("/cases/{case_id}", dependencies=[Looking])
 def case(request: Request, session: Reading, service: TheService, principal: PageViewer, case_id: str) -> Response:
     """One case: what it sounds like, where it comes from, what happened to it."""
     row = service.library.case(session, case_id)

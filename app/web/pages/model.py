@@ -18,11 +18,13 @@ from sqlalchemy.orm import Session
 
 from app import views
 from app.errors import Unprocessable
-from app.service import Reading, Service, TheService
+from app.gate import Looking
+from app.service import Service, TheService
 from app.web.charts import Chart
 from app.web.session import PageViewer
 from app.web.svg import Band, Series
 from app.web.templating import render
+from app.web.trial import Trial, simulate
 from casebase.axes import get_axis
 from casebase.description import condition_of
 from casebase.models import Case, StoredRecording
@@ -30,17 +32,13 @@ from casebase.origins import SIMULATED, simulated
 from casebase.signals.analysis import Analysis
 from casebase.signals.crest import crest_factor, root_mean_square
 from casebase.signals.recording import Recording
-from sim.axis import Axis, MechanismEntry, read_axis
-from sim.scenario import Scenario, with_motion
-from sim.sound import SAMPLE_RATE_HZ, Microphone, Mode
-from sim.specimen import Specimen
+from sim.axis import read_axis
+from sim.sound import SAMPLE_RATE_HZ
 
 router = APIRouter(prefix="/axes")
-SHOWN_S = 8.0
 RESOLUTION_HZ = 4.0
 SHOWN_RECORDINGS = 50
 LEVEL = "level, rms [dB re own RMS²]"
-DEFAULT_MODES = (Mode(320.0, 0.04, 1.0), Mode(900.0, 0.03, 0.6), Mode(1700.0, 0.03, 0.4))
 
 
 @dataclass(frozen=True)
@@ -67,30 +65,32 @@ SLIDERS = (
 )
 
 
-@router.get("/{name}/try")
+@router.get("/{name}/try", dependencies=[Looking])
 def try_parameters(
     request: Request,
-    session: Reading,
     service: TheService,
     principal: PageViewer,
     name: str,
     recording: Annotated[str, Query(max_length=32)] = "",
 ) -> Response:
     """Simulate the axis with the parameters of the query, beside a recording of it: measured, or a simulated case."""
-    axis = read_axis(get_axis(session, name).document)
+    with service.library.reading() as session:
+        axis = read_axis(get_axis(session, name).document)
+        rows = _recordings(session, name)
+        known = simulated(session, rows)
     if not axis.stages:
         raise Unprocessable(
             f"The axis {name!r} has no gear stage, so it has no teeth whose sound could be simulated. Describe its "
             "gears in [[stages]] and add it again: POST /api/v1/axes."
         )
     values = {slider.name: _value(request, slider) for slider in SLIDERS}
-    rows = _recordings(session, name)
     row = next((one for one in rows if one.id == recording), rows[0] if rows else None)
-    known = simulated(session, rows)
     origins = {one.id: "simulated case" if one.id in known else "measured" for one in rows}
     compared = compared_of(service, row, origins[row.id]) if row else None
     began = perf_counter()
-    tried = heard("simulated now", simulate(axis, values, row, compared.period_s if compared else None))
+    payload, speed = (row.payload_kg_m2, row.speed_rad_s) if row else (None, None)
+    samples = simulate(Trial(axis, values, payload, speed, compared.period_s if compared else None))
+    tried = heard("simulated now", Recording(samples, SAMPLE_RATE_HZ, channel=0, channels=1))
     took_ms = 1000 * (perf_counter() - began)
     sounds = [tried, compared] if compared else [tried]
     context = {
@@ -124,38 +124,6 @@ def _recordings(session: Session, axis: str) -> list[StoredRecording]:
     rows = session.scalars(statement.order_by(generated, StoredRecording.id.desc()).limit(SHOWN_RECORDINGS)).all()
     known = simulated(session, rows)
     return sorted(rows, key=lambda row: row.id in known)
-
-
-def simulate(axis: Axis, values: dict[str, float], row: StoredRecording | None, period_s: float | None) -> Recording:
-    """Return the sound of the axis with these parameters, moved as in the recording where that is known."""
-    if row is not None and row.speed_rad_s:
-        axis = with_motion(axis, load_speed_rad_s=row.speed_rad_s)
-    if period_s:
-        axis = with_motion(axis, period_s=period_s)
-    last = axis.stages[-1].name
-    entries = list(axis.mechanisms)
-    if values["gap_mrad"] > 0:
-        entries.append(MechanismEntry("backlash", last, {"gap_rad": values["gap_mrad"] * 1e-3}))
-    if values["notch_mrad"] > 0:
-        parameters = {"depth_rad": values["notch_mrad"] * 1e-3, "angle_rad": 0.0, "flank": 1.0}
-        entries.append(MechanismEntry("tooth_damage", last, parameters))
-    stiffness = axis.stiffness()[-1]
-    if stiffness is not None:
-        stage = replace(axis.stages[-1], stiffness_n_m_per_rad=stiffness * values["stiffness"])
-        axis = replace(axis, stages=(*axis.stages[:-1], stage))
-    scenario = Scenario(
-        axis=replace(axis, mechanisms=tuple(entries)),
-        payload_kg_m2=(row.payload_kg_m2 if row is not None else None) or axis.load.inertia_kg_m2,
-        specimen=Specimen(seed=1, error=values["error"], damping=values["damping"]),
-        microphone=Microphone(
-            modes=DEFAULT_MODES,
-            gain=1e-3,
-            rubbing_n_m=10 ** (values["rubbing_db"] / 20),
-            ambient_n_m=10 ** (values["ambient_db"] / 20),
-        ),
-        duration_s=SHOWN_S,
-    )
-    return Recording(samples=scenario.perform(), sample_rate_hz=SAMPLE_RATE_HZ, channel=0, channels=1)
 
 
 @dataclass(frozen=True)

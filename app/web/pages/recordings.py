@@ -1,5 +1,6 @@
 """Plots and sound of a recording, for pages; the demo recording is open to anybody."""
 
+import json
 import re
 from typing import Annotated, Literal
 
@@ -10,6 +11,7 @@ from sqlalchemy.orm import Session
 from app import views
 from app.api import recordings as api
 from app.errors import Unprocessable
+from app.gate import Looking
 from app.intake import DEMO
 from app.security import Role
 from app.service import Reading, TheService
@@ -55,7 +57,7 @@ def demonstration_wav(session: Reading, service: TheService, _: Visitor) -> Resp
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/recordings/{demo[1]}/sound", status_code=302)
 
 
-@router.get("/plots/{name}")
+@router.get("/plots/{name}", dependencies=[Looking])
 def plot(
     request: Request,
     session: Reading,
@@ -104,11 +106,11 @@ def erase(
         raise Unprocessable("The form must say which page to go back to: /cases/ID or /diagnoses/ID.")
     with service.library.transaction(principal.actor) as session:
         erasing.erase(service.library, session, recording_id)
-    views.decoded.cache_clear()
+    views.forget()
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}{back}", status_code=303)
 
 
-@router.get("/spectrogram.png")
+@router.get("/spectrogram.png", dependencies=[Looking])
 def spectrogram(
     request: Request,
     session: Reading,
@@ -120,6 +122,12 @@ def spectrogram(
     """The spectrogram, drawn here because browsers resample sound."""
     allowed(session, principal, request, recording_id)
     row = service.library.recording(session, recording_id)
-    recording = decoded(service, row)
-    image = spectrogram_png(recording, stretches(surveyed(recording, row)), dark=theme == "dark")
+    path, dark = service.library.audio_path(row), theme == "dark"
+    description = json.dumps(row.description, sort_keys=True)
+
+    def drawn() -> bytes:
+        recording = decoded(service, row)
+        return spectrogram_png(recording, stretches(surveyed(recording, row)), dark=dark)
+
+    image = views.kept((path, row.channel, row.unit, "marked spectrogram", description, dark), drawn)
     return Response(image, headers=api.UNTIL_ERASED, media_type="image/png")

@@ -1,12 +1,13 @@
 """Signing in with a key, and out."""
 
+import secrets
 from typing import Annotated
 
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import RedirectResponse, Response
 
-from app.errors import NotAuthenticated
-from app.security import COOKIE, client_of, principal_of
+from app.errors import Forbidden, NotAuthenticated
+from app.security import COOKIE, FORM_COOKIE, Principal, check_csrf, client_of, csrf_token, principal_of
 from app.service import service_of
 from app.web.session import FromOurPage, PageViewer, Visitor
 from app.web.templating import Message, render
@@ -24,19 +25,30 @@ def _local(path: str) -> str:
 @router.get("/sign-in")
 def sign_in_page(request: Request, principal: Visitor, next: str = "/") -> Response:
     """Ask for a key."""
-    return render(request, "sign_in.html", {"next": _local(next)}, principal=principal)
+    return _form(request, next, principal)
 
 
 @router.post("/sign-in")
-def sign_in(request: Request, key: Annotated[str, Form()], next: Annotated[str, Form()] = "/") -> Response:
-    """Put the key into a cookie that no script can read."""
+def sign_in(
+    request: Request,
+    key: Annotated[str, Form()],
+    next: Annotated[str, Form()] = "/",
+    csrf: Annotated[str, Form()] = "",
+) -> Response:
+    """Put the key into a cookie that no script can read.
+
+    The form's token keeps another site from signing somebody in with a key of its own, to see what is then sent.
+    """
+    if not request.cookies.get(FORM_COOKIE):
+        raise Forbidden("The sign-in form comes with a cookie, which is missing. Open /sign-in and send its form.")
+    check_csrf(request, csrf, FORM_COOKIE)
     service = service_of(request)
     root = service.settings.root_path.rstrip("/")
     try:
         principal = principal_of(service, key.strip(), client_of(request))
     except NotAuthenticated as error:
         notice = Message(str(error.detail), "bad")
-        return render(request, "sign_in.html", {"next": _local(next)}, principal=None, messages=(notice,), status=401)
+        return _form(request, next, None, (notice,), status=401)
     with service.library.transaction(principal.actor) as session:
         audit.record(session, "session.opened", ("key", principal.key_id))
     answer = RedirectResponse(f"{root}{_local(next)}", status_code=303)
@@ -48,6 +60,25 @@ def sign_in(request: Request, key: Annotated[str, Form()], next: Annotated[str, 
         httponly=True,
         samesite="strict",
         secure=service.settings.cookie_secure,
+    )
+    return answer
+
+
+def _form(
+    request: Request, next: str, principal: Principal | None, messages: tuple[Message, ...] = (), status: int = 200
+) -> Response:
+    """Return the form, whose token belongs to a cookie that is made here where there is none."""
+    token = request.cookies.get(FORM_COOKIE) or secrets.token_urlsafe(32)
+    context = {"next": _local(next), "csrf": csrf_token(token)}
+    answer = render(request, "sign_in.html", context, principal=principal, messages=messages, status=status)
+    settings = service_of(request).settings
+    answer.set_cookie(
+        FORM_COOKIE,
+        token,
+        path=f"{settings.root_path.rstrip('/')}/",
+        httponly=True,
+        samesite="strict",
+        secure=settings.cookie_secure,
     )
     return answer
 

@@ -1,15 +1,14 @@
-"""Readers of telemetry tables: one file per format, one line in the catalogue."""
+"""Readers of telemetry tables: one file per format, one line in the catalogue. They run in the limited process."""
 
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
-import pyarrow as pa
+from casebase.signals.formats.comma_separated import open_comma_separated
+from casebase.signals.formats.open_table import OpenTable
+from casebase.signals.formats.parquet import open_parquet
 
-from casebase.signals.formats.comma_separated import read_comma_separated
-from casebase.signals.formats.parquet import read_parquet
-
-READERS: Mapping[str, Callable[[Path], pa.Table]] = {
-    "csv": read_comma_separated,
-    "parquet": read_parquet,
+READERS: Mapping[str, Callable[[Path], OpenTable]] = {
+    "csv": open_comma_separated,
+    "parquet": open_parquet,
 }
 """Format name to reader."""

@@ -1,12 +1,16 @@
 """CSV: UTF-8 or Latin-1, comma, header, decimal point."""
 
 import codecs
+import re
+from collections.abc import Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import pyarrow as pa
 from pyarrow import csv
 
 from casebase.signals.errors import TelemetryError
+from casebase.signals.formats.open_table import OpenTable, Rows
 
 MAGIC = {
     b"RIFF": "a WAV file (a sound)",
@@ -17,9 +21,10 @@ MAGIC = {
 }
 
 BLOCK = 1 << 20
+NO_NUMBER = re.compile(r"In CSV column #(\d+): (?:Row #(\d+): )?CSV conversion error to double: (.*)", re.DOTALL)
 
 
-def read_comma_separated(path: Path) -> pa.Table:
+def open_comma_separated(path: Path) -> OpenTable:
     """Return the table of a CSV file; empty cells are missing values.
 
     Raises:
@@ -32,13 +37,37 @@ def read_comma_separated(path: Path) -> pa.Table:
         raise TelemetryError(
             f"this is {kind}, not a CSV table (UTF-8, comma between columns, a header, decimal point) or Parquet"
         )
+    encoding = "utf8" if _is_utf8(path) else "latin-1"
     try:
-        reading = csv.ReadOptions(encoding="utf8" if _is_utf8(path) else "latin-1")
-        return csv.read_csv(path, read_options=reading, convert_options=csv.ConvertOptions(strings_can_be_null=True))
+        with _opened(path, encoding) as reader:
+            names = tuple(reader.schema.names)
     except (pa.ArrowException, UnicodeDecodeError) as error:
-        raise TelemetryError(
-            f"not a CSV table (UTF-8, comma between columns, a header, decimal point): {error}"
-        ) from error
+        raise _no_table(error) from error
+    return OpenTable(names, partial(_rows, path, encoding, names))
+
+
+def _opened(path: Path, encoding: str, columns: Sequence[str] = ()) -> csv.CSVStreamingReader:
+    reading = csv.ReadOptions(encoding=encoding, block_size=BLOCK, use_threads=False)
+    types = dict.fromkeys(columns, pa.float64())
+    converting = csv.ConvertOptions(strings_can_be_null=True, include_columns=list(columns), column_types=types)
+    return csv.open_csv(path, read_options=reading, convert_options=converting)
+
+
+def _rows(path: Path, encoding: str, names: Sequence[str], wanted: Sequence[str]) -> Iterator[Rows]:
+    try:
+        with _opened(path, encoding, wanted) as reader:
+            for batch in reader:
+                yield tuple(batch.column(name).to_numpy(zero_copy_only=False) for name in wanted)
+    except (pa.ArrowException, UnicodeDecodeError) as error:
+        if match := NO_NUMBER.search(str(error)):
+            where = f" in row {match[2]}" if match[2] else ""
+            column = names[int(match[1])].strip()
+            raise TelemetryError(f"the column {column} holds something that is no number{where}: {match[3]}") from error
+        raise _no_table(error) from error
+
+
+def _no_table(error: Exception) -> TelemetryError:
+    return TelemetryError(f"not a CSV table (UTF-8, comma between columns, a header, decimal point): {error}")
 
 
 def _is_utf8(path: Path) -> bool:

@@ -1,26 +1,44 @@
 """Apache Parquet."""
 
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
+import numpy as np
 import pyarrow as pa
+from numpy.typing import NDArray
 from pyarrow import parquet
 
 from casebase.signals.errors import TelemetryError
+from casebase.signals.formats.open_table import OpenTable, Rows
 
-LARGEST_CELLS = 200_000_000
+ROWS_AT_A_TIME = 1 << 16
 
 
-def read_parquet(path: Path) -> pa.Table:
+def open_parquet(path: Path) -> OpenTable:
     """Return the table of a Parquet file.
 
     Raises:
-        TelemetryError: if it is no such table or unpacks to more than 200 million cells.
+        TelemetryError: if it is no such table.
     """
     try:
-        with parquet.ParquetFile(path) as file:
-            cells = file.metadata.num_rows * file.metadata.num_columns
-            if cells > LARGEST_CELLS:
-                raise TelemetryError(f"the table claims {cells} cells; at most {LARGEST_CELLS} are read")
-            return file.read()
+        file = parquet.ParquetFile(path)
+        names = tuple(file.schema_arrow.names)
     except (pa.ArrowException, OSError) as error:
         raise TelemetryError(f"not a readable Parquet table: {error}") from error
+
+    def rows(wanted: Sequence[str]) -> Iterator[Rows]:
+        try:
+            for batch in file.iter_batches(ROWS_AT_A_TIME, columns=list(wanted), use_threads=False):
+                yield tuple(_numbers(name, batch.column(name)) for name in wanted)
+        except (pa.ArrowException, OSError) as error:
+            raise TelemetryError(f"the Parquet table breaks off: {error}") from error
+
+    return OpenTable(names, rows)
+
+
+def _numbers(name: str, column: pa.Array) -> NDArray[np.float64]:
+    try:
+        numbers: NDArray[np.float64] = column.cast(pa.float64()).to_numpy(zero_copy_only=False)
+    except pa.ArrowException as error:
+        raise TelemetryError(f"the column {name} holds something that is no number: {error}") from error
+    return numbers
