@@ -80,6 +80,11 @@ def place(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Place]:
         yield here
 
 
+ON_SQLITE = pytest.mark.parametrize("place", ["sqlite"], indirect=True)
+ON_POSTGRES = pytest.mark.parametrize("place", [pytest.param("postgres", marks=pytest.mark.postgres)], indirect=True)
+"""What the library's own leases and the engine do alike on both is shown on one, for each costs seconds of waiting."""
+
+
 def test_a_killed_worker_loses_nothing_and_doubles_nothing(place: Place) -> None:
     chance = random.Random(7)
     workers = {"a": place.work("a"), "b": place.work("b")}
@@ -103,6 +108,7 @@ def test_a_killed_worker_loses_nothing_and_doubles_nothing(place: Place) -> None
     assert len(set(place.attempts())) >= 3, "every one that was killed had work in hand"
 
 
+@ON_POSTGRES
 def test_a_worker_takes_over_from_one_that_is_named_and_from_nobody_before(place: Place) -> None:
     lost = place.work("lost")
     job_id = place.submit(8, 0.2)
@@ -120,6 +126,7 @@ def test_a_worker_takes_over_from_one_that_is_named_and_from_nobody_before(place
     assert lost.poll() is None, "one that lost its lease begins anew"
 
 
+@ON_POSTGRES
 def test_a_stopped_worker_gives_back_what_it_holds(place: Place) -> None:
     worker = place.work("polite")
     job_id = place.submit(16, 0.1)
@@ -196,6 +203,7 @@ def test_a_restored_job_goes_on_and_one_that_was_over_is_still_told(postgres_dat
     library.close()
 
 
+@ON_SQLITE
 def test_cancel_then_resume(place: Place) -> None:
     place.work("a")
     job_id = place.submit(20, 0.1)
@@ -215,6 +223,7 @@ def test_cancel_then_resume(place: Place) -> None:
             refused(job_id)
 
 
+@ON_SQLITE
 def test_a_failed_task_fails_the_job_with_its_reason(place: Place) -> None:
     place.work("a")
     job = place.ended(place.submit(30, 0.1, bad=2))
@@ -223,6 +232,7 @@ def test_a_failed_task_fails_the_job_with_its_reason(place: Place) -> None:
     assert len(place.done()) < 29, "the tasks behind it are not run"
 
 
+@ON_POSTGRES
 def test_history_is_complete_and_can_be_entered_anywhere(place: Place) -> None:
     place.work("a")
     job_id = place.submit(12, 0.15)
