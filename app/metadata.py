@@ -1,10 +1,8 @@
 """What is said of a recording when it comes in: one strict document for HTTP, command line and bundles."""
 
-from datetime import UTC, datetime
 from typing import Annotated, Any
 
 from pydantic import (
-    AwareDatetime,
     BaseModel,
     ConfigDict,
     Field,
@@ -18,7 +16,7 @@ from pydantic import (
 
 from app.errors import Unprocessable, validation_problem
 from casebase.description import Labelling
-from casebase.fields import AxisName, Label, Positive, Text, Verification, Word
+from casebase.fields import AxisName, Label, Moment, Positive, Text, Verification, Word
 from casebase.signals.condition import OperatingCondition
 
 SCHEMA = "gearcase-recording/1"
@@ -52,9 +50,7 @@ class RecordingMetadata(BaseModel):
     )
     steady: StrictBool | None = Field(None, description="true: constant speed; false: back and forth")
     temperature_degc: Annotated[FiniteFloat, Field(ge=-100, le=300)] | None = None
-    recorded_at: AwareDatetime | None = Field(
-        None, description="RFC 3339 with an offset, e.g. 2026-11-20T14:03:00+01:00"
-    )
+    recorded_at: Moment | None = Field(None, description="RFC 3339 with an offset, e.g. 2026-11-20T14:03:00+01:00")
     verified_by: Verification | None = Field(None, description="how the label was verified, e.g. gearbox opened")
     notes: Text | None = None
 
@@ -63,16 +59,6 @@ class RecordingMetadata(BaseModel):
     def _only_text(cls, value: object) -> object:
         if value is not None and not isinstance(value, str):
             raise ValueError("must be text like 2026-11-20T14:03:00+01:00")
-        return value
-
-    @field_validator("recorded_at")
-    @classmethod
-    def _representable(cls, value: datetime | None) -> datetime | None:
-        if value is not None:
-            try:
-                value.astimezone(UTC)
-            except OverflowError:
-                raise ValueError("lies outside the years 1 to 9999 in UTC") from None
         return value
 
     @field_validator("reversal_times_s")

@@ -1,10 +1,8 @@
 """One case of a bundle, as its manifest says it: held to the same rules as a case that comes over HTTP."""
 
-from datetime import UTC, datetime
 from typing import Annotated, Literal
 
 from pydantic import (
-    AwareDatetime,
     BaseModel,
     ConfigDict,
     Field,
@@ -13,11 +11,10 @@ from pydantic import (
     StrictBool,
     StrictInt,
     StringConstraints,
-    field_validator,
 )
 
 from casebase.description import Labelling, RecordingDescription
-from casebase.fields import AxisName, FileName, Label, Positive, Short, Text, Verification, Word
+from casebase.fields import AxisName, FileName, Label, Moment, Positive, Short, Text, Verification, Word
 from casebase.signals.condition import OperatingCondition
 
 Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
@@ -49,18 +46,8 @@ class BundledRecording(BaseModel):
     axis: AxisName | None = None
     gearbox: Word | None = None
     condition: BundledCondition = BundledCondition()
-    recorded_at: AwareDatetime | None = None
+    recorded_at: Moment | None = None
     extra: Annotated[dict[Word, JsonValue], Field(max_length=200)] = {}
-
-    @field_validator("recorded_at")
-    @classmethod
-    def _representable(cls, value: datetime | None) -> datetime | None:
-        if value is not None:
-            try:
-                value.astimezone(UTC)
-            except OverflowError:
-                raise ValueError("lies outside the years 1 to 9999 in UTC") from None
-        return value
 
     def description(self) -> RecordingDescription:
         """The description that the library keeps. Raises ConditionError."""

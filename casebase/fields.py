@@ -1,8 +1,9 @@
 """What the texts and numbers of a description may be: the same over HTTP, on the command line and in bundles."""
 
+from datetime import UTC, datetime
 from typing import Annotated
 
-from pydantic import AfterValidator, Field, FiniteFloat, StringConstraints
+from pydantic import AfterValidator, AwareDatetime, Field, FiniteFloat, StringConstraints
 
 from casebase.description import check_name
 from casebase.errors import InvalidRequestError
@@ -39,5 +40,17 @@ AxisName = Annotated[
     AfterValidator(_name),
     Field(json_schema_extra={"pattern": rf"^[^/{CONTROL}]+$"}),
 ]
+
+
+def _representable(value: datetime) -> datetime:
+    try:
+        value.astimezone(UTC)
+    except OverflowError:
+        raise ValueError("lies outside the years 1 to 9999 in UTC") from None
+    return value
+
+
+Moment = Annotated[AwareDatetime, AfterValidator(_representable)]
+"""A time with an offset that can be told in UTC."""
 Label = Annotated[str, StringConstraints(pattern=r"^[a-z][a-z0-9_.-]{0,99}$")]
 Positive = Annotated[FiniteFloat, Field(ge=1e-9, le=1e9)]

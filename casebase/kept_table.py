@@ -18,6 +18,7 @@ from sqlalchemy import delete, func, select
 from sqlalchemy.orm import Session
 
 from casebase.artifacts import add_artifact, list_artifacts
+from casebase.audio_store import sync_folder
 from casebase.case_table import CaseTable
 from casebase.models import Artifact, Case, new_id
 
@@ -69,7 +70,7 @@ def write_table(folder: Path, table: CaseTable) -> dict[str, object]:
         file.flush()
         os.fsync(file.fileno())
     (folder / UNFINISHED).replace(folder / name)
-    _flush(folder)
+    sync_folder(folder)
     return {
         "format": FORMAT,
         "file": name,
@@ -79,15 +80,6 @@ def write_table(folder: Path, table: CaseTable) -> dict[str, object]:
         "names": list(table.names),
         "columns": columns,
     }
-
-
-def _flush(folder: Path) -> None:
-    """Make the names in a folder last through a power cut."""
-    descriptor = os.open(folder, os.O_RDONLY)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def name_table(session: Session, extractor_version: str, document: Mapping[str, object]) -> None:
