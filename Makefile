@@ -86,6 +86,7 @@ chaos: setup
 	$(BIN)/python -m tests.chaos crash-points --minutes 25
 	$(BIN)/python -m tests.chaos kills --minutes 20
 	$(BIN)/python -m tests.chaos machines
+	$(BIN)/python -m tests.chaos backups
 
 # wrong inputs of every kind, then ten minutes of mixed load: half an hour on two cores
 bombs: setup

@@ -10,7 +10,7 @@ import signal
 import threading
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -28,7 +28,7 @@ from tests.live import LiveServer, started
 CLIENTS = 3
 CASES_OF_A_SIMULATION = 2
 KINDS: dict[str, Callable[[int], Options]] = {
-    "cases": lambda seed: upload(seed, label="normal", gearbox=f"g{seed}"),
+    "cases": lambda seed: upload(seed, label=("normal", "notch")[seed % 2], gearbox=f"g{seed % 5}"),
     "diagnoses": lambda seed: upload(seed),
     "simulations": lambda seed: simulation(seed, CASES_OF_A_SIMULATION),
     "investigations": lambda seed: investigation(1.0 + seed / 1e6),
@@ -44,6 +44,7 @@ class Load:
 
     server: LiveServer
     seed: int
+    kinds: Sequence[str] = OFTEN
     stop: threading.Event = field(default_factory=threading.Event)
     acknowledged: dict[str, tuple[str, str]] = field(default_factory=dict)
     """By key: the kind, and where it is."""
@@ -56,7 +57,7 @@ class Load:
         count = 0
         while not self.stop.is_set():
             count += 1
-            kind, key = chance.choice(OFTEN), f"{number}-{count}"
+            kind, key = chance.choice(self.kinds), f"{number}-{count}"
             self._until_acknowledged(kind, key, KINDS[kind](1 + 100_000 * number + count), headers)
 
     def _until_acknowledged(self, kind: str, key: str, options: Options, headers: dict[str, str]) -> None:

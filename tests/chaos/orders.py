@@ -70,7 +70,8 @@ def telemetry(size: float = 1.0) -> bytes:
 
 
 def upload(seed: int, **metadata: str) -> Options:
-    return {"files": {"file": (f"{seed}.wav", sound(seed, seconds=2.0))}, "data": {"metadata": json.dumps(metadata)}}
+    content = sound(seed, seconds=2.0, impacts=metadata.get("label") == "notch")
+    return {"files": {"file": (f"{seed}.wav", content)}, "data": {"metadata": json.dumps(metadata)}}
 
 
 def investigation(size: float = 1.0) -> Options:

@@ -1,6 +1,5 @@
 """The libraries of the field, made once and never changed by a test."""
 
-import shutil
 from pathlib import Path
 
 import pytest
@@ -24,24 +23,17 @@ def measured(folder_of_libraries: Path) -> Library:
 
 
 @pytest.fixture(scope="session")
-def unlearned_starter(folder_of_libraries: Path) -> Path:
-    """The 90 simulated cases of the starter."""
-    shared("data", "axis_recordings")
-    add_starter(folder_of_libraries / "simulated")
-    return folder_of_libraries / "simulated"
-
-
-@pytest.fixture(scope="session")
-def starter_and_measured(folder_of_libraries: Path, unlearned_starter: Path) -> Library:
-    """M+S: the starter, then the 24 recordings."""
-    data_dir = Path(shutil.copytree(unlearned_starter, folder_of_libraries / "M+S"))
-    add_measured(data_dir)
+def starter_and_measured(folder_of_libraries: Path, measured: Library) -> Library:
+    """M+S: the 24 recordings and the starter."""
+    data_dir = measured.copied(folder_of_libraries / "with_starter").data_dir
+    add_starter(data_dir)
+    keep_learned(data_dir)
     return Library("M+S", data_dir)
 
 
 @pytest.fixture(scope="session")
-def starter(folder_of_libraries: Path, unlearned_starter: Path) -> Library:
-    """S: the starter alone."""
-    data_dir = Path(shutil.copytree(unlearned_starter, folder_of_libraries / "S"))
-    keep_learned(data_dir)
-    return Library("S", data_dir)
+def starter(folder_of_libraries: Path) -> Library:
+    """S: the 90 simulated cases of the starter alone."""
+    add_starter(folder_of_libraries / "S")
+    keep_learned(folder_of_libraries / "S")
+    return Library("S", folder_of_libraries / "S")
