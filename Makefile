@@ -43,7 +43,7 @@ test: setup
 	$(MAKE) --no-print-directory --jobs 2 check suite
 
 suite: setup
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder
 
 check: setup
 	$(BIN)/ruff check .

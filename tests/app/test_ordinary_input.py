@@ -59,6 +59,8 @@ ODD = (
     *("x" * 5000, int(BIG), -int(BIG), float("inf"), float("nan"), -1, 0, True, None, [], {}, [int(BIG)]),
     *({"\ud800": 1}, {"a": "\udc00"}, {"\0": {}}),
 )  # fmt: skip
+PART = 4
+"""One in so many of the odd values at each place, others at the next."""
 
 
 @pytest.fixture(scope="module")
@@ -140,7 +142,7 @@ def send_json(service: Inside, known: dict[str, str], route: tuple[str, str], bo
     check(service, service.ask(method, API + path.format(**known), content=text, headers=headers), text[:300])
 
 
-@settings(max_examples=250, deadline=None)
+@settings(max_examples=120, deadline=None)
 @given(st.sampled_from(JSON_PLACES), VALUES)
 def test_any_value_anywhere_in_json(
     service: Inside, known: dict[str, str], place: tuple[tuple[str, str], tuple[str | int, ...]], value: object
@@ -150,9 +152,10 @@ def test_any_value_anywhere_in_json(
 
 
 @pytest.mark.parametrize("route", BODIES)
-def test_every_odd_value_at_every_place_of_json(service: Inside, known: dict[str, str], route: tuple[str, str]) -> None:
-    for path in places(BODIES[route]):
-        for value in ODD:
+def test_odd_values_at_every_place_of_json(service: Inside, known: dict[str, str], route: tuple[str, str]) -> None:
+    """Of values and places each has a part of the others; `make bombs` sends far more."""
+    for number, path in enumerate(places(BODIES[route])):
+        for value in ODD[number % PART :: PART]:
             send_json(service, known, route, with_value(BODIES[route], path, value))
 
 

@@ -86,11 +86,13 @@ def _gearcase(*words: str | Path, data_dir: Path, environment: Mapping[str, str]
 
 
 def _answers(recordings: list[Path], data_dir: Path, environment: Mapping[str, str]) -> list[dict[str, Any]]:
-    """The answers, but for when they were given."""
+    """The answers, without when they were given and as what they were stored."""
     said: list[dict[str, Any]] = json.loads(
         _gearcase("diagnose", *recordings, "--json", data_dir=data_dir, environment=environment)
     )
     for answer in said:
+        for place, name in ((answer, "id"), (answer, "created_at"), (answer["recording"], "id")):
+            assert place.pop(name)
         assert answer["provenance"].pop("given_at")
     return said
 

@@ -29,7 +29,7 @@ AXIS = read_axis(
         "motion": {"period_s": 4.0, "load_speed_rad_s": 2.0, "acceleration_time_s": 0.5},
     }
 )
-DURATION_S = 16.0
+DURATION_S = 12.0
 
 
 def worn(mechanism: str, place: str, **numbers: float) -> Axis:
@@ -44,14 +44,16 @@ def test_an_axis_that_is_as_described_has_nothing_missing() -> None:
 @pytest.mark.parametrize(
     ("mechanism", "place", "name", "size"),
     [
-        ("backlash", "output", "gap_rad", 1e-3),
-        ("load_dependent_loss", "output", "fraction", 0.04),
+        pytest.param("load_dependent_loss", "output", "fraction", 0.04, marks=pytest.mark.slow),
         pytest.param(
             "load_dependent_loss",
             "output",
             "fraction",
             0.05,
-            marks=pytest.mark.xfail(strict=False, reason="some processors end in another optimum, 0.064"),
+            marks=[
+                pytest.mark.slow,
+                pytest.mark.xfail(strict=False, reason="some processors end in another optimum, 0.064"),
+            ],
         ),
         ("torque_offset", "motor", "torque_n_m", 0.2),
     ],
@@ -63,9 +65,12 @@ def test_what_was_simulated_is_named_with_its_size(mechanism: str, place: str, n
     assert {p.name: p.value for p in result.findings[0].parameters}[name] == pytest.approx(size, rel=0.05)
 
 
-def test_play_that_is_described_is_not_found_again() -> None:
+def test_play_is_named_with_its_size_and_once_described_it_is_not_found_again() -> None:
     telemetry = measure(worn("backlash", "output", gap_rad=1e-3), DURATION_S).telemetry
-    extended = json.loads(json.dumps(investigate(AXIS, telemetry).document()["extended_axis"]))
+    result = investigate(AXIS, telemetry)
+    assert [(f.mechanism, f.location) for f in result.findings] == [("backlash", "output")]
+    assert result.findings[0].parameters[0].value == pytest.approx(1e-3, rel=0.05)
+    extended = json.loads(json.dumps(result.document()["extended_axis"]))
     assert investigate(read_axis(extended), telemetry).verdict == "nothing_missing"
 
 

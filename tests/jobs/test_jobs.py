@@ -92,8 +92,8 @@ def test_a_killed_worker_loses_nothing_and_doubles_nothing(place: Place) -> None
     def at_work() -> list[str]:
         return [name for name, worker in sorted(workers.items()) if str(worker.pid) in place.attempts()]
 
-    job_id = place.submit(40, 0.1)
-    for kill in range(3):
+    job_id = place.submit(24, 0.1)
+    for kill in range(2):
         place.until(job_id, lambda job, done=4 + 8 * kill: job.progress.done >= done and at_work() != [])  # type: ignore[misc]
         time.sleep(chance.uniform(0.0, 0.6))
         victim = chance.choice(at_work())
@@ -102,10 +102,10 @@ def test_a_killed_worker_loses_nothing_and_doubles_nothing(place: Place) -> None
         workers[victim] = place.work(victim)
     job = place.ended(job_id)
     assert job.state == "done", job.error
-    assert job.result == {"numbers": list(range(40))}
-    assert place.done() == list(range(40))
-    assert len(place.attempts()) <= 40 + 3, "only what a killed worker had in hand is done again"
-    assert len(set(place.attempts())) >= 3, "every one that was killed had work in hand"
+    assert job.result == {"numbers": list(range(24))}
+    assert place.done() == list(range(24))
+    assert len(place.attempts()) <= 24 + 2, "only what a killed worker had in hand is done again"
+    assert len(set(place.attempts())) >= 2, "every one that was killed had work in hand"
 
 
 @ON_POSTGRES
@@ -148,13 +148,13 @@ def test_a_database_that_is_away_for_longer_than_a_lease_costs_nobody_a_lease(
     place = Place(postgres_database_url, tmp_path, library, jobs)
     worker = place.work("patient")
     try:
-        job_id = place.submit(20, 0.2)
+        job_id = place.submit(10, 0.2)
         held = place.until(job_id, lambda job: job.progress.done >= 2).worker
         with away(postgres_database_url):
             time.sleep(2 * LEASE_S)
             assert worker.poll() is None
         ended = place.ended(job_id)
-        assert (ended.state, place.done()) == ("done", list(range(20)))
+        assert (ended.state, place.done()) == ("done", list(range(10)))
         with library.reading() as session:
             assert [each.id for each in leases.held(session)] == [held]
         with away(postgres_database_url):

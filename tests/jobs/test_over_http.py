@@ -30,7 +30,7 @@ AXIS = {
     "load": {"inertia_kg_m2": 40.0, "coulomb_friction_n_m": 9.0},
     "motion": {"period_s": 4.2, "load_speed_rad_s": 2.7, "acceleration_time_s": 0.3},
 }
-COUNTS = {"normal": 10, "notch": 6}
+COUNTS = {"normal": 4, "notch": 3}
 PATIENCE_S = 150.0
 
 
@@ -71,7 +71,7 @@ def _events(client: httpx.Client, url: str, after: int | None = None) -> list[Ev
 
 
 def test_a_killed_worker_neither_loses_nor_doubles_a_case(live_server: LiveServer, admin: httpx.Client) -> None:
-    wanted = {"axis": AXIS, "counts": COUNTS, "seed": 11, "duration_s": 5.0}
+    wanted = {"axis": AXIS, "counts": COUNTS, "seed": 11, "duration_s": 3.0}
     answer = admin.post("/api/v1/simulations", json=wanted, headers={"Idempotency-Key": "campaign-11"})
     assert answer.status_code == 202, answer.text
     job = answer.headers["Location"]
