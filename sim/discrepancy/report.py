@@ -36,7 +36,7 @@ h1{font-size:1.5rem;line-height:1.25;margin:.2rem 0}h2{margin:2.2rem 0 .5rem;bor
 .box dt{font-weight:600}.box dd{margin:0;min-width:0}.box section+section{border-top:1px solid var(--edge);margin-top:1rem;padding-top:.6rem}.quiet,figcaption+.quiet{color:var(--quiet)}
 .scroll{overflow-x:auto}table{border-collapse:collapse;margin:.6rem 0}td,th{border:1px solid var(--edge);padding:.3rem .6rem;text-align:left;vertical-align:top}.n{text-align:right;white-space:nowrap}
 .plots{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,26rem),1fr));gap:1rem}figure{margin:0;min-width:0}figcaption{font-weight:600}svg{display:block;width:100%;height:auto}
-@media(max-width:34rem){.box dl{grid-template-columns:1fr;gap:0}.box dd{margin-bottom:.5rem}body{padding:1rem .7rem}}@media print{h2,figure{break-inside:avoid}}"""
+@media(max-width:34rem){.box dl{grid-template-columns:1fr;gap:0}.box dd{margin-bottom:.5rem}body{padding:1rem .7rem}table,tbody,td{display:block}thead{display:none}tr{display:grid;grid-template-columns:repeat(auto-fill,minmax(8rem,1fr));gap:.3rem .8rem;border-bottom:1px solid var(--edge);padding:.5rem 0}td{border:0;padding:0;text-align:left;white-space:normal}td::before{content:attr(data-label);display:block;font-size:.8rem;color:var(--quiet)}}@media print{h2,figure{break-inside:avoid}}"""
 STEPS = (
     "Condition of the recordings",
     "Calibration of what the model already has",
@@ -349,10 +349,12 @@ def _facts(facts: Iterable[tuple[str, str]]) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], numeric: Sequence[int] = ()) -> str:
-    """A table that scrolls by itself; `numeric`: columns of numbers, which stand to the right and do not break; empty columns are left out."""
+    """A table that scrolls by itself, and on a narrow screen is a card a row; `numeric`: columns of numbers, which stand to the right and do not break; empty columns are left out."""
     rows = list(rows)
     shown = [k for k in range(len(head)) if any(row[k] for row in rows)]
     kinds = [' class="n"' if k in numeric else "" for k in range(len(head))]
     top = "".join(f"<th{kinds[k]}>{html.escape(head[k])}</th>" for k in shown)
-    body = "".join(f"<tr>{''.join(f'<td{kinds[k]}>{html.escape(row[k])}</td>' for k in shown)}</tr>" for row in rows)
+    names = [f' data-label="{html.escape(name)}"' for name in head]
+    cells = [[f"<td{kinds[k]}{names[k]}>{html.escape(row[k])}</td>" for k in shown] for row in rows]
+    body = "".join(f"<tr>{''.join(row)}</tr>" for row in cells)
     return f'<div class="scroll" tabindex="0"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'

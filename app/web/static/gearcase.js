@@ -256,6 +256,23 @@ for (const element of all("details[data-remember]")) {
   element.addEventListener("toggle", () => localStorage.setItem(name, element.open ? "open" : "closed"));
 }
 
+/* on a narrow screen tables are cards, whose values say what they are */
+const LONG = 40; // characters from which on a value has a line of its own
+function asCards(root) {
+  for (const table of all("table:has(> thead)", root)) {
+    const names = all(":scope > thead th", table).map((head) => head.textContent.trim());
+    for (const row of all(":scope > tbody > tr", table)) {
+      [...row.cells].forEach((cell, k) => {
+        if (names[k]) cell.dataset.label = names[k];
+        cell.classList.toggle("wide", cell.textContent.trim().length > LONG || Boolean(one("details", cell)));
+      });
+    }
+    table.classList.add("cards");
+  }
+}
+asCards(document);
+addEventListener("htmx:afterSwap", (event) => asCards(event.target.isConnected ? event.target : document));
+
 /* bulk selection */
 all("[data-select-all]").forEach((box) =>
   box.addEventListener("change", () => all("input[name=case_id]", box.closest("form")).forEach((item) => (item.checked = box.checked))),
