@@ -23,13 +23,24 @@ from sim.discrepancy.fit import MISTAKEN
 from sim.discrepancy.model import DAMPING_SPREAD, LOSS_SPREAD, PAYLOAD_SPREAD, STATED_SPREAD
 from sim.discrepancy.panels import Panel
 from sim.discrepancy.story import ALIKE, Candidate, asked_for, candidates, panels
-from sim.discrepancy.written import angle, changed, interval, named, number, percent, sure, unit_in_words, words_of
+from sim.discrepancy.written import (
+    angle,
+    changed,
+    interval,
+    likely,
+    named,
+    number,
+    percent,
+    sure,
+    unit_in_words,
+    words_of,
+)
 
 if TYPE_CHECKING:
     from sim.discrepancy.investigation import Estimate, Finding, Investigation
 
-STYLE = """:root{--ink:#1b1f24;--paper:#fff;--sheet:#f5f7f9;--edge:#c9d1d9;--quiet:#5f6b76;--first:#0b5cad;--second:#c2410c;--third:#15803d;--band:rgba(110,125,140,.28)}
-@media(prefers-color-scheme:dark){:root{--ink:#e6edf3;--paper:#0d1117;--sheet:#161b22;--edge:#3d444d;--quiet:#9aa5b1;--first:#6cb6ff;--second:#ffa657;--third:#7ee787;--band:rgba(150,165,180,.3)}}
+STYLE = """:root{--ink:#1b2226;--paper:#fff;--sheet:#f5f7f9;--edge:#c9d1d9;--quiet:#4c585e;--first:#0a6480;--second:#b45309;--third:#7a3e9d;--fourth:#4d6b1f;--band:rgba(110,125,140,.28)}
+@media(prefers-color-scheme:dark){:root{--ink:#e6ebe9;--paper:#0d1117;--sheet:#161b22;--edge:#3d444d;--quiet:#b3bfc0;--first:#6cc3df;--second:#f0b465;--third:#c9a0ea;--fourth:#b9d67a;--band:rgba(150,165,180,.3)}}
 *{box-sizing:border-box}body{font:16px/1.5 system-ui,sans-serif;max-width:72rem;margin:0 auto;padding:1rem;color:var(--ink);background:var(--paper);overflow-wrap:break-word}
 h1{font-size:1.5rem;line-height:1.25;margin:.2rem 0}h2{margin:2.2rem 0 .5rem;border-top:2px solid var(--edge);padding-top:.8rem}h3{margin:1.2rem 0 .3rem}
 .box{background:var(--sheet);border:2px solid var(--edge);border-left-width:8px;border-radius:6px;padding:1rem}.box dl{display:grid;grid-template-columns:max-content 1fr;gap:.4rem 1rem;margin:.6rem 0 0}
@@ -113,7 +124,7 @@ def _told(result: Investigation, finding: Finding) -> list[tuple[str, str]]:
     return [
         ("What", f"{named(finding.mechanism).capitalize()} ({kind}). {finding.explanation}"),
         ("Where", place or ("the recording" if finding.mechanism in OF_THE_MEASUREMENT else "not told by these data")),
-        ("How sure", f"{sure(finding.probability)}, {percent(finding.probability)}"),
+        ("How sure", f"{sure(finding.probability)}, {likely(finding.probability, calibrated=finding.calibrated)}"),
         ("What to do now", finding.action),
     ]
 
@@ -209,13 +220,13 @@ def _verdict(result: Investigation) -> list[str]:
     out = [f"<p><strong>{html.escape(headline(result))}</strong></p>"]
     for f in result.findings:
         out.append(
-            f"<h3>{html.escape(named(f.mechanism, f.location))}: {percent(f.probability)}, {sure(f.probability)}</h3>"
+            f"<h3>{html.escape(named(f.mechanism, f.location))}: {likely(f.probability, calibrated=f.calibrated)}, {sure(f.probability)}</h3>"
         )
         out += [_p(f.explanation), f"<p><strong>What to do now:</strong> {html.escape(f.action)}</p>"]
     if result.findings:
         out.append(
             _p(
-                "A probability is calibrated: of findings said with 90 %, nine in ten are right. Those from sound and from faults of the recording are not calibrated in this way."
+                "A probability is calibrated: of findings said with 90 %, nine in ten are right. What is said of sound, of faults of the recording and of several recordings together is a score from 0 to 1 that was not calibrated."
             )
         )
     return out

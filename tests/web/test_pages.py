@@ -103,7 +103,11 @@ def test_evaluation_with_simulated_cases_stands_beside_that_without(site: Site) 
         document = client.get("/api/v1/library/evaluation").json()
     assert "without" in both.ids
     assert "without" not in alone.ids
-    for words in ("With simulated cases, and without", "Known kinds called new", "left out, called new"):
+    for words in (
+        "With simulated cases, and without",
+        "Known kinds called “not in the library”",
+        "left out, called “not in the library”",
+    ):
         assert words in both.text
     assert document["without_simulated"]["left_out_class_called_new"].keys() == document["confusion"].keys()
     printed = json.loads(gearcase("evaluate", "--json", data_dir=site.server.data_dir).stdout)

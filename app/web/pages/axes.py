@@ -9,7 +9,7 @@ from zoneinfo import ZoneInfo
 import tomli_w
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import RedirectResponse, Response
-from sqlalchemy import select
+from sqlalchemy import exists, select
 from sqlalchemy.orm import Session
 
 from app.errors import Unprocessable
@@ -19,16 +19,17 @@ from app.web.features import features_of
 from app.web.session import FromOurPage, PageOperator, PageViewer
 from app.web.templating import render
 from app.web.trend import BASELINE, FEATURE, trend, when
-from app.web.words import investigation_headline
+from app.web.words import VERDICTS, investigation_headline
 from casebase import audit
 from casebase.axes import axis_history, get_axis, list_axes
 from casebase.description import check_name
 from casebase.errors import NotFoundError
-from casebase.models import MaintenanceMark, StoredDiagnosis, StoredInvestigation, StoredRecording
+from casebase.models import Case, MaintenanceMark, StoredDiagnosis, StoredInvestigation, StoredRecording
+from casebase.origins import SIMULATED, measured
 
 router = APIRouter(prefix="/axes")
 SECTION = "/axes"
-LISTED = 10
+LISTED, DRAWN = 10, 2000
 
 
 @router.get("")
@@ -57,6 +58,7 @@ def axis(request: Request, session: Reading, principal: PageViewer, name: str) -
         "diagnoses": diagnoses_of(session, name),
         "investigations": investigations_of(session, name),
         "listed": LISTED,
+        "verdicts": VERDICTS,
     }
     return render(request, "axis.html", context, principal=principal, section=SECTION)
 
@@ -75,10 +77,13 @@ def investigations_of(session: Session, axis: str) -> list[tuple[StoredInvestiga
 
 
 def trends(session: Session, axis: str, marks: list[MaintenanceMark]) -> list[tuple[str, Chart]]:
-    """Return one chart per gearbox: crest factor over time, its baseline, and what was done to it."""
+    """Return one chart per gearbox: crest factor over time of what was measured, its baseline, what was done to it."""
     statement = select(StoredRecording).where(StoredRecording.axis == axis, StoredRecording.usable)
     by_gearbox: dict[str, list[tuple[datetime, float]]] = {}
-    for row in session.scalars(statement.order_by(StoredRecording.id).limit(2000)):
+    generated = exists().where(Case.recording_id == StoredRecording.id, Case.origin == SIMULATED)
+    statement = statement.where(StoredRecording.gearbox.is_not(None), ~generated)
+    rows = session.scalars(statement.order_by(StoredRecording.id).limit(DRAWN)).all()
+    for row in measured(session, rows):
         value = features_of(session, row.id).get(FEATURE)
         if row.gearbox is not None and value is not None:
             by_gearbox.setdefault(row.gearbox, []).append((when(row), value))

@@ -20,18 +20,13 @@ from app.web.pages.recordings import demo_ids
 from app.web.report import diagnosis_html, diagnosis_pdf
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer, SignInNeeded, Visitor, below_root
 from app.web.templating import Message, render
+from app.web.words import VERDICTS, how_sure
 from casebase.axes import find_axis
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
 from casebase.models import Case, StoredDiagnosis
 
 router = APIRouter()
-FILTERS = (
-    ("", "All"),
-    ("diagnosed", "Diagnosed"),
-    ("ambiguous", "Undecided"),
-    ("not_in_library", "Not in the library"),
-    ("unusable", "Unusable"),
-)
+FILTERS = (("", "All"), *VERDICTS.items())
 LONGEST_VERIFICATION = 500
 NUMBERS = {"speed_rad_s": "The largest speed of the output [rad/s]", "payload_kg_m2": "The payload [kg m²]"}
 
@@ -60,7 +55,8 @@ def listed(
 ) -> Response:
     """The list, newest first."""
     page = list_diagnoses(session, DiagnosisFilter(verdict=verdict or None), cursor=cursor)
-    context = {"rows": page.items, "next_cursor": page.next_cursor, "filters": FILTERS, "chosen": verdict or ""}
+    context: dict[str, object] = {"rows": page.items, "next_cursor": page.next_cursor, "filters": FILTERS}
+    context |= {"chosen": verdict or "", "verdicts": VERDICTS, "how_sure": how_sure}
     return render(request, "diagnoses.html", context, principal=principal, section="/diagnoses")
 
 

@@ -26,6 +26,7 @@ from app.web.svg import map_chart
 from app.web.templating import Message, render
 from casebase.case_filter import CaseFilter
 from casebase.models import Case, StoredRecording
+from casebase.origins import MEASURED
 from casebase.signals.features import catalogue
 
 router = APIRouter()
@@ -142,7 +143,7 @@ def coverage(request: Request, session: Reading, service: TheService, principal:
 
 
 def covered(session: Session) -> list[tuple[str, str, int, int, int]]:
-    """Return (axis, label, measured, simulated, gearboxes) for every axis and every label of the library."""
+    """Return (axis, label, measured, simulated, measured gearboxes) for every axis and every label of the library."""
     statement = (
         select(
             StoredRecording.axis, Case.label, Case.origin, func.count(), func.count(StoredRecording.gearbox.distinct())
@@ -156,7 +157,7 @@ def covered(session: Session) -> list[tuple[str, str, int, int, int]]:
     gearboxes: Counter[tuple[str, str]] = Counter()
     for axis, label, origin, count, units in session.execute(statement).all():
         counted[axis or "not told", label, origin] += count
-        gearboxes[axis or "not told", label] += units
+        gearboxes[axis or "not told", label] += units if origin == MEASURED else 0
     axes = sorted({axis for axis, _, _ in counted})
     labels = sorted({label for _, label, _ in counted} | {"normal", "notch", "play"})
     return [

@@ -243,10 +243,26 @@ for (const element of all("[data-job-events]")) {
   });
 }
 
+/* what a slider asks for and cannot have is said where it would stand */
+addEventListener("htmx:responseError", (event) => {
+  const { target, xhr } = event.detail;
+  let words = `The service answered ${xhr.status}.`;
+  try {
+    words = JSON.parse(xhr.responseText).detail ?? words;
+  } catch {
+    // no document: the status says all that there is
+  }
+  const notice = document.createElement("div");
+  notice.className = "notice bad";
+  notice.setAttribute("role", "alert");
+  notice.textContent = words;
+  target.replaceChildren(notice);
+});
+
 /* sliders say their value */
 addEventListener("input", (event) => {
   const output = event.target.id && one(`output[for="${event.target.id}"]`);
-  if (output) output.textContent = event.target.value;
+  if (output) output.textContent = String(+Number(event.target.value).toPrecision(3)).replace("-", "−");
 });
 
 /* what was folded away stays folded away */
