@@ -10,6 +10,7 @@ from typing import Any
 from fastapi import FastAPI, Request
 from fastapi.openapi.utils import get_openapi
 from jinja2 import Environment, PackageLoader, Template
+from markupsafe import Markup, escape
 from starlette.routing import compile_path
 
 from app.errors import Unprocessable, path_of
@@ -195,17 +196,27 @@ def kind_of(schema: Mapping[str, Any], document: Mapping[str, Any]) -> str:
 def meaning_of(schema: Mapping[str, Any]) -> str:
     """Return what a value means, with its default where that says something."""
     default = schema.get("default")
-    told = "" if default in (None, [], {}) or isinstance(default, dict) else f" Default: {default}."
+    told = "" if default in (None, [], {}) or isinstance(default, dict) else f"by default {default}"
     paragraph = str(schema.get("description", "")).partition("\n\n")[0]
-    return f"{paragraph}{told}".strip()
+    return "; ".join(part for part in (paragraph.removesuffix("."), told) if part)
+
+
+def with_code(text: str) -> Markup:
+    """Write what stands between two backticks as code.
+
+    >>> with_code("by `Accept` & more")
+    Markup('by <code>Accept</code> &amp; more')
+    """
+    parts = str(escape(text)).split("`")
+    return Markup("".join(f"<code>{part}</code>" if k % 2 else part for k, part in enumerate(parts)))  # noqa: S704
 
 
 @cache
 def _template() -> Template:
     loader = PackageLoader("app", ".")
-    return Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True).get_template(
-        "reference.html"
-    )
+    environment = Environment(loader=loader, autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters["code"] = with_code
+    return environment.get_template("reference.html")
 
 
 def reference_page(document: dict[str, Any], address: str) -> str:

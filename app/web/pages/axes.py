@@ -21,7 +21,7 @@ from app.web.templating import render
 from app.web.trend import BASELINE, FEATURE, trend, when
 from app.web.words import VERDICTS, investigation_headline
 from casebase import audit
-from casebase.axes import axis_history, get_axis, list_axes
+from casebase.axes import axis_history, get_axis, is_axis, list_axes, unknown_axis
 from casebase.description import check_name
 from casebase.errors import NotFoundError
 from casebase.models import Case, MaintenanceMark, StoredDiagnosis, StoredInvestigation, StoredRecording
@@ -45,6 +45,7 @@ def axis_list(request: Request, session: Reading, principal: PageViewer) -> Resp
 @router.get("/{name}")
 def axis(request: Request, session: Reading, principal: PageViewer, name: str) -> Response:
     """One axis: trends, marks, description and revisions."""
+    check_known(session, name)
     history = axis_history(session, name)
     marks = session.scalars(select(MaintenanceMark).where(MaintenanceMark.axis == name).order_by(MaintenanceMark.at))
     all_marks = list(marks)
@@ -61,6 +62,16 @@ def axis(request: Request, session: Reading, principal: PageViewer, name: str) -
         "verdicts": VERDICTS,
     }
     return render(request, "axis.html", context, principal=principal, section=SECTION)
+
+
+def check_known(session: Session, name: str) -> None:
+    """Refuse the name of an axis that nothing knows.
+
+    Raises:
+        NotFoundError: naming those that are described.
+    """
+    if not is_axis(session, name):
+        raise NotFoundError(unknown_axis(session, name))
 
 
 def diagnoses_of(session: Session, axis: str) -> Sequence[StoredDiagnosis]:
@@ -118,6 +129,7 @@ def add_mark(
     if gearbox.strip():
         check_name("gearbox", gearbox.strip())
     with service.library.transaction(principal.actor) as session:
+        check_known(session, name)
         mark = MaintenanceMark(
             axis=name, gearbox=gearbox.strip() or None, at=when, text=text.strip(), created_by=principal.actor
         )

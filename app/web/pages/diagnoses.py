@@ -51,12 +51,16 @@ def front(request: Request, session: Reading, service: TheService, principal: Vi
 
 @router.get("/diagnoses")
 def listed(
-    request: Request, session: Reading, principal: PageViewer, verdict: str | None = None, cursor: str | None = None
+    request: Request,
+    session: Reading,
+    principal: PageViewer,
+    verdict: Literal["", "diagnosed", "ambiguous", "not_in_library", "unusable"] = "",
+    cursor: str | None = None,
 ) -> Response:
     """The list, newest first."""
     page = list_diagnoses(session, DiagnosisFilter(verdict=verdict or None), cursor=cursor)
     context: dict[str, object] = {"rows": page.items, "next_cursor": page.next_cursor, "filters": FILTERS}
-    context |= {"chosen": verdict or "", "verdicts": VERDICTS, "how_sure": how_sure}
+    context |= {"chosen": verdict, "verdicts": VERDICTS, "how_sure": how_sure}
     return render(request, "diagnoses.html", context, principal=principal, section="/diagnoses")
 
 
@@ -76,8 +80,7 @@ def upload(request: Request, principal: PageOperator, upload: TheUpload, service
     file = upload.file("file")
     intake = take_in(service.library, file.path, file.name, file.media_type, metadata)
     with service.library.transaction(principal.actor) as session:
-        row = intake.store(service.library, session)
-        diagnosis = service.library.diagnose(session, row, intake.extraction)
+        diagnosis = intake.diagnose(service.library, session)
         identity = diagnosis.id
     service.metrics.diagnoses.labels(diagnosis.verdict, diagnosis.label or "").inc()
     return RedirectResponse(f"{root_of(service)}/diagnoses/{identity}", status_code=303)
