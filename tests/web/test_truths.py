@@ -2,6 +2,7 @@
 
 import os
 import re
+import shlex
 import shutil
 import subprocess
 from pathlib import Path
@@ -179,6 +180,8 @@ def test_an_unknown_axis_is_said(opened: Opened, site: Site) -> None:
         form.get_by_role("button", name="Diagnose", exact=True).click()
         expect(page.locator(".crumbs")).to_contain_text("nobody (not described)")
         expect(page.locator("#evidence")).to_contain_text("No axis is described as 'nobody'")
+        command = shlex.split(page.locator("#curl").text_content() or "")
+        assert f'file=@"{site.recording.name}"' in command  # a name with a space and a comma
 
 
 def test_a_key_that_is_not_listed_stores_nothing(opened: Opened, site: Site) -> None:

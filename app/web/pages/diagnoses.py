@@ -1,6 +1,7 @@
 """Diagnoses: the list, a new one, one of them, what a person says of it, its report."""
 
 import json
+from shlex import quote
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Form, Query, Request
@@ -147,8 +148,8 @@ def shown(
     base = str(request.base_url).rstrip("/")
     curl = (
         'curl -H "Authorization: Bearer $GEARCASE_KEY" \\\n'
-        f"  -F file=@{row.recording.file_name} \\\n"
-        f"  -F 'metadata={json.dumps(metadata)}' \\\n"
+        f"  -F {file_argument(row.recording.file_name)} \\\n"
+        f"  -F {quote(f'metadata={json.dumps(metadata)}')} \\\n"
         f"  {base}/api/v1/diagnoses\n\n"
         f'curl -H "Authorization: Bearer $GEARCASE_KEY" {base}/api/v1/diagnoses/{row.id}'
     )
@@ -159,6 +160,16 @@ def shown(
     context["described"] = row.recording.axis is None or find_axis(session, row.recording.axis) is not None
     notices = (Message("Taken over.", ""),) if request.query_params.get("done") else ()
     return render(request, "diagnosis.html", context, principal=principal, section="/diagnoses", messages=notices)
+
+
+def file_argument(name: str) -> str:
+    """Return what tells curl to send a file, whatever its name, as it stands in a shell.
+
+    >>> print(file_argument("axis 4, monday.wav"))
+    'file=@"axis 4, monday.wav"'
+    """
+    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
+    return quote(f'file=@"{escaped}"')
 
 
 @router.post("/diagnoses/{diagnosis_id}/revise", dependencies=[FromOurPage])

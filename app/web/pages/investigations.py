@@ -73,11 +73,13 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
     """What was found, told in order."""
     row = get_investigation(session, investigation_id)
     document: dict[str, Any] = dict(row.document or {})
+    heard = "telemetry" not in row.inputs  # whose probabilities were never calibrated, nor said so by older versions
+    findings = [{"calibrated": not heard, **finding} for finding in document.get("findings", ())]
     context = {
         "row": row,
         "document": document,
         "headline": investigation_headline(document) if document else None,
-        "findings": [(finding, finding_words(finding)) for finding in document.get("findings", ())],
+        "findings": [(finding, finding_words(finding)) for finding in findings],
         "likely_words": likely_words,
         "unexplained": unexplained_words(document["unexplained"]) if document.get("unexplained") else None,
         "overlay": panels_of(document, "overlay"),
