@@ -17,26 +17,29 @@ unexport PYTHONDONTWRITEBYTECODE
 setup: $(STAMP) $(ASSETS)
 
 $(STAMP): requirements.lock pyproject.toml
-	$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed")'
-	test -x $(BIN)/python || $(PYTHON) -m venv .venv
-	$(PIP) install --require-hashes -r requirements.lock
-	$(PIP) install --no-deps --no-build-isolation --editable .
-	$(BIN)/python -m sim
-	$(BIN)/python -m casebase
-	touch $(STAMP)
+	@$(PYTHON) -c 'import sys; sys.exit(0 if sys.version_info >= (3, 11) else "Python 3.11 or newer is needed")'
+	@echo "Set-up 1 of 3: a virtual environment in .venv, and the packages of requirements.lock (a minute or more)"
+	@test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	@$(PIP) install --require-hashes -r requirements.lock
+	@$(PIP) install --no-deps --no-build-isolation --editable .
+	@echo "Set-up 2 of 3: compiling simulator and search, once (a minute or more)"
+	@$(BIN)/python -m sim
+	@$(BIN)/python -m casebase
+	@touch $(STAMP)
 
 $(ASSETS): package-lock.json package.json app/web/assets.py | $(STAMP)
-	command -v npm >/dev/null || $(PIP) install --require-hashes -r requirements-node.lock
-	$(BIN)/python -m app.web.assets
-	touch $(ASSETS)
+	@echo "Set-up 3 of 3: the browser libraries of the pages"
+	@command -v npm >/dev/null || $(PIP) install --require-hashes -r requirements-node.lock
+	@$(BIN)/python -m app.web.assets
+	@touch $(ASSETS)
 
 $(BENCH_STAMP): $(STAMP) requirements-bench.lock
 	$(PIP) install --require-hashes -r requirements-bench.lock
 	touch $(BENCH_STAMP)
 
 run: setup
-	$(BIN)/gearcase --data-dir $(DATA_DIR) starter
-	$(BIN)/gearcase --data-dir $(DATA_DIR) serve --host $(HOST) --port $(PORT)
+	@$(BIN)/gearcase --data-dir $(DATA_DIR) starter
+	@$(BIN)/gearcase --data-dir $(DATA_DIR) serve --host $(HOST) --port $(PORT) --log-folder $(DATA_DIR)/logs
 
 # side by side: the checks need one core for less than a minute, and the tests wait now and then
 test: setup

@@ -26,7 +26,10 @@ Cursor = Annotated[
 ]
 
 
-Filter = Annotated[str | None, Query(max_length=200, pattern=r"^[^\x00]*$")]
+Filter = Annotated[str | None, Query(max_length=200, pattern=r"^[^\x00]*$", description="only those with exactly this")]
+OriginFilter = Annotated[
+    Literal["measured", "simulated"] | None, Query(description="only what was measured, or only what was simulated")
+]
 Instant = Annotated[AwareDatetime, AfterValidator(lambda time: time.astimezone(UTC))]
 
 
@@ -79,7 +82,7 @@ def page_of(page: Page[Row], convert: Callable[[Row], Document]) -> PageOf[Docum
 
 class KeyRequest(Question):
     name: Word = Field(description="whose key it is", examples=["test bench 3"])
-    role: Role = Field(examples=["operator"])
+    role: Role = Field(description="a viewer reads, an operator diagnoses, an admin does all", examples=["operator"])
 
 
 class KeyAnswer(Answer):
@@ -230,31 +233,33 @@ class CaseAnswer(Answer):
 class CaseFromDiagnosis(Question):
     """A case made of a diagnosis that somebody has verified."""
 
-    diagnosis_id: Annotated[str, Field(pattern=r"^[0-9a-f]{32}$")]
+    diagnosis_id: Annotated[str, Field(pattern=r"^[0-9a-f]{32}$", description="which diagnosis")]
     label: Label | None = Field(None, description="by default what the diagnosis was confirmed or corrected to")
-    verified_by: Verification | None = None
+    verified_by: Verification | None = Field(None, description="how it was verified; by default as the diagnosis says")
 
 
 class CaseChange(Question):
     """What to change; leave out what stays. `state` retired takes a case out of every search, confirmed back in."""
 
-    label: Label | MISSING = MISSING
-    state: Literal["proposed", "confirmed", "retired"] | MISSING = MISSING
-    verified_by: Verification | MISSING | None = MISSING
-    note: Text | MISSING | None = MISSING
-    mechanism: Word | MISSING | None = MISSING
-    location: Word | MISSING | None = MISSING
-    severity: Positive | MISSING | None = MISSING
-    quarantine_reason: Text | MISSING | None = MISSING
+    label: Label | MISSING = Field(MISSING, description="what the recording is a case of")
+    state: Literal["proposed", "confirmed", "retired"] | MISSING = Field(
+        MISSING, description="only confirmed ones count"
+    )
+    verified_by: Verification | MISSING | None = Field(MISSING, description="how the label was verified")
+    note: Text | MISSING | None = Field(MISSING, description="anything else")
+    mechanism: Word | MISSING | None = Field(MISSING, description="of the simulator, such as tooth_damage")
+    location: Word | MISSING | None = Field(MISSING, description="gear or shaft where the fault is")
+    severity: Positive | MISSING | None = Field(MISSING, description="size of the fault at the driven gear [rad]")
+    quarantine_reason: Text | MISSING | None = Field(MISSING, description="why it is not searched; null: it is")
 
 
 class DiagnosisChange(Question):
     """What a person found: it was right, was another fault, or cannot be used; `open` takes that back."""
 
-    verdict: Literal["confirmed", "corrected", "rejected", "open"]
+    verdict: Literal["confirmed", "corrected", "rejected", "open"] = Field(description="what a person found")
     label: Label | None = Field(None, description="the right label; needed for corrected")
     verified_by: Verification | None = Field(None, description="how it was verified, e.g. gearbox opened")
-    note: Text | None = None
+    note: Text | None = Field(None, description="anything else")
 
 
 class Revision(BaseModel):

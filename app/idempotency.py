@@ -117,7 +117,12 @@ def once(
     request: Request,
     idempotency_key: Annotated[
         str | None,
-        Header(min_length=1, max_length=255, pattern=r"^[\x20-\x7e]+$", description="the same key: done once"),
+        Header(
+            min_length=1,
+            max_length=255,
+            pattern=r"^[\x20-\x7e]+$",
+            description="a key of your own: asked again with it, it is done once and answered as before",
+        ),
     ] = None,
 ) -> Once:
     return Once(service_of(request), request, idempotency_key)

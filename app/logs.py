@@ -1,9 +1,11 @@
-"""Logs: one JSON object per line on stderr, of bounded length, with the request's id, never with a key."""
+"""Logs: one JSON object per line, on stderr or in a folder; of bounded length, with the request's id, without keys."""
 
 import logging
 import re
 import sys
 from collections.abc import MutableMapping
+from logging.handlers import RotatingFileHandler
+from pathlib import Path
 from typing import Any
 
 import structlog
@@ -12,6 +14,10 @@ KEY = re.compile(r"gearcase_[A-Za-z0-9_-]{8,}")
 HIDDEN = "gearcase_[hidden]"
 LONGEST, LONGEST_TRACE = 2_000, 20_000
 """Characters of one text of an entry, and of the trace of an error."""
+
+
+FILE_BYTES, FILES = 10_000_000, 3
+"""Of a log in a folder: so large, and so many older ones are kept."""
 
 
 def without_keys(_: Any, __: str, event: MutableMapping[str, Any]) -> MutableMapping[str, Any]:
@@ -41,8 +47,16 @@ def _shortened(text: str, longest: int) -> str:
     return f"{text[: longest // 2]} [{len(text) - longest} characters left out] {text[-(longest // 2) :]}"
 
 
-def configure_logs(level: int = logging.INFO) -> None:
-    """Send structlog's and the standard library's entries (uvicorn, SQLAlchemy) to stderr as JSON lines."""
+def _file(folder: Path, program: str) -> logging.Handler:
+    folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    return RotatingFileHandler(folder / f"{program}.log", maxBytes=FILE_BYTES, backupCount=FILES, encoding="utf-8")
+
+
+def configure_logs(program: str, folder: Path | None = None, level: int = logging.INFO) -> None:
+    """Send structlog's and the standard library's entries (uvicorn, SQLAlchemy) as JSON lines to stderr.
+
+    With a folder they go to files in it that are named after the program, the newest without a number.
+    """
     shared: list[structlog.typing.Processor] = [
         structlog.contextvars.merge_contextvars,
         structlog.stdlib.add_log_level,
@@ -54,7 +68,7 @@ def configure_logs(level: int = logging.INFO) -> None:
         logger_factory=structlog.stdlib.LoggerFactory(),
         cache_logger_on_first_use=True,
     )
-    handler = logging.StreamHandler(sys.stderr)
+    handler = logging.StreamHandler(sys.stderr) if folder is None else _file(folder, program)
     handler.setFormatter(
         structlog.stdlib.ProcessorFormatter(
             foreign_pre_chain=[structlog.stdlib.ExtraAdder(), *shared],

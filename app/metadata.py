@@ -35,7 +35,7 @@ class RecordingMetadata(BaseModel):
 
     axis: AxisName | None = Field(None, description="name of the axis, as in its description")
     gearbox: Word | None = Field(None, description="serial number of the gearbox")
-    robot: Word | None = None
+    robot: Word | None = Field(None, description="name or serial number of the robot")
     unit: Annotated[str, StringConstraints(pattern=r"^[\x21-\x7e]{1,20}$")] = Field(
         "1", description="UCUM code of the samples; 1 for an uncalibrated microphone"
     )
@@ -49,10 +49,12 @@ class RecordingMetadata(BaseModel):
         None, max_length=10_000, description="standstills from the recording's start, in any order [s]"
     )
     steady: StrictBool | None = Field(None, description="true: constant speed; false: back and forth")
-    temperature_degc: Annotated[FiniteFloat, Field(ge=-100, le=300)] | None = None
+    temperature_degc: Annotated[FiniteFloat, Field(ge=-100, le=300)] | None = Field(
+        None, description="of the gearbox [°C]"
+    )
     recorded_at: Moment | None = Field(None, description="RFC 3339 with an offset, e.g. 2026-11-20T14:03:00+01:00")
     verified_by: Verification | None = Field(None, description="how the label was verified, e.g. gearbox opened")
-    notes: Text | None = None
+    notes: Text | None = Field(None, description="anything else")
 
     @field_validator("recorded_at", mode="before")
     @classmethod

@@ -195,7 +195,7 @@ def multipart_body(metadata: type[BaseModel], instead: type[BaseModel] | None = 
                 "additionalProperties": False,
                 "properties": {
                     "file": {"type": "string", "format": "binary", "description": "WAV, FLAC, or what a phone records"},
-                    "metadata": metadata.model_json_schema(),
+                    "metadata": {**metadata.model_json_schema(), "description": "JSON: what is known of the recording"},
                 },
             },
             "encoding": {"file": {"contentType": "audio/wav"}, "metadata": {"contentType": "application/json"}},

@@ -2,14 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 
-from sqlalchemy import Select, func, select
+from sqlalchemy import Select, exists, func, or_, select
 from sqlalchemy.orm import Session
 
 from casebase import audit
 from casebase.description import check_name
 from casebase.errors import ConflictError, NotFoundError
-from casebase.models import AxisRevision
+from casebase.models import AxisRevision, StoredInvestigation, StoredRecording
 from casebase.pages import Page, page_upwards
+
+SHOWN = 10
+"""Names of axes that are told, at most."""
 
 
 def add_axis(
@@ -61,6 +64,23 @@ def get_axis(session: Session, name: str, revision: int | None = None) -> AxisRe
     if row is None:
         raise NotFoundError(f"no axis {name!r} at revision {revision or 'current'}; POST /axes adds one")
     return row
+
+
+def is_axis(session: Session, name: str) -> bool:
+    """Whether an axis is known by this name: described, investigated, or named by a recording."""
+    known = (
+        exists().where(AxisRevision.name == name),
+        exists().where(StoredRecording.axis == name),
+        exists().where(StoredInvestigation.axis == name),
+    )
+    return bool(session.scalar(select(or_(*known))))
+
+
+def unknown_axis(session: Session, name: str) -> str:
+    """Say that there is no axis of a name, and which are described."""
+    described = [row.name for row in list_axes(session)]
+    known = f"described are {', '.join(described[:SHOWN])}" if described else "none is described yet"
+    return f"no axis is known as {name!r}; {known}{' and others' if len(described) > SHOWN else ''}"
 
 
 def list_axes(session: Session) -> Sequence[AxisRevision]:

@@ -35,6 +35,12 @@ def simulated(session: Session, recordings: Sequence[StoredRecording]) -> frozen
     return frozenset(row.id for row in recordings if row.id in ids or row.sound_id in sounds)
 
 
+def measured(session: Session, recordings: Sequence[StoredRecording]) -> list[StoredRecording]:
+    """Return those of the recordings that are not simulated, in their order."""
+    known = simulated(session, recordings)
+    return [row for row in recordings if row.id not in known]
+
+
 def origin_of(session: Session, recording: StoredRecording) -> str:
     """Return whether a recording was measured or simulated, as far as that is known."""
     return SIMULATED if simulated(session, [recording]) else MEASURED

@@ -2,10 +2,12 @@
 
 from typing import Annotated
 
+import tomli_w
 from fastapi import APIRouter, Depends, Path, Query, Request, Response, status
 from fastapi.concurrency import run_in_threadpool
 from sqlalchemy.orm import Session
 
+from app.axis_schema import axis_schema
 from app.documents import CONTINUES, AxisAnswer, Limit, PageOf, page_of
 from app.errors import UnsupportedMedia
 from app.idempotency import Made, OnlyOnce
@@ -17,7 +19,8 @@ from sim.axis import parse_axis, read_axis
 
 router = APIRouter(tags=["axes"])
 
-Name = Annotated[str, Path(min_length=1, max_length=200, pattern=r"^[^\x00]*$")]
+Name = Annotated[str, Path(min_length=1, max_length=200, pattern=r"^[^\x00]*$", description="name of the axis")]
+Revision = Annotated[int | None, Query(ge=1, le=2**31 - 1, description="which revision; the current one by default")]
 AfterName = Annotated[str | None, Query(min_length=1, max_length=200, pattern=r"^[^\x00]*$", description=CONTINUES)]
 AfterRevision = Annotated[int | None, Query(ge=1, le=2**31 - 1, description=CONTINUES)]
 EXAMPLE = {
@@ -30,12 +33,13 @@ EXAMPLE = {
     ],
     "load": {"inertia_kg_m2": 40.0},
 }
+TOML = tomli_w.dumps(EXAMPLE)
 BODY = {
     "requestBody": {
         "required": True,
         "content": {
-            "application/json": {"schema": {"type": "object"}, "example": EXAMPLE},
-            "application/toml": {"schema": {"type": "string"}},
+            "application/json": {"schema": axis_schema(), "example": EXAMPLE},
+            "application/toml": {"schema": {"type": "string", "description": "the same as TOML"}, "example": TOML},
         },
     }
 }
@@ -48,9 +52,7 @@ def list_axes(_: Viewer, session: Reading, limit: Limit = 50, cursor: AfterName 
 
 
 @router.get("/axes/{name}")
-def get_axis(
-    _: Viewer, session: Reading, name: Name, revision: Annotated[int | None, Query(ge=1, le=2**31 - 1)] = None
-) -> AxisAnswer:
+def get_axis(_: Viewer, session: Reading, name: Name, revision: Revision = None) -> AxisAnswer:
     """One revision of an axis, the current one by default."""
     return AxisAnswer.model_validate(axes.get_axis(session, name, revision))
 

@@ -2,7 +2,7 @@
 
 from typing import Annotated, Literal
 
-from fastapi import APIRouter, Header, Request, Response, status
+from fastapi import APIRouter, Header, Query, Request, Response, status
 from fastapi.concurrency import run_in_threadpool
 from pydantic import ValidationError
 from sqlalchemy.orm import Session
@@ -17,6 +17,7 @@ from app.documents import (
     Filter,
     Identifier,
     Limit,
+    OriginFilter,
     PageOf,
     page_of,
 )
@@ -32,6 +33,10 @@ from casebase.models import Case
 from casebase.signals.text import text_of
 
 router = APIRouter(tags=["cases"])
+StateFilter = Annotated[
+    Literal["proposed", "confirmed", "retired"] | None,
+    Query(description="only in this state; all but retired if left out"),
+]
 IfMatch = Annotated[str | None, Header(max_length=100, description="the ETag that the change is based on")]
 
 
@@ -41,10 +46,10 @@ def list_cases(
     session: Reading,
     service: TheService,
     label: Filter = None,
-    origin: Literal["measured", "simulated"] | None = None,
+    origin: OriginFilter = None,
     axis: Filter = None,
     gearbox: Filter = None,
-    state: Literal["proposed", "confirmed", "retired"] | None = None,
+    state: StateFilter = None,
     limit: Limit = 50,
     cursor: Cursor = None,
 ) -> PageOf[CaseAnswer]:

@@ -1,8 +1,8 @@
 """Diagnoses: a recording comes in, a verdict with its nearest cases goes out, a person confirms or corrects it."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from fastapi import APIRouter, Request, Response, status
+from fastapi import APIRouter, Query, Request, Response, status
 from fastapi.responses import HTMLResponse
 from sqlalchemy.orm import Session
 
@@ -20,6 +20,13 @@ from app.web.report import diagnosis_html, report_policy
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
 
 router = APIRouter(tags=["diagnoses"])
+VerdictFilter = Annotated[
+    Literal["diagnosed", "ambiguous", "not_in_library", "unusable"] | None, Query(description="only with this verdict")
+]
+RevisionFilter = Annotated[
+    Literal["open", "confirmed", "corrected", "rejected"] | None,
+    Query(description="only those of which a person said this; open: nobody has said anything"),
+]
 HTML, JSON = "text/html", "application/json"
 
 
@@ -53,9 +60,9 @@ def diagnose(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request) -
 def diagnoses(
     _: Viewer,
     session: Reading,
-    verdict: Literal["diagnosed", "ambiguous", "not_in_library", "unusable"] | None = None,
+    verdict: VerdictFilter = None,
     label: Filter = None,
-    state: Literal["open", "confirmed", "corrected", "rejected"] | None = None,
+    state: RevisionFilter = None,
     axis: Filter = None,
     gearbox: Filter = None,
     limit: Limit = 50,

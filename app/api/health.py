@@ -67,4 +67,4 @@ def metrics(_: Viewer, service: TheService) -> Response:
 def docs(request: Request) -> HTMLResponse:
     """The API explained on one page that needs neither scripts nor network."""
     document: dict[str, Any] = request.app.openapi()
-    return HTMLResponse(reference_page(document, request.scope.get("root_path", "")))
+    return HTMLResponse(reference_page(document, str(request.base_url)))

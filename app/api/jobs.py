@@ -18,7 +18,10 @@ router = APIRouter(tags=["jobs"])
 PATIENCE_S = 2.0
 """So long after it is told to stop, the service still waits for a job that says nothing."""
 
-JobId = Annotated[str, Path(min_length=1, max_length=100, pattern=r"^[0-9A-Za-z-]+$")]
+JobId = Annotated[
+    str,
+    Path(min_length=1, max_length=100, pattern=r"^[0-9A-Za-z-]+$", description="as answered by what ordered the job"),
+]
 After = Annotated[
     str | None,
     Query(max_length=120, description=CONTINUES, json_schema_extra={"pattern": r"^[0-9]{1,16}\.[0-9A-Za-z-]{1,100}$"}),
@@ -78,7 +81,9 @@ async def job_events(
     job: Existing,
     jobs: TheJobs,
     service: TheService,
-    last_event_id: Annotated[int | None, Header(alias="Last-Event-ID", ge=0, le=2**31 - 1)] = None,
+    last_event_id: Annotated[
+        int | None, Header(alias="Last-Event-ID", ge=0, le=2**31 - 1, description="go on after this event")
+    ] = None,
 ) -> AsyncIterator[ServerSentEvent]:
     """Every `progress` event has a number; a client that comes back with the last one it saw misses none.
 

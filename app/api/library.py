@@ -1,8 +1,8 @@
 """The library as a whole: how well it does on gearboxes that it has not seen."""
 
-from typing import Literal
+from typing import Annotated, Literal
 
-from fastapi import APIRouter
+from fastapi import APIRouter, Query
 from pydantic import BaseModel, Field
 
 from app.documents import EvaluationAnswer
@@ -68,8 +68,10 @@ def evaluation(
     _: Viewer,
     session: Reading,
     service: TheService,
-    group: Literal["gearbox", "axis", "case"] = "gearbox",
-    origin: Literal["measured", "simulated", "both"] = "both",
+    group: Annotated[Literal["gearbox", "axis", "case"], Query(description="what is left out together")] = "gearbox",
+    origin: Annotated[
+        Literal["measured", "simulated", "both"], Query(description="cases that are learned from")
+    ] = "both",
 ) -> EvaluationAnswer:
     """Leave out one gearbox at a time, learn from the others and diagnose it; kept until the library changes."""
     return EvaluationAnswer.model_validate(service.evaluation(session, group, origin).to_document())

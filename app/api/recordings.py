@@ -68,8 +68,8 @@ def audio(
     session: Reading,
     service: TheService,
     recording_id: Identifier,
-    byte_range: Annotated[str | None, Header(alias="Range", max_length=100)] = None,
-    if_range: Annotated[str | None, Header(max_length=100)] = None,
+    byte_range: Annotated[str | None, Header(alias="Range", max_length=100, description="bytes=FIRST-LAST")] = None,
+    if_range: Annotated[str | None, Header(max_length=100, description="ETag that the range is meant for")] = None,
     if_none_match: IfNoneMatch = None,
 ) -> Response:
     """The file as it came in, whole or one range of it (several ranges are answered by the whole)."""
@@ -162,7 +162,7 @@ def waveform(
     session: Reading,
     service: TheService,
     recording_id: Identifier,
-    points: Annotated[int, Query(ge=10, le=200_000)] = 2000,
+    points: Annotated[int, Query(ge=10, le=200_000, description="intervals")] = 2000,
 ) -> Response:
     """Lowest and highest sample of each of `points` intervals."""
     return shown(service, service.library.recording(session, recording_id), views.WaveformOf(points))
@@ -174,7 +174,7 @@ def spectrum(
     session: Reading,
     service: TheService,
     recording_id: Identifier,
-    resolution_hz: Annotated[float, Query(ge=0.1, le=1000)] = 2.0,
+    resolution_hz: Annotated[float, Query(ge=0.1, le=1000, description="width of a line [Hz]")] = 2.0,
 ) -> Response:
     """Averaged power spectrum."""
     return shown(service, service.library.recording(session, recording_id), views.SpectrumOf(resolution_hz))
@@ -186,7 +186,7 @@ def crest(
     session: Reading,
     service: TheService,
     recording_id: Identifier,
-    window_s: Annotated[float, Query(ge=0.01, le=60)] = 0.5,
+    window_s: Annotated[float, Query(ge=0.01, le=60, description="length of a window [s]")] = 0.5,
 ) -> Response:
     """Crest factor of the whole and over time, beside RMS and peak."""
     return shown(service, service.library.recording(session, recording_id), views.CrestFactorOf(window_s))
@@ -204,8 +204,8 @@ def spectrogram(
     service: TheService,
     recording_id: Identifier,
     request: Request,
-    columns: Annotated[int, Query(ge=10, le=2000)] = 800,
-    theme: Literal["light", "dark"] = "light",
+    columns: Annotated[int, Query(ge=10, le=2000, description="columns of the picture, at most")] = 800,
+    theme: Annotated[Literal["light", "dark"], Query(description="colours of the picture")] = "light",
 ) -> Response:
     """Level over time and frequency: a PNG by default, numbers for `Accept: application/json`."""
     kind = chosen(request.headers.get("accept", "*/*"), (PNG, JSON))

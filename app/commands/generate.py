@@ -82,13 +82,16 @@ class PlanFile(BaseModel):
 
 
 def with_progress(frame: Frame, library: CaseLibrary, campaign: Campaign, processes: int) -> Outcome:
-    """Generate with a progress bar."""
+    """Generate with a progress bar, and where there is no terminal for one with a line at every tenth."""
+    total, done = sum(campaign.counts.values()), 0
     with frame.progress() as progress:
-        bar = progress.add_task("simulating", total=sum(campaign.counts.values()))
-        return generate(
-            library,
-            campaign,
-            processes=processes,
-            batch=f"seed {campaign.seed}",
-            advance=lambda count: progress.advance(bar, count),
-        )
+        bar = progress.add_task("simulating", total=total)
+
+        def advance(count: int) -> None:
+            nonlocal done
+            before, done = done, done + count
+            progress.advance(bar, count)
+            if progress.disable and 10 * before // total < 10 * done // total:
+                frame.say(f"simulated {done} of {total} cases")
+
+        return generate(library, campaign, processes=processes, batch=f"seed {campaign.seed}", advance=advance)

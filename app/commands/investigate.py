@@ -23,6 +23,7 @@ from sim.discrepancy.pairs import check_pairs
 from sim.discrepancy.report import html_report
 from sim.discrepancy.together import investigate_together
 from sim.discrepancy.together_report import html_report_together
+from sim.discrepancy.written import likely
 
 Read = TypeVar("Read")
 Done = TypeVar("Done")
@@ -128,7 +129,7 @@ def _show(frame: Frame, result: Investigation, whose: Sequence[str]) -> None:
     frame.print(headline(result))
     for f in result.findings:
         place = f" ({f.location})" if f.location else ""
-        frame.print(f"  {f.mechanism}{place}, probability {f.probability:.2f}: {f.explanation}")
+        frame.print(f"  {f.mechanism}{place}, {likely(f.probability, calibrated=f.calibrated)}: {f.explanation}")
         for e in f.parameters:
             frame.print(f"    {e.name} = {_with_unit(e)} ({e.low:.5g} to {e.high:.5g})")
         if f.indistinguishable_from:

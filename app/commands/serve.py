@@ -4,13 +4,14 @@ import asyncio
 import signal
 import socket
 from contextlib import nullcontext
+from pathlib import Path
 from typing import Annotated
 
 import typer
 import uvicorn
 
 from app.commands.frame import ACTOR, Frame, frame_of
-from app.commands.worker import worker_child
+from app.commands.worker import LogFolder, worker_child
 from app.connections import BACKLOG, Wants, protocol_of
 from app.keys import Role, create_key, list_keys
 from app.logs import configure_logs
@@ -21,6 +22,7 @@ from app.service import Service
 from casebase.errors import DamagedError
 from casebase.soundness import RESTORE, cut_logs, faults_of
 
+RULE = "\N{BOX DRAWINGS HEAVY HORIZONTAL}" * 75
 STOPPING_S = 4
 """Requests under way are given so long; the service ends within 5 s, who runs containers kills after 10."""
 
@@ -37,14 +39,15 @@ def serve(
     proxies: Annotated[
         str, typer.Option(help="addresses of proxies whose X-Forwarded headers are believed; none by default")
     ] = "",
+    log_folder: LogFolder = None,
 ) -> None:
     """Serve the API and the pages; prints the address to open and, on the first start, the admin key."""
     with _listen(host, port) as listening:
-        _serve(frame_of(context), listening, worker=worker, proxies=proxies)
+        _serve(frame_of(context), listening, worker=worker, proxies=proxies, log_folder=log_folder)
     leave(again=False)
 
 
-def _serve(frame: Frame, listening: socket.socket, *, worker: bool, proxies: str) -> None:
+def _serve(frame: Frame, listening: socket.socket, *, worker: bool, proxies: str, log_folder: Path | None) -> None:
     service = Service.open(frame.settings, Metrics())
     try:
         faults = faults_of(service.library.engine)
@@ -54,7 +57,7 @@ def _serve(frame: Frame, listening: socket.socket, *, worker: bool, proxies: str
         cut_logs(frame.settings.data_dir)
         frame.renew(service.library)
         first = _first_key(service)
-        configure_logs()
+        configure_logs("service", log_folder)
         config = uvicorn.Config(
             create_app(service=service),
             http=protocol_of(frame.settings),
@@ -69,8 +72,8 @@ def _serve(frame: Frame, listening: socket.socket, *, worker: bool, proxies: str
         )
         for number in (signal.SIGINT, signal.SIGTERM):
             signal.signal(number, _stopped)
-        with worker_child(frame.settings, service.stopping) if worker else nullcontext():
-            Announced(config, frame, service, first).run(sockets=[listening])
+        with worker_child(frame.settings, service.stopping, log_folder) if worker else nullcontext():
+            Announced(config, frame, service, first, log_folder).run(sockets=[listening])
     finally:
         service.close()
 
@@ -82,9 +85,11 @@ def _stopped(_number: int, _frame: object) -> None:
 class Announced(uvicorn.Server):
     """A server that says where it is once it is there."""
 
-    def __init__(self, config: uvicorn.Config, frame: Frame, service: Service, first_key: str | None) -> None:
+    def __init__(
+        self, config: uvicorn.Config, frame: Frame, service: Service, first_key: str | None, log_folder: Path | None
+    ) -> None:
         super().__init__(config)
-        self._frame, self._service, self._first_key = frame, service, first_key
+        self._frame, self._service, self._first_key, self._log_folder = frame, service, first_key, log_folder
 
     async def shutdown(self, sockets: list[socket.socket] | None = None) -> None:
         self._service.stopping.set()
@@ -95,13 +100,16 @@ class Announced(uvicorn.Server):
         await super().startup(sockets)
         if not self.started or not sockets:
             return
-        if self._first_key is not None:
-            print(f"Admin key, shown this once: {self._first_key}")
         for words in _emptiness(self._service):
             print(words)
+        print(RULE)
+        if self._first_key is not None:
+            print(f"Admin key, shown this once: {self._first_key}")
         host, port = sockets[0].getsockname()[:2]
         shown = f"[{host}]" if ":" in host else host
-        print(f"Open http://{shown}:{port}{self._frame.settings.root_path}/", flush=True)
+        print(f"Open http://{shown}:{port}{self._frame.settings.root_path}/")
+        print(f"Log: {self._log_folder or 'stderr'}. Ctrl-C ends the service.")
+        print(RULE, flush=True)
 
 
 def _listen(host: str, port: int) -> socket.socket:

@@ -53,7 +53,9 @@ def starter(
             outcome = with_progress(frame, library, campaign, processes)
             frame.say(f"{outcome.new + outcome.known} simulated cases")
         if shown is None:
+            frame.say("simulating a recording to diagnose")
             write_demo(demo)
+            frame.say("learning from the cases what tells faults apart, and diagnosing that recording")
             diagnose_demo(library, demo)
             frame.say(f"a simulated recording to diagnose: {demo}")
 

@@ -8,6 +8,7 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from threading import Event, Thread
 from typing import TYPE_CHECKING, Annotated
 
@@ -28,6 +29,7 @@ if TYPE_CHECKING:
 log = structlog.get_logger(__name__)
 Name = Annotated[str | None, typer.Option(help="of this worker, to which a number is added; the host's by default")]
 Parent = Annotated[int | None, typer.Option(hidden=True, help="stop when this process has gone")]
+LogFolder = Annotated[Path | None, typer.Option(help="folder for the log, which goes to stderr otherwise")]
 ATTEMPTS, APART_S = 30, 2.0
 """A worker that starts while the database is away waits for it for a minute."""
 AGAIN_S = 5.0
@@ -37,7 +39,7 @@ def register(app: typer.Typer) -> None:
     app.command("worker")(worker)
 
 
-def worker(context: typer.Context, name: Name = None, parent: Parent = None) -> None:
+def worker(context: typer.Context, name: Name = None, parent: Parent = None, log_folder: LogFolder = None) -> None:
     """Run jobs until stopped; what is unfinished then goes back into the queue.
 
     What a worker had in hand that died, or is cut off, is taken over by the others, on whatever machine, when they have
@@ -46,7 +48,7 @@ def worker(context: typer.Context, name: Name = None, parent: Parent = None) -> 
     from app.job_runner import run_worker  # `serve` imports this module, and needs no job engine
 
     frame: Frame = frame_of(context)
-    configure_logs()
+    configure_logs("worker", log_folder)
     stop = stop_on_signals()
     library = _opened(frame.settings, stop)
     lost = run_worker(
@@ -76,10 +78,11 @@ def _opened(settings: Settings, stop: Event) -> CaseLibrary:
 
 
 @contextmanager
-def worker_child(settings: Settings, stopping: Event) -> Iterator[None]:
+def worker_child(settings: Settings, stopping: Event, log_folder: Path | None = None) -> Iterator[None]:
     """A worker process of the service's own, and another one if it dies; it ends with the service however that ends."""
     command = [sys.executable, "-m", "app", "--data-dir", str(settings.data_dir), "worker"]
     command += ["--parent", str(os.getpid())]
+    command += ["--log-folder", str(log_folder)] if log_folder else []
 
     def keep() -> None:
         while not stopping.is_set():

@@ -12,8 +12,8 @@ from app.web.disturbed import stretches
 from app.web.svg import Axis, Band, Marker, Series, Stretch, line_chart, polar_chart
 from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
 from casebase.signals.band import Band as SignalBand
-from casebase.signals.condition import OperatingCondition
 from casebase.signals.disturbances import Survey
+from casebase.signals.fold import Fold
 from casebase.signals.recording import Recording
 
 SECTORS = 72
@@ -58,7 +58,10 @@ class Chart:
             "x_label": self.x_label,
             "y_label": self.y_label,
             "x": x.tolist(),
-            "series": [{"name": one.name, "y": _finite(_on(x, one))} for one in self.series],
+            "series": [
+                {"name": one.name, "y": _finite(_on(x, one)), "style": one.style or place}
+                for place, one in enumerate(self.series, start=1)
+            ],
             "bands": [{"name": b.name, "low": b.low, "high": b.high} for b in self.bands],
             "markers": [{"x": m.x, "text": m.text} for m in self.markers],
             "events": list(self.events),
@@ -142,8 +145,8 @@ def spectrum(recording: Recording, markers: tuple[Marker, ...], order_hz: float 
     )
 
 
-def fold_charts(analysis: Analysis) -> tuple[Chart, Markup] | None:
-    """The low band folded on the strokes: over time from the reversal, and around the output's revolution.
+def fold_charts(analysis: Analysis, marked_deg: float | None = None) -> tuple[Chart, Markup] | None:
+    """The low band folded on the strokes: over time from the reversal, and around the cycle of the motion.
 
     None where no motion is known or heard.
     """
@@ -153,33 +156,28 @@ def fold_charts(analysis: Analysis) -> tuple[Chart, Markup] | None:
     chart = Chart(
         "Sound folded on the strokes",
         (
-            Series("one direction", folded.offset_s, folded.forward_db),
-            Series("the other", folded.offset_s, folded.backward_db),
+            Series("around one end of the motion", folded.offset_s, folded.forward_db),
+            Series("around the other end", folded.offset_s, folded.backward_db),
         ),
         "time from the reversal [s]",
         "height above noise [dB]",
         markers=(Marker(0.0, "standstill"),),
     )
-    return chart, _polar(folded.offset_s, folded.forward_db, folded.backward_db, analysis.condition)
+    return chart, cycle_chart(folded, marked_deg)
 
 
-def _polar(
-    offset_s: NDArray[np.float64],
-    forward_db: NDArray[np.float64],
-    backward_db: NDArray[np.float64],
-    condition: OperatingCondition,
-) -> Markup:
-    speed = condition.speed_rad_s or 0.0
-    angle = np.degrees(np.abs(offset_s) * speed) if speed else 360.0 * (offset_s - offset_s[0]) / np.ptp(offset_s)
-    over = "one revolution of the output" if speed else "one stroke"
-    title = f"Height above noise over {over}, forward outside, backward inside"
-    return polar_chart(title, _sectors(angle, forward_db), _sectors(angle, backward_db))
+def cycle_chart(folded: Fold, marked_deg: float | None = None) -> Markup:
+    """Draw the height above noise around one cycle of the motion, with a marked phase [°].
 
-
-def _sectors(angle_deg: NDArray[np.float64], height_db: NDArray[np.float64]) -> list[float | None]:
-    sector = (angle_deg / 360.0 * SECTORS).astype(int)
-    found: list[float | None] = []
+    0° is the first reversal that was heard, as for the phases that the evidence tells; half a cycle later is the other.
+    """
+    per_hop = 180.0 / folded.offset_s.size
+    hops = np.arange(folded.offset_s.size) - folded.offset_s.size // 2
+    phase_deg = np.concatenate([per_hop * hops, 180.0 + per_hop * hops]) % 360.0
+    height_db = np.concatenate([folded.forward_db, folded.backward_db])
+    sector = (phase_deg / 360.0 * SECTORS).astype(int)
+    heights: list[float | None] = []
     for k in range(SECTORS):
         here = height_db[(sector == k) & np.isfinite(height_db)]
-        found.append(max(0.0, float(here.max())) if here.size else None)
-    return found
+        heights.append(max(0.0, float(here.max())) if here.size else None)
+    return polar_chart("Height above noise around one cycle of the motion", heights, marked_deg)

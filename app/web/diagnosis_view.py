@@ -32,6 +32,7 @@ from app.web.templating import quantity
 from app.web.trend import FEATURE, same_state, trend, when
 from app.web.words import Verdict, certainty, not_compared, remarks_beside, size_of, verdict_of
 from casebase.models import Case, StoredDiagnosis, StoredRecording
+from casebase.origins import measured
 from casebase.signals.crest import root_mean_square
 from casebase.signals.disturbances import Survey
 from casebase.signals.recording import Recording
@@ -98,6 +99,7 @@ class DiagnosisView:
             "remarks": remarks_beside(document),
             "charts": self.charts,
             "polar": self.polar,
+            "phase": phase_of(document),
             "trend": self.trend,
             "rms": self.rms,
             "peaks": self.peaks,
@@ -147,7 +149,7 @@ def _drawn(
     sound, analysis = found.recording, found.analysis
     speed = row.recording.speed_rad_s
     order_hz = speed / (2 * math.pi) if orders and speed else None
-    folded = draw.fold_charts(analysis)
+    folded = draw.fold_charts(analysis, phase_of(row.document))
     drawn = SimpleNamespace(
         waveform=draw.waveform(found, event_times(session, row.recording)),
         spectrum=draw.spectrum(sound, order_markers(analysis), order_hz),
@@ -172,16 +174,23 @@ def facts_of(document: Mapping[str, Any]) -> list[tuple[str, object, str]]:
         found.append(sure)
     if size:
         name, value, interval, cases = size
-        found.append((name, value, f"90 % interval {interval}, from {cases} simulated cases"))
-    for item in document["evidence"]:
-        if item["quantity"] == f"{document['label']}_phase" and item["value"] is not None:
-            found.append(_in_the_cycle(item["value"], period_of(document)))
+        found.append((name, value, f"90 % interval {interval}, from {cases} cases of known size"))
+    phase_deg = phase_of(document)
+    if phase_deg is not None:
+        found.append(_in_the_cycle(phase_deg, period_of(document)))
     novelty = document["novelty"]
     if novelty["distance"] is not None and not not_compared(document):
         limit = novelty["threshold"]
-        note = f"new beyond {limit:.2f}" if limit is not None else "too few cases to set a limit"
-        found.append(("Distance to known kinds", quantity(novelty["distance"], digits=2), note))
+        beyond = f"not in the library beyond {limit:.2f}" if limit is not None else "too few cases to set a limit"
+        note = f"times the spread of normal recordings; {beyond}"
+        found.append(("Outside the known kinds by", quantity(novelty["distance"], digits=2), note))
     return found
+
+
+def phase_of(document: Mapping[str, Any]) -> float | None:
+    """Return when in the cycle of the motion the named fault comes, as a phase [°] from a reversal."""
+    wanted = f"{document['label']}_phase"
+    return next((item["value"] for item in document["evidence"] if item["quantity"] == wanted), None)
 
 
 def period_of(document: Mapping[str, Any]) -> float | None:
@@ -243,13 +252,14 @@ def _largest(parts: Sequence[tuple[str, float]]) -> list[tuple[str, float]]:
 
 
 def trend_of(session: Session, row: StoredRecording) -> Chart | None:
-    """Return crest factor over time for this gearbox in this operating state, or None with fewer than two."""
+    """Return crest factor over time, as measured on this gearbox in this operating state; None with fewer than two."""
     if row.gearbox is None:
         return None
     statement = select(StoredRecording).where(
         StoredRecording.gearbox == row.gearbox, StoredRecording.axis == row.axis, StoredRecording.usable
     )
-    same = [one for one in session.scalars(statement.order_by(StoredRecording.id).limit(500)) if same_state(one, row)]
+    rows = session.scalars(statement.order_by(StoredRecording.id).limit(500)).all()
+    same = [one for one in measured(session, rows) if same_state(one, row)]
     values = [(when(one), features_of(session, one.id).get(FEATURE)) for one in same]
     points = [(at, value) for at, value in values if value is not None]
     return trend("Crest factor of this gearbox over time", points, ((when(row), "this recording"),))

@@ -8,6 +8,7 @@ import numpy as np
 from app.errors import NotFound
 from app.web.charts import Chart
 from app.web.svg import Band, Marker, Series
+from sim.discrepancy.panels import style_of
 
 Part = Literal["overlay", "residual", "sound"]
 WEIGHED = ("explains", "needed", "instead_of", "behind")
@@ -44,7 +45,10 @@ def _chart(panel: Mapping[str, Any]) -> Chart:
     noise = panel["noise"]
     return Chart(
         panel["title"],
-        tuple(Series(line["name"], x, np.array(line["y"], dtype=np.float64)) for line in panel["lines"]),
+        tuple(
+            Series(line["name"], x, np.array(line["y"], dtype=np.float64), style_of(line["name"], place))
+            for place, line in enumerate(panel["lines"])
+        ),
         panel["x_label"],
         panel["y_label"],
         bands=(Band(panel.get("band", "noise floor"), *noise),) if noise else (),

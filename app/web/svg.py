@@ -20,11 +20,15 @@ FEW, MARKER_ROWS = 24, 3
 
 @dataclass(frozen=True)
 class Series:
-    """One line of a chart: x and y of the same length (n,), named for the legend."""
+    """One line of a chart: x and y of the same length (n,), named for the legend.
+
+    `style`: number of its colour and stroke, the same for one thing in all charts of a page; its place where None.
+    """
 
     name: str
     x: NDArray[np.float64]
     y: NDArray[np.float64]
+    style: int | None = None
 
 
 @dataclass(frozen=True)
@@ -141,7 +145,8 @@ def line_chart(
             f"<title>{escape(band.name)}</title></rect>"
         )
     parts += _stretches([(px(max(s.start_s, x0)), px(min(s.end_s, x1)), s.text) for s in stretches], width, height)
-    for number, one in enumerate(series, start=1):
+    for place, one in enumerate(series, start=1):
+        number = one.style or place
         x, y = extremes(one, int(inner_w))
         keep = np.isfinite(y) & (x >= x0) & (x <= x1)
         line = _line([(px(float(a)), py(float(b))) if k else None for a, b, k in zip(x, y, keep, strict=True)])
@@ -239,32 +244,35 @@ def _markers(places: Sequence[tuple[float, str]], width: float, height: float) -
 
 
 def polar_chart(
-    title: str,
-    forward: Sequence[float | None],
-    backward: Sequence[float | None],
-    *,
-    size: float = 300.0,
+    title: str, values: Sequence[float | None], marked_deg: float | None = None, *, size: float = 300.0
 ) -> Markup:
-    """Draw a value over one revolution, forward outside and backward inside; None is an angle never visited.
+    """Draw a value around one cycle of a motion back and forth, and a marked phase; None was never heard.
 
-    Both sequences hold equal sectors that start at 0 degrees (up) and run clockwise.
+    The values hold equal sectors that start at 0 degrees (up), one reversal, and run clockwise; the other is below.
     """
     centre = size / 2
-    peak = max((v for v in [*forward, *backward] if v is not None), default=1.0) or 1.0
-    rings = ((forward, centre * 0.52, centre * 0.8, "s1"), (backward, centre * 0.2, centre * 0.48, "s2"))
+    inner, outer = centre * 0.25, centre * 0.78
+    peak = max((v for v in values if v is not None), default=1.0) or 1.0
     parts = [f'<svg class="chart polar" viewBox="0 0 {size:.0f} {size:.0f}" role="img" aria-label="{escape(title)}">']
-    for values, inner, outer, name in rings:
-        for k, value in enumerate(values):
-            a, b = 2 * math.pi * k / len(values), 2 * math.pi * (k + 1) / len(values)
-            radius = outer if value is None else inner + (outer - inner) * value / peak
-            kind = "unvisited" if value is None else f"sector {name}"
-            parts.append(f'<path class="{kind}" d="{_sector(centre, inner, radius, a, b)}"/>')
-        parts.append(f'<circle class="axis" cx="{centre}" cy="{centre}" r="{inner:.1f}"/>')
-    for degrees in (0, 90, 180, 270):
-        angle = math.radians(degrees)
-        x, y = centre + centre * 0.9 * math.sin(angle), centre - centre * 0.9 * math.cos(angle)
-        parts.append(f'<text x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle">{degrees}°</text>')
+    for k, value in enumerate(values):
+        a, b = 2 * math.pi * k / len(values), 2 * math.pi * (k + 1) / len(values)
+        radius = outer if value is None else inner + (outer - inner) * value / peak
+        kind = "unvisited" if value is None else f"sector s{1 if 2 * k < len(values) else 2}"
+        parts.append(f'<path class="{kind}" d="{_sector(centre, inner, radius, a, b)}"/>')
+    parts.append(f'<circle class="axis" cx="{centre}" cy="{centre}" r="{inner:.1f}"/>')
+    words = {0: "0° reversal", 90: "90°", 180: "180° reversal", 270: "270°"}
+    for degrees, text in words.items():
+        x, y = _around(centre, centre * 0.9, degrees)
+        parts.append(f'<text x="{x:.1f}" y="{y + 4:.1f}" text-anchor="middle">{text}</text>')
+    if marked_deg is not None:
+        (x0, y0), (x1, y1) = (_around(centre, part * centre, marked_deg) for part in (0.25, 0.84))
+        parts.append(f'<path class="phase" data-phase="{marked_deg:.0f}" d="M{x0:.1f} {y0:.1f}L{x1:.1f} {y1:.1f}"/>')
     return Markup("".join([*parts, "</svg>"]))  # noqa: S704  every text above is escaped
+
+
+def _around(centre: float, radius: float, degrees: float) -> tuple[float, float]:
+    angle = math.radians(degrees)
+    return centre + radius * math.sin(angle), centre - radius * math.cos(angle)
 
 
 def _sector(centre: float, inner: float, outer: float, a: float, b: float) -> str:

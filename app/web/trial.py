@@ -14,6 +14,8 @@ from casebase.signals.limited_pool import GaveUpError, LimitedPool, RefusedError
 from casebase.signals.limited_worker import Send
 from sim.axis import Axis, MechanismEntry, read_axis
 from sim.errors import RunError, SimulationError
+from sim.mechanism import Mechanism
+from sim.mechanisms import MECHANISMS
 from sim.scenario import Scenario, with_motion
 from sim.sound import SAMPLE_RATE_HZ, Microphone, Mode
 from sim.specimen import Specimen
@@ -23,6 +25,8 @@ DEFAULT_MODES = (Mode(320.0, 0.04, 1.0), Mode(900.0, 0.03, 0.6), Mode(1700.0, 0.
 LIMITS: Mapping[str, float] = {"seconds": 40.0, "cpu_seconds": 15.0, "memory_bytes": 2 << 30}
 """A gearbox takes a fifth of a second; the first trial of a process also loads compiled code, which takes a few."""
 
+TRIED = ("backlash", "tooth_damage")
+"""Mechanisms that sliders stand for, at the last mesh."""
 TRIALS = LimitedPool(1, "app.web.trial")
 
 
@@ -41,6 +45,42 @@ class Trial:
     payload_kg_m2: float | None = None
     speed_rad_s: float | None = None
     period_s: float | None = None
+
+
+def besides(axis: Axis) -> tuple[MechanismEntry, ...]:
+    """Return the mechanisms of a revision that no slider stands for: all but play and notches of the last mesh."""
+    return tuple(entry for entry in axis.mechanisms if not (entry.name in TRIED and _at_the_last(axis, entry)))
+
+
+def starts(axis: Axis) -> Mapping[str, float]:
+    """Return where the sliders of play and notch begin: at what the revision has at its last mesh [mrad].
+
+    As play of a description counts the most that the gear has as new.
+    """
+    gaps = [built(entry)["gap_rad"] for entry in _those_of_the_last(axis, "backlash")]
+    notch = _deepest(axis)
+    return {
+        "gap_mrad": 1e3 * max([axis.stages[-1].backlash_rad, *gaps]),
+        "notch_mrad": 1e3 * notch["depth_rad"] if notch else 0.0,
+    }
+
+
+def built(entry: MechanismEntry) -> Mechanism:
+    """Return the mechanism of a description, with its defaults."""
+    return MECHANISMS[entry.name](entry.location, entry.parameters)
+
+
+def _deepest(axis: Axis) -> Mechanism | None:
+    notches = [built(entry) for entry in _those_of_the_last(axis, "tooth_damage")]
+    return max(notches, key=lambda notch: notch["depth_rad"], default=None)
+
+
+def _those_of_the_last(axis: Axis, name: str) -> list[MechanismEntry]:
+    return [entry for entry in axis.mechanisms if entry.name == name and _at_the_last(axis, entry)]
+
+
+def _at_the_last(axis: Axis, entry: MechanismEntry) -> bool:
+    return built(entry).placed(axis) == axis.stages[-1].name
 
 
 def simulate(trial: Trial) -> NDArray[np.float32]:
@@ -81,16 +121,16 @@ def perform(trial: Trial) -> NDArray[np.float32]:
     if trial.period_s:
         axis = with_motion(axis, period_s=trial.period_s)
     last = axis.stages[-1].name
-    entries = list(axis.mechanisms)
-    if values["gap_mrad"] > 0:
-        entries.append(MechanismEntry("backlash", last, {"gap_rad": values["gap_mrad"] * 1e-3}))
-    if values["notch_mrad"] > 0:
-        parameters = {"depth_rad": values["notch_mrad"] * 1e-3, "angle_rad": 0.0, "flank": 1.0}
-        entries.append(MechanismEntry("tooth_damage", last, parameters))
+    gap = MechanismEntry("backlash", last, {"gap_rad": values["gap_mrad"] * 1e-3})
+    known = _deepest(axis)
+    place = known.values if known else {"angle_rad": 0.0, "flank": 1.0}
+    notch = MechanismEntry("tooth_damage", last, {**place, "depth_rad": values["notch_mrad"] * 1e-3})
+    entries = [*besides(axis), gap, notch]
     stiffness = axis.stiffness()[-1]
+    stage = replace(axis.stages[-1], backlash_rad=0.0)  # the slider says what the play is
     if stiffness is not None:
-        stage = replace(axis.stages[-1], stiffness_n_m_per_rad=stiffness * values["stiffness"])
-        axis = replace(axis, stages=(*axis.stages[:-1], stage))
+        stage = replace(stage, stiffness_n_m_per_rad=stiffness * values["stiffness"])
+    axis = replace(axis, stages=(*axis.stages[:-1], stage))
     scenario = Scenario(
         axis=replace(axis, mechanisms=tuple(entries)),
         payload_kg_m2=trial.payload_kg_m2 or axis.load.inertia_kg_m2,

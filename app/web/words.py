@@ -35,6 +35,13 @@ CALIBRATED_FROM = 2
 """How many gearboxes must be known before a score is called a probability."""
 REJECTED_AT = 0.05
 TOO_POOR = "the recording is too poor"
+VERDICTS = {
+    "diagnosed": "Diagnosed",
+    "ambiguous": "Undecided",
+    "not_in_library": "Not in the library",
+    "unusable": "Unusable",
+}
+"""The one word of the pages for each verdict of a document."""
 NOT_COMPARED = ("no regular motion is heard", "the sound has another colour", "the nearest cases are of sound gears")
 """Remarks that begin so say why there is no label, and stand first."""
 RECORD_AGAIN = (
@@ -69,16 +76,39 @@ def name_of(label: str | None) -> str:
     return NAMES.get(label or "", (label or "unknown").replace("_", " "))
 
 
+def is_calibrated(document: Mapping[str, Any]) -> bool:
+    """Whether what a diagnosis gives as probability was calibrated on gearboxes, and may be called one."""
+    return bool(document["provenance"].get("gearboxes", 0) >= CALIBRATED_FROM)
+
+
+def score(value: float) -> str:
+    """Write what is no calibrated probability: from 0 to 1, never in per cent.
+
+    >>> score(0.941)
+    '0.94'
+    """
+    return f"{value:.2f}"
+
+
 def certainty(document: Mapping[str, Any]) -> tuple[str, str, str] | None:
     """Return what the probability of a diagnosis may be called, its value and why; None where there is none."""
     if document["probability"] is None:
         return None
     gearboxes = document["provenance"].get("gearboxes", 0)
-    value = percent(document["probability"])
-    if gearboxes >= CALIBRATED_FROM:
-        return "Probability", value, f"calibrated on {gearboxes} gearboxes"
+    if is_calibrated(document):
+        return "Probability", percent(document["probability"]), f"calibrated on {gearboxes} gearboxes"
     known = "no gearbox was" if gearboxes == 0 else "one gearbox was"
-    return "Score", value, f"not a probability: {known} measured"
+    return "Score", score(document["probability"]), f"from 0 to 1, not a probability: {known} measured"
+
+
+def how_sure(document: Mapping[str, Any]) -> str:
+    """Say how sure a diagnosis is, in a cell of a table.
+
+    >>> how_sure({"probability": 0.941, "provenance": {"gearboxes": 1}})
+    'score 0.94'
+    """
+    sure = certainty(document)
+    return "–" if sure is None else sure[1] if is_calibrated(document) else f"score {sure[1]}"
 
 
 def size_of(document: Mapping[str, Any]) -> tuple[str, Markup, Markup, int] | None:
@@ -119,13 +149,18 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
     again = (RECORD_AGAIN,) if is_poor(document) else ()
     if kind == "unusable":
         reason = "; ".join(remarks or ["no reason was given"])
-        return Verdict("The recording cannot be used", sentence(reason), None, again or ("Record again.",), remarks)
+        return Verdict(
+            "Unusable: the recording cannot be compared", sentence(reason), None, again or ("Record again.",), remarks
+        )
     poor = tuple(remark for remark in remarks if remark.startswith(TOO_POOR))
     if kind == "not_in_library":
         summary, told = _novelty(document, poor)
-        return Verdict("Unlike anything in the library", summary, None, (*again, *UNKNOWN_CHECKS[len(again) :]), told)
+        return Verdict(
+            "Not in the library: unlike every known kind", summary, None, (*again, *UNKNOWN_CHECKS[len(again) :]), told
+        )
     out = rejected(document)
-    others = [f"{name_of(h['label'])} {percent(h['probability'])}" for h in hypotheses[1:] if h["label"] not in out]
+    likely = percent if is_calibrated(document) else score
+    others = [f"{name_of(h['label'])} {likely(h['probability'])}" for h in hypotheses[1:] if h["label"] not in out]
     also = f" Also possible: {', '.join(others[:2])}." if others else ""
     if out:
         also += f" Rejected: {', '.join(map(name_of, out))}."
@@ -195,8 +230,9 @@ def _novelty(document: Mapping[str, Any], poor: tuple[str, ...]) -> tuple[str, t
         nothing = "The library has nothing to compare this recording with."
         return " ".join((nothing, *map(sentence, remarks))), remarks
     far = (
-        f"Its distance to the nearest known case is {novelty['distance']:.2f}; recordings of known kinds stay below "
-        f"{novelty['threshold']:.2f}. It is not forced into a known class."
+        f"It lies outside all that the known kinds have shown by {novelty['distance']:.2f} times the spread of normal "
+        f"recordings; recordings of known kinds stay below {novelty['threshold']:.2f}. It is not forced into a known "
+        "class."
     )
     return " ".join((far, *map(sentence, poor))), poor
 
@@ -243,8 +279,19 @@ def place_words(finding: Mapping[str, Any]) -> str:
     return f"{name} at {finding['location']}" if finding.get("location") else name
 
 
+def likely_words(finding: Mapping[str, Any]) -> str:
+    """Say how sure a finding is: a probability where that is calibrated, else a score.
+
+    >>> print(likely_words({"probability": 0.95, "calibrated": False}))
+    score 0.95 (from 0 to 1, not a calibrated probability)
+    """
+    if finding.get("calibrated", True):
+        return f"{percent(finding['probability'])} probable"
+    return f"score {score(finding['probability'])} (from 0 to 1, not a calibrated probability)"
+
+
 def finding_words(finding: Mapping[str, Any]) -> str:
     """Say how sure a finding is, and what else it could be."""
     others = [str(name).replace("_", " ") for name in finding.get("indistinguishable_from", ())]
     rest = f"; this data cannot tell it from {' or '.join(others)}" if others else ""
-    return f"{percent(finding['probability'])} probable{rest}"
+    return f"{likely_words(finding)}{rest}"

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import html
 import io
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from sim.discrepancy.panels import FLOOR, Panel
+from sim.discrepancy.panels import FLOOR, Panel, style_of
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,13 +19,21 @@ LONGEST = 26  # characters of a label that stands beside a plot
 TEXT = 12.0  # points: 9 pixels on a phone of 390
 FEW, FEWEST = 24, 3  # values that are drawn as dots besides; bins that are dots alone
 CLOSE = 0.22  # of the width: words nearer than that stand in rows
-MEASURED = "measured"
 INKS = {  # what is drawn, and the colour of the page that takes its place
     "#010101": "currentColor", "#020202": "var(--first)", "#030303": "var(--second)",
-    "#040404": "var(--third)", "#050505": "var(--band)", "#060606": "var(--quiet)",
+    "#040404": "var(--third)", "#050505": "var(--band)", "#060606": "var(--quiet)", "#070707": "var(--fourth)",
 }  # fmt: skip
-INK, FIRST, SECOND, THIRD, BAND, QUIET = INKS
-STYLES = ((FIRST, "-", "o"), (SECOND, "--", "s"), (THIRD, "-.", "^"))
+INK, FIRST, SECOND, THIRD, BAND, QUIET, FOURTH = INKS
+STYLES: Mapping[int, tuple[str, Any, str]] = {
+    1: (FIRST, "-", "o"),
+    2: (SECOND, (0, (5, 2.5)), "s"),
+    3: (THIRD, (0, (2, 2.5)), "^"),
+    4: (FOURTH, (0, (7, 2.5, 2, 2.5)), "v"),
+    5: (INK, (0, (9, 3)), ""),
+    6: (QUIET, ":", ""),
+    7: (FOURTH, "-", "D"),
+}
+"""Colour, stroke and dot of each number of `style_of`, as in the style sheet of the pages."""
 RC: Any = {
     "svg.hashsalt": "gearcase", "svg.fonttype": "none", "text.parse_math": False, "font.size": TEXT,
     "text.color": INK, "axes.edgecolor": INK, "axes.labelcolor": INK, "xtick.color": INK, "ytick.color": INK,
@@ -61,10 +70,8 @@ def _inline(text: str, title: str) -> str:
 
 
 def _lines(plot: Axes, panel: Panel) -> None:
-    styles = iter(STYLES)
-    plain = {MEASURED: (INK, "-", ""), FLOOR: (QUIET, ":", "")}
-    for name, values in panel.lines:
-        ink, style, dot = plain.get(name) or next(styles)
+    for place, (name, values) in enumerate(panel.lines):
+        ink, style, dot = STYLES[style_of(name, place)]
         way = "none" if panel.x.size <= FEWEST else style
         marker = dot if np.isfinite(values).sum() <= FEW else ""
         plot.plot(panel.x, values, ls=way, color=ink, lw=1.8 if name == FLOOR else 1.2, label=name, marker=marker, ms=5)

@@ -82,6 +82,11 @@ class Finding:
     elsewhere: tuple[str, ...] = ()  # places at which the data would be the same
     action: str = ""
 
+    @property
+    def calibrated(self) -> bool:
+        """Whether its probability was calibrated: that of one telemetry's selection, of nothing else."""
+        return self.evidence is not None
+
 
 @dataclass(frozen=True)
 class Investigation:
@@ -504,6 +509,7 @@ def _finding_json(f: Finding) -> dict[str, object]:
         "mechanism": f.mechanism,
         "location": f.location,
         "probability": round(f.probability, 4),
+        "calibrated": f.calibrated,
         "parameters": [
             {"name": e.name, "value": _round(e.value), "unit": e.unit, "low": _round(e.low), "high": _round(e.high)}
             for e in f.parameters

@@ -10,7 +10,21 @@ import numpy as np
 from sim.chain_model import Array
 
 DIGITS = 4
-FLOOR = "noise floor"
+MEASURED, FLOOR = "measured", "noise floor"
+DESCRIBED, EXTENDED = "description, calibrated", "with what was found"
+TAKEN = "taken away: noise of the channel"
+SOUND = "sound"
+STYLES = {DESCRIBED: 1, EXTENDED: 2, TAKEN: 3, MEASURED: 5, FLOOR: 6, SOUND: 7}
+"""Colour and stroke of a thing, by number, in every panel of page and report; others are 1 to 4 as they come."""
+
+
+def style_of(name: str, place: int) -> int:
+    """Return the number of a line's colour and stroke; `place`: how many stand before it in its panel.
+
+    >>> style_of(MEASURED, 0), style_of(DESCRIBED, 1), style_of("around one end", 0)
+    (5, 1, 1)
+    """
+    return STYLES.get(name, place % 4 + 1)
 
 
 @dataclass(frozen=True)

@@ -23,20 +23,31 @@ from sim.discrepancy.fit import MISTAKEN
 from sim.discrepancy.model import DAMPING_SPREAD, LOSS_SPREAD, PAYLOAD_SPREAD, STATED_SPREAD
 from sim.discrepancy.panels import Panel
 from sim.discrepancy.story import ALIKE, Candidate, asked_for, candidates, panels
-from sim.discrepancy.written import angle, changed, interval, named, number, percent, sure, unit_in_words, words_of
+from sim.discrepancy.written import (
+    angle,
+    changed,
+    interval,
+    likely,
+    named,
+    number,
+    percent,
+    sure,
+    unit_in_words,
+    words_of,
+)
 
 if TYPE_CHECKING:
     from sim.discrepancy.investigation import Estimate, Finding, Investigation
 
-STYLE = """:root{--ink:#1b1f24;--paper:#fff;--sheet:#f5f7f9;--edge:#c9d1d9;--quiet:#5f6b76;--first:#0b5cad;--second:#c2410c;--third:#15803d;--band:rgba(110,125,140,.28)}
-@media(prefers-color-scheme:dark){:root{--ink:#e6edf3;--paper:#0d1117;--sheet:#161b22;--edge:#3d444d;--quiet:#9aa5b1;--first:#6cb6ff;--second:#ffa657;--third:#7ee787;--band:rgba(150,165,180,.3)}}
+STYLE = """:root{--ink:#1b2226;--paper:#fff;--sheet:#f5f7f9;--edge:#c9d1d9;--quiet:#4c585e;--first:#0a6480;--second:#b45309;--third:#7a3e9d;--fourth:#4d6b1f;--band:rgba(110,125,140,.28)}
+@media(prefers-color-scheme:dark){:root{--ink:#e6ebe9;--paper:#0d1117;--sheet:#161b22;--edge:#3d444d;--quiet:#b3bfc0;--first:#6cc3df;--second:#f0b465;--third:#c9a0ea;--fourth:#b9d67a;--band:rgba(150,165,180,.3)}}
 *{box-sizing:border-box}body{font:16px/1.5 system-ui,sans-serif;max-width:72rem;margin:0 auto;padding:1rem;color:var(--ink);background:var(--paper);overflow-wrap:break-word}
 h1{font-size:1.5rem;line-height:1.25;margin:.2rem 0}h2{margin:2.2rem 0 .5rem;border-top:2px solid var(--edge);padding-top:.8rem}h3{margin:1.2rem 0 .3rem}
 .box{background:var(--sheet);border:2px solid var(--edge);border-left-width:8px;border-radius:6px;padding:1rem}.box dl{display:grid;grid-template-columns:max-content 1fr;gap:.4rem 1rem;margin:.6rem 0 0}
 .box dt{font-weight:600}.box dd{margin:0;min-width:0}.box section+section{border-top:1px solid var(--edge);margin-top:1rem;padding-top:.6rem}.quiet,figcaption+.quiet{color:var(--quiet)}
 .scroll{overflow-x:auto}table{border-collapse:collapse;margin:.6rem 0}td,th{border:1px solid var(--edge);padding:.3rem .6rem;text-align:left;vertical-align:top}.n{text-align:right;white-space:nowrap}
 .plots{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,26rem),1fr));gap:1rem}figure{margin:0;min-width:0}figcaption{font-weight:600}svg{display:block;width:100%;height:auto}
-@media(max-width:34rem){.box dl{grid-template-columns:1fr;gap:0}.box dd{margin-bottom:.5rem}body{padding:1rem .7rem}}@media print{h2,figure{break-inside:avoid}}"""
+@media(max-width:34rem){.box dl{grid-template-columns:1fr;gap:0}.box dd{margin-bottom:.5rem}body{padding:1rem .7rem}table,tbody,td{display:block}thead{display:none}tr{display:grid;grid-template-columns:repeat(auto-fill,minmax(8rem,1fr));gap:.3rem .8rem;border-bottom:1px solid var(--edge);padding:.5rem 0}td{border:0;padding:0;text-align:left;white-space:normal}td::before{content:attr(data-label);display:block;font-size:.8rem;color:var(--quiet)}}@media print{h2,figure{break-inside:avoid}}"""
 STEPS = (
     "Condition of the recordings",
     "Calibration of what the model already has",
@@ -113,7 +124,7 @@ def _told(result: Investigation, finding: Finding) -> list[tuple[str, str]]:
     return [
         ("What", f"{named(finding.mechanism).capitalize()} ({kind}). {finding.explanation}"),
         ("Where", place or ("the recording" if finding.mechanism in OF_THE_MEASUREMENT else "not told by these data")),
-        ("How sure", f"{sure(finding.probability)}, {percent(finding.probability)}"),
+        ("How sure", f"{sure(finding.probability)}, {likely(finding.probability, calibrated=finding.calibrated)}"),
         ("What to do now", finding.action),
     ]
 
@@ -209,13 +220,13 @@ def _verdict(result: Investigation) -> list[str]:
     out = [f"<p><strong>{html.escape(headline(result))}</strong></p>"]
     for f in result.findings:
         out.append(
-            f"<h3>{html.escape(named(f.mechanism, f.location))}: {percent(f.probability)}, {sure(f.probability)}</h3>"
+            f"<h3>{html.escape(named(f.mechanism, f.location))}: {likely(f.probability, calibrated=f.calibrated)}, {sure(f.probability)}</h3>"
         )
         out += [_p(f.explanation), f"<p><strong>What to do now:</strong> {html.escape(f.action)}</p>"]
     if result.findings:
         out.append(
             _p(
-                "A probability is calibrated: of findings said with 90 %, nine in ten are right. Those from sound and from faults of the recording are not calibrated in this way."
+                "A probability is calibrated: of findings said with 90 %, nine in ten are right. What is said of sound, of faults of the recording and of several recordings together is a score from 0 to 1 that was not calibrated."
             )
         )
     return out
@@ -349,10 +360,12 @@ def _facts(facts: Iterable[tuple[str, str]]) -> str:
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]], numeric: Sequence[int] = ()) -> str:
-    """A table that scrolls by itself; `numeric`: columns of numbers, which stand to the right and do not break; empty columns are left out."""
+    """A table that scrolls by itself, and on a narrow screen is a card a row; `numeric`: columns of numbers, which stand to the right and do not break; empty columns are left out."""
     rows = list(rows)
     shown = [k for k in range(len(head)) if any(row[k] for row in rows)]
     kinds = [' class="n"' if k in numeric else "" for k in range(len(head))]
     top = "".join(f"<th{kinds[k]}>{html.escape(head[k])}</th>" for k in shown)
-    body = "".join(f"<tr>{''.join(f'<td{kinds[k]}>{html.escape(row[k])}</td>' for k in shown)}</tr>" for row in rows)
+    names = [f' data-label="{html.escape(name)}"' for name in head]
+    cells = [[f"<td{kinds[k]}{names[k]}>{html.escape(row[k])}</td>" for k in shown] for row in rows]
+    body = "".join(f"<tr>{''.join(row)}</tr>" for row in cells)
     return f'<div class="scroll" tabindex="0"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'

@@ -17,7 +17,7 @@ from scipy.signal import welch
 
 from sim.chain_model import Array
 from sim.discrepancy.fit import Problem
-from sim.discrepancy.panels import FLOOR, Panel
+from sim.discrepancy.panels import DESCRIBED, EXTENDED, FLOOR, MEASURED, TAKEN, Panel
 from sim.discrepancy.selection import Selection
 
 MEAN_S = 0.01  # values over time are means of this, which leaves what is below 50 Hz
@@ -31,8 +31,6 @@ ORDERS_PER_TURN = 128
 TURNS, FEWEST_TURNS = 16, 4
 TRANSFORM = 8192  # longer than any whitening filter
 DRAWS = 4  # of noise, for its floor over orders
-DESCRIBED, EXTENDED = "description, calibrated", "with what was found"
-TAKEN = "taken away: noise of the channel"
 Lines = tuple[tuple[str, Array], ...]
 
 
@@ -113,12 +111,13 @@ class Channel:
         return self._over_time(f"{self.name}: what is left", self._moving(), (-reach, reach))
 
     def measured_spectrum(self, recorded: Array, measured: Array) -> Panel:
-        lines = [(name, self._level(y)) for name, y in self._simulated(recorded, measured)]
+        """Of the rows that count, as `spectrum` of what is left: at a frequency one can be held against the other."""
+        lines = [(name, self._level_counted(y)) for name, y in self._simulated(recorded, measured)]
         return self._spectra(f"{self.name}, spectrum: measured and simulated", lines)
 
     def _simulated(self, recorded: Array, measured: Array) -> Lines:
         """What was recorded, and each model: what is left is that of `measured`, of which noise may be taken away."""
-        return (("measured", recorded), *((name, measured - left) for name, left in self.left))
+        return ((MEASURED, recorded), *((name, measured - left) for name, left in self.left))
 
     def spectrum(self, taken: Array | None = None) -> Panel:
         """Of the rows that count, as loud as if all did; a line leads over lost ones, whose edges would be loudest.
@@ -126,7 +125,7 @@ class Channel:
         Beside it what was `taken` from the measurement, shape (n,) [N m].
         """
         beside = () if taken is None or not taken.any() else ((TAKEN, taken),)
-        lines = [(name, self._level(self._counted(left), self._share)) for name, left in (*self.left, *beside)]
+        lines = [(name, self._level_counted(left)) for name, left in (*self.left, *beside)]
         frequency = lines[0][1][0]
         floor = 10 * np.log10(np.interp(frequency, *self._density))
         return self._spectra(f"{self.name}, spectrum: what is left", [*lines, (FLOOR, (frequency, floor))])
@@ -255,7 +254,11 @@ class Channel:
         """Of the energy of noise, what is left of it by the weights."""
         return max(float(np.mean(self.weight[: self.size] ** 2)), 1e-3)
 
-    def _level(self, values: Array, share: float = 1.0) -> tuple[Array, Array]:
+    def _level_counted(self, values: Array) -> tuple[Array, Array]:
+        """Frequency [Hz] and level [dB re 1 (N m)²/Hz] of the rows that count, as loud as if all did."""
+        return self._level(self._counted(values), self._share)
+
+    def _level(self, values: Array, share: float) -> tuple[Array, Array]:
         size = min(round(self.rate_hz / LINE_HZ), values.size)
         frequency, power = welch(values, self.rate_hz, nperseg=size)
         used = (frequency > 0) & (frequency <= SHOWN_HZ)

@@ -10,7 +10,7 @@ from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from casebase.signals.band import Band
 from casebase.signals.motion import HOP_HZ, loudness_db
 from sim.chain_model import Array
-from sim.discrepancy.panels import Panel
+from sim.discrepancy.panels import SOUND, Panel
 from sim.discrepancy.sound import Listening
 from sim.discrepancy.sound_course import Course
 from sim.discrepancy.sound_growth import USUAL_DB, growth_curves
@@ -75,7 +75,7 @@ def along_path(result: Investigation) -> list[Panel]:
     count = int(np.searchsorted(heard.orders, SHOWN_ORDER)) // per
     highest = np.asarray(heard.heights[: count * per].reshape(count, per).max(axis=1), dtype=np.float64)
     centre: Array = (np.arange(count, dtype=np.float64) + 0.5) * per * heard.step
-    lines = (("envelope of the sound", 10.0 * np.log10(np.maximum(highest, 1e-3))),)
+    lines = ((SOUND, 10.0 * np.log10(np.maximum(highest, 1e-3))),)
     bearings = [e.value for f in result.findings for e in f.parameters if f.mechanism == "bearing_defect"]
     teeth = tuple((k * order, "teeth") for order in mesh_orders(axis) for k in (1, 2) if k * order < SHOWN_ORDER)
     found = tuple((k * order, "bearing") for order in bearings for k in (1, 2, 3) if k * order < SHOWN_ORDER)
@@ -101,7 +101,7 @@ def _loudness(course: Course) -> Panel:
     mean = np.asarray(level[:count].reshape(-1, MEAN_HOPS).mean(axis=1), dtype=np.float64)
     time: Array = np.asarray((np.arange(mean.size) + 0.5) * MEAN_HOPS / HOP_HZ, dtype=np.float64)
     marks = tuple((t, "standstill") for t in course.analysis.motion.reversal_times_s if t <= SHOWN_S)
-    lines = (("sound", mean),)
+    lines = ((SOUND, mean),)
     return Panel("Loudness", "time [s]", "level [dB re full scale]", "time", time, lines, markers=marks)
 
 
@@ -116,7 +116,7 @@ def _impacts(course: Course) -> Panel:
     marks = [(t, "standstill") for t in course.analysis.motion.reversal_times_s if t <= SHOWN_S]
     marks += [(float(t), "impact") for t in times if t <= SHOWN_S]
     title, labels = "Impacts below 200 Hz", ("time [s]", "over the sound around [dB]")
-    return Panel(title, *labels, "time", time, (("sound", highest),), markers=tuple(sorted(marks)))
+    return Panel(title, *labels, "time", time, ((SOUND, highest),), markers=tuple(sorted(marks)))
 
 
 def _lines(course: Course) -> Panel:
@@ -127,7 +127,7 @@ def _lines(course: Course) -> Panel:
     highest = np.asarray(power[: count * step].reshape(count, step).max(axis=1), dtype=np.float64)
     frequency: Array = (np.arange(count, dtype=np.float64) + 0.5) * step * ANALYSIS_RATE_HZ / TRANSFORM
     limit = 10.0 * float(np.log10(gamma_limit(len(course.cruises), TRANSFORM / 16.0)))
-    lines = (("while cruising", 10.0 * np.log10(np.maximum(highest, 1e-3))),)
+    lines = ((SOUND, 10.0 * np.log10(np.maximum(highest, 1e-3))),)
     labels = ("frequency [Hz]", "over its surroundings [dB]")
     return Panel(
         "Lines while cruising", *labels, "frequency", frequency, lines, (-10.0, limit), _teeth(course), REACHED

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Sequence
 from sim.discrepancy.explanation import headline
 from sim.discrepancy.report import STYLE, estimate_cells, html_report, next_steps, table
 from sim.discrepancy.together import Together
-from sim.discrepancy.written import number, words_of
+from sim.discrepancy.written import likely, number, words_of
 
 BODY = re.compile(r"<body[^>]*>(.*)</body>", re.DOTALL)
 STYLES = re.compile(r"<style[^>]*>.*?</style>", re.DOTALL)
@@ -41,7 +41,8 @@ def _combined(result: Together) -> list[str]:
     ]
     for finding, names in zip(one.findings, result.shown, strict=True):
         place = f" at {html.escape(finding.location)}" if finding.location else ""
-        title = f"{html.escape(finding.mechanism.replace('_', ' '))}{place}: probability {finding.probability:.2f}"
+        sure = likely(finding.probability, calibrated=finding.calibrated)
+        title = f"{html.escape(finding.mechanism.replace('_', ' '))}{place}: {sure}"
         shown = (
             f"Shown by {len(names)} of {count}: {', '.join(names)}." if names else f"Shown by none of {count} clearly."
         )
@@ -84,7 +85,10 @@ def _recordings(result: Together, pages: Sequence[str]) -> Iterable[str]:
     yield "<h2>Each recording by itself</h2>"
     for place, (part, page) in enumerate(zip(result.parts, pages, strict=True), start=1):
         sound = f" with {part.taken.sound_name}" if part.taken.sound_name else ""
-        found = ", ".join(f"{f.mechanism.replace('_', ' ')} {f.probability:.2f}" for f in part.result.findings)
+        found = ", ".join(
+            f"{f.mechanism.replace('_', ' ')}, {likely(f.probability, calibrated=f.calibrated)}"
+            for f in part.result.findings
+        )
         title = f"{part.taken.name}{sound}: {found or headline(part.result)}"
         yield f'<details id="recording-{place}"><summary>{html.escape(title)}</summary>{_body(page, place)}</details>'
 

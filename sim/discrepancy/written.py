@@ -119,6 +119,15 @@ def sure(probability: float) -> str:
     return next((text for least, text in steps if probability >= least), "only suspected")
 
 
+def likely(probability: float, *, calibrated: bool) -> str:
+    """A probability in per cent; what was not calibrated is a score from 0 to 1.
+
+    >>> likely(0.954, calibrated=True), likely(0.954, calibrated=False)
+    ('probability 95\\xa0%', 'score 0.95')
+    """
+    return f"probability {percent(probability)}" if calibrated else f"score {probability:.2f}"
+
+
 def named(mechanism: str, location: str | None = None) -> str:
     """A mechanism and where it sits.
 

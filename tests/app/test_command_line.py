@@ -6,10 +6,12 @@ import subprocess
 import sys
 from pathlib import Path
 
+import httpx
 import numpy as np
 import pytest
 
 from app.cli import run
+from app.commands.serve import RULE
 from tests.app.sounds import sound
 from tests.discrepancy.telemetry_of import one_body
 from tests.live import gearcase
@@ -77,6 +79,30 @@ def test_data_dir_by_environment_and_module(tmp_path: Path) -> None:
     done = subprocess.run(command, capture_output=True, check=True, env=environment)
     assert json.loads(done.stdout) == []
     assert (tmp_path / "there" / "gearcase.db").is_file()
+
+
+def test_address_and_key_stand_together_at_the_end_and_the_log_elsewhere(tmp_path: Path) -> None:
+    """As `make run` asks for it: between two rules, with nothing among them, and nothing on stderr."""
+    words = ("serve", "--port", "0", "--no-worker", "--data-dir", str(tmp_path / "data"), "--log-folder", str(tmp_path))
+    service = subprocess.Popen(
+        [sys.executable, "-m", "app", *words], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert service.stdout is not None
+    printed: list[str] = []
+    for line in service.stdout:
+        printed.append(line.rstrip())
+        if printed.count(RULE) == 2:
+            break
+    first, key, opened, log, _ = printed[-5:]
+    assert first == RULE
+    assert key.startswith("Admin key, shown this once: gearcase_")
+    assert str(tmp_path) in log
+    assert httpx.get(f"{opened.removeprefix('Open ')}livez").status_code == 200
+    service.terminate()
+    _, stderr = service.communicate(timeout=60)
+    assert stderr == ""
+    entries = [json.loads(line) for line in (tmp_path / "service.log").read_text().splitlines()]
+    assert "/livez" in {entry.get("path") for entry in entries}
 
 
 def test_key_is_alone_on_stdout(data_dir: Path) -> None:

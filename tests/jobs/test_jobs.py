@@ -293,7 +293,7 @@ def test_a_cancelled_job_that_is_cancelled_again_stays_as_it_is(place: Place) ->
 def test_what_the_engine_says_is_one_json_line_each() -> None:
     """A job that fails brings a traceback; a log of JSON lines stays one."""
     program = (
-        "import logging; from app.logs import configure_logs; configure_logs()\n"
+        "import logging; from app.logs import configure_logs; configure_logs('worker')\n"
         "from dbos._logger import init_logger; init_logger()\n"
         "try: 1 / 0\n"
         "except ZeroDivisionError: logging.getLogger('dbos').exception('a job failed')"

@@ -29,6 +29,7 @@ def fresh(tmp_path: Path, site: Site) -> Iterator[Site]:
     data_dir.mkdir()
     done = gearcase("starter", "--per-label", "1", "--processes", "1", data_dir=data_dir)
     assert done.code == 0, done.stderr
+    assert "simulated 3 of 3 cases" in done.stderr  # how far it is, without a terminal too
     server = started(data_dir)
     yield Site(server, site.recording)
     server.stop()

@@ -7,7 +7,7 @@ from pathlib import Path
 from urllib.parse import urlencode
 
 import pytest
-from playwright.sync_api import expect
+from playwright.sync_api import Page, expect
 
 from app.security import csrf_token
 from tests.app.sounds import sound, wav
@@ -24,6 +24,26 @@ SERIOUS = """async (options) => (await axe.run(options)).violations
     .map((one) => [one.id, one.nodes[0].html.slice(0, 200)])"""
 OPTIONS = {"preload": False, "resultTypes": ["violations"]}
 """Preloading would make axe itself put a style into the page, which the content security policy refuses."""
+BROKEN = """() => {
+    const found = [];
+    const walk = document.createTreeWalker(document.body, NodeFilter.SHOW_TEXT);
+    while (walk.nextNode()) {
+        const node = walk.currentNode;
+        if (!node.parentElement.checkVisibility()) continue;
+        if (node.parentElement.closest("pre, code, svg, .filename, .name, .visually-hidden")) continue;
+        for (const word of node.data.matchAll(/(?<![0-9_\\p{L}])\\p{L}{2,}(?![0-9_\\p{L}])/gu)) {
+            const range = document.createRange();
+            range.setStart(node, word.index);
+            range.setEnd(node, word.index + word[0].length);
+            const boxes = [...range.getClientRects()].filter((one) => one.width);
+            if (new Set(boxes.map((one) => Math.round(one.top))).size > 1) found.push(word[0]);
+        }
+    }
+    return found;
+}"""
+"""Words that stand on two lines without a hyphen or a space between."""
+SIDEWAYS = """() => [...document.querySelectorAll("main, main .table-scroll")]
+    .filter((one) => one.scrollWidth > one.clientWidth + 1).map((one) => one.textContent.trim().slice(0, 80))"""
 VIEWER_PAGES = (
     "/diagnoses",
     "/diagnoses/{diagnosis}",
@@ -57,6 +77,16 @@ def test_page_is_clean_and_accessible_and_fits(tab: Tab, site: Site, path: str) 
     check(tab, address(site, path))
 
 
+def test_a_report_fits_a_telephone_without_a_script(only_page: Page, site: Site, tmp_path: Path) -> None:
+    only_page.set_viewport_size({"width": 360, "height": 700})
+    for path in (f"/diagnoses/{site.diagnosis}/report.html", f"/investigations/{site.investigation}/report.html"):
+        with browsing(site, "viewer") as client:
+            (tmp_path / "report.html").write_text(client.get(path).raise_for_status().text, "utf-8")
+        only_page.goto((tmp_path / "report.html").as_uri())
+        assert only_page.evaluate("() => document.documentElement.scrollWidth") <= 360, path
+        assert only_page.evaluate(BROKEN) == [], path
+
+
 def test_page_of_a_disturbed_recording_is_clean_and_accessible_and_fits(tab: Tab, site: Site) -> None:
     with site.server.client() as client:
         files = parts("field.wav", wav(disturbed().samples), b"{}")
@@ -78,15 +108,19 @@ def check(tab: Tab, path: str) -> None:
         page.set_viewport_size({"width": 360, "height": 700})
         page.wait_for_function("() => document.documentElement.scrollWidth <= 360")
         assert page.evaluate(SERIOUS, OPTIONS) == []
+        page.evaluate("() => document.querySelectorAll('main details').forEach((one) => (one.open = true))")
+        assert page.evaluate(SIDEWAYS) == []
+        assert page.evaluate(BROKEN) == []
 
 
-def test_pages_need_no_script(site: Site) -> None:
+def test_pages_need_no_script_and_have_one_word_for_a_verdict(site: Site) -> None:
     """Charts are drawn by the server, sounds have a player, and every form has a button that sends it."""
     with browsing(site, "admin") as client:
         for path in EVERY_PAGE:
             page = Markup(client.get(address(site, path)).raise_for_status().text)
             names = [tag for tag, _ in page.tags]
             assert "h1" in names, path
+            assert not {"ambiguous", "not_in_library", "Unsure"} & set(page.text.split()), path  # pages have own words
             assert names.count("form") <= sum(
                 tag == "button" and given.get("type", "submit") == "submit" for tag, given in page.tags
             ), path
@@ -103,7 +137,11 @@ def test_evaluation_with_simulated_cases_stands_beside_that_without(site: Site) 
         document = client.get("/api/v1/library/evaluation").json()
     assert "without" in both.ids
     assert "without" not in alone.ids
-    for words in ("With simulated cases, and without", "Known kinds called new", "left out, called new"):
+    for words in (
+        "With simulated cases, and without",
+        "Known kinds called “not in the library”",
+        "left out, called “not in the library”",
+    ):
         assert words in both.text
     assert document["without_simulated"]["left_out_class_called_new"].keys() == document["confusion"].keys()
     printed = json.loads(gearcase("evaluate", "--json", data_dir=site.server.data_dir).stdout)

@@ -73,6 +73,20 @@ def test_a_line_stands_at_its_frequency_above_the_floor() -> None:
     assert left[at] > lines["noise floor"][at] + 10
 
 
+def test_spectra_left_and_right_are_of_the_same_rows() -> None:
+    """A torque at 120 Hz, far above all that moves the axis, is as loud in what was measured as in what is left.
+
+    It is there while the axis is slow alone, where many rows do not count: of all rows it would be 1.2 dB louder on the
+    left.
+    """
+    time, _, speed, _ = swing()
+    told = story(investigated(2.0 * np.sin(2 * np.pi * 120.0 * time) * (np.abs(speed) < 12.0), 5))
+    found, overlay = panel(told, "overlay", "Motor torque, spectrum: measured and simulated")
+    _, left = panel(told, "overlay", "Motor torque, spectrum: what is left")
+    near = np.abs(np.array(found["x"]) - 120.0) < 2.0
+    assert np.abs(overlay["measured"] - left["description, calibrated"])[near].max() < 0.5
+
+
 def test_an_older_document_shows_no_probability_of_what_was_rejected() -> None:
     kept = {"mechanism": "backlash", "location": "output", "probability": 1.0, "reason": "It explains nothing."}
     (candidate,) = candidates_of({"story": {"candidates": [kept]}})

@@ -9,7 +9,7 @@ from zoneinfo import ZoneInfo
 import tomli_w
 from fastapi import APIRouter, Form, Request
 from fastapi.responses import RedirectResponse, Response
-from sqlalchemy import select
+from sqlalchemy import exists, select
 from sqlalchemy.orm import Session
 
 from app.errors import Unprocessable
@@ -19,16 +19,17 @@ from app.web.features import features_of
 from app.web.session import FromOurPage, PageOperator, PageViewer
 from app.web.templating import render
 from app.web.trend import BASELINE, FEATURE, trend, when
-from app.web.words import investigation_headline
+from app.web.words import VERDICTS, investigation_headline
 from casebase import audit
-from casebase.axes import axis_history, get_axis, list_axes
+from casebase.axes import axis_history, get_axis, is_axis, list_axes, unknown_axis
 from casebase.description import check_name
 from casebase.errors import NotFoundError
-from casebase.models import MaintenanceMark, StoredDiagnosis, StoredInvestigation, StoredRecording
+from casebase.models import Case, MaintenanceMark, StoredDiagnosis, StoredInvestigation, StoredRecording
+from casebase.origins import SIMULATED, measured
 
 router = APIRouter(prefix="/axes")
 SECTION = "/axes"
-LISTED = 10
+LISTED, DRAWN = 10, 2000
 
 
 @router.get("")
@@ -44,6 +45,7 @@ def axis_list(request: Request, session: Reading, principal: PageViewer) -> Resp
 @router.get("/{name}")
 def axis(request: Request, session: Reading, principal: PageViewer, name: str) -> Response:
     """One axis: trends, marks, description and revisions."""
+    check_known(session, name)
     history = axis_history(session, name)
     marks = session.scalars(select(MaintenanceMark).where(MaintenanceMark.axis == name).order_by(MaintenanceMark.at))
     all_marks = list(marks)
@@ -57,8 +59,19 @@ def axis(request: Request, session: Reading, principal: PageViewer, name: str) -
         "diagnoses": diagnoses_of(session, name),
         "investigations": investigations_of(session, name),
         "listed": LISTED,
+        "verdicts": VERDICTS,
     }
     return render(request, "axis.html", context, principal=principal, section=SECTION)
+
+
+def check_known(session: Session, name: str) -> None:
+    """Refuse the name of an axis that nothing knows.
+
+    Raises:
+        NotFoundError: naming those that are described.
+    """
+    if not is_axis(session, name):
+        raise NotFoundError(unknown_axis(session, name))
 
 
 def diagnoses_of(session: Session, axis: str) -> Sequence[StoredDiagnosis]:
@@ -75,10 +88,13 @@ def investigations_of(session: Session, axis: str) -> list[tuple[StoredInvestiga
 
 
 def trends(session: Session, axis: str, marks: list[MaintenanceMark]) -> list[tuple[str, Chart]]:
-    """Return one chart per gearbox: crest factor over time, its baseline, and what was done to it."""
+    """Return one chart per gearbox: crest factor over time of what was measured, its baseline, what was done to it."""
     statement = select(StoredRecording).where(StoredRecording.axis == axis, StoredRecording.usable)
     by_gearbox: dict[str, list[tuple[datetime, float]]] = {}
-    for row in session.scalars(statement.order_by(StoredRecording.id).limit(2000)):
+    generated = exists().where(Case.recording_id == StoredRecording.id, Case.origin == SIMULATED)
+    statement = statement.where(StoredRecording.gearbox.is_not(None), ~generated)
+    rows = session.scalars(statement.order_by(StoredRecording.id).limit(DRAWN)).all()
+    for row in measured(session, rows):
         value = features_of(session, row.id).get(FEATURE)
         if row.gearbox is not None and value is not None:
             by_gearbox.setdefault(row.gearbox, []).append((when(row), value))
@@ -113,6 +129,7 @@ def add_mark(
     if gearbox.strip():
         check_name("gearbox", gearbox.strip())
     with service.library.transaction(principal.actor) as session:
+        check_known(session, name)
         mark = MaintenanceMark(
             axis=name, gearbox=gearbox.strip() or None, at=when, text=text.strip(), created_by=principal.actor
         )

@@ -1,6 +1,7 @@
 """Diagnoses: the list, a new one, one of them, what a person says of it, its report."""
 
 import json
+from shlex import quote
 from typing import Annotated, Literal
 
 from fastapi import APIRouter, Form, Query, Request
@@ -20,18 +21,13 @@ from app.web.pages.recordings import demo_ids
 from app.web.report import diagnosis_html, diagnosis_pdf
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer, SignInNeeded, Visitor, below_root
 from app.web.templating import Message, render
+from app.web.words import VERDICTS, how_sure
 from casebase.axes import find_axis
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
 from casebase.models import Case, StoredDiagnosis
 
 router = APIRouter()
-FILTERS = (
-    ("", "All"),
-    ("diagnosed", "Diagnosed"),
-    ("ambiguous", "Undecided"),
-    ("not_in_library", "Not in the library"),
-    ("unusable", "Unusable"),
-)
+FILTERS = (("", "All"), *VERDICTS.items())
 LONGEST_VERIFICATION = 500
 NUMBERS = {"speed_rad_s": "The largest speed of the output [rad/s]", "payload_kg_m2": "The payload [kg m²]"}
 
@@ -56,11 +52,16 @@ def front(request: Request, session: Reading, service: TheService, principal: Vi
 
 @router.get("/diagnoses")
 def listed(
-    request: Request, session: Reading, principal: PageViewer, verdict: str | None = None, cursor: str | None = None
+    request: Request,
+    session: Reading,
+    principal: PageViewer,
+    verdict: Literal["", "diagnosed", "ambiguous", "not_in_library", "unusable"] = "",
+    cursor: str | None = None,
 ) -> Response:
     """The list, newest first."""
     page = list_diagnoses(session, DiagnosisFilter(verdict=verdict or None), cursor=cursor)
-    context = {"rows": page.items, "next_cursor": page.next_cursor, "filters": FILTERS, "chosen": verdict or ""}
+    context: dict[str, object] = {"rows": page.items, "next_cursor": page.next_cursor, "filters": FILTERS}
+    context |= {"chosen": verdict, "verdicts": VERDICTS, "how_sure": how_sure}
     return render(request, "diagnoses.html", context, principal=principal, section="/diagnoses")
 
 
@@ -80,8 +81,7 @@ def upload(request: Request, principal: PageOperator, upload: TheUpload, service
     file = upload.file("file")
     intake = take_in(service.library, file.path, file.name, file.media_type, metadata)
     with service.library.transaction(principal.actor) as session:
-        row = intake.store(service.library, session)
-        diagnosis = service.library.diagnose(session, row, intake.extraction)
+        diagnosis = intake.diagnose(service.library, session)
         identity = diagnosis.id
     service.metrics.diagnoses.labels(diagnosis.verdict, diagnosis.label or "").inc()
     return RedirectResponse(f"{root_of(service)}/diagnoses/{identity}", status_code=303)
@@ -148,8 +148,8 @@ def shown(
     base = str(request.base_url).rstrip("/")
     curl = (
         'curl -H "Authorization: Bearer $GEARCASE_KEY" \\\n'
-        f"  -F file=@{row.recording.file_name} \\\n"
-        f"  -F 'metadata={json.dumps(metadata)}' \\\n"
+        f"  -F {file_argument(row.recording.file_name)} \\\n"
+        f"  -F {quote(f'metadata={json.dumps(metadata)}')} \\\n"
         f"  {base}/api/v1/diagnoses\n\n"
         f'curl -H "Authorization: Bearer $GEARCASE_KEY" {base}/api/v1/diagnoses/{row.id}'
     )
@@ -160,6 +160,16 @@ def shown(
     context["described"] = row.recording.axis is None or find_axis(session, row.recording.axis) is not None
     notices = (Message("Taken over.", ""),) if request.query_params.get("done") else ()
     return render(request, "diagnosis.html", context, principal=principal, section="/diagnoses", messages=notices)
+
+
+def file_argument(name: str) -> str:
+    """Return what tells curl to send a file, whatever its name, as it stands in a shell.
+
+    >>> print(file_argument("axis 4, monday.wav"))
+    'file=@"axis 4, monday.wav"'
+    """
+    escaped = name.replace("\\", "\\\\").replace('"', '\\"')
+    return quote(f'file=@"{escaped}"')
 
 
 @router.post("/diagnoses/{diagnosis_id}/revise", dependencies=[FromOurPage])

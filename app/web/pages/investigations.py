@@ -18,7 +18,7 @@ from app.web.self_contained import self_contained
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
 from app.web.story import Part, candidates_of, panel_of, panels_of
 from app.web.templating import render
-from app.web.words import finding_words, investigation_headline, unexplained_words
+from app.web.words import finding_words, investigation_headline, likely_words, unexplained_words
 from casebase.axes import list_axes
 from casebase.models import AxisRevision, StoredInvestigation
 from casebase.pages import page
@@ -73,11 +73,14 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
     """What was found, told in order."""
     row = get_investigation(session, investigation_id)
     document: dict[str, Any] = dict(row.document or {})
+    heard = "telemetry" not in row.inputs  # whose probabilities were never calibrated, nor said so by older versions
+    findings = [{"calibrated": not heard, **finding} for finding in document.get("findings", ())]
     context = {
         "row": row,
         "document": document,
         "headline": investigation_headline(document) if document else None,
-        "findings": [(finding, finding_words(finding)) for finding in document.get("findings", ())],
+        "findings": [(finding, finding_words(finding)) for finding in findings],
+        "likely_words": likely_words,
         "unexplained": unexplained_words(document["unexplained"]) if document.get("unexplained") else None,
         "overlay": panels_of(document, "overlay"),
         "residual": panels_of(document, "residual"),

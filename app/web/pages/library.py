@@ -23,9 +23,11 @@ from app.web.pages.diagnoses import told
 from app.web.recorded import chart_of
 from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.svg import map_chart
-from app.web.templating import Message, render
+from app.web.templating import Message, render, sentence
+from casebase.axes import find_axis, is_axis, unknown_axis
 from casebase.case_filter import CaseFilter
 from casebase.models import Case, StoredRecording
+from casebase.origins import MEASURED
 from casebase.signals.features import catalogue
 
 router = APIRouter()
@@ -61,10 +63,12 @@ def cases(
         "counts": sorted(counts.items()),
         "total": sum(counts.values()),
     }
-    messages = (Message(f"{done} cases changed. Their history keeps what they were; restore brings them back."),)
-    return render(
-        request, "library.html", context, principal=principal, section=SECTION, messages=messages if done else ()
-    )
+    messages = []
+    if done:
+        messages.append(Message(f"{done} cases changed. Their history keeps what they were; restore brings them back."))
+    if axis and not is_axis(session, axis):
+        messages.append(Message(sentence(unknown_axis(session, axis)), "warn"))
+    return render(request, "library.html", context, principal=principal, section=SECTION, messages=tuple(messages))
 
 
 @router.post("/library/change", dependencies=[FromOurPage])
@@ -142,7 +146,7 @@ def coverage(request: Request, session: Reading, service: TheService, principal:
 
 
 def covered(session: Session) -> list[tuple[str, str, int, int, int]]:
-    """Return (axis, label, measured, simulated, gearboxes) for every axis and every label of the library."""
+    """Return (axis, label, measured, simulated, measured gearboxes) for every axis and every label of the library."""
     statement = (
         select(
             StoredRecording.axis, Case.label, Case.origin, func.count(), func.count(StoredRecording.gearbox.distinct())
@@ -156,7 +160,7 @@ def covered(session: Session) -> list[tuple[str, str, int, int, int]]:
     gearboxes: Counter[tuple[str, str]] = Counter()
     for axis, label, origin, count, units in session.execute(statement).all():
         counted[axis or "not told", label, origin] += count
-        gearboxes[axis or "not told", label] += units
+        gearboxes[axis or "not told", label] += units if origin == MEASURED else 0
     axes = sorted({axis for axis, _, _ in counted})
     labels = sorted({label for _, label, _ in counted} | {"normal", "notch", "play"})
     return [
@@ -183,5 +187,6 @@ def case(request: Request, session: Reading, service: TheService, principal: Pag
         "spectrum": None if erased else chart_of("spectrum", session, service, row.recording),
         "features": features,
         "history": service.library.history(session, case_id),
+        "described": row.recording.axis is None or find_axis(session, row.recording.axis) is not None,
     }
     return render(request, "case.html", context, principal=principal, section=SECTION)

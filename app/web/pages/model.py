@@ -23,16 +23,18 @@ from app.service import Service, TheService
 from app.web.charts import Chart
 from app.web.session import PageViewer
 from app.web.svg import Band, Series
-from app.web.templating import render
-from app.web.trial import Trial, simulate
+from app.web.templating import parameter_words, quantity, render
+from app.web.trial import Trial, besides, built, simulate, starts
 from casebase.axes import get_axis
 from casebase.description import condition_of
+from casebase.errors import NotFoundError
 from casebase.models import Case, StoredRecording
 from casebase.origins import SIMULATED, simulated
 from casebase.signals.analysis import Analysis
 from casebase.signals.crest import crest_factor, root_mean_square
 from casebase.signals.recording import Recording
-from sim.axis import read_axis
+from sim.axis import Axis, read_axis
+from sim.mechanism import Mechanism
 from sim.sound import SAMPLE_RATE_HZ
 
 router = APIRouter(prefix="/axes")
@@ -43,14 +45,14 @@ LEVEL = "level, rms [dB re own RMS²]"
 
 @dataclass(frozen=True)
 class Slider:
-    """One parameter to try: name in the query, words, unit, range, step and start."""
+    """One parameter to try: name in the query, words, unit, range, step (None: any) and start."""
 
     name: str
     words: str
     unit: str
     low: float
     high: float
-    step: float
+    step: float | None
     start: float
 
 
@@ -58,8 +60,8 @@ SLIDERS = (
     Slider("stiffness", "Stiffness of the last mesh, of the data sheet", "1", 0.3, 3.0, 0.05, 1.0),
     Slider("damping", "Damping of the meshes, of the data sheet", "1", 0.2, 5.0, 0.1, 1.0),
     Slider("error", "Transmission error, of a new gear", "1", 0.0, 6.0, 0.1, 1.0),
-    Slider("gap_mrad", "Play of the last mesh", "mrad", 0.0, 3.0, 0.05, 0.0),
-    Slider("notch_mrad", "Depth of a notch in the last gear", "mrad", 0.0, 3.0, 0.05, 0.0),
+    Slider("gap_mrad", "Play of the last mesh", "mrad", 0.0, 3.0, None, 0.0),
+    Slider("notch_mrad", "Depth of a notch in the last gear", "mrad", 0.0, 3.0, None, 0.0),
     Slider("rubbing_db", "Rubbing noise", "dB", -40.0, 20.0, 1.0, -10.0),
     Slider("ambient_db", "Ambient noise", "dB", -60.0, 0.0, 1.0, -30.0),
 )
@@ -83,8 +85,9 @@ def try_parameters(
             f"The axis {name!r} has no gear stage, so it has no teeth whose sound could be simulated. Describe its "
             "gears in [[stages]] and add it again: POST /api/v1/axes."
         )
-    values = {slider.name: _value(request, slider) for slider in SLIDERS}
-    row = next((one for one in rows if one.id == recording), rows[0] if rows else None)
+    sliders = _sliders(axis)
+    values = {slider.name: _value(request, slider) for slider in sliders}
+    row = _chosen(rows, recording, name)
     origins = {one.id: "simulated case" if one.id in known else "measured" for one in rows}
     compared = compared_of(service, row, origins[row.id]) if row else None
     began = perf_counter()
@@ -95,7 +98,8 @@ def try_parameters(
     sounds = [tried, compared] if compared else [tried]
     context = {
         "name": name,
-        "sliders": [(slider, values[slider.name]) for slider in SLIDERS],
+        "sliders": [(slider, values[slider.name]) for slider in sliders],
+        "besides": [mechanism_words(built(entry)) for entry in besides(axis)],
         "recordings": rows,
         "chosen": row,
         "spectrum": _spectra(sounds),
@@ -105,6 +109,37 @@ def try_parameters(
         "took_ms": took_ms,
     }
     return render(request, "try.html", context, principal=principal, section="/axes")
+
+
+def _sliders(axis: Axis) -> list[Slider]:
+    """Return the sliders, from what the revision has on; one that could not show it reaches twice as far."""
+    begin = starts(axis)
+    return [
+        replace(one, start=begin[one.name], high=max(one.high, 2 * begin[one.name])) if one.name in begin else one
+        for one in SLIDERS
+    ]
+
+
+def _chosen(rows: Sequence[StoredRecording], wanted: str, axis: str) -> StoredRecording | None:
+    if not wanted:
+        return rows[0] if rows else None
+    for row in rows:
+        if row.id == wanted:
+            return row
+    raise NotFoundError(f"none of the newest {SHOWN_RECORDINGS} recordings of the axis {axis!r} has the id {wanted!r}")
+
+
+def mechanism_words(mechanism: Mechanism) -> str:
+    """Say what a mechanism is, where it is and how large.
+
+    >>> from sim.mechanisms import Backlash
+    >>> print(mechanism_words(Backlash("transfer", {"gap_rad": 0.001})))
+    backlash at transfer (gap 0.001\xa0rad)
+    """
+    at = f" at {mechanism.location}" if mechanism.location else ""
+    unit = next(one.unit for one in mechanism.parameters if one.name == mechanism.size)
+    size = quantity(mechanism[mechanism.size], unit)
+    return f"{mechanism.name.replace('_', ' ')}{at} ({parameter_words(mechanism.size)} {size})"
 
 
 def _value(request: Request, slider: Slider) -> float:

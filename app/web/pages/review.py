@@ -15,6 +15,7 @@ from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.templating import Message, render
 from casebase import review as care
 from casebase.axes import list_axes
+from casebase.errors import NotFoundError
 from casebase.models import Artifact
 from sim.design import LABELS
 
@@ -81,8 +82,11 @@ def simulate_page(
 ) -> Response:
     """How many cases of which label the simulator is to make for an axis."""
     wanted = {one: _count(request.query_params.get(one), 20 if label in ("", one) else 0) for one in LABELS}
+    axes = [row.name for row in list_axes(session)]
+    if axis and axis not in axes:
+        raise NotFoundError(f"no axis is described as {axis!r}, so it cannot be simulated; add it by POST /api/v1/axes")
     context = {
-        "axes": [row.name for row in list_axes(session)],
+        "axes": axes,
         "axis": axis,
         "counts": wanted,
         "most": MOST_AT_ONCE,

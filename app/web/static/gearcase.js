@@ -243,10 +243,26 @@ for (const element of all("[data-job-events]")) {
   });
 }
 
+/* what a slider asks for and cannot have is said where it would stand */
+addEventListener("htmx:responseError", (event) => {
+  const { target, xhr } = event.detail;
+  let words = `The service answered ${xhr.status}.`;
+  try {
+    words = JSON.parse(xhr.responseText).detail ?? words;
+  } catch {
+    // no document: the status says all that there is
+  }
+  const notice = document.createElement("div");
+  notice.className = "notice bad";
+  notice.setAttribute("role", "alert");
+  notice.textContent = words;
+  target.replaceChildren(notice);
+});
+
 /* sliders say their value */
 addEventListener("input", (event) => {
   const output = event.target.id && one(`output[for="${event.target.id}"]`);
-  if (output) output.textContent = event.target.value;
+  if (output) output.textContent = String(+Number(event.target.value).toPrecision(3)).replace("-", "−");
 });
 
 /* what was folded away stays folded away */
@@ -255,6 +271,23 @@ for (const element of all("details[data-remember]")) {
   if (localStorage.getItem(name) === "closed") element.open = false;
   element.addEventListener("toggle", () => localStorage.setItem(name, element.open ? "open" : "closed"));
 }
+
+/* on a narrow screen tables are cards, whose values say what they are */
+const LONG = 40; // characters from which on a value has a line of its own
+function asCards(root) {
+  for (const table of all("table:has(> thead)", root)) {
+    const names = all(":scope > thead th", table).map((head) => head.textContent.trim());
+    for (const row of all(":scope > tbody > tr", table)) {
+      [...row.cells].forEach((cell, k) => {
+        if (names[k]) cell.dataset.label = names[k];
+        cell.classList.toggle("wide", cell.textContent.trim().length > LONG || Boolean(one("details", cell)));
+      });
+    }
+    table.classList.add("cards");
+  }
+}
+asCards(document);
+addEventListener("htmx:afterSwap", (event) => asCards(event.target.isConnected ? event.target : document));
 
 /* bulk selection */
 all("[data-select-all]").forEach((box) =>

@@ -12,8 +12,9 @@ export function style(name) {
   return getComputedStyle(probe).color;
 }
 
-const COLOURS = ["--plot-1", "--plot-2", "--plot-3", "--plot-4"];
-const DASHES = [undefined, [6, 3], [2, 3], [8, 3, 2, 3]];
+// colour and stroke by number, as `.series.s1` and so on in the style sheet
+const COLOURS = [, "--plot-1", "--plot-2", "--plot-3", "--plot-4", "--ink", "--ink-soft", "--plot-4"];
+const DASHES = [, undefined, [6, 3], [2, 3], [8, 3, 2, 3], [9, 3], [1.5, 2.5], undefined];
 const FEW = 24; // so few values are drawn as dots besides
 const cursors = new Map();
 const plots = [];
@@ -139,11 +140,11 @@ function draw(element, data) {
     axes: [axis(data.x_label), { ...axis(data.y_label), size: 54 }],
     series: [
       {},
-      ...data.series.map((one, k) => ({
-        stroke: style(COLOURS[k % 4]),
-        dash: DASHES[k % 4],
+      ...data.series.map((one) => ({
+        stroke: style(COLOURS[one.style]),
+        dash: DASHES[one.style],
         width: 1.25,
-        points: { show: data.x.length <= FEW, size: 6, fill: style(COLOURS[k % 4]) },
+        points: { show: data.x.length <= FEW, size: 6, fill: style(COLOURS[one.style]) },
       })),
     ],
     legend: { show: false },

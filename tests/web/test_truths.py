@@ -1,0 +1,219 @@
+"""What a page says is so, as a browser shows it: one thing has one place, one colour and one word."""
+
+import os
+import re
+import shlex
+import shutil
+import subprocess
+from pathlib import Path
+
+import pytest
+from playwright.sync_api import Page, expect
+
+from app.web.svg import polar_chart
+from casebase.axes import add_axis
+from casebase.models import StoredJob, new_id, now
+from sim.axis import parse_axis
+from sim.discrepancy.panels import DESCRIBED, EXTENDED, FLOOR, MEASURED
+from tests.app.test_page_errors import RESULTS
+from tests.web.conftest import AXIS, Opened, Site, Tab, settle
+
+pytestmark = pytest.mark.browser
+
+INKS = {1: "--first", 2: "--second", 3: "--third", 4: "--fourth", 5: "--ink", 6: "--quiet", 7: "--fourth"}
+"""What a report calls the colours of the numbered lines."""
+STROKES = """numbers => numbers.map((number) => {
+    const svg = document.createElementNS("http://www.w3.org/2000/svg", "svg");
+    const line = document.createElementNS("http://www.w3.org/2000/svg", "path");
+    svg.setAttribute("class", "chart");
+    line.setAttribute("class", `series s${number}`);
+    document.body.append(svg);
+    svg.append(line);
+    const { stroke, strokeDasharray } = getComputedStyle(line);
+    svg.remove();
+    return [stroke, strokeDasharray];
+})"""
+VARIABLES = """names => names.map((name) => {
+    const probe = document.createElement("span");
+    probe.style.color = `var(${name})`;
+    document.body.append(probe);
+    const { color } = getComputedStyle(probe);
+    probe.remove();
+    return color;
+})"""
+LEGENDS = """() => [...document.querySelectorAll(".legend .line")]
+    .map((one) => [one.firstChild.nextSibling.data, one.querySelector("path").getAttribute("class")])"""
+SECTIONS = """() => Object.fromEntries([...document.querySelectorAll("section")].map((one) => [
+    one.querySelector("h3").textContent,
+    [
+        [...one.querySelectorAll(":scope > details > summary code")].map((code) => code.textContent),
+        [...one.querySelectorAll(":scope > .table-scroll tbody tr")]
+            .map((row) => [row.cells[0].textContent, row.cells[3].textContent.trim()]),
+    ],
+]))"""
+"""Of each operation the media types of its body, and its parameters with what they mean."""
+
+
+def test_the_page_of_a_job_that_is_over_opens(tab: Tab, site: Site) -> None:
+    """Of every kind and result; that of every state, without a browser, is in tests/app/test_page_errors.py."""
+    library = site.library()
+    rows = [
+        StoredJob(id=new_id(), kind=kind, parameters={}, state=state, result=result, error=error, finished_at=end)
+        for kind, results in RESULTS.items()
+        for state, result, error, end in (
+            *(("done", result, None, now()) for result in results),
+            ("failed", None, "task 0: motor: missing table [motor]", now()),
+        )
+    ]
+    told = [(row.id, row.state, row.error) for row in rows]
+    with library.transaction("test") as session:
+        session.add_all(rows)
+    with tab("/jobs") as page:
+        for identity, state, error in told:
+            answer = page.goto(f"{site.url}/jobs/{identity}")
+            assert answer is not None
+            assert (answer.status, answer.headers["content-type"]) == (200, "text/html; charset=utf-8")
+            expect(page.locator(".page-head")).to_contain_text(state)
+            if error:
+                expect(page.locator(".notice")).to_contain_text(error)
+        page.goto(site.url + "/jobs")
+    with library.transaction("test") as session:
+        for identity, _, _ in told:
+            session.delete(session.get_one(StoredJob, identity))
+    library.close()
+
+
+def test_sliders_begin_at_what_the_revision_has(tab: Tab, site: Site) -> None:
+    worn = parse_axis(AXIS) | {
+        "name": "worn",
+        "mechanisms": [
+            {"name": "backlash", "location": "output", "gap_rad": 0.00087},
+            {"name": "backlash", "location": "transfer", "gap_rad": 0.002},
+        ],
+    }
+    library = site.library()
+    with library.transaction("test") as session:
+        add_axis(session, "worn", worn)
+    library.close()
+    with tab("/axes/worn/try") as page:
+        play = page.get_by_label("Play of the last mesh")
+        assert float(play.input_value()) == pytest.approx(0.87)
+        expect(page.locator("output[for=gap_mrad]")).to_have_text("0.87")
+        assert page.get_by_label("Depth of a notch").input_value() == "0"
+        expect(page.locator("form.sliders .hint")).to_contain_text("backlash at transfer (gap 0.002")
+        expect(page.locator("form.sliders .hint")).not_to_contain_text("output")
+
+
+def test_a_simulated_case_is_compared_as_one(tab: Tab, site: Site) -> None:
+    with tab(f"/axes/bench/try?recording={site.recorded}") as page:
+        expect(page.locator("#result .legend").first).to_contain_text("simulated case")
+        expect(page.locator("#result .legend").first).not_to_contain_text("measured")
+    with tab("/library/coverage") as page:
+        notch = page.locator("tr", has_text="bench").filter(has_text="notch")
+        cells = notch.locator("td").all_inner_texts()
+        assert cells[2:5] == ["1", "1", "1"]  # measured, measured gearboxes, simulated
+
+
+def test_the_line_of_the_circle_is_the_phase_of_the_text(tab: Tab, site: Site) -> None:
+    """One number in fact, evidence and circle, and it is called what it is: no angle of a gear."""
+    with tab(f"/diagnoses/{site.diagnosis}") as page:
+        fact = page.locator(".facts div", has_text="Time in the cycle").inner_text()
+        found = re.search(r"phase (\d+)°", fact)
+        assert found is not None
+        assert page.locator(".polar [data-phase]").get_attribute("data-phase") == found[1]
+        expect(page.locator(".polar-sheet")).to_contain_text(f"phase {found[1]}°")
+        expect(page.locator("#evidence")).to_contain_text(f"a phase of {found[1]} degrees")
+        assert "angle" not in page.locator("section.verdict").inner_text().lower()
+        # where the circle is highest is where its line points
+        highest = page.evaluate(
+            """() => {
+                const sectors = [...document.querySelectorAll(".polar .sector, .polar .unvisited")];
+                const reach = sectors.map((one) => one.getTotalLength());
+                return (360 * reach.indexOf(Math.max(...reach))) / sectors.length;
+            }"""
+        )
+        assert abs((highest + 2.5 - float(found[1]) + 180) % 360 - 180) < 15
+
+
+def test_the_line_of_the_circle_points_where_its_sector_is() -> None:
+    """A quarter of a cycle after a reversal is to the right, whatever is drawn there."""
+    drawn = polar_chart("t", [None] * 18 + [1.0] + [None] * 53, 92.0)
+    line = re.search(r'class="phase" data-phase="92" d="M(\S+) (\S+)L(\S+) (\S+)"', drawn)
+    assert line is not None
+    x0, y0, x1, y1 = map(float, line.groups())
+    assert x1 > x0 > 150
+    assert y1 > y0 > 150
+
+
+def test_a_thing_has_one_colour_and_stroke_over_panels_page_and_report(
+    only_page: Page, tab: Tab, site: Site, tmp_path: Path
+) -> None:
+    path = f"/investigations/{site.investigation}"
+    with tab(path) as page:
+        settle(page)
+        drawn = {(name.strip(), look) for name, look in page.evaluate(LEGENDS)}
+        looks = dict(drawn)
+        assert len(looks) == len(drawn)  # no name with two looks
+        assert {MEASURED, DESCRIBED, EXTENDED, FLOOR} <= looks.keys()
+        assert len(set(looks.values())) == len(looks)  # no two names with one look
+        strokes = page.evaluate(STROKES, list(INKS))
+        shown = {int(look.rpartition("s")[2]) for look in looks.values()}
+        dashes = [dash for number, (_, dash) in zip(INKS, strokes, strict=True) if number in shown]
+        assert len(set(dashes)) == len(dashes)  # told apart without colour
+        numbers = page.request.get(f"{site.url}{path}/panels/overlay/0").json()["series"]
+        assert {f"series s{one['style']}" for one in numbers} == {looks[one["name"]] for one in numbers}
+        (tmp_path / "report.html").write_text(page.request.get(f"{site.url}{path}/report.html").text(), "utf-8")
+    only_page.goto((tmp_path / "report.html").as_uri())
+    assert only_page.evaluate(VARIABLES, list(INKS.values())) == [colour for colour, _ in strokes]
+
+
+def test_an_unknown_axis_is_said(opened: Opened, site: Site) -> None:
+    with opened("admin", "/library?axis=nobody") as page:
+        expect(page.get_by_role("status")).to_contain_text("No axis is known as 'nobody'; described are")
+        for path in ("/axes/nobody", "/axes/nobody/try", "/library/simulate?axis=nobody"):
+            answer = page.request.get(site.url + path, headers={"Accept": "text/html"})
+            assert (answer.status, "nobody" in answer.text()) == (404, True), path
+        page.goto(site.url + "/diagnoses/new")
+        form = page.locator("main form")
+        form.get_by_label("Recording", exact=True).set_input_files(site.recording)
+        form.get_by_label("Axis", exact=True).fill("nobody")
+        form.get_by_role("button", name="Diagnose", exact=True).click()
+        expect(page.locator(".crumbs")).to_contain_text("nobody (not described)")
+        expect(page.locator("#evidence")).to_contain_text("No axis is described as 'nobody'")
+        command = shlex.split(page.locator("#curl").text_content() or "")
+        assert f'file=@"{site.recording.name}"' in command  # a name with a space and a comma
+
+
+def test_a_key_that_is_not_listed_stores_nothing(opened: Opened, site: Site) -> None:
+    with opened("operator", f"/diagnoses/{site.diagnosis}") as page:
+        page.locator("h1").first.click()
+        page.keyboard.press("u")
+        page.reload()
+        expect(page.get_by_role("region", name="Your verdict").get_by_text("Marked")).to_have_count(0)
+        assert page.locator("[data-key=u]").count() == 0
+
+
+def test_the_interface_is_described_with_bodies_parameters_and_its_own_address(
+    tab: Tab, site: Site, tmp_path: Path
+) -> None:
+    with tab("/docs") as page:
+        document = page.request.get(site.url + "/openapi.json").json()
+        shown = page.evaluate(SECTIONS)
+        for path, methods in document["paths"].items():
+            for method, operation in methods.items():
+                bodies, parameters = shown[f"{method.upper()} {path}"]
+                assert bodies == list(operation.get("requestBody", {}).get("content", {})), (method, path)
+                assert [name for name, _ in parameters] == [one["name"] for one in operation.get("parameters", ())]
+                assert all(meaning for _, meaning in parameters), (method, path)
+        axes = page.locator("section", has=page.get_by_text("POST /api/v1/axes", exact=True))
+        axes.locator("summary").first.click()
+        expect(axes.get_by_text("stages[].driven_teeth", exact=True)).to_be_visible()
+        example = page.locator("#curl").inner_text()
+        assert set(re.findall(r"http://[^/]+", page.locator("main").inner_text())) == {site.url}
+    if shutil.which("curl") is None or shutil.which("bash") is None:
+        pytest.skip("no curl to run the example with")
+    environment = {**os.environ, "GEARCASE_KEY": site.server.keys["operator"]}
+    done = subprocess.run(
+        ["bash", "-ec", example], cwd=tmp_path, env=environment, capture_output=True, text=True, check=True
+    )
+    assert '"verdict"' in done.stdout
