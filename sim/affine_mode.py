@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.affine_system import ZERO, Array, Basis, Constraints, Mode, System, bend, no_inertia
+from sim.affine_system import ZERO, Array, Basis, Constraints, Mode, Piece, System, bend, no_inertia
 
 ROUNDING = 1e-13
 """What is left of terms that cancel, relative to them."""
@@ -31,7 +31,6 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
     known = system.known
     pieces = [system.piece(i, branch) for i, branch in enumerate(key)]
     rows = equations(system, key)
-    owners = [frozenset([i]) for i, piece in enumerate(pieces) for _ in piece.holds]
     bound = system.state_rows(np.vstack([piece.stops for piece in pieces])) if pieces else np.zeros((0, 0))
     solve, free, hidden = solve_unknowns(system, rows, np.vstack([piece.losses for piece in pieces]))
     enter = _entry(system, np.vstack([bound, hidden]))
@@ -43,13 +42,10 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
         enter[moving] -= np.linalg.pinv(resting[:, moving], rcond=ZERO) @ resting @ enter
         solve = _sum(solve, -solve @ np.linalg.pinv(resting, rcond=ZERO), resting, ZERO)
     limits = np.vstack([piece.holds for piece in pieces])
-    strict = np.concatenate([piece.strict for piece in pieces])
-    by_state = _sum(system.state_rows(limits), limits[:, known:], solve)
-    constraints = _eliminate(by_state, limits[:, known:] @ free, strict, owners)
     return Mode(
         key=key,
-        matrix=_flow(system, solve),
-        holds=constraints,
+        matrix=flow(system, solve),
+        holds=constraints(system.state_rows(limits), limits[:, known:], solve, pieces, free),
         stops=np.vstack([bound, asked]),
         enter=enter,
         solve=solve,
@@ -165,7 +161,17 @@ def _sum(start: Array, left: Array, right: Array, rounding: float = ROUNDING) ->
     return np.asarray(total)
 
 
-def _flow(system: System, solve: Array) -> Array:
+def constraints(
+    by_state: Array, by_unknown: Array, solve: Array, pieces: Sequence[Piece], free: Array | None = None
+) -> Constraints:
+    """All inequalities of the pieces over the state alone: by_state x + by_unknown z >= 0 with z = solve x + free c."""
+    owners = [frozenset([i]) for i, piece in enumerate(pieces) for _ in piece.holds]
+    strict = np.concatenate([piece.strict for piece in pieces])
+    choice = np.zeros((len(by_state), 0)) if free is None else by_unknown @ free
+    return _eliminate(_sum(by_state, by_unknown, solve), choice, strict, owners)
+
+
+def flow(system: System, solve: Array) -> Array:
     """x' = M x: coordinates move with their speeds, speeds with the solved accelerations, signals by themselves."""
     count = system.freedom
     matrix = system.signal_flow()
