@@ -24,7 +24,7 @@ from sim.curves import Curve, Shape
 from sim.drive_train import DriveTrain
 from sim.errors import RunError
 from sim.solver import simulate
-from tests.sim_core.modelica_examples import heat_losses
+from tests.sim_core.modelica_examples import heat_losses, simple_gear_shift
 
 STRIBECK = [[0, 0.5], [1, 0.3], [4, 0.6]]
 BENT: list[Component] = [
@@ -77,6 +77,13 @@ def test_the_driver_changes_where_both_pieces_of_the_loss_meet() -> None:
     eta1, eta2, bf1, bf2 = 0.8, 0.7, 0.3, 0.5
     tau = curve_value(Curve(Shape.DRIVER, ((0.0, eta1, eta2, bf1, bf2),)), 3.0)
     assert (1 - eta1) * tau + bf1 == pytest.approx((1 - 1 / eta2) * tau + bf2)
+
+
+def test_a_brake_is_free_from_the_instant_that_nothing_presses_it() -> None:
+    """Modelica's SimpleGearShift: while the clutch takes hold the brake lets go, slips, and is free at 2.1 s."""
+    events = simulate(simple_gear_shift(), 2.2, 100.0).events
+    assert [event[2:4] for event in events if event.component == "brake"] == [(0, 1), (1, 2)]
+    assert events[2] == (pytest.approx(2.1, abs=1e-12), "brake", 1, 2, "forward", "free")
 
 
 def test_an_efficiency_that_reaches_zero_is_named() -> None:
