@@ -120,6 +120,10 @@ def solve_unknowns(system: System, rows: Array, losses: Array) -> tuple[Array, A
         rows = np.vstack([rows[usable] / scale[usable, None], rows[~usable]])
         unknown = rows[:, known:]
         columns = np.maximum(np.abs(unknown).max(axis=0), 1e-300)
+        inverse = _inverse(unknown / columns)
+        if inverse is not None:
+            free = np.zeros((unknown.shape[1], 0))
+            break
         left, size, right = np.linalg.svd(unknown / columns)
         rank = int(np.count_nonzero(size > ZERO * size[0])) if len(size) else 0
         lost = left[:, rank:].T @ rows
@@ -130,16 +134,14 @@ def solve_unknowns(system: System, rows: Array, losses: Array) -> tuple[Array, A
         real = np.abs(bound).max(axis=1) > ZERO * np.maximum(1.0, np.abs(rows[:, :known]).max())
         new = [i for i in np.flatnonzero(real) if taken.take(bound[i])]
         if not new:
+            inverse = (right[:rank].T / size[:rank]) @ left[:, :rank].T
+            free = right[rank:].T
             break
         hidden = np.vstack([hidden, bound[new]])
         unit = lost[new] / np.abs(lost[new]).max(axis=1, keepdims=True)
         rows = np.vstack([left[:, :rank].T @ rows, _derivative(system, unit)])
-    square = unknown.shape[0] == unknown.shape[1] == rank
-    scaled = unknown / columns
-    inverse = np.linalg.inv(scaled) if square else (right[:rank].T / size[:rank]) @ left[:, :rank].T
     inverse[np.abs(inverse) <= ROUNDING * np.abs(inverse).max(initial=0.0)] = 0.0
     inverse /= columns[:, None]
-    free = right[rank:].T
     free[np.abs(free) <= ROUNDING] = 0.0
     free = free / columns[:, None]
     moving = np.abs(free[: system.node_count])
@@ -152,6 +154,17 @@ def solve_unknowns(system: System, rows: Array, losses: Array) -> tuple[Array, A
         torques = system.state_rows(losses) + losses[:, known:] @ solve
         solve = _sum(solve, -free @ np.linalg.pinv(share, rcond=ZERO), torques)
     return solve, free, hidden
+
+
+def _inverse(matrix: Array) -> Array | None:
+    """The inverse of a square matrix whose singular values are all above `ZERO` of the largest, else None."""
+    if matrix.shape[0] != matrix.shape[1]:
+        return None
+    try:
+        inverse = np.linalg.inv(matrix)
+    except np.linalg.LinAlgError:
+        return None
+    return inverse if np.linalg.norm(matrix) * np.linalg.norm(inverse) < 1 / ZERO else None
 
 
 def _sum(start: Array, left: Array, right: Array, rounding: float = ROUNDING) -> Array:
@@ -189,9 +202,7 @@ def _entry(system: System, rows: Array) -> Array:
     enter = np.eye(width)
     if not len(rows):
         return enter
-    ways = system.unprescribed
-    energy = ways.T @ system.kinetic() @ ways
-    light = energy + 1e-9 * (np.trace(energy) / max(len(energy), 1) + 1e-12) * np.eye(len(energy))
+    ways, light = system.unprescribed, system.light
     for part in (slice(count, 2 * count), slice(0, count)):
         least = ZERO * np.abs(rows).max(axis=1)
         fast = np.abs(rows[:, count : 2 * count]).max(axis=1, initial=0) > least

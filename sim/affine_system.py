@@ -354,6 +354,13 @@ class System:
         branches = self.components[i].branches(self.rows[i])
         return tuple(Piece.of(self, self.rows[i], branch, self._laws[i]) for branch in branches)
 
+    @cached_property
+    def light(self) -> Array:
+        """Inertia matrix of what is not prescribed, with a little where there is none."""
+        energy = self.unprescribed.T @ self.kinetic @ self.unprescribed
+        return np.asarray(energy + 1e-9 * (np.trace(energy) / max(len(energy), 1) + 1e-12) * np.eye(len(energy)))
+
+    @cached_property
     def kinetic(self) -> Array:
         """Inertia matrix in the coordinates, shape (freedom, freedom)."""
         masses = np.zeros(self.node_count)
