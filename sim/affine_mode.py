@@ -164,7 +164,7 @@ def _inverse(matrix: Array) -> Array | None:
         inverse = np.linalg.inv(matrix)
     except np.linalg.LinAlgError:
         return None
-    return inverse if np.linalg.norm(matrix) * np.linalg.norm(inverse) < 1 / ZERO else None
+    return np.asarray(inverse) if np.linalg.norm(matrix) * np.linalg.norm(inverse) < 1 / ZERO else None
 
 
 def _sum(start: Array, left: Array, right: Array, rounding: float = ROUNDING) -> Array:
