@@ -283,9 +283,8 @@ def step(t, y, f, h, bound, longest, began, rtol, atol, law, curves, signals, st
                 b += E3[r] * stages[r, i]
             fifth += (a / size) ** 2
             third += (b / size) ** 2
-        error = 0.0
-        if fifth != 0.0 or third != 0.0:
-            error = h * fifth / np.sqrt((fifth + 0.01 * third) * y.shape[0])
+        weighted = fifth + 0.01 * third
+        error = h * fifth / np.sqrt(weighted * y.shape[0]) if weighted > 0.0 else 0.0
         if error < 1.0:
             factor = most if error == 0.0 else min(most, SAFETY * error**-0.125)
             return end, new, slope, h, h * factor
