@@ -284,7 +284,7 @@ def step(t, y, f, h, bound, longest, began, rtol, atol, law, curves, signals, st
             fifth += (a / size) ** 2
             third += (b / size) ** 2
         weighted = fifth + 0.01 * third
-        error = h * fifth / np.sqrt(weighted * y.shape[0]) if weighted > 0.0 else 0.0
+        error = 0.0 if weighted == 0.0 else h * fifth / np.sqrt(weighted * y.shape[0])
         if error < 1.0:
             factor = most if error == 0.0 else min(most, SAFETY * error**-0.125)
             return end, new, slope, h, h * factor
