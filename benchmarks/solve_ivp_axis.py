@@ -1,4 +1,4 @@
-"""The paper's axis as one would write it for scipy's solve_ivp: right-hand side, event functions, restart loop.
+"""The paper's axis as one would write it for solve_ivp or CVODE: right-hand side, event functions, restart loop.
 
 Motor inertia with torque A sin(2 pi f t), gear of ratio 100 (mesh efficiency and bearing friction by Modelica's
 LossyGear), stiffness with backlash and damping by Modelica's ElastoBacklash, load inertia. States: motor angle and
@@ -14,6 +14,8 @@ from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
 Array = NDArray[np.float64]
+Piece = tuple[Array, tuple[float, Array, int] | None]
+"""States at the samples that were reached, and the event that ended it: time, state, which."""
 RATIO = 100.0
 
 
@@ -104,27 +106,49 @@ class SolveIvpAxis:
         grid = np.arange(round(duration * rate) + 1) / rate
         out = np.zeros((len(grid), 4))
         t, y, done = 0.0, np.zeros(4), 1
-        while t < duration:
-            solution = solve_ivp(
-                self.rates,
-                (t, duration),
-                y,
-                method=method,
-                rtol=rtol,
-                atol=atol,
-                events=self.events(y),
-                t_eval=grid[done:],
-            )
-            count = len(solution.t)
-            if count:
-                out[done : done + count] = solution.y.T
-                done += count
-            if solution.status != 1:
+        solve = self._cvode if method.startswith("CVODE") else self._solve_ivp
+        while t < duration and done < len(grid):
+            states, event = solve(t, y, grid[done:], method, rtol, atol)
+            out[done : done + len(states)] = states
+            done += len(states)
+            if event is None:
                 break
-            which = next(i for i, times in enumerate(solution.t_events) if len(times))
-            t, y = float(solution.t_events[which][-1]), solution.y_events[which][-1].copy()
+            t, y, which = event
             self.switch(t, y, which)
         return out
+
+    def _solve_ivp(self, t: float, y: Array, grid: Array, method: str, rtol: float, atol: float) -> Piece:
+        events = self.events(y)
+        found = solve_ivp(self.rates, (t, grid[-1]), y, method=method, rtol=rtol, atol=atol, events=events, t_eval=grid)
+        if found.status != 1:
+            return found.y.T, None
+        which = next(i for i, times in enumerate(found.t_events) if len(times))
+        return found.y.T, (float(found.t_events[which][-1]), found.y_events[which][-1].copy(), which)
+
+    def _cvode(self, t: float, y: Array, grid: Array, method: str, rtol: float, atol: float) -> Piece:
+        """The same with SUNDIALS' CVODE, by its wheel scikit-sundae; `method` is `CVODE Adams` or `CVODE BDF`."""
+        from sksundae.cvode import CVODE
+
+        events = self.events(y)
+
+        def rates(t: float, y: Array, out: Array) -> None:
+            out[:] = self.rates(t, y)
+
+        def margins(t: float, y: Array, out: Array) -> None:
+            out[:] = [event(t, y) for event in events]
+
+        margins.terminal = [True] * len(events)  # type: ignore[attr-defined]
+        margins.direction = [event.direction for event in events]  # type: ignore[attr-defined]
+        solver = CVODE(
+            rates, method=method.split()[1], rtol=rtol, atol=atol, eventsfn=margins, num_events=len(events),
+            max_num_steps=100_000,
+        )  # fmt: skip
+        found = solver.solve(np.concatenate([[t], grid]), y)
+        if found.t_events is None or not len(found.t_events):
+            return found.y[1:], None
+        which = int(np.flatnonzero(found.i_events[-1])[0])
+        reached = np.searchsorted(grid, found.t_events[-1], side="right")
+        return found.y[1 : 1 + reached], (float(found.t_events[-1]), np.array(found.y_events[-1]), which)
 
 
 def _terminal(function: Callable[[float, Array], float], direction: int) -> Callable[[float, Array], float]:

@@ -3,6 +3,7 @@
 import sys
 from dataclasses import replace
 
+from sim.components import QuadraticSpeedDependentTorque
 from sim.discrepancy.condition import examine
 from sim.discrepancy.fit import Noise, Problem
 from sim.drive_train import DriveTrain
@@ -13,7 +14,10 @@ from sim.solver import simulate
 
 def main() -> int:
     """Run all engines, that of investigations for one and two stages; what they compile is cached beside the code."""
-    simulate(DriveTrain.from_axis(PAPER_AXIS), 0.05, 1000.0)
+    train = DriveTrain.from_axis(PAPER_AXIS)
+    simulate(train, 0.05, 1000.0)
+    dragged = train.add("drag", QuadraticSpeedDependentTorque(-1, 1), flange="load.flange_b")
+    simulate(dragged, 0.05, 1000.0)["load.a"]
     for stages in (PAPER_AXIS.stages[-1:], PAPER_AXIS.stages):
         axis = replace(PAPER_AXIS, stages=stages)
         seen = examine(axis, measure(axis, 2.0, seed=0).telemetry).measurement

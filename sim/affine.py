@@ -76,6 +76,7 @@ class _Tables:
         self.lengths = np.zeros(room)
         self.rates = np.zeros(room)
         self.products = np.zeros((room, width, kernel.CHUNK * (width + rows) + width))
+        self.reaches = np.zeros((room, rows, width))
 
     def grown(self, room: int, rows: int, follow: int) -> "_Tables":
 
@@ -86,6 +87,7 @@ class _Tables:
         new.strict[: self.room, : self.rows] = self.strict
         new.stops[: self.room, : self.rows] = self.stops
         new.follow[: self.room, : self.rows + 1, : self.follow.shape[2]] = self.follow
+        new.reaches[: self.room, : self.rows] = self.reaches
         new.products[: self.room, :, : self.products.shape[2]] = self.products
         return new
 
@@ -146,6 +148,7 @@ class ExactEngine:
             2 * self.system.freedom,
             tables.derivatives[number],
             tables.products[number],
+            tables.reaches[number],
             tables.steps[number],
         )
         self.modes.append(mode)
@@ -244,7 +247,8 @@ class ExactEngine:
             t = self._tables
             status = kernel.advance(
                 self.h, count, x, scale, state, clock, where, offsets, values,
-                t.matrices, t.steps, t.lengths, t.rates, t.products, t.for_switch, out, modes, log_where, log_modes,
+                t.matrices, t.steps, t.lengths, t.rates, t.products, t.reaches, t.for_switch, out, modes,
+                log_where, log_modes,
             )  # fmt: skip
             logged = int(state[kernel.LOGGED])
             if logged:
@@ -292,11 +296,12 @@ class ExactEngine:
 def component_events(engine: ExactEngine, block: Block) -> Iterator[Event]:
     """Translate changes of the train's mode into changes of its components' modes."""
     known: dict[tuple[int, int], list[Change]] = {}
-    for time, (old, new) in zip(block.change_times.tolist(), block.changes.tolist(), strict=True):
-        if (old, new) not in known:
+    for time, pair in zip(block.change_times.tolist(), map(tuple, block.changes.tolist()), strict=True):
+        if pair not in known:
+            old, new = pair
             if old < 0:
-                known[old, new] = [named_change(engine.system, -1 - old, STUCK, new)]
+                known[pair] = [named_change(engine.system, -1 - old, STUCK, new)]
             else:
-                known[old, new] = list(changes(engine.system, engine.modes[old].key, engine.modes[new].key))
-        for change in known[old, new]:
+                known[pair] = list(changes(engine.system, engine.modes[old].key, engine.modes[new].key))
+        for change in known[pair]:
             yield Event(time, *change)

@@ -16,7 +16,7 @@ ORDER = 16
 """Terms of the Taylor series; with steps of at most 0.7 over the largest eigenvalue the rest is below rounding."""
 DERIVATIVES = 5
 """How many derivatives decide whether a branch holds at an instant where its inequality is just zero."""
-CHUNK = 8
+CHUNK = 32
 """Samples per matrix product on the fast path."""
 CANCELLED = 1e-13
 """What is left of terms that cancel, relative to them."""
@@ -82,27 +82,39 @@ def differentiate(matrix, holds, derivatives):
 
 
 @_jit
-def prepare(matrix, holds, h, moving, derivatives, product, step):
+def prepare(matrix, holds, h, moving, derivatives, product, reach, step):
     """Fill the tables of a mode: derivatives of its inequalities, the step matrix, the product of a chunk.
 
-    The product gives, from x, the first `moving` states after 1 .. CHUNK steps, then for each inequality its values
-    after these steps, then the signals after the last.
+    The product gives, from x, the first `moving` states after 1 .. CHUNK steps, then the signals after the last, then
+    for each inequality its values after these steps. By `reach` times |x| an inequality changes at most meanwhile: by
+    the largest change of its coefficients, and between samples by their second difference.
     """
     n, rows = matrix.shape[0], holds.shape[0]
     differentiate(matrix, holds, derivatives)
     step[:, :] = exponential(matrix, h)
     power = np.eye(n)
+    first = CHUNK * moving + n - 1 - moving
+    margins = np.empty((CHUNK + 1, rows, n))
+    margins[0] = holds
     for c in range(CHUNK):
         power = np.dot(power, step)
-        margin = np.dot(holds, power)
+        margins[c + 1] = np.dot(holds, power)
         for j in range(n):
             for i in range(moving):
                 product[j, c * moving + i] = power[i, j]
             for r in range(rows):
-                product[j, CHUNK * (moving + r) + c] = margin[r, j]
+                product[j, first + CHUNK * r + c] = margins[c + 1, r, j]
     for j in range(n):
         for i in range(moving, n - 1):
-            product[j, CHUNK * (moving + rows) + i - moving] = power[i, j]
+            product[j, CHUNK * moving + i - moving] = power[i, j]
+        for r in range(rows):
+            change = 0.0
+            bend = 0.0
+            for c in range(1, CHUNK + 1):
+                change = max(change, abs(margins[c, r, j] - holds[r, j]))
+                if c > 1:
+                    bend = max(bend, abs(margins[c, r, j] - 2.0 * margins[c - 1, r, j] + margins[c - 2, r, j]))
+            reach[r, j] = change + bend
 
 
 @_jit
@@ -294,12 +306,39 @@ def _first_crossing(c, dt, zero):
 
 
 @_jit
-def _crossing(terms, derivatives, scale, rows, dt, c):
-    """First inequality that breaks within dt and when: (row, time), row -1 if none does."""
+def _suspicious(r, x, y, scale, dt, derivatives):
+    """Whether an inequality may break between x and y = x(dt): negative at the end, or near zero against its bend."""
+    f = 0.0
+    g = 0.0
+    d = 0.0
+    e = 0.0
+    for j in range(x.shape[0]):
+        f += derivatives[0, r, j] * x[j]
+        g += derivatives[0, r, j] * y[j]
+        d += derivatives[1, r, j] * x[j]
+        e += derivatives[1, r, j] * y[j]
+    if g < 0.0 and g < -_zero(derivatives, r, scale):
+        return True
+    return d < 0.0 and e > 0.0 and min(f, g) < 0.5 * dt * max(-d, e)
+
+
+@_jit
+def _any_suspicious(x, y, scale, dt, derivatives, rows):
+    found = False
+    for r in range(rows):
+        found = found or _suspicious(r, x, y, scale, dt, derivatives)
+    return found
+
+
+@_jit
+def _crossing(terms, x, y, derivatives, scale, rows, dt, c):
+    """First inequality that breaks between x and y = x(dt), and when: (row, time), row -1 if none does."""
     n = terms.shape[1]
     first = -1
     when = dt
     for r in range(rows):
+        if not _suspicious(r, x, y, scale, dt, derivatives):
+            continue
         for k in range(ORDER + 1):
             total = 0.0
             for j in range(n):
@@ -313,49 +352,64 @@ def _crossing(terms, derivatives, scale, rows, dt, c):
 
 
 @_jit
-def _suspicious(x, y, scale, dt, derivatives, rows):
-    """Whether an inequality may break between x and y = x(dt): negative at the end, or near zero against its bend."""
-    n = x.shape[0]
-    for r in range(rows):
-        f = 0.0
-        g = 0.0
-        d = 0.0
-        e = 0.0
-        for j in range(n):
-            f += derivatives[0, r, j] * x[j]
-            g += derivatives[0, r, j] * y[j]
-            d += derivatives[1, r, j] * x[j]
-            e += derivatives[1, r, j] * y[j]
-        if g < 0.0 and g < -_zero(derivatives, r, scale):
-            return True
-        if d < 0.0 and e > 0.0 and min(f, g) < 0.5 * dt * max(-d, e):
-            return True
-    return False
+def _chunk(x, product, used, y):
+    """The first `used` entries of a chunk's product into y, four states at a time."""
+    one = x.shape[0] - 1
+    last = product[one]
+    for k in range(used):
+        y[k] = last[k]
+    j = 0
+    while j + 3 < one:
+        a, b, c, d = x[j], x[j + 1], x[j + 2], x[j + 3]
+        by_a, by_b, by_c, by_d = product[j], product[j + 1], product[j + 2], product[j + 3]
+        for k in range(used):
+            y[k] += by_a[k] * a + by_b[k] * b + by_c[k] * c + by_d[k] * d
+        j += 4
+    while j < one:
+        a = x[j]
+        by_a = product[j]
+        for k in range(used):
+            y[k] += by_a[k] * a
+        j += 1
 
 
 @_jit
-def _safe(y, moving, rows, x, derivatives):
-    """How many leading samples of a chunk keep all inequalities, also between samples (by the second difference)."""
+def _safe(x, product, first, rows, derivatives, reach, line):
+    """How many leading samples of a chunk keep all inequalities, also between samples.
+
+    Those that are out of reach do, whatever the samples are; of the others the values at the samples tell, and between
+    them their second difference.
+    """
+    n = x.shape[0]
     safe = CHUNK
     for r in range(rows):
         older = 0.0
-        for j in range(x.shape[0]):
+        change = 0.0
+        for j in range(n):
             older += derivatives[0, r, j] * x[j]
-        base = CHUNK * (moving + r)
-        step = y[base] - older
+            change += reach[r, j] * abs(x[j])
+        if older > change:
+            continue
+        base = first + CHUNK * r
+        for s in range(CHUNK):
+            line[s] = 0.0
+        for j in range(n):
+            for s in range(CHUNK):
+                line[s] += product[j, base + s] * x[j]
+        step = line[0] - older
         bend = 0.0
         low = older
         for s in range(1, CHUNK):
-            new = y[base + s] - y[base + s - 1]
+            new = line[s] - line[s - 1]
             bend = max(bend, abs(new - step))
             step = new
         for s in range(CHUNK):
-            low = min(low, y[base + s])
+            low = min(low, line[s])
         if low < bend:
             if older < bend:
                 return 0
             s = 0
-            while s < safe and y[base + s] >= bend:
+            while s < safe and line[s] >= bend:
                 s += 1
             safe = s
     return safe
@@ -400,21 +454,22 @@ def _switch(x, scale, mode, row, tables, spare):
 @_jit
 def advance(
     h, count, x, scale, state, clock, stop_sample, stop_offset, stop_values,
-    matrices, steps, lengths, rates, products, tables, out, modes, log_where, log_modes,
+    matrices, steps, lengths, rates, products, reaches, tables, out, modes, log_where, log_modes,
 ):  # fmt: skip
     """Advance to the end of the block, or to where the caller is needed: ASK for a mode that is not learnt.
 
     The row that broke is the number of an inequality, or one more than there are where something has to be zero and no
     longer is, which happens only as signals begin anew.
 
-    Shapes: x (n,), out (count, moving), modes (count,), products (modes, n, width): the first `moving` states are
-    angles and speeds, then come the signals, then one. Stops are instants at which the signals' pieces begin anew,
-    with sample interval, offset in it and values.
+    Shapes: x (n,), out (count, moving), modes (count,), products (modes, n, width), reaches (modes, rows, n): the first
+    `moving` states are angles and speeds, then come the signals, then one. Stops are instants at which the signals'
+    pieces begin anew, with sample interval, offset in it and values.
     """
     counts, derivatives, strict, stops, stop_counts = tables[0], tables[1], tables[2], tables[3], tables[4]
     n = x.shape[0]
     moving = out.shape[1]
     y = np.empty(products.shape[2])
+    line = np.empty(CHUNK)
     spare = np.empty(n)
     terms = np.empty((ORDER + 1, n))
     c = np.empty(ORDER + 1)
@@ -430,25 +485,19 @@ def advance(
     check = state[CHECK] == 1
     while i < count:
         next_stop = stop_sample[stop] if stop < stop_sample.shape[0] else count + CHUNK
-        if not check and s == 0.0 and i + CHUNK <= min(next_stop, count) and lengths[mode] == h:
-            rows = counts[mode]
-            used = CHUNK * (moving + rows) + n - 1 - moving
-            product = products[mode]
-            for k in range(used):
-                y[k] = product[n - 1, k] * x[n - 1]
-            for j in range(n - 1):
-                xj = x[j]
-                line = product[j]
-                for k in range(used):
-                    y[k] += line[k] * xj
-            safe = _safe(y, moving, rows, x, derivatives[mode])
+        room = min(next_stop, count) - i
+        if not check and s == 0.0 and room > 0 and lengths[mode] == h:
+            used = CHUNK * moving + n - 1 - moving
+            safe = _safe(x, products[mode], used, counts[mode], derivatives[mode], reaches[mode], line)
+            safe = min(room, safe)
             if safe > 0:
+                _chunk(x, products[mode], used, y)
                 base = i * moving
                 for k in range(safe * moving):
                     flat[base + k] = y[k]
                 if safe == CHUNK:
                     for j in range(moving, n - 1):
-                        x[j] = y[CHUNK * (moving + rows) + j - moving]
+                        x[j] = y[CHUNK * moving + j - moving]
                 else:
                     _turn_signals(x, moving, steps[mode], safe, spare)
                 for j in range(moving):
@@ -507,10 +556,10 @@ def advance(
                     _series(matrices[mode], x, terms)
                     _evaluate(terms, dt, spare)
                     ready = True
-                if _suspicious(x, spare, scale, dt, derivatives[mode], counts[mode]):
+                if _any_suspicious(x, spare, scale, dt, derivatives[mode], counts[mode]):
                     if not ready:
                         _series(matrices[mode], x, terms)
-                    crossed, when = _crossing(terms, derivatives[mode], scale, counts[mode], dt, c)
+                    crossed, when = _crossing(terms, x, spare, derivatives[mode], scale, counts[mode], dt, c)
                     if crossed >= 0:
                         _evaluate(terms, when, x)
                         s += when

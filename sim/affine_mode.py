@@ -5,7 +5,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.affine_system import ZERO, Array, Basis, Constraints, Mode, System, bend, no_inertia
+from sim.affine_system import ZERO, Array, Basis, Constraints, Mode, Piece, System, bend, no_inertia
 
 ROUNDING = 1e-13
 """What is left of terms that cancel, relative to them."""
@@ -31,7 +31,6 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
     known = system.known
     pieces = [system.piece(i, branch) for i, branch in enumerate(key)]
     rows = equations(system, key)
-    owners = [frozenset([i]) for i, piece in enumerate(pieces) for _ in piece.holds]
     bound = system.state_rows(np.vstack([piece.stops for piece in pieces])) if pieces else np.zeros((0, 0))
     solve, free, hidden = solve_unknowns(system, rows, np.vstack([piece.losses for piece in pieces]))
     enter = _entry(system, np.vstack([bound, hidden]))
@@ -43,13 +42,10 @@ def compile_mode(system: System, key: tuple[int, ...]) -> Mode:
         enter[moving] -= np.linalg.pinv(resting[:, moving], rcond=ZERO) @ resting @ enter
         solve = _sum(solve, -solve @ np.linalg.pinv(resting, rcond=ZERO), resting, ZERO)
     limits = np.vstack([piece.holds for piece in pieces])
-    strict = np.concatenate([piece.strict for piece in pieces])
-    by_state = _sum(system.state_rows(limits), limits[:, known:], solve)
-    constraints = _eliminate(by_state, limits[:, known:] @ free, strict, owners)
     return Mode(
         key=key,
-        matrix=_flow(system, solve),
-        holds=constraints,
+        matrix=flow(system, solve),
+        holds=constraints(system.state_rows(limits), limits[:, known:], solve, pieces, free),
         stops=np.vstack([bound, asked]),
         enter=enter,
         solve=solve,
@@ -124,6 +120,10 @@ def solve_unknowns(system: System, rows: Array, losses: Array) -> tuple[Array, A
         rows = np.vstack([rows[usable] / scale[usable, None], rows[~usable]])
         unknown = rows[:, known:]
         columns = np.maximum(np.abs(unknown).max(axis=0), 1e-300)
+        inverse = _inverse(unknown / columns)
+        if inverse is not None:
+            free = np.zeros((unknown.shape[1], 0))
+            break
         left, size, right = np.linalg.svd(unknown / columns)
         rank = int(np.count_nonzero(size > ZERO * size[0])) if len(size) else 0
         lost = left[:, rank:].T @ rows
@@ -134,16 +134,14 @@ def solve_unknowns(system: System, rows: Array, losses: Array) -> tuple[Array, A
         real = np.abs(bound).max(axis=1) > ZERO * np.maximum(1.0, np.abs(rows[:, :known]).max())
         new = [i for i in np.flatnonzero(real) if taken.take(bound[i])]
         if not new:
+            inverse = (right[:rank].T / size[:rank]) @ left[:, :rank].T
+            free = right[rank:].T
             break
         hidden = np.vstack([hidden, bound[new]])
         unit = lost[new] / np.abs(lost[new]).max(axis=1, keepdims=True)
         rows = np.vstack([left[:, :rank].T @ rows, _derivative(system, unit)])
-    square = unknown.shape[0] == unknown.shape[1] == rank
-    scaled = unknown / columns
-    inverse = np.linalg.inv(scaled) if square else (right[:rank].T / size[:rank]) @ left[:, :rank].T
     inverse[np.abs(inverse) <= ROUNDING * np.abs(inverse).max(initial=0.0)] = 0.0
     inverse /= columns[:, None]
-    free = right[rank:].T
     free[np.abs(free) <= ROUNDING] = 0.0
     free = free / columns[:, None]
     moving = np.abs(free[: system.node_count])
@@ -158,6 +156,17 @@ def solve_unknowns(system: System, rows: Array, losses: Array) -> tuple[Array, A
     return solve, free, hidden
 
 
+def _inverse(matrix: Array) -> Array | None:
+    """The inverse of a square matrix whose singular values are all above `ZERO` of the largest, else None."""
+    if matrix.shape[0] != matrix.shape[1]:
+        return None
+    try:
+        inverse = np.linalg.inv(matrix)
+    except np.linalg.LinAlgError:
+        return None
+    return np.asarray(inverse) if np.linalg.norm(matrix) * np.linalg.norm(inverse) < 1 / ZERO else None
+
+
 def _sum(start: Array, left: Array, right: Array, rounding: float = ROUNDING) -> Array:
     """Return start + left @ right, in which terms that cancel to rounding are exactly zero."""
     total = start + left @ right
@@ -165,7 +174,17 @@ def _sum(start: Array, left: Array, right: Array, rounding: float = ROUNDING) ->
     return np.asarray(total)
 
 
-def _flow(system: System, solve: Array) -> Array:
+def constraints(
+    by_state: Array, by_unknown: Array, solve: Array, pieces: Sequence[Piece], free: Array | None = None
+) -> Constraints:
+    """All inequalities of the pieces over the state alone: by_state x + by_unknown z >= 0 with z = solve x + free c."""
+    owners = [frozenset([i]) for i, piece in enumerate(pieces) for _ in piece.holds]
+    strict = np.concatenate([piece.strict for piece in pieces])
+    choice = np.zeros((len(by_state), 0)) if free is None else by_unknown @ free
+    return _eliminate(_sum(by_state, by_unknown, solve), choice, strict, owners)
+
+
+def flow(system: System, solve: Array) -> Array:
     """x' = M x: coordinates move with their speeds, speeds with the solved accelerations, signals by themselves."""
     count = system.freedom
     matrix = system.signal_flow()
@@ -183,9 +202,7 @@ def _entry(system: System, rows: Array) -> Array:
     enter = np.eye(width)
     if not len(rows):
         return enter
-    ways = system.unprescribed
-    energy = ways.T @ system.kinetic() @ ways
-    light = energy + 1e-9 * (np.trace(energy) / max(len(energy), 1) + 1e-12) * np.eye(len(energy))
+    ways, light = system.unprescribed, system.light
     for part in (slice(count, 2 * count), slice(0, count)):
         least = ZERO * np.abs(rows).max(axis=1)
         fast = np.abs(rows[:, count : 2 * count]).max(axis=1, initial=0) > least

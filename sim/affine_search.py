@@ -34,7 +34,7 @@ def sizes(system: System, x: Array) -> Array:
 
 @dataclass(frozen=True)
 class Guard:
-    """What the state alone says about the branches of one component, all rows stacked.
+    """What the state alone, without curves, says about the branches of one component, all rows stacked.
 
     `rows` must not be negative (inequalities, and speeds that must be zero, twice); `of_signals` are those rows that
     depend on signals alone, with their derivatives, shape (4, m, state).
@@ -51,8 +51,12 @@ class Guard:
     @classmethod
     def of(cls, system: System, i: int) -> "Guard":
         rows, loose, branch = [np.zeros((0, system.width))], [np.zeros(0)], [np.zeros(0, np.int64)]
-        for number, piece in enumerate(system.branches(i)):
-            by_state = piece.holds[~piece.holds[:, system.known :].any(axis=1)]
+        for number in range(system.branch_counts[i]):
+            piece, *curves = system.uncurved(i, number)
+            alone = ~piece.holds[:, system.known :].any(axis=1)
+            for part in curves:
+                alone &= ~part.holds.any(axis=1)
+            by_state = piece.holds[alone]
             rows += [by_state, piece.stops, -piece.stops]
             loose += [np.full(len(by_state), TOLERANCE), np.full(2 * len(piece.stops), STOP_TOLERANCE)]
             branch.append(np.full(len(by_state) + 2 * len(piece.stops), number))
@@ -62,7 +66,7 @@ class Guard:
         for _ in range(3):
             derivatives.append(derivatives[-1] @ flow)
         return cls(
-            len(system.branches(i)),
+            system.branch_counts[i],
             stacked,
             np.abs(stacked),
             np.concatenate(loose),
@@ -92,10 +96,9 @@ def possible_branches(system: System, x: Array, scale: Array) -> list[list[int]]
         if count == 1:
             possible.append([0])
             continue
-        guard = system.guards.get(i) or Guard.of(system, i)
-        if system.static[i] is not None:
-            system.guards[i] = guard
-        possible.append(guard.allowed(x, scale))
+        if i not in system.guards:
+            system.guards[i] = Guard.of(system, i)
+        possible.append(system.guards[i].allowed(x, scale))
     return possible
 
 
@@ -126,9 +129,8 @@ def broken_away(system: System, key: Key, allowed: list[list[int]]) -> list[tupl
     """Components at rest that could be stuck, but slide from the first instant on: (component, mode)."""
     out = []
     for i, branches in enumerate(allowed):
-        pieces = system.branches(i)
-        mode = pieces[key[i]].branch.mode
-        if any(pieces[branch].stops.size for branch in branches) and mode is not None and abs(mode) == 1:
+        mode = system.mode(i, key[i])
+        if any(system.piece(i, branch).stops.size for branch in branches) and mode is not None and abs(mode) == 1:
             out.append((i, mode))
     return out
 
@@ -137,7 +139,7 @@ def describe_modes(system: System, key: Key) -> str:
     """The modes of all components in words."""
     words = []
     for i, branch in enumerate(key):
-        mode = system.branches(i)[branch].branch.mode
+        mode = system.mode(i, branch)
         if mode is not None and system.branch_counts[i] > 1:
             words.append(f"{system.names[i]} {system.components[i].mode_names.get(mode, mode)}")
     return ", ".join(words)
@@ -146,7 +148,7 @@ def describe_modes(system: System, key: Key) -> str:
 def changes(system: System, old: Key, new: Key) -> Iterator[Change]:
     """Changes of the components' modes between two combinations of branches."""
     for i, (a, b) in enumerate(zip(old, new, strict=True)):
-        was, now = (system.branches(i)[branch].branch.mode for branch in (a, b))
+        was, now = system.mode(i, a), system.mode(i, b)
         if was is not None and now is not None and was != now:
             yield named_change(system, i, was, now)
 

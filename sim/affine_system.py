@@ -7,7 +7,7 @@ that no digits are lost between large angles.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING
 
@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.component import Branch, Component, Row, Signal, Variables
+from sim.curves import Curve
 from sim.drive_train import DriveTrain
 from sim.errors import CompositionError, RunError
 
@@ -32,7 +33,8 @@ class _Rows(Variables):
     def __init__(self, system: "System", nodes: dict[str, int], first_unknown: int, signals: list[int]) -> None:
         self._system, self._nodes, self._first, self._signals = system, nodes, first_unknown, signals
         self._unit = system.unit
-        self.asked = False
+        self.curves: list[tuple[Curve, Row]] = []
+        self.probe: tuple[float, ...] = ()
         self.one = system.unit[system.known - 1]
 
     def _node(self, flange: str, offset: int) -> Row:
@@ -65,9 +67,12 @@ class _Rows(Variables):
             return by_swing * self._column(swing) + by_rate * self._column(swing + 1)
         return self._column(swing) if level < 0 else self._column(level) + self._column(swing)
 
-    def now(self, row: Row) -> float:
-        self.asked = True
-        return float(row[: self._system.known] @ self._system.point)
+    def curve(self, curve: Curve, row: Row) -> float:
+        if not row.any():
+            return curve_value(curve, 0.0)
+        self.curves.append((curve, row))
+        number = len(self.curves) - 1
+        return self.probe[number] if number < len(self.probe) else 0.0
 
 
 @dataclass(frozen=True)
@@ -125,8 +130,8 @@ class System:
         self.components: list[Component] = list(train.components.values())
         node_of = self._number_nodes()
         self._lay_out()
-        self._bent: dict[tuple[int, int], _Piece] = {}
-        self._constant: dict[tuple[int, int], _Piece] = {}
+        self._bent: dict[tuple[int, int], Piece] = {}
+        self._curved: dict[tuple[int, int], Curved] = {}
         self.point = np.zeros(self.known)
         first = self.known + self.node_count
         self.rows: list[_Rows] = []
@@ -295,36 +300,67 @@ class System:
         self._point = known
         self._bent.clear()
 
-    def branches(self, i: int) -> "tuple[_Piece, ...]":
+    def branches(self, i: int) -> "tuple[Piece, ...]":
         """All branches of component i, at `point` if it is not affine."""
         static = self.static[i]
         if static is not None:
             return static
         return tuple(self.piece(i, number) for number in range(self.branch_counts[i]))
 
-    def piece(self, i: int, number: int) -> "_Piece":
+    def uncurved(self, i: int, number: int) -> "tuple[Piece, ...]":
+        """The rows of one branch of component i that no curve scales, then those of each curve."""
+        static = self.static[i]
+        return self.curved(i, number).pieces if static is None else (static[number],)
+
+    def mode(self, i: int, number: int) -> int | None:
+        """Modelica's number of the mode that one branch of component i is."""
+        return self.uncurved(i, number)[0].branch.mode
+
+    def piece(self, i: int, number: int) -> "Piece":
         """One branch of component i, at `point` if it is not affine."""
         static = self.static[i]
         if static is not None:
             return static[number]
-        known = self._bent.get((i, number)) or self._constant.get((i, number))
-        if known is None:
-            v = self.rows[i]
-            v.asked = False
-            branch = self.components[i].branch(v, number)
-            known = _Piece.of(self, v, branch, self._laws[i])
-            (self._bent if v.asked else self._constant)[i, number] = known
-        return known
+        curved = self.curved(i, number)
+        if not curved.curves:
+            return curved.constant
+        if (i, number) not in self._bent:
+            self._bent[i, number] = curved.at(curved.rows @ self._point)
+        return self._bent[i, number]
+
+    def curved(self, i: int, number: int) -> "Curved":
+        """One branch of component i, what its curves scale apart; found by setting them to zero and each to one."""
+        if (i, number) not in self._curved:
+            constant, curves = self._probed(i, number, ())
+            units = np.eye(len(curves))
+            parts = [self._probed(i, number, tuple(unit))[0].minus(constant) for unit in units.tolist()]
+            used = [(part, *curve) for part, curve in zip(parts, curves, strict=True) if part.any()]
+            rows = _stack([row for _, _, row in used], self.width)[:, : self.known]
+            found = tuple(part for part, _, _ in used), tuple(curve for _, curve, _ in used)
+            self._curved[i, number] = Curved(constant, *found, rows)
+        return self._curved[i, number]
+
+    def _probed(self, i: int, number: int, probe: tuple[float, ...]) -> "tuple[Piece, list[tuple[Curve, Row]]]":
+        v = self.rows[i]
+        v.curves, v.probe = [], probe
+        branch = self.components[i].branch(v, number)
+        return Piece.of(self, v, branch, self._laws[i]), v.curves
 
     def bent(self, i: int, number: int) -> bool:
         """Whether a branch of component i depends on the state other than by its rows."""
-        self.piece(i, number)
-        return self.static[i] is None and (i, number) not in self._constant
+        return self.static[i] is None and bool(self.curved(i, number).curves)
 
-    def _pieces(self, i: int) -> "tuple[_Piece, ...]":
+    def _pieces(self, i: int) -> "tuple[Piece, ...]":
         branches = self.components[i].branches(self.rows[i])
-        return tuple(_Piece.of(self, self.rows[i], branch, self._laws[i]) for branch in branches)
+        return tuple(Piece.of(self, self.rows[i], branch, self._laws[i]) for branch in branches)
 
+    @cached_property
+    def light(self) -> Array:
+        """Inertia matrix of what is not prescribed, with a little where there is none."""
+        energy = self.unprescribed.T @ self.kinetic @ self.unprescribed
+        return np.asarray(energy + 1e-9 * (np.trace(energy) / max(len(energy), 1) + 1e-12) * np.eye(len(energy)))
+
+    @cached_property
     def kinetic(self) -> Array:
         """Inertia matrix in the coordinates, shape (freedom, freedom)."""
         masses = np.zeros(self.node_count)
@@ -340,7 +376,7 @@ class System:
 
 
 @dataclass(frozen=True)
-class _Piece:
+class Piece:
     """A branch with its rows stacked: what it adds to the balance of each node, its equations and inequalities."""
 
     branch: Branch
@@ -353,7 +389,7 @@ class _Piece:
     losses: Array
 
     @classmethod
-    def of(cls, system: System, v: _Rows, branch: Branch, equations: int) -> "_Piece":
+    def of(cls, system: System, v: _Rows, branch: Branch, equations: int) -> "Piece":
         if len(branch.equations) != equations:
             raise CompositionError(f"a branch needs {equations} equations, has {len(branch.equations)}")
         pairs = [(v._nodes[flange], row) for flange, row in branch.torques.items() if v._nodes[flange] >= 0]
@@ -367,6 +403,77 @@ class _Piece:
             _stack(branch.stops, system.width),
             _stack([torques[0] for name, torques in branch.powers.items() if name == "lossPower"], system.width),
         )
+
+    def minus(self, other: "Piece") -> "Piece":
+        """The difference of all rows."""
+        mine, theirs = self.branch, other.branch
+        channels = {name: row - theirs.channels[name] for name, row in mine.channels.items()}
+        powers = {
+            name: (one - theirs.powers[name][0], two - theirs.powers[name][1])
+            for name, (one, two) in mine.powers.items()
+        }
+        return replace(
+            self,
+            branch=replace(mine, channels=channels, powers=powers),
+            torques=self.torques - other.torques,
+            equations=self.equations - other.equations,
+            holds=self.holds - other.holds,
+            losses=self.losses - other.losses,
+        )
+
+    def any(self) -> bool:
+        """Whether any row is not zero."""
+        pairs = [row for pair in self.branch.powers.values() for row in pair]
+        told = [*self.branch.channels.values(), *pairs]
+        return any(rows.any() for rows in (self.torques, self.equations, self.holds, *told))
+
+
+@dataclass(frozen=True)
+class Curved:
+    """A branch whose rows are `constant` plus, for each curve, its value times the rows of a part.
+
+    `rows`, shape (curves, known), are what the curves depend on.
+    """
+
+    constant: Piece
+    parts: tuple[Piece, ...]
+    curves: tuple[Curve, ...]
+    rows: Array
+
+    @property
+    def pieces(self) -> tuple[Piece, ...]:
+        """The constant rows, then those that each curve scales."""
+        return self.constant, *self.parts
+
+    def at(self, arguments: Array) -> Piece:
+        """The rows where the curves have these arguments; those of `branch`, channels, are the constant ones.
+
+        Raises
+        ------
+        RunError
+            where what must be above zero is not.
+        """
+        factors = np.array([1.0, *map(curve_value, self.curves, arguments.tolist())])
+        rows = np.tensordot(factors, self._stacked, 1)
+        first = self.constant
+        ends = np.cumsum([len(part) for part in (first.torques, first.equations, first.holds)])
+        torques, equations, holds, losses = np.split(rows, ends)
+        return replace(first, torques=torques, equations=equations, holds=holds, losses=losses)
+
+    @cached_property
+    def _stacked(self) -> Array:
+        pieces = self.pieces
+        return np.array([np.vstack([piece.torques, piece.equations, piece.holds, piece.losses]) for piece in pieces])
+
+
+def curve_value(curve: Curve, s: float) -> float:
+    """Value of a curve; RunError where it must be above zero and is not."""
+    from sim.runge_kutta_kernel import packed, value
+
+    found = float(value(*packed((curve,)), 0, s))
+    if curve.positive and np.isnan(found):
+        raise RunError(f"{curve.positive} is not above zero at {s:g} rad/s")
+    return found
 
 
 def _stack(rows: Sequence[Row], width: int) -> Array:

@@ -17,6 +17,8 @@ from typing import ClassVar
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.curves import Curve
+
 Row = NDArray[np.float64]
 
 BACKWARD, STUCK, FORWARD, FREE, UNKNOWN = -1, 0, 1, 2, 3
@@ -88,8 +90,11 @@ class Variables(ABC):
         """Signal number i of this component, or its first or second derivative by time."""
 
     @abstractmethod
-    def now(self, row: Row) -> float:
-        """Value of a row of angles, speeds and signals now; only for components that are not affine."""
+    def curve(self, curve: Curve, row: Row) -> float:
+        """A number that depends on a row of angles, speeds and signals by a curve; for components that are not affine.
+
+        It may be a factor of rows and be added to others, no more: equations are affine in it.
+        """
 
     @property
     def phi_rel(self) -> Row:
@@ -202,5 +207,5 @@ class Component(ABC):
         """Return all pieces of the law, the preferred ones first where two are possible."""
 
     def branch(self, v: Variables, number: int) -> Branch:
-        """Return one piece of the law: where pieces are asked for anew at each instant, less work than all."""
+        """Return one piece of the law."""
         return self.branches(v)[number]

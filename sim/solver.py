@@ -132,7 +132,8 @@ def _engine(drive_train: DriveTrain, sample_rate_hz: float) -> ExactEngine:
 
 
 def _trajectory(engine: ExactEngine, block: Block, sample_rate_hz: float) -> Trajectory:
-    time = (block.first + np.arange(len(block.states))) / sample_rate_hz
+    time = np.arange(block.first, block.first + len(block.states), dtype=np.float64)
+    time /= sample_rate_hz
     events = tuple(component_events(engine, block))
     reader = _Reader(engine, block, time)
     residual = _verify(engine, block, time)

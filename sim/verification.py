@@ -79,7 +79,7 @@ class Verifier:
         self._laws: dict[int, _Law] = {}
         self._order = np.zeros(0, np.int64)
         self._stacks: tuple[Array, Array, Array] | None = None
-        self._kinetic = system.kinetic()
+        self._kinetic = system.kinetic
         self._followed = [
             Followed(name, system.state_rows(row[None])[0], signal)
             for name, part, v in zip(system.names, system.components, system.rows, strict=True)
@@ -218,7 +218,7 @@ def _flow_and_work(system: System, mode: Mode, h: float) -> tuple[Array, Array]:
         terms.append(terms[-1] @ mode.matrix * (step / k))
     powers = np.append(0.5 * (NODES + 1), 1.0)[:, None] ** np.arange(ORDER + 1)
     path = np.tensordot(powers, np.array(terms), 1)
-    power = mode.matrix[count : 2 * count].T @ system.kinetic()
+    power = mode.matrix[count : 2 * count].T @ system.kinetic
     work = sum(
         0.5 * step * weight * (now.T @ power @ now[count : 2 * count])
         for weight, now in zip(WEIGHTS, path[:-1], strict=True)

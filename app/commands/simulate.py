@@ -52,6 +52,7 @@ def simulate(
     ] = None,
     duration: Annotated[float, typer.Option(metavar="S", help="how long [s]")] = 30.0,
     seed: Annotated[int, typer.Option(help="of all noise: the same seed gives the same files")] = 0,
+    parquet: Annotated[bool, typer.Option("--parquet", help="telemetry.parquet instead of telemetry.csv")] = False,
     plot: Annotated[bool, typer.Option("--plot", help="also run.png and run.svg")] = False,
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
@@ -62,7 +63,7 @@ def simulate(
     for one in wanted:
         described = with_mechanism(described, MECHANISMS[one.name](one.location, one.values))
     result = _watched(frame, duration, lambda watch: measure(described, duration, seed, watch=watch))
-    files = write(result, described, out)
+    files = write(result, described, out, parquet=parquet)
     if plot:
         files += plot_measurement(result, described, out)
     document = summary(result, described, files)
@@ -141,23 +142,37 @@ def _watched(frame: Frame, duration: float, run: Callable[[NDArray[np.float64]],
     return measured
 
 
-def write(result: Measurement, axis: Axis, out: Path) -> list[Path]:
-    """Write axis.toml, telemetry.csv and sound.wav (16 bits) into a directory that is made where needed."""
+def write(result: Measurement, axis: Axis, out: Path, *, parquet: bool = False) -> list[Path]:
+    """Write axis.toml, telemetry.csv or .parquet and sound.wav (16 bits) into a directory that is made where needed."""
     out.mkdir(parents=True, exist_ok=True)
-    files = [out / "axis.toml", out / "telemetry.csv", out / "sound.wav"]
+    files = [out / "axis.toml", out / ("telemetry.parquet" if parquet else "telemetry.csv"), out / "sound.wav"]
     files[0].write_text(write_axis(axis), encoding="utf-8")
     write_telemetry(result.telemetry, files[1])
-    soundfile.write(files[2], result.sound, int(SAMPLE_RATE_HZ), subtype="PCM_16")
+    write_sound(result.sound, files[2])
     return files
 
 
+def write_sound(sound: NDArray[np.float32], path: Path) -> None:
+    """A WAV file of 16 bits."""
+    soundfile.write(path, sound, int(SAMPLE_RATE_HZ), subtype="PCM_16")
+
+
 def write_telemetry(telemetry: Telemetry, path: Path) -> None:
-    """One row per sample, columns in SI units by the names of `casebase.signals.telemetry.CHANNELS`."""
+    """One row per sample, columns in SI units by the names of `casebase.signals.telemetry.CHANNELS`.
+
+    Parquet where the name ends so, else CSV.
+    """
     import pyarrow as pa
-    from pyarrow import csv
 
     columns = {"time_s": telemetry.time_s, **telemetry.channels}
     table = pa.table({name: np.round(values, DECIMALS) for name, values in columns.items()})
+    if path.suffix == ".parquet":
+        from pyarrow import parquet
+
+        parquet.write_table(table, path)
+        return
+    from pyarrow import csv
+
     csv.write_csv(table, path, csv.WriteOptions(quoting_style="none", quoting_header="none"))
 
 

@@ -8,6 +8,7 @@ from typing import ClassVar
 from sim.component import FORWARD, STUCK, Branch, Component, Row, Signal, Start, Variables
 from sim.components.signals import Constant
 from sim.components.sliding import Piece, check_peak, friction_pieces, table_row
+from sim.components.start_values import check_starts
 from sim.components.tables import SpeedTable, speed_table
 from sim.errors import number
 
@@ -73,6 +74,7 @@ class Clutch(Pressed):
 
     phi_rel: float | None = None
     w_rel: float | None = None
+    a_rel: float | None = None
 
     units: ClassVar[Mapping[str, str]] = {
         "phi_rel": "rad",
@@ -82,6 +84,10 @@ class Clutch(Pressed):
         "lossPower": "W",
         "mode": "1",
     }
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        check_starts(self, "phi_rel", "w_rel", "a_rel")
 
     @property
     def unknowns(self) -> int:

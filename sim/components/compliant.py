@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from sim.component import Branch, Component, Row, Start, Variables
-from sim.errors import number
+from sim.components.start_values import check_starts
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -16,10 +16,13 @@ class Compliant(Component):
     ----------
     phi_rel, w_rel
         Start values of flange_b's angle and speed minus flange_a's [rad], [rad/s]; None: not given.
+    a_rel
+        Modelica's start value of the relative acceleration: refused in words.
     """
 
     phi_rel: float | None = None
     w_rel: float | None = None
+    a_rel: float | None = None
 
     units: ClassVar[Mapping[str, str]] = {
         "phi_rel": "rad",
@@ -29,9 +32,7 @@ class Compliant(Component):
     }
 
     def __post_init__(self) -> None:
-        for name in ("phi_rel", "w_rel"):
-            if getattr(self, name) is not None:
-                number(f"{type(self).__name__}.{name}", getattr(self, name), "")
+        check_starts(self, "phi_rel", "w_rel", "a_rel")
 
     def states(self, v: Variables) -> tuple[Row, ...]:
         return (v.phi_rel,)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from sim.component import Branch, Component, Row, Start, Variables
+from sim.components.start_values import check_starts
 from sim.errors import number
 
 
@@ -18,11 +19,14 @@ class Inertia(Component):
         Moment of inertia [kg.m2].
     phi, w
         Start values [rad], [rad/s]; None: they follow from the rest, or are 0.
+    a
+        Modelica's start value of the acceleration: refused in words.
     """
 
     J: float
     phi: float | None = None
     w: float | None = None
+    a: float | None = None
 
     units: ClassVar[Mapping[str, str]] = {
         "phi": "rad",
@@ -34,9 +38,7 @@ class Inertia(Component):
 
     def __post_init__(self) -> None:
         number("Inertia.J", self.J, "kg.m2", above=0)
-        for name in ("phi", "w"):
-            if getattr(self, name) is not None:
-                number(f"Inertia.{name}", getattr(self, name), "")
+        check_starts(self, "phi", "w", "a")
 
     @property
     def inertia(self) -> float:

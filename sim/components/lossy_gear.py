@@ -10,7 +10,8 @@ import numpy as np
 from sim.component import BACKWARD, FORWARD, FREE, STUCK, Branch, Component, Row, Variables
 from sim.components.ideal_gear import gear_ratio
 from sim.components.tables import SpeedTable, speed_table
-from sim.errors import ParameterError, RunError
+from sim.curves import Curve, Shape
+from sim.errors import ParameterError
 
 IDEAL = ((0.0, 1.0, 1.0, 0.0, 0.0),)
 
@@ -129,16 +130,15 @@ class LossyGear(Component):
         """Flange_a drives (eta_mf1), or flange_b (eta_mf2); the torque at flange_a tells which."""
         tau_a, loss = v.unknown(0), v.unknown(1)
         turns = direction * (v.w("flange_a") - v.w("support"))
-        eta1, eta2, bf1, bf2 = self._values(v, turns)
-        share, bearing = (1 - eta1, bf1) if driver > 0 else (1 - 1 / eta2, bf2)
-        margin = direction * tau_a - _switch(eta1, eta2, bf1, bf2)
+        share, bearing, switch = self._values(v, turns, driver)
+        margin = direction * tau_a - switch
         equation = loss - share * tau_a - direction * bearing
         return self._branch(v, direction, equation, (driver * margin,), (turns,))
 
     def _stuck(self, v: Variables, upper_side: int, lower_side: int) -> Branch:
         """The loss holds the gear while it lies within limits; each limit has two pieces, by who would drive."""
         tau_a, loss = v.unknown(0), v.unknown(1)
-        eta1, eta2, bf1, bf2 = self._at(0.0, v)
+        eta1, eta2, bf1, bf2 = self._at_rest(v)
         switch = _switch(eta1, eta2, bf1, bf2)
         upper, lower = ((1 - eta1, bf1) if side > 0 else (1 - 1 / eta2, bf2) for side in (upper_side, lower_side))
         holds = (
@@ -150,18 +150,20 @@ class LossyGear(Component):
         w_a, a_a = v.w("flange_a") - v.w("support"), v.a("flange_a") - v.a("support")
         return self._branch(v, STUCK, a_a, holds, stops=(w_a,))
 
-    def _values(self, v: Variables, speed: Row) -> tuple[float, float, Row, Row]:
-        """Efficiencies, and bearing friction as rows, while |w_a| is `speed`."""
-        if not self.affine:
-            return self._at(max(v.now(speed), 0.0), v)
-        eta1, eta2, bf1, bf2 = self.table.at(0.0)
-        slope1, slope2 = self.table.slopes()[2:]
-        return float(eta1), float(eta2), bf1 * v.one + slope1 * speed, bf2 * v.one + slope2 * speed
+    def _values(self, v: Variables, speed: Row, driver: int) -> tuple[float, Row, Row]:
+        """Share of the torque at flange_a that is lost, bearing friction, and where the driver changes, at `speed`."""
+        if self.affine:
+            eta1, eta2, bf1, bf2 = self._at_rest(v)
+            slope1, slope2 = self.table.slopes()[2:]
+            bf1, bf2 = bf1 + slope1 * speed, bf2 + slope2 * speed
+            return *((1 - eta1, bf1) if driver > 0 else (1 - 1 / eta2, bf2)), _switch(eta1, eta2, bf1, bf2)
+        switch = v.curve(Curve(Shape.DRIVER, self.table.rows), speed) * v.one
+        shape, efficiency, bearing = (Shape.TABLE, 0, 2) if driver > 0 else (Shape.RECIPROCAL, 1, 3)
+        kept = v.curve(Curve(shape, self.table.column(efficiency), "LossyGear.lossTable: the efficiency"), speed)
+        return 1 - kept, v.curve(Curve(Shape.TABLE, self.table.column(bearing)), speed) * v.one, switch
 
-    def _at(self, speed: float, v: Variables) -> tuple[float, float, Row, Row]:
-        eta1, eta2, bf1, bf2 = self.table.values(speed)
-        if eta1 <= 0 or eta2 <= 0:
-            raise RunError(f"LossyGear.lossTable: efficiency is {min(eta1, eta2):g} at {speed:g} rad/s; it must be > 0")
+    def _at_rest(self, v: Variables) -> tuple[float, float, Row, Row]:
+        eta1, eta2, bf1, bf2 = self.table.values(0.0)
         return eta1, eta2, bf1 * v.one, bf2 * v.one
 
 

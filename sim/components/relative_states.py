@@ -5,22 +5,21 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from sim.component import Branch, Component, Row, Start, Variables
-from sim.errors import number
+from sim.components.start_values import check_starts
 
 
 @dataclass(frozen=True)
 class RelativeStates(Component):
-    """phi_rel = phi_b - phi_a [rad] and w_rel [rad/s] are states; their start values, None: not given."""
+    """phi_rel = phi_b - phi_a [rad] and w_rel [rad/s] are states; start values, None: not given; a_rel is refused."""
 
     phi_rel: float | None = None
     w_rel: float | None = None
+    a_rel: float | None = None
 
     units: ClassVar[Mapping[str, str]] = {"phi_rel": "rad", "w_rel": "rad/s", "a_rel": "rad/s2"}
 
     def __post_init__(self) -> None:
-        for name in ("phi_rel", "w_rel"):
-            if getattr(self, name) is not None:
-                number(f"RelativeStates.{name}", getattr(self, name), "")
+        check_starts(self, "phi_rel", "w_rel", "a_rel")
 
     def states(self, v: Variables) -> tuple[Row, ...]:
         return (v.phi_rel,)

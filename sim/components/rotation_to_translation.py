@@ -9,6 +9,7 @@ from typing import ClassVar
 
 from sim.component import Branch, Component, Row, Start, Variables
 from sim.components.ideal_gear import gear_ratio
+from sim.components.start_values import check_starts
 from sim.errors import number
 
 
@@ -73,19 +74,18 @@ class IdealRollingWheel(RotationToTranslation):
 
 @dataclass(frozen=True)
 class Mass(Component):
-    """m a = f_a + f_b: m [kg]; start values s [m], v [m/s], None: they follow from the rest, or are 0."""
+    """m a = f_a + f_b: m [kg]; start values s [m], v [m/s], None: they follow from the rest, or are 0; a is refused."""
 
     m: float
     s: float | None = None
     v: float | None = None
+    a: float | None = None
 
     units: ClassVar[Mapping[str, str]] = {"s": "m", "v": "m/s", "a": "m/s2", "flange_a.f": "N", "flange_b.f": "N"}
 
     def __post_init__(self) -> None:
         number("Mass.m", self.m, "kg", above=0)
-        for name in ("s", "v"):
-            if getattr(self, name) is not None:
-                number(f"Mass.{name}", getattr(self, name), "")
+        check_starts(self, "s", "v", "a")
 
     @property
     def inertia(self) -> float:

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 
 from sim.component import BACKWARD, FORWARD, FREE, STUCK, Row, Variables
 from sim.components.tables import SpeedTable
+from sim.curves import Curve, Shape
 from sim.errors import number
 
 
@@ -47,12 +48,13 @@ def friction_pieces(
 def table_row(table: SpeedTable, column: int, v: Variables, speed: Row, factor: Row | None = None) -> Row:
     """Return the table's value at the row |w| as a row, times `factor` where given.
 
-    A straight table is a straight line of the speed (factor one) or, when constant, scales any factor; else the value
-    of now is taken, for the engine that asks anew at each instant.
+    A straight table is a straight line of the speed (factor one) or, when constant, scales any factor; else it is a
+    curve.
     """
     if factor is None and table.straight:
         return float(table.at(0.0)[column]) * v.one + float(table.slopes()[column]) * speed
-    value = float(table.at(0.0 if table.constant else max(v.now(speed), 0.0))[column])
+    curve = Curve(Shape.TABLE, table.column(column))
+    value = float(table.at(0.0)[column]) if table.constant else v.curve(curve, speed)
     return value * (v.one if factor is None else factor)
 
 

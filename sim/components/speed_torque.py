@@ -2,11 +2,11 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from math import copysign, cos, pi, sin, tanh
 from typing import ClassVar, Literal, get_args
 
 from sim.component import Branch, Component, Row, Variables
 from sim.components.torque import UNITS, driving
+from sim.curves import Curve, Shape
 from sim.errors import ParameterError, number
 
 Regularization = Literal["Exp", "Sine", "CoSine", "Linear"]
@@ -60,8 +60,8 @@ class QuadraticSpeedDependentTorque(SpeedDependentTorque):
         return False
 
     def branches(self, v: Variables) -> tuple[Branch, ...]:
-        x = v.now(v.w("flange") - v.w("support")) / self.w_nominal
-        square = x * x if self.TorqueDirection else x * abs(x)
+        shape = Shape.SQUARE if self.TorqueDirection else Shape.SIGNED_SQUARE
+        square = v.curve(Curve(shape), (v.w("flange") - v.w("support")) / self.w_nominal)
         return (driving(v, self.tau_nominal * square * v.one),)
 
 
@@ -81,15 +81,14 @@ class InverseSpeedDependentTorque(SpeedDependentTorque):
 
     def branches(self, v: Variables) -> tuple[Branch, ...]:
         row = v.w("flange") - v.w("support")
-        w, limit = v.now(row), self.w0 * v.one
-        size = max(abs(w), self.w0)
-        slow = self.tau_nominal * (self.w_nominal if self.TorqueDirection else w) / self.w0
-        fast = self.tau_nominal * self.w_nominal / size
-        backward = fast if self.TorqueDirection else -fast
+        limit = self.w0 * v.one
+        slow = self.tau_nominal * (self.w_nominal * v.one if self.TorqueDirection else row) / self.w0
+        size = self.tau_nominal * self.w_nominal / self.w0
+        fast = size * v.curve(Curve(Shape.INVERSE), row / self.w0) * v.one
         return (
-            driving(v, slow * v.one, (limit - row, limit + row)),
-            driving(v, fast * v.one, (row - limit,)),
-            driving(v, backward * v.one, (-row - limit,)),
+            driving(v, slow, (limit - row, limit + row)),
+            driving(v, fast, (row - limit,)),
+            driving(v, fast if self.TorqueDirection else -fast, (-row - limit,)),
         )
 
 
@@ -116,14 +115,7 @@ class SignTorque(Component):
         return False
 
     def branches(self, v: Variables) -> tuple[Branch, ...]:
-        x = v.now(v.w("flange") - v.w("support")) / self.w0
-        within = max(min(x, 1.0), -1.0)
-        sign = {
-            "Exp": tanh(50 * x),
-            "Sine": sin(pi / 2 * within),
-            "Linear": within,
-            "CoSine": copysign(1 - cos(pi / 2 * within), x),
-        }[self.reg]
+        sign = v.curve(Curve(Shape[self.reg.upper()]), (v.w("flange") - v.w("support")) / self.w0)
         return (driving(v, self.tau_nominal * sign * v.one),)
 
 
@@ -163,8 +155,8 @@ class EddyCurrentTorque(Component):
     def branches(self, v: Variables) -> tuple[Branch, ...]:
         w = v.w("flange") - v.w("support")
         at_reference = self.alpha20 / (1 + self.alpha20 * (self.TRef - 293.15))
-        x = v.now(w) / (self.w_nominal * (1 + at_reference * (self.T - self.TRef)))
-        tau = 2 * self.tau_nominal * x / (1 + x * x) * v.one
+        x = w / (self.w_nominal * (1 + at_reference * (self.T - self.TRef)))
+        tau = self.tau_nominal * v.curve(Curve(Shape.EDDY), x) * v.one
         phi = v.phi("flange") - v.phi("support")
         return (
             Branch(

@@ -34,6 +34,10 @@ class SpeedTable:
         share = (abs(w) - lower[0]) / (upper[0] - lower[0])
         return [low + share * (high - low) for low, high in zip(lower[1:], upper[1:], strict=True)]
 
+    def column(self, number: int) -> tuple[tuple[float, ...], ...]:
+        """Rows of |w| and one value."""
+        return tuple((row[0], row[1 + number]) for row in self.rows)
+
     def slopes(self) -> NDArray[np.float64]:
         """Change of each value per rad/s in the first piece, shape (columns - 1,)."""
         return self.at(1.0) - self.at(0.0) if self.straight else np.zeros(len(self.rows[0]) - 1)

@@ -57,6 +57,16 @@ def test_what_was_written_simulates_again_to_the_same_bytes(described: Path, tmp
         assert (first / name).read_bytes() == (second / name).read_bytes()
 
 
+def test_telemetry_as_parquet_holds_the_numbers_of_the_csv(described: Path, tmp_path: Path) -> None:
+    start = ["simulate", "--duration", "1", "--axis", str(described), "--out", str(tmp_path)]
+    assert run(start) == 0
+    assert run([*start, "--parquet"]) == 0
+    one, other = (read_telemetry(tmp_path / f"telemetry.{ending}") for ending in ("csv", "parquet"))
+    assert one.channels.keys() == other.channels.keys()
+    for name in one.channels:
+        assert np.array_equal(one[name], other[name])
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -381,8 +381,8 @@ class Truth:
         end = bound - 1e-14  # left-hand limits of signals up to the bound
         events = self._events()
         solution = solve_ivp(
-            self._rate, (t, end), y, method="DOP853", rtol=1e-11, atol=1e-12, max_step=0.005, events=events,
-            dense_output=True,
+            self._rate_above_underflow, (t, end), y, method="DOP853", rtol=1e-11, atol=1e-12, max_step=0.005,
+            events=events, dense_output=True,
         )  # fmt: skip
         assert solution.success
         reached = solution.t[-1]
@@ -398,6 +398,11 @@ class Truth:
         self.events.append(reached)
         self._after(events[which], reached, now)
         return reached, now
+
+    def _rate_above_underflow(self, t: float, y: Array) -> Array:
+        """What has died away is zero: scipy squares it in its estimate of the error, and divides nothing by nothing."""
+        rate = np.asarray(self._rate(t, y))
+        return np.where(np.abs(rate) < 1e-100, 0.0, rate)
 
     def _note(self, when: float, y: Array) -> None:
         T, F, _ = self._torques(when, y)
