@@ -5,13 +5,13 @@ from typing import Any
 
 from pydantic import TypeAdapter
 
-from sim.axis import SCHEMA, Axis
+from sim.description.axis import SCHEMA, Axis
 
 DESCRIPTION = "An axis description: `axis.toml`, or the same as JSON; SI units, named in the keys."
 
 
 def axis_schema() -> dict[str, Any]:
-    """Return the schema of what `sim.axis.read_axis` takes, whole, with no reference to elsewhere."""
+    """Return the schema of what `sim.description.axis_document.read_axis` takes, whole, with no reference to elsewhere."""
     schema = TypeAdapter(Axis).json_schema()
     definitions = schema.pop("$defs")
     for made in definitions.values():

@@ -10,6 +10,8 @@ from typing import Annotated
 
 import typer
 
+from app.commands.exit_codes import DONE, FAILURE
+
 COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("serve", "app.commands.serve", "Serve the API and the pages."),
     ("worker", "app.commands.worker", "Run jobs; as many workers as one likes."),
@@ -33,8 +35,10 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
 )
 """Verb, module with `register(app)`, one line of help. A new verb is one line here."""
 
+
 DATA_DIR, JSON = "--data-dir", "--json"
-DONE, FAILURE, BAD_INPUT, FAULT_FOUND = 0, 1, 2, 3
+
+
 EPILOG = "Exit codes: 0 done, 1 failure, 2 usage or bad input, 3 fault found with --fail-on fault."
 
 

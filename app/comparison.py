@@ -27,12 +27,12 @@ from app.intake import mesh_orders, shaft_orders
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import FEATURES, catalogue, extract
 from casebase.signals.recording import Recording
-from sim.axis import Axis, Motion
-from sim.design import Planned, moved, path_rms, plan, scaled
+from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone
+from sim.acoustics.transfer_path_fit import Heard, fit_sound
+from sim.description.axis import Axis, Motion
 from sim.errors import ParameterError, near_match
-from sim.fitting import Heard, fit_sound
+from sim.experiment.design_of_experiments import Planned, moved, path_rms, plan, scaled
 from sim.mechanisms import MECHANISMS
-from sim.sound import SAMPLE_RATE_HZ, Microphone
 
 Floats = NDArray[np.float64]
 Heards = Mapping[str, Sequence[Heard]]

@@ -26,7 +26,7 @@ from sqlalchemy import select
 from sqlalchemy.exc import IntegrityError
 
 from app.intake import mesh_orders, shaft_orders
-from app.job import JobKind, Json, Report
+from app.jobs.job import JobKind, Json, Report
 from casebase.artifacts import active_artifact
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
@@ -35,13 +35,14 @@ from casebase.review import quarantine_far
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import Extraction, extract
 from casebase.signals.recording import Recording
-from sim.audibility import perform_fault
-from sim.axis import Axis, read_axis
-from sim.design import DURATION_S, Planned, Range, plan
+from sim.acoustics.audibility import perform_fault
+from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, microphone_of
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
 from sim.errors import ParameterError
+from sim.experiment.design_of_experiments import DURATION_S, Planned, Range, plan
+from sim.experiment.scenario import MODEL_VERSION, Scenario
 from sim.mechanisms import MECHANISMS
-from sim.scenario import MODEL_VERSION, Scenario
-from sim.sound import SAMPLE_RATE_HZ, Microphone, microphone_of
 
 Task = TypeVar("Task")
 Done = TypeVar("Done")
@@ -146,7 +147,7 @@ class Campaign:
 class Generated:
     """A simulated case before it is retained: as planned, and as it was performed so that its fault is heard.
 
-    `audibility` is the fault's part of the sound over the rest (see `sim.audibility`), None without fault.
+    `audibility` is the fault's part of the sound over the rest (see `sim.acoustics.audibility`), None without fault.
     """
 
     planned: Planned

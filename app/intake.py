@@ -21,7 +21,8 @@ from casebase.origins import DEMO as DEMO
 from casebase.plausibility import Expected, Known, held_against
 from casebase.signals.features import Extraction, extract
 from casebase.signals.recording import Recording
-from sim.axis import Axis, read_axis
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
 
 CONTRADICTED = "contradicted"
 """Key of what was typed of a recording and is not used."""

@@ -14,8 +14,8 @@ from typing import Any
 
 from sqlalchemy.orm import Session
 
-from app.job import JobError, JobKind, JobNotFoundError, Json, Report
-from app.jobs import Jobs
+from app.jobs.job import JobError, JobKind, JobNotFoundError, Json, Report
+from app.jobs.jobs import Jobs
 from app.sound import read_sound
 from casebase import audit
 from casebase.axes import add_axis, find_axis
@@ -26,8 +26,9 @@ from casebase.models import AxisRevision, StoredInvestigation, new_id, now
 from casebase.signals.decode import read_recording
 from casebase.signals.errors import SignalError
 from casebase.signals.telemetry import check_telemetry, read_telemetry
-from sim.axis import Axis, read_axis
-from sim.discrepancy.pairs import check_as_new, check_pairs
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.discrepancy.data.pairing import check_as_new, check_pairs
 from sim.errors import AxisError, SimulationError
 
 KIND = "investigations"
@@ -229,8 +230,8 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
         return _investigated_together(library, row, report)
     # only a worker pays for importing what investigates
     from sim.discrepancy.investigation import investigate
-    from sim.discrepancy.report import html_report
-    from sim.discrepancy.story import story
+    from sim.discrepancy.report.html import html_report
+    from sim.discrepancy.report.summary import story
 
     telemetry = _paths(library, row, "telemetry")
     sounds, as_new = (
@@ -253,9 +254,9 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
 def _investigated_together(
     library: CaseLibrary, row: StoredInvestigation, report: Report
 ) -> tuple[dict[str, object], str]:
-    from sim.discrepancy.joint_numbers import Taken
-    from sim.discrepancy.together import investigate_together
-    from sim.discrepancy.together_report import html_report_together
+    from sim.discrepancy.pooling.joint_investigation import investigate_together
+    from sim.discrepancy.pooling.pooled_estimates import Taken
+    from sim.discrepancy.report.joint_html import html_report_together
 
     telemetry, sounds = (
         list(zip(names_of(row, part), _paths(library, row, part), strict=True)) for part in ("telemetry", "sound")

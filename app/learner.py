@@ -53,8 +53,8 @@ def load_what_is_compiled() -> None:
     import scipy.signal  # noqa: F401 - half a second, for the first plot and the first slider
 
     from casebase.__main__ import search_once
-    from sim.measurement import measure
-    from sim.paper import PAPER_AXIS
+    from sim.experiment.paper_axis import PAPER_AXIS
+    from sim.experiment.virtual_measurement import measure
 
     search_once()
     measure(PAPER_AXIS, 0.2, seed=0)

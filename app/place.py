@@ -19,10 +19,10 @@ from casebase.models import Artifact, Case, StoredRecording
 from casebase.signals.decode import read_recording
 from casebase.signals.features import catalogue, extract
 from casebase.signals.recording import Recording
-from sim.axis import Axis
+from sim.acoustics.microphone import SAMPLE_RATE_HZ
+from sim.acoustics.transfer_path_fit import FittedSound, Heard, fit_sound, scenario_like
+from sim.description.axis import Axis
 from sim.errors import ParameterError
-from sim.fitting import FittedSound, Heard, fit_sound, scenario_like
-from sim.sound import SAMPLE_RATE_HZ
 
 Floats = NDArray[np.float64]
 PER_RECORDING = 4  # simulated twins of every measured normal recording

@@ -1,7 +1,6 @@
 """The OpenAPI document: roles, problems and examples; and the reference page made from it."""
 
 import json
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
@@ -11,9 +10,9 @@ from fastapi import FastAPI, Request
 from fastapi.openapi.utils import get_openapi
 from jinja2 import Environment, PackageLoader, Template
 from markupsafe import Markup, escape
-from starlette.routing import compile_path
 
 from app.errors import Unprocessable, path_of
+from app.offers import offered
 
 PROBLEM = {
     "type": "object",
@@ -81,25 +80,6 @@ def describe(app: FastAPI) -> dict[str, Any]:
         document["components"].setdefault("schemas", {})["Problem"] = PROBLEM
         app.openapi_schema = document
     return app.openapi_schema
-
-
-@cache
-def _offers(app: FastAPI) -> tuple[tuple[re.Pattern[str], dict[str, frozenset[str]]], ...]:
-    found = []
-    for path, methods in describe(app)["paths"].items():
-        queries = {
-            method.upper(): frozenset(each["name"] for each in operation.get("parameters", ()) if each["in"] == "query")
-            for method, operation in methods.items()
-        }
-        found.append((compile_path(path)[0], queries))
-    return tuple(found)
-
-
-def offered(app: FastAPI, path: str) -> dict[str, frozenset[str]]:
-    """Return the methods that the API offers at a path, each with the names of its query parameters."""
-    return {
-        method: names for pattern, queries in _offers(app) if pattern.match(path) for method, names in queries.items()
-    }
 
 
 def only_known_query(request: Request) -> None:

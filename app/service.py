@@ -13,9 +13,9 @@ from limits.strategies import MovingWindowRateLimiter
 from sqlalchemy.orm import Session
 
 from app.evaluations import Evaluations
-from app.job_feed import JobFeed
-from app.job_kinds import jobs_in
-from app.jobs import Jobs
+from app.jobs.feed import JobFeed
+from app.jobs.jobs import Jobs
+from app.jobs.kinds import jobs_in
 from app.key_notes import KeyNotes
 from app.learner import Learner
 from app.leftovers import leftovers

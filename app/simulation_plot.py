@@ -4,9 +4,9 @@ from pathlib import Path
 
 import numpy as np
 
-from sim.axis import Axis
-from sim.measurement import Measurement
-from sim.sound import SAMPLE_RATE_HZ
+from sim.acoustics.microphone import SAMPLE_RATE_HZ
+from sim.description.axis import Axis
+from sim.experiment.virtual_measurement import Measurement
 
 BAND_HZ = 200.0
 """The paper listens below this frequency."""

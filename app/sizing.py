@@ -25,12 +25,12 @@ from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import Motion, catalogue, feature_values
 from casebase.signals.motion import HOP_HZ
 from casebase.signals.recording import Recording
-from sim.axis import Axis, Servo
-from sim.axis import Motion as Movement
-from sim.design import Planned, detuned, moved, plan, usual_microphone
+from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone
+from sim.description.axis import Axis, Servo
+from sim.description.axis import Motion as Movement
 from sim.errors import ParameterError
-from sim.scenario import Scenario
-from sim.sound import SAMPLE_RATE_HZ, Microphone
+from sim.experiment.design_of_experiments import Planned, detuned, moved, plan, usual_microphone
+from sim.experiment.scenario import Scenario
 
 Floats = NDArray[np.float64]
 RUNS, LISTENERS = 160, 3  # simulated specimens, and microphones that hear each

@@ -13,11 +13,11 @@ import numpy as np
 
 from casebase.signals.features import extract
 from casebase.signals.recording import Recording
-from sim.axis import Axis, MechanismEntry
-from sim.design import DEPTH_RAD, GAP_RAD
-from sim.scenario import Scenario, with_motion
-from sim.sound import SAMPLE_RATE_HZ, Microphone, Mode
-from sim.specimen import Specimen
+from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, Mode
+from sim.description.axis import Axis, MechanismEntry
+from sim.experiment.design_of_experiments import DEPTH_RAD, GAP_RAD
+from sim.experiment.scenario import Scenario, with_motion
+from sim.experiment.specimen import Specimen
 
 FEATURES = ("crest_factor_low_pass_200_hz_whole_record", "notch_bump_12_200_hz", "play_bump_12_200_hz")
 MICROPHONE = Microphone(

@@ -14,15 +14,15 @@ import numpy as np
 
 from app.commands.simulate import write_sound, write_telemetry
 from benchmarks import Row, best_seconds
-from sim.axis import Axis
-from sim.batch import simulate_many
-from sim.chain import chain_of, simulate_chain
-from sim.chain_model import PrescribedMotion
-from sim.chain_run import run_chain
-from sim.measurement import built, measure
-from sim.mechanism import with_mechanism
+from sim.description.axis import Axis
+from sim.experiment.batch import simulate_many
+from sim.experiment.paper_axis import PAPER_AXIS
+from sim.experiment.virtual_measurement import built, measure
 from sim.mechanisms import Backlash, ToothDamage
-from sim.paper import PAPER_AXIS
+from sim.mechanisms.catalogue import with_mechanism
+from sim.torsional.integrate import run_chain
+from sim.torsional.model import PrescribedMotion
+from sim.torsional.reduction import chain_of, simulate_chain
 
 SECONDS, RATE_HZ, TELEMETRY_HZ = 30.0, 8000.0, 2000.0
 RUNS_PER_CORE, ROUNDS = 4, 3

@@ -25,12 +25,12 @@ from pathlib import Path
 from sqlalchemy import func, select
 
 from app.generation import KIND, Campaign, simulate_case
-from app.job_kinds import open_jobs
+from app.jobs.kinds import open_jobs
 from app.settings import Settings
 from casebase.library import CaseLibrary
 from casebase.models import Case
-from sim.design import Planned
-from sim.paper import PAPER_AXIS
+from sim.experiment.design_of_experiments import Planned
+from sim.experiment.paper_axis import PAPER_AXIS
 
 SAMPLE = 12  # cases timed alone, to know what simulation and features cost
 

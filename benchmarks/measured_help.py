@@ -30,9 +30,10 @@ from casebase.learning import learn
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.decode import read_recording
 from casebase.signals.features import EXTRACTOR_VERSION, catalogue, extract
-from sim.axis import Axis, read_axis
-from sim.design import LABELS, Planned, plan
-from sim.fitting import Heard, fit_sound
+from sim.acoustics.transfer_path_fit import Heard, fit_sound
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.experiment.design_of_experiments import LABELS, Planned, plan
 
 SHARED = Path(os.environ.get("GEARCASE_SHARED", Path(__file__).resolve().parents[1].parent / "shared"))
 FIGURE = Path("docs/figures/measured_help.png")

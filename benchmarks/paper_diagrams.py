@@ -1,6 +1,6 @@
 """Figures 2 and 3 of the paper, the gear and its model: `python -m benchmarks.paper_diagrams docs/figures`.
 
-Both are drawn from the objects that are simulated: the wheels from `sim.paper`'s tooth numbers (at one module, so radii
+Both are drawn from the objects that are simulated: the wheels from `sim.experiment.paper_axis`'s tooth numbers (at one module, so radii
 go with teeth), the model from the components and connections of the drive train of figure 4.
 """
 
@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from benchmarks.paper_torque import drive_train
-from sim.component import Component
-from sim.paper import PAPER_AXIS
+from sim.experiment.paper_axis import PAPER_AXIS
+from sim.rotational.component import Component
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,7 +1,7 @@
 """Recordings like the paper's: one configuration and one definition for its figures 5 to 9 and its measured rows.
 
-What the paper says is taken from it (`sim.paper`); the motion is one whose notch is met where figure 6 shows it. Every
-number that it leaves open stands in the middle of the range from which cases of any axis are drawn (`sim.design`), but
+What the paper says is taken from it (`sim.experiment.paper_axis`); the motion is one whose notch is met where figure 6 shows it. Every
+number that it leaves open stands in the middle of the range from which cases of any axis are drawn (`sim.experiment.design_of_experiments`), but
 one: full speed is reached in 0.6 s, the slow end, because the paper's normal recording has no more than noise has, and
 with a quicker start an as-new gear is heard to click at every reversal. Nothing is fitted to play or notch.
 
@@ -23,13 +23,23 @@ from numpy.typing import NDArray
 from casebase.signals.crest import peak_trace, root_mean_square
 from casebase.signals.filters import low_pass
 from casebase.signals.spectra import long_spectrum
-from sim.axis import MechanismEntry, Motion
-from sim.design import DEPTH_RAD, GAP_RAD, LOWEST_MODE_HZ, MICROPHONE, MODE_DAMPING, OPERATION, SPECIMEN, Range, scaled
-from sim.measurement import DEFAULT_MICROPHONE
-from sim.paper import PAPER_AXIS
-from sim.scenario import SETTLING_S, Scenario
-from sim.sound import SAMPLE_RATE_HZ
-from sim.specimen import Specimen
+from sim.acoustics.microphone import SAMPLE_RATE_HZ
+from sim.description.axis import MechanismEntry, Motion
+from sim.experiment.design_of_experiments import (
+    DEPTH_RAD,
+    GAP_RAD,
+    LOWEST_MODE_HZ,
+    MICROPHONE,
+    MODE_DAMPING,
+    OPERATION,
+    SPECIMEN,
+    Range,
+    scaled,
+)
+from sim.experiment.paper_axis import PAPER_AXIS
+from sim.experiment.scenario import SETTLING_S, Scenario
+from sim.experiment.specimen import Specimen
+from sim.experiment.virtual_measurement import DEFAULT_MICROPHONE
 
 Sound = NDArray[np.float32]
 PAPER = {"normal": 3.43, "play": 9.35, "notch": 14.6}

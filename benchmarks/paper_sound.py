@@ -41,9 +41,9 @@ from benchmarks.paper_recordings import (
 from benchmarks.paper_torque import shaft_torques
 from casebase.signals.filters import PAPER_CUTOFF_HZ, low_pass
 from casebase.signals.spectra import long_spectrum
-from sim.paper import PAPER_AXIS
-from sim.scenario import SETTLING_S, Scenario
-from sim.sound import SAMPLE_RATE_HZ
+from sim.acoustics.microphone import SAMPLE_RATE_HZ
+from sim.experiment.paper_axis import PAPER_AXIS
+from sim.experiment.scenario import SETTLING_S, Scenario
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

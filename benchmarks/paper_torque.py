@@ -14,8 +14,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.components import Gearbox, Inertia, Sine, Torque
-from sim.drive_train import DriveTrain
+from sim.rotational.components import Gearbox, Inertia, Sine, Torque
+from sim.rotational.drive_train import DriveTrain
 from sim.solver import simulate
 
 Values = NDArray[np.float64]

@@ -23,9 +23,9 @@ from casebase.severity import COVERAGE, PARAMETERS, Severity
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import extract
 from casebase.signals.recording import Recording
-from sim.design import Planned, moved, plan, usual_microphone
-from sim.paper import PAPER_AXIS
-from sim.sound import SAMPLE_RATE_HZ
+from sim.acoustics.microphone import SAMPLE_RATE_HZ
+from sim.experiment.design_of_experiments import Planned, moved, plan, usual_microphone
+from sim.experiment.paper_axis import PAPER_AXIS
 
 STATES, EACH = 4, 14  # states of operation, and recordings of each
 DURATION_S = 10.0

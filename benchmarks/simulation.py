@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from benchmarks import Row, best_seconds
 from benchmarks.solve_ivp_axis import RATIO, Case, SolveIvpAxis
-from sim.components import ElastoBacklash, Inertia, LossyGear, Sine, Torque
-from sim.drive_train import DriveTrain
+from sim.rotational.components import ElastoBacklash, Inertia, LossyGear, Sine, Torque
+from sim.rotational.drive_train import DriveTrain
+from sim.rotational.trajectory import Trajectory
 from sim.solver import simulate, stream
-from sim.trajectory import Trajectory
 
 SECONDS, RATE_HZ = 30.0, 8000.0
 CASES = {

@@ -14,7 +14,7 @@ import numpy as np
 
 from app.web.pages.model import SHOWN_S, SLIDERS
 from benchmarks import Row
-from sim.paper import PAPER_AXIS
+from sim.experiment.paper_axis import PAPER_AXIS
 from tests.app.sounds import sound
 from tests.live import LiveServer, started
 

@@ -19,8 +19,8 @@ from benchmarks.diagnosis import said
 from benchmarks.strangers import audible, heard
 from casebase.severity import PARAMETERS, Regression, Scaling
 from casebase.signals.features import catalogue
-from sim.axis import read_axis
-from sim.design import Planned, plan
+from sim.description.axis_document import read_axis
+from sim.experiment.design_of_experiments import Planned, plan
 from tests import stranger_bank as bank
 from tests.stranger_bank.data_sheet import data_sheet
 

@@ -17,7 +17,7 @@ from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
 
 from app.commands.starter import DEMO_NAME
-from sim.paper import PAPER_AXIS
+from sim.experiment.paper_axis import PAPER_AXIS
 from tests.discrepancy.telemetry_of import one_body, swing
 
 IMAGES = Path(__file__).parent / "images"

@@ -3,12 +3,13 @@
 import sys
 from dataclasses import replace
 
-from sim.components import QuadraticSpeedDependentTorque
-from sim.discrepancy.condition import examine
-from sim.discrepancy.fit import Noise, Problem
-from sim.drive_train import DriveTrain
-from sim.measurement import measure
-from sim.paper import PAPER_AXIS
+from sim.discrepancy.data.validation import examine
+from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.estimation.whitening import Noise
+from sim.experiment.paper_axis import PAPER_AXIS
+from sim.experiment.virtual_measurement import measure
+from sim.rotational.components import QuadraticSpeedDependentTorque
+from sim.rotational.drive_train import DriveTrain
 from sim.solver import simulate
 
 

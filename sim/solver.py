@@ -1,7 +1,7 @@
 """`simulate`: one call for every drive train; it picks the engine, and the result names it."""
 
 from collections import OrderedDict
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from functools import cached_property, partial
 from threading import Lock
 from typing import Literal
@@ -9,22 +9,36 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.affine import Block, ExactEngine, component_events
-from sim.affine_system import Array, System
-from sim.drive_train import DriveTrain
 from sim.errors import ParameterError, RunError, number
-from sim.trajectory import Channels, Trajectory
-from sim.verification import Residual, check_finite, instants
+from sim.piecewise_affine.channels import channel_names, channel_units
+from sim.piecewise_affine.engine import Block, ExactEngine, component_events
+from sim.piecewise_affine.system import Array, System
+from sim.rotational.drive_train import DriveTrain
+from sim.rotational.trajectory import Channels, Residual, Trajectory
+from sim.verification import check_finite, instants
 
 Engine = Literal["exact", "runge-kutta"]
+
+
 MAX_DURATION_S = 1e6
+
+
 MAX_RATE_HZ = 1e6
+
+
 MEMORY_LIMIT_BYTES = 2_000_000_000
 """Largest result that `simulate` returns at once; `stream` has no such limit."""
+
+
 BLOCK_SAMPLES = 262_144
+
+
 KEPT_ENGINES = 16
 
+
 _engines: OrderedDict[tuple[int, float], tuple[DriveTrain, ExactEngine]] = OrderedDict()
+
+
 _lock = Lock()
 
 
@@ -61,8 +75,8 @@ def simulate(
     """
     samples = _samples(duration_s, sample_rate_hz)
     if _pick(drive_train, engine) == "runge-kutta":
-        from sim.chain import fits, simulate_chain
-        from sim.runge_kutta import simulate_runge_kutta
+        from sim.runge_kutta.engine import simulate_runge_kutta
+        from sim.torsional.reduction import fits, simulate_chain
 
         if not drive_train.affine and fits(drive_train):
             return simulate_chain(drive_train, duration_s, sample_rate_hz)
@@ -196,19 +210,3 @@ class _Reader:
         used = np.flatnonzero(by_state)
         states = self._states if used.max(initial=0) >= self._moving.shape[1] else self._moving
         return np.asarray(states[at][:, used] @ by_state[used])
-
-
-def channel_names(system: System, i: int) -> list[str]:
-    """Names of the channels of component i, those of its class that its branches speak of."""
-    branch = system.branches(i)[0].branch
-    names = [*branch.channels, *branch.powers]
-    return [*names, "mode"] if branch.mode is not None else names
-
-
-def channel_units(system: System) -> Mapping[str, str]:
-    """Unit of every channel of a train."""
-    return {
-        f"{name}.{channel}": part.units[channel]
-        for i, (name, part) in enumerate(zip(system.names, system.components, strict=True))
-        for channel in channel_names(system, i)
-    }

@@ -7,60 +7,40 @@ And all numbers are finite: what is not finite stays so, thus the last sample te
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.affine_system import Array, Mode, System, describe
-from sim.component import Signal
 from sim.errors import RunError
+from sim.piecewise_affine.system import Array, Mode, System, describe
+from sim.rotational.component import Signal
 
 TOLERANCE = 1e-6
 """Largest residual that a result may have, relative to the terms that should cancel."""
+
+
 INSTANTS = 16
+
+
 SMALLEST = 1e-6
 """Angles [rad] and speeds [rad/s] of this size are taken to occur, and in every torque this share of the largest."""
+
+
 ORDER = 16
+
+
 LONGEST = 0.7
 """Step times the largest eigenvalue up to which the power series of this order is exact to rounding."""
+
+
 MOST_PARTS = 64
 """Steps of `LONGEST` between samples up to which flow and energy are looked at."""
+
+
 NODES, WEIGHTS = (np.polynomial.legendre.leggauss(8)[i] for i in (0, 1))
-
-
-@dataclass(frozen=True)
-class Residual:
-    """How well a run obeys its equations, each relative to the terms that should cancel.
-
-    What was not looked at is nan.
-
-    Parameters
-    ----------
-    equations
-        Balances of torques at the flanges, constraints of shafts and gears, laws of the components.
-    limits
-        By how much an inequality of a mode is missed: a friction beyond its limit, a flank that pulls.
-    motion
-        Flanges that follow a signal, from that signal.
-    flow
-        Each sample from what follows from the one before.
-    energy
-        Change of kinetic energy from the work of all torques, relative to the energy that is moved.
-    """
-
-    equations: float = 0.0
-    limits: float = 0.0
-    motion: float = 0.0
-    flow: float = float("nan")
-    energy: float = float("nan")
-
-    @property
-    def largest(self) -> float:
-        """The largest of all that were looked at."""
-        return float(np.nanmax(list(asdict(self).values())))
 
 
 class Followed(NamedTuple):

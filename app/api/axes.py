@@ -15,7 +15,7 @@ from app.location import location
 from app.security import Admin, Viewer
 from app.service import Reading
 from casebase import axes
-from sim.axis import parse_axis, read_axis
+from sim.description.axis_document import parse_axis, read_axis
 
 router = APIRouter(tags=["axes"])
 

@@ -22,7 +22,8 @@ from app.web.self_contained import self_contained
 from casebase.axes import get_axis
 from casebase.models import StoredInvestigation
 from casebase.pages import page
-from sim.axis import Axis, parse_axis, read_axis
+from sim.description.axis import Axis
+from sim.description.axis_document import parse_axis, read_axis
 
 router = APIRouter(tags=["investigations"])
 PARTS = ("axis", "telemetry", "sound", "as_new", "sound_offset_s")

@@ -14,8 +14,9 @@ from app.security import Admin
 from app.service import Service
 from casebase.axes import get_axis
 from casebase.description import check_name
-from sim.axis import Axis, read_axis
-from sim.design import DURATION_S, LABELS, labels
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.experiment.design_of_experiments import DURATION_S, LABELS, labels
 
 router = APIRouter(tags=["simulations"])
 

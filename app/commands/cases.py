@@ -6,7 +6,7 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
-from app.cli import BAD_INPUT
+from app.commands.exit_codes import BAD_INPUT
 from app.commands.faults import sentence
 from app.commands.frame import ACTOR, Json, frame_of
 from app.commands.review import review
@@ -19,7 +19,8 @@ from casebase.case_filter import CaseFilter
 from casebase.errors import DuplicateError, LibraryError
 from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError
-from sim.axis import Axis, read_axis
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
 
 cases = typer.Typer(help="Add, list, export and import cases.", no_args_is_help=True)
 

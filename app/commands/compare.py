@@ -13,7 +13,7 @@ from app.commands.frame import Frame, frame_of
 from app.comparison import CAUSES, Comparison, FamilyGap, Gain, compare
 from app.place import measured_recordings
 from casebase.signals.features import feature_words
-from sim.axis import read_axis
+from sim.description.axis_document import read_axis
 
 SURE = 0.05
 

@@ -5,7 +5,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from app.cli import BAD_INPUT, DONE, FAULT_FOUND
+from app.commands.exit_codes import BAD_INPUT, DONE, FAULT_FOUND
 from app.commands.faults import sentence
 from app.commands.frame import ACTOR, Frame, frame_of
 from app.commands.sounds import MEANT, Sound, sounds
@@ -15,7 +15,8 @@ from app.metadata import RecordingMetadata
 from app.web.words import is_poor, remarks_beside, verdict_of
 from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError
-from sim.axis import Axis, read_axis
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
 
 NORMAL = "normal"
 

@@ -12,7 +12,7 @@ from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
 from app.api.health import FREE_BYTES
-from app.cli import FAILURE
+from app.commands.exit_codes import FAILURE
 from app.commands.frame import frame_of
 from app.investigations import PARTS, files_of
 from app.keys import Role

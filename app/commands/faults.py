@@ -4,8 +4,8 @@ from fastapi_problem.error import StatusProblem
 from pydantic import ValidationError
 from sqlalchemy.exc import OperationalError
 
-from app.cli import BAD_INPUT, FAILURE
-from app.job import JobError, JobFailedError
+from app.commands.exit_codes import BAD_INPUT, FAILURE
+from app.jobs.job import JobError, JobFailedError
 from casebase.errors import DamagedError, LibraryError
 from casebase.signals.errors import DecoderUnavailableError, SignalError
 from casebase.soundness import RESTORE, is_damaged

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from app.commands.frame import ACTOR, Frame, frame_of
 from app.place import FittedPlace, fit_place, keep, measured_recordings
-from sim.axis import read_axis
+from sim.description.axis_document import read_axis
 
 SHOWN = 8
 

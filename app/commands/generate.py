@@ -14,8 +14,8 @@ from app.commands.frame import Frame, frame_of
 from app.generation import Campaign, Outcome, fitted_microphones, generate
 from casebase.library import CaseLibrary
 from casebase.signals.text import text_of
-from sim.axis import read_axis
-from sim.design import DURATION_S, LABELS, labels
+from sim.description.axis_document import read_axis
+from sim.experiment.design_of_experiments import DURATION_S, LABELS, labels
 
 
 def register(app: typer.Typer) -> None:

@@ -15,15 +15,16 @@ from app.sound import read_sound
 from casebase.signals.errors import SignalError
 from casebase.signals.recording import Recording
 from casebase.signals.telemetry import Telemetry, read_telemetry
-from sim.axis import read_axis
-from sim.discrepancy.explanation import headline
-from sim.discrepancy.investigation import Estimate, Investigation, Progress, investigate
-from sim.discrepancy.joint_numbers import Taken
-from sim.discrepancy.pairs import check_pairs
-from sim.discrepancy.report import html_report
-from sim.discrepancy.together import investigate_together
-from sim.discrepancy.together_report import html_report_together
-from sim.discrepancy.written import likely
+from sim.description.axis_document import read_axis
+from sim.discrepancy.data.pairing import check_pairs
+from sim.discrepancy.investigation import Progress, investigate
+from sim.discrepancy.pooling.joint_investigation import investigate_together
+from sim.discrepancy.pooling.pooled_estimates import Taken
+from sim.discrepancy.report.formatting import likely
+from sim.discrepancy.report.html import html_report
+from sim.discrepancy.report.joint_html import html_report_together
+from sim.discrepancy.report.wording import headline
+from sim.discrepancy.results import Estimate, Investigation
 
 Read = TypeVar("Read")
 Done = TypeVar("Done")

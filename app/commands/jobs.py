@@ -8,10 +8,10 @@ import typer
 from rich.table import Table
 
 from app.api.jobs import JobDocument
-from app.cli import DONE, FAILURE
+from app.commands.exit_codes import DONE, FAILURE
 from app.commands.frame import Frame, frame_of
-from app.job import Job
-from app.job_kinds import open_jobs
+from app.jobs.job import Job
+from app.jobs.kinds import open_jobs
 
 jobs = typer.Typer(help="List, follow, cancel, resume and adopt jobs.", no_args_is_help=True)
 Id = Annotated[str, typer.Argument(metavar="JOB", help="id of the job")]

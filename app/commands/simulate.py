@@ -16,12 +16,13 @@ from numpy.typing import NDArray
 from app.commands.frame import Frame, frame_of
 from app.simulation_plot import plot_measurement
 from casebase.signals.telemetry import Telemetry
-from sim.axis import Axis, read_axis, write_axis
+from sim.acoustics.microphone import SAMPLE_RATE_HZ
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis, write_axis
 from sim.errors import ParameterError, near_match
-from sim.measurement import Measurement, measure
-from sim.mechanism import with_mechanism
+from sim.experiment.virtual_measurement import Measurement, measure
 from sim.mechanisms import MECHANISMS
-from sim.sound import SAMPLE_RATE_HZ
+from sim.mechanisms.catalogue import with_mechanism
 
 DECIMALS = 9
 

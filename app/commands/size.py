@@ -17,7 +17,7 @@ from app.sound import read_sound
 from casebase.severity import COVERAGE, PARAMETERS, Severity
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import extract
-from sim.axis import read_axis
+from sim.description.axis_document import read_axis
 from sim.errors import ParameterError
 
 LIBRARY, SIMULATION = "measured cases of the library", "simulation of this recording"

@@ -16,8 +16,8 @@ from app.metadata import RecordingMetadata
 from casebase.artifacts import active_artifact, add_artifact
 from casebase.axes import add_axis
 from casebase.library import CaseLibrary
-from sim.design import LABELS, plan
-from sim.paper import PAPER_AXIS
+from sim.experiment.design_of_experiments import LABELS, plan
+from sim.experiment.paper_axis import PAPER_AXIS
 
 PER_LABEL = 30
 DEMO_SEED = 1  # no case of the starter library comes from it

@@ -11,8 +11,8 @@ import typer
 from app.commands.frame import frame_of
 from app.tendency import FEATURES, SPECIMENS, Curve, curves
 from casebase.signals.features import feature_words
-from sim.axis import read_axis
-from sim.paper import PAPER_AXIS
+from sim.description.axis_document import read_axis
+from sim.experiment.paper_axis import PAPER_AXIS
 
 MARKS = {"play": "o-", "notch": "s--"}
 

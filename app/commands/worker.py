@@ -17,7 +17,7 @@ import typer
 from sqlalchemy.exc import OperationalError
 
 from app.commands.frame import Frame, frame_of
-from app.job_kinds import job_kinds
+from app.jobs.kinds import job_kinds
 from app.logs import configure_logs
 from app.process import leave, stop_on_signals
 from app.settings import Settings
@@ -45,7 +45,7 @@ def worker(context: typer.Context, name: Name = None, parent: Parent = None, log
     What a worker had in hand that died, or is cut off, is taken over by the others, on whatever machine, when they have
     not heard of it for GEARCASE_LEASE_S (15 s).
     """
-    from app.job_runner import run_worker  # `serve` imports this module, and needs no job engine
+    from app.jobs.runner import run_worker
 
     frame: Frame = frame_of(context)
     configure_logs("worker", log_folder)

@@ -8,7 +8,7 @@ import numpy as np
 from app.errors import NotFound
 from app.web.charts import Chart
 from app.web.svg import Band, Marker, Series
-from sim.discrepancy.panels import style_of
+from sim.discrepancy.report.panels import style_of
 
 Part = Literal["overlay", "residual", "sound"]
 WEIGHED = ("explains", "needed", "instead_of", "behind")

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from casebase.signals.limited_pool import GaveUpError, LimitedPool, RefusedError
 from casebase.signals.limited_worker import Send
-from sim.axis import Axis, MechanismEntry, read_axis
+from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, Mode
+from sim.description.axis import Axis, MechanismEntry
+from sim.description.axis_document import read_axis
 from sim.errors import RunError, SimulationError
-from sim.mechanism import Mechanism
+from sim.experiment.scenario import Scenario, with_motion
+from sim.experiment.specimen import Specimen
 from sim.mechanisms import MECHANISMS
-from sim.scenario import Scenario, with_motion
-from sim.sound import SAMPLE_RATE_HZ, Microphone, Mode
-from sim.specimen import Specimen
+from sim.mechanisms.mechanism import Mechanism
 
 SHOWN_S = 8.0
 DEFAULT_MODES = (Mode(320.0, 0.04, 1.0), Mode(900.0, 0.03, 0.6), Mode(1700.0, 0.03, 0.4))

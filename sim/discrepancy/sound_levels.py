@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from scipy.signal import ShortTimeFFT
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
-from sim.chain_model import Array
+from sim.torsional.model import Array
 
 LOWEST_HZ, HIGHEST_HZ = 150.0, 3_600.0
 CELL = 0.01  # relative: half as wide as a mode of little damping

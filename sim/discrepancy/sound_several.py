@@ -9,9 +9,9 @@ from dataclasses import replace
 import numpy as np
 
 from casebase.signals.recording import Recording
-from sim.discrepancy.sound_evidence import Heard, log_ratio, probability
-from sim.discrepancy.sound_gears import SHOWN
-from sim.discrepancy.sound_reach import WORDS
+from sim.discrepancy.acoustic.coverage import WORDS
+from sim.discrepancy.acoustic.evidence import Heard, log_ratio, probability
+from sim.discrepancy.acoustic.faults import SHOWN
 
 PLACES = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
 LEVELS_APART_DB = 12.0  # thirty recordings: those of one gearbox within 8 dB, five gearboxes up to 20 dB apart

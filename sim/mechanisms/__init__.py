@@ -3,7 +3,6 @@
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from sim.mechanism import Mechanism
 from sim.mechanisms.backlash import Backlash
 from sim.mechanisms.bearing_defect import BearingDefect
 from sim.mechanisms.clipping import Clipping
@@ -17,6 +16,7 @@ from sim.mechanisms.gravity_imbalance import GravityImbalance
 from sim.mechanisms.hysteresis import Hysteresis
 from sim.mechanisms.load_dependent_loss import LoadDependentLoss
 from sim.mechanisms.lost_samples import LostSamples
+from sim.mechanisms.mechanism import Mechanism
 from sim.mechanisms.mesh_error import MeshError
 from sim.mechanisms.stiffness_hardening import StiffnessHardening
 from sim.mechanisms.stribeck_friction import StribeckFriction

@@ -3,12 +3,12 @@
 from dataclasses import replace
 from typing import ClassVar
 
-from sim.axis import Axis
-from sim.components import ElastoBacklash
-from sim.drive_train import DriveTrain
+from sim.description.axis import Axis
 from sim.errors import CompositionError
-from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, meshes
+from sim.rotational.components import ElastoBacklash
+from sim.rotational.drive_train import DriveTrain
 
 
 class Backlash(Mechanics):

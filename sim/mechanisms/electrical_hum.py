@@ -6,8 +6,8 @@ from typing import ClassVar
 import numpy as np
 
 from casebase.signals.telemetry import Telemetry
-from sim.axis import Axis
-from sim.mechanism import Measurement, Parameter, Samples, Signature
+from sim.description.axis import Axis
+from sim.mechanisms.mechanism import Measurement, Parameter, Samples, Signature
 
 
 class ElectricalHum(Measurement):

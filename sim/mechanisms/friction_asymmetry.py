@@ -4,10 +4,10 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import ClassVar
 
-from sim.axis import Axis
-from sim.drive_train import DriveTrain
-from sim.mechanism import Mechanics, Parameter, Signature
+from sim.description.axis import Axis
+from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
+from sim.rotational.drive_train import DriveTrain
 
 
 class FrictionAsymmetry(Mechanics):

@@ -3,10 +3,10 @@
 from dataclasses import replace
 from typing import ClassVar
 
-from sim.axis import Axis
-from sim.drive_train import DriveTrain
-from sim.mechanism import Mechanics, Parameter, Signature
+from sim.description.axis import Axis
+from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, meshes
+from sim.rotational.drive_train import DriveTrain
 
 
 class Hysteresis(Mechanics):

@@ -2,12 +2,12 @@
 
 from typing import ClassVar
 
-from sim.axis import Axis
-from sim.components import IdealGear, LossyGear
-from sim.drive_train import DriveTrain
+from sim.description.axis import Axis
 from sim.errors import CompositionError
-from sim.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_names
+from sim.rotational.components import IdealGear, LossyGear
+from sim.rotational.drive_train import DriveTrain
 
 
 class LoadDependentLoss(Mechanics):

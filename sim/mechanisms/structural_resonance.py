@@ -4,11 +4,11 @@ import math
 from dataclasses import replace
 from typing import ClassVar
 
-from sim.axis import Axis
-from sim.components import Inertia, SpringDamper
-from sim.drive_train import DriveTrain
-from sim.mechanism import Mechanics, Parameter, Signature
+from sim.description.axis import Axis
+from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, inertia, shaft_name, unused_name
+from sim.rotational.components import Inertia, SpringDamper
+from sim.rotational.drive_train import DriveTrain
 
 
 class StructuralResonance(Mechanics):

@@ -4,11 +4,11 @@ import math
 from dataclasses import replace
 from typing import ClassVar
 
-from sim.axis import Axis
-from sim.chain_components import MeshDent, Wheel
-from sim.drive_train import DriveTrain
-from sim.mechanism import Mechanics, Parameter, Signature
+from sim.description.axis import Axis
+from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, teeth, wheels
+from sim.rotational.drive_train import DriveTrain
+from sim.torsional.components import MeshDent, Wheel
 
 
 class ToothDamage(Mechanics):

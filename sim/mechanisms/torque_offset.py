@@ -4,8 +4,8 @@ from dataclasses import replace
 from typing import ClassVar
 
 from casebase.signals.telemetry import Telemetry
-from sim.axis import Axis
-from sim.mechanism import Measurement, Parameter, Signature
+from sim.description.axis import Axis
+from sim.mechanisms.mechanism import Measurement, Parameter, Signature
 
 
 class TorqueOffset(Measurement):

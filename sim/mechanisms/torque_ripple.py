@@ -3,11 +3,11 @@
 import math
 from typing import ClassVar
 
-from sim.axis import Axis
-from sim.chain_components import MeshLine, TorqueRipple
-from sim.drive_train import DriveTrain
-from sim.mechanism import Mechanics, Parameter, Signature
+from sim.description.axis import Axis
+from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, unused_name
+from sim.rotational.drive_train import DriveTrain
+from sim.torsional.components import MeshLine, TorqueRipple
 
 
 class TorqueRippleOfMotor(Mechanics):

@@ -13,7 +13,7 @@ from fastapi import FastAPI
 from structlog.testing import capture_logs
 
 from app.gate import Gate
-from app.job import Job, JobNotFoundError, Progress
+from app.jobs.job import Job, JobNotFoundError, Progress
 from app.keys import Role, create_key
 from app.main import create_app
 from app.metrics import Metrics
@@ -79,7 +79,7 @@ def inside(data_dir: Path) -> Iterator[Inside]:
 
 @dataclass
 class ListedJobs:
-    """Jobs as they are told, without an engine: stands for `app.jobs.Jobs` where only their documents matter."""
+    """Jobs as they are told, without an engine: stands for `app.jobs.jobs.Jobs` where only their documents matter."""
 
     jobs: list[Job] = field(default_factory=list)
 

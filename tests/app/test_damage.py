@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from sqlalchemy import text
 
-from app.cli import FAILURE
+from app.commands.exit_codes import FAILURE
 from casebase.abandoned import hold
 from casebase.database import LARGEST_LOG, create_engine_for, sqlite_url
 from casebase.library import CaseLibrary

@@ -16,7 +16,7 @@ from sqlalchemy import delete
 
 from app.generation import simulations
 from app.intake import take_in
-from app.job import Job, Progress
+from app.jobs.job import Job, Progress
 from app.metadata import RecordingMetadata
 from casebase.library import CaseLibrary
 from casebase.models import FeatureRow, StoredDiagnosis, StoredInvestigation, StoredRecording, new_id

@@ -7,8 +7,8 @@ from typing import get_args
 import pytest
 from fastapi.routing import APIRoute
 
-from app.job import Job, JobState, Json, Progress
-from app.job_kinds import KINDS
+from app.jobs.job import Job, JobState, Json, Progress
+from app.jobs.kinds import KINDS
 from app.web.pages import PAGES
 from app.web.session import visitor
 from casebase.models import new_id, now

@@ -16,7 +16,7 @@ from casebase.bundle_entry import BundledCase
 from casebase.severity import FEWEST
 from casebase.signals.decode import read_recording
 from casebase.signals.features import extract
-from sim.axis import read_axis, write_axis
+from sim.description.axis_document import read_axis, write_axis
 from tests.app.inside import Inside, inside
 from tests.app.sounds import hum, sound, wav
 from tests.live import gearcase

@@ -13,7 +13,7 @@ from urllib.parse import urlsplit
 import httpx
 import pytest
 
-from sim.paper import PAPER_AXIS
+from sim.experiment.paper_axis import PAPER_AXIS
 from tests.app.sounds import sound
 from tests.live import LiveServer, started
 

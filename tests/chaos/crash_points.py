@@ -27,7 +27,7 @@ import httpx
 import structlog
 
 from app.gate import Gate
-from app.job import Json
+from app.jobs.job import Json
 from app.main import create_app
 from app.metrics import Metrics
 from app.security import COOKIE, csrf_token

@@ -17,7 +17,7 @@ from pathlib import Path
 import httpx
 from sqlalchemy import func, select
 
-from app.jobs import OVER
+from app.jobs.jobs import OVER
 from app.metrics import Metrics
 from app.service import Service
 from app.settings import Settings

@@ -17,12 +17,12 @@ from pathlib import Path
 from sqlalchemy import func, select
 
 from app.generation import KIND, Campaign
-from app.job_kinds import jobs_in
-from app.jobs import OVER, Jobs
+from app.jobs.jobs import OVER, Jobs
+from app.jobs.kinds import jobs_in
 from casebase import leases
 from casebase.library import CaseLibrary
 from casebase.models import Case
-from sim.axis import read_axis
+from sim.description.axis_document import read_axis
 from tests import postgres
 from tests.chaos.orders import AXIS
 

@@ -14,20 +14,25 @@ import pytest
 
 from casebase.signals.telemetry import Telemetry
 from sim import mechanisms
-from sim.axis import Axis, read_axis
-from sim.chain_model import Line, with_link
-from sim.discrepancy.catalogue import OWN, friction_felt, terms_of
-from sim.discrepancy.catalogued import terms_of_catalogue, undistorted
-from sim.discrepancy.condition import examine
-from sim.discrepancy.extension import extended_by
-from sim.discrepancy.fit import Noise, Problem
-from sim.discrepancy.investigation import Investigation, investigate
-from sim.discrepancy.size import magnitude
-from sim.discrepancy.terms import Term
-from sim.drive_train import DriveTrain
-from sim.measurement import measure
-from sim.mechanism import Measurement, Mechanics, Mechanism, Parameter, Signature, with_mechanism
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.discrepancy.data.validation import examine
+from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.estimation.whitening import Noise
+from sim.discrepancy.extended_axis import extended_by
+from sim.discrepancy.hypotheses.catalogue import OWN, terms_of
+from sim.discrepancy.hypotheses.friction import friction_felt
+from sim.discrepancy.hypotheses.generic import terms_of_catalogue, undistorted
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.investigation import investigate
+from sim.discrepancy.results import Investigation
+from sim.discrepancy.search.effect_size import magnitude
+from sim.experiment.virtual_measurement import measure
+from sim.mechanisms.catalogue import with_mechanism
+from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_names, with_error
+from sim.rotational.drive_train import DriveTrain
+from sim.torsional.model import Line, with_link
 from tests.discrepancy.telemetry_of import geared, one_body
 
 BENCH = read_axis(

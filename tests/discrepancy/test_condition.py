@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
-from sim.axis import read_axis
-from sim.discrepancy.condition import InvestigationError, examine
+from sim.description.axis_document import read_axis
+from sim.discrepancy.data.validation import InvestigationError, examine
 from sim.discrepancy.investigation import investigate
 from tests.discrepancy.telemetry_of import one_body, swing
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
-from sim.axis import read_axis
+from sim.description.axis_document import read_axis
 from sim.discrepancy.investigation import investigate
 from tests.discrepancy.telemetry_of import RATE_HZ, swing
 

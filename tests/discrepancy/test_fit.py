@@ -9,18 +9,23 @@ import pytest
 from scipy.stats import norm
 
 from casebase.signals.telemetry import Telemetry
-from sim.axis import Axis, read_axis
-from sim.chain_model import Array
-from sim.discrepancy.condition import examine
-from sim.discrepancy.fit import MISTAKEN, MOST_STEPS, Fit, Noise, Problem, _cost, _State, _System, each
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.discrepancy.data.preprocessing import prepare
+from sim.discrepancy.data.validation import examine
+from sim.discrepancy.estimation.estimate import Fit
+from sim.discrepancy.estimation.levenberg_marquardt import MOST_STEPS, NormalEquations, State, cost_of
+from sim.discrepancy.estimation.problem import MISTAKEN, Problem
+from sim.discrepancy.estimation.refit import calibrate, look_closely
+from sim.discrepancy.estimation.whitening import Noise
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.nonparametric import OVER_SPEED
 from sim.discrepancy.investigation import investigate
-from sim.discrepancy.measurement import prepare
-from sim.discrepancy.model import nuisance_of
-from sim.discrepancy.nameless import OVER_SPEED
-from sim.discrepancy.parameters import Parameter
-from sim.discrepancy.refits import calibrate, look_closely
-from sim.discrepancy.size import beyond, magnitude
-from sim.discrepancy.terms import Term
+from sim.discrepancy.model.nominal import nuisance_of
+from sim.discrepancy.model.parameters import Parameter
+from sim.discrepancy.parallel import each
+from sim.discrepancy.search.effect_size import beyond, magnitude
+from sim.torsional.model import Array
 from tests.discrepancy.telemetry_of import RATE_HZ, one_body
 
 AXIS = {
@@ -226,12 +231,12 @@ def test_where_the_model_is_straight_sensitivities_foretell_what_a_step_gains() 
     values = {p.name: p.start for p in one.base()} | {"motor.inertia_kg_m2": 0.25}
     raw = one.raw_residuals((), values)
     columns = one.whitened(parameters, one.sensitivities((), values, parameters, raw))
-    system = _System.of(parameters, columns)
-    before = _State(values, raw, one.noise.whiten(*raw), 0.0)
-    before.cost = _cost(before.residual, parameters, values)
+    system = NormalEquations.of(parameters, columns)
+    before = State(values, raw, one.noise.whiten(*raw), 0.0)
+    before.cost = cost_of(before.residual, parameters, values)
     moved = values | system.stepped(parameters, values, columns.T @ before.residual, 0.0)
-    after = _State(moved, raw, one.residual((), moved), 0.0)
-    gain = before.cost - _cost(after.residual, parameters, moved)
+    after = State(moved, raw, one.residual((), moved), 0.0)
+    gain = before.cost - cost_of(after.residual, parameters, moved)
     assert gain > 1e4
     assert system.promised(parameters, before, after) == pytest.approx(gain, rel=1e-3)
 
@@ -240,7 +245,7 @@ def test_a_try_that_leads_nowhere_is_given_up_and_a_fit_is_not(monkeypatch: pyte
     """Far above the noise, where each step gains a tenth."""
     steps: list[float] = []
 
-    def slow(_problem: object, _terms: object, _parameters: object, state: _State, *_: object) -> tuple[float, float]:
+    def slow(_problem: object, _terms: object, _parameters: object, state: State, *_: object) -> tuple[float, float]:
         steps.append(state.cost)
         state.cost *= 0.9
         return 0.1 * steps[-1], 1e-4

@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.discrepancy.fit import Fit, Refits
-from sim.discrepancy.gain import without
-from sim.discrepancy.parameters import Parameter
+from sim.discrepancy.assessment.cross_validation_gain import without
+from sim.discrepancy.estimation.estimate import Fit, Refits
+from sim.discrepancy.model.parameters import Parameter
 
 ROWS = 4000
 

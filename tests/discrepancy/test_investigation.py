@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
-from sim.axis import Axis, read_axis
-from sim.discrepancy.investigation import Investigation, investigate
-from sim.discrepancy.report import html_report
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.discrepancy.investigation import investigate
+from sim.discrepancy.report.html import html_report
+from sim.discrepancy.results import Investigation
 from tests.discrepancy.telemetry_of import one_body, swing
 
 

@@ -6,8 +6,9 @@ import pytest
 
 from casebase.signals.decode import read_recording
 from casebase.signals.telemetry import read_telemetry
-from sim.axis import read_axis
-from sim.discrepancy.investigation import Investigation, investigate
+from sim.description.axis_document import read_axis
+from sim.discrepancy.investigation import investigate
+from sim.discrepancy.results import Investigation
 from tests.shared_data import shared
 
 SCREW = {  # Janot, Gautier, Brunot: Data Set and Reference Models of EMPS, 2019

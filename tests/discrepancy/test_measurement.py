@@ -3,7 +3,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.discrepancy.measurement import (
+from sim.discrepancy.data.preprocessing import (
     LOAD_MOTION_CUT_HZ,
     NEAR_STANDSTILL_SHARE,
     PIER,

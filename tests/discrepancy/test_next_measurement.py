@@ -10,20 +10,24 @@ import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
-from sim.axis import Axis, MechanismEntry, read_axis
-from sim.chain_model import Array
-from sim.discrepancy.advice import NOTHING, in_words
-from sim.discrepancy.catalogue import terms_of
-from sim.discrepancy.fit import Fit, Noise, Problem
-from sim.discrepancy.investigation import Investigation, investigate
-from sim.discrepancy.joint_numbers import Taken
-from sim.discrepancy.measurement import prepare
-from sim.discrepancy.planned import PLANS, REPEAT, Plan, Present, even_speeds, there_and_back
-from sim.discrepancy.report import html_report
-from sim.discrepancy.telling import SEPARATES, Told, told_by
-from sim.discrepancy.together import investigate_together
-from sim.discrepancy.together_report import html_report_together
-from sim.discrepancy.weighing import Model
+from sim.description.axis import Axis, MechanismEntry
+from sim.description.axis_document import read_axis
+from sim.discrepancy.data.preprocessing import prepare
+from sim.discrepancy.estimation.estimate import Fit
+from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.estimation.whitening import Noise
+from sim.discrepancy.hypotheses.catalogue import terms_of
+from sim.discrepancy.investigation import investigate
+from sim.discrepancy.next_measurement.advice import NOTHING, in_words
+from sim.discrepancy.next_measurement.discrimination import SEPARATES, told_by
+from sim.discrepancy.next_measurement.plans import PLANS, REPEAT, Plan, Present, even_speeds, there_and_back
+from sim.discrepancy.pooling.joint_investigation import investigate_together
+from sim.discrepancy.pooling.pooled_estimates import Taken
+from sim.discrepancy.report.html import html_report
+from sim.discrepancy.report.joint_html import html_report_together
+from sim.discrepancy.results import Investigation, Told
+from sim.discrepancy.search.comparison import Model
+from sim.torsional.model import Array
 from tests.discrepancy.telemetry_of import RATE_HZ, geared, one_body, swing
 
 BODY = read_axis({"name": "bench", "motor": {"inertia_kg_m2": 0.3}, "load": {"inertia_kg_m2": 0.0}})

@@ -5,12 +5,13 @@ import json
 import numpy as np
 import pytest
 
-from sim.axis import Axis, read_axis
-from sim.discrepancy.fit import floor_filter
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.discrepancy.estimation.whitening import floor_filter
 from sim.discrepancy.investigation import investigate
-from sim.measurement import measure
-from sim.mechanism import with_mechanism
+from sim.experiment.virtual_measurement import measure
 from sim.mechanisms import MECHANISMS
+from sim.mechanisms.catalogue import with_mechanism
 
 AXIS = read_axis(
     {

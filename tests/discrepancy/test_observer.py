@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from sim.chain_model import Chain, Link, Shaft
-from sim.discrepancy.measurement import WIDE_SHARE, Measurement, gaussian_kernel, prepare
-from sim.discrepancy.observer import Nuisance, Observer
-from sim.discrepancy.observer_kernel import _dent, _passed, _sine_cosine
-from sim.discrepancy.packing import pack
+from sim.discrepancy.data.preprocessing import WIDE_SHARE, Measurement, gaussian_kernel, prepare
+from sim.discrepancy.model.observer import Nuisance, Observer
+from sim.discrepancy.model.observer_kernel import _dent, _passed, _sine_cosine
+from sim.discrepancy.model.packing import pack
+from sim.torsional.model import Chain, Link, Shaft
 from tests.discrepancy.telemetry_of import RATE_HZ, swing
 
 

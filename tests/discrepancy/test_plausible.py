@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
-from sim.axis import read_axis
-from sim.discrepancy.condition import Gate, InvestigationError, examine
+from sim.description.axis_document import read_axis
+from sim.discrepancy.data.validation import Gate, InvestigationError, examine
 from tests.discrepancy.telemetry_of import geared
 
 SHEET: dict[str, dict[str, float]] = {

@@ -8,18 +8,21 @@ import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
-from sim.axis import Axis, read_axis
-from sim.discrepancy.candidates import as_described
-from sim.discrepancy.catalogue import terms_of
-from sim.discrepancy.condition import examine
-from sim.discrepancy.explanation import explain
-from sim.discrepancy.fit import Fit, Noise, Problem
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.discrepancy.data.chatter import told
+from sim.discrepancy.data.validation import examine
+from sim.discrepancy.estimation.estimate import Fit
+from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.estimation.refit import polish
+from sim.discrepancy.estimation.whitening import Noise
+from sim.discrepancy.hypotheses.catalogue import terms_of
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.nonparametric import over_speed
 from sim.discrepancy.investigation import investigate
-from sim.discrepancy.nameless import over_speed
-from sim.discrepancy.rattle import told
-from sim.discrepancy.refits import polish
-from sim.discrepancy.screening import screen
-from sim.discrepancy.terms import Term
+from sim.discrepancy.report.wording import explain
+from sim.discrepancy.search.proposals import as_described
+from sim.discrepancy.search.score_test import screen
 from tests.discrepancy.telemetry_of import swing
 
 INERTIA, LOAD, RATIO, STIFFNESS, GAP = 0.01, 0.7, 9.0, 7e3, 1.2e-5

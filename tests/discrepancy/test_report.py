@@ -9,20 +9,20 @@ import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
-from sim.axis import read_axis
-from sim.discrepancy.actions import ACTIONS, MEASUREMENTS, OF_THE_MEASUREMENT, action, measurement
-from sim.discrepancy.candidates import Rival
-from sim.discrepancy.catalogue import terms_of
-from sim.discrepancy.checked import checked
-from sim.discrepancy.drawing import svg
-from sim.discrepancy.explanation import headline, next_measurement, unexplained_words
-from sim.discrepancy.investigation import Finding, Investigation, advised, investigate
-from sim.discrepancy.panels import FLOOR, Panel
-from sim.discrepancy.report import STEPS, html_report
-from sim.discrepancy.residuals import TAKEN
-from sim.discrepancy.story import candidates, panels, story
-from sim.discrepancy.unexplained import Unexplained
-from sim.discrepancy.written import angle, interval, number, percent
+from sim.description.axis_document import read_axis
+from sim.discrepancy.hypotheses.catalogue import terms_of
+from sim.discrepancy.investigation import advised, investigate
+from sim.discrepancy.report.checks import checked
+from sim.discrepancy.report.drawing import svg
+from sim.discrepancy.report.formatting import angle, interval, number, percent
+from sim.discrepancy.report.html import STEPS, html_report
+from sim.discrepancy.report.maintenance_actions import ACTIONS, MEASUREMENTS, OF_THE_MEASUREMENT, action, measurement
+from sim.discrepancy.report.panels import FLOOR, Panel
+from sim.discrepancy.report.residual_panels import TAKEN
+from sim.discrepancy.report.summary import candidates, panels, story
+from sim.discrepancy.report.wording import headline, next_measurement, unexplained_words
+from sim.discrepancy.results import Finding, Investigation, Unexplained
+from sim.discrepancy.search.proposals import Rival
 from sim.mechanisms import MECHANISMS
 from tests.discrepancy.telemetry_of import one_body, swing
 from tests.discrepancy.test_sound_alone import AXIS, recording, running

@@ -10,16 +10,19 @@ import numpy as np
 import pytest
 
 from casebase.signals.telemetry import Telemetry
-from sim.axis import Axis, MechanismEntry, read_axis
-from sim.discrepancy.candidates import as_described, damage_terms
-from sim.discrepancy.catalogue import tooth_damage
-from sim.discrepancy.condition import examine
-from sim.discrepancy.described import Described
-from sim.discrepancy.fit import Noise, Problem, Raw
-from sim.discrepancy.measurement import Measurement
-from sim.discrepancy.model import chain_of
-from sim.discrepancy.scan import scan
-from sim.discrepancy.terms import Term
+from sim.description.axis import Axis, MechanismEntry
+from sim.description.axis_document import read_axis
+from sim.discrepancy.data.preprocessing import Measurement
+from sim.discrepancy.data.validation import examine
+from sim.discrepancy.estimation.estimate import Raw
+from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.estimation.whitening import Noise
+from sim.discrepancy.hypotheses.gear_mesh import tooth_damage
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.model.known_mechanisms import Described
+from sim.discrepancy.model.nominal import chain_of
+from sim.discrepancy.search.proposals import as_described, damage_terms
+from sim.discrepancy.search.tooth_scan import scan
 from tests.discrepancy.telemetry_of import swing
 
 INERTIA, LOAD, TEETH, STIFFNESS = 0.01, 0.7, 90, 7e3

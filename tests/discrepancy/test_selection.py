@@ -12,13 +12,25 @@ from scipy.signal import lfilter, lsim
 from scipy.stats import chi2
 
 from casebase.signals.telemetry import Telemetry
-from sim.axis import read_axis
-from sim.chain_model import Array, Chain, Shaft
-from sim.discrepancy import candidates
-from sim.discrepancy.candidates import Rival, faint, try_terms
-from sim.discrepancy.catalogue import SHARP, SOFTEST, terms_of
-from sim.discrepancy.condition import examine
-from sim.discrepancy.criteria import (
+from sim.description.axis_document import read_axis
+from sim.discrepancy.assessment.verdict import lacking, left, looks_like, told_apart
+from sim.discrepancy.data.preprocessing import Measurement, prepare
+from sim.discrepancy.data.validation import examine
+from sim.discrepancy.estimation.estimate import Fit
+from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.estimation.refit import calibrate, look_closely, rattling
+from sim.discrepancy.estimation.whitening import Noise
+from sim.discrepancy.hypotheses.catalogue import terms_of
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.nonparametric import FIXED
+from sim.discrepancy.hypotheses.structure import SHARP, SOFTEST
+from sim.discrepancy.investigation import investigate
+from sim.discrepancy.model.effects import swing
+from sim.discrepancy.model.nominal import base_parameters, loss_parameters, nuisance_of
+from sim.discrepancy.model.parameters import Parameter
+from sim.discrepancy.results import Unexplained
+from sim.discrepancy.search import proposals as candidates
+from sim.discrepancy.search.criterion import (
     LEAST_GAINS,
     bends,
     evidence,
@@ -29,19 +41,12 @@ from sim.discrepancy.criteria import (
     penalty,
     wanted,
 )
-from sim.discrepancy.entries import swing
-from sim.discrepancy.fit import Fit, Noise, Problem
-from sim.discrepancy.investigation import investigate, lacking, left, looks_like, told_apart
-from sim.discrepancy.measurement import Measurement, prepare
-from sim.discrepancy.model import base_parameters, loss_parameters, nuisance_of
-from sim.discrepancy.nameless import FIXED, line_of
-from sim.discrepancy.parameters import Parameter
-from sim.discrepancy.refits import calibrate, look_closely, rattling
-from sim.discrepancy.screening import least_squares_within
-from sim.discrepancy.selection import Selection, likely, unmasked
-from sim.discrepancy.size import magnitude
-from sim.discrepancy.terms import Term
-from sim.discrepancy.unexplained import Unexplained
+from sim.discrepancy.search.effect_size import magnitude
+from sim.discrepancy.search.proposals import Rival, faint, try_terms
+from sim.discrepancy.search.residual_proposals import line_of
+from sim.discrepancy.search.score_test import least_squares_within
+from sim.discrepancy.search.search import Selection, likely, unmasked
+from sim.torsional.model import Array, Chain, Shaft
 from tests.discrepancy.telemetry_of import RATE_HZ, geared, one_body
 from tests.discrepancy.telemetry_of import swing as motion
 

@@ -5,13 +5,15 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.axis import read_axis
-from sim.discrepancy.catalogue import terms_of
-from sim.discrepancy.criteria import least_gain
-from sim.discrepancy.fit import Fit, Noise, Problem
-from sim.discrepancy.measurement import prepare
-from sim.discrepancy.sheet import SURE, doubted
-from sim.discrepancy.terms import Term
+from sim.description.axis_document import read_axis
+from sim.discrepancy.data.preprocessing import prepare
+from sim.discrepancy.estimation.estimate import Fit
+from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.estimation.whitening import Noise
+from sim.discrepancy.hypotheses.catalogue import terms_of
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.search.criterion import least_gain
+from sim.discrepancy.search.nominal_error import SURE, doubted
 from tests.discrepancy.telemetry_of import RATE_HZ, one_body
 from tests.discrepancy.telemetry_of import swing as motion
 

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from casebase.signals.recording import Recording
-from sim.axis import read_axis
-from sim.discrepancy.measurement import Measurement, prepare
-from sim.discrepancy.sound import beside, listen
-from sim.discrepancy.sound_comb import slipping_comb
-from sim.discrepancy.sound_evidence import Heard
-from sim.discrepancy.sound_path import LEAST_TOGETHER
+from sim.description.axis_document import read_axis
+from sim.discrepancy.acoustic.angular_resampling import LEAST_TOGETHER
+from sim.discrepancy.acoustic.evidence import Heard
+from sim.discrepancy.acoustic.fusion import beside, listen
+from sim.discrepancy.acoustic.harmonic_comb import slipping_comb
+from sim.discrepancy.data.preprocessing import Measurement, prepare
 
 RATE = 8000
 AXIS = read_axis(

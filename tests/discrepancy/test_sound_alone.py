@@ -11,15 +11,16 @@ from numpy.typing import NDArray
 
 from casebase.signals.motion import Motion
 from casebase.signals.recording import Recording
-from sim.axis import Axis, read_axis
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.discrepancy.acoustic.evidence import Heard, Listening, probability
+from sim.discrepancy.acoustic.fusion import beside, listen, listen_alone
+from sim.discrepancy.acoustic.operating_states import contradiction_of
+from sim.discrepancy.acoustic.synchrony import mismatch
+from sim.discrepancy.data.preprocessing import Measurement, prepare
 from sim.discrepancy.investigation import investigate
-from sim.discrepancy.measurement import Measurement, prepare
-from sim.discrepancy.report import html_report
-from sim.discrepancy.sound import Listening, beside, listen, listen_alone
-from sim.discrepancy.sound_course import contradiction_of
-from sim.discrepancy.sound_evidence import Heard, probability
-from sim.discrepancy.sound_match import mismatch
-from sim.discrepancy.story import story
+from sim.discrepancy.report.html import html_report
+from sim.discrepancy.report.summary import story
 
 Array = NDArray[np.float64]
 RATE, SECONDS, PERIOD_S, SPEED_RAD_S, RAMP_S = 8000, 16, 4.0, 2.5, 0.4

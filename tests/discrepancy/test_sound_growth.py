@@ -10,13 +10,15 @@ from numpy.typing import NDArray
 from scipy.signal import lfilter
 
 from casebase.signals.recording import Recording
-from sim.axis import Axis, read_axis
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.discrepancy.acoustic.baseline_comparison import growth_curves
+from sim.discrepancy.acoustic.evidence import Listening
+from sim.discrepancy.acoustic.fusion import listen_alone
+from sim.discrepancy.data.pairing import check_pairs
 from sim.discrepancy.investigation import investigate
-from sim.discrepancy.pairs import check_pairs
-from sim.discrepancy.report import html_report
-from sim.discrepancy.sound import Listening, listen_alone
-from sim.discrepancy.sound_growth import growth_curves
-from sim.discrepancy.story import story
+from sim.discrepancy.report.html import html_report
+from sim.discrepancy.report.summary import story
 from sim.errors import AxisError
 
 Array = NDArray[np.float64]

@@ -10,12 +10,13 @@ import pytest
 from numpy.typing import NDArray
 
 from casebase.signals.recording import Recording
-from sim.axis import read_axis
+from sim.description.axis_document import read_axis
+from sim.discrepancy.acoustic.evidence import Listening
+from sim.discrepancy.acoustic.fusion import listen_alone
+from sim.discrepancy.acoustic.operating_states import course_of
+from sim.discrepancy.acoustic.order_spectrum import bearing_family
 from sim.discrepancy.investigation import investigate
-from sim.discrepancy.report import html_report
-from sim.discrepancy.sound import Listening, listen_alone
-from sim.discrepancy.sound_course import course_of
-from sim.discrepancy.sound_orders import bearing_family
+from sim.discrepancy.report.html import html_report
 
 Array = NDArray[np.float64]
 RATE = 8000

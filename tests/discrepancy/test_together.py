@@ -7,18 +7,30 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.axis import read_axis
-from sim.chain_model import Array
-from sim.discrepancy.condition import InvestigationError
-from sim.discrepancy.investigation import Estimate, Finding, investigate
-from sim.discrepancy.joint_numbers import Taken, pooled_estimate
-from sim.discrepancy.pairs import check_pairs
-from sim.discrepancy.pooling import PRIOR, Known, Name, Saying, against, existence, logit, pooled, probability, silent
-from sim.discrepancy.sayings import weighed
-from sim.discrepancy.sound_evidence import SILENT
-from sim.discrepancy.together import Together, changed, investigate_together
-from sim.discrepancy.together_report import html_report_together
+from sim.description.axis_document import read_axis
+from sim.discrepancy.acoustic.evidence import SILENT
+from sim.discrepancy.data.pairing import check_pairs
+from sim.discrepancy.data.validation import InvestigationError
+from sim.discrepancy.investigation import investigate
+from sim.discrepancy.pooling.joint_investigation import Together, changed, investigate_together
+from sim.discrepancy.pooling.log_odds import (
+    PRIOR,
+    Known,
+    Name,
+    Saying,
+    against,
+    existence,
+    logit,
+    pooled,
+    probability,
+    silent,
+)
+from sim.discrepancy.pooling.pooled_estimates import Taken, pooled_estimate
+from sim.discrepancy.pooling.recording_evidence import weighed
+from sim.discrepancy.report.joint_html import html_report_together
+from sim.discrepancy.results import Estimate, Finding
 from sim.errors import AxisError
+from sim.torsional.model import Array
 from tests.discrepancy.telemetry_of import one_body, swing
 from tests.discrepancy.test_investigation import axis
 

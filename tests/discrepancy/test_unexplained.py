@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.discrepancy.nameless import is_fixed, line_of
-from sim.discrepancy.unexplained import fixed_line, stands_out
+from sim.discrepancy.assessment.residual_structure import fixed_line, stands_out
+from sim.discrepancy.search.residual_proposals import is_fixed, line_of
 
 Array = NDArray[np.float64]
 RATE_HZ = 1000.0

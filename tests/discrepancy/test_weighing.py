@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sim.discrepancy.weighing import Evidence, is_close, paired, probability
-from sim.discrepancy.weights import WEIGHTS
+from sim.discrepancy.assessment.calibration import WEIGHTS
+from sim.discrepancy.assessment.posterior import Evidence, is_close, probability
+from sim.discrepancy.search.blocked_cross_validation import paired
 
 
 def test_a_name_loses_to_no_name_what_its_model_leaves() -> None:

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import lfilter
 
-from sim.discrepancy.fit import (
+from sim.discrepancy.estimation.whitening import (
     LONG,
     SHORT,
     SMOOTH_BINS,

@@ -12,8 +12,8 @@ from app.commands.starter import PER_LABEL
 from app.generation import Campaign, generate
 from casebase.axes import add_axis
 from casebase.library import CaseLibrary
-from sim.design import LABELS
-from sim.paper import PAPER_AXIS
+from sim.experiment.design_of_experiments import LABELS
+from sim.experiment.paper_axis import PAPER_AXIS
 from tests.live import gearcase
 from tests.shared_data import shared
 

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
-from app.cli import BAD_INPUT, DONE
+from app.commands.exit_codes import BAD_INPUT, DONE
 from casebase.signals.errors import TelemetryError, TextError
 from casebase.signals.telemetry import read_telemetry
 from casebase.signals.text import text_of
-from sim.axis import read_axis
+from sim.description.axis_document import read_axis
 from tests.app.sounds import sound
 from tests.live import gearcase
 from tests.shared_data import shared

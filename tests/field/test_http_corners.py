@@ -14,7 +14,7 @@ from fastapi.routing import APIRoute
 from app.api import health
 from app.main import ROUTERS
 from app.web.pages import PAGES
-from sim.paper import PAPER_AXIS
+from sim.experiment.paper_axis import PAPER_AXIS
 from tests.app.sounds import sound
 from tests.live import ROLES, LiveServer
 from tests.shared_data import shared

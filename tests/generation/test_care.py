@@ -16,8 +16,8 @@ from casebase.signals.condition import UNKNOWN, OperatingCondition
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction, FeatureVector, catalogue
 from casebase.signals.motion import Motion
 from casebase.signals.recording import Recording
-from sim.axis import write_axis
-from sim.paper import PAPER_AXIS
+from sim.description.axis_document import write_axis
+from sim.experiment.paper_axis import PAPER_AXIS
 
 NAMES = tuple(catalogue())
 

@@ -6,15 +6,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from app.cli import BAD_INPUT, run
+from app.cli import run
+from app.commands.exit_codes import BAD_INPUT
 from app.comparison import CAUSES, Half, Space, _families, compare
 from casebase.signals.features import catalogue
-from sim.axis import write_axis
-from sim.design import path_rms, plan
+from sim.acoustics.transfer_path_fit import Heard, scenario_like
+from sim.description.axis_document import write_axis
 from sim.errors import ParameterError
-from sim.fitting import Heard, scenario_like
-from sim.measurement import DEFAULT_MICROPHONE
-from sim.paper import PAPER_AXIS
+from sim.experiment.design_of_experiments import path_rms, plan
+from sim.experiment.paper_axis import PAPER_AXIS
+from sim.experiment.virtual_measurement import DEFAULT_MICROPHONE
 
 NAMES = list(catalogue())
 BAND = [k for k, name in enumerate(NAMES) if name.startswith("band_level")]

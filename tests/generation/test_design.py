@@ -6,14 +6,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.audibility import JUST_HEARD, perform_fault
-from sim.axis import MechanismEntry
-from sim.design import DEPTH_RAD, GAP_RAD, LABELS, labels, plan
+from sim.acoustics.audibility import JUST_HEARD, perform_fault
+from sim.description.axis import MechanismEntry
 from sim.errors import ParameterError
+from sim.experiment.design_of_experiments import DEPTH_RAD, GAP_RAD, LABELS, labels, plan
+from sim.experiment.paper_axis import PAPER_AXIS
+from sim.experiment.scenario import LOUDEST, scenario_of
+from sim.experiment.specimen import Specimen
 from sim.mechanisms import MECHANISMS
-from sim.paper import PAPER_AXIS
-from sim.scenario import LOUDEST, scenario_of
-from sim.specimen import Specimen
 
 
 def test_a_longer_plan_contains_the_shorter_one() -> None:

@@ -11,8 +11,8 @@ from casebase.library import CaseLibrary
 from casebase.models import Case
 from casebase.severity import PARAMETERS
 from sim.errors import ParameterError
-from sim.paper import PAPER_AXIS
-from sim.scenario import MODEL_VERSION, scenario_of
+from sim.experiment.paper_axis import PAPER_AXIS
+from sim.experiment.scenario import MODEL_VERSION, scenario_of
 
 COUNTS = {"normal": 2, "play": 1, "notch": 1}
 CAMPAIGN = Campaign(PAPER_AXIS, COUNTS, seed=4, duration_s=3.0)

@@ -14,10 +14,10 @@ from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
 from casebase.signals.features import catalogue, extract
 from casebase.signals.recording import Recording
-from sim.axis import write_axis
-from sim.fitting import Heard, scenario_like
-from sim.paper import PAPER_AXIS
-from sim.sound import SAMPLE_RATE_HZ, Microphone, Mode
+from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, Mode
+from sim.acoustics.transfer_path_fit import Heard, scenario_like
+from sim.description.axis_document import write_axis
+from sim.experiment.paper_axis import PAPER_AXIS
 
 MODES = (Mode(110.0, 0.05, 1.0), Mode(420.0, 0.04, 0.7), Mode(1500.0, 0.03, 0.5))
 MICROPHONE = Microphone(MODES, gain=5e-3, rubbing_n_m=4.0, ambient_n_m=0.5)

@@ -13,9 +13,9 @@ from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import catalogue
 from casebase.signals.motion import Motion
 from casebase.signals.recording import Recording
-from sim.design import moved, plan
 from sim.errors import ParameterError
-from sim.paper import PAPER_AXIS
+from sim.experiment.design_of_experiments import moved, plan
+from sim.experiment.paper_axis import PAPER_AXIS
 
 TAKEN = Taken(speed_rad_s=2.4, payload_kg_m2=30.0, period_s=3.0, slow_s=0.7, duration_s=6.5)
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from scipy import signal
 
+from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, Mode, hear, microphone_of
 from sim.errors import ParameterError
-from sim.sound import SAMPLE_RATE_HZ, Microphone, Mode, hear, microphone_of
 
 MODES = (Mode(320.0, 0.05, 1.0), Mode(1500.0, 0.02, 0.5))
 RATE = SAMPLE_RATE_HZ

@@ -1,6 +1,6 @@
 """Fit how probable a name is, on seeds kept for calibration: `python -m tests.hidden_effects.calibrate`.
 
-Prints the line for sim/discrepancy/weights.py; a probability is that of the name, not of its place. Telemetry only;
+Prints the line for sim/discrepancy/assessment/calibration.py; a probability is that of the name, not of its place. Telemetry only;
 unlike the banks this looks inside the product, at the evidence of each finding. Results are kept line by line, so that
 a run that was stopped goes on where it was.
 """
@@ -20,10 +20,11 @@ import numpy as np
 from scipy.optimize import minimize
 
 from casebase.signals.telemetry import read_telemetry
-from sim.axis import read_axis
-from sim.discrepancy.investigation import Finding, investigate
-from sim.discrepancy.weighing import Evidence, probability
-from sim.discrepancy.weights import Weights
+from sim.description.axis_document import read_axis
+from sim.discrepancy.assessment.calibration import Weights
+from sim.discrepancy.assessment.posterior import Evidence, probability
+from sim.discrepancy.investigation import investigate
+from sim.discrepancy.results import Finding
 from tests.hidden_effects.bank import SEEDS_EACH, Entry
 from tests.hidden_effects.generator import write
 from tests.hidden_effects.generator.effects import PLANT_EFFECTS, SENSOR_EFFECTS, SOUND_EFFECTS, UNNAMED_EFFECTS

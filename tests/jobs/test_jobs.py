@@ -18,8 +18,8 @@ import psycopg
 import pytest
 from sqlalchemy import make_url
 
-from app.job import Job, JobError, JobNotFoundError, JobState, JobStateError
-from app.jobs import Jobs
+from app.jobs.job import Job, JobError, JobNotFoundError, JobState, JobStateError
+from app.jobs.jobs import Jobs
 from casebase import leases
 from casebase.backup import backup, restore
 from casebase.errors import InvalidCursorError
@@ -248,7 +248,7 @@ def test_history_is_complete_and_can_be_entered_anywhere(place: Place) -> None:
 
 def test_who_has_no_patience_does_not_wait_for_the_engine(place: Place, monkeypatch: pytest.MonkeyPatch) -> None:
     """One thread looks after all jobs that somebody listens to."""
-    monkeypatch.setattr("app.jobs.time", SimpleNamespace(sleep=pytest.fail))
+    monkeypatch.setattr("app.jobs.jobs.time", SimpleNamespace(sleep=pytest.fail))
     assert next(place.jobs.events(place.submit(1, 0.0), patience_s=0.0)) is None
 
 

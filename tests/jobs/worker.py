@@ -5,8 +5,8 @@ import sys
 import time
 from pathlib import Path
 
-from app.job import JobKind, Json, Report
-from app.job_runner import run_worker
+from app.jobs.job import JobKind, Json, Report
+from app.jobs.runner import run_worker
 from app.process import leave, stop_on_signals
 from casebase.library import CaseLibrary
 

@@ -6,8 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.chain import simulate_chain
-from sim.chain_model import (
+from sim.experiment.motion_profile import back_and_forth
+from sim.rotational.components import Gearbox, Inertia, Sine
+from sim.rotational.components import Torque as TorqueSource
+from sim.rotational.drive_train import DriveTrain
+from sim.solver import simulate
+from sim.torsional.integrate import run_chain, stable_substeps
+from sim.torsional.model import (
     Chain,
     ChainError,
     Dent,
@@ -20,12 +25,7 @@ from sim.chain_model import (
     with_link,
     with_shaft,
 )
-from sim.chain_run import run_chain, stable_substeps
-from sim.components import Gearbox, Inertia, Sine
-from sim.components import Torque as TorqueSource
-from sim.drive_train import DriveTrain
-from sim.servo import back_and_forth
-from sim.solver import simulate
+from sim.torsional.reduction import simulate_chain
 from tests.sim_axis.axes import three_shafts
 
 PUSH = Torque(amplitude_n_m=8.0, frequency_hz=1.1, phase_rad=0.4)

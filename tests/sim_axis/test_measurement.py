@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from scipy.signal import butter, find_peaks, sosfiltfilt
 
-from sim.batch import simulate_many
+from sim.acoustics.microphone import SAMPLE_RATE_HZ
 from sim.errors import ParameterError, SimulationError
-from sim.measurement import TELEMETRY_RATE_HZ, Measurement, measure
-from sim.mechanism import with_mechanism
+from sim.experiment.batch import simulate_many
+from sim.experiment.motion_profile import back_and_forth
+from sim.experiment.virtual_measurement import TELEMETRY_RATE_HZ, Measurement, measure
 from sim.mechanisms import Backlash, BearingDefect, ToothDamage, TorqueOffset
-from sim.servo import back_and_forth
-from sim.sound import SAMPLE_RATE_HZ
+from sim.mechanisms.catalogue import with_mechanism
 from tests.sim_axis.axes import axis
 
 SECONDS = 9.6  # four cycles

@@ -8,14 +8,16 @@ import pytest
 from numpy.typing import NDArray
 
 from casebase.signals.telemetry import Telemetry
-from sim.axis import Axis, MechanismEntry, read_axis, write_axis
-from sim.chain import chain_of_axis
-from sim.chain_model import Chain, PrescribedMotion
-from sim.chain_run import run_chain
-from sim.drive_train import DriveTrain
+from sim.assembly import chain_of_axis
+from sim.description.axis import Axis, MechanismEntry
+from sim.description.axis_document import read_axis, write_axis
 from sim.errors import AxisError, ParameterError
-from sim.mechanism import Measurement, Mechanics, Mechanism, apply_mechanisms, mechanism_of, with_mechanism
 from sim.mechanisms import MECHANISMS
+from sim.mechanisms.catalogue import apply_mechanisms, mechanism_of, with_mechanism
+from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism
+from sim.rotational.drive_train import DriveTrain
+from sim.torsional.integrate import run_chain
+from sim.torsional.model import Chain, PrescribedMotion
 from tests.sim_axis.axes import axis
 
 Array = NDArray[np.float64]

@@ -11,7 +11,7 @@ import soundfile
 
 from app.cli import run
 from casebase.signals.telemetry import CHANNELS, read_telemetry
-from sim.axis import read_axis, write_axis
+from sim.description.axis_document import read_axis, write_axis
 from tests.sim_axis.axes import axis
 
 

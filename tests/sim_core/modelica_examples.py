@@ -2,7 +2,7 @@
 
 import math
 
-from sim.components import (
+from sim.rotational.components import (
     BearingFriction,
     Brake,
     Clutch,
@@ -26,7 +26,7 @@ from sim.components import (
     Torque,
     TorqueStep,
 )
-from sim.drive_train import DriveTrain
+from sim.rotational.drive_train import DriveTrain
 
 HALF_RIGHT_ANGLE = math.pi / 4
 

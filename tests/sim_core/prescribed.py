@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from sim.component import Component, Signal
-from sim.components import (
+from sim.rotational.component import Component, Signal
+from sim.rotational.components import (
     Accelerate,
     BearingFriction,
     Brake,
@@ -34,7 +34,7 @@ from sim.components import (
     SpringDamper,
     Step,
 )
-from sim.drive_train import DriveTrain
+from sim.rotational.drive_train import DriveTrain
 
 Array = NDArray[np.float64]
 Law = Callable[[float], float]

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
-from sim.axis import Axis, MechanismEntry, Stage, parse_axis, read_axis, write_axis
-from sim.components import Inertia
-from sim.drive_train import DriveTrain
+from sim.description.axis import Axis, MechanismEntry, Stage
+from sim.description.axis_document import parse_axis, read_axis, write_axis
 from sim.errors import AxisError
-from sim.paper import PAPER_AXIS
+from sim.experiment.paper_axis import PAPER_AXIS
+from sim.rotational.components import Inertia
+from sim.rotational.drive_train import DriveTrain
 from tests.shared_data import shared
 
 PLAIN: dict[str, object] = {

@@ -5,7 +5,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 
-from sim.components import (
+from sim.errors import CompositionError, ParameterError, RunError, SimulationError
+from sim.rotational.components import (
     BearingFriction,
     Clutch,
     Constant,
@@ -24,8 +25,7 @@ from sim.components import (
     Step,
     Torque,
 )
-from sim.drive_train import DriveTrain
-from sim.errors import CompositionError, ParameterError, RunError, SimulationError
+from sim.rotational.drive_train import DriveTrain
 from sim.solver import simulate
 
 NAN = float("nan")

@@ -5,9 +5,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from sim.affine_system import System
-from sim.component import Component, Signal
-from sim.components import (
+from sim.piecewise_affine.system import System
+from sim.rotational.component import Component, Signal
+from sim.rotational.components import (
     COMPONENTS,
     Accelerate,
     AccSensor,
@@ -60,7 +60,7 @@ from sim.components import (
     TorqueSensor,
     TorqueStep,
 )
-from sim.drive_train import DriveTrain
+from sim.rotational.drive_train import DriveTrain
 from sim.solver import simulate
 
 SINE = Sine(amplitude=2.0, f=3.0)

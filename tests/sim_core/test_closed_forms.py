@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.integrate import simpson
 
-from sim.components import (
+from sim.rotational.components import (
     BearingFriction,
     ConstantTorque,
     Damper,
@@ -25,7 +25,7 @@ from sim.components import (
     Step,
     Torque,
 )
-from sim.drive_train import DriveTrain
+from sim.rotational.drive_train import DriveTrain
 from sim.solver import simulate, stream
 
 

@@ -5,8 +5,8 @@ import pytest
 from numpy.typing import NDArray
 from scipy.integrate import solve_ivp
 
-from sim.component import Component
-from sim.components import (
+from sim.rotational.component import Component
+from sim.rotational.components import (
     Accelerate,
     BearingFriction,
     Clutch,
@@ -22,7 +22,7 @@ from sim.components import (
     Step,
     Torque,
 )
-from sim.drive_train import DriveTrain
+from sim.rotational.drive_train import DriveTrain
 from sim.solver import simulate
 
 Array = NDArray[np.float64]

@@ -3,9 +3,10 @@
 import numpy as np
 import pytest
 
-from sim.affine_system import System, curve_value
-from sim.component import Component
-from sim.components import (
+from sim.errors import RunError
+from sim.piecewise_affine.system import System, curve_value
+from sim.rotational.component import Component
+from sim.rotational.components import (
     BearingFriction,
     Brake,
     Clutch,
@@ -20,9 +21,8 @@ from sim.components import (
     Sine,
     Spring,
 )
-from sim.curves import Curve, Shape
-from sim.drive_train import DriveTrain
-from sim.errors import RunError
+from sim.rotational.curves import Curve, Shape
+from sim.rotational.drive_train import DriveTrain
 from sim.solver import simulate
 from tests.sim_core.modelica_examples import heat_losses, simple_gear_shift
 

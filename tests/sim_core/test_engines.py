@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.component import Component
-from sim.components import (
+from sim.errors import RunError
+from sim.rotational.component import Component
+from sim.rotational.components import (
     BearingFriction,
     ElastoBacklash,
     Gearbox,
@@ -16,10 +17,9 @@ from sim.components import (
     Sine,
     Torque,
 )
-from sim.drive_train import DriveTrain
-from sim.errors import RunError
+from sim.rotational.drive_train import DriveTrain
+from sim.rotational.trajectory import Trajectory
 from sim.solver import simulate
-from sim.trajectory import Trajectory
 from tests.sim_core import modelica_examples as examples
 
 STATES = ("motor.phi", "motor.w", "gear.elastoBacklash.phi_rel", "gear.elastoBacklash.w_rel")

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.drive_train import DriveTrain
+from sim.rotational.drive_train import DriveTrain
 from sim.solver import simulate
 from tests.shared_data import shared
 from tests.sim_core import modelica_examples as examples

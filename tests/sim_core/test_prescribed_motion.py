@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from sim.component import Component
-from sim.components import (
+from sim.errors import RunError, SimulationError
+from sim.rotational.component import Component
+from sim.rotational.components import (
     BearingFriction,
     Brake,
     Inertia,
@@ -17,8 +18,7 @@ from sim.components import (
     Spring,
     Step,
 )
-from sim.drive_train import DriveTrain
-from sim.errors import RunError, SimulationError
+from sim.rotational.drive_train import DriveTrain
 from sim.solver import Engine, simulate
 from tests.sim_core.prescribed import Case, Contradiction, Truth, draw
 

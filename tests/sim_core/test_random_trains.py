@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from sim.component import Component
-from sim.components import (
+from sim.rotational.component import Component
+from sim.rotational.components import (
     BearingFriction,
     Brake,
     Clutch,
@@ -20,7 +20,7 @@ from sim.components import (
     Step,
     Torque,
 )
-from sim.drive_train import DriveTrain
+from sim.rotational.drive_train import DriveTrain
 from sim.solver import simulate
 
 

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from sim.components import (
+from sim.rotational.components import (
     AccSensor,
     ConstantTorque,
     Damper,
@@ -19,7 +19,7 @@ from sim.components import (
     RelSpeedSensor,
     Torque,
 )
-from sim.drive_train import DriveTrain
+from sim.rotational.drive_train import DriveTrain
 from sim.solver import Engine, simulate
 
 ENGINES: tuple[Engine, ...] = ("exact", "runge-kutta")

@@ -10,7 +10,7 @@ from .kinds import Half
 
 
 def data_sheet(half: Half, axis: str) -> dict[str, object]:
-    """Description of an axis type [SI units], for `sim.axis.read_axis`."""
+    """Description of an axis type [SI units], for `sim.description.axis_document.read_axis`."""
     design = DESIGNS[half][axis]
     motor, gear, arm = design.inertias
     payload, acceleration = sum(design.payload) / 2, sum(design.accel) / 2

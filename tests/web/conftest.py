@@ -28,10 +28,12 @@ from casebase.artifacts import add_artifact
 from casebase.description import Labelling
 from casebase.library import CaseLibrary
 from casebase.models import StoredInvestigation, new_id, now
-from sim.axis import Axis, read_axis
-from sim.discrepancy.investigation import Investigation, investigate
-from sim.discrepancy.report import html_report
-from sim.discrepancy.story import story
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.discrepancy.investigation import investigate
+from sim.discrepancy.report.html import html_report
+from sim.discrepancy.report.summary import story
+from sim.discrepancy.results import Investigation
 from tests.app.sounds import sound
 from tests.discrepancy.telemetry_of import one_body, swing
 from tests.live import ROLES, LiveServer, started

@@ -7,9 +7,9 @@ import pytest
 from playwright.sync_api import Browser, Page, Route
 
 from app.web.self_contained import self_contained
-from sim.axis import read_axis
+from sim.description.axis_document import read_axis
 from sim.discrepancy.investigation import investigate
-from sim.discrepancy.report import html_report
+from sim.discrepancy.report.html import html_report
 from tests.discrepancy.telemetry_of import one_body, swing
 
 SMALLEST = """[...document.querySelectorAll("svg text")].map(

@@ -6,7 +6,8 @@ import numpy as np
 
 from app.web.pages.model import SLIDERS
 from app.web.trial import Trial, besides, perform, starts
-from sim.axis import Axis, MechanismEntry, parse_axis, read_axis
+from sim.description.axis import Axis, MechanismEntry
+from sim.description.axis_document import parse_axis, read_axis
 from tests.web.conftest import AXIS
 
 PLAIN = read_axis(parse_axis(AXIS))

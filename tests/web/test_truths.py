@@ -13,8 +13,8 @@ from playwright.sync_api import Page, expect
 from app.web.svg import polar_chart
 from casebase.axes import add_axis
 from casebase.models import StoredJob, new_id, now
-from sim.axis import parse_axis
-from sim.discrepancy.panels import DESCRIBED, EXTENDED, FLOOR, MEASURED
+from sim.description.axis_document import parse_axis
+from sim.discrepancy.report.panels import DESCRIBED, EXTENDED, FLOOR, MEASURED
 from tests.app.test_page_errors import RESULTS
 from tests.web.conftest import AXIS, Opened, Site, Tab, settle
 

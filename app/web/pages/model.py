@@ -33,9 +33,10 @@ from casebase.origins import SIMULATED, simulated
 from casebase.signals.analysis import Analysis
 from casebase.signals.crest import crest_factor, root_mean_square
 from casebase.signals.recording import Recording
-from sim.axis import Axis, read_axis
-from sim.mechanism import Mechanism
-from sim.sound import SAMPLE_RATE_HZ
+from sim.acoustics.microphone import SAMPLE_RATE_HZ
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.mechanisms.mechanism import Mechanism
 
 router = APIRouter(prefix="/axes")
 RESOLUTION_HZ = 4.0

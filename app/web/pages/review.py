@@ -17,7 +17,7 @@ from casebase import review as care
 from casebase.axes import list_axes
 from casebase.errors import NotFoundError
 from casebase.models import Artifact
-from sim.design import LABELS
+from sim.experiment.design_of_experiments import LABELS
 
 router = APIRouter(prefix="/library")
 SECTION = "/library"

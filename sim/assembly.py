@@ -1,0 +1,86 @@
+"""From an axis description to what can be simulated: a drive train, and shafts in series."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from sim.description.axis import Axis
+from sim.rotational.component import Component, Signal
+from sim.rotational.components import (
+    BearingFriction,
+    Damper,
+    ElastoBacklash,
+    Fixed,
+    IdealGear,
+    Inertia,
+    LossyGear,
+    Torque,
+)
+from sim.rotational.drive_train import DriveTrain
+from sim.torsional.model import Chain, Torque
+from sim.torsional.reduction import chain_of
+
+
+def chain_of_axis(axis: Axis) -> Chain:
+    """The chain of an axis description with its mechanisms."""
+    return chain_of(DriveTrain.from_axis(axis))
+
+
+RIGID = 1e7
+"""Stiffness of a mesh of which none is known, per inertia behind it [1/s2]: it rings at 500 Hz, out of the way."""
+
+
+def plain_train(axis: Axis, drive: Signal | None) -> DriveTrain:
+    """Return the axis as built, without its mechanisms."""
+    parts: dict[str, Component] = {"motor": Inertia(J=axis.motor.inertia_kg_m2)}
+    if not axis.stages:
+        return _direct(axis, drive)
+    for i, stage in enumerate(axis.stages):
+        last = i == len(axis.stages) - 1
+        inertia = stage.inertia_kg_m2 + (axis.load.inertia_kg_m2 if last else 0.0)
+        parts[f"{stage.name}_gear"] = _gear(stage.ratio, stage.mesh_efficiency)
+        parts[stage.name] = _mesh(axis, i, inertia)
+        parts["load" if last else f"{stage.name}_shaft"] = Inertia(J=inertia)
+    return _with_friction(DriveTrain.series(**parts), axis, drive)
+
+
+def _direct(axis: Axis, drive: Signal | None) -> DriveTrain:
+    """A drive without gears: one shaft, or two with the coupling that `transmission` describes."""
+    stiffness, damping = axis.stiffness()[0], axis.damping()[0]
+    if stiffness is None or axis.load.inertia_kg_m2 == 0:
+        shaft = Inertia(J=axis.motor.inertia_kg_m2 + axis.load.inertia_kg_m2)
+        return _with_friction(DriveTrain.series(motor=shaft), axis, drive)
+    coupling = ElastoBacklash(c=stiffness, d=damping or 0.0)
+    motor, load = Inertia(J=axis.motor.inertia_kg_m2), Inertia(J=axis.load.inertia_kg_m2)
+    return _with_friction(DriveTrain.series(motor=motor, coupling=coupling, load=load), axis, drive)
+
+
+def _gear(ratio: float, efficiency: float) -> Component:
+    if efficiency == 1:
+        return IdealGear(ratio=ratio)
+    return LossyGear(ratio=ratio, lossTable=[0, efficiency, efficiency, 0, 0])
+
+
+def _mesh(axis: Axis, i: int, inertia: float) -> ElastoBacklash:
+    """The mesh at the driven gear of stage i; one of unknown stiffness is stiff enough not to be felt."""
+    stiffness, damping = axis.stiffness()[i], axis.damping()[i]
+    if stiffness is None:
+        stiffness = RIGID * inertia
+    if damping is None:
+        damping = 2 * 0.01 * (stiffness * inertia) ** 0.5
+    return ElastoBacklash(c=stiffness, d=damping, b=axis.stages[i].backlash_rad)
+
+
+def _with_friction(train: DriveTrain, axis: Axis, drive: Signal | None) -> DriveTrain:
+    end = "load" if "load" in train.components else "motor"
+    for name, shaft, part in (("motor_friction", "motor", axis.motor), ("load_friction", end, axis.load)):
+        coulomb, viscous = part.coulomb_friction_n_m, part.viscous_friction_n_m_s_per_rad
+        if coulomb:
+            friction = BearingFriction(tau_pos=[[0, coulomb], [1, coulomb + viscous]])
+            train = train.add(name, friction, flange_a=f"{shaft}.flange_a")
+        elif viscous:
+            train = train.add(name, Damper(d=viscous), flange_b=f"{shaft}.flange_a")
+            train = train.add(f"{name}_ground", Fixed(), flange=f"{name}.flange_a")
+    if drive is not None:
+        train = train.add("drive", Torque(drive), flange="motor.flange_a")
+    return replace(train, axis=axis)

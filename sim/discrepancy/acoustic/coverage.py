@@ -1,0 +1,87 @@
+"""What recordings without telemetry let be looked for, what not, and why."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from casebase.signals.recording import Recording
+from sim.description.axis import Axis
+from sim.discrepancy.acoustic.baseline_comparison import hindrance_of_ringing, hindrance_of_teeth
+from sim.discrepancy.acoustic.faults import hindrance_of_play, hindrance_of_tooth
+from sim.discrepancy.acoustic.operating_states import Course
+from sim.discrepancy.acoustic.order_spectrum import bearing_hindrance
+from sim.discrepancy.acoustic.recording_quality import recording_hindrances
+from sim.mechanisms import MECHANISMS
+
+WORDS: Mapping[str, str] = {
+    "electrical_hum": "hum",
+    "clipping": "clipping",
+    "lost_samples": "lost samples",
+    "tooth_damage": "tooth damage",
+    "backlash": "play",
+    "bearing_defect": "bearing defect",
+    "mesh_error": "error of teeth",
+    "structural_resonance": "resonance",
+}
+"""What sound alone can show."""
+
+NO_GEAR = "the axis has no gear"
+UNTOLD = "sound alone does not tell it"
+
+
+@dataclass(frozen=True)
+class Reach:
+    """`examined` in one recording at least; `not_examined`: to the reason; `partly`: in how many, where not in all."""
+
+    examined: tuple[str, ...]
+    not_examined: Mapping[str, str]
+    partly: Mapping[str, int]
+    recordings: int
+
+    def sentence(self) -> str:
+        """Both in words, as the first remark.
+
+        >>> Reach(("clipping",), {"backlash": "no standstill is heard"}, {}, 1).sentence()[:67]
+        'Examined: clipping. Not examined: play, because no standstill is he'
+        """
+        partly = {name: f" (in {count} of {self.recordings} recordings)" for name, count in self.partly.items()}
+        examined = ", ".join(f"{WORDS[name]}{partly.get(name, '')}" for name in self.examined)
+        together: dict[str, list[str]] = {}
+        for name, reason in self.not_examined.items():
+            if name in WORDS:
+                together.setdefault(reason, []).append(WORDS[name])
+        parts = [f"{', '.join(names)}, because {reason}" for reason, names in together.items()]
+        parts.append("friction, stiffness, loads, runout, offsets and delays, because sound does not tell them")
+        return f"Examined: {examined or 'nothing'}. Not examined: {'; '.join(parts)}."
+
+
+def reach(axis: Axis, sounds: Sequence[Recording], courses: Sequence[Course], as_new: Sequence[Course] = ()) -> Reach:
+    """What all recordings together let be looked for, with those from when the axis was new."""
+    each = [_hindrances(axis, sound, course, as_new) for sound, course in zip(sounds, courses, strict=True)]
+    examined, partly, not_examined = [], {}, {}
+    for name in WORDS:
+        reasons = [hindrances[name] for hindrances in each if name in hindrances]
+        if len(reasons) == len(each):
+            not_examined[name] = ", or ".join(dict.fromkeys(reasons))
+            continue
+        examined.append(name)
+        if reasons:
+            partly[name] = len(each) - len(reasons)
+    rest = {name: UNTOLD for name in sorted(MECHANISMS) if name not in WORDS}
+    return Reach(tuple(examined), {**not_examined, **rest}, partly, len(each))
+
+
+def _hindrances(axis: Axis, sound: Recording, course: Course, as_new: Sequence[Course]) -> dict[str, str]:
+    values = np.asarray(sound.samples, dtype=np.float64)
+    of_machine = {
+        "tooth_damage": hindrance_of_tooth(course) if axis.stages else NO_GEAR,
+        "backlash": hindrance_of_play(course) if axis.stages else NO_GEAR,
+        "bearing_defect": bearing_hindrance(axis, course),
+        "mesh_error": hindrance_of_teeth(axis, course, as_new) if axis.stages else NO_GEAR,
+        "structural_resonance": hindrance_of_ringing(course, as_new),
+    }
+    told = {name: reason for name, reason in of_machine.items() if reason is not None}
+    return {**recording_hindrances(values, sound.sample_rate_hz), **told}

@@ -1,0 +1,242 @@
+"""What sound says of an axis: alone, beside telemetry, or as several recordings of the same axis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from casebase.signals.recording import Recording
+from sim.description.axis import Axis
+from sim.discrepancy.acoustic.angular_resampling import LOWEST_WEAK, bearing_along_path
+from sim.discrepancy.acoustic.baseline_comparison import Grown, grown, strangers_as_new
+from sim.discrepancy.acoustic.coverage import WORDS, reach
+from sim.discrepancy.acoustic.evidence import Heard, Listening, probability
+from sim.discrepancy.acoustic.faults import SHOWN, bearing_defect, not_as_new, play, sign_of_tooth, tooth_damage
+from sim.discrepancy.acoustic.operating_states import LEAST_CRUISES, Course, course_of
+from sim.discrepancy.acoustic.recording_quality import recording_faults
+from sim.discrepancy.data.preprocessing import Measurement
+from sim.discrepancy.sound_several import contradictions, names_of, strangers, with_recordings, without_copies
+
+SAID = 0.5
+
+
+SURE = 0.9  # of what telemetry does not show, though it could
+
+
+LEAST_S = 4.0
+
+
+GEAR = frozenset({"tooth_damage", "backlash"})
+
+
+OF_TEETH = GEAR | {"mesh_error", "eccentricity"}  # what leaves families of lines of its own
+
+
+ADVICE = "How deep a notch or how wide play is cannot be heard; telemetry tells that and what was not examined."
+
+
+COMPARE = (
+    "Give a recording of the same motion from when the axis was new as well, if there is one: it tells whether teeth "
+    "are louder than as new and whether something rings."
+)
+
+
+UNEVEN, SMALL = 0.005, 5  # of a speed while cruising; small numbers
+
+
+def listen(axis: Axis, sound: Recording, measurement: Measurement | None, offset_s: float) -> tuple[Heard, ...]:
+    """Findings of one recording; with telemetry, angles are those of its encoders."""
+    if measurement is None:
+        return listen_alone(axis, [sound]).heard
+    values = np.asarray(sound.samples, dtype=np.float64)
+    course = course_of(axis, sound, measurement, offset_s)
+    out = recording_faults(values, sound.sample_rate_hz, course.moving)
+    if sound.duration_s > LEAST_S:
+        out += bearing_along_path(axis, values, sound.sample_rate_hz, measurement, offset_s)
+        teeth = [sign_of_tooth(axis, course)]
+        machine = (*tooth_damage(axis, [course], teeth), *play(axis, [course], teeth))
+        out += [replace(h, indistinguishable_from=()) for h in machine if h.probability >= SURE]  # telemetry tells
+    return tuple(out)
+
+
+def listen_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recording] = ()) -> Listening:
+    """Findings of one or more recordings of the same axis, made without telemetry.
+
+    `as_new`: recordings of the same motion from when the axis was in good order, to compare with.
+    """
+    sounds, copied = without_copies(sounds)
+    names = names_of(sounds)
+    courses = tuple(course_of(axis, sound, None, 0.0) for sound in sounds)
+    before = tuple(course_of(axis, sound, None, 0.0) for sound in as_new)
+    teeth, teeth_before = ([sign_of_tooth(axis, one) for one in group] for group in (courses, before))
+    teeth = not_as_new(axis, list(zip(courses, teeth, strict=True)), list(zip(before, teeth_before, strict=True)))
+    machine = [hear for look in (tooth_damage, play, bearing_defect) for hear in look(axis, courses, teeth)]
+    for was in play(axis, before, teeth_before):
+        if any(p is not None and p < SHOWN for p in was.p_values):
+            machine = [_as_new(h) if h.mechanism == was.mechanism else h for h in machine]
+    machine, told = _told_by_growth(machine, grown(axis, courses, before))
+    found = [h for h in (*machine, *_faults(sounds, courses)) if h.probability >= SAID]
+    heard = tuple(with_recordings(h, names) for h in found)
+    rejected = tuple((h.mechanism, h.probability) for h in machine if h.probability < SAID)
+    within = reach(axis, sounds, courses, before)
+    remarks = (
+        within.sentence(),
+        *_contradicted(courses, names),
+        *contradictions(machine, names),
+        *strangers([*sounds, *as_new], [*names, *(f"{name} as new" for name in names_of(as_new))]),
+        *strangers_as_new(courses, before, names),
+        *copied,
+        *told,
+        ADVICE,
+        *(_of_as_new(as_new, before) if as_new else (COMPARE,)),
+    )
+    following = _next(axis, heard, courses)
+    return Listening(heard, rejected, remarks, following, courses, within.examined, within.not_examined, names, before)
+
+
+def _as_new(h: Heard) -> Heard:
+    """What the axis sounded of as new as well, and so is no fault."""
+    p_values = tuple(None if p is None else 1.0 for p in h.p_values)
+    return replace(h, p_values=p_values, probability=probability(p_values))
+
+
+def _told_by_growth(machine: Sequence[Heard], growth: Grown) -> tuple[list[Heard], tuple[str, ...]]:
+    """Teeth that have all grown louder make impacts of their own; where none have, impacts are none of theirs.
+
+    What was heard of impacts is then said with the teeth that err: sound does not tell one from the other.
+    """
+    if growth.teeth_as_new:
+        machine = [replace(h, indistinguishable_from=()) for h in machine]
+    erring = next((h for h in growth.heard if h.mechanism == "mesh_error" and h.probability >= SAID), None)
+    struck = [h.mechanism for h in machine if h.mechanism in GEAR and h.probability >= SAID]
+    if erring is None or not struck:
+        return [*machine, *growth.heard], ()
+    alike = replace(erring, indistinguishable_from=tuple(struck))
+    remarks = tuple(
+        f"Impacts as of {WORDS[name]} are heard as well; teeth of a gear that have all grown louder make such, too. "
+        "Until a look or telemetry has told, treat it as both."
+        for name in struck
+    )
+    rest = [h for h in machine if h.mechanism not in struck]
+    return [*rest, *(alike if h is erring else h for h in growth.heard)], remarks
+
+
+def _of_as_new(as_new: Sequence[Recording], courses: Sequence[Course]) -> tuple[str, ...]:
+    """Remarks on faults of what was compared with."""
+    return tuple(
+        f"Sound as new, {name}: {fault.explanation}"
+        for name, sound, course in zip(names_of(as_new), as_new, courses, strict=True)
+        for fault in recording_faults(np.asarray(sound.samples, np.float64), sound.sample_rate_hz, course.moving)
+    )
+
+
+def _faults(sounds: Sequence[Recording], courses: Sequence[Course]) -> list[Heard]:
+    """Faults of the recordings, each as it is in the first that has it."""
+    each = [
+        {f.mechanism: f for f in recording_faults(np.asarray(s.samples, np.float64), s.sample_rate_hz, c.moving)}
+        for s, c in zip(sounds, courses, strict=True)
+    ]
+    first: dict[str, Heard] = {}
+    for faults in each:
+        first |= {name: fault for name, fault in faults.items() if name not in first}
+    return [
+        replace(fault, p_values=tuple(0.0 if name in faults else 1.0 for faults in each))
+        for name, fault in first.items()
+    ]
+
+
+def _contradicted(courses: Sequence[Course], names: Sequence[str]) -> tuple[str, ...]:
+    """Where recordings do not have the described period."""
+    told = [(name, course.contradiction) for name, course in zip(names, courses, strict=True) if course.contradiction]
+    return tuple(f"{text}" if len(names) == 1 else f"Recording {name}: {text}" for name, text in told)
+
+
+def beside(
+    named: Sequence[str],
+    heard: Sequence[Heard],
+    load_encoder: bool,
+    struck: Sequence[float] = (),
+    loud: Sequence[float] = (),
+) -> tuple[Heard, ...]:
+    """What sound adds to mechanisms that telemetry has named: no name twice, and no gear fault against an encoder.
+
+    With a load encoder telemetry shows damaged teeth and play below what can be heard; without one, sound may name
+    them where telemetry found nothing else that it could have taken for them. `struck`: turns per turn of the motor
+    of the gears with a damaged tooth; impacts at their multiples are that tooth and no bearing. `loud`: teeth per turn
+    of the motor of the gears whose teeth err; a family at a ratio of small numbers to them is what these leave beside
+    their lines while the speed is not quite even. A weak family beside any fault of teeth is theirs, and so is one of
+    so low an order that their own turns make as many lines.
+    """
+    blind = not load_encoder and not set(named)
+    return tuple(
+        h
+        for h in heard
+        if h.mechanism not in named
+        and (h.mechanism not in GEAR or blind)
+        and not (h.mechanism == "bearing_defect" and _is_of_gears(h, struck, loud))
+        and not (h.mechanism == "bearing_defect" and _is_faint(h) and OF_TEETH & set(named))
+    )
+
+
+def _is_faint(h: Heard) -> bool:
+    return h.probability < SURE or h.parameters["order"][0] < LOWEST_WEAK
+
+
+def _is_of_gears(h: Heard, struck: Sequence[float], loud: Sequence[float]) -> bool:
+    return any(_is_multiple(h, order) for order in struck) or any(_is_ratio(h, order) for order in loud)
+
+
+def _is_multiple(h: Heard, order: float) -> bool:
+    value, low, high = h.parameters["order"]
+    return low <= round(value / order) * order <= high
+
+
+def _is_ratio(h: Heard, order: float) -> bool:
+    value, low, high = h.parameters["order"]
+    half = 0.5 * (high - low) + UNEVEN * value
+    return any(abs(value - order * j / k) <= half for j in range(1, SMALL + 1) for k in range(1, SMALL + 1))
+
+
+def _next(axis: Axis, heard: Sequence[Heard], courses: Sequence[Course]) -> str:
+    named = {h.mechanism for h in heard}
+    if named & {"clipping", "lost_samples"}:
+        return "Record again with the gain lowered and without gaps: what is missing of the sound could be a fault's."
+    if "tooth_damage" in named:
+        return (
+            "Record motor torque and angle of motor and load of the same motion, slowly through a whole turn in both "
+            "directions: they give the tooth, its depth and its flank."
+        )
+    if "backlash" in named:
+        return (
+            "Add an encoder at the load and repeat the motion: the way between the flanks is the gap, and the stage "
+            "with the play shows in how fast it is crossed."
+        )
+    if "structural_resonance" in named:
+        return (
+            "Tap covers, pipes, arm and stand at standstill and record that: the part that is loose rings at the same "
+            "pitch without any motion."
+        )
+    if "mesh_error" in named:
+        return (
+            "Record motor torque and angle of motor and load of the same motion: they give how much the teeth err, and "
+            "tell worn ones from one that is damaged."
+        )
+    if "bearing_defect" in named:
+        return (
+            "Repeat the motion at two thirds of the speed: what keeps its order is the bearing, what keeps its pitch "
+            "is not."
+        )
+    if not any(course.repeats and len(course.cruises) >= LEAST_CRUISES for course in courses):
+        return (
+            "Move back and forth between the same two positions at constant speed, five times or more, and record that."
+        )
+    if "electrical_hum" in named:
+        return (
+            "Mend the earthing of the recorder, then repeat; friction, stiffness and play need telemetry with a load "
+            "encoder."
+        )
+    return (
+        "Record motor torque and angle with the sound, best with an encoder at the load: most causes cannot be heard."
+    )

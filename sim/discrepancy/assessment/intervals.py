@@ -1,0 +1,85 @@
+"""Intervals of 90 % of what was estimated, widened by what the form of a model is off by."""
+
+from __future__ import annotations
+
+import math
+
+from sim import mechanisms
+from sim.discrepancy.estimation.estimate import Fit
+from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.results import Estimate
+from sim.discrepancy.search.effect_size import deviations
+
+NINETY = 1.645
+
+
+INFLATION = 3.0  # of deviations, so that intervals hold on the calibration seeds
+
+
+FORM_SHARE = 0.08  # of a size, which the form of its law leaves open
+
+
+DENT_SHARE = 0.3  # the same of a dent: the same torques come from a hollow and from a shallower piece broken out
+
+
+NO_SIZE = ("angle_rad", "phase_rad", "second_phase_rad", "flank", "form", "order", "frequency_hz", "exponent")
+
+
+UNITS = {
+    "_rad": "rad", "_n_m": "N m", "_rad_s": "rad/s", "_per_s": "1/s", "_per_rad2": "1/rad2",
+    "_n_m_s_per_rad": "N m s/rad", "_hz": "Hz", "_s": "s", "_kg_m2": "kg m2", "_n_m_per_rad": "N m/rad",
+}  # fmt: skip
+
+
+def term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, ...]:
+    """Reported parameters with intervals, no wider than a parameter may be; a frequency is not known better than the
+    record is long."""
+    spread = deviations(fit, term, term.report)
+    limits = {p.name: (p.low, p.high) for p in term.parameters}
+    units = {p.name: p.unit for p in mechanisms.MECHANISMS[term.mechanism].parameters}
+    out = []
+    for name, value in term.report(fit.values).items():
+        half = NINETY * inflation(fit) * spread[name]
+        if name not in NO_SIZE:
+            half = max(half, (DENT_SHARE if term.mechanism == "tooth_damage" else FORM_SHARE) * abs(value))
+        if name == "frequency_hz":
+            half = max(half, 1.0 / duration_s)
+        low, high = limits.get(f"{term.key}.{name}", (-math.inf, math.inf))
+        ends = float(max(value - half, low)), float(min(value + half, high))
+        out.append(Estimate(name, float(value), units[name], *ends))
+    return tuple(out)
+
+
+def inflation(fit: Fit) -> float:
+    """Widen intervals by what the residual has beyond white noise (form of the model, slow noise)."""
+    return INFLATION * math.sqrt(max(1.0, fit.misfit / fit.residual.size))
+
+
+def estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
+    deviations = fit.deviations()
+    scale = inflation(fit)
+    out = []
+    for p in fit.parameters:
+        if not p.name.startswith(("motor.", "load.", "stages.")) or "backlash" in p.name:
+            continue
+        half = NINETY * deviations[p.name] * scale
+        out.append(
+            Estimate(
+                p.name,
+                fit.values[p.name],
+                unit_of(p.name),
+                fit.values[p.name] - half,
+                fit.values[p.name] + half,
+                p.expected,
+            )
+        )
+    return tuple(out)
+
+
+def unit_of(name: str) -> str:
+    """Unit by the ending of a name; `1` where it has none."""
+    for ending in sorted(UNITS, key=len, reverse=True):
+        if name.endswith(ending):
+            return UNITS[ending]
+    return "1"

@@ -1,0 +1,93 @@
+"""Remarks about a fit: what the numbers cannot be trusted with, and which rows did not count."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from sim.discrepancy.data.validation import Gate
+from sim.discrepancy.estimation.estimate import Fit
+from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.results import Gain
+
+UNREACHED = 0.5  # of the torque: a model that leaves more says nothing of the axis
+
+
+SOLID = ("inertia_kg_m2", "stiffness_n_m_per_rad")  # what no data sheet is far wrong in
+
+
+NO_REFERENCE = (
+    "Without reference_position_rad noise of the torque channel cannot be told from torque, and weaker effects may "
+    "hide in it: log it as well."
+)
+
+
+def misfit_remarks(fit: Fit, gained: Sequence[Gain]) -> tuple[str, ...]:
+    """Why the numbers of the last fit are not to be trusted, if anything says so."""
+    out = []
+    torque = gained[0]
+    if torque.rms_after > UNREACHED * torque.rms_measured:
+        out.append(
+            f"The model does not reach the measurement: of {torque.rms_measured:.3g} {torque.unit} effective torque it "
+            f"leaves {torque.rms_after:.3g}. Check the description, the channels' units and signs, and what happened "
+            "during the record before any of these numbers is used."
+        )
+    bent = [
+        f"{p.name} {p.expected:.3g} -> {fit.values[p.name]:.3g}"
+        for p, limit in zip(fit.parameters, fit.at_limit, strict=True)
+        if limit and p.name.endswith(SOLID)
+    ]
+    if bent:
+        out.append(
+            f"To explain the data the description would have to be wrong by a factor of 2.5: {', '.join(bent)}. "
+            "Either the description is of another axis, or something is missing that no mechanism explains."
+        )
+    return tuple(out)
+
+
+def description_remarks(problem: Problem, fit: Fit) -> tuple[str, ...]:
+    """Numbers of the description that were taken for wrong."""
+    wrong = [
+        f"{p.name} {p.expected:.3g} -> {fit.values[p.name]:.3g}" for p in fit.parameters if p.name in problem.doubts
+    ]
+    if not wrong:
+        return ()
+    return (
+        f"The data do not bear out what the description says: {', '.join(wrong)}. Either it has these numbers wrong, "
+        "or they stand for something too weak to be named. Check them before a cause is looked for.",
+    )
+
+
+def controller_law_remarks(problem: Problem, gate: Gate) -> tuple[str, ...]:
+    """That the torque channel's own noise was taken away, if it was."""
+    if gate.law is None or not problem.measurement.unsure.size:
+        return ()
+    taken = float(np.std(gate.measurement.torque - problem.measurement.torque))
+    return (
+        "The drive's law, found in reference and encoder, tells noise of the torque channel; what was found is found "
+        f"without {taken:.2g} N m (effective) of it.",
+    )
+
+
+def standstill_remarks(problem: Problem) -> tuple[str, ...]:
+    """Which rows did not count, if any."""
+    m = problem.measurement
+    if m.rests and not problem.guided:
+        return ()
+    slowest = m.standstill * float(np.abs(m.speed).max())
+    where = " at the load" if m.rests else ""
+    told = f"Rows in which the motor turns slower than {slowest:.2g} rad/s did not count{where}"
+    return (f"{told}: at rest dry friction holds whatever it likes.",)
+
+
+def contact_loss_remarks(problem: Problem) -> tuple[str, ...]:
+    """In how many rows teeth rattle, if in any."""
+    lost = 1.0 - float(problem.measurement.told.mean())
+    if lost == 0.0:
+        return ()
+    return (
+        f"In {100.0 * lost:.2g} % of the rows nothing presses the teeth together, and they rattle within the play that "
+        "is as new: what torque that takes cannot be told, and these rows did not count. A load that always pulls one "
+        "way presses them together.",
+    )

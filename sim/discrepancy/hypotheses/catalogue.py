@@ -1,0 +1,64 @@
+"""Terms that this axis and these channels allow, one for every mechanism and place."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sim.description.axis import Axis
+from sim.discrepancy.data.preprocessing import Measurement
+from sim.discrepancy.hypotheses.friction import asymmetry, friction_felt, friction_terms, stribeck
+from sim.discrepancy.hypotheses.gear_mesh import MOTOR, link_terms, ripple
+from sim.discrepancy.hypotheses.generic import ORDERS as RIPPLE_ORDERS
+from sim.discrepancy.hypotheses.generic import terms_of_catalogue
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.sensors import HUM_HZ, delay, encoder_error, hum, offset
+from sim.discrepancy.hypotheses.structure import LEAST_TURN, gravity, resonance
+from sim.discrepancy.model.nominal import (
+    has_links,
+    stages_of,
+)
+from sim.torsional.model import Chain
+
+OWN = frozenset(  # mechanisms with terms below, or seen by the gate or in the sound; all others say all of themselves
+    {"backlash", "tooth_damage", "eccentricity", "mesh_error", "coulomb_friction", "viscous_friction",
+     "stribeck_friction", "friction_asymmetry", "load_dependent_loss", "friction_drift", "gravity_imbalance",
+     "torque_ripple", "stiffness_hardening", "hysteresis", "bearing_defect", "structural_resonance", "torque_offset",
+     "encoder_error", "time_delay", "electrical_hum", "clipping", "lost_samples"}
+)  # fmt: skip
+
+
+def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term, ...]:
+    """Every mechanism of the telemetry at every place where the description lacks it; tooth damage is scanned apart.
+
+    `present`: the model so far; friction can rise at low speed only where there is dry friction.
+    """
+    level = measurement.torque_rms
+    top = float(np.abs(measurement.speed).max())
+    out = [*friction_terms(axis, level, top, measurement), offset(level)]
+    if any(shaft.coulomb_n_m > 0.0 for shaft in present.shafts):
+        out.append(stribeck(level, top))
+    if all(shaft.coulomb_backward_n_m is None for shaft in present.shafts):
+        seen_apart = has_links(axis) and measurement.load_angle is not None
+        most = friction_felt(present, top) or math.inf
+        out += [asymmetry(level, top, most, place) for place in ((MOTOR, None) if seen_apart else (MOTOR,))]
+    travel = float(np.ptp(measurement.angle))
+    out += [ripple(order, level, axis, present) for order in RIPPLE_ORDERS if travel * order > 2.0 * math.pi]
+    out += [hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
+    out.append(delay("torque_delay_s", "motor", 6e-4))
+    if has_links(axis):
+        out += [
+            term
+            for k in range(len(stages_of(axis)))
+            for term in link_terms(axis, k, level, measurement.load_angle is not None)
+        ]
+        if travel / axis.ratio > LEAST_TURN:
+            out.append(gravity(0.05 * level * axis.ratio, len(stages_of(axis))))
+        if measurement.load_angle is not None:
+            out.append(encoder_error(axis))
+            out.append(delay("load_delay_s", "load", 4e-4))
+            out.append(resonance(axis))
+    elif travel > LEAST_TURN:
+        out.append(gravity(0.05 * level, 0))
+    return (*out, *terms_of_catalogue(axis, measurement, OWN))

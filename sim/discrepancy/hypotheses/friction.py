@@ -1,0 +1,130 @@
+"""Hypotheses about friction: Stribeck's, one that differs by direction, one that drifts."""
+
+from __future__ import annotations
+
+from itertools import zip_longest
+
+from sim.description.axis import Axis
+from sim.discrepancy.data.preprocessing import Measurement
+from sim.discrepancy.hypotheses.harmonics import parameter_key
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.model.effects import lopsided
+from sim.discrepancy.model.nominal import (
+    has_links,
+    stages_of,
+)
+from sim.discrepancy.model.parameters import Parameter, Values
+from sim.torsional.model import Chain, with_shaft
+
+MOST_DRIFT = 1.0  # of friction, within a record
+
+
+def friction_terms(axis: Axis, level: float, top: float, m: Measurement) -> list[Term]:
+    out = []
+    n = len(stages_of(axis)) if has_links(axis) else 0
+    at_load = n > 0
+    scale = axis.ratio if at_load else 1.0
+    motor, load = axis.motor, axis.load
+    if not (motor.coulomb_friction_n_m or load.coulomb_friction_n_m):
+        out.append(_both("coulomb_friction", "torque_n_m", "coulomb_n_m", 0.05 * level, scale, n))
+    if not (motor.viscous_friction_n_m_s_per_rad or load.viscous_friction_n_m_s_per_rad):
+        step = 0.05 * level / top
+        out.append(_both("viscous_friction", "coefficient_n_m_s_per_rad", "viscous_n_m_s", step, scale * scale, n))
+    out.append(_drift(n, float(m.time_s[-1])))
+    return out
+
+
+def _both(mechanism: str, parameter: str, field: str, step: float, scale: float, n: int) -> Term:
+    """Friction at the motor and, behind gears, at the load; reported as felt at the motor. All of it matters: a
+    description without any leaves it out."""
+    prefix = f"{mechanism}@None"
+    names = [f"{prefix}.motor"] + ([f"{prefix}.load"] if n else [])
+    sizes = [step, step * scale][: len(names)]
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        for index, name in zip((0, n), names, strict=False):
+            present = getattr(chain.shafts[index], field)
+            chain = with_shaft(chain, index, **{field: present + values[name]})
+        return chain
+
+    def report(values: Values) -> dict[str, float]:
+        return {parameter: values[names[0]] + (values[names[1]] / scale if n else 0.0)}
+
+    parameters = tuple(Parameter(name, 0.0, 0.05 * size, low=0.0) for name, size in zip(names, sizes, strict=True))
+    probes = (tuple({name: size} for name, size in zip(names, sizes, strict=True)),)
+    return Term(mechanism, None if n else "motor", parameters, probes, report, apply, size=0.0)
+
+
+def stribeck(level: float, top: float) -> Term:
+    """It falls with an exponent between 1 and 2 (Armstrong-Helouvry et al., Automatica 30 (1994) 1083)."""
+    names = ("torque_n_m", "speed_rad_s", "exponent")
+    torque, speed, exponent = (parameter_key("stribeck_friction", "motor", p) for p in names)
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        law = {"stribeck_speed_rad_s": values[speed], "stribeck_exponent": values[exponent]}
+        return with_shaft(chain, 0, stribeck_n_m=values[torque], **law)
+
+    def report(values: Values) -> dict[str, float]:
+        return {"torque_n_m": values[torque], "speed_rad_s": values[speed], "exponent": values[exponent]}
+
+    step = 0.05 * level
+    parameters = (
+        Parameter(torque, 0.0, 0.3 * step, low=0.0),
+        Parameter(speed, 0.07 * top, 0.007 * top, 0.2 * top, 0.01 * top, 0.4 * top),
+        Parameter(exponent, 1.5, 0.05, 0.5, 1.0, 2.0),
+    )
+    probes = tuple(({torque: step, speed: share * top},) for share in (0.03, 0.08, 0.2))
+    return Term(
+        "stribeck_friction", "motor", parameters, probes, report, apply, positive=True, size=0.1 * step,
+        shape=(speed, exponent),
+    )  # fmt: skip
+
+
+def friction_felt(chain: Chain, speed: float) -> float:
+    """All friction while the motor turns at `speed` [rad/s], as felt at the motor [N m]."""
+    ratio, felt = 1.0, 0.0
+    for shaft, link in zip_longest(chain.shafts, chain.links):
+        felt += (shaft.coulomb_n_m + shaft.viscous_n_m_s * speed / ratio) / ratio
+        ratio *= link.ratio if link else 1.0
+    return felt
+
+
+def asymmetry(level: float, top: float, most: float, location: str | None) -> Term:
+    """Of the motor's friction, or of motor's and load's alike.
+
+    No more than `most`, all friction that there is: none pushes. What wants that limit is no asymmetry.
+    """
+    coulomb, viscous = (parameter_key("friction_asymmetry", location, p) for p in ("coulomb", "viscous"))
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        return lopsided(chain, location, values[coulomb], values[viscous])
+
+    def report(values: Values) -> dict[str, float]:
+        return {"torque_n_m": values[coulomb], "coefficient_n_m_s_per_rad": values[viscous]}
+
+    def magnitude(values: Values) -> float:
+        if abs(values[coulomb]) > 0.99 * most:
+            return 0.0
+        return max(abs(values[coulomb] + share * top * values[viscous]) for share in (0.3, 1.0))
+
+    step = 0.03 * level
+    parameters = (Parameter(coulomb, 0.0, step, low=-most, high=most), Parameter(viscous, 0.0, step / top))
+    probes = (({viscous: step / top},), ({coulomb: step}, {viscous: step / top}))
+    return Term("friction_asymmetry", location, parameters, probes, report, apply, size=0.1 * step, magnitude=magnitude)
+
+
+def _drift(n: int, duration: float) -> Term:
+    """Friction that changes by as much as there is of it is no oil that warms up: what wants the limit is none."""
+    rate, most = parameter_key("friction_drift", None, "rate_per_s"), MOST_DRIFT / duration
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        for index in {0, n}:
+            chain = with_shaft(chain, index, drift_per_s=values[rate])
+        return chain
+
+    step = 0.1 / duration
+    return Term(
+        "friction_drift", None, (Parameter(rate, 0.0, step, low=-most, high=most),), (({rate: step},),),
+        lambda v: {"rate_per_s": v[rate]}, apply, size=0.3 * step,
+        magnitude=lambda v: v[rate] if abs(v[rate]) < 0.99 * most else 0.0,
+    )  # fmt: skip

@@ -1,0 +1,273 @@
+"""Hypotheses about meshes: backlash, errors of teeth, losses, hardening, hysteresis, damaged teeth, ripple."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from sim.description.axis import Axis
+from sim.discrepancy.data.preprocessing import Array, Measurement
+from sim.discrepancy.hypotheses.harmonics import (
+    AS_NEW_FACTOR,
+    ENCODER_ERROR,
+    amplitude,
+    cosine_and_sine,
+    cosine_and_sine_probe,
+    parameter_key,
+)
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.model.effects import rounding
+from sim.discrepancy.model.nominal import (
+    LOSS_SPLITS,
+    PARTS,
+    SHARED_SPREAD,
+    is_open,
+    link_stiffness,
+    loss_parameters,
+    ratio_after,
+    stages_of,
+    wave,
+)
+from sim.discrepancy.model.parameters import Parameter, Values
+from sim.torsional.model import Chain, Dent, with_link
+
+FEWEST_TEETH = 8.0  # of a pinion
+
+
+LOSS_SIDES = ((0.0, 0.5), (1.0, 0.0), (1.0, 0.5), (1.0, 1.0))  # tried first: a load encoder sees only what is behind
+
+
+MOTOR = "motor"
+
+
+WIDEST_GAP = 6.0  # over the working twist, where play is looked for
+
+
+OF_TEETH = 0.5  # of the torque that erring teeth make: as much at their own order may be the error of their form
+
+
+def ripple(order: float, level: float, axis: Axis, present: Chain) -> Term:
+    """Torque over the motor's angle; what teeth make as new, or err by, where it may be theirs, is none."""
+    prefix = f"torque_ripple{order:g}@motor"
+    step = 0.01 * level
+
+    def torque(m: Measurement, values: Values) -> Array:
+        return values[f"{prefix}.sine"] * np.sin(order * m.angle) + values[f"{prefix}.cosine"] * np.cos(order * m.angle)
+
+    def report(values: Values) -> dict[str, float]:
+        sine, cosine = -values[f"{prefix}.sine"], -values[f"{prefix}.cosine"]  # what is felt is what the drive balances
+        return {"torque_n_m": math.hypot(sine, cosine), "order": order, "phase_rad": math.atan2(cosine, sine)}
+
+    size = max(0.3 * step, AS_NEW_FACTOR * _torque_of_teeth(axis, order), OF_TEETH * _torque_of_errors(present, order))
+    return Term(
+        "torque_ripple",
+        "motor",
+        cosine_and_sine(prefix, step),
+        cosine_and_sine_probe(prefix, step),
+        report,
+        torque=torque,
+        size=size,
+    )
+
+
+def _torque_of_teeth(axis: Axis, order: float) -> float:
+    """What errors of the first gear pair as new may make at the motor once per `order` of its turns [N m].
+
+    Of its stiffness as large as it may be, where only the whole transmission's is known.
+    """
+    if not axis.stages:
+        return 0.0
+    first = axis.stages[0]
+    teeth = first.driver_teeth
+    theirs = order >= FEWEST_TEETH if teeth is None else order % teeth == 0
+    stiffness = link_stiffness(axis, 0) * (1.0 + 2.0 * SHARED_SPREAD if is_open(axis, 0) else 1.0)
+    return first.transmission_error_rad * stiffness / first.ratio if theirs else 0.0
+
+
+def _torque_of_errors(present: Chain, order: float) -> float:
+    """What the errors of gears so far make at the motor, the load held, once per `order` of its turns [N m]."""
+    turns = [1.0]  # of the motor per turn of each shaft
+    torque = 0.0
+    for link in present.links:
+        turns.append(turns[-1] * link.ratio)
+        same = (e.amplitude for e in link.errors if math.isclose(e.order, order * turns[e.shaft], rel_tol=1e-6))
+        torque += sum(same) * link.stiffness_n_m_per_rad / turns[-1]
+    return torque
+
+
+def link_terms(axis: Axis, k: int, level: float, load_encoder: bool) -> list[Term]:
+    """Laws of the spring need the twist: without a load encoder they look like friction at reversals."""
+    name = stages_of(axis)[k]
+    stage = axis.stages[k] if axis.stages else None
+    ratio = axis.ratio / ratio_after(axis, k)
+    stiffness = axis.stiffness()[k] or 0.0
+    twist = level * ratio / stiffness if stiffness else 1e-3
+    out = [_hardening(name, k, twist)] if load_encoder else []
+    if load_encoder:
+        out.append(_hysteresis(name, k, level * ratio, twist))
+    if stage is None:
+        return out
+    out.append(_backlash(name, k, stage.backlash_rad, twist))
+    new = max(stage.transmission_error_rad or 0.01 * twist, axis.load_encoder.error_rad / ratio_after(axis, k))
+    runout = _error("eccentricity", name, k, 1.0, twist, new)
+    out.append(_with_encoder(runout) if load_encoder and k == len(axis.stages) - 1 else runout)
+    if k == 0:
+        out.append(_error("eccentricity", MOTOR, k, 1.0, twist, stage.transmission_error_rad))
+    if stage.driven_teeth:
+        new = stage.transmission_error_rad
+        own = tuple(f"mesh.{name}.{part}_rad" for part in PARTS) if new else ()
+        out.append(_error("mesh_error", name, k, float(stage.driven_teeth), 0.3 * twist, new, own))
+    if stage.mesh_efficiency >= 1.0:
+        out.append(_loss(name, k))
+    return out
+
+
+def _backlash(name: str, k: int, new: float, twist: float) -> Term:
+    gap = parameter_key("backlash", name, "gap_rad")
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        return with_link(chain, k, gap_rad=values[gap])
+
+    widest = max(WIDEST_GAP * twist, 16.0 * new)
+    probes = tuple(({gap: float(x)},) for x in np.geomspace(max(0.05 * twist, 4.0 * new), widest, 12))
+    step = max(0.3 * new, 0.01 * twist)
+    return Term(
+        "backlash", name, (Parameter(gap, 0.0, step, low=0.0),), probes, lambda v: {"gap_rad": v[gap]}, apply,
+        positive=True, nonlinear=True, contact=True, replaces=(f"stages.{name}.backlash_rad",),
+        size=max(AS_NEW_FACTOR * new, 0.01 * twist),
+    )  # fmt: skip
+
+
+def _error(
+    mechanism: str, name: str, k: int, order: float, step: float, new: float, replaces: tuple[str, ...] = ()
+) -> Term:
+    """Once per turn, or per tooth: that with its second harmonic, as the form of teeth has one.
+
+    `replaces`: amplitudes of the same wave that the description's own model has, as new; they are set free.
+    """
+    prefix = f"{mechanism}@{name}"
+    own = () if replaces else cosine_and_sine(prefix, 0.1 * step)
+    first = tuple(Parameter(at, 0.0, 0.1 * step) for at in replaces) or own
+    second = cosine_and_sine(f"{prefix}.second", 0.1 * step) if order > 1.0 else ()
+    waves = [(pair, times) for pair, times in ((own, order), (second, 2.0 * order)) if pair]
+    shaft = 0 if name == MOTOR else k + 1
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        errors = chain.links[k].errors
+        for (sine, cosine), times in waves:
+            errors += wave(shaft, times, values[sine.name], values[cosine.name])
+        return with_link(chain, k, errors=errors)
+
+    first_said = amplitude(first, "amplitude_rad", "phase_rad")
+    second_said = amplitude(second, "second_amplitude_rad", "second_phase_rad") if second else None
+
+    def report(values: Values) -> dict[str, float]:
+        return {**first_said(values), **(second_said(values) if second_said else {})}
+
+    jump = 2.0 * AS_NEW_FACTOR * new if replaces else 0.1 * step  # out of the limits of what is as new
+    probe = (*({p.name: jump} for p in first), *({p.name: p.step} for p in second))
+    return Term(
+        mechanism, name, (*first, *second), (probe,), report, apply, replaces=replaces, size=AS_NEW_FACTOR * new,
+    )  # fmt: skip
+
+
+def _with_encoder(runout: Term) -> Term:
+    """Runout of the load's own gear, held against what is as new together with what the load encoder errs.
+
+    They add up in the twist, and no measurement of motor and load parts them.
+    """
+    pairs = tuple(zip((p.name for p in runout.parameters), ENCODER_ERROR, strict=True))
+    return replace(runout, magnitude=lambda v: math.hypot(*(v[own] - v.get(error, 0.0) for own, error in pairs)))
+
+
+def _loss(name: str, k: int) -> Term:
+    fraction = parameter_key("load_dependent_loss", name, "fraction")
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        lost = values[fraction]
+        return with_link(chain, k, efficiency=(1.0 / (1.0 + lost), 1.0 - lost))
+
+    parameters = (Parameter(fraction, 0.0, 0.005, low=0.0, high=0.6),)
+    probes = tuple(({fraction: 0.02, **dict(zip(LOSS_SPLITS, split, strict=True))},) for split in LOSS_SIDES)
+    return Term(
+        "load_dependent_loss", name, parameters, probes, lambda v: {"fraction": v[fraction]}, apply,
+        positive=True, size=0.003, brings=loss_parameters(),
+    )  # fmt: skip
+
+
+def _hardening(name: str, k: int, twist: float) -> Term:
+    cubic = parameter_key("stiffness_hardening", name, "cubic_per_rad2")
+    step = 0.05 / (2.0 * twist) ** 2
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        return with_link(chain, k, cubic_per_rad2=values[cubic])
+
+    return Term(
+        "stiffness_hardening", name, (Parameter(cubic, 0.0, step, low=0.0),), (({cubic: step},),),
+        lambda v: {"cubic_per_rad2": v[cubic]}, apply, positive=True, nonlinear=True, size=0.1 * step,
+    )  # fmt: skip
+
+
+def _hysteresis(name: str, k: int, torque: float, twist: float) -> Term:
+    level, width = (parameter_key("hysteresis", name, p) for p in ("torque_n_m", "twist_rad"))
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        return with_link(chain, k, hysteresis_n_m=values[level], hysteresis_rad=values[width])
+
+    parameters = (
+        Parameter(level, 0.0, 0.01 * torque, low=0.0),
+        Parameter(width, 0.1 * twist, 0.02 * twist, 0.3 * twist, 0.02 * twist, 2.0 * twist),
+    )
+    probes = tuple(({level: 0.03 * torque, width: share * twist},) for share in (0.05, 0.2, 0.6))
+    return Term(
+        "hysteresis", name, parameters, probes, lambda v: {"torque_n_m": v[level], "width_rad": v[width]},
+        apply, positive=True, nonlinear=True, size=0.005 * torque, shape=(width,),
+    )  # fmt: skip
+
+
+def tooth_damage(
+    name: str,
+    k: int,
+    teeth: int,
+    flank: int,
+    angle_rad: float,
+    starts: Sequence[tuple[float, float]],
+    size: float,
+    deepest: float,
+) -> Term:
+    """A dent on one flank of the driven gear of link `k`; `starts`: angles and depths worth trying.
+
+    About one pitch wide, the window in which that tooth carries, between a worn hollow and a piece broken out. A dent
+    deeper than the twist is left before its bottom: then how long contact is lost says how wide it is, how far the load
+    falls back how deep. `deepest`: a dent as deep as the working twist is never touched at its bottom.
+    """
+    numbers = ("depth_rad", "angle_rad", "width_rad", "form")
+    depth, angle, width, form = (parameter_key("tooth_damage", name, p) for p in numbers)
+    pitch = 2.0 * math.pi / teeth
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        dent = Dent(k + 1, values[angle], values[width], values[depth], flank, values[form])
+        return with_link(chain, k, dents=(*chain.links[k].dents, dent))
+
+    def report(values: Values) -> dict[str, float]:
+        return {
+            "depth_rad": values[depth],
+            "angle_rad": values[angle] % (2 * math.pi),
+            "flank": float(flank),
+            "width_rad": values[width] * rounding(values[form]),
+            "form": values[form],
+        }
+
+    parameters = (
+        Parameter(depth, 0.0, 0.003 * deepest, low=0.0, high=deepest),
+        Parameter(angle, angle_rad, 0.02 * pitch, low=angle_rad - 6 * pitch, high=angle_rad + 6 * pitch),
+        Parameter(width, 0.6 * pitch, 0.01 * pitch, 0.15 * pitch, 0.2 * pitch, 1.5 * pitch),
+        Parameter(form, 4.0, 0.1, 4.0, 1.2, 40.0),
+    )
+    probes = tuple(({angle: a, depth: d},) for a, d in starts)
+    return Term(
+        "tooth_damage", name, parameters, probes, report, apply, positive=True, nonlinear=True, contact=True, size=size
+    )

@@ -1,0 +1,176 @@
+"""Terms of mechanisms by what these say of themselves, without a line of their own in any investigation.
+
+In the machine: whatever `simulate` can have in shafts in series, as `described` tells what it changes there. In the
+measurement: what distorts the torque channel. Their numbers, ranges and places are those of the mechanism.
+"""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Collection, Iterator, Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from casebase.signals.telemetry import Telemetry
+from sim import mechanisms
+from sim.description.axis import Axis
+from sim.discrepancy.data.preprocessing import Measurement
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.model.known_mechanisms import BESIDE, Effect, carried_over, kind_of, loosens, plain_train
+from sim.discrepancy.model.parameters import Parameter, Values
+from sim.errors import SimulationError
+from sim.mechanisms.mechanism import Measurement as Distortion
+from sim.mechanisms.mechanism import Mechanics, Mechanism
+from sim.mechanisms.mechanism import Parameter as Number
+from sim.torsional.model import Array, Chain
+from sim.torsional.reduction import chain_of
+
+TORQUE = "motor_torque_nm"
+ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0)  # pole pairs, slots and their multiples
+SHARES = (1.0 / 3.0, 1.0, 3.0)  # of a usual number, where a shape may be
+QUARTERS = (0.0, 0.5 * math.pi, math.pi, -0.5 * math.pi)
+GAPS = tuple(np.geomspace(0.03, 3.0, 9))  # of a usual size, where teeth leave each other
+MOST_STARTS = 24
+STEP = 0.01  # of a usual number, for sensitivities
+INVERSIONS = 4  # of a distortion of a few percent, each to a few percent of what is left
+
+
+def terms_of_catalogue(axis: Axis, m: Measurement, apart: Collection[str]) -> list[Term]:
+    """A term for every mechanism, place and start of its shape, but for those that are looked for otherwise."""
+    kinds = [kind for name, kind in mechanisms.MECHANISMS.items() if name not in apart]
+    return [term for kind in kinds for term in _terms(kind, axis, m)]
+
+
+def _terms(kind: type[Mechanism], axis: Axis, m: Measurement) -> Iterator[Term]:
+    if issubclass(kind, Mechanics):
+        train = plain_train(axis)
+        for place in kind.locations(axis):
+            yield from _mechanics(Effect(kind, place, train, chain_of(train)))
+    elif issubclass(kind, Distortion) and kind.locations(axis):
+        yield from _distortion(kind, axis, m)
+
+
+def _mechanics(effect: Effect) -> Iterator[Term]:
+    try:
+        usual = effect.chain({p.name: p.default for p in effect.kind.parameters})
+        carried_over(effect.before, effect.before, usual)
+    except SimulationError:
+        return  # not in these shafts in series
+    contact = loosens(effect.before, usual)
+    for shape in _shapes(effect.kind):
+        numbers = _Numbers(effect.kind, effect.location, shape)
+
+        def apply(chain: Chain, values: Values, numbers: _Numbers = numbers) -> Chain:
+            return carried_over(chain, effect.before, effect.chain(numbers.report(values)))
+
+        yield replace(numbers.term(contact), apply=apply)
+
+
+def _distortion(kind: type[Distortion], axis: Axis, m: Measurement) -> Iterator[Term]:
+    """One that distorts the torque alone: what is read too much is that of the torque that would be read as it was."""
+    place = kind.locations(axis)[0]
+    told = _told(m)
+    usual = kind(place).distort(told, axis).channels
+    if not all(np.array_equal(usual[name], values) for name, values in told.channels.items() if name != TORQUE):
+        return  # of a channel that drives the model
+    for shape in _shapes(kind):
+        numbers = _Numbers(kind, place, shape)
+
+        def torque(m: Measurement, values: Values, numbers: _Numbers = numbers) -> Array:
+            return m.torque - undistorted(kind(place, numbers.report(values)), m, axis)
+
+        yield replace(numbers.term(contact=False), torque=torque)
+
+
+def undistorted(distortion: Distortion, m: Measurement, axis: Axis) -> Array:
+    """The torque [N m] that is read as it was measured, shape (n,), by fixed-point iteration."""
+    told = _told(m)
+    torque = m.torque
+    for _ in range(INVERSIONS):
+        read = distortion.distort(replace(told, channels={**told.channels, TORQUE: torque}), axis)[TORQUE]
+        torque = torque + (m.torque - read)
+    return torque
+
+
+def read_too_much(axis: Axis, m: Measurement) -> Array:
+    """What the torque channel reads too much by what is described to distort it [N m], shape (n,)."""
+    out = np.zeros(m.samples)
+    for entry in axis.mechanisms:
+        kind = kind_of(entry.name)
+        if entry.name not in BESIDE and issubclass(kind, Distortion):
+            out += m.torque - undistorted(kind(entry.location, entry.parameters), m, axis)
+    return out
+
+
+def _told(m: Measurement) -> Telemetry:
+    """Channels that a distortion may look at, as they were prepared."""
+    seen = {TORQUE: m.torque, "motor_position_rad": m.angle, "motor_speed_rad_s": m.speed}
+    if m.load_angle is not None and m.load_speed is not None:
+        seen |= {"load_position_rad": m.load_angle, "load_speed_rad_s": m.load_speed}
+    return Telemetry(m.time_s, seen)
+
+
+# --- the numbers of a mechanism as those of a fit -------------------------------------------------------------------
+
+
+def _shapes(kind: type[Mechanism]) -> list[dict[str, float]]:
+    """Where the numbers that are no size may begin: all together, or one at a time where that would be too many."""
+    starts = {p.name: _starts(p, kind) for p in kind.parameters if p.name != kind.size}
+    if math.prod(len(values) for values in starts.values()) <= MOST_STARTS:
+        return [dict(zip(starts, values, strict=True)) for values in itertools.product(*starts.values())]
+    usual = {p.name: p.default for p in kind.parameters if p.name != kind.size}
+    alone = [{**usual, name: value} for name, values in starts.items() for value in values if value != usual[name]]
+    return [usual, *alone]
+
+
+def _starts(p: Number, kind: type[Mechanism]) -> tuple[float, ...]:
+    if p.choices:
+        return p.choices
+    if p.periodic:
+        return QUARTERS
+    if kind.signature.order == p.name:
+        return tuple(order for order in ORDERS if p.low <= order <= p.high)
+    return tuple(sorted({min(max(share * p.default, p.low), p.high) for share in SHARES}))
+
+
+@dataclass(frozen=True)
+class _Numbers:
+    """Numbers of a mechanism of which the size and what has a scale are fitted; the others stay as `shape` says."""
+
+    kind: type[Mechanism]
+    location: str | None
+    shape: Mapping[str, float]
+
+    def _name(self, p: Number) -> str:
+        return f"{self.kind.name}@{self.location}.{p.name}"
+
+    def _fitted(self, p: Number) -> bool:
+        return p.periodic or not (p.choices or p.default == 0.0 or self.kind.signature.order == p.name)
+
+    def report(self, values: Values) -> dict[str, float]:
+        """All numbers, the size first."""
+        size, *others = sorted(self.kind.parameters, key=lambda p: p.name != self.kind.size)
+        fitted = {p.name: values[self._name(p)] for p in others if self._fitted(p)}
+        return {size.name: values[self._name(size)], **self.shape, **fitted}
+
+    def term(self, contact: bool) -> Term:
+        size = next(p for p in self.kind.parameters if p.name == self.kind.size)
+        usual = abs(size.default) or STEP * size.high
+        first = Parameter(self._name(size), 0.0, STEP * usual, low=size.low, high=size.high)
+        shape = tuple(self._free(p) for p in self.kind.parameters if p is not size and self._fitted(p))
+        jumps = [float(share * usual) for share in GAPS] if contact else [usual]
+        return Term(
+            self.kind.name, self.location, (first, *shape), tuple(({first.name: jump},) for jump in jumps),
+            self.report, positive=size.low >= 0.0, contact=contact,
+            nonlinear=contact or any(p.high < math.inf for p in shape),
+            shape=tuple(p.name for p in shape),
+        )  # fmt: skip
+
+    def _free(self, p: Number) -> Parameter:
+        start = self.shape[p.name]
+        if p.periodic:
+            return Parameter(self._name(p), start, 0.02)
+        usual = abs(p.default)
+        return Parameter(self._name(p), start, STEP * usual, usual, p.low, p.high, p.default)

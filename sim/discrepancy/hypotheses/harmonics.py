@@ -1,0 +1,35 @@
+"""What hypotheses of periodic effects share: a cosine and a sine, and the amplitude of both."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from sim.discrepancy.hypotheses.hypothesis import Report
+from sim.discrepancy.model.parameters import Parameter, Values
+
+ENCODER_ERROR = ("load_encoder.error_sine_rad", "load_encoder.error_cosine_rad")
+
+
+AS_NEW_FACTOR = 3.0  # more than this above as new is a finding
+
+
+def parameter_key(mechanism: str, location: str | None, parameter: str) -> str:
+    return f"{mechanism}@{location}.{parameter}"
+
+
+def cosine_and_sine(prefix: str, step: float) -> tuple[Parameter, Parameter]:
+    return Parameter(f"{prefix}.sine", 0.0, step), Parameter(f"{prefix}.cosine", 0.0, step)
+
+
+def cosine_and_sine_probe(prefix: str, step: float) -> tuple[tuple[Mapping[str, float], ...], ...]:
+    return (({f"{prefix}.sine": step}, {f"{prefix}.cosine": step}),)
+
+
+def amplitude(pair: Sequence[Parameter], name: str, phase: str) -> Report:
+    sine, cosine = (p.name for p in pair)
+
+    def report(values: Values) -> dict[str, float]:
+        return {name: math.hypot(values[sine], values[cosine]), phase: math.atan2(values[cosine], values[sine])}
+
+    return report

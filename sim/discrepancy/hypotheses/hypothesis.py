@@ -1,0 +1,62 @@
+"""What might be missing: one term is one mechanism at one place, with the numbers that a fit may choose."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.discrepancy.data.preprocessing import Measurement
+from sim.discrepancy.model.parameters import Parameter, Values
+from sim.torsional.model import Chain
+
+Array = NDArray[np.float64]
+Apply = Callable[[Chain, Values], Chain]
+AddTorque = Callable[[Measurement, Values], Array]
+Respond = Callable[[NDArray[np.complex128], Values], NDArray[np.complex128]]
+Report = Callable[[Values], Mapping[str, float]]
+
+
+def unchanged(chain: Chain, values: Values) -> Chain:
+    return chain
+
+
+@dataclass(frozen=True)
+class Term:
+    """`apply` changes the chain; `torque` and `load_torque` are what to add outside of it at motor and load [N m].
+
+    `response`: what the latter takes per angle and inertia of the load [1/s^2] at places on the imaginary axis [rad/s],
+    where it hangs on the load's motion as measured, noise and all.
+
+    `named` is False for structure that competes with the mechanisms and has no name of its own.
+
+    `probes`: starts worth trying; each is a group of columns, a column being the values to jump to. `report` turns
+    the fitted numbers into the parameters of the mechanism; `positive`: the first number cannot be below 0;
+    `nonlinear`: the rest of the model moves far when it comes in; `contact`: teeth leave each other by it, and no
+    linear picture reaches beyond a probe.
+    """
+
+    mechanism: str
+    location: str | None
+    parameters: tuple[Parameter, ...]
+    probes: tuple[tuple[Mapping[str, float], ...], ...]
+    report: Report
+    apply: Apply = unchanged
+    torque: AddTorque | None = None
+    load_torque: AddTorque | None = None
+    response: Respond | None = None
+    named: bool = True
+    positive: bool = False
+    nonlinear: bool = False
+    contact: bool = False
+    replaces: tuple[str, ...] = ()
+    brings: tuple[Parameter, ...] = ()  # what the description would have if it had the like; several share them
+    shape: tuple[str, ...] = ()  # parameters that say where it acts and not how much
+    size: float = 0.0  # below this it does not matter in practice
+    magnitude: Callable[[Values], float] | None = None  # what is held against `size`; default the first number reported
+
+    @property
+    def key(self) -> str:
+        return f"{self.mechanism}@{self.location}"

@@ -1,0 +1,72 @@
+"""Hypotheses about sensors and their wires: offset, delay, hum, errors of an encoder."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from sim.description.axis import Axis
+from sim.discrepancy.data.preprocessing import Array, Measurement
+from sim.discrepancy.hypotheses.harmonics import (
+    AS_NEW_FACTOR,
+    ENCODER_ERROR,
+    amplitude,
+    cosine_and_sine,
+    cosine_and_sine_probe,
+)
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.model.parameters import Parameter, Values
+
+HUM_HZ = (50.0, 60.0, 100.0, 120.0)
+
+
+HUM_SHARE = 0.003  # of the torque: less hum does not matter
+
+
+def offset(level: float) -> Term:
+    name, step = "offset_n_m", 0.01 * level
+    return Term(
+        "torque_offset", "motor", (Parameter(name, 0.0, step),), (({name: step},),), lambda v: {"torque_n_m": v[name]},
+        replaces=(name,), size=0.5 * step,
+    )  # fmt: skip
+
+
+def delay(name: str, location: str, size: float) -> Term:
+    parameters = (Parameter(name, 0.0, 0.2 * size, low=-0.02, high=0.02),)
+    return Term(
+        "time_delay", location, parameters, (({name: size},), ({name: -size},)), lambda v: {"delay_s": v[name]},
+        replaces=(name,), size=size,
+    )  # fmt: skip
+
+
+def hum(frequency: float, level: float) -> Term:
+    """Hum of the mains in the torque channel at a frequency [Hz]; `level`: rms of the torque [N m], for its step."""
+    prefix = f"electrical_hum{frequency:g}@motor"
+    step = 0.01 * level
+
+    def torque(m: Measurement, values: Values) -> Array:
+        turn = 2.0 * np.pi * frequency * m.time_s
+        return values[f"{prefix}.sine"] * np.sin(turn) + values[f"{prefix}.cosine"] * np.cos(turn)
+
+    def report(values: Values) -> dict[str, float]:
+        sine, cosine = values[f"{prefix}.sine"], values[f"{prefix}.cosine"]
+        return {
+            "torque_n_m": math.hypot(sine, cosine),
+            "frequency_hz": frequency,
+            "phase_rad": math.atan2(cosine, sine),
+        }
+
+    return Term(
+        "electrical_hum", "motor", cosine_and_sine(prefix, step), cosine_and_sine_probe(prefix, step), report, torque=torque,
+        size=HUM_SHARE * level,
+    )  # fmt: skip
+
+
+def encoder_error(axis: Axis) -> Term:
+    names = ENCODER_ERROR
+    step = max(axis.load_encoder.error_rad, 1e-5)
+    parameters = tuple(Parameter(name, 0.0, step) for name in names)
+    probes = (tuple({name: 2.0 * AS_NEW_FACTOR * step} for name in names),)
+    report = amplitude(parameters, "amplitude_rad", "phase_rad")
+    return Term("encoder_error", "load", parameters, probes, report, replaces=names, size=AS_NEW_FACTOR * step)

@@ -1,0 +1,168 @@
+"""What a mechanism changes in the chain of an axis, as `simulate` has it: the difference it makes to its drive train.
+
+The chain of a train with a mechanism differs from that without it in some numbers, lines or dents; by as much a chain
+with other numbers is changed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, TypeVar
+
+from sim import mechanisms
+from sim.description.axis import Axis, Load
+from sim.discrepancy.model.effects import rounding
+from sim.errors import SimulationError
+from sim.mechanisms.mechanism import Mechanics, Mechanism
+from sim.rotational.drive_train import DriveTrain
+from sim.torsional.model import Chain, Dent, Line, Link, Shaft
+from sim.torsional.reduction import chain_of
+
+Part = TypeVar("Part", Shaft, Link)
+BESIDE = (  # of what a description has: in the load's own motion, in numbers of the measurement, or seen by the gate
+    "structural_resonance", "electrical_hum", "time_delay", "encoder_error", "clipping", "lost_samples",
+)  # fmt: skip
+WHOLE = ("gap_rad",)  # what is as new is within it
+
+
+@dataclass(frozen=True)
+class Described:
+    """What the mechanisms that a description already has change in the chain, as `simulate` has them.
+
+    `contact`: teeth leave each other by one of them.
+    """
+
+    changes: tuple[tuple[Chain, Chain], ...] = ()
+
+    @staticmethod
+    def by(axis: Axis) -> Described:
+        """Raises SimulationError for one that cannot be had in shafts in series."""
+        entries = [e for e in axis.mechanisms if e.name not in BESIDE and issubclass(kind_of(e.name), Mechanics)]
+        if not entries:
+            return Described()
+        train = plain_train(axis)
+        before = chain_of(train)
+        effects = (Effect(kind_of(e.name), e.location, train, before) for e in entries)  # type: ignore[arg-type]
+        return Described(
+            tuple((before, effect.chain(e.parameters)) for e, effect in zip(entries, effects, strict=True))
+        )
+
+    @property
+    def contact(self) -> bool:
+        return any(loosens(before, after) for before, after in self.changes)
+
+    def apply(self, chain: Chain) -> Chain:
+        for before, after in self.changes:
+            chain = carried_over(chain, before, after)
+        return chain
+
+
+def in_chain(axis: Axis) -> Axis:
+    """The description without what it adds beside the chain and the numbers of the measurement: a part of the load that
+    swings, and distortions of the torque channel, which a simulation of the chain alone does not have."""
+    kept = (
+        e
+        for e in axis.mechanisms
+        if e.name != "structural_resonance" and (e.name in BESIDE or issubclass(kind_of(e.name), Mechanics))
+    )
+    return replace(axis, mechanisms=tuple(kept))
+
+
+def kind_of(name: str) -> type[Mechanism]:
+    return mechanisms.MECHANISMS[name]
+
+
+def plain_train(axis: Axis) -> DriveTrain:
+    """The drive train of an axis without its mechanisms; of one that moves as one body with one friction."""
+    axis = replace(axis, mechanisms=())
+    if not axis.stages and axis.stiffness()[0] is None:
+        motor, load = axis.motor, axis.load
+        both = replace(
+            motor,
+            coulomb_friction_n_m=motor.coulomb_friction_n_m + load.coulomb_friction_n_m,
+            viscous_friction_n_m_s_per_rad=motor.viscous_friction_n_m_s_per_rad + load.viscous_friction_n_m_s_per_rad,
+        )
+        axis = replace(axis, motor=both, load=Load(load.inertia_kg_m2))
+    return DriveTrain.from_axis(axis)
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One mechanism at one place of a plain train, whose chain is `before`."""
+
+    kind: type[Mechanics]
+    location: str | None
+    train: DriveTrain
+    before: Chain
+
+    def chain(self, numbers: Mapping[str, float]) -> Chain:
+        """The chain with it. Raises SimulationError where it cannot be had in shafts in series."""
+        return chain_of(self.kind(self.location, numbers).apply(self.train))
+
+
+def loosens(before: Chain, after: Chain) -> bool:
+    """Whether teeth leave each other by what has changed."""
+    pairs = zip(before.links, after.links, strict=True)
+    return any((was.gap_rad, was.dents) != (now.gap_rad, now.dents) for was, now in pairs)
+
+
+def carried_over(chain: Chain, before: Chain, after: Chain) -> Chain:
+    """`chain` changed by what `after` has beyond `before`: numbers by their differences, lines and dents by new ones.
+
+    Raises
+    ------
+    SimulationError
+        where they are not the same shafts in series.
+    """
+    if not len(chain.shafts) == len(before.shafts) == len(after.shafts):
+        raise SimulationError("a mechanism that adds a shaft has no place in the chain of this axis")
+    ends = zip(_both_ways(chain).shafts, before.shafts, after.shafts, strict=True)
+    shafts = tuple(_one_way(_moved(*parts)) for parts in ends)
+    links = tuple(_moved(*parts) for parts in zip(chain.links, before.links, after.links, strict=True))
+    return Chain(shafts, links)
+
+
+def _moved(part: Part, before: Part, after: Part) -> Part:
+    """One shaft or link of the three."""
+    changes = {
+        field.name: getattr(after, field.name)
+        if field.name in WHOLE
+        else _plus(getattr(part, field.name), getattr(before, field.name), getattr(after, field.name))
+        for field in fields(part)
+        if getattr(before, field.name) != getattr(after, field.name)
+    }
+    return replace(part, **changes)
+
+
+def _plus(own: Any, was: Any, now: Any) -> Any:
+    """A number, a pair of numbers, or lines and dents, of which `now` has more than `was`."""
+    if not isinstance(own, tuple):
+        return own + (now - was)
+    if own and isinstance(own[0], float):
+        return tuple(x + (b - a) for x, a, b in zip(own, was, now, strict=True))
+    return (*own, *(_seen(x) for x in now if x not in was))
+
+
+def _seen(new: Line | Dent) -> Line | Dent:
+    """A dent as wide at half depth as the simulator's, in the form that the observer's dents have."""
+    return replace(new, half_width_rad=new.half_width_rad / rounding(new.form)) if isinstance(new, Dent) else new
+
+
+def _both_ways(chain: Chain) -> Chain:
+    """The chain with friction backward said as well."""
+    shafts = (
+        replace(
+            s,
+            coulomb_backward_n_m=s.coulomb_n_m if s.coulomb_backward_n_m is None else s.coulomb_backward_n_m,
+            viscous_backward_n_m_s=s.viscous_n_m_s if s.viscous_backward_n_m_s is None else s.viscous_backward_n_m_s,
+        )
+        for s in chain.shafts
+    )
+    return replace(chain, shafts=tuple(shafts))
+
+
+def _one_way(shaft: Shaft) -> Shaft:
+    """The shaft without what it says twice."""
+    same = (shaft.coulomb_backward_n_m, shaft.viscous_backward_n_m_s) == (shaft.coulomb_n_m, shaft.viscous_n_m_s)
+    return replace(shaft, coulomb_backward_n_m=None, viscous_backward_n_m_s=None) if same else shaft

@@ -1,0 +1,291 @@
+"""From a description and numbers to a chain: what is known, what is off by a little, what might be missing."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+from sim.description.axis import Axis
+from sim.discrepancy.model.observer import NO_STRETCH_RAD, Nuisance
+from sim.discrepancy.model.parameters import Parameter, Values
+from sim.torsional.model import Chain, Line, Link, Shaft
+
+UNKNOWN_STIFFNESS_HZ = 80.0
+PARTS = ("sine", "cosine")
+STATED_SPREAD = 0.03  # of what a data sheet states: inertias of motor and gears, stiffness of a stage, friction
+LOSS_SPREAD = 0.09  # of a mesh's losses, which it states as what is left of all
+PAYLOAD_SPREAD = 0.3  # of the load's inertia
+DAMPING_SPREAD = 0.4  # of a stage's damping
+SHARED_SPREAD = 0.4  # of a stage's stiffness, where it is what the others leave of the whole transmission's
+MOTOR_STRETCH_RAD, LOAD_STRETCH_RAD = 2e-3, 3e-5  # contacts give way by micrometres, of millimetres and decimetres
+DRIVING, DRIVEN = "loss_split.driving", "loss_split.driven"
+# of mesh losses behind the spring; and of that, also while the load drives: no law bears losses at the sending end
+LOSS_SPLITS = {DRIVING: 1.0, DRIVEN: 0.5}
+LOSS_WIDTH, LOSS_TURNS = "log_loss_width", 2e-3  # of the largest speed, over which losses turn their sign
+MOTOR_STRETCH, MOTOR_RELEASE = "log_stretch_rad.motor", "log_release.motor"
+START = ("start_rad", "start_rad_s")  # of the load over the motor, when the record begins
+NONE = math.log(NO_STRETCH_RAD)
+SLOW = -5.0  # a contact lets go within a second, and not while it moves
+RUNOUT_OVER_MESH = 2.0  # of a gear as new: error once per turn over that per tooth
+TWICE = 0.25  # of what a load encoder errs by at most: its error twice per turn
+
+
+def _stated(name: str, value: float) -> Parameter:
+    return replace(_share(name, value, STATED_SPREAD), stated=True)
+
+
+def _share(name: str, value: float, spread: float) -> Parameter:
+    return Parameter(name, value, 0.01 * value, spread * value, 0.4 * value, 2.5 * value)
+
+
+def _log(name: str, value: float, spread: float) -> Parameter:
+    return Parameter(name, value, 0.1, spread, value - 2.5 * spread, value + 2.5 * spread)
+
+
+def _at_rest(where: str, stretch_rad: float) -> list[Parameter]:
+    """How far a contact gives way before it slides, and at which speed it lets go of what it holds then."""
+    return [
+        _log(f"log_stretch_rad.{where}", math.log(stretch_rad), 1.5),
+        _log(f"log_release.{where}", SLOW, 3.0),
+    ]
+
+
+def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: bool = False) -> tuple[Parameter, ...]:
+    """What a description already has, with the spread of a data sheet, and what belongs to every measurement.
+
+    `rests`: rows at rest count, where the load is not seen also at the load.
+    """
+    out = [_stated("motor.inertia_kg_m2", axis.motor.inertia_kg_m2)]
+    if axis.motor.coulomb_friction_n_m:
+        out.append(_stated("motor.coulomb_friction_n_m", axis.motor.coulomb_friction_n_m))
+    if axis.motor.viscous_friction_n_m_s_per_rad:
+        out.append(_stated("motor.viscous_friction_n_m_s_per_rad", axis.motor.viscous_friction_n_m_s_per_rad))
+    if rests:
+        out += _at_rest("motor", MOTOR_STRETCH_RAD)
+        out += [] if load_encoder else _at_rest("load", LOAD_STRETCH_RAD)
+    if has_links(axis):
+        out += _link_parameters(axis)
+        out += _load_parameters(axis, load_encoder, level_n_m, rests)
+    out.append(Parameter("offset_n_m", 0.0, 0.002 * level_n_m, 0.002 * level_n_m))
+    late_s = _described(axis, "time_delay", "motor", "delay_s")
+    out.append(Parameter("torque_delay_s", late_s, 1e-4, 2e-4, -0.02, 0.02))
+    for name, _, waves in hums(axis):  # as large as it is described, whatever its phase in this record
+        spread = math.hypot(*waves)
+        out += [
+            Parameter(f"{name}.{part}", wave, 0.01 * spread, spread) for part, wave in zip(PARTS, waves, strict=True)
+        ]
+    return tuple(out)
+
+
+def _described(axis: Axis, mechanism: str, location: str, number: str) -> float:
+    """Sum of a number over what the description already has of a mechanism, 0 where it has none."""
+    there = (e for e in axis.mechanisms if (e.name, e.location or location) == (mechanism, location))
+    return sum(entry.parameters[number] for entry in there)
+
+
+def hums(axis: Axis) -> list[tuple[str, float, tuple[float, float]]]:
+    """Name, frequency [Hz], and sine and cosine amplitude [N m] of every hum that is described."""
+    described = [entry.parameters for entry in axis.mechanisms if entry.name == "electrical_hum"]
+    return [(f"hum.{k}", p["frequency_hz"], _parts(p, "torque_n_m")) for k, p in enumerate(described)]
+
+
+def _parts(numbers: Values, amplitude: str) -> tuple[float, float]:
+    """Sine and cosine amplitude of amplitude * sin(x + phase)."""
+    phase = numbers.get("phase_rad", 0.0)
+    return numbers[amplitude] * math.cos(phase), numbers[amplitude] * math.sin(phase)
+
+
+def _link_parameters(axis: Axis) -> list[Parameter]:
+    out = []
+    stiffness = axis.stiffness()
+    for k, stage in enumerate(stages_of(axis)):
+        where = f"stages.{stage}"
+        name, value = f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k)
+        if not stiffness[k]:
+            out.append(_share(name, value, 1.0))
+        elif is_open(axis, k):
+            out.append(_share(name, value, SHARED_SPREAD))
+        else:
+            out.append(_stated(name, value))
+        damp = link_damping(axis, k)
+        name, spread = f"{where}.damping_n_m_s_per_rad", DAMPING_SPREAD * damp
+        out.append(Parameter(name, damp, 0.1 * damp, spread, 0.02 * damp, 30 * damp))
+        if not axis.stages:
+            continue
+        entry = axis.stages[k]
+        if k + 1 < len(axis.stages):
+            out.append(_stated(f"{where}.inertia_kg_m2", entry.inertia_kg_m2))
+        if entry.mesh_efficiency < 1.0:
+            spread = LOSS_SPREAD * (1.0 - entry.mesh_efficiency)
+            out.append(Parameter(f"{where}.mesh_efficiency", entry.mesh_efficiency, 0.002, spread, 0.3, 1.0))
+        if entry.backlash_rad:
+            new = entry.backlash_rad
+            out.append(Parameter(f"{where}.backlash_rad", 0.5 * new, 0.1 * new, 0.5 * new, 0.0, 1.5 * new))
+        if entry.driven_teeth and entry.transmission_error_rad:
+            new = entry.transmission_error_rad
+            out += [Parameter(f"mesh.{stage}.{part}_rad", 0.0, 0.3 * new, new, -3 * new, 3 * new) for part in PARTS]
+    if any(entry.mesh_efficiency < 1.0 for entry in axis.stages):
+        out += loss_parameters()
+    return out
+
+
+def loss_parameters() -> tuple[Parameter, ...]:
+    """On which side of a mesh its losses are, and over which speed they turn."""
+    splits = (Parameter(name, share, 0.1, 0.5, 0.0, 1.0) for name, share in LOSS_SPLITS.items())
+    return (*splits, _log(LOSS_WIDTH, math.log(LOSS_TURNS), 1.0))
+
+
+def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: bool) -> list[Parameter]:
+    out = [_share("load.inertia_kg_m2", axis.load.inertia_kg_m2, PAYLOAD_SPREAD)]
+    if axis.load.coulomb_friction_n_m:
+        out.append(_stated("load.coulomb_friction_n_m", axis.load.coulomb_friction_n_m))
+        if load_encoder or not rests:
+            out.append(Parameter("friction_width.load", 1.5e-3, 3e-4, 1.5e-3, 2e-4, 2e-2))
+    if axis.load.viscous_friction_n_m_s_per_rad:
+        out.append(_stated("load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad))
+    if load_encoder:
+        out.append(Parameter("load_offset_rad", 0.0, 0.02 * compliance(axis), math.inf))
+        out.append(
+            Parameter("load_delay_s", _described(axis, "time_delay", "load", "delay_s"), 1e-6, 5e-5, -0.02, 0.02)
+        )
+        known = [_parts(e.parameters, "amplitude_rad") for e in axis.mechanisms if e.name == "encoder_error"]
+        errs = [sum(wave) for wave in zip((0.0, 0.0), *known, strict=True)]
+        new = axis.load_encoder.error_rad or 0.1 * math.hypot(*errs)
+        if new:  # what it has at most, and the runout of the last gear, which looks the same
+            mesh = axis.stages[-1].transmission_error_rad if axis.stages else 0.0
+            spread = math.hypot(0.5 * new, RUNOUT_OVER_MESH * mesh)
+            for part, err in zip(PARTS, errs, strict=True):
+                name, far = f"load_encoder.error_{part}_rad", 3.0 * new
+                out.append(Parameter(name, err, 0.3 * new, spread, err - far, err + far))
+            for part in PARTS:  # a tilted or oval scale
+                out.append(Parameter(f"load_encoder.twice_{part}_rad", 0.0, 0.1 * new, TWICE * new, -new, new))
+    else:  # it may swing when the record begins
+        twist = level_n_m * axis.ratio * compliance(axis)
+        rate = 2.0 * math.pi * locked_mode_hz(axis) * twist
+        out += [Parameter(name, 0.0, 0.03 * size, 2.0 * size) for name, size in zip(START, (twist, rate), strict=True)]
+    return out
+
+
+def has_links(axis: Axis) -> bool:
+    """False for an axis that moves as one body."""
+    return bool(axis.stages) or axis.stiffness()[0] is not None
+
+
+def stages_of(axis: Axis) -> tuple[str, ...]:
+    """Names of the elastic links; a direct drive with a coupling has one, called `load`."""
+    return tuple(stage.name for stage in axis.stages) or ("load",)
+
+
+def ratio_after(axis: Axis, k: int) -> float:
+    """Speed of the driven gear of link `k` over the load's."""
+    return axis.ratio_from(axis.stages[k].name) if axis.stages else 1.0
+
+
+def is_open(axis: Axis, k: int) -> bool:
+    """Whether the stiffness of stage `k` is what the others leave of the whole transmission's."""
+    return len(axis.stages) > 1 and axis.stages[k].stiffness_n_m_per_rad is None
+
+
+def link_stiffness(axis: Axis, k: int) -> float:
+    """Described stiffness at the driven gear [N m/rad]; where none is given, that of a mode at 80 Hz."""
+    known = axis.stiffness()[k]
+    if known:
+        return known
+    inertia = axis.load.inertia_kg_m2
+    if axis.stages and k + 1 < len(axis.stages):
+        inertia = axis.stages[k].inertia_kg_m2
+    return inertia * (2 * math.pi * UNKNOWN_STIFFNESS_HZ) ** 2
+
+
+def compliance(axis: Axis) -> float:
+    """Twist of the whole transmission per torque, at the load [rad/(N m)]."""
+    return sum(1.0 / (link_stiffness(axis, k) * ratio_after(axis, k) ** 2) for k in range(len(stages_of(axis))))
+
+
+def locked_mode_hz(axis: Axis) -> float:
+    """Natural frequency of the load while the motor stands [Hz]."""
+    return 1.0 / (2.0 * math.pi * math.sqrt(compliance(axis) * max(axis.load.inertia_kg_m2, 1e-12)))
+
+
+def link_damping(axis: Axis, k: int) -> float:
+    """Described damping at the driven gear [N m s/rad], else 2 % of critical against the load."""
+    known = axis.damping()[k]
+    return known or 0.04 * math.sqrt(link_stiffness(axis, k) * max(axis.load.inertia_kg_m2, 1e-9)) / ratio_after(
+        axis, k
+    )
+
+
+def chain_of(axis: Axis, values: Values) -> Chain:
+    """The chain of a description with some of its numbers replaced by `values`; effects come on top."""
+    get = values.get
+    motor = Shaft(
+        get("motor.inertia_kg_m2", axis.motor.inertia_kg_m2),
+        get("motor.coulomb_friction_n_m", axis.motor.coulomb_friction_n_m),
+        get("motor.viscous_friction_n_m_s_per_rad", axis.motor.viscous_friction_n_m_s_per_rad),
+        offset_n_m=-get("offset_n_m", 0.0),
+    )
+    load = (
+        Shaft(
+            get("load.inertia_kg_m2", axis.load.inertia_kg_m2)
+            + (axis.stages[-1].inertia_kg_m2 if axis.stages else 0.0),
+            get("load.coulomb_friction_n_m", axis.load.coulomb_friction_n_m),
+            get("load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad),
+        )
+        if axis.load.inertia_kg_m2 or has_links(axis)
+        else None
+    )
+    if not has_links(axis):
+        if load is not None:
+            motor = replace(
+                motor,
+                inertia_kg_m2=motor.inertia_kg_m2 + load.inertia_kg_m2,
+                coulomb_n_m=motor.coulomb_n_m + load.coulomb_n_m,
+                viscous_n_m_s=motor.viscous_n_m_s + load.viscous_n_m_s,
+            )
+        return Chain((motor,))
+    assert load is not None
+    middle = tuple(Shaft(get(f"stages.{stage.name}.inertia_kg_m2", stage.inertia_kg_m2)) for stage in axis.stages[:-1])
+    links = tuple(_link(axis, k, values) for k in range(len(stages_of(axis))))
+    return Chain((motor, *middle, load), links)
+
+
+def _link(axis: Axis, k: int, values: Values) -> Link:
+    where = f"stages.{stages_of(axis)[k]}"
+    stage = axis.stages[k] if axis.stages else None
+    efficiency = values.get(f"{where}.mesh_efficiency", stage.mesh_efficiency if stage else 1.0)
+    errors: tuple[Line, ...] = ()
+    if stage and stage.driven_teeth:
+        mesh = (values.get(f"mesh.{stage.name}.{part}_rad", 0.0) for part in PARTS)
+        errors = wave(k + 1, float(stage.driven_teeth), *mesh)
+    return Link(
+        stage.ratio if stage else 1.0,
+        values.get(f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k)),
+        values.get(f"{where}.damping_n_m_s_per_rad", link_damping(axis, k)),
+        gap_rad=values.get(f"{where}.backlash_rad", 0.0),
+        efficiency=(efficiency, efficiency),
+        errors=errors,
+    )
+
+
+def wave(shaft: int, order: float, sine: float, cosine: float) -> tuple[Line, ...]:
+    """sine * sin(order theta) + cosine * cos(order theta) as one line; none when both are 0."""
+    if sine == 0.0 and cosine == 0.0:
+        return ()
+    return (Line(shaft, order, math.hypot(sine, cosine), math.atan2(cosine, sine)),)
+
+
+def nuisance_of(values: Values) -> Nuisance:
+    """The measurement's own numbers among `values`."""
+    get = values.get
+    width = get("friction_width.load", 1.5e-3)
+    return Nuisance(
+        get("torque_delay_s", 0.0),
+        get("load_delay_s", 0.0),
+        tuple(get(f"load_encoder.{order}_{part}_rad", 0.0) for order in ("error", "twice") for part in PARTS),
+        get("load_offset_rad", 0.0),
+        (get(DRIVING, 1.0), get(DRIVING, 1.0) * get(DRIVEN, 0.5)),
+        (1e-3 * math.exp(get(MOTOR_RELEASE, 0.0)), width * math.exp(get("log_release.load", 0.0))),
+        math.exp(get(LOSS_WIDTH, math.log(LOSS_TURNS))),
+        (math.exp(get(MOTOR_STRETCH, NONE)), math.exp(get("log_stretch_rad.load", NONE))),
+        (get(START[0], 0.0), get(START[1], 0.0)),
+    )

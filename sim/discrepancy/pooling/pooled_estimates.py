@@ -1,0 +1,199 @@
+"""Numbers of several recordings of an axis, by models that have the same mechanisms in all of them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from casebase.signals.recording import Recording
+from casebase.signals.telemetry import Telemetry
+from sim.description.axis import Axis
+from sim.discrepancy.assessment.cross_validation_gain import gains
+from sim.discrepancy.assessment.intervals import (
+    DENT_SHARE,
+    FORM_SHARE,
+    NINETY,
+    NO_SIZE,
+    estimates,
+    inflation,
+    term_estimates,
+)
+from sim.discrepancy.assessment.residual_structure import look
+from sim.discrepancy.assessment.verdict import left
+from sim.discrepancy.estimation.estimate import Fit
+from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.estimation.refit import BENT, all_rows, polish
+from sim.discrepancy.extended_axis import SIMPLE, extended_by
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.nonparametric import AS_NEW
+from sim.discrepancy.pooling.log_odds import Known, Name, Saying, pooled
+from sim.discrepancy.pooling.recording_evidence import OWN, found_at, instead, said_by, term_name
+from sim.discrepancy.results import Estimate, Finding, Gain, Investigation, Unexplained
+
+OF_THE_AXIS = ("motor.", "load.", "stages.", "mesh.", "loss_split.")
+ANGLES = ("angle_rad", "phase_rad", "second_phase_rad")
+
+
+@dataclass(frozen=True)
+class Taken:
+    """One recording of the axis, and what it is called; `sound` starts with the telemetry."""
+
+    name: str
+    telemetry: Telemetry
+    sound: Recording | None = None
+    sound_name: str | None = None
+
+
+@dataclass(frozen=True)
+class Part:
+    """A recording and what it says by itself; `problem` and `fit` under the mechanisms that all of them share."""
+
+    taken: Taken
+    result: Investigation
+    problem: Problem
+    fit: Fit
+    unexplained: Unexplained | None
+    gain: tuple[Gain, ...]
+
+
+def under_one_model(
+    taken: Taken, result: Investigation, results: Sequence[Investigation], said: Sequence[Name]
+) -> Part:
+    """A recording under the mechanisms `said` and what it has of its own; refitted where it had others.
+
+    What has no name takes a share of friction's torque: it stays where all recordings have it, else in none.
+    """
+    selection, weighed = result.selection, result.weighed
+    assert selection is not None  # of telemetry
+    assert weighed is not None
+    values = weighed.fit.values
+    present = {term_name(t, values): t for t in weighed.fit.terms if t.named}
+    wrong = {n for n, t in present.items() if t in weighed.found and n not in said}
+    tried = instead(result, wrong)
+    wanted = [name for name in said if name not in present and (name.mechanism not in OWN or name in tried)]
+    lacking = [found for name in wanted if (found := found_at(results, name))]
+    common = set.intersection(*({_curve(t) for t in r.weighed.fit.terms} for r in results if r.weighed))
+    kept = [
+        t
+        for t in weighed.fit.terms
+        if (t.named or t.mechanism == AS_NEW or _curve(t) in common) and term_name(t, values) not in wrong
+    ]
+    if not lacking and len(kept) == len(weighed.fit.terms):
+        return Part(taken, result, selection.problem, selection.fit, result.unexplained, result.gain)
+    start = {**values, **{p.name: fit.values[p.name] for term, fit in lacking for p in term.parameters}}
+    problem, fit = weighed.problem, weighed.fit
+    if any(term.contact for term, _ in lacking) and not problem.measurement.told.all():
+        problem, fit = all_rows(problem, fit)
+    anew = problem.best((*kept, *(term for term, _ in lacking)), [(start, fit.sensitivities)])
+    if anew is None:
+        return Part(taken, result, selection.problem, selection.fit, result.unexplained, result.gain)
+    base = problem.fit((), weighed.base.values, held=weighed.base.sensitivities if problem is weighed.problem else {})
+    rest = left(look(problem, anew), anew) if lacking else [result.unexplained] if result.unexplained else []
+    _, base = polish(problem, base)
+    problem, fit = polish(problem, anew)
+    terms = tuple(t for t in fit.terms if t.named and term_name(t, fit.values) in said)
+    return Part(taken, result, problem, fit, rest[0] if rest else None, gains(problem, base, fit, terms))
+
+
+def _curve(term: Term) -> tuple[str, ...]:
+    """What a term without a name is told by: its place, and its numbers, as curves of several orders lie in one."""
+    return term.key, *(p.name for p in term.parameters)
+
+
+def from_the_least_bent(parts: Sequence[Part]) -> list[Part]:
+    """Fits that start once more from the numbers of the recording that bends the description least, where those are
+    better: with gears the way to the least squares is rough, and one recording may be caught where another is not."""
+    least = min(parts, key=lambda part: part.fit.strain)
+    theirs = {p.name for t in least.fit.terms if t.mechanism not in OWN for p in t.parameters}
+    axis = {name: value for name, value in least.fit.values.items() if name.startswith(OF_THE_AXIS) or name in theirs}
+    return [part if part is least or not part.fit.strain > BENT else _restarted(part, axis) for part in parts]
+
+
+def _restarted(part: Part, numbers: Mapping[str, float]) -> Part:
+    """The same mechanisms, fitted from `numbers` of the axis and what is the recording's own."""
+    anew = part.problem.best(part.fit.terms, [({**part.fit.values, **numbers}, {})])
+    return replace(part, fit=anew) if anew and anew.cost < part.fit.cost else part
+
+
+def sizes(parts: Sequence[Part], name: Name, sayings: Sequence[Saying]) -> dict[str, tuple[Estimate, ...]]:
+    """Numbers of a mechanism by recording, of those that show it or take it gladly."""
+    out = {}
+    for part, saying in zip(parts, sayings, strict=True):
+        terms = [t for t in part.fit.terms if t.named and term_name(t, part.fit.values) == name]
+        finding = said_by(part.result, name)
+        if terms and (finding is not None or saying.exists > 0.0):
+            duration = float(part.problem.measurement.time_s[-1])
+            out[part.taken.name] = term_estimates(part.fit, terms[0], duration)
+        elif finding is not None:
+            out[part.taken.name] = finding.parameters
+    return out
+
+
+def pooled_sizes(name: Name, by_recording: Mapping[str, Sequence[Estimate]]) -> tuple[Estimate, ...]:
+    """Of each number one; what the form of a law leaves open, all recordings share, and it does not average out."""
+    if len(by_recording) == 1:
+        return tuple(next(iter(by_recording.values())))
+    names = dict.fromkeys(e.name for numbers in by_recording.values() for e in numbers)
+    share = DENT_SHARE if name.mechanism == "tooth_damage" else FORM_SHARE
+    return tuple(
+        pooled_estimate([e for numbers in by_recording.values() for e in numbers if e.name == one],
+                        share=0.0 if one in NO_SIZE else share)
+        for one in names
+    )  # fmt: skip
+
+
+def pooled_estimate(same: Sequence[Estimate], priors: Sequence[float] = (), share: float = 0.0) -> Estimate:
+    """One number of the same in several recordings; `priors`: its deviation as known before each of them.
+
+    `share` of the value is the least half-width of the interval. One alone stays as it is.
+    """
+    first = same[0]
+    if len(same) == 1:
+        return first
+    before = priors or [math.inf] * len(same)
+    known = [Known(e.value, (e.high - e.low) / (2.0 * NINETY), b) for e, b in zip(same, before, strict=True)]
+    one = pooled(known, 2.0 * math.pi if first.name in ANGLES else 0.0)
+    half = max(NINETY * one.sd, share * abs(one.value))
+    return replace(first, value=one.value, low=one.value - half, high=one.value + half)
+
+
+def calibrated(parts: Sequence[Part]) -> tuple[Estimate, ...]:
+    """What the description has, by all recordings; the data sheet counts once."""
+    by_name: dict[str, list[tuple[Estimate, float]]] = {}
+    for part in parts:
+        before = {p.name: inflation(part.fit) * p.spread for p in part.fit.parameters}
+        for e in estimates(part.problem, part.fit):
+            by_name.setdefault(e.name, []).append((e, before[e.name]))
+    return tuple(pooled_estimate([e for e, _ in same], [sd for _, sd in same]) for same in by_name.values())
+
+
+def extension(
+    axis: Axis,
+    parts: Sequence[Part],
+    said: Sequence[Name],
+    sizes: Mapping[Name, Mapping[str, Sequence[Estimate]]],
+    numbers: Mapping[Name, Sequence[Estimate]],
+    calibration: Sequence[Estimate],
+    own: Mapping[Name, Finding],
+) -> Axis:
+    """The axis with the combined numbers; of what belongs to recordings only what all of them have."""
+    values = {e.name: e.value for e in calibration}
+    for name in said:
+        if name.mechanism in SIMPLE:
+            values |= _split(parts, name.mechanism, sizes[name])
+    found = {(n.mechanism, n.location): {e.name: e.value for e in numbers[n]} for n in said}
+    found |= {(n.mechanism, n.location): {e.name: e.value for e in f.parameters} for n, f in own.items()}
+    return extended_by(axis, values, found)
+
+
+def _split(parts: Sequence[Part], mechanism: str, sizes: Mapping[str, Sequence[Estimate]]) -> dict[str, float]:
+    """Friction of motor and load whose sum is the pooled one: means with the same weights."""
+    out: dict[str, float] = {}
+    weight = {name: (max(e[0].high - e[0].low, 1e-300)) ** -2.0 for name, e in sizes.items()}
+    for part in parts:
+        share = weight.get(part.taken.name, 0.0) / sum(weight.values())
+        for name, value in part.fit.values.items():
+            if share and name.startswith(f"{mechanism}@"):
+                out[name] = out.get(name, 0.0) + share * value
+    return out

@@ -1,0 +1,365 @@
+# ruff: noqa: E501
+"""One HTML file that shows an investigation step by step; plots are inline SVG, nothing is loaded from elsewhere."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Iterable, Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from sim.discrepancy.estimation.problem import MISTAKEN
+from sim.discrepancy.model.nominal import DAMPING_SPREAD, LOSS_SPREAD, PAYLOAD_SPREAD, STATED_SPREAD
+from sim.discrepancy.report.checks import checked
+from sim.discrepancy.report.drawing import svg
+from sim.discrepancy.report.formatting import (
+    angle,
+    changed,
+    interval,
+    likely,
+    named,
+    number,
+    percent,
+    sure,
+    unit_in_words,
+    words_of,
+)
+from sim.discrepancy.report.maintenance_actions import OF_THE_MEASUREMENT, place_of
+from sim.discrepancy.report.panels import Panel
+from sim.discrepancy.report.summary import ALIKE, Candidate, asked_for, candidates, panels
+from sim.discrepancy.report.wording import headline, not_examined, numbers_of, telling_apart, unexplained_words
+
+if TYPE_CHECKING:
+    from sim.discrepancy.results import Estimate, Finding, Investigation
+
+STYLE = """:root{--ink:#1b2226;--paper:#fff;--sheet:#f5f7f9;--edge:#c9d1d9;--quiet:#4c585e;--first:#0a6480;--second:#b45309;--third:#7a3e9d;--fourth:#4d6b1f;--band:rgba(110,125,140,.28)}
+@media(prefers-color-scheme:dark){:root{--ink:#e6ebe9;--paper:#0d1117;--sheet:#161b22;--edge:#3d444d;--quiet:#b3bfc0;--first:#6cc3df;--second:#f0b465;--third:#c9a0ea;--fourth:#b9d67a;--band:rgba(150,165,180,.3)}}
+*{box-sizing:border-box}body{font:16px/1.5 system-ui,sans-serif;max-width:72rem;margin:0 auto;padding:1rem;color:var(--ink);background:var(--paper);overflow-wrap:break-word}
+h1{font-size:1.5rem;line-height:1.25;margin:.2rem 0}h2{margin:2.2rem 0 .5rem;border-top:2px solid var(--edge);padding-top:.8rem}h3{margin:1.2rem 0 .3rem}
+.box{background:var(--sheet);border:2px solid var(--edge);border-left-width:8px;border-radius:6px;padding:1rem}.box dl{display:grid;grid-template-columns:max-content 1fr;gap:.4rem 1rem;margin:.6rem 0 0}
+.box dt{font-weight:600}.box dd{margin:0;min-width:0}.box section+section{border-top:1px solid var(--edge);margin-top:1rem;padding-top:.6rem}.quiet,figcaption+.quiet{color:var(--quiet)}
+.scroll{overflow-x:auto}table{border-collapse:collapse;margin:.6rem 0}td,th{border:1px solid var(--edge);padding:.3rem .6rem;text-align:left;vertical-align:top}.n{text-align:right;white-space:nowrap}
+.plots{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,26rem),1fr));gap:1rem}figure{margin:0;min-width:0}figcaption{font-weight:600}svg{display:block;width:100%;height:auto}
+@media(max-width:34rem){.box dl{grid-template-columns:1fr;gap:0}.box dd{margin-bottom:.5rem}body{padding:1rem .7rem}table,tbody,td{display:block}thead{display:none}tr{display:grid;grid-template-columns:repeat(auto-fill,minmax(8rem,1fr));gap:.3rem .8rem;border-bottom:1px solid var(--edge);padding:.5rem 0}td{border:0;padding:0;text-align:left;white-space:normal}td::before{content:attr(data-label);display:block;font-size:.8rem;color:var(--quiet)}}@media print{h2,figure{break-inside:avoid}}"""
+STEPS = (
+    "Condition of the recordings",
+    "Calibration of what the model already has",
+    "What is left, and where it lives",
+    "Candidate causes, compared",
+    "Verdict",
+    "Extended model",
+    "Gain on data not used for the fit",
+    "What is still unexplained",
+    "What these data cannot tell apart",
+    "Next measurement",
+)
+"""Headings of the steps, in order."""
+
+HIDDEN = ("form",)  # numbers that say nothing to a reader; the explanation says what they mean
+FLANKS = {1.0: "the one that carries positive torque", -1.0: "the one that carries negative torque"}
+MOST_PLACES = 6
+BELIEVED = f"How far a described number is believed, as one standard deviation: inertias of motor and gears, stiffness and friction {percent(STATED_SPREAD)}, what a mesh loses {percent(LOSS_SPREAD)}, the load's inertia {percent(PAYLOAD_SPREAD)}, damping {percent(DAMPING_SPREAD)}. A number of a data sheet that the data put {MISTAKEN:g} of those away is taken to be wrong, and hardly held any more."
+LINEAR = "Where this axis is a linear one, read N, m and kg for N m, rad and kg m²: N s/m for N m s/rad, m/s for rad/s."
+
+
+def html_report(result: Investigation, files: Sequence[str] = ()) -> str:
+    """The investigation as one HTML page; `files`: names of what was measured, where the caller knows them."""
+    overlay, residual, sound = panels(result)
+    weighed = candidates(result)
+    bodies = (
+        _condition(result),
+        _calibration(result),
+        _left(result, overlay, residual, sound),
+        _compared(result, weighed),
+        _verdict(result),
+        _extended(result),
+        _gain(result),
+        _unexplained(result, residual),
+        _alike(result, weighed),
+        next_steps(result),
+    )
+    parts = [_box(result, files)]
+    for place, (title, body) in enumerate(zip(STEPS, bodies, strict=True), start=1):
+        parts += [f"<section><h2>{place}. {title}</h2>", *body, "</section>"]
+    parts.append(_provenance(result))
+    name = html.escape(result.axis.name)
+    return (
+        '<!doctype html><html lang="en"><head><meta charset="utf-8">'
+        '<meta name="viewport" content="width=device-width,initial-scale=1">'
+        f"<title>Investigation of {name}</title><style>{STYLE}</style></head><body>{''.join(parts)}</body></html>"
+    )
+
+
+def _box(result: Investigation, files: Sequence[str]) -> str:
+    """What a technician needs: what, where, how sure, what to do, what was not examined."""
+    from_files = f" · {html.escape(', '.join(files))}" if files else ""
+    found = "".join(f"<section>{_facts(_told(result, f))}</section>" for f in result.findings)
+    rest = [("Not examined", one) for one in not_examined(result)]
+    if result.unexplained is not None and result.verdict == "unnamed":
+        doing = "Do not change parts on this alone: make the next measurement first."
+        rest = [("What", unexplained_words(result.unexplained)), ("What to do now", doing), *rest]
+    elif result.unexplained is not None:
+        rest = [("Unexplained besides", unexplained_words(result.unexplained)), *rest]
+    if not result.findings and result.verdict == "nothing_missing":
+        nothing = "Nothing to repair by what was examined; what was not examined stays open."
+        rest = [("What to do now", nothing), *rest]
+    rest.append(("Next measurement", result.next_measurement))
+    return (
+        f'<header class="box"><p class="quiet">Model against measurement: {html.escape(result.axis.name)}{from_files}</p>'
+        f"<h1>{html.escape(headline(result))}</h1>{found}<section>{_facts(rest)}</section></header>"
+    )
+
+
+def _told(result: Investigation, finding: Finding) -> list[tuple[str, str]]:
+    kind = "fault of the measurement" if finding.mechanism in OF_THE_MEASUREMENT else "missing in the model"
+    at = place_of(result.axis, finding.location, numbers_of(finding))
+    place = ", ".join(part for part in (finding.location or "", at) if part)
+    return [
+        ("What", f"{named(finding.mechanism).capitalize()} ({kind}). {finding.explanation}"),
+        ("Where", place or ("the recording" if finding.mechanism in OF_THE_MEASUREMENT else "not told by these data")),
+        ("How sure", f"{sure(finding.probability)}, {likely(finding.probability, calibrated=finding.calibrated)}"),
+        ("What to do now", finding.action),
+    ]
+
+
+def _condition(result: Investigation) -> list[str]:
+    """Sensors and recordings before any physics, also where all is well."""
+    return [
+        _p("Faults of sensors and recorders come before any physics: what they touch does not count."),
+        table(("checked", "result"), checked(result)),
+        *(_p(remark) for remark in (result.gate.remarks if result.gate else ())),
+        *([] if result.axis.stages or result.selection is None else [_p(LINEAR)]),
+    ]
+
+
+def _calibration(result: Investigation) -> list[str]:
+    """Numbers of the description, fitted before anything is called missing."""
+    if not result.parameters:
+        return [_p("A sound has no channel that numbers of the model could be fitted to.")]
+    rows = [
+        (words_of(e.name), number(e.nominal or 0.0), *estimate_cells(e), f"{_change(e)}") for e in result.parameters
+    ]
+    return [
+        _p(
+            "Values of the description that differ are no missing mechanism; they are fitted first, and whatever is missing is looked for beyond them."
+        ),
+        _p(BELIEVED),
+        table(("number", "described", "found", "90 % interval", "unit", "change"), rows, numeric=(1, 2, 3, 5)),
+    ]
+
+
+def _change(e: Estimate) -> str:
+    return changed(e.nominal, e.value, 1) if e.nominal else "–"
+
+
+def estimate_cells(e: Estimate) -> tuple[str, str, str]:
+    """Value, 90 % interval and unit, with the digits that the interval deserves."""
+    half = 0.5 * (e.high - e.low)
+    return number(e.value, half), interval(e.low, e.high), unit_in_words(e.unit)
+
+
+def _left(result: Investigation, overlay: list[Panel], residual: list[Panel], sound: list[Panel]) -> list[str]:
+    if result.selection is None:
+        text = "The sound falls where the axis stands still and turns back; strokes are laid over each other from there on. What stands inside the band cannot be told from noise, or, held against the axis as new, from what good gearboxes differ by from day to day. The first recording is shown."
+        return [_p(text), _plots([*overlay, *residual])]
+    floor = "The noise floor is what the quieter parts of the record have, at each frequency of whichever model leaves less; what a model gets wrong all the time counts as noise. Values over time are means of 10 ms, bands over time are two standard deviations. Rows that do not count are left out."
+    out = [_p(floor), _plots(overlay)]
+    for title in ("Motor torque", "Torque at the load"):
+        shown = [panel for panel in residual if panel.title.startswith(title)]
+        if shown:
+            out += [f"<h3>{title}: where what is left lives</h3>", _plots(shown)]
+    if sound:
+        out += [
+            "<h3>Sound</h3>",
+            _p(
+                "Impacts that come at an order of their own and its multiples, beside those of the teeth, are a rolling bearing's."
+            ),
+            _plots(sound),
+        ]
+    return out
+
+
+def _plots(shown: Sequence[Panel]) -> str:
+    return f'<div class="plots">{"".join(svg(panel) for panel in shown)}</div>'
+
+
+def _compared(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:
+    """What came in and what did not, with what it explains against what would have been needed."""
+    rows = []
+    if result.selection is not None:
+        fit, gains = result.selection.fit, result.selection.gains
+        rows = [
+            (named(t.mechanism, t.location), number(gains[t.key]), number(asked_for(t, fit)), "Named: see the verdict.")
+            for t in result.selection.found
+        ]
+    rows += [(named(c.mechanism, c.location), _explains(c), _needed(c), f"Rejected. {c.reason}") for c in weighed]
+    if not rows:
+        return [_p("No candidate came near.")]
+    text = "What a candidate explains is the drop of the squared residual in units of its noise, beside what the others explain."
+    return [_p(text), table(("candidate", "explains", "needed", "outcome"), rows, numeric=(1, 2))]
+
+
+def _explains(c: Candidate) -> str:
+    if c.behind is not None and c.instead_of is not None:
+        return f"{number(c.behind)} standard errors worse than {named(c.instead_of)}"
+    return "–" if c.explains is None else number(c.explains)
+
+
+def _needed(c: Candidate) -> str:
+    return "–" if c.needed is None else number(c.needed)
+
+
+def _verdict(result: Investigation) -> list[str]:
+    out = [f"<p><strong>{html.escape(headline(result))}</strong></p>"]
+    for f in result.findings:
+        out.append(
+            f"<h3>{html.escape(named(f.mechanism, f.location))}: {likely(f.probability, calibrated=f.calibrated)}, {sure(f.probability)}</h3>"
+        )
+        out += [_p(f.explanation), f"<p><strong>What to do now:</strong> {html.escape(f.action)}</p>"]
+    if result.findings:
+        out.append(
+            _p(
+                "A probability is calibrated: of findings said with 90 %, nine in ten are right. What is said of sound, of faults of the recording and of several recordings together is a score from 0 to 1 that was not calibrated."
+            )
+        )
+    return out
+
+
+def _extended(result: Investigation) -> list[str]:
+    """What was added to the model, each number with its interval."""
+    out = []
+    for f in result.findings:
+        rows = [row for e in f.parameters if (row := _number(f, e))]
+        if rows:
+            out += [
+                f"<h3>{html.escape(named(f.mechanism, f.location))}</h3>",
+                table(("number", "value", "90 % interval", "unit", "in degrees"), rows, numeric=(1, 2, 4)),
+            ]
+    entries = [named(entry.name, entry.location) for entry in result.extended.mechanisms]
+    if result.selection is None:
+        return [*out, _p("Sound extends no model: it says what is there, not how much torque it takes.")]
+    if not out:
+        return [_p("Nothing was added; the model is the description with the calibrated numbers.")]
+    return [
+        *out,
+        _p(
+            f"The extended axis can be simulated; its added mechanisms: {', '.join(entries) or 'none, only its numbers changed'}."
+        ),
+    ]
+
+
+def _number(f: Finding, e: Estimate) -> tuple[str, str, str, str, str] | None:
+    if e.name in HIDDEN or (e.name == "phase_rad" and f.mechanism == "electrical_hum"):
+        return None
+    if e.name == "flank":
+        return words_of(e.name), FLANKS.get(e.value, "not told"), "–", "", ""
+    half = 0.5 * (e.high - e.low)
+    degrees = angle(e.value, half) if e.unit == "rad" else ""
+    return words_of(e.name), *estimate_cells(e), degrees
+
+
+def _gain(result: Investigation) -> list[str]:
+    """Error of both models on rows that their fit has not seen."""
+    if not result.gain:
+        return [_p("A sound has no channel that a model could be held against, so no gain was measured.")]
+    rows = [
+        (
+            words_of(g.channel), number(g.rms_before), number(g.rms_after), g.unit,
+            "–" if not g.rms_before else changed(g.rms_before, g.rms_after),
+            "distinguishable from zero" if g.significant else "not distinguishable from zero",
+        )
+        for g in result.gain
+    ]  # fmt: skip
+    how = "Each quarter of the record is predicted by fits to the other three, below 40 Hz; before: the description, calibrated; after: with what was named."
+    if result.selection is not None and not result.selection.found:
+        how += " Nothing was added to this model, so that the two differ by their calibration alone."
+    head = ("channel", "left before, rms", "left after, rms", "unit", "change", "gain")
+    return [_p(how), table(head, rows, numeric=(1, 2, 4))]
+
+
+def _unexplained(result: Investigation, residual: Sequence[Panel]) -> list[str]:
+    """What has no name, and where what is left is highest over its noise floor."""
+    if result.selection is None:
+        return [_p("What of a sound is left without a name is not looked for.")]
+    fit = result.selection.fit
+    white = number(fit.misfit / fit.residual.size)
+    told = "Nothing stands out." if result.unexplained is None else unexplained_words(result.unexplained)
+    out = [_p(f"{told} What the last model leaves has {white} times the squares of its noise; 1 is noise alone.")]
+    if result.selection.nameless:
+        out.append(_p("The last model holds what has no name as well, so that the plots show what is beyond it."))
+    rows = sorted((place for panel in residual if (place := _highest(panel))), reverse=True)[:MOST_PLACES]
+    shown = [(title, f"{ratio:.1f} times", f"{number(x)} {unit}") for ratio, title, x, unit in rows]
+    return [*out, _p("Where it is highest over its noise floor:"), table(("plot", "noise floor", "at"), shown, (1, 2))]
+
+
+def _highest(panel: Panel) -> tuple[float, str, float, str] | None:
+    """How far the last model leaves more than noise at most, by the bins of a panel, and where."""
+    _, values = panel.lines[-1]
+    if panel.noise is None or panel.noise[0] < 0.0 or not np.isfinite(values).any():
+        return None
+    at = int(np.nanargmax(values))
+    unit = panel.x_label.partition("[")[2].removesuffix("]")
+    return float(values[at]) / panel.noise[1], panel.title, float(panel.x[at]), unit
+
+
+def _alike(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:
+    """Classes of causes that these data hold for the same, what tells them apart, and what was out of reach."""
+    guided = result.selection is not None and result.selection.problem.guided
+    out = [
+        f"{named(f.mechanism, f.location)} cannot be told from {named(other)}. {telling_apart(f.mechanism, other, guided)}"
+        for f in result.findings
+        for other in f.indistinguishable_from
+    ]
+    out += [
+        f"{named(c.mechanism, c.location)} explains these data as well as {named(c.instead_of or '')}."
+        for c in weighed
+        if c.reason == ALIKE and not any(c.mechanism in f.indistinguishable_from for f in result.findings)
+    ]
+    if not out:
+        found = "No other cause that was tried explains these data as well as what was named."
+        out = [found if result.findings else "No two causes were found to be equal here."]
+    if result.listening is not None:
+        out.append(f"Listened for: {', '.join(named(name) for name in result.examined)}.")
+    return [_list([*out, *not_examined(result)])]
+
+
+def next_steps(result: Investigation) -> list[str]:
+    """The advice, and what each measurement that was simulated would tell."""
+    out = [_p(result.next_measurement)]
+    if result.next_measurements:
+        how = "Each was simulated with either cause and the other fitted to it. Told apart: the squared residual that is left beyond that of the true cause, in units of its noise; effort: that of a repeat is 1."
+        rows = [
+            (t.text, " or ".join(t.between), number(t.separation), number(t.effort)) for t in result.next_measurements
+        ]
+        out += [_p(how), table(("measurement", "what it is to tell", "told apart", "effort"), rows, numeric=(2, 3))]
+    return out
+
+
+def _provenance(result: Investigation) -> str:
+    rows = [(name.replace("_", " "), str(value)) for name, value in result.provenance.items() if value]
+    return f'<section><h2>Provenance</h2><div class="quiet">{table(("what", "value"), rows)}</div></section>'
+
+
+def _p(text: str, kind: str = "") -> str:
+    return f"<p{f' class={kind}' if kind else ''}>{html.escape(text)}</p>"
+
+
+def _list(items: Iterable[str]) -> str:
+    return f"<ul>{''.join(f'<li>{html.escape(one)}</li>' for one in items)}</ul>"
+
+
+def _facts(facts: Iterable[tuple[str, str]]) -> str:
+    return f"<dl>{''.join(f'<dt>{html.escape(name)}</dt><dd>{html.escape(text)}</dd>' for name, text in facts)}</dl>"
+
+
+def table(head: Sequence[str], rows: Iterable[Sequence[str]], numeric: Sequence[int] = ()) -> str:
+    """A table that scrolls by itself, and on a narrow screen is a card a row; `numeric`: columns of numbers, which stand to the right and do not break; empty columns are left out."""
+    rows = list(rows)
+    shown = [k for k in range(len(head)) if any(row[k] for row in rows)]
+    kinds = [' class="n"' if k in numeric else "" for k in range(len(head))]
+    top = "".join(f"<th{kinds[k]}>{html.escape(head[k])}</th>" for k in shown)
+    names = [f' data-label="{html.escape(name)}"' for name in head]
+    cells = [[f"<td{kinds[k]}{names[k]}>{html.escape(row[k])}</td>" for k in shown] for row in rows]
+    body = "".join(f"<tr>{''.join(row)}</tr>" for row in cells)
+    return f'<div class="scroll" tabindex="0"><table><thead><tr>{top}</tr></thead><tbody>{body}</tbody></table></div>'

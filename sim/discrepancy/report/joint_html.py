@@ -1,0 +1,99 @@
+"""One HTML file of several recordings: the combined result, then each recording's own report, folded."""
+
+from __future__ import annotations
+
+import html
+import re
+from collections.abc import Iterable, Sequence
+
+from sim.discrepancy.pooling.joint_investigation import Together
+from sim.discrepancy.report.formatting import likely, number, words_of
+from sim.discrepancy.report.html import STYLE, estimate_cells, html_report, next_steps, table
+from sim.discrepancy.report.wording import headline
+
+BODY = re.compile(r"<body[^>]*>(.*)</body>", re.DOTALL)
+STYLES = re.compile(r"<style[^>]*>.*?</style>", re.DOTALL)
+IDS = re.compile(r'(\sid="|\sfor="|\saria-labelledby="|href="#|url\(#)')
+WIDTH = '<meta name="viewport" content="width=device-width, initial-scale=1">'
+FOLD = "details{border-top:1px solid #c9d1d9;margin:1rem 0}summary{cursor:pointer;font-weight:600;padding:.5rem 0}"
+
+
+def html_report_together(result: Together) -> str:
+    """The combined result and every recording's report as one HTML page that loads nothing."""
+    pages = [html_report(part.result) for part in result.parts]
+    name = html.escape(result.combined.axis.name)
+    head = "".join(dict.fromkeys(style for page in pages for style in STYLES.findall(page.split("<body")[0])))
+    body = "\n".join([*_combined(result), *_recordings(result, pages)])
+    return (
+        f'<!doctype html><html lang="en"><head><meta charset="utf-8">{WIDTH}<title>Investigation of {name}</title>'
+        f"<style>{STYLE}</style>{head}<style>{FOLD}</style></head><body>{body}</body></html>"
+    )
+
+
+def _combined(result: Together) -> list[str]:
+    one = result.combined
+    count = len(result.parts)
+    out = [
+        f"<h1>Model against measurement: {html.escape(one.axis.name)}, {count} recordings together</h1>",
+        f'<p class="verdict">{html.escape(headline(one))}</p>',
+        *(f"<p>{html.escape(remark)}</p>" for remark in one.remarks),
+        "<h2>Findings of all recordings</h2>",
+    ]
+    for finding, names in zip(one.findings, result.shown, strict=True):
+        place = f" at {html.escape(finding.location)}" if finding.location else ""
+        sure = likely(finding.probability, calibrated=finding.calibrated)
+        title = f"{html.escape(finding.mechanism.replace('_', ' '))}{place}: {sure}"
+        shown = (
+            f"Shown by {len(names)} of {count}: {', '.join(names)}." if names else f"Shown by none of {count} clearly."
+        )
+        out.append(f"<h3>{title}</h3><p>{html.escape(finding.explanation)}</p><p>{html.escape(shown)}</p>")
+        if finding.action:
+            out.append(f"<p>What to do now: {html.escape(finding.action)}</p>")
+        out.append(
+            table(
+                ("parameter", "value", "90 % interval", "unit"),
+                [(words_of(e.name), *estimate_cells(e)) for e in finding.parameters],
+            )
+        )
+        if finding.indistinguishable_from:
+            out.append(
+                f"<p>These data cannot tell it from {html.escape(', '.join(finding.indistinguishable_from))}.</p>"
+            )
+    if not one.findings:
+        out.append("<p>No mechanism.</p>")
+    if one.unexplained is not None:
+        where = ", ".join(f"{key} = {value:.4g}" for key, value in one.unexplained.numbers.items())
+        out.append(f"<p>Unexplained: {html.escape(where)}, in {html.escape(one.unexplained.channel)}.</p>")
+    rows = [(words_of(e.name), number(e.nominal or 0.0), *estimate_cells(e)) for e in one.parameters]
+    gained = [
+        (part.taken.name, words_of(g.channel), number(g.rms_before), number(g.rms_after), g.unit)
+        for part in result.parts
+        for g in part.gain
+    ]
+    return [
+        *out,
+        "<h2>Calibration by all recordings</h2>",
+        table(("number", "described", "found", "90 % interval", "unit"), rows),
+        "<h2>Gain on rows that the fit has not seen</h2>",
+        table(("recording", "channel", "before", "after", "unit"), gained),
+        "<h2>Next measurement</h2>",
+        *next_steps(one),
+    ]
+
+
+def _recordings(result: Together, pages: Sequence[str]) -> Iterable[str]:
+    yield "<h2>Each recording by itself</h2>"
+    for place, (part, page) in enumerate(zip(result.parts, pages, strict=True), start=1):
+        sound = f" with {part.taken.sound_name}" if part.taken.sound_name else ""
+        found = ", ".join(
+            f"{f.mechanism.replace('_', ' ')}, {likely(f.probability, calibrated=f.calibrated)}"
+            for f in part.result.findings
+        )
+        title = f"{part.taken.name}{sound}: {found or headline(part.result)}"
+        yield f'<details id="recording-{place}"><summary>{html.escape(title)}</summary>{_body(page, place)}</details>'
+
+
+def _body(page: str, place: int) -> str:
+    """What stands in the body of a page; its names within the file made its own."""
+    match = BODY.search(page)
+    return IDS.sub(rf"\g<1>r{place}-", match.group(1)) if match else ""

@@ -1,0 +1,456 @@
+"""Which terms the data ask for: added one after the other, swapped for their rivals, taken away where needless."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cache
+
+from sim.description.axis import MechanismEntry
+from sim.discrepancy.data.controller_law import DriveLaw
+from sim.discrepancy.data.preprocessing import NEAR_STANDSTILL_SHARE, STANDSTILL_SHARE
+from sim.discrepancy.estimation.estimate import Fit
+from sim.discrepancy.estimation.problem import BY_CONTACT, Problem
+from sim.discrepancy.estimation.refit import afresh, all_rows, look_closely, quieted, rattling, rewhiten
+from sim.discrepancy.estimation.whitening import LONG
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.nonparametric import AS_NEW
+from sim.discrepancy.parallel import each
+from sim.discrepancy.search.blocked_cross_validation import advantage, paired
+from sim.discrepancy.search.comparison import Standing, in_place, named_alone, own_of, standings
+from sim.discrepancy.search.criterion import (
+    BEYOND,
+    CONSTANT,
+    LEFT_OUT,
+    LIKE_AN_OFFSET,
+    bends,
+    evidence,
+    holds,
+    is_form,
+    least_gain,
+    matters,
+    needs_no_trial,
+    wanted,
+)
+from sim.discrepancy.search.effect_size import beyond
+from sim.discrepancy.search.noise_swap import Nearly, ahead, evened, near, turned
+from sim.discrepancy.search.nominal_error import doubted
+from sim.discrepancy.search.proposals import (
+    FAR_MOVED,
+    FEW_TRIES,
+    MOST_TRIES,
+    Rival,
+    bottomed,
+    elsewhere,
+    faint,
+    settled,
+    try_terms,
+)
+
+Progress = Callable[[str, float], None]
+SHORTLIST = 5
+MOST_TERMS = 4
+MOST_ROUNDS = 6  # with those that are as new or have no name
+MOST_ENTRIES = 3  # of one round
+AT_LOW_SPEED = ("stribeck_friction",)
+MOST_RUNS = 2400  # simulations after which of all candidates only the most promising are fitted
+LAST_RUNS = 4800  # the same after which only constants and what promised much are looked for: the rest is unnamed
+BOTTOM_RUNS = 7200  # the same after which no bottom of a dent is looked for
+CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
+SWAPS = 3
+RIVAL_SHARE = 0.25  # of the gain of the best: less is no rival
+SWAP_SHARE = 0.5  # of the gain of what came in
+LEAST_SWAP = 10.0  # drop of the squared residual
+LARGE = 0.01  # of the squared residual: what brings less waits until slow noise is known
+PLENTY = 0.1  # of the squared residual: a term whose lack costs more after a few steps is not needless
+SURE, MOST_HIDDEN = 1.0, 2  # tempered nats of what noise has hidden, and how many of those
+MOST_QUIET = 3  # rounds without the noise that the drive's law tells
+SHAKEN = ("gravity_imbalance", "structural_resonance")  # by what shakes the load, which is all that is left then
+ENOUGH = 0.0  # tempered nats that a term must bring
+MORE = 4.0  # the same for what is as new or has no name: it only stands aside
+
+
+@dataclass(frozen=True)
+class Selection:
+    """The last fit; per accepted term what it gains over the fit without it, and its rivals when it came in.
+
+    `found`: mechanisms of a size that matters; `fit` also holds what is as new, so that nothing else is blamed for it,
+    and what has no name.
+    """
+
+    problem: Problem
+    base: Fit
+    fit: Fit
+    gains: Mapping[str, float]
+    rivals: Mapping[str, tuple[Rival, ...]]
+    rejected: tuple[Rival, ...]
+    found: tuple[Term, ...]
+    standings: Mapping[str, Standing]
+
+    @property
+    def nameless(self) -> tuple[Term, ...]:
+        """What the residual asks for beyond them, most of it first."""
+        spoken = (t for t in self.fit.terms if not t.named and t.mechanism != AS_NEW)
+        return tuple(sorted(spoken, key=lambda t: -self.gains[t.key]))
+
+
+def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None = None) -> Selection:
+    """Forward selection with refits, backward elimination after every step.
+
+    Where nothing came in, once more without the noise that `law` tells of the torque channel.
+    """
+    fit = base
+    rivals: Mapping[str, tuple[Rival, ...]] = {}
+    rejected: tuple[Rival, ...] = ()
+    entered = described(problem, base)
+    promised: frozenset[str] = frozenset()
+    nearly: Nearly = {}
+    for step in range(MOST_ROUNDS):
+        progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
+        only = None if problem.runs.count <= LAST_RUNS else {*CONSTANT, *promised}
+        tried, entry = search(problem, fit, entered, only)
+        if not entry.new and problem.memory != LONG and not problem.measurement.told.all():
+            _, entry = search(*rattling(problem, fit), entered, BY_CONTACT)
+        if not entry.new and problem.memory != LONG:
+            problem, fit = look_closely(problem, fit)
+            tried, entry = search(problem, fit, entered, only)
+        last = tried if only is None else rejected  # some alone say nothing of the others
+        promised = frozenset(r.term.mechanism for r in tried if is_large(r, fit))
+        if not entry.new and asks_low_speed(problem, fit):
+            more, entry = search(*rewhiten(problem.down_to(NEAR_STANDSTILL_SHARE), fit), entered, AT_LOW_SPEED)
+            anew = {r.term.key for r in more}
+            tried = sorted([*more, *(r for r in tried if r.term.key not in anew)], key=lambda r: (-r.gain, r.term.key))
+        if not entry.new and only is None and not problem.measurement.told.all():
+            _, entry = search(*all_rows(problem, fit), entered, BY_CONTACT)
+        names = {r.term.key for r in entry.new}
+        rejected = tuple(r for r in last if r.term.key not in names and r.term.named)
+        if not entry.new:
+            break
+        problem, fit = entry.problem, entry.fit
+        m = problem.measurement
+        if problem.hits(fit.terms) and (m.rests or m.standstill < STANDSTILL_SHARE):
+            problem, fit = rewhiten(problem.down_to(STANDSTILL_SHARE), fit)
+        entered |= entry.brought
+        nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
+        rivals = {**rivals, **{r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}}
+        if sum(beyond(t, fit) > BEYOND for t in fit.terms if t.mechanism not in (*LEFT_OUT, AS_NEW)) >= MOST_TERMS:
+            break
+    if problem.memory != LONG:
+        problem, fit = look_closely(problem, fit)
+    fit, rivals = swap(problem, fit, rivals, entered)
+    problem, fit, nearly = turned(problem, fit, nearly)
+    fit = bottomed(problem, fit) if problem.runs.count <= BOTTOM_RUNS else fit
+    problem, fit, gains = prune(problem, fit, strict=True)
+    for _ in range(MOST_HIDDEN):
+        tried, entry = unmasked(problem, fit, entered)
+        problem, fit, gains = entry.problem, entry.fit, dict(entry.brought) or gains
+        rivals = {**rivals, **{r.term.key: tuple(tried) for r in entry.new}}
+        nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
+        if not entry.new:
+            break
+    nothing = not any(is_said(t, fit) for t in fit.terms) and not problem.hits(fit.terms)
+    if law is not None and nothing and problem.runs.count <= LAST_RUNS:
+        progress("candidates without noise of the torque channel", 0.7)
+        more_rivals, more_nearly, entry = quietly(problem, fit, law, entered)
+        if entry.new:
+            problem, fit, gains = entry.problem, entry.fit, dict(entry.brought)
+            rivals, nearly = {**rivals, **more_rivals}, {**nearly, **more_nearly}
+    in_place = {key: [(r.term, r.values) for r in likely(tried)] for key, tried in rivals.items()}
+    found = tuple(t for t in fit.terms if t.named and is_said(t, fit))
+    standing = standings(problem, fit, found, gains, in_place)
+    standing |= {t.key: evened(problem, fit, t, standing[t.key], nearly.get(t.key, [])) for t in found}
+    return Selection(problem, base, fit, gains, rivals, rejected, found, standing)
+
+
+def is_said(term: Term, fit: Fit) -> bool:
+    """Whether a term is a mechanism of a size that matters, or something without a name."""
+    return term.mechanism != AS_NEW and beyond(term, fit) > BEYOND
+
+
+def quietly(
+    problem: Problem, fit: Fit, law: DriveLaw, entered: Mapping[str, float]
+) -> tuple[Mapping[str, tuple[Rival, ...]], Nearly, Entry]:
+    """What comes in once the drive's law tells noise of the torque channel, the fit with it and what each term gains.
+
+    Nothing where it tells none, and where what comes in may as well be the noise at the load, which stays.
+    """
+    anew, more = quieted(problem, fit, law)
+    rivals: dict[str, tuple[Rival, ...]] = {}
+    nearly: Nearly = {}
+    for _ in range(MOST_QUIET if anew is not problem else 0):
+        tried, entry = search(anew, more, entered, None)
+        if not entry.new:
+            break
+        anew, more = entry.problem, entry.fit
+        rivals |= {r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}
+        nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
+    if not rivals:
+        return rivals, nearly, Entry((), problem, fit)
+    anew, more, gains = prune(anew, bottomed(anew, more), strict=True)
+    named = [t for t in more.terms if t.named and is_said(t, more)]
+    new = [r for t in named for r in rivals.get(t.key, ()) if r.term.key == t.key]
+    shaken = any(t.mechanism in SHAKEN for t in named)
+    return rivals, nearly, Entry((), problem, fit) if shaken else Entry(new, anew, more, gains)
+
+
+def unmasked(problem: Problem, fit: Fit, entered: Mapping[str, float]) -> tuple[list[Rival], Entry]:
+    """What was tried, and of it what stands once noise is taken from its own fit, beside all that stands in `fit`.
+
+    What each then gains is told of all of them. Where teeth hit none is looked for.
+    """
+    if problem.hits(fit.terms) or problem.runs.count > LAST_RUNS or problem.memory != LONG:
+        return [], Entry((), problem, fit)
+    stood = {t.key for t in fit.terms if t.named}
+    finished = faint(problem, fit)
+    tried = [replace(r, finished=None) for r in finished]
+    for best in finished:
+        if best.finished is None or best.beyond <= BEYOND:
+            continue
+        anew, more = rewhiten(*afresh(*rewhiten(problem, best.finished)))
+        anew, more, gains = prune(anew, more, strict=True)
+        gain = gains.get(best.term.key, 0.0)
+        worth = evidence(best.term, gain, more.residual.size)
+        if stood <= gains.keys() and worth > SURE and not is_form(best.term, gain, entered):
+            return tried, Entry([replace(best, finished=None)], anew, more, gains)
+    return tried, Entry((), problem, fit)
+
+
+def described(problem: Problem, base: Fit) -> dict[str, float]:
+    """What each mechanism that the description already has gains over a description without it."""
+
+    def without(entry: MechanismEntry) -> float:
+        rest = tuple(e for e in problem.axis.mechanisms if e is not entry)
+        other = problem.of(replace(problem.axis, mechanisms=rest))
+        return other.fit(start=base.values, held=base.sensitivities).cost - base.cost
+
+    entries = problem.axis.mechanisms
+    return {_key(e): gain for e, gain in zip(entries, each(without, entries), strict=True)}
+
+
+def _key(entry: MechanismEntry) -> str:
+    return f"{entry.name}@{entry.location}"
+
+
+def is_large(rival: Rival, fit: Fit) -> bool:
+    """Whether a mechanism of a size that matters, teeth in contact, takes away much."""
+    sure = rival.term.named and not rival.term.contact and rival.beyond > BEYOND
+    return sure and rival.gain > LARGE * fit.misfit
+
+
+def likely(tried: Sequence[Rival]) -> list[Rival]:
+    """Those of a size that may matter which gain at least a share of what the best of them does.
+
+    An offset and an asymmetry are the same torque while anything moves: whichever ended in the better valley, either
+    may be meant.
+    """
+    large = [r for r in tried if r.beyond > 0.0]
+    if not large:
+        return []
+    best = max(large, key=lambda r: r.gain)
+    alike = (*CONSTANT, *LIKE_AN_OFFSET) if best.term.mechanism in (*CONSTANT, *LIKE_AN_OFFSET) else ()
+    return [r for r in large if r.gain > RIVAL_SHARE * best.gain or r.term.mechanism in alike]
+
+
+def asks_low_speed(problem: Problem, fit: Fit) -> bool:
+    """Whether the rows near standstill may tell more: not yet asked, and no teeth leave each other there."""
+    m = problem.measurement
+    there = problem.hits(fit.terms) or any(t.mechanism in AT_LOW_SPEED for t in fit.terms)
+    return not (there or m.rests) and m.standstill > NEAR_STANDSTILL_SHARE
+
+
+def search(
+    problem: Problem, fit: Fit, entered: Mapping[str, float], only: Collection[str] | None
+) -> tuple[list[Rival], Entry]:
+    """What was tried on top of `fit`, best first, and what of it comes in; `only`: mechanisms, default all."""
+    least = 0.0 if problem.memory == LONG else LARGE * fit.misfit
+    tried = try_terms(problem, fit, only, least, MOST_TRIES if problem.runs.count <= MOST_RUNS else FEW_TRIES)
+    entry = enter(problem, fit, [r for r in tried if r.gain > least and not is_form(r.term, r.gain, entered)])
+    return [replace(r, finished=None) for r in tried], entry
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What came in and the fit with it; nothing new: the fit as it was.
+
+    `brought`: what each gained as it came in. Of what has no name, what it gains under noise taken from it, if more:
+    noise had held the most of it, and what is left of it looks like anything.
+    """
+
+    new: Sequence[Rival]
+    problem: Problem
+    fit: Fit
+    brought: Mapping[str, float] = field(default_factory=dict)
+
+
+def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
+    """The best candidate that stays once the noise is taken anew; the next best where one does not.
+
+    Beside teeth that hit, what bends the description further stands for the error of their form.
+    """
+    for _ in range(MOST_ENTRIES):
+        new, more = entering(problem, fit, tried)
+        if more is None:
+            break
+        wider, more = afresh(*rewhiten(problem, more))
+        wider, more, gains = prune(wider, more, strict=False)
+        best = new[0].term
+        if best.key in gains and not (problem.hits(fit.terms) and bends(best, fit, more, gains[best.key])):
+            brought = {r.term.key: r.gain if r.term.named else max(r.gain, gains.get(r.term.key, 0.0)) for r in new}
+            return Entry(new, wider, more, brought)
+        tried = [r for r in tried if r.term.key != new[0].term.key]
+    return Entry((), problem, fit)
+
+
+def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[Rival], Fit | None]:
+    """The candidate of most evidence and the fit with it; all that are as new come in together.
+
+    A mechanism goes before what has no name, unless that explains clearly more and holds on unseen rows; any that keeps
+    the teeth in contact before a dent, which bends to whatever is missing.
+    """
+    rows = fit.residual.size
+    worth = {r.term.key: evidence(r.term, r.gain, rows) for r in tried}
+    fitting = [
+        r
+        for r in tried
+        if worth[r.term.key] > (ENOUGH if r.term.named and r.beyond > BEYOND else MORE) and wanted(r.term, r.beyond)
+    ]
+    as_new = [r for r in fitting if r.term.mechanism == AS_NEW or r.beyond <= BEYOND]
+    most = max((worth[r.term.key] for r in fitting if r.term.named), default=0.0)
+    touching = max(
+        (worth[r.term.key] for r in fitting if r.term.named and not (r in as_new or r.term.contact)), default=0.0
+    )
+    for best in sorted(fitting, key=lambda r: -worth[r.term.key]):
+        clearly = 1.0 if best in as_new else CLEARLY
+        if not best.term.named and worth[best.term.key] < clearly * most:
+            continue
+        if best.term.mechanism == "tooth_damage" and worth[best.term.key] < CLEARLY * touching:
+            continue
+        new = [best]
+        if best in as_new and best.term.named:
+            new += [r for r in as_new if r is not best and r.term.named]
+        start = {**best.values, **{p.name: r.values[p.name] for r in new for p in r.term.parameters}}
+        held = fit.sensitivities if best.gain < FAR_MOVED else {}
+        more = best.finished if len(new) == 1 else None
+        more = more or settled(problem, (*fit.terms, *(r.term for r in new)), start, held)
+        gain = fit.cost - more.cost
+        if best.term.named or best in as_new or (holds(best.term, fit, more) and matters(best.term, gain, more)):
+            return new, more
+    return [], None
+
+
+def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, dict[str, float]]:
+    """Take away every term that the others have made needless; gains of those that stay.
+
+    `strict`, once all are in: also what does not hold on unseen rows, is only the error of another's form, or needless
+    once numbers of the description are taken for wrong. What has no name cannot make a mechanism needless. The one that
+    costs least goes first: without it others may hold. A fit without what is clearly needed is not finished: that gain
+    is at most as large as told.
+    """
+    while fit.terms:
+        plain = named_alone(problem, fit)
+
+        def without(term: Term, problem: Problem = problem, fit: Fit = fit, plain: Fit = plain) -> Fit:
+            more = plain if term.named else fit
+            rest = tuple(t for t in more.terms if t is not term)
+            less = problem.fit(rest, more.values, held=more.sensitivities)
+            if not strict or less.cost - more.cost > PLENTY * more.misfit:
+                return less
+            return problem.fit(rest, less.values, held=less.sensitivities, to_end=True)
+
+        less = dict(zip((t.key for t in fit.terms), each(without, fit.terms), strict=True))
+        gains, costs = {}, {}
+        for term in fit.terms:
+            more = plain if term.named else fit
+            gain = costs[term.key] = less[term.key].cost - more.cost
+            held = not strict or needs_no_trial(term, gain, more) or holds(term, less[term.key], more)
+            held = held and not (strict and term.named and bends(term, less[term.key], more, gain))
+            gains[term.key] = gain if held else 0.0
+        rows = fit.residual.size
+        weak = [
+            t
+            for t in fit.terms
+            if evidence(t, gains[t.key], rows) <= ENOUGH
+            or gains[t.key] < least_gain(t)
+            or not wanted(t, beyond(t, fit))
+            or (strict and not matters(t, gains[t.key], fit))
+        ]
+        instead: dict[str, tuple[Problem, Fit]] = {}
+        if strict and not weak:
+            for term in fit.terms:
+                more = plain if term.named else fit
+                rival = doubted(term, gains[term.key], problem, less[term.key], more) if is_said(term, fit) else None
+                instead |= {term.key: rival} if rival else {}
+            weak = [t for t in fit.terms if t.key in instead]
+        if not weak:
+            return problem, fit, gains
+        weakest = min(weak, key=lambda t: costs[t.key])
+        problem, without_it = instead.get(weakest.key, (problem, less[weakest.key]))
+        rest = tuple(t for t in fit.terms if t is not weakest)
+        fit = problem.fit(rest, {**fit.values, **without_it.values}, held=fit.sensitivities, to_end=True)
+    return problem, fit, {}
+
+
+def beside(problem: Problem, fit: Fit, rival: Rival) -> Fit:
+    """`fit` with a rival on top of all else."""
+    own = {p.name: rival.values[p.name] for p in rival.term.parameters}
+    return problem.fit((*fit.terms, rival.term), {**fit.values, **own}, held=fit.sensitivities, to_end=True)
+
+
+def swap(
+    problem: Problem,
+    fit: Fit,
+    rivals: Mapping[str, tuple[Rival, ...]],
+    entered: Mapping[str, float],
+    most: int = MOST_TERMS,
+) -> tuple[Fit, Mapping[str, tuple[Rival, ...]]]:
+    """Put in place of a mechanism one that was close to it when it came in, where that is better now.
+
+    What comes in first is chosen while other things are still missing. What is as new takes no place: it comes in
+    beside the other, and what it makes needless is taken away later. Of two that explain as much, the one that does
+    better on unseen blocks, if it would stay. Rivals keep the numbers of their last fit. `entered`: what terms gained
+    when they came in.
+    """
+    for term in fit.terms:
+        tried = {r.term.key: r for r in rivals.get(term.key, ())}
+        own = tried.get(term.key)
+        if own is None:
+            continue
+        present = {t.key for t in fit.terms}
+        options = {r.term.key: [r] for r in elsewhere(problem, fit, own)}
+        for key, known in options.items():
+            known += [tried[key]] if key in tried else []
+        absent = [r for r in tried.values() if r.term.key not in present | options.keys()]
+        options |= {r.term.key: [r] for r in [r for r in absent if r.gain > SWAP_SHARE * own.gain][:SWAPS]}
+
+        def instead(known: Sequence[Rival], term: Term = term) -> Fit | None:
+            other = known[0].term
+            return in_place(problem, fit, term, other, [own_of(term, other, r.values) for r in known])
+
+        @cache
+        def less(term: Term = term) -> Fit:
+            rest = tuple(t for t in fit.terms if t is not term)
+            return problem.fit(rest, fit.values, held=fit.sensitivities, to_end=True)
+
+        best = fit
+        for (key, known), other in zip(options.items(), each(instead, options.values()), strict=True):
+            if other is None:
+                continue
+            rival = replace(known[0], gain=own.gain - (other.cost - fit.cost), values=other.values)
+            kept = present - {term.key} | {_key(entry) for entry in problem.axis.mechanisms}
+            others = {k: gain for k, gain in entered.items() if k in kept}
+            form = is_form(rival.term, rival.gain, others) and not is_form(term, own.gain, others)
+            if form or not wanted(rival.term, beyond(rival.term, other)):
+                continue  # it would not have come in, or be taken away again
+            tried[key] = rival
+            margin = ahead(term if best is fit else best.terms[-1], rival.term)
+            even = abs(other.cost - best.cost) < LEAST_SWAP and paired(advantage(best, other)) > margin
+            even = even and holds(rival.term, less(), other)
+            as_new = beyond(rival.term, other) <= BEYOND  # it would have come in by itself
+            if other.cost < best.cost - LEAST_SWAP or (even and not as_new):
+                best = beside(problem, fit, rival) if as_new else other
+        rivals = {**rivals, term.key: tuple(sorted(tried.values(), key=lambda r: (-r.gain, r.term.key)))}
+        if most and best is not fit:
+            rivals = {**rivals, best.terms[-1].key: rivals[term.key]}
+            now = {**entered, best.terms[-1].key: entered.get(term.key, own.gain)}
+            return swap(problem, best, rivals, now, most - 1)
+    return fit, rivals

@@ -1,0 +1,110 @@
+"""One physical specimen of an axis: what differs between two gearboxes of the same data sheet.
+
+A data sheet gives inertias, stiffness and as-new limits. A specimen has friction, damping and clearances of its own
+and, in every mesh, transmission errors over the angles of both wheels: tooth engagement and its harmonics, run-out
+of either wheel, and sidebands where run-out modulates the engagement.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from typing import TypeVar
+
+import numpy as np
+
+from sim.assembly import chain_of_axis
+from sim.description.axis import Axis, Load, Motor, Stage
+from sim.errors import AxisError
+from sim.torsional.model import Chain, Line
+
+End = TypeVar("End", Motor, Load)
+
+HARMONIC_LEVELS = (1.0, 0.3, 0.12)  # of tooth engagement; a parabola-like error falls as 1/k^2
+RUN_OUT = (0.5, 2.0)  # amplitude of run-out over that of engagement
+SIDEBAND = (0.05, 0.3)
+AS_NEW = (0.5, 1.0)  # clearance of a good specimen over what the data sheet allows
+TEETH_UNKNOWN = (12, 60)  # driver and least driven teeth where only a ratio is given
+
+
+@dataclass(frozen=True)
+class Specimen:
+    """Factors on the data sheet's values, and the seed of phases and of all that is drawn per mesh.
+
+    `error` scales transmission errors, `friction` and `damping` theirs.
+    """
+
+    seed: int
+    error: float = 1.0
+    friction: float = 1.0
+    damping: float = 1.0
+
+    def chain(self, axis: Axis, payload_kg_m2: float) -> Chain:
+        """The specimen as shafts in series, with the axis's own mechanisms.
+
+        Raises AxisError where the axis has no gear or a stage without stiffness, and what its mechanisms raise.
+        """
+        if not axis.stages:
+            raise AxisError("stages: sound is made by gears, and this axis has none")
+        random = np.random.default_rng(self.seed)
+        stages, errors = [], []
+        for index, (stage, c, d) in enumerate(zip(axis.stages, axis.stiffness(), axis.damping(), strict=True)):
+            if c is None:
+                raise AxisError(f"stages[{index}].stiffness_n_m_per_rad: missing; a rigid mesh makes no sound")
+            stages.append(
+                replace(
+                    stage,
+                    stiffness_n_m_per_rad=c,
+                    damping_n_m_s_per_rad=(_default_damping(axis, index, c) if d is None else d) * self.damping,
+                    backlash_rad=stage.backlash_rad * random.uniform(*AS_NEW),
+                )
+            )
+            errors.append(_errors(stage, index, self.error, random))
+        built = replace(
+            axis,
+            motor=_rubbing(axis.motor, self.friction),
+            load=replace(_rubbing(axis.load, self.friction), inertia_kg_m2=payload_kg_m2),
+            stages=tuple(stages),
+        )
+        chain = chain_of_axis(built)
+        links = [replace(link, errors=(*lines, *link.errors)) for link, lines in zip(chain.links, errors, strict=False)]
+        return replace(chain, links=(*links, *chain.links[len(links) :]))
+
+
+def _rubbing(end: End, factor: float) -> End:
+    return replace(
+        end,
+        coulomb_friction_n_m=end.coulomb_friction_n_m * factor,
+        viscous_friction_n_m_s_per_rad=end.viscous_friction_n_m_s_per_rad * factor,
+    )
+
+
+def _teeth(stage: Stage) -> tuple[int, int]:
+    if stage.driver_teeth is not None and stage.driven_teeth is not None:
+        return stage.driver_teeth, stage.driven_teeth
+    driver, least = TEETH_UNKNOWN
+    return driver, max(least, round(driver * stage.ratio))
+
+
+def _errors(stage: Stage, index: int, scale: float, random: np.random.Generator) -> tuple[Line, ...]:
+    """Transmission errors of a mesh between shafts `index` and `index + 1`, in rad at the driven gear."""
+    amplitude = stage.transmission_error_rad * scale
+    driver, driven = _teeth(stage)
+
+    def line(shaft: int, order: float, level: float) -> Line:
+        return Line(shaft, order, amplitude * level, float(random.uniform(0, 2 * math.pi)))
+
+    lines = [
+        line(index + 1, k * driven, level * (1.0 if k == 1 else random.uniform(0.5, 1.5)))
+        for k, level in enumerate(HARMONIC_LEVELS, 1)
+    ]
+    for shaft, teeth in ((index, driver), (index + 1, driven)):
+        lines.append(line(shaft, 1, random.uniform(*RUN_OUT)))
+        lines.extend(line(shaft, teeth + side, random.uniform(*SIDEBAND)) for side in (-1, 1))
+    return tuple(lines)
+
+
+def _default_damping(axis: Axis, index: int, stiffness: float) -> float:
+    """3 % of critical damping against the load, as steel gear trains have [N m s/rad]."""
+    inertia = axis.load.inertia_kg_m2 / axis.ratio_from(axis.stages[index].name) ** 2
+    return 2 * 0.03 * math.sqrt(stiffness * inertia)

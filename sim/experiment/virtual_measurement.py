@@ -1,0 +1,103 @@
+"""A simulated measurement: an axis moves back and forth, a recorder takes its telemetry and a microphone its sound."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from casebase.signals.telemetry import Telemetry
+from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, Mode, hear
+from sim.description.axis import Axis
+from sim.errors import RunError
+from sim.experiment.motion_profile import moving
+from sim.mechanisms.catalogue import distort_sound, distort_telemetry
+from sim.mechanisms.places import with_error
+from sim.rotational.drive_train import DriveTrain
+from sim.rotational.trajectory import Trajectory
+from sim.torsional.model import Array
+from sim.torsional.reduction import simulate_chain
+
+TELEMETRY_RATE_HZ = 2000.0
+LEVEL_OF_16_BIT = 2.0**-15
+STANDING_S = 0.5  # heard before the run begins, so that no microphone is switched on with it
+
+DEFAULT_MICROPHONE = Microphone(
+    modes=(Mode(95.0, 0.05, 1.0), Mode(315.0, 0.03, 0.6), Mode(760.0, 0.02, 0.5), Mode(1650.0, 0.02, 0.4)),
+    gain=2e-3,
+    rubbing_n_m=2.0,
+    ambient_n_m=0.5,
+)
+"""A housing with four modes, near enough that rubbing stands above a quiet hall."""
+
+
+@dataclass(frozen=True)
+class Measurement:
+    """What a run gives: the whole trajectory at 8 kHz, telemetry at 2 kHz, sound at 8 kHz in full scales."""
+
+    trajectory: Trajectory
+    telemetry: Telemetry
+    sound: NDArray[np.float32]
+
+
+def built(axis: Axis) -> DriveTrain:
+    """The drive train of an axis with its servo, its mechanisms, and the transmission error it has as new."""
+    train = DriveTrain.from_axis(axis)
+    for stage in axis.stages:
+        if stage.transmission_error_rad and stage.driven_teeth:
+            train = with_error(train, stage.name, float(stage.driven_teeth), stage.transmission_error_rad, 0.0)
+    return moving(train, axis)
+
+
+def measure(
+    axis: Axis,
+    duration_s: float,
+    seed: int = 0,
+    microphone: Microphone = DEFAULT_MICROPHONE,
+    watch: Array | None = None,
+) -> Measurement:
+    """Simulate an axis along its `motion` and measure it; the same seed gives the same bytes.
+
+    Raises SimulationError for an axis or a duration that cannot be, RunError where the motion left all bounds.
+    """
+    trajectory = simulate_chain(built(axis), duration_s, SAMPLE_RATE_HZ, watch)
+    if not np.isfinite(trajectory["motor.w"][-1]):
+        raise RunError(f"axis {axis.name!r} left all bounds; lower servo.speed_bandwidth_rad_s")
+    telemetry = distort_telemetry(telemetry_of(trajectory, axis), axis, seed)
+    sound = distort_sound(sound_of(trajectory, axis, microphone, seed), SAMPLE_RATE_HZ, axis, seed)
+    return Measurement(trajectory, telemetry, np.asarray(np.clip(sound, -1.0, 1.0 - LEVEL_OF_16_BIT), np.float32))
+
+
+def telemetry_of(trajectory: Trajectory, axis: Axis) -> Telemetry:
+    """The channels that a drive records, at 2 kHz, as they are; `shaft_torque_nm` is that on the load."""
+    every = round(trajectory.sample_rate_hz / TELEMETRY_RATE_HZ)
+    end = "load" if "load.phi" in trajectory.channels else "motor"
+    sources = {
+        "reference_position_rad": "drive.reference",
+        "motor_torque_nm": "drive.tau",
+        "motor_position_rad": "motor.phi",
+        "motor_speed_rad_s": "motor.w",
+        "load_position_rad": f"{end}.phi",
+        "load_speed_rad_s": f"{end}.w",
+    }
+    channels = {name: trajectory[source][::every] for name, source in sources.items()}
+    last = axis.stages[-1].name if axis.stages else "coupling"
+    if f"{last}.tau" in trajectory.channels:
+        channels["shaft_torque_nm"] = -trajectory[f"{last}.tau"][::every]
+    return Telemetry(time_s=trajectory.time_s[::every], channels=channels)
+
+
+def sound_of(trajectory: Trajectory, axis: Axis, microphone: Microphone, seed: int) -> NDArray[np.float32]:
+    """What the microphone hears of the meshes and bearings of a trajectory."""
+    columns = [-trajectory[f"{stage.name}.tau"] * axis.ratio_from(stage.name) for stage in axis.stages]
+    for name in trajectory.channels:
+        shaft = name.removesuffix("_bearing.tau")
+        if shaft != name:
+            columns.append(trajectory[name] * axis.ratio_from(shaft))
+    end = "load.w" if "load.w" in trajectory.channels else "motor.w"
+    forces = np.stack(columns, axis=1) if columns else np.zeros((len(trajectory.time_s), 1))
+    before = round(STANDING_S * trajectory.sample_rate_hz)
+    forces = np.pad(forces, ((before, 0), (0, 0)), mode="edge")
+    speed = np.pad(trajectory[end], (before, 0))
+    return hear(forces, speed, trajectory.sample_rate_hz, microphone, seed)[before:]

@@ -1,0 +1,168 @@
+"""What a mechanism is: an effect that the plain axis lacks, as a pure map of a drive train or of a measurement.
+
+One class per file in `sim.mechanisms`, one line in its catalogue `MECHANISMS`. A class says what it is as data
+(parameters with ranges, equations, source, the signature it leaves); an instance has a place and numbers.
+"""
+
+from __future__ import annotations
+
+import math
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from types import MappingProxyType
+from typing import ClassVar, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from casebase.signals.telemetry import Telemetry
+from sim.description.axis import Axis, MechanismEntry
+from sim.errors import ParameterError, near_match
+from sim.rotational.drive_train import DriveTrain
+
+Samples = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number of a mechanism: its unit, the range in which it makes sense, its default; an angle is periodic."""
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    default: float
+    periodic: bool = False
+    choices: tuple[float, ...] = ()
+
+
+@dataclass(frozen=True)
+class Signature:
+    """How an effect shows in a measurement.
+
+    Parameters
+    ----------
+    domain
+        What it repeats with, or hangs on.
+    order
+        Per revolution of the shaft at its location: a number, `mesh` for the number of teeth, or a parameter's name.
+    per_cycle
+        How often in one motion back and forth.
+    flank
+        Whether it acts on one flank of the teeth only.
+    direction
+        Whether it differs by direction of motion, or comes where the motion turns.
+    grows_with
+        What makes it larger.
+    """
+
+    domain: Literal["angle", "speed", "torque", "twist", "time", "reversal", "frequency", "recording"]
+    order: float | str | None = None
+    per_cycle: int | None = None
+    flank: Literal["one", "both"] = "both"
+    direction: Literal["same", "opposite", "one", "reversal"] = "same"
+    grows_with: Literal["nothing", "load", "speed", "time", "twist"] = "nothing"
+
+
+@dataclass(frozen=True)
+class Mechanism(ABC):
+    """One effect at one place with its numbers; parameters that are not given have their defaults.
+
+    Raises
+    ------
+    ParameterError
+        for an unknown parameter, one that is not finite or out of its range, or a place where it cannot be.
+
+    >>> from sim.mechanisms import Backlash
+    >>> Backlash("output", {"gap_rad": 0.001})["gap_rad"]
+    0.001
+    >>> Backlash("output", {"gap_rad": 5})
+    Traceback (most recent call last):
+    sim.errors.ParameterError: backlash.gap_rad: must be 0 to 0.1 rad, got 5
+    """
+
+    location: str | None = None
+    values: Mapping[str, float] = field(default_factory=dict)
+
+    name: ClassVar[str]
+    kind: ClassVar[Literal["mechanics", "measurement"]] = "mechanics"
+    parameters: ClassVar[tuple[Parameter, ...]]
+    size: ClassVar[str]
+    """The parameter of which 0 means that the effect is not there."""
+    signature: ClassVar[Signature]
+    equations: ClassVar[str]
+    source: ClassVar[str]
+
+    def __post_init__(self) -> None:
+        known = {parameter.name: parameter for parameter in self.parameters}
+        for key in self.values:
+            if key not in known:
+                raise ParameterError(f"{self.name}.{key}: unknown parameter{near_match(key, known)}")
+        full = {name: self._checked(one, self.values.get(name, one.default)) for name, one in known.items()}
+        object.__setattr__(self, "values", MappingProxyType(full))
+
+    def __getitem__(self, name: str) -> float:
+        return self.values[name]
+
+    def __reduce__(self) -> tuple[object, ...]:
+        return type(self), (self.location, dict(self.values))
+
+    def __hash__(self) -> int:
+        return hash((self.name, self.location, tuple(self.values.items())))
+
+    @classmethod
+    @abstractmethod
+    def locations(cls, axis: Axis) -> tuple[str | None, ...]:
+        """Where it can act on an axis; the first is meant when no place is given. None: the axis as a whole."""
+
+    def placed(self, axis: Axis) -> str:
+        """Return the place where it acts, the default where none was given."""
+        possible = self.locations(axis)
+        if not possible:
+            raise ParameterError(f"{self.name}: has no place on axis {axis.name!r}")
+        if self.location is None:
+            return possible[0] or ""
+        if self.location not in possible:
+            names = ", ".join(str(place) for place in possible if place)
+            raise ParameterError(f"{self.name}.location: must be one of {names or 'none'}, got {self.location!r}")
+        return self.location
+
+    def entry(self) -> MechanismEntry:
+        """The table of an axis description that says this."""
+        return MechanismEntry(self.name, self.location, dict(self.values))
+
+    def _checked(self, parameter: Parameter, value: object) -> float:
+        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
+            raise ParameterError(f"{self.name}.{parameter.name}: must be a finite number, got {value!r}")
+        if parameter.choices and value not in parameter.choices:
+            choices = " or ".join(f"{choice:g}" for choice in parameter.choices)
+            raise ParameterError(f"{self.name}.{parameter.name}: must be {choices}, got {value:g}")
+        if not (parameter.periodic or parameter.low <= value <= parameter.high):
+            raise ParameterError(
+                f"{self.name}.{parameter.name}: must be {parameter.low:g} to {parameter.high:g} {parameter.unit}, "
+                f"got {value:g}"
+            )
+        return float(value)
+
+
+class Mechanics(Mechanism):
+    """An effect in the machine."""
+
+    @abstractmethod
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        """Return the train with the effect; `train.axis` says what stands where."""
+
+
+class Measurement(Mechanism):
+    """An effect of the measurement itself: the machine is not touched."""
+
+    kind: ClassVar[Literal["mechanics", "measurement"]] = "measurement"
+
+    def distort(self, telemetry: Telemetry, axis: Axis, seed: int = 0) -> Telemetry:
+        """Return the telemetry as it would have been measured."""
+        return telemetry
+
+    def distort_sound(self, samples: Samples, sample_rate_hz: float, seed: int = 0) -> Samples:
+        """Return the recording as it would have been taken."""
+        return samples

@@ -1,0 +1,174 @@
+"""LossyGear: a gear with mesh efficiency and bearing friction that rolls forward, backward, or sticks."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import ClassVar
+
+import numpy as np
+
+from sim.errors import ParameterError
+from sim.rotational.component import BACKWARD, FORWARD, FREE, STUCK, Branch, Component, Row, Variables
+from sim.rotational.components.ideal_gear import gear_ratio
+from sim.rotational.components.tables import SpeedTable, speed_table
+from sim.rotational.curves import Curve, Shape
+
+IDEAL = ((0.0, 1.0, 1.0, 0.0, 0.0),)
+
+
+@dataclass(frozen=True)
+class LossyGear(Component):
+    """Modelica 4.1's law of a gear with losses.
+
+    phi_a = ratio phi_b, 0 = tau_b + ratio (tau_a - tauLoss); the loss depends on who drives and on the direction.
+
+    Parameters
+    ----------
+    ratio
+        phi_a / phi_b.
+    lossTable
+        Rows [|w_a|, eta_mf1, eta_mf2, |tau_bf1|, |tau_bf2|]: speed [rad/s], efficiency of the mesh and bearing friction
+        at flange_a [N.m] when flange_a (1) or flange_b (2) drives. One row: the same at all speeds.
+    """
+
+    ratio: float
+    lossTable: object = IDEAL
+
+    flanges: ClassVar[tuple[str, ...]] = ("flange_a", "flange_b", "support")
+    grounded: ClassVar[tuple[str, ...]] = ("support",)
+    units: ClassVar[Mapping[str, str]] = {
+        "phi_a": "rad",
+        "w_a": "rad/s",
+        "tauLoss": "N.m",
+        "flange_a.tau": "N.m",
+        "flange_b.tau": "N.m",
+        "lossPower": "W",
+        "mode": "1",
+    }
+
+    def __post_init__(self) -> None:
+        gear_ratio("LossyGear.ratio", self.ratio)
+        table = speed_table("LossyGear.lossTable", self.lossTable, 5)
+        for i, row in enumerate(table.rows):
+            for j in (1, 2):
+                if not 0 < row[j] <= 1:
+                    raise ParameterError(f"LossyGear.lossTable[{i}][{j}]: must be > 0 and <= 1, got {row[j]:g}")
+        object.__setattr__(self, "lossTable", table.rows)
+
+    @cached_property
+    def table(self) -> SpeedTable:
+        return SpeedTable(self.lossTable)  # type: ignore[arg-type]
+
+    @cached_property
+    def _one_efficiency(self) -> bool:
+        return len({row[1:3] for row in self.table.rows}) == 1
+
+    @property
+    def affine(self) -> bool:
+        return self._one_efficiency and self.table.straight
+
+    @property
+    def unknowns(self) -> int:
+        return 2
+
+    def kinematics(self, v: Variables) -> tuple[Row, ...]:
+        a, b = (v.phi(flange) - v.phi("support") for flange in ("flange_a", "flange_b"))
+        return (a - self.ratio * b,)
+
+    @cached_property
+    def _pieces(self) -> tuple[tuple[int, int, int], ...]:
+        """Mode of each branch, and who drives: 1 flange_a, -1 flange_b; stuck, at the upper limit and at the lower one.
+
+        Stuck, one combination cannot be: between the two torques at which the driver changes, both or none drive.
+        """
+        if self.table.rows == IDEAL:
+            return ((FREE, 0, 0),)
+        eta1, eta2, bf1, bf2 = (float(x) for x in self.table.at(0.0))
+        never = float(np.sign(bf1 if eta1 == eta2 == 1 else (bf1 - bf2) / (eta1 - 1 / eta2)))
+        stuck = [(STUCK, upper, lower) for upper in (1, -1) for lower in (1, -1) if (upper, lower) != (never, never)]
+        return (*stuck, *((way, driver, 0) for way in (FORWARD, BACKWARD) for driver in (1, -1)))
+
+    def branches(self, v: Variables) -> tuple[Branch, ...]:
+        return tuple(self.branch(v, number) for number in range(len(self._pieces)))
+
+    def branch(self, v: Variables, number: int) -> Branch:
+        mode, first, second = self._pieces[number]
+        if mode == FREE:
+            return self._branch(v, FREE, v.unknown(1), ())
+        return self._stuck(v, first, second) if mode == STUCK else self._rolling(v, mode, first)
+
+    def _branch(
+        self,
+        v: Variables,
+        mode: int,
+        equation: Row,
+        holds: tuple[Row, ...],
+        strict: tuple[Row, ...] = (),
+        stops: tuple[Row, ...] = (),
+    ) -> Branch:
+        tau_a, loss = v.unknown(0), v.unknown(1)
+        tau_b = -self.ratio * (tau_a - loss)
+        w_a = v.w("flange_a") - v.w("support")
+        return Branch(
+            torques={"flange_a": tau_a, "flange_b": tau_b, "support": -tau_a - tau_b},
+            equations=(equation,),
+            holds=holds,
+            strict=strict,
+            stops=stops,
+            mode=mode,
+            channels={
+                "phi_a": v.phi("flange_a") - v.phi("support"),
+                "w_a": w_a,
+                "tauLoss": loss,
+                "flange_a.tau": tau_a,
+                "flange_b.tau": tau_b,
+            },
+            powers={"lossPower": (loss, w_a)},
+        )
+
+    def _rolling(self, v: Variables, direction: int, driver: int) -> Branch:
+        """Flange_a drives (eta_mf1), or flange_b (eta_mf2); the torque at flange_a tells which."""
+        tau_a, loss = v.unknown(0), v.unknown(1)
+        turns = direction * (v.w("flange_a") - v.w("support"))
+        share, bearing, switch = self._values(v, turns, driver)
+        margin = direction * tau_a - switch
+        equation = loss - share * tau_a - direction * bearing
+        return self._branch(v, direction, equation, (driver * margin,), (turns,))
+
+    def _stuck(self, v: Variables, upper_side: int, lower_side: int) -> Branch:
+        """The loss holds the gear while it lies within limits; each limit has two pieces, by who would drive."""
+        tau_a, loss = v.unknown(0), v.unknown(1)
+        eta1, eta2, bf1, bf2 = self._at_rest(v)
+        switch = _switch(eta1, eta2, bf1, bf2)
+        upper, lower = ((1 - eta1, bf1) if side > 0 else (1 - 1 / eta2, bf2) for side in (upper_side, lower_side))
+        holds = (
+            upper[0] * tau_a + upper[1] - loss,
+            loss - lower[0] * tau_a + lower[1],
+            upper_side * (tau_a - switch),
+            lower_side * (-tau_a - switch),
+        )
+        w_a, a_a = v.w("flange_a") - v.w("support"), v.a("flange_a") - v.a("support")
+        return self._branch(v, STUCK, a_a, holds, stops=(w_a,))
+
+    def _values(self, v: Variables, speed: Row, driver: int) -> tuple[float, Row, Row]:
+        """Share of the torque at flange_a that is lost, bearing friction, and where the driver changes, at `speed`."""
+        if self.affine:
+            eta1, eta2, bf1, bf2 = self._at_rest(v)
+            slope1, slope2 = self.table.slopes()[2:]
+            bf1, bf2 = bf1 + slope1 * speed, bf2 + slope2 * speed
+            return *((1 - eta1, bf1) if driver > 0 else (1 - 1 / eta2, bf2)), _switch(eta1, eta2, bf1, bf2)
+        switch = v.curve(Curve(Shape.DRIVER, self.table.rows), speed) * v.one
+        shape, efficiency, bearing = (Shape.TABLE, 0, 2) if driver > 0 else (Shape.RECIPROCAL, 1, 3)
+        kept = v.curve(Curve(shape, self.table.column(efficiency), "LossyGear.lossTable: the efficiency"), speed)
+        return 1 - kept, v.curve(Curve(Shape.TABLE, self.table.column(bearing)), speed) * v.one, switch
+
+    def _at_rest(self, v: Variables) -> tuple[float, float, Row, Row]:
+        eta1, eta2, bf1, bf2 = self.table.values(0.0)
+        return eta1, eta2, bf1 * v.one, bf2 * v.one
+
+
+def _switch(eta1: float, eta2: float, bf1: Row, bf2: Row) -> Row:
+    """Torque at flange_a [N.m] above which, rolling forward, flange_a drives: there both pieces meet."""
+    if eta1 == 1 and eta2 == 1:
+        return bf1 / 2
+    return (bf1 - bf2) / (eta1 - 1 / eta2)

@@ -1,0 +1,575 @@
+"""Compiled inner loop of engine 2: shafts in series over flat arrays (packed in `sim.torsional.packing`).
+
+Classical Runge-Kutta of order 4 with fixed steps between events. What is not smooth is a mode that is held
+during a step and changed only at a located instant: contact of each mesh, stick or slip of each shaft, driving
+side of each lossy mesh, direction of each hysteresis loop. A margin is >= 0 while its mode is valid. One margin
+crossing zero ends the step; the instant is found on the Runge-Kutta solution itself, to rounding.
+
+Three arrays hold everything, because numba counts references of every array it takes out of a tuple, which cost
+more than the physics: `p` parameters (shaft k at 16 k, link k at LINKS + 16 k, drive, external torque, rows of lines,
+waves, dents and ripples), `q` counts, offsets and modes, `w` working rows. Importing this module imports numba;
+`sim.torsional.reduction` does so at the first simulation. All functions stay in this one file because numba's cache does not see
+changes of callees in other files.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+# numba compiles for arrays; to a type checker a row of numbers is a list
+Floats = list[float]
+Ints = list[int]
+Matrix = NDArray[np.float64]
+
+TWO_PI = 2.0 * math.pi
+# range() with a step divides, which costs more than the loop: hence while
+# p; J and ETA1 hold the reciprocals
+WIDTH, LINKS, DRIVE, EXT, ROWS = 16, 64, 112, 120, 128
+(J, COULOMB_F, COULOMB_B, VISCOUS_F, VISCOUS_B, STRIBECK, STRIBECK_W, STRIBECK_EXP, DRIFT, GRAVITY, PHASE,
+ OFFSET, FRICTIONAL) = range(13)  # fmt: skip
+INV, C, D, HALF, LAW, ETA1, ETA2, BF1, BF2, TURN, LOSSY, CUBIC, HYST, HYST_X = range(14)
+# rows of lines, waves, ripples: shaft, order, amplitude, phase, shaft acted on
+# rows of dents: shaft, angle, 1 / half width with the sign of the flank, depth, form
+ROW = 5
+# q: number of shafts, kind of drive, then offsets into p where the rows of link (ripples: all) begin and end
+SHAFTS, KIND, RIPPLES, LINES, WAVES, DENTS, CONTACT, LOOP, WAY, SIDE = 0, 1, 2, 4, 8, 12, 16, 20, 24, 28
+Q_SIZE = 32
+TORQUE, PRESCRIBED, SERVO = 0, 1, 2
+PLAIN = 9  # contact of a link without gap: one law for both flanks, never left
+FREE = 9  # way of a shaft on which nothing depends on the direction
+GAP, NORMAL, DAMPED, NO_PULL = 0, 1, 2, 3  # with the sign of the flank; DAMPED: damper torque clipped
+LAW_LINEAR, LAW_ELASTO, LAW_ELASTO2 = 1, 2, 3
+# w: states are angles, speeds (from 4), hysteresis torques (from 8)
+# margins: 4 per link (two of contact, loop, side), then 2 per shaft
+# levers: torque that a link asks of its driver and gives to its driven shaft, of the force between them
+Y, K1, RATE, STAGE, TOTAL, FORCE, MARGIN, AT_START, AT_END, ASKS, GIVES = 0, 12, 24, 36, 48, 60, 64, 84, 104, 124, 128
+STATES, MARGINS, SHAFT_MARGIN, W_SIZE = 11, 20, 12, 132
+MAX_EVENTS_PER_STEP = 40
+
+_jit = njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"}, nogil=True)
+_inline = njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"}, nogil=True, forceinline=True)
+
+
+@_inline
+def _sincos(x: float) -> tuple[float, float]:
+    """Sine and cosine together, to 1e-15 for |x| < 1e6 (reduction of Cody and Waite, then Taylor to order 15)."""
+    k = (x * 0.6366197723675814 + 6755399441055744.0) - 6755399441055744.0  # to the nearest whole number
+    r = ((x - k * 1.5707963267341256) - k * 6.077100506303966e-11) - k * 2.0222662487959506e-21
+    q = r * r
+    s = q * (1.6059043836821613e-10 - q * 7.647163731819816e-13) - 2.505210838544172e-8
+    s = q * (q * s + 2.7557319223985893e-6) - 1.984126984126984e-4
+    s = r + r * q * (q * (q * s + 8.333333333333333e-3) - 1.6666666666666666e-1)
+    c = q * (2.08767569878681e-9 - q * 1.1470745597729725e-11) - 2.755731922398589e-7
+    c = q * (q * c + 2.48015873015873e-5) - 1.388888888888889e-3
+    c = 1.0 + q * (q * (q * c + 4.1666666666666664e-2) - 0.5)
+    n = int(k)
+    sign = 1.0 - (n & 2)
+    return sign * (c if n & 1 else s), sign * (-s if n & 1 else c)
+
+
+@_jit
+def _dent(k: int, side: float, p: Floats, q: Ints, w: Floats) -> tuple[float, float, float]:
+    """Missing material [rad at the driven gear] on one flank of link k, its slope over the angles of both wheels."""
+    depth = 0.0
+    before = 0.0
+    after = 0.0
+    j = q[DENTS + k]
+    while j < q[DENTS + k + 1]:
+        if p[j + 2] * side > 0.0:
+            shaft = int(p[j])
+            r = w[STAGE + shaft] - p[j + 1]
+            u = (r - TWO_PI * math.floor(r / TWO_PI + 0.5)) * p[j + 2]
+            if abs(u) < 1.0:
+                steep = abs(u) if p[j + 4] == 2.0 else abs(u) ** (p[j + 4] - 1.0)
+                room = 1.0 - steep * abs(u)
+                cube = p[j + 3] * room * room * room
+                depth += cube * room
+                slope = math.copysign(4.0 * p[j + 4] * cube * steep, u) * p[j + 2]
+                if shaft == k:
+                    before -= slope
+                else:
+                    after -= slope
+        j += ROW
+    return depth, before, after
+
+
+@_inline
+def _friction(s: int, speed: float, way: int, t: float, p: Floats) -> float:
+    """Torque [N m] against a shaft (offset s) that moves in direction `way`: Coulomb, Stribeck, viscous, drift."""
+    level = p[s + COULOMB_F] if way >= 0 else p[s + COULOMB_B]
+    viscous = p[s + VISCOUS_F] if way >= 0 else p[s + VISCOUS_B]
+    if p[s + STRIBECK] != 0.0:
+        level += p[s + STRIBECK] * math.exp(-((abs(speed) / p[s + STRIBECK_W]) ** p[s + STRIBECK_EXP]))
+    return (level * way + viscous * speed) * (1.0 + p[s + DRIFT] * t)
+
+
+@_inline
+def _driver_torque(a: int, load: float, way: int, side: int, p: Floats) -> float:
+    """Torque [N m] into the rolling lossy gear of link a for the load at its driver: LossyGear, solved for tau_a."""
+    if (way > 0) == (side > 0):
+        return p[a + ETA1] * (load + way * p[a + BF1])
+    return p[a + ETA2] * (load + way * p[a + BF2])
+
+
+@_inline
+def _driving_side(a: int, load: float, way: int, p: Floats) -> int:
+    """1 while tau_a is above the turning point of the two branches, else -1."""
+    return 1 if _driver_torque(a, load, way, 1, p) >= way * p[a + TURN] else -1
+
+
+@_inline
+def _contact(k: int, x: float, xd: float, c: float, p: Floats, q: Ints, w: Floats) -> float:
+    """Force [N m] of link k in the held contact mode; leaves the margins of that mode."""
+    mode = q[CONTACT + k]
+    a = LINKS + WIDTH * k
+    if mode == PLAIN:
+        return c * x * (1.0 + p[a + CUBIC] * x * x) + p[a + D] * xd
+    m = 4 * k
+    if mode == GAP:
+        w[MARGIN + m] = p[a + HALF] + _dent(k, 1.0, p, q, w)[0] - x
+        w[MARGIN + m + 1] = p[a + HALF] + _dent(k, -1.0, p, q, w)[0] + x
+        return 0.0
+    side = 1.0 if mode > 0 else -1.0
+    depth, before, after = _dent(k, side, p, q, w)
+    w[ASKS + k] -= side * before
+    w[GIVES + k] += side * after
+    x = side * x - p[a + HALF] - depth
+    spring = c * x * (1.0 + p[a + CUBIC] * x * x)
+    damper = p[a + D] * (side * xd - before * w[STAGE + 4 + k] - after * w[STAGE + 5 + k])
+    mode = abs(mode)
+    if mode == NORMAL:
+        w[MARGIN + m] = spring - damper if p[a + LAW] == LAW_ELASTO else 1.0
+        w[MARGIN + m + 1] = x if p[a + LAW] == LAW_LINEAR else spring + damper
+        return float(side * (spring + damper))
+    w[MARGIN + m + 1] = x
+    if mode == DAMPED:
+        w[MARGIN + m] = damper - spring
+        return side * 2.0 * spring
+    w[MARGIN + m] = -spring - damper
+    return 0.0
+
+
+@_inline
+def _drive_torque(t: float, u: float, p: Floats) -> float:
+    torque = p[DRIVE] + u * p[DRIVE + 1]
+    if p[DRIVE + 2] != 0.0:
+        torque += p[DRIVE + 2] * _sincos(p[DRIVE + 3] * t + p[DRIVE + 4])[0]
+    return torque
+
+
+@_inline
+def _link(k: int, p: Floats, q: Ints, w: Floats) -> float:
+    """Force [N m at the driven gear] of link k; leaves the rate of its hysteresis, and its levers.
+
+    An error of teeth varies the ratio of the torques as it does that of the speeds: no power is lost by it.
+    """
+    a = LINKS + WIDTH * k
+    w[ASKS + k] = p[a + INV]
+    w[GIVES + k] = 1.0
+    x = w[STAGE + k] * p[a + INV] - w[STAGE + k + 1]
+    xd = w[STAGE + 4 + k] * p[a + INV] - w[STAGE + 5 + k]
+    j = q[LINES + k]
+    while j < q[LINES + k + 1]:
+        s, c = _sincos(p[j + 1] * w[STAGE + int(p[j])] + p[j + 3])
+        slope = p[j + 2] * p[j + 1] * c
+        x -= p[j + 2] * s
+        xd -= slope * w[STAGE + 4 + int(p[j])]
+        if int(p[j]) == k:
+            w[ASKS + k] -= slope
+        else:
+            w[GIVES + k] += slope
+        j += ROW
+    stiffness = p[a + C]
+    j = q[WAVES + k]
+    while j < q[WAVES + k + 1]:
+        stiffness += p[a + C] * p[j + 2] * _sincos(p[j + 1] * w[STAGE + int(p[j])] + p[j + 3])[1]
+        j += ROW
+    force = _contact(k, x, xd, stiffness, p, q, w)
+    if p[a + HYST] != 0.0:
+        z = w[STAGE + 8 + k]
+        force += z
+        w[MARGIN + 4 * k + 2] = q[LOOP + k] * xd
+        w[RATE + 8 + k] = xd * (p[a + HYST] - q[LOOP + k] * z) / p[a + HYST_X]
+    return float(force)
+
+
+@_inline
+def _shaft(k: int, net: float, last: int, t: float, p: Floats, q: Ints, w: Floats) -> float:
+    """Acceleration [rad/s2] of shaft k under `net` torque without friction and gear; leaves its margins."""
+    s = WIDTH * k
+    a = LINKS + s
+    m = SHAFT_MARGIN + 2 * k
+    way = q[WAY + k]
+    load = w[FORCE + k] * w[ASKS + k] if k < last else 0.0
+    lossy = k < last and p[a + LOSSY] != 0.0
+    if way == 0:
+        ahead = load
+        back = load
+        if lossy:
+            w[MARGIN + 4 * k + 3] = 1.0
+            ahead = _driver_torque(a, load, 1, _driving_side(a, load, 1, p), p)
+            back = _driver_torque(a, load, -1, _driving_side(a, load, -1, p), p)
+        w[MARGIN + m] = _friction(s, 0.0, 1, t, p) + ahead - net
+        w[MARGIN + m + 1] = net - back - _friction(s, 0.0, -1, t, p)
+        return 0.0
+    speed = w[STAGE + 4 + k]
+    if lossy:
+        load = _driver_torque(a, load, way, q[SIDE + k], p)
+        w[MARGIN + 4 * k + 3] = q[SIDE + k] * (load - way * p[a + TURN])
+    if way == FREE:
+        return (net - load - p[s + VISCOUS_F] * speed) * p[s + J]
+    w[MARGIN + m] = way * speed
+    w[MARGIN + m + 1] = 1.0
+    return float((net - load - _friction(s, speed, way, t, p)) * p[s + J])
+
+
+@_inline
+def _rates(t: float, u: float, p: Floats, q: Ints, w: Floats) -> None:
+    """Rates of STAGE into RATE, margins of all modes and link torques; u is the fraction of the input sample."""
+    n = q[SHAFTS]
+    first = 0
+    if q[KIND] == PRESCRIBED:
+        first = 1
+        d = DRIVE
+        w[STAGE + 0] = p[d] + u * (p[d + 1] + u * (p[d + 2] + u * (p[d + 3] + u * (p[d + 4] + u * p[d + 5]))))
+        w[STAGE + 4] = p[d + 6] * (p[d + 1] + u * (2.0 * p[d + 2] + u * (
+            3.0 * p[d + 3] + u * (4.0 * p[d + 4] + u * 5.0 * p[d + 5]))))  # fmt: skip
+    for k in range(n - 1):
+        w[FORCE + k] = _link(k, p, q, w)
+    for k in range(first, n):
+        w[RATE + k] = w[STAGE + 4 + k]
+        s = WIDTH * k
+        net = p[s + OFFSET] + p[EXT + 2 * k] + u * p[EXT + 2 * k + 1]
+        if k > 0:
+            net += w[FORCE + k - 1] * w[GIVES + k - 1]
+        elif q[KIND] != PRESCRIBED:
+            net += _drive_torque(t, u, p)
+        if p[s + GRAVITY] != 0.0:
+            net -= p[s + GRAVITY] * _sincos(w[STAGE + k] + p[s + PHASE])[0]
+        j = q[RIPPLES]
+        while j < q[RIPPLES + 1]:
+            if int(p[j + 4]) == k:
+                net += p[j + 2] * _sincos(p[j + 1] * w[STAGE + int(p[j])] + p[j + 3])[0]
+            j += ROW
+        w[RATE + 4 + k] = _shaft(k, net, n - 1, t, p, q, w)
+
+
+@_jit
+def _advance(t: float, h: float, u: float, du: float, p: Floats, q: Ints, w: Floats) -> None:
+    """One Runge-Kutta step from Y to STAGE of length h (du of the sample); RATE, margins and forces are of its end."""
+    half = 0.5 * h
+    sixth = h / 6.0
+    for i in range(STATES):
+        w[TOTAL + i] = w[K1 + i]
+        w[STAGE + i] = w[Y + i] + half * w[K1 + i]
+    for s in range(4):
+        part = 0.5 if s < 2 else 1.0
+        _rates(t + part * h, u + part * du, p, q, w)
+        if s < 2:
+            ahead = h if s == 1 else half
+            for i in range(STATES):
+                w[TOTAL + i] += 2.0 * w[RATE + i]
+                w[STAGE + i] = w[Y + i] + ahead * w[RATE + i]
+        elif s == 2:
+            for i in range(STATES):
+                w[STAGE + i] = w[Y + i] + sixth * (w[TOTAL + i] + w[RATE + i])
+
+
+@_inline
+def _copy(to: int, row: int, size: int, w: Floats) -> None:
+    for i in range(size):
+        w[to + i] = w[row + i]
+
+
+@_jit
+def _switch(m: int, p: Floats, q: Ints, w: Floats) -> tuple[int, int, int, int]:
+    """Change the mode whose margin m ran out. Returns (0 contact, 1 stick, 2 hysteresis, 3 side; which; from; to)."""
+    if m >= SHAFT_MARGIN:
+        k = (m - SHAFT_MARGIN) // 2
+        old = q[WAY + k]
+        if old == 0:
+            q[WAY + k] = 1 if (m - SHAFT_MARGIN) % 2 == 0 else -1
+            if k < q[SHAFTS] - 1:
+                a = LINKS + WIDTH * k
+                q[SIDE + k] = _driving_side(a, w[FORCE + k] * w[ASKS + k], q[WAY + k], p)
+        else:
+            w[Y + 4 + k] = 0.0
+            q[WAY + k] = 0
+        return 1, k, old, q[WAY + k]
+    k = m // 4
+    if m % 4 >= 2:
+        slot = (LOOP if m % 4 == 2 else SIDE) + k
+        q[slot] = -q[slot]
+        return m % 4, k, -q[slot], q[slot]
+    a = LINKS + WIDTH * k
+    old = q[CONTACT + k]
+    side = 1 if old > 0 else -1
+    if old == GAP:
+        damped = p[a + LAW] == LAW_ELASTO and p[a + D] != 0.0
+        q[CONTACT + k] = (DAMPED if damped else NORMAL) * (1 if m % 4 == 0 else -1)
+    elif old != side * NORMAL:
+        q[CONTACT + k] = GAP if m % 4 == 1 else side * NORMAL
+    elif m % 4 == 0:
+        q[CONTACT + k] = side * DAMPED
+    else:
+        q[CONTACT + k] = GAP if p[a + D] == 0.0 or p[a + LAW] == LAW_LINEAR else side * NO_PULL
+    return 0, k, old, q[CONTACT + k]
+
+
+@_jit
+def _record(log: Matrix, count: int, t: float, change: tuple[int, int, int, int]) -> int:
+    if count < log.shape[0]:
+        log[count, 0] = t
+        for i in range(4):
+            log[count, 1 + i] = change[i]
+    return count + 1
+
+
+@_jit
+def _settle(t: float, u: float, tolerance: float, log: Matrix, count: int, p: Floats, q: Ints, w: Floats) -> int:
+    """Rates at the start of a step; modes that are already invalid there are changed at once."""
+    for _ in range(MAX_EVENTS_PER_STEP):
+        _copy(STAGE, Y, STATES, w)
+        _rates(t, u, p, q, w)
+        m = -1
+        for j in range(MARGINS - 1, -1, -1):
+            if w[MARGIN + j] < -tolerance:
+                m = j
+        if m < 0:
+            break
+        count = _record(log, count, t, _switch(m, p, q, w))
+    _copy(K1, RATE, STATES, w)
+    _copy(AT_START, MARGIN, MARGINS, w)
+    return count
+
+
+@_jit
+def _locate(m: int, t: float, h: float, value: float, u: float, du: float, p: Floats, q: Ints, w: Floats) -> float:
+    """Length of the step after which margin m (`value` < 0 at h) has just run out: Illinois' regula falsi."""
+    a = 0.0
+    b = h
+    at_a = w[AT_START + m]
+    at_b = value
+    last = 0
+    for _ in range(80):
+        tau = b - at_b * (b - a) / (at_b - at_a)
+        if not a < tau < b:
+            tau = 0.5 * (a + b)
+        _advance(t, tau, u, du * tau / h, p, q, w)
+        if w[MARGIN + m] < 0.0:
+            b = tau
+            at_b = w[MARGIN + m]
+            at_a *= 0.5 if last == -1 else 1.0
+            last = -1
+        else:
+            a = tau
+            at_a = w[MARGIN + m]
+            at_b *= 0.5 if last == 1 else 1.0
+            last = 1
+        if b - a <= 1e-12 * h or abs(w[MARGIN + m]) <= 1e-12 * abs(value):
+            break
+    return tau
+
+
+@_jit
+def _earliest(t: float, h: float, u: float, du: float, p: Floats, q: Ints, w: Floats) -> tuple[float, int]:
+    """(length, margin) of the first that runs out within a step whose end values are in AT_END; STAGE is left there."""
+    tau = h
+    first = -1
+    for m in range(MARGINS):
+        value = w[AT_END + m]
+        if value >= 0.0:
+            continue
+        if w[AT_START + m] <= 0.0:
+            return 0.0, m
+        if first >= 0:
+            _advance(t, tau, u, du * tau / h, p, q, w)
+            value = w[MARGIN + m]
+        if value < 0.0:
+            tau = _locate(m, t, tau, value, u, du * tau / h, p, q, w)
+            first = m
+    return tau, first
+
+
+@_inline
+def _step(
+    t: float, h: float, u: float, du: float, tolerance: float, log: Matrix, count: int, p: Floats, q: Ints, w: Floats
+) -> tuple[int, int]:
+    """Y over one step with every event in it located. Returns (events so far, 1 if the step could not be resolved)."""
+    left = h
+    _copy(AT_START, MARGIN, MARGINS, w)
+    for attempt in range(MAX_EVENTS_PER_STEP + 1):
+        part = du * left / h
+        _advance(t, left, u, part, p, q, w)
+        clean = True
+        for j in range(MARGINS):
+            clean = clean and w[MARGIN + j] >= 0.0
+        if clean or attempt == MAX_EVENTS_PER_STEP:
+            break
+        _copy(AT_END, MARGIN, MARGINS, w)
+        tau, m = _earliest(t, left, u, part, p, q, w)
+        if tau > 0.0:
+            _copy(Y, STAGE, STATES, w)
+            t += tau
+            u += part * tau / left
+            left -= tau
+        count = _record(log, count, t, _switch(m, p, q, w))
+        count = _settle(t, u, tolerance, log, count, p, q, w)
+    _copy(Y, STAGE, STATES, w)
+    _copy(K1, RATE, STATES, w)
+    return count, 0 if clean else 1
+
+
+@_jit
+def _motor_torque(acceleration: float, u: float, width: float, t: float, p: Floats, q: Ints, w: Floats) -> float:
+    """Torque [N m] that a motor needs which moves as prescribed; its friction is smooth below `width` rad/s."""
+    speed = w[Y + 4]
+    ahead = 0.5 * (1.0 + math.tanh(speed / width))
+    torque = acceleration / p[J] - p[OFFSET] - p[EXT] - u * p[EXT + 1]
+    torque += p[GRAVITY] * math.sin(w[Y + 0] + p[PHASE])
+    torque += ahead * _friction(0, speed, 1, t, p) + (1.0 - ahead) * _friction(0, speed, -1, t, p)
+    j = q[RIPPLES]
+    while j < q[RIPPLES + 1]:
+        if int(p[j + 4]) == 0:
+            torque -= p[j + 2] * math.sin(p[j + 1] * w[Y + int(p[j])] + p[j + 3])
+        j += ROW
+    if q[SHAFTS] == 1:
+        return float(torque)
+    load = w[FORCE + 0] * w[ASKS + 0]
+    if p[LINKS + LOSSY] == 0.0:
+        return float(torque + load)
+    torque += ahead * _driver_torque(LINKS, load, 1, _driving_side(LINKS, load, 1, p), p)
+    return float(torque + (1.0 - ahead) * _driver_torque(LINKS, load, -1, _driving_side(LINKS, load, -1, p), p))
+
+
+@_jit
+def _command(servo: Floats, reference: Matrix, tick: int, p: Floats, w: Floats, integral: float) -> float:
+    """Torque of the servo into the drive: position P, speed PI with anti-windup, both limited. Returns the integral."""
+    wanted = reference[1, tick] + servo[0] * (reference[0, tick] - w[Y + 0])
+    error = min(max(wanted, -servo[3]), servo[3]) - w[Y + 4]
+    torque = servo[1] * (error + integral) + servo[5] * reference[2, tick]
+    p[DRIVE] = min(max(torque, -servo[4]), servo[4])
+    return integral + servo[2] * error if p[DRIVE] == torque else integral
+
+
+@_jit
+def _load_knot(motion: Matrix, external: Matrix, i: int, p: Floats, q: Ints) -> None:
+    """Drive and external torques between input samples i and i + 1 as polynomials of the fraction between them."""
+    d = DRIVE
+    if q[KIND] == PRESCRIBED:
+        dt = 1.0 / p[d + 6]
+        p0, v0, a0 = motion[0, i], motion[1, i] * dt, motion[2, i] * dt * dt
+        p1, v1, a1 = motion[0, i + 1], motion[1, i + 1] * dt, motion[2, i + 1] * dt * dt
+        gain = p1 - p0
+        p[d], p[d + 1], p[d + 2] = p0, v0, 0.5 * a0
+        p[d + 3] = 10.0 * gain - 6.0 * v0 - 4.0 * v1 - 1.5 * a0 + 0.5 * a1
+        p[d + 4] = -15.0 * gain + 8.0 * v0 + 7.0 * v1 + 1.5 * a0 - a1
+        p[d + 5] = 6.0 * gain - 3.0 * v0 - 3.0 * v1 - 0.5 * a0 + 0.5 * a1
+    elif motion.shape[1] > 1:
+        p[d] = motion[0, i]
+        p[d + 1] = motion[0, i + 1] - motion[0, i]
+    for k in range(external.shape[0]):
+        p[EXT + 2 * k] = external[k, i]
+        p[EXT + 2 * k + 1] = external[k, i + 1] - external[k, i]
+
+
+@_jit
+def _initial_modes(p: Floats, q: Ints, w: Floats) -> None:
+    """Modes that fit the start state; shafts at rest start stuck and break away at once if they must."""
+    for k in range(q[SHAFTS] - 1):
+        a = LINKS + WIDTH * k
+        x = w[Y + k] * p[a + INV] - w[Y + k + 1]
+        j = q[LINES + k]
+        while j < q[LINES + k + 1]:
+            x -= p[j + 2] * math.sin(p[j + 1] * w[Y + int(p[j])] + p[j + 3])
+            j += ROW
+        ahead = x - p[a + HALF] - _dent(k, 1.0, p, q, w)[0]
+        back = -x - p[a + HALF] - _dent(k, -1.0, p, q, w)[0]
+        mode = NORMAL if ahead > 0.0 else (-NORMAL if back > 0.0 else GAP)
+        q[CONTACT + k] = PLAIN if p[a + LAW] == 0.0 else mode
+        q[LOOP + k] = 1 if w[Y + 4 + k] * p[a + INV] >= w[Y + 5 + k] else -1
+    for k in range(q[SHAFTS]):
+        way = int(np.sign(w[Y + 4 + k]))
+        frictional = p[WIDTH * k + FRICTIONAL] != 0.0 or (k < q[SHAFTS] - 1 and p[LINKS + WIDTH * k + LOSSY] != 0.0)
+        frictional = frictional and not (k == 0 and q[KIND] == PRESCRIBED)
+        q[WAY + k] = way if frictional else FREE
+        q[SIDE + k] = 1
+
+
+@_jit
+def run(
+    p: Matrix,
+    q: NDArray[np.int64],
+    motion: Matrix,
+    external: Matrix,
+    servo: Matrix,
+    reference: Matrix,
+    grid: Matrix,
+    start: Matrix,
+    log: Matrix,
+    angle: Matrix,
+    speed: Matrix,
+    acceleration: Matrix,
+    force: Matrix,
+    torque: Matrix,
+) -> tuple[int, int]:
+    """Integrate over the rows of `torque`; `grid` = rate [Hz], steps per sample, friction width, tolerance,
+    and the fraction done, which another thread may watch.
+
+    Inputs and servo ticks come once per sample; outputs without columns are skipped. Returns (events, unresolved).
+    """
+    n = q[SHAFTS]
+    substeps = int(grid[1])
+    h = 1.0 / (grid[0] * substeps)
+    du = 1.0 / substeps
+    samples = torque.shape[0]
+    w = np.zeros(W_SIZE)
+    w[MARGIN:] = 1.0
+    w[:STATES] = start
+    w[STAGE : STAGE + STATES] = start
+    _initial_modes(p, q, w)
+    count = 0
+    unresolved = 0
+    integral = 0.0
+    shaft0 = n - angle.shape[1]
+    d = DRIVE
+    for i in range(samples):
+        grid[4] = i / samples
+        t = i / grid[0]
+        last = i == samples - 1
+        u = 1.0 if last and i > 0 else 0.0
+        if not last:
+            _load_knot(motion, external, i, p, q)
+        if q[KIND] == SERVO:
+            before = p[DRIVE]
+            integral = _command(servo, reference, i, p, w, integral)
+            if q[WAY] != 0:
+                w[K1 + 4] += (p[DRIVE] - before) * p[J]
+        if i == 0 or (q[KIND] == SERVO and q[WAY] == 0):
+            count = _settle(t, u, grid[3], log, count, p, q, w)
+        for k in range(angle.shape[1]):
+            angle[i, k] = w[Y + shaft0 + k]
+        for k in range(speed.shape[1]):
+            speed[i, k] = w[Y + 4 + k]
+        for k in range(acceleration.shape[1]):
+            acceleration[i, k] = w[K1 + 4 + k]
+        for k in range(force.shape[1]):
+            force[i, k] = w[FORCE + k]
+        if q[KIND] == PRESCRIBED:
+            moved = 2.0 * p[d + 2] + u * (6.0 * p[d + 3] + u * (12.0 * p[d + 4] + u * 20.0 * p[d + 5]))
+            moved *= p[d + 6] * p[d + 6]
+            torque[i] = _motor_torque(moved, u, grid[2], t, p, q, w)
+            if acceleration.shape[1]:
+                acceleration[i, 0] = moved
+        else:
+            torque[i] = _drive_torque(t, u, p)
+        if last:
+            break
+        for j in range(substeps):
+            count, lost = _step(t + j * h, h, j * du, du, grid[3], log, count, p, q, w)
+            unresolved += lost
+    return count, unresolved
