@@ -11,7 +11,7 @@ DESCRIPTION = "An axis description: `axis.toml`, or the same as JSON; SI units, 
 
 
 def axis_schema() -> dict[str, Any]:
-    """Return the schema of what `sim.description.axis_document.read_axis` takes, whole, with no reference to elsewhere."""
+    """Return the schema of what `read_axis` takes, whole, with no reference to elsewhere."""
     schema = TypeAdapter(Axis).json_schema()
     definitions = schema.pop("$defs")
     for made in definitions.values():

@@ -16,7 +16,8 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse
 
 from app.finite import finite
-from app.jobs.jobs import job as jobs
+from app.jobs import job as jobs
+from app.offers import offered
 from app.storage_faults import is_full, is_unwritable
 from casebase import audit
 from casebase import errors as library
@@ -205,8 +206,6 @@ def path_of(request: Request) -> str:
 
 
 def _not_offered(request: Request, headers: dict[str, str]) -> MethodNotAllowed:
-    from app.offers import offered
-
     methods = offered(request.app, path_of(request))
     allow = ", ".join(sorted(methods)) or headers.get("Allow", "")
     return MethodNotAllowed(

@@ -6,13 +6,11 @@ from functools import cache
 from fastapi import FastAPI
 from starlette.routing import compile_path
 
-from app.reference import describe
-
 
 @cache
 def _offers(app: FastAPI) -> tuple[tuple[re.Pattern[str], dict[str, frozenset[str]]], ...]:
     found = []
-    for path, methods in describe(app)["paths"].items():
+    for path, methods in app.openapi()["paths"].items():
         queries = {
             method.upper(): frozenset(each["name"] for each in operation.get("parameters", ()) if each["in"] == "query")
             for method, operation in methods.items()

@@ -1,7 +1,7 @@
 """Figures 2 and 3 of the paper, the gear and its model: `python -m benchmarks.paper_diagrams docs/figures`.
 
-Both are drawn from the objects that are simulated: the wheels from `sim.experiment.paper_axis`'s tooth numbers (at one module, so radii
-go with teeth), the model from the components and connections of the drive train of figure 4.
+Both are drawn from the objects that are simulated: the wheels from the tooth numbers of `sim.experiment.paper_axis`
+(at one module, so radii go with teeth), the model from the components and connections of the drive train of figure 4.
 """
 
 from __future__ import annotations

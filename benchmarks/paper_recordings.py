@@ -1,9 +1,10 @@
 """Recordings like the paper's: one configuration and one definition for its figures 5 to 9 and its measured rows.
 
-What the paper says is taken from it (`sim.experiment.paper_axis`); the motion is one whose notch is met where figure 6 shows it. Every
-number that it leaves open stands in the middle of the range from which cases of any axis are drawn (`sim.experiment.design_of_experiments`), but
-one: full speed is reached in 0.6 s, the slow end, because the paper's normal recording has no more than noise has, and
-with a quicker start an as-new gear is heard to click at every reversal. Nothing is fitted to play or notch.
+What the paper says is taken from it (`sim.experiment.paper_axis`); the motion is one whose notch is met where figure 6
+shows it. Every number that it leaves open stands in the middle of the range from which cases of any axis are drawn
+(`sim.experiment.design_of_experiments`), but one: full speed is reached in 0.6 s, the slow end, because the paper's
+normal recording has no more than noise has, and with a quicker start an as-new gear is heard to click at every
+reversal. Nothing is fitted to play or notch.
 
 Crest factor, for all: below 200 Hz, peak of every window of 0.1 s over the effective value of the whole record. That
 trace is figures 8 and 9; its largest value is the crest factor of the record, and its mean over draws the row of the

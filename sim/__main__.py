@@ -3,19 +3,19 @@
 import sys
 from dataclasses import replace
 
+from sim.assembly import drive_train_of
 from sim.discrepancy.data.validation import examine
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import Noise
 from sim.experiment.paper_axis import PAPER_AXIS
 from sim.experiment.virtual_measurement import measure
 from sim.rotational.components import QuadraticSpeedDependentTorque
-from sim.rotational.drive_train import DriveTrain
 from sim.solver import simulate
 
 
 def main() -> int:
     """Run all engines, that of investigations for one and two stages; what they compile is cached beside the code."""
-    train = DriveTrain.from_axis(PAPER_AXIS)
+    train = drive_train_of(PAPER_AXIS)
     simulate(train, 0.05, 1000.0)
     dragged = train.add("drag", QuadraticSpeedDependentTorque(-1, 1), flange="load.flange_b")
     simulate(dragged, 0.05, 1000.0)["load.a"]

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from sim.description.axis import Axis
+from sim.mechanisms.catalogue import apply_mechanisms
 from sim.rotational.component import Component, Signal
 from sim.rotational.components import (
     BearingFriction,
@@ -17,20 +18,30 @@ from sim.rotational.components import (
     Torque,
 )
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.model import Chain, Torque
+from sim.torsional.model import Chain
 from sim.torsional.reduction import chain_of
-
-
-def chain_of_axis(axis: Axis) -> Chain:
-    """The chain of an axis description with its mechanisms."""
-    return chain_of(DriveTrain.from_axis(axis))
-
 
 RIGID = 1e7
 """Stiffness of a mesh of which none is known, per inertia behind it [1/s2]: it rings at 500 Hz, out of the way."""
 
 
-def plain_train(axis: Axis, drive: Signal | None) -> DriveTrain:
+def chain_of_axis(axis: Axis) -> Chain:
+    """The chain of an axis description with its mechanisms."""
+    return chain_of(drive_train_of(axis))
+
+
+def drive_train_of(axis: Axis, drive: Signal | None = None) -> DriveTrain:
+    """Return the drive train of an axis description, its mechanisms applied.
+
+    `motor` (Inertia), per stage `<stage>_gear` (LossyGear, or IdealGear at efficiency 1) and `<stage>`
+    (ElastoBacklash at the driven gear) and, between stages, `<stage>_shaft` (Inertia); the last shaft is `load`.
+    `motor_friction` and `load_friction` (BearingFriction, or Damper with its ground) stand where friction is not
+    0. `drive` is the motor's torque [N m] over time.
+    """
+    return apply_mechanisms(_plain_train(axis, drive))
+
+
+def _plain_train(axis: Axis, drive: Signal | None) -> DriveTrain:
     """Return the axis as built, without its mechanisms."""
     parts: dict[str, Component] = {"motor": Inertia(J=axis.motor.inertia_kg_m2)}
     if not axis.stages:

@@ -3,7 +3,7 @@
 A row of the library's database says that there is a job, what is wanted of it and how it ended; it is stored in the
 transaction that orders the job (a transactional outbox), and comes with a backup. The job engine (DBOS), which runs it,
 is made to agree with the rows: by whoever changes one, and by every worker again and again, so that it does not matter
-what was killed in between. This and `app.jobs.runner` alone know the engine, which is imported when it is first needed.
+what was killed in between. This and `app.jobs.runner` alone know the engine, which is imported when first needed.
 """
 
 from __future__ import annotations

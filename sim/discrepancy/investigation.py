@@ -132,7 +132,10 @@ def investigate(
         advice, extended_axis(axis, fit, said),
         _provenance(axis, telemetry, sounds, problem),
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
-        (*gate.remarks, *doubts, *strange, *quieted, *description_remarks(problem, fit), *standstill_remarks(problem), *contact_loss_remarks(problem)),
+        (
+            *gate.remarks, *doubts, *strange, *quieted, *description_remarks(problem, fit),
+            *standstill_remarks(problem), *contact_loss_remarks(problem),
+        ),
         told, selection,
         weighed=weighed, gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,
     )  # fmt: skip

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from casebase.signals.telemetry import Telemetry
 from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, Mode, hear
+from sim.assembly import drive_train_of
 from sim.description.axis import Axis
 from sim.errors import RunError
 from sim.experiment.motion_profile import moving
@@ -43,7 +44,7 @@ class Measurement:
 
 def built(axis: Axis) -> DriveTrain:
     """The drive train of an axis with its servo, its mechanisms, and the transmission error it has as new."""
-    train = DriveTrain.from_axis(axis)
+    train = drive_train_of(axis)
     for stage in axis.stages:
         if stage.transmission_error_rad and stage.driven_teeth:
             train = with_error(train, stage.name, float(stage.driven_teeth), stage.transmission_error_rad, 0.0)

@@ -36,7 +36,9 @@ def ends(axis: Axis) -> tuple[str, ...]:
 
 def axis_of(train: DriveTrain) -> Axis:
     if train.axis is None:
-        raise CompositionError("a mechanism needs a drive train made from an axis description (DriveTrain.from_axis)")
+        raise CompositionError(
+            "a mechanism needs a drive train made from an axis description (sim.assembly.drive_train_of)"
+        )
     return train.axis
 
 

@@ -13,6 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.errors import RunError
+from sim.piecewise_affine.guard import Guards
 from sim.piecewise_affine.mode import compile_mode
 from sim.piecewise_affine.mode_search import (
     NO_START,
@@ -101,6 +102,7 @@ class ExactEngine:
 
     def __init__(self, system: System, sample_rate_hz: float) -> None:
         self.system = system
+        self.guards = Guards(system)
         self.h = 1.0 / sample_rate_hz
         self.verifier = Verifier(system, self.h)
         self.modes: list[Mode] = []
@@ -169,7 +171,7 @@ class ExactEngine:
     def begin(self, x: Array) -> tuple[int, Array, list[tuple[int, int]]]:
         """Return the mode at the start, the state in it, and (component, mode) of those that break away at once."""
         scale = sizes(self.system, x)
-        allowed = possible_branches(self.system, x, scale)
+        allowed = possible_branches(self.system, self.guards, x, scale)
         for key in first_combinations(self.system, allowed):
             number = self._number(key)
             entered = self._holds(number, x, scale) if number >= 0 else None
@@ -181,7 +183,7 @@ class ExactEngine:
         """Find the mode that follows when `row` of `mode` breaks at x; remember all that were looked at."""
         key = self.modes[mode].key
         owners = self.modes[mode].holds.owner(row)
-        allowed = possible_branches(self.system, x, scale)
+        allowed = possible_branches(self.system, self.guards, x, scale)
         for new_key in combinations_near(self.system, key, owners, allowed):
             number = self._number(new_key)
             if number < 0:

@@ -67,3 +67,15 @@ class Guard:
             first = np.take_along_axis(values, np.argmax(values != 0, axis=0)[None], axis=0)[0]
             out.update(self.signal_branch[first < 0].tolist())
         return [branch for branch in range(self.branches) if branch not in out]
+
+
+class Guards(dict[int, Guard]):
+    """Guards of the components of one system, each made when it is first asked for."""
+
+    def __init__(self, system: System) -> None:
+        super().__init__()
+        self.system = system
+
+    def __missing__(self, component: int) -> Guard:
+        self[component] = guard = Guard.of(self.system, component)
+        return guard

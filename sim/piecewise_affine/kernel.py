@@ -1,7 +1,7 @@
 """Compiled inner loop of the exact engine: x' = M x from event to event, samples on an even grid.
 
-Importing this module imports numba; `sim.piecewise_affine.engine` does so at the first simulation. All functions stay in this file
-because numba's cache does not see changes in callees of other files.
+Importing this module imports numba; `sim.piecewise_affine.engine` does so at the first simulation. All functions stay
+in this file because numba's cache does not see changes in callees of other files.
 """
 
 # mypy: disable-error-code="no-untyped-def,no-untyped-call"

@@ -5,7 +5,7 @@ from itertools import combinations, product
 
 import numpy as np
 
-from sim.piecewise_affine.guard import Guard
+from sim.piecewise_affine.guard import Guards
 from sim.piecewise_affine.system import Array, System
 
 MOST_COMBINATIONS = 200_000
@@ -36,7 +36,7 @@ def sizes(system: System, x: Array) -> Array:
     return out
 
 
-def possible_branches(system: System, x: Array, scale: Array) -> list[list[int]]:
+def possible_branches(system: System, guards: Guards, x: Array, scale: Array) -> list[list[int]]:
     """Branches of every component that the state x alone does not rule out; `scale` is how large x has been."""
     speeds = slice(system.freedom, 2 * system.freedom)
     scale = scale.copy()
@@ -46,9 +46,7 @@ def possible_branches(system: System, x: Array, scale: Array) -> list[list[int]]
         if count == 1:
             possible.append([0])
             continue
-        if i not in system.guards:
-            system.guards[i] = Guard.of(system, i)
-        possible.append(system.guards[i].allowed(x, scale))
+        possible.append(guards[i].allowed(x, scale))
     return possible
 
 

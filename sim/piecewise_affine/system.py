@@ -9,7 +9,6 @@ that no digits are lost between large angles.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,9 +17,6 @@ from sim.errors import CompositionError, RunError
 from sim.rotational.component import Branch, Component, Row, Signal, Variables
 from sim.rotational.curves import Curve
 from sim.rotational.drive_train import DriveTrain
-
-if TYPE_CHECKING:
-    from sim.piecewise_affine.guard import Guard
 
 Array = NDArray[np.float64]
 ZERO = 1e-10
@@ -145,7 +141,6 @@ class System:
         parts = list(zip(self.components, self.rows, strict=True))
         self._laws = [part.unknowns - len(part.kinematics(v)) for part, v in parts]
         self.static = [self._pieces(i) if part.affine else None for i, part in enumerate(self.components)]
-        self.guards: dict[int, Guard] = {}
         self.branch_counts = [len(part.branches(v)) for part, v in parts]
 
     # ---- layout -----------------------------------------------------------------------------------------------

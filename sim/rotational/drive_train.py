@@ -17,10 +17,9 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
-from sim.assembly import plain_train
 from sim.description.axis import Axis
 from sim.errors import CompositionError, near_match
-from sim.rotational.component import Component, Signal
+from sim.rotational.component import Component
 from sim.rotational.components import (
     Gearbox,
 )
@@ -115,22 +114,6 @@ class DriveTrain:
                 sets[flange] = joined
         unique: dict[int, set[str]] = {id(flanges): flanges for flanges in sets.values()}
         return [frozenset(flanges) for flanges in unique.values()]
-
-    @classmethod
-    def from_axis(cls, axis: Axis, drive: Signal | None = None) -> "DriveTrain":
-        """Return the drive train of an axis description, its mechanisms applied.
-
-        `motor` (Inertia), per stage `<stage>_gear` (LossyGear, or IdealGear at efficiency 1) and `<stage>`
-        (ElastoBacklash at the driven gear) and, between stages, `<stage>_shaft` (Inertia); the last shaft is `load`.
-        `motor_friction` and `load_friction` (BearingFriction, or Damper with its ground) stand where friction is not
-        0. `drive` is the motor's torque [N m] over time.
-        """
-        train = plain_train(axis, drive)
-        if axis.mechanisms:
-            from sim.mechanisms.mechanism import apply_mechanisms
-
-            return apply_mechanisms(train)
-        return train
 
     def _require(self, flange: str) -> None:
         name = _component_of(flange)

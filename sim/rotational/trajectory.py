@@ -43,6 +43,38 @@ class Channels(Mapping[str, NDArray[np.float64]]):
 
 
 @dataclass(frozen=True)
+class Residual:
+    """How well a run obeys its equations, each relative to the terms that should cancel.
+
+    What was not looked at is nan.
+
+    Parameters
+    ----------
+    equations
+        Balances of torques at the flanges, constraints of shafts and gears, laws of the components.
+    limits
+        By how much an inequality of a mode is missed: a friction beyond its limit, a flank that pulls.
+    motion
+        Flanges that follow a signal, from that signal.
+    flow
+        Each sample from what follows from the one before.
+    energy
+        Change of kinetic energy from the work of all torques, relative to the energy that is moved.
+    """
+
+    equations: float = 0.0
+    limits: float = 0.0
+    motion: float = 0.0
+    flow: float = float("nan")
+    energy: float = float("nan")
+
+    @property
+    def largest(self) -> float:
+        """The largest of all that were looked at."""
+        return float(np.nanmax(list(asdict(self).values())))
+
+
+@dataclass(frozen=True)
 class Trajectory:
     """One simulated run.
 
@@ -84,35 +116,3 @@ class Trajectory:
     @property
     def sample_rate_hz(self) -> float:
         return float((len(self.time_s) - 1) / (self.time_s[-1] - self.time_s[0])) if len(self.time_s) > 1 else 0.0
-
-
-@dataclass(frozen=True)
-class Residual:
-    """How well a run obeys its equations, each relative to the terms that should cancel.
-
-    What was not looked at is nan.
-
-    Parameters
-    ----------
-    equations
-        Balances of torques at the flanges, constraints of shafts and gears, laws of the components.
-    limits
-        By how much an inequality of a mode is missed: a friction beyond its limit, a flank that pulls.
-    motion
-        Flanges that follow a signal, from that signal.
-    flow
-        Each sample from what follows from the one before.
-    energy
-        Change of kinetic energy from the work of all torques, relative to the energy that is moved.
-    """
-
-    equations: float = 0.0
-    limits: float = 0.0
-    motion: float = 0.0
-    flow: float = float("nan")
-    energy: float = float("nan")
-
-    @property
-    def largest(self) -> float:
-        """The largest of all that were looked at."""
-        return float(np.nanmax(list(asdict(self).values())))

@@ -1,9 +1,9 @@
 """Engine 2 for any composition: Runge-Kutta of order 8 over the same component equations, with located events.
 
 It takes what the exact engine cannot: loss tables of several rows, quadratic torques, whatever is a curve over the
-present state (`sim.rotational.curves`). A mode is linear but for its curves: what does not depend on them is solved once, the rest
-and the steps are compiled (`sim.runge_kutta.kernel`). A mode ends where one of its inequalities becomes negative, found
-on the step's interpolant and then integrated to.
+present state (`sim.rotational.curves`). A mode is linear but for its curves: what does not depend on them is solved
+once, the rest and the steps are compiled (`sim.runge_kutta.kernel`). A mode ends where one of its inequalities becomes
+negative, found on the step's interpolant and then integrated to.
 """
 
 from collections.abc import Callable, Mapping
@@ -16,6 +16,7 @@ from scipy.optimize import brentq
 
 from sim.errors import RunError
 from sim.piecewise_affine import kernel as affine_kernel
+from sim.piecewise_affine.guard import Guards
 from sim.piecewise_affine.mode import compile_mode
 from sim.piecewise_affine.mode_search import (
     NO_START,
@@ -32,7 +33,7 @@ from sim.piecewise_affine.mode_search import (
 from sim.piecewise_affine.system import Array, Mode, System
 from sim.rotational.component import STUCK
 from sim.rotational.trajectory import Channels, Event, Residual, Trajectory
-from sim.runge_kutta.engine import kernel
+from sim.runge_kutta import kernel
 from sim.runge_kutta.law import Law, Signals
 from sim.runge_kutta.steps import CompiledSteps, Steps
 from sim.verification import Verifier, check_finite, instants
@@ -62,6 +63,7 @@ class RungeKutta:
 
     def __init__(self, system: System, samples: int, sample_rate_hz: float) -> None:
         self.system = system
+        self.guards = Guards(system)
         self.rate = sample_rate_hz
         self.end = (samples - 1) / sample_rate_hz
         self.moving = 2 * system.freedom
@@ -130,7 +132,7 @@ class RungeKutta:
         self.scale = sizes(self.system, x)
         self._set_pieces(0.0)
         self._at(x)
-        allowed = possible_branches(self.system, x, self.scale)
+        allowed = possible_branches(self.system, self.guards, x, self.scale)
         for key in first_combinations(self.system, allowed):
             entered = self._enter(key, x)
             if entered is not None:
@@ -173,7 +175,7 @@ class RungeKutta:
         self._at(x)
         mode = self.law.at(x)
         affine_kernel.enlarge(x, self.scale, mode.matrix, self.moving, mode.rate)
-        allowed = possible_branches(self.system, x, self.scale)
+        allowed = possible_branches(self.system, self.guards, x, self.scale)
         for key in combinations_near(self.system, self.key, owners, allowed):
             entered = self._enter(key, x)
             if entered is not None:

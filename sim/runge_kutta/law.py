@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from sim.piecewise_affine.mode import combined, compile_mode, constraints, equations, flow, solve_unknowns
 from sim.piecewise_affine.mode_search import Key
 from sim.piecewise_affine.system import Array, Mode, System
-from sim.runge_kutta.engine import kernel
+from sim.runge_kutta import kernel
 
 Tables = tuple[Array, ...]
 Curves = tuple[NDArray[np.int64], Array, Array]

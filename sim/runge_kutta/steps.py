@@ -4,7 +4,7 @@ import numpy as np
 from scipy.integrate import DOP853, DenseOutput
 
 from sim.piecewise_affine.system import Array
-from sim.runge_kutta.engine import kernel
+from sim.runge_kutta import kernel
 from sim.runge_kutta.law import Law, Signals
 
 RELATIVE_TOLERANCE = 1e-11

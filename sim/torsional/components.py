@@ -1,4 +1,4 @@
-"""Components with no counterpart in Modelica.Mechanics.Rotational; engine 2 has their equations (`sim.torsional.model`).
+"""Components with no counterpart in Modelica.Mechanics.Rotational; their equations: `sim.torsional.model`.
 
 They stand in a `DriveTrain` like any other component, in shafts in series: motor, gears and load.
 """

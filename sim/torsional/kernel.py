@@ -5,11 +5,11 @@ during a step and changed only at a located instant: contact of each mesh, stick
 side of each lossy mesh, direction of each hysteresis loop. A margin is >= 0 while its mode is valid. One margin
 crossing zero ends the step; the instant is found on the Runge-Kutta solution itself, to rounding.
 
-Three arrays hold everything, because numba counts references of every array it takes out of a tuple, which cost
-more than the physics: `p` parameters (shaft k at 16 k, link k at LINKS + 16 k, drive, external torque, rows of lines,
+Three arrays hold everything, because numba counts references of every array it takes out of a tuple, which cost more
+than the physics: `p` parameters (shaft k at 16 k, link k at LINKS + 16 k, drive, external torque, rows of lines,
 waves, dents and ripples), `q` counts, offsets and modes, `w` working rows. Importing this module imports numba;
-`sim.torsional.reduction` does so at the first simulation. All functions stay in this one file because numba's cache does not see
-changes of callees in other files.
+`sim.torsional.reduction` does so at the first simulation. All functions stay in this one file because numba's cache
+does not see changes of callees in other files.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""From a `Chain` and its drive to the flat arrays of `sim.torsional.kernel`; every parameter is checked here, by name."""
+"""From a `Chain` and its drive to the flat arrays of `sim.torsional.kernel`; every parameter is checked, by name."""
 
 from __future__ import annotations
 

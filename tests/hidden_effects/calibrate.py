@@ -1,8 +1,8 @@
 """Fit how probable a name is, on seeds kept for calibration: `python -m tests.hidden_effects.calibrate`.
 
-Prints the line for sim/discrepancy/assessment/calibration.py; a probability is that of the name, not of its place. Telemetry only;
-unlike the banks this looks inside the product, at the evidence of each finding. Results are kept line by line, so that
-a run that was stopped goes on where it was.
+Prints the line for sim/discrepancy/assessment/calibration.py; a probability is that of the name, not of its place.
+Telemetry only; unlike the banks this looks inside the product, at the evidence of each finding. Results are kept line
+by line, so that a run that was stopped goes on where it was.
 """
 
 from __future__ import annotations

@@ -8,14 +8,13 @@ import pytest
 from numpy.typing import NDArray
 
 from casebase.signals.telemetry import Telemetry
-from sim.assembly import chain_of_axis
+from sim.assembly import chain_of_axis, drive_train_of
 from sim.description.axis import Axis, MechanismEntry
 from sim.description.axis_document import read_axis, write_axis
 from sim.errors import AxisError, ParameterError
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.catalogue import apply_mechanisms, mechanism_of, with_mechanism
 from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism
-from sim.rotational.drive_train import DriveTrain
 from sim.torsional.integrate import run_chain
 from sim.torsional.model import Chain, PrescribedMotion
 from tests.sim_axis.axes import axis
@@ -125,7 +124,7 @@ def test_of_size_null_it_changes_nothing(kind: type[Mechanics]) -> None:
 
 @pytest.mark.parametrize("kind", MECHANICS, ids=lambda kind: kind.name)
 def test_it_is_a_pure_map(kind: type[Mechanics]) -> None:
-    train = DriveTrain.from_axis(PLAIN)
+    train = drive_train_of(PLAIN)
     before = dict(train.components)
     once = kind().apply(train)
     assert dict(train.components) == before

@@ -7,12 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from sim.assembly import drive_train_of
 from sim.description.axis import Axis, MechanismEntry, Stage
 from sim.description.axis_document import parse_axis, read_axis, write_axis
 from sim.errors import AxisError
 from sim.experiment.paper_axis import PAPER_AXIS
 from sim.rotational.components import Inertia
-from sim.rotational.drive_train import DriveTrain
 from tests.shared_data import shared
 
 PLAIN: dict[str, object] = {
@@ -146,14 +146,14 @@ def test_a_hostile_text_is_refused_in_words(text: str | bytes, words: str) -> No
 
 
 def shafts(axis: Axis) -> dict[str, float]:
-    train = DriveTrain.from_axis(axis)
+    train = drive_train_of(axis)
     return {name: part.J for name, part in train.components.items() if isinstance(part, Inertia)}
 
 
 def test_an_axis_is_shafts_in_series() -> None:
     axis = read_axis(PLAIN)
     assert shafts(axis) == {"motor": 0.006, "transfer_shaft": 0.02, "load": 40}
-    names = set(DriveTrain.from_axis(axis).components)
+    names = set(drive_train_of(axis).components)
     assert {"transfer", "output", "transfer_gear", "output_gear", "motor_friction", "load_friction"} <= names
 
 

@@ -12,7 +12,7 @@ from types import MappingProxyType
 import numpy as np
 
 from sim.description.axis import Axis
-from sim.discrepancy.data import chatter as rattle
+from sim.discrepancy.data import chatter
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.estimation.estimate import Array, Fit, Raw, Start
 from sim.discrepancy.estimation.levenberg_marquardt import (
@@ -377,9 +377,9 @@ class Problem:
         rows = self.measurement.samples
         kicked = [
             other.residual(terms, {p.name: values[p.name] + kick * _inwards(p, values[p.name]) for p in parameters})
-            for kick in (0.0, rattle.KICK, 2.0 * rattle.KICK)
+            for kick in (0.0, chatter.KICK, 2.0 * chatter.KICK)
         ]
-        counts = rattle.told([left[:rows] for left in kicked], self.measurement.rate_hz)
+        counts = chatter.told([left[:rows] for left in kicked], self.measurement.rate_hz)
         return other.measuring(replace(other.measurement, told=counts))
 
     def with_all_told(self) -> Problem:

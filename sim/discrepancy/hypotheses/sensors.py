@@ -58,8 +58,8 @@ def hum(frequency: float, level: float) -> Term:
         }
 
     return Term(
-        "electrical_hum", "motor", cosine_and_sine(prefix, step), cosine_and_sine_probe(prefix, step), report, torque=torque,
-        size=HUM_SHARE * level,
+        "electrical_hum", "motor", cosine_and_sine(prefix, step), cosine_and_sine_probe(prefix, step), report,
+        torque=torque, size=HUM_SHARE * level,
     )  # fmt: skip
 
 

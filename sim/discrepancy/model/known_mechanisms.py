@@ -11,6 +11,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
 from sim import mechanisms
+from sim.assembly import drive_train_of
 from sim.description.axis import Axis, Load
 from sim.discrepancy.model.effects import rounding
 from sim.errors import SimulationError
@@ -84,7 +85,7 @@ def plain_train(axis: Axis) -> DriveTrain:
             viscous_friction_n_m_s_per_rad=motor.viscous_friction_n_m_s_per_rad + load.viscous_friction_n_m_s_per_rad,
         )
         axis = replace(axis, motor=both, load=Load(load.inertia_kg_m2))
-    return DriveTrain.from_axis(axis)
+    return drive_train_of(axis)
 
 
 @dataclass(frozen=True)

@@ -1,9 +1,9 @@
 """Compiled loop of the guided chain: the motor moves as measured, the load is drawn along its measured angle.
 
-Equations and flat arrays are those of `sim.torsional.reduction` (see `pack` there), with three differences that make the outputs
-differentiable in every parameter: friction and losses turn their sign over a finite speed, contact is the continuous
-branch of ElastoBacklash, and a spring and damper pull the load towards its encoder. What that guide has to pull is
-the load torque that the model lacks, so that an error of the model stays where and when it acts.
+Equations and flat arrays are those of `sim.torsional.reduction` (see `pack` there), with three differences that make
+the outputs differentiable in every parameter: friction and losses turn their sign over a finite speed, contact is the
+continuous branch of ElastoBacklash, and a spring and damper pull the load towards its encoder. What that guide has to
+pull is the load torque that the model lacks, so that an error of the model stays where and when it acts.
 """
 
 # mypy: disable-error-code="no-untyped-def"

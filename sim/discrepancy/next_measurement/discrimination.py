@@ -169,7 +169,7 @@ def simulated(problem: Problem, model: Model, angle: Array, *, guided: bool) -> 
 
 
 def servo_along(axis: Axis, chain: Chain, angle: Array, rate_hz: float) -> Servo:
-    """A servo that takes the motor along `angle` [rad], tuned as `sim.experiment.motion_profile` does where the axis does not say how."""
+    """A servo that takes the motor along `angle` [rad], tuned by `motion_profile` unless the axis says how."""
     curve = make_interp_spline(np.arange(angle.size) / rate_hz, angle, k=5)
     time = np.arange(FINER * (angle.size - 1) + 1) / (FINER * rate_hz)
     reflected = np.cumprod([1.0, *(link.ratio for link in chain.links)])
