@@ -68,11 +68,11 @@ challenge: setup
 	$(BIN)/python -m tests.hidden_effects
 	$(BIN)/python -m tests.hidden_effects.second out/second --seed 1
 	$(BIN)/python -m tests.hidden_effects --folder out/second
-	$(BIN)/python -m pytest -m slow tests/discrepancy tests/hidden_effects
+	$(BIN)/python -m pytest -m slow tests/sim/discrepancy tests/hidden_effects
 
 # two thousand drawn drive trains against equations integrated by scipy
 compositions: setup
-	$(BIN)/python -m pytest -m slow tests/sim_core/test_prescribed_motion.py
+	$(BIN)/python -m pytest -m slow tests/sim/rotational/test_prescribed_motion.py
 
 # the half to work with; the other, --half final, is run once, at the end
 FIELD := $(BIN)/python -m tests.field_bank --half work

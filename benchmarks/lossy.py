@@ -20,7 +20,7 @@ from casebase.learning import learn
 from casebase.signals.decode import read_recording
 from casebase.signals.features import EXTRACTOR_VERSION, catalogue, extract
 from casebase.signals.recording import Recording
-from tests.signals.encoded import encode
+from tests.casebase.signals.encoded import encode
 
 CODECS = {
     "MP3, 64 kbit/s, 48 kHz": ("mp3", "libmp3lame", 64_000, 48_000),

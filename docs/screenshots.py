@@ -18,7 +18,7 @@ from playwright.sync_api import Browser, sync_playwright
 
 from app.commands.starter import DEMO_NAME
 from sim.experiment.paper_axis import PAPER_AXIS
-from tests.discrepancy.telemetry_of import one_body, swing
+from tests.sim.discrepancy.telemetry_of import one_body, swing
 
 IMAGES = Path(__file__).parent / "images"
 WIDE, NARROW, HEIGHT = 1280, 360, 860

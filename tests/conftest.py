@@ -27,8 +27,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Take the files that take longest first."""
 
     def place(item: pytest.Item) -> int:
-        folder = item.path.parent.name
-        return LONGEST_FIRST.index(folder) if folder in LONGEST_FIRST else len(LONGEST_FIRST)
+        return min((LONGEST_FIRST.index(part) for part in item.path.parts if part in LONGEST_FIRST), default=9)
 
     items.sort(key=place)
 

@@ -3,7 +3,7 @@
 What it costs does not depend on stiffness or accuracy, and the samples do not depend on the sample rate: between events
 the solution is exact to rounding, and an event's instant is the root of an exact power series. A train whose motion
 is chaotic (backlash with little damping, driven) is followed exactly too, but a rounding error grows like any other
-disturbance there: see tests/sim_core/test_chaos.py.
+disturbance there: see tests/sim/test_solver.py.
 """
 
 from collections.abc import Iterator

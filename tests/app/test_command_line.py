@@ -13,8 +13,8 @@ import pytest
 from app.cli import run
 from app.commands.serve import RULE
 from tests.app.sounds import sound
-from tests.discrepancy.telemetry_of import one_body
 from tests.live import gearcase
+from tests.sim.discrepancy.telemetry_of import one_body
 
 
 @pytest.fixture(scope="module")

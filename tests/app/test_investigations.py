@@ -14,8 +14,8 @@ from casebase.errors import ConflictError
 from casebase.library import CaseLibrary
 from casebase.models import StoredInvestigation, now
 from tests.app.sounds import sound
-from tests.discrepancy.telemetry_of import one_body
 from tests.live import LiveServer
+from tests.sim.discrepancy.telemetry_of import one_body
 
 URL = "/api/v1/investigations"
 AXIS = '{"name": "asked", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 1.0}}'

@@ -14,7 +14,7 @@ from pyarrow import parquet
 
 from tests.app.sounds import sound
 from tests.app.test_ordinary_input import AXIS, BODIES, METADATA, ODD, places, table, with_value
-from tests.signals.fuzz_decode import spoilt
+from tests.casebase.signals.fuzz_decode import spoilt
 
 API = "/api/v1"
 NOBODY = "0" * 32

@@ -19,8 +19,8 @@ from casebase.signals.condition import UNKNOWN
 from casebase.signals.disturbances import Survey, survey
 from casebase.signals.quality import DISTURBANCES
 from tests.app.sounds import wav
+from tests.casebase.signals.synthetic import KNOCK_S, SILENT_S, Joint, disturbed, sound
 from tests.live import LiveServer, gearcase, started
-from tests.signals.synthetic import KNOCK_S, SILENT_S, Joint, disturbed, sound
 from tests.web.reading import Markup
 
 TOO_POOR = "the recording is too poor for a label to be relied on: see what is said of it, and record again"

@@ -19,8 +19,8 @@ from casebase.signals.features import EXTRACTOR_VERSION
 from casebase.signals.motion import Motion
 from casebase.signals.quality import Severity
 from tests.app.sounds import sound
-from tests.library.conftest import library
-from tests.library.made import extraction, recording
+from tests.casebase.conftest import library
+from tests.casebase.made import extraction, recording
 from tests.live import LiveServer, gearcase
 from tests.shared_data import shared
 

@@ -35,8 +35,8 @@ from sim.discrepancy.report.html import html_report
 from sim.discrepancy.report.summary import story
 from sim.discrepancy.results import Investigation
 from tests.app.sounds import sound
-from tests.discrepancy.telemetry_of import one_body, swing
 from tests.live import ROLES, LiveServer, started
+from tests.sim.discrepancy.telemetry_of import one_body, swing
 
 COOKIE = "gearcase_key"
 expect.set_options(timeout=20_000)  # a busy machine is slow, not wrong

@@ -11,8 +11,8 @@ from playwright.sync_api import Page, expect
 
 from app.security import csrf_token
 from tests.app.sounds import sound, wav
+from tests.casebase.signals.synthetic import disturbed
 from tests.live import gearcase, sign_in
-from tests.signals.synthetic import disturbed
 from tests.web.conftest import Site, Tab, browsing, parts, settle
 from tests.web.reading import Markup
 

@@ -1,0 +1,91 @@
+"""`gearcase simulate` from outside: files, exit codes, words."""
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import soundfile
+
+from app.cli import run
+from casebase.signals.telemetry import CHANNELS, read_telemetry
+from sim.description.axis_document import read_axis, write_axis
+from tests.sim.axes import axis
+
+
+@pytest.fixture
+def described(tmp_path: Path) -> Path:
+    path = tmp_path / "axis.toml"
+    path.write_text(write_axis(axis()), encoding="utf-8")
+    return path
+
+
+def test_one_run_with_two_mechanisms(described: Path, tmp_path: Path) -> None:
+    """In a process of its own: one JSON document on stdout, nothing else."""
+    out = tmp_path / "out"
+    words = f"""-m app simulate --axis {described} --mechanism backlash@transfer --set gap_rad=0.002
+        --mechanism tooth_damage --set location=output --set angle_rad=1.2 --set flank=-1
+        --duration 3 --seed 5 --plot --json --out {out}""".split()
+    done = subprocess.run([sys.executable, *words], capture_output=True, text=True, check=True)
+    document = json.loads(done.stdout)
+    assert document["engine"] == "runge-kutta"
+    assert [Path(name).name for name in document["files"]] == [
+        "axis.toml", "telemetry.csv", "sound.wav", "run.png", "run.svg",
+    ]  # fmt: skip
+    assert all(Path(name).stat().st_size > 500 for name in document["files"])
+    entries = read_axis(out / "axis.toml").mechanisms
+    assert [(entry.name, entry.location) for entry in entries] == [("backlash", "transfer"), ("tooth_damage", "output")]
+    assert entries[1].parameters["flank"] == -1
+    telemetry = read_telemetry(out / "telemetry.csv")
+    assert set(telemetry.channels) <= set(CHANNELS)
+    assert telemetry.duration_s == pytest.approx(3.0)
+    sound, rate = soundfile.read(out / "sound.wav")
+    assert rate == 8000
+    assert sound.size == 24001
+    assert np.std(sound) > 1e-3
+
+
+def test_what_was_written_simulates_again_to_the_same_bytes(described: Path, tmp_path: Path) -> None:
+    first, second = tmp_path / "1", tmp_path / "2"
+    start = ["simulate", "--duration", "1", "--seed", "3", "--axis"]
+    more = ["--mechanism", "hysteresis", "--set", "hysteresis.torque_n_m=12", "--out", str(first)]
+    assert run([*start, str(described), *more]) == 0
+    assert run([*start, str(first / "axis.toml"), "--out", str(second)]) == 0
+    for name in ("telemetry.csv", "sound.wav"):
+        assert (first / name).read_bytes() == (second / name).read_bytes()
+
+
+def test_telemetry_as_parquet_holds_the_numbers_of_the_csv(described: Path, tmp_path: Path) -> None:
+    start = ["simulate", "--duration", "1", "--axis", str(described), "--out", str(tmp_path)]
+    assert run(start) == 0
+    assert run([*start, "--parquet"]) == 0
+    one, other = (read_telemetry(tmp_path / f"telemetry.{ending}") for ending in ("csv", "parquet"))
+    assert one.channels.keys() == other.channels.keys()
+    for name in one.channels:
+        assert np.array_equal(one[name], other[name])
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--mechanism", "backlsh"], "did you mean 'backlash'"),
+        (["--mechanism", "backlash", "--set", "gap_rad=2"], "backlash.gap_rad: must be 0 to 0.1 rad, got 2"),
+        (["--mechanism", "backlash", "--set", "gap=1"], "--set gap: no mechanism given here has it open"),
+        (["--mechanism", "backlash", "--set", "gap_rad"], "--set: must be PARAM=VALUE"),
+        (["--mechanism", "backlash", "--set", "gap_rad=wide"], "--set gap_rad: must be a number, got 'wide'"),
+        (["--mechanism", "backlash@gripper"], "backlash.location: must be one of output, transfer, got 'gripper'"),
+        (["--set", "gap_rad=1e-3"], "--set gap_rad: needs a --mechanism"),
+        (["--duration", "1e9"], "duration_s: must be at most"),
+        (["--duration", "-3"], "duration_s: must be > 0"),
+    ],
+)
+def test_bad_input_is_refused_in_one_sentence(
+    described: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    assert run(["simulate", "--axis", str(described), *words, "--out", str(tmp_path / "out")]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert "Traceback" not in error
+    assert not (tmp_path / "out").exists()

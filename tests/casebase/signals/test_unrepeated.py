@@ -1,0 +1,148 @@
+"""What a cycle has alone is an event of the surroundings; what every cycle has never is."""
+
+import numpy as np
+import pytest
+
+from casebase.signals.analysis import Analysis
+from casebase.signals.band import Band
+from casebase.signals.condition import UNKNOWN
+from casebase.signals.disturbances import survey
+from casebase.signals.features import extract
+from casebase.signals.recording import Recording
+from casebase.signals.unrepeated import Unrepeated
+from tests.casebase.signals.synthetic import RATE_HZ, Joint, sound
+
+LABELS = ("normal", "notch", "play")
+STROKE_S = Joint().stroke_s
+
+
+def knock(height: float, frequency_hz: float = 70.0, decay_s: float = 0.03) -> np.ndarray:
+    """Return a blow of this height over the effective value of a sound of 0.1."""
+    time = np.arange(round(0.3 * RATE_HZ)) / RATE_HZ
+    return 0.1 * height * np.sin(2 * np.pi * frequency_hz * time) * np.exp(-time / decay_s)
+
+
+def knocked(joint: Joint, times_s: tuple[float, ...], height: float = 10.0, frequency_hz: float = 70.0) -> np.ndarray:
+    samples = sound(joint).astype(np.float64)
+    for time_s in times_s:
+        start = round(time_s * RATE_HZ)
+        samples[start : start + round(0.3 * RATE_HZ)] += knock(height, frequency_hz)[: samples.size - start]
+    return samples.astype(np.float32)
+
+
+def of(samples: np.ndarray) -> Unrepeated:
+    found = Analysis(Recording(samples.astype(np.float32), RATE_HZ), UNKNOWN).unrepeated
+    assert found is not None
+    return found
+
+
+@pytest.mark.parametrize("label", LABELS)
+@pytest.mark.parametrize("seed", range(4))
+def test_what_repeats_is_no_event(label: str, seed: int) -> None:
+    """Away from the ends, where a trace is half of its own mirror image."""
+    found = of(sound(Joint(label, seed=seed, duration_s=25.0)))
+    assert [each for each in found.events if 0.1 < each.span.start_s < 24.8] == []
+    assert max(found.share.values()) < 0.05
+
+
+@pytest.mark.parametrize("height", [10.0, 40.0])
+@pytest.mark.parametrize("frequency_hz", [70.0, 600.0, 2000.0])
+@pytest.mark.parametrize("time_s", [3.3, 8.05, 11.9])
+def test_a_knock_in_one_cycle_is_one_event_with_its_time(time_s: float, frequency_hz: float, height: float) -> None:
+    found = of(knocked(Joint(seed=3, duration_s=25.0), (time_s,), height, frequency_hz))
+    event = max(found.events, key=lambda each: max(each.excess_db.values()))
+    assert event.knock
+    assert event.span.start_s - 0.05 < time_s < event.span.start_s + 0.25
+    assert event.span.end_s < time_s + 0.4
+    if height < 40:
+        assert [each for each in found.events if each.knock and each.span.start_s < 24.8] == [event]
+    band = next(band for band in Band if band.value[0] <= frequency_hz < band.value[1])
+    assert max(event.excess_db, key=lambda each: event.excess_db[each]) is band
+
+
+BESIDE = pytest.mark.xfail(
+    strict=True,
+    reason="beside a strong knock below 200 Hz noise is taken for knocks, for whitening narrows the band, and what "
+    "rings before and after it for other events",
+)
+
+
+@pytest.mark.parametrize("time_s", [pytest.param(3.3, marks=BESIDE), pytest.param(8.05, marks=BESIDE), 11.9])
+def test_a_strong_knock_is_one_event_too(time_s: float) -> None:
+    found = of(knocked(Joint(seed=3, duration_s=25.0), (time_s,), 40.0))
+    assert len([each for each in found.events if each.span.start_s < 24.8]) == 1
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_a_knock_in_every_stroke_or_in_every_cycle_is_none(every: int) -> None:
+    joint = Joint(seed=4, duration_s=25.0)
+    times = tuple(float(time) + 1.2 for time in joint.reversals_s[1:-3:every])
+    assert [each for each in of(knocked(joint, times)).events if each.knock and each.span.start_s < 24.8] == []
+
+
+def test_of_two_cycles_the_louder_one_is_odd() -> None:
+    """Two strokes in either direction are not enough to vote, so what is louder is not the machine."""
+    joint = Joint(seed=5, duration_s=4 * STROKE_S, start_s=STROKE_S / 2)
+    for time_s in (2.9, 2.9 + 2 * STROKE_S):
+        events = [each for each in of(knocked(joint, (time_s,))).events if each.knock]
+        assert [each.span.start_s for each in events] == [pytest.approx(time_s, abs=0.12)]
+
+
+def test_of_three_cycles_two_decide() -> None:
+    """A knock that two of three cycles have is the machine's."""
+    joint = Joint(seed=6, duration_s=6 * STROKE_S, start_s=STROKE_S / 2)
+    twice = of(knocked(joint, (2.9, 2.9 + 2 * STROKE_S)))
+    assert [each for each in twice.events if each.knock] == []
+
+
+def test_a_stroke_alone_says_nothing() -> None:
+    samples = sound(Joint(seed=7, duration_s=2.5))
+    assert Analysis(Recording(samples, RATE_HZ), UNKNOWN).unrepeated is None
+
+
+@pytest.mark.parametrize("label", LABELS)
+def test_what_is_left_out_leaves_the_features_as_they_were(label: str) -> None:
+    """Three knocks in 25 s: what tells a fault moves by less than it scatters from one recording to the next."""
+    joint = Joint(label, seed=8, duration_s=25.0)
+    plain = extract(Recording(sound(joint), RATE_HZ)).features
+    other = extract(Recording(sound(Joint(label, seed=9, duration_s=25.0)), RATE_HZ)).features
+    disturbed = extract(Recording(knocked(joint, (5.2, 12.4, 19.1), 20.0), RATE_HZ)).features
+    bumps = [plain.names.index(f"{kind}_bump_12_200_hz") for kind in ("notch", "play")]
+    assert disturbed.values[bumps] == pytest.approx(plain.values[bumps], abs=2.0)
+    bands = [index for index, name in enumerate(plain.names) if name.startswith("band_level")]
+    moved = np.abs(disturbed.values[bands] - plain.values[bands])
+    scatter = np.abs(other.values[bands] - plain.values[bands])
+    assert np.nanmedian(moved) < 0.5 * np.nanmedian(scatter)
+
+
+def hissed() -> tuple[np.ndarray, float, float]:
+    """Return a sound of eight strokes, one of them under loud noise, and when that begins and ends."""
+    joint = Joint(seed=10, duration_s=8 * STROKE_S, start_s=STROKE_S / 2)
+    samples = sound(joint).astype(np.float64)
+    start, end = (round((joint.start_s + stroke * STROKE_S) * RATE_HZ) for stroke in (2, 3))
+    samples[start:end] += 0.3 * np.random.default_rng(1).normal(size=end - start)
+    return samples, start / RATE_HZ, end / RATE_HZ
+
+
+def test_share_is_that_of_the_time_in_which_it_differs() -> None:
+    samples, start_s, end_s = hissed()
+    found = of(samples)
+    assert list(found.share.values()) == [pytest.approx(1 / 8, abs=0.02)] * 3
+    (event,) = found.events
+    assert event.span.start_s == pytest.approx(start_s, abs=0.1)
+    assert event.span.end_s == pytest.approx(end_s, abs=0.15)
+
+
+def test_what_lasts_a_stroke_is_no_knock() -> None:
+    (event,) = of(hissed()[0]).events
+    assert not event.knock
+
+
+def test_events_are_left_out_of_the_analysis_and_the_motion_stays() -> None:
+    joint = Joint("notch", seed=11, duration_s=25.0)
+    plain = survey(Recording(sound(joint), RATE_HZ), UNKNOWN)
+    surveyed = survey(Recording(knocked(joint, (8.05,), 40.0), RATE_HZ), UNKNOWN)
+    assert any(span.start_s < 8.05 < span.end_s for span in surveyed.analysis.left_out)
+    assert surveyed.analysis.motion.reversal_times_s == pytest.approx(plain.analysis.motion.reversal_times_s, abs=0.02)
+    around = surveyed.analysis.samples[round(8.05 * RATE_HZ) : round(8.1 * RATE_HZ)]
+    assert not around.any()

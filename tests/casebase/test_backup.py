@@ -1,0 +1,140 @@
+"""A backup counts when it has been restored."""
+
+import json
+from pathlib import Path
+
+import pytest
+from sqlalchemy import select
+
+from casebase import renewal
+from casebase.backup import CHECKSUMS, DATABASE, backup, restore, verify
+from casebase.case_filter import CaseFilter
+from casebase.database import create_engine_for
+from casebase.errors import BackupError
+from casebase.library import CaseLibrary
+from casebase.models import Base, FeatureRow
+from tests.casebase.sounds import add_sound, write_sound
+
+
+@pytest.fixture
+def filled(tmp_path: Path) -> CaseLibrary:
+    """A local library with three cases."""
+    library = CaseLibrary.open(tmp_path / "live")
+    for seed in range(3):
+        add_sound(library, write_sound(tmp_path / f"{seed}.wav", seed), "notch")
+    return library
+
+
+def test_a_restored_library_is_the_same_library(filled: CaseLibrary, tmp_path: Path) -> None:
+    assert backup(filled.engine, filled.data_dir, tmp_path / "copy") == 3
+    assert verify(tmp_path / "copy") == ()
+    assert restore(tmp_path / "copy", tmp_path / "restored") == 3
+    restored = CaseLibrary.open(tmp_path / "restored")
+    with filled.reading() as here, restored.reading() as there:
+        before, after = filled.cases(here, CaseFilter()).items, restored.cases(there, CaseFilter()).items
+        assert [(case.id, case.label) for case in before] == [(case.id, case.label) for case in after]
+        for case in after:
+            assert restored.audio_path(case.recording).stat().st_size == case.recording.byte_count
+    filled.close()
+    restored.close()
+
+
+def contents(library: CaseLibrary) -> dict[str, list[str]]:
+    """All rows of all tables, as words."""
+    with library.reading() as session:
+        return {
+            table.name: sorted(
+                json.dumps(dict(row), sort_keys=True, default=lambda each: getattr(each, "tolist", each.__str__)())
+                for row in session.execute(select(table)).mappings()
+            )
+            for table in Base.metadata.sorted_tables
+        }
+
+
+@pytest.mark.postgres
+def test_a_backup_moves_between_sqlite_and_postgresql(
+    filled: CaseLibrary, postgres_database_url: str, tmp_path: Path
+) -> None:
+    case = add_sound(filled, write_sound(tmp_path / "again.wav", 9), "play")
+    with filled.transaction("anna") as session:
+        filled.retire(session, case.id)
+    backup(filled.engine, filled.data_dir, tmp_path / "copy")
+    engine = create_engine_for(postgres_database_url)
+    restore(tmp_path / "copy", tmp_path / "large", engine)
+    large = CaseLibrary(engine, tmp_path / "large")
+    assert contents(large) == contents(filled)
+    backup(engine, large.data_dir, tmp_path / "second")
+    assert verify(tmp_path / "second") == ()
+    restore(tmp_path / "second", tmp_path / "local")
+    local = CaseLibrary.open(tmp_path / "local")
+    assert contents(local) == contents(filled)
+    with pytest.raises(BackupError, match="not empty"):
+        restore(tmp_path / "second", tmp_path / "other", engine)
+    assert not (tmp_path / "other").exists()
+    add_sound(large, write_sound(tmp_path / "new.wav", 10), "play")
+    for each in (filled, large, local):
+        each.close()
+
+
+def test_a_backup_is_taken_while_somebody_writes(filled: CaseLibrary, tmp_path: Path) -> None:
+    with filled.transaction("anna") as session:
+        filled.retire(session, filled.cases(session, CaseFilter()).items[0].id)
+        backup(filled.engine, filled.data_dir, tmp_path / "copy")
+    restore(tmp_path / "copy", tmp_path / "restored")
+    restored = CaseLibrary.open(tmp_path / "restored")
+    with restored.reading() as session:
+        assert len(restored.cases(session, CaseFilter()).items) == 3, "an open transaction is not in the copy"
+    filled.close()
+    restored.close()
+
+
+@pytest.mark.parametrize("damage", ["flip", "lose", "break off", "database"])
+def test_a_damaged_backup_restores_nothing(filled: CaseLibrary, tmp_path: Path, damage: str) -> None:
+    copy = tmp_path / "copy"
+    backup(filled.engine, filled.data_dir, copy)
+    filled.close()
+    audio = next(copy.glob("audio/??/*"))
+    if damage == "flip":
+        audio.write_bytes(audio.read_bytes()[:-1] + b"\x55")
+    elif damage == "lose":
+        audio.unlink()
+    elif damage == "break off":
+        (copy / CHECKSUMS).unlink()
+    else:
+        sums = json.loads((copy / CHECKSUMS).read_text())
+        sums["files"].pop(next(name for name in sums["files"] if name != DATABASE))
+        (copy / CHECKSUMS).write_text(json.dumps(sums))
+    assert verify(copy)
+    with pytest.raises(BackupError, match="not whole"):
+        restore(copy, tmp_path / "restored")
+    assert not (tmp_path / "restored").exists()
+
+
+def test_nothing_is_overwritten(filled: CaseLibrary, tmp_path: Path) -> None:
+    backup(filled.engine, filled.data_dir, tmp_path / "copy")
+    with pytest.raises(BackupError, match="not empty"):
+        backup(filled.engine, filled.data_dir, tmp_path / "copy")
+    with pytest.raises(BackupError, match="not empty"):
+        restore(tmp_path / "copy", filled.data_dir)
+    filled.close()
+
+
+def test_a_changed_extractor_extracts_again(
+    library: CaseLibrary, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    case = add_sound(library, write_sound(tmp_path / "0.wav", 0), "notch")
+    with library.transaction("anna") as session:
+        for row in session.query(FeatureRow).all():
+            session.delete(row)
+    with library.reading() as session:
+        assert renewal.count_outdated(session) == 1
+    assert renewal.renew(library, "anna") == renewal.Renewed(1, {})
+    with library.reading() as session:
+        assert renewal.count_outdated(session) == 0
+        assert [str(each) for each in library.reasoner(session).table.ids] == [case.id]
+        assert library.case(session, case.id).version == case.version
+    library.audio_path(case.recording).unlink()
+    with library.transaction("anna") as session:
+        for row in session.query(FeatureRow).all():
+            session.delete(row)
+    assert "missing from the data folder" in renewal.renew(library, "anna").failed[case.recording_id]

@@ -1,0 +1,121 @@
+"""Export and import: nothing is lost on the way, and a bundle from elsewhere is not trusted."""
+
+import json
+import stat
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from casebase.bundle import MANIFEST, SCHEMA, BundleLimits, export_cases, import_cases
+from casebase.case_filter import CaseFilter
+from casebase.database import create_engine_for, sqlite_url, upgrade_database
+from casebase.errors import BundleError
+from casebase.library import CaseLibrary
+from casebase.signals.features import EXTRACTOR_VERSION
+from tests.casebase.sounds import add_sound, write_sound
+
+
+def fresh_library(folder: Path) -> CaseLibrary:
+    """Return an empty library in a folder."""
+    folder.mkdir()
+    engine = create_engine_for(sqlite_url(folder / "gearcase.db"))
+    upgrade_database(engine)
+    return CaseLibrary(engine, folder)
+
+
+def test_cases_survive_the_journey(library: CaseLibrary, tmp_path: Path) -> None:
+    for seed, label in enumerate(("normal", "notch", "notch")):
+        add_sound(library, write_sound(tmp_path / f"{seed}.wav", seed), label, gearbox=f"g{seed}")
+    with library.reading() as session:
+        assert export_cases(library, session, tmp_path / "all.zip", CaseFilter()).cases == 3
+        here = library.reasoner(session).table
+        sent = {case.recording.samples_sha256 for case in library.cases(session, CaseFilter()).items}
+    other = fresh_library(tmp_path / "other")
+    imported = import_cases(other, tmp_path / "all.zip", "bert")
+    assert (len(imported.case_ids), imported.known, imported.refused) == (3, 0, {})
+    again = import_cases(other, tmp_path / "all.zip", "bert")
+    assert (again.case_ids, again.known) == ((), 3)
+    with other.reading() as session:
+        there = other.reasoner(session).table
+        samples = {case.recording.samples_sha256 for case in other.cases(session, CaseFilter()).items}
+        cases = other.cases(session, CaseFilter(label="notch")).items
+    assert samples == sent
+    assert sorted(zip(here.labels, here.gearboxes, strict=True)) == sorted(
+        zip(there.labels, there.gearboxes, strict=True)
+    )
+    assert {case.verified_by for case in cases} == {"opened"}
+    assert {case.recording.speed_rad_s for case in cases} == {2.5}
+    assert there.extractor_version == EXTRACTOR_VERSION
+    other.close()
+
+
+def manifest(*cases: dict[str, object]) -> str:
+    """Return a manifest that declares these cases."""
+    return json.dumps({"schema": SCHEMA, "cases": list(cases)})
+
+
+def linked(bundle: zipfile.ZipFile) -> None:
+    """Add a symbolic link."""
+    info = zipfile.ZipInfo("audio/link")
+    info.external_attr = (stat.S_IFLNK | 0o777) << 16
+    bundle.writestr(info, "/etc/passwd")
+
+
+def doubled(bundle: zipfile.ZipFile) -> None:
+    """Add the same name twice, the second time in another spelling."""
+    bundle.writestr("audio/a", b"1")
+    bundle.writestr("audio/./a", b"2")
+
+
+MALICIOUS: dict[str, tuple[Callable[[zipfile.ZipFile], None], str]] = {
+    "absolute": (lambda bundle: bundle.writestr("/etc/cron.d/x", b"x"), "leads out"),
+    "parent": (lambda bundle: bundle.writestr("audio/../../x", b"x"), "leads out"),
+    "backslash": (lambda bundle: bundle.writestr("..\\x", b"x"), "leads out"),
+    "link": (linked, "is a link"),
+    "twice": (doubled, "twice"),
+    "bomb": (lambda bundle: bundle.writestr("audio/zeros", bytes(30_000_000)), "claim to hold"),
+    "many": (lambda bundle: [bundle.writestr(f"audio/{n}", b"") for n in range(200)] and None, "at most 100"),
+    "no manifest": (lambda bundle: bundle.writestr("audio/a", b"x"), "has no 'manifest.json'"),
+    "no json": (lambda bundle: bundle.writestr(MANIFEST, b"\xff{"), "no JSON"),
+    "other schema": (lambda bundle: bundle.writestr(MANIFEST, b'{"schema": "x"}'), "schema"),
+    "case without audio": (lambda bundle: bundle.writestr(MANIFEST, manifest({"label": "notch"})), "lacks audio"),
+}
+
+
+@pytest.mark.parametrize("kind", MALICIOUS)
+def test_a_bundle_that_breaks_a_rule_is_refused_whole(sqlite_library: CaseLibrary, tmp_path: Path, kind: str) -> None:
+    fill, message = MALICIOUS[kind]
+    with zipfile.ZipFile(tmp_path / "in.zip", "w", zipfile.ZIP_DEFLATED) as bundle:
+        fill(bundle)
+    with pytest.raises(BundleError, match=message):
+        import_cases(sqlite_library, tmp_path / "in.zip", "eve", limits=BundleLimits(entries=100))
+    assert list(sqlite_library.audio.hashes()) == []
+
+
+def test_a_size_that_lies_is_found_while_reading(sqlite_library: CaseLibrary, tmp_path: Path) -> None:
+    path = tmp_path / "in.zip"
+    with zipfile.ZipFile(path, "w", zipfile.ZIP_DEFLATED) as bundle:
+        bundle.writestr(MANIFEST, " " * 50_000_000 + manifest())
+    data = bytearray(path.read_bytes())
+    directory = data.rindex(b"PK\x01\x02")
+    data[directory + 24 : directory + 28] = (1000).to_bytes(4, "little")
+    path.write_bytes(data)
+    with pytest.raises(BundleError):
+        import_cases(sqlite_library, path, "eve")
+
+
+def test_audio_that_is_not_what_was_declared_is_refused(sqlite_library: CaseLibrary, tmp_path: Path) -> None:
+    entry = {"audio": "audio/a", "sha256": "0" * 64, "label": "notch", "recording": {}}
+    with zipfile.ZipFile(tmp_path / "in.zip", "w") as bundle:
+        bundle.writestr("audio/a", b"RIFF")
+        bundle.writestr(MANIFEST, manifest(entry))
+    with pytest.raises(BundleError, match="SHA-256 differs"):
+        import_cases(sqlite_library, tmp_path / "in.zip", "eve")
+
+
+def test_no_zip_at_all_is_said(sqlite_library: CaseLibrary, tmp_path: Path) -> None:
+    (tmp_path / "in.zip").write_bytes(b"not a zip")
+    with pytest.raises(BundleError, match="no readable ZIP"):
+        import_cases(sqlite_library, tmp_path / "in.zip", "eve")

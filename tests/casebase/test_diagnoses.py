@@ -1,0 +1,230 @@
+"""Reuse and revise: verdicts, documents, what a person makes of them."""
+
+import json
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+
+from casebase.artifacts import activate, active_artifact, list_artifacts, similarity_kind
+from casebase.database import strict_json
+from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
+from casebase.errors import ConflictError, InvalidRequestError, NotFoundError, StaleVersionError
+from casebase.library import CaseLibrary
+from casebase.models import StoredDiagnosis
+from casebase.signals.features import QualityFlag, Severity
+from tests.casebase.made import VERSION, add_case, extraction, store
+
+KINDS = {"normal": (0.0, 0.0), "notch": (8.0, 0.0), "play": (0.0, 8.0)}
+SIZE = 12
+
+
+def features(generator: np.random.Generator, label: str) -> list[float]:
+    """Return noise of spread 1, none beyond 2, with the class's two marks."""
+    values = np.clip(generator.normal(size=SIZE), -2, 2)
+    values[:2] += KINDS[label]
+    return [float(value) for value in values]
+
+
+def fill(library: CaseLibrary, labels: tuple[str, ...] = tuple(KINDS), gearboxes: int = 4) -> None:
+    """Add two cases of each class from each gearbox."""
+    generator = np.random.default_rng(7)
+    with library.transaction("anna") as session:
+        for gearbox in range(gearboxes):
+            for label in labels * 2:
+                seed = int(generator.integers(1 << 30))
+                add_case(library, session, features(generator, label), label, seed=seed, gearbox=f"g{gearbox}")
+
+
+def diagnose(library: CaseLibrary, values: list[float], seed: int = 1) -> StoredDiagnosis:
+    """Store a recording with these features and diagnose it."""
+    with library.transaction("otto") as session:
+        row = store(library, session, values, seed=seed, gearbox="new")
+        return library.diagnose(session, row, extraction(values))
+
+
+@pytest.mark.parametrize("label", KINDS)
+def test_a_recording_like_a_class_is_diagnosed(library: CaseLibrary, label: str) -> None:
+    fill(library)
+    found = diagnose(library, features(np.random.default_rng(5), label))
+    assert (found.verdict, found.label) == ("diagnosed", label)
+    document = found.document
+    assert {"id", "verdict", "label", "probability", "hypotheses", "neighbours", "evidence", "quality"} < set(document)
+    assert {"novelty", "recording", "provenance"} < set(document)
+    assert json.loads(strict_json(document)) == document
+    assert sum(each["probability"] for each in document["hypotheses"]) == pytest.approx(1)  # type: ignore[attr-defined]
+    for neighbour in document["neighbours"]:  # type: ignore[attr-defined]
+        assert math.fsum(neighbour["contributions"].values()) == pytest.approx(neighbour["distance"], rel=1e-12)
+    assert document["hypotheses"][0]["support"]["measured"] >= 1  # type: ignore[index]
+
+
+def test_a_kind_of_fault_that_is_not_in_the_library_is_said_to_be_new(library: CaseLibrary) -> None:
+    fill(library, ("normal", "play"))
+    found = diagnose(library, features(np.random.default_rng(3), "notch"))
+    assert (found.verdict, found.label) == ("not_in_library", None)
+    novelty = found.document["novelty"]
+    assert novelty["distance"] > novelty["threshold"]  # type: ignore[index]
+    assert found.document["evidence"][0]["quantity"] == "f0"  # type: ignore[index]
+
+
+def test_half_way_between_two_classes_is_ambiguous(library: CaseLibrary) -> None:
+    fill(library)
+    values = [4.0, 4.0, *[0.0] * (SIZE - 2)]
+    assert diagnose(library, values).verdict in ("ambiguous", "not_in_library")
+
+
+def test_an_empty_library_says_so(library: CaseLibrary) -> None:
+    found = diagnose(library, [1.0] * SIZE)
+    assert found.verdict == "not_in_library"
+    assert "no case" in found.document["remarks"][0]  # type: ignore[index]
+
+
+def test_one_case_per_class_is_enough_to_answer_and_says_what_it_lacks(library: CaseLibrary) -> None:
+    generator = np.random.default_rng(0)
+    with library.transaction("anna") as session:
+        for seed, label in enumerate(KINDS):
+            add_case(library, session, features(generator, label), label, seed=seed)
+    found = diagnose(library, features(generator, "notch"), seed=99)
+    assert found.label in (None, "notch")
+    assert found.document["provenance"]["similarity"].startswith("physical priors")  # type: ignore[index]
+    assert found.document["novelty"]["threshold"] is None  # type: ignore[index]
+    assert any("cannot fall to 0.05" in remark for remark in found.document["remarks"])  # type: ignore[attr-defined]
+
+
+def test_an_unusable_recording_is_an_answer(library: CaseLibrary) -> None:
+    fill(library)
+    flag = QualityFlag("too_quiet", Severity.UNUSABLE, "nothing but zeros; turn up the gain")
+    with library.transaction("otto") as session:
+        row = store(library, session, [0.0] * SIZE, seed=5)
+        given = extraction([0.0] * SIZE)
+        unusable = type(given)(given.features, (flag,), given.motion, given.events, given.extractor_version)
+        found = library.diagnose(session, row, unusable)
+    assert found.verdict == "unusable"
+    told = {"name": "too_quiet", "severity": "unusable", "reason": flag.reason, "start_s": None, "end_s": None}
+    assert found.document["quality"] == [told]
+    assert found.document["disturbances"] == []
+
+
+def test_missing_features_do_not_stop_a_diagnosis(library: CaseLibrary) -> None:
+    fill(library)
+    values = features(np.random.default_rng(3), "notch")
+    values[2:9] = [math.nan] * 7
+    assert diagnose(library, values).label == "notch"
+
+
+def test_the_very_same_recording_is_its_own_neighbour_at_distance_zero(library: CaseLibrary) -> None:
+    fill(library)
+    values = features(np.random.default_rng(11), "play")
+    with library.transaction("anna") as session:
+        case = add_case(library, session, values, "play", seed=77)
+    neighbour = diagnose(library, values, seed=77).document["neighbours"][0]  # type: ignore[index]
+    assert (neighbour["case_id"], neighbour["distance"]) == (case.id, pytest.approx(0, abs=1e-5))
+
+
+def test_weights_are_learned_scored_and_rolled_back(library: CaseLibrary) -> None:
+    fill(library)
+    assert library.keep_learned("anna", VERSION)
+    assert not library.keep_learned("anna", VERSION)
+    kind = similarity_kind(VERSION)
+    with library.transaction("anna") as session:
+        for seed in (4242, 4243):
+            values = features(np.random.default_rng(seed), "normal")
+            add_case(library, session, values, "normal", seed=seed, gearbox="g9")
+    assert library.keep_learned("anna", VERSION)
+    with library.transaction("anna") as session:
+        versions = list_artifacts(session, kind)
+        assert [row.version for row in versions] == [2, 1]
+        assert all(row.score is not None and row.score >= 0.8 for row in versions)
+        activate(session, kind, 1)
+    found = diagnose(library, [0.0] * SIZE, seed=3)
+    assert found.document["provenance"]["similarity_version"] == 1  # type: ignore[index]
+    with library.transaction("anna") as session:
+        active = active_artifact(session, kind)
+        assert active is not None
+        assert active.version == 1
+        with pytest.raises(NotFoundError):
+            activate(session, kind, 99)
+
+
+def test_an_outgrown_library_answers_by_what_was_learned_and_finds_new_cases(library: CaseLibrary) -> None:
+    """Learning takes long; a request must not wait for it, and must not be told of a library that was."""
+    fill(library)
+    library.keep_learned("anna", VERSION)
+    library.touched.clear()
+    values = features(np.random.default_rng(5), "notch")
+    with library.transaction("anna") as session:
+        case = add_case(library, session, values, "pitting", seed=4244, gearbox="g9")
+    assert library.touched.is_set()
+    library.touched.clear()
+    found = diagnose(library, values, seed=4245).document
+    assert library.touched.is_set()
+    assert found["neighbours"][0]["case_id"] == case.id  # type: ignore[index]
+    assert found["provenance"]["similarity_version"] == 1  # type: ignore[index]
+    assert any("will be learned again" in remark for remark in found["remarks"])  # type: ignore[attr-defined]
+    assert library.keep_learned("learning", VERSION)
+    again = diagnose(library, values, seed=4246).document
+    assert again["provenance"]["similarity_version"] == 2  # type: ignore[index]
+    assert not any("will be learned again" in remark for remark in again["remarks"])  # type: ignore[attr-defined]
+
+
+def test_a_person_has_the_last_word(library: CaseLibrary) -> None:
+    fill(library)
+    found = diagnose(library, features(np.random.default_rng(3), "notch"))
+    with library.transaction("otto") as session:
+        with pytest.raises(ConflictError, match="which `label`"):
+            library.retain_diagnosis(session, found.id)
+        with pytest.raises(InvalidRequestError, match="right `label`"):
+            revise_diagnosis(session, found.id, "corrected")
+        with pytest.raises(InvalidRequestError):
+            revise_diagnosis(session, found.id, "confirmed", label="play")
+        with pytest.raises(StaleVersionError):
+            revise_diagnosis(session, found.id, "rejected", expected_version=7)
+        revise_diagnosis(session, found.id, "corrected", label="pitting", verified_by="gearbox opened")
+    with library.transaction("anna") as session:
+        case = library.retain_diagnosis(session, found.id)
+        assert (case.label, case.verified_by, case.diagnosis_id) == ("pitting", "gearbox opened", found.id)
+        assert get_diagnosis(session, found.id).state == "corrected"
+        listed = list_diagnoses(session, DiagnosisFilter(state="corrected", gearbox="new"))
+        assert [row.id for row in listed.items] == [found.id]
+        assert list_diagnoses(session, DiagnosisFilter(axis="other")).items == []
+
+
+def test_another_process_is_seen_at_the_next_query(library: CaseLibrary) -> None:
+    other = CaseLibrary(library.engine, library.data_dir)
+    fill(library)
+    with library.reading() as session:
+        before = library.reasoner(session, VERSION)
+        assert library.reasoner(session, VERSION) is before
+    with other.transaction("bert") as session:
+        add_case(other, session, [1.0] * SIZE, "normal", seed=1234)
+    with library.reading() as session:
+        assert len(library.reasoner(session, VERSION).table) == len(before.table) + 1
+
+
+def test_what_is_rolled_back_is_not_remembered(library: CaseLibrary) -> None:
+    fill(library)
+
+    def retained_and_broken_off() -> None:
+        with library.transaction("bert") as session:
+            add_case(library, session, [9.0] * SIZE, "phantom", seed=4321)
+            assert "phantom" in library.reasoner(session, VERSION).table.classes
+            raise InvalidRequestError("broken off")
+
+    with pytest.raises(InvalidRequestError, match="broken off"):
+        retained_and_broken_off()
+    with library.transaction("bert") as session:
+        add_case(library, session, [0.5] * SIZE, "normal", seed=4322)
+    with library.reading() as session:
+        table = library.reasoner(session, VERSION).table
+    assert "phantom" not in table.classes
+    assert len(table) == 25
+
+
+def test_many_at_once_are_all_diagnosed(library: CaseLibrary) -> None:
+    fill(library)
+    rows = [features(np.random.default_rng(seed), "play") for seed in range(12)]
+    with ThreadPoolExecutor(6) as pool:
+        found = list(pool.map(lambda each: diagnose(library, each[1], seed=500 + each[0]), enumerate(rows)))
+    assert {each.document["provenance"]["similarity_version"] for each in found} <= {1, None}  # type: ignore[index]
+    assert len({each.id for each in found}) == 12

@@ -1,0 +1,43 @@
+"""Lines of a mesh mean the same on one axis alone: of another one they say nothing, and forbid nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from casebase.diagnosis import OF_ONE_AXIS, Reasoner
+from casebase.learning import learn
+from casebase.signals.condition import OperatingCondition
+from casebase.signals.features import Extraction, FeatureVector, extract
+from casebase.signals.recording import Recording
+from tests.casebase.made import measured_table
+from tests.casebase.signals.synthetic import RATE_HZ, Joint, sound
+
+AXIS = OperatingCondition(speed_rad_s=2.5, shaft_orders=(100.0, 12.5, 1.0), mesh_orders=(1200.0, 150.0))
+
+
+def heard(label: str, seed: int) -> Extraction:
+    return extract(Recording(sound(Joint(label, seed=seed)), RATE_HZ), AXIS)
+
+
+@pytest.fixture(scope="module")
+def reasoner() -> Reasoner:
+    """A library of four gearboxes of one axis whose meshes are known."""
+    made = [(box, label, 10 * box + i) for box in range(4) for label in ("normal", "notch", "play") for i in range(2)]
+    vectors = [heard(label, seed).features for _, label, seed in made]
+    boxes, labels = [box for box, _, _ in made], [label for _, label, _ in made]
+    values = np.array([each.values for each in vectors])
+    cases = measured_table(vectors[0].names, values, labels, boxes, "here")
+    return Reasoner(cases, learn(cases))
+
+
+@pytest.mark.parametrize("label", ["normal", "notch", "play"])
+def test_meshes_of_another_axis_are_not_compared(reasoner: Reasoner, label: str) -> None:
+    """The same sound, were its mesh lines 60 dB higher: unknown of this axis, as before of another."""
+    plain = heard(label, 77)
+    names, values = plain.features.names, plain.features.values.copy()
+    values[[name in OF_ONE_AXIS for name in names]] += 60.0
+    strange = replace(plain, features=FeatureVector(names, values))
+    assert reasoner.diagnose(plain, axis="here").label == label
+    assert reasoner.diagnose(strange, axis="here").verdict == "not_in_library"
+    assert reasoner.diagnose(strange, axis="elsewhere").label == label

@@ -1,0 +1,161 @@
+"""Retain and revise: what is stored once, what is refused, what is remembered."""
+
+import pytest
+from alembic.autogenerate import compare_metadata
+from alembic.migration import MigrationContext
+from alembic.script import ScriptDirectory
+from sqlalchemy import text
+from sqlalchemy.exc import DBAPIError
+
+import migrations
+from casebase.case_filter import CaseFilter
+from casebase.database import migration_config
+from casebase.description import Labelling
+from casebase.errors import ConflictError, DuplicateError, InvalidRequestError, NotFoundError, StaleVersionError
+from casebase.library import CaseLibrary
+from casebase.models import Base
+from tests.casebase.made import add_case, store
+
+
+def test_migrations_make_the_tables_of_the_models(library: CaseLibrary) -> None:
+    with library.engine.connect() as connection:
+        assert compare_metadata(MigrationContext.configure(connection), Base.metadata) == []
+
+
+def test_a_database_at_the_newest_revision_is_known_without_looking_through_the_migrations(
+    library: CaseLibrary,
+) -> None:
+    with library.engine.connect() as connection:
+        scripts = ScriptDirectory.from_config(migration_config(connection))
+        assert (
+            scripts.get_current_head()
+            == migrations.NEWEST
+            == MigrationContext.configure(connection).get_current_revision()
+        )
+
+
+def test_same_recording_twice_is_one(library: CaseLibrary) -> None:
+    with library.transaction("test") as session:
+        first = store(library, session, [1.0, 2.0], seed=1)
+    with library.transaction("test") as session:
+        again = store(library, session, [1.0, 2.0], seed=1)
+        elsewhere = store(library, session, [1.0, 2.0], seed=1, gearbox="g1")
+    assert again.id == first.id
+    assert elsewhere.id != first.id
+    assert len(list(library.audio.hashes())) == 1
+
+
+def test_missing_features_come_back_missing(library: CaseLibrary) -> None:
+    with library.transaction("test") as session:
+        row = store(library, session, [1.5, float("nan"), -2.5])
+    with library.reading() as session:
+        features = library.recording(session, row.id).features[0]
+    assert features.finite.tolist() == [1.5, 0.0, -2.5]
+    assert features.missing == bytes([0b01000000])
+
+
+def test_audio_is_on_disk_before_its_row(library: CaseLibrary) -> None:
+    with library.transaction("test") as session:
+        row = store(library, session, [1.0])
+        assert library.audio_path(row).stat().st_size == row.byte_count
+
+
+def test_case_is_one_until_its_label_differs(library: CaseLibrary) -> None:
+    with library.transaction("test") as session:
+        case = add_case(library, session, [1.0], "notch", seed=1)
+        assert add_case(library, session, [1.0], "notch", seed=1).id == case.id
+        with pytest.raises(DuplicateError) as caught:
+            add_case(library, session, [1.0], "play", seed=1)
+    assert caught.value.case_id == case.id
+
+
+def test_generated_case_is_one_per_key(library: CaseLibrary) -> None:
+    with library.transaction("test") as session:
+        first = library.retain(session, store(library, session, [1.0], seed=1), Labelling("play", key="plan-7"))
+        other = library.retain(session, store(library, session, [2.0], seed=2), Labelling("play", key="plan-7"))
+    assert other.id == first.id
+
+
+def test_revision_needs_the_current_version_and_is_remembered(library: CaseLibrary) -> None:
+    with library.transaction("anna") as session:
+        case = add_case(library, session, [1.0], "notch", seed=1)
+    with library.transaction("bert") as session:
+        revised = library.revise(session, case.id, {"label": "play"}, expected_version=1)
+        assert revised.version == 2
+    with library.transaction("carl") as session, pytest.raises(StaleVersionError):
+        library.revise(session, case.id, {"label": "normal"}, expected_version=1)
+    with library.reading() as session:
+        entries = library.history(session, case.id)
+    assert [(entry.actor, entry.action) for entry in entries] == [
+        ("anna", "case.retained"),
+        ("bert", "case.revised"),
+    ]
+    assert (entries[1].before, entries[1].after) == ({"label": "notch"}, {"label": "play"})
+
+
+def test_retired_case_leaves_the_list_and_comes_back(library: CaseLibrary) -> None:
+    with library.transaction("test") as session:
+        case = add_case(library, session, [1.0], "notch", seed=1)
+        library.retire(session, case.id)
+    with library.transaction("test") as session:
+        assert library.cases(session, CaseFilter()).items == []
+        library.restore(session, case.id)
+        with pytest.raises(ConflictError):
+            library.restore(session, case.id)
+        assert [each.id for each in library.cases(session, CaseFilter()).items] == [case.id]
+
+
+def test_a_failed_transaction_leaves_nothing(library: CaseLibrary) -> None:
+    def two_cases() -> None:
+        with library.transaction("test") as session:
+            add_case(library, session, [1.0], "notch", seed=1)
+            add_case(library, session, [1.0], "", seed=2)
+
+    with pytest.raises(InvalidRequestError):
+        two_cases()
+    with library.reading() as session:
+        assert library.cases(session, CaseFilter()).items == []
+        assert library.version(session) == 0
+
+
+def test_pages_cover_every_case_once(library: CaseLibrary) -> None:
+    with library.transaction("test") as session:
+        made = {add_case(library, session, [1.0], "notch", seed=seed).id for seed in range(23)}
+    seen: list[str] = []
+    cursor = None
+    with library.reading() as session:
+        while True:
+            page = library.cases(session, CaseFilter(label="notch"), limit=5, cursor=cursor)
+            seen += [case.id for case in page.items]
+            cursor = page.next_cursor
+            if cursor is None:
+                break
+    assert len(seen) == 23
+    assert set(seen) == made
+    assert seen == sorted(seen, reverse=True)
+
+
+def test_filters_select(library: CaseLibrary) -> None:
+    with library.transaction("test") as session:
+        add_case(library, session, [1.0], "notch", seed=1, gearbox="g1")
+        add_case(library, session, [1.0], "play", seed=2, gearbox="g2", origin="simulated")
+    with library.reading() as session:
+        for wanted in (CaseFilter(label="play"), CaseFilter(origin="simulated"), CaseFilter(gearbox="g2")):
+            assert [case.label for case in library.cases(session, wanted).items] == ["play"]
+        assert library.cases(session, CaseFilter(axis="other")).items == []
+
+
+@pytest.mark.parametrize("statement", ["UPDATE audit SET actor = 'nobody'", "DELETE FROM audit"])
+def test_audit_cannot_be_altered(library: CaseLibrary, statement: str) -> None:
+    with library.transaction("test") as session:
+        add_case(library, session, [1.0], "notch", seed=1)
+    with library.engine.connect() as connection, pytest.raises(DBAPIError, match="append-only"):
+        connection.execute(text(statement))
+
+
+def test_unknown_ids_are_said(library: CaseLibrary) -> None:
+    with library.reading() as session:
+        with pytest.raises(NotFoundError):
+            library.case(session, "no such id")
+        with pytest.raises(NotFoundError):
+            library.recording(session, "no such id")

@@ -1,0 +1,67 @@
+"""Two faults at once are both listed, one alone is not doubled, and a sound gear has none."""
+
+from collections import Counter
+
+import numpy as np
+import pytest
+
+from casebase.diagnosis import Reasoner
+from casebase.learning import learn
+from casebase.novelty import superposed
+from casebase.signals.features import extract
+from casebase.signals.recording import Recording
+from tests.casebase.made import measured_table
+from tests.casebase.signals.synthetic import RATE_HZ, Joint, rings, sound
+
+LABELS = ("normal", "notch", "play")
+
+
+def joint(seed: int, *labels: str) -> Recording:
+    """Return the sound of one joint with these faults, each of a strength of its own."""
+    rng = np.random.default_rng(seed)
+    samples = sound(Joint(seed=seed)).astype(np.float64)
+    samples /= samples.std()
+    time = np.arange(samples.size) / RATE_HZ
+    for label in labels:
+        fault = Joint(label, seed=seed)
+        samples += rng.uniform(0.7, 1.4) * 0.15 * fault.ring * rings(fault, time)
+    return Recording((0.1 * samples / samples.std()).astype(np.float32), RATE_HZ)
+
+
+@pytest.fixture(scope="module")
+def reasoner() -> Reasoner:
+    """A library of five gearboxes, each normal, notch and play alone."""
+    made = [(box, label, 100 * box + i) for box in range(5) for label in LABELS for i in range(2)]
+    vectors = [extract(joint(seed, *(() if label == "normal" else (label,)))).features for _, label, seed in made]
+    boxes, labels = [box for box, _, _ in made], [label for _, label, _ in made]
+    values = np.array([each.values for each in vectors])
+    cases = measured_table(vectors[0].names, values, labels, boxes)
+    return Reasoner(cases, learn(cases))
+
+
+@pytest.mark.parametrize("fault", ["notch", "play"])
+def test_one_fault_is_not_doubled(reasoner: Reasoner, fault: str) -> None:
+    listed = Counter(
+        tuple(f.label for f in reasoner.diagnose(extract(joint(7000 + i, fault))).faults) for i in range(8)
+    )
+    assert listed[(fault,)] >= 7
+    assert set(listed) <= {(fault,), ()}
+
+
+def test_two_faults_are_both_listed(reasoner: Reasoner) -> None:
+    """Of a library that has no case of both, most are named, and none is called sound."""
+    found = [reasoner.diagnose(extract(joint(7000 + i, "notch", "play"))) for i in range(12)]
+    assert all(each.label != "normal" for each in found)
+    assert sum({f.label for f in each.faults} == {"notch", "play"} for each in found) >= 5
+    for each in found:
+        assert [f.probability for f in each.faults] == sorted((f.probability for f in each.faults), reverse=True)
+
+
+def test_a_sound_gear_has_none(reasoner: Reasoner) -> None:
+    assert all(not reasoner.diagnose(extract(joint(7000 + i))).faults for i in range(4))
+
+
+def test_superposition_takes_what_is_farther_from_normal() -> None:
+    normal, scale = np.zeros(4), np.array([1.0, 1.0, 2.0, 1.0])
+    ones, others = np.array([[5.0, 0.0, 3.0, np.nan]]), np.array([[1.0, -4.0, 2.0, 1.0], [9.0, 0.0, 0.0, 0.0]])
+    assert superposed(ones, others, normal, scale).tolist() == [[5.0, -4.0, 3.0, 1.0]]

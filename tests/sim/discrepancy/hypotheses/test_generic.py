@@ -1,0 +1,274 @@
+"""A mechanism of the catalogue is considered by what it says of itself, and described as it is found."""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import replace
+from types import MappingProxyType
+from typing import ClassVar
+
+import numpy as np
+import pytest
+
+from casebase.signals.telemetry import Telemetry
+from sim import mechanisms
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.discrepancy.data.validation import examine
+from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.estimation.whitening import Noise
+from sim.discrepancy.extended_axis import extended_by
+from sim.discrepancy.hypotheses.catalogue import OWN, terms_of
+from sim.discrepancy.hypotheses.friction import friction_felt
+from sim.discrepancy.hypotheses.generic import terms_of_catalogue, undistorted
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.investigation import investigate
+from sim.discrepancy.results import Investigation
+from sim.discrepancy.search.effect_size import magnitude
+from sim.experiment.virtual_measurement import measure
+from sim.mechanisms.catalogue import with_mechanism
+from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism, Parameter, Signature
+from sim.mechanisms.places import axis_of, stage_names, with_error
+from sim.rotational.drive_train import DriveTrain
+from sim.torsional.model import Line, with_link
+from tests.sim.discrepancy.telemetry_of import geared, one_body
+
+BENCH = read_axis(
+    {
+        "name": "bench",
+        "motor": {"inertia_kg_m2": 0.3, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.02},
+        "load": {"inertia_kg_m2": 0.0},
+    }
+)
+GEARED = read_axis(
+    {
+        "name": "geared",
+        "motor": {"inertia_kg_m2": 0.004, "coulomb_friction_n_m": 0.3, "viscous_friction_n_m_s_per_rad": 0.002},
+        "stages": [
+            {
+                "name": "output",
+                "driver_teeth": 11,
+                "driven_teeth": 330,
+                "stiffness_n_m_per_rad": 30e3,
+                "damping_n_m_s_per_rad": 40.0,
+                "backlash_rad": 2e-5,
+                "transmission_error_rad": 1e-6,
+            }
+        ],
+        "load": {"inertia_kg_m2": 4.0, "coulomb_friction_n_m": 4.0, "viscous_friction_n_m_s_per_rad": 3.0},
+        "load_encoder": {"error_rad": 1e-5},
+        "motion": {"period_s": 4.0, "load_speed_rad_s": 2.0, "acceleration_time_s": 0.5},
+    }
+)
+
+
+class Misalignment(Mechanics):
+    """Two shafts that are not in line let the driven gear lag twice per turn."""
+
+    name: ClassVar[str] = "misalignment"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("amplitude_rad", "rad", 0.0, 0.01, 1e-4),
+        Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
+    )
+    size: ClassVar[str] = "amplitude_rad"
+    signature: ClassVar[Signature] = Signature("angle", order=2.0)
+    equations: ClassVar[str] = "e = amplitude sin(2 theta + phase)"
+    source: ClassVar[str] = "parallel misalignment of shafts"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return stage_names(axis)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        place = self.placed(axis_of(train))
+        return with_error(train, place, 2.0, self["amplitude_rad"], self["phase_rad"])
+
+
+class Saturation(Measurement):
+    """A current sensor reads large torques too small."""
+
+    name: ClassVar[str] = "saturation"
+    parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("bend_per_n2_m2", "1/(N2 m2)", 0.0, 1.0, 1e-5),)
+    size: ClassVar[str] = "bend_per_n2_m2"
+    signature: ClassVar[Signature] = Signature("recording", grows_with="load")
+    equations: ClassVar[str] = "measured = true (1 - bend true^2)"
+    source: ClassVar[str] = "iron core of a current transducer"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str | None, ...]:
+        return ("motor",)
+
+    def distort(self, telemetry: Telemetry, axis: Axis, seed: int = 0) -> Telemetry:
+        torque = telemetry["motor_torque_nm"]
+        read = torque * (1.0 - self["bend_per_n2_m2"] * torque**2)
+        return replace(telemetry, channels={**telemetry.channels, "motor_torque_nm": read})
+
+
+@pytest.fixture
+def grown(monkeypatch: pytest.MonkeyPatch) -> Mapping[str, type[Mechanism]]:
+    """The catalogue with one line more for each of the two."""
+    more = MappingProxyType({**mechanisms.MECHANISMS, "misalignment": Misalignment, "saturation": Saturation})
+    monkeypatch.setattr(mechanisms, "MECHANISMS", more)
+    return more
+
+
+def named(result: Investigation) -> dict[str, float]:
+    """Names that are said, and the first number of each."""
+    return {f.mechanism: f.parameters[0].value for f in result.findings if f.probability >= 0.5}
+
+
+def again(result: Investigation, telemetry: Telemetry) -> Investigation:
+    """The same data held against the extended axis, as it is stored."""
+    return investigate(read_axis(json.loads(json.dumps(result.document()["extended_axis"]))), telemetry)
+
+
+def misaligned() -> Telemetry:
+    hidden = with_mechanism(GEARED, Misalignment("output", {"amplitude_rad": 1.5e-4, "phase_rad": 0.7}))
+    ideal, rng = measure(hidden, 8.0).telemetry, np.random.default_rng(1)
+    return Telemetry(
+        ideal.time_s,
+        {
+            "motor_torque_nm": ideal["motor_torque_nm"] + 0.02 * rng.standard_normal(ideal.rows),
+            "motor_position_rad": ideal["motor_position_rad"] + 1e-5 * rng.standard_normal(ideal.rows),
+            "load_position_rad": ideal["load_position_rad"] + 1e-6 * rng.standard_normal(ideal.rows),
+        },
+    )
+
+
+@pytest.mark.usefixtures("grown")
+def test_a_new_mechanism_of_the_machine_is_named_measured_and_closed() -> None:
+    telemetry = misaligned()
+    result = investigate(GEARED, telemetry)
+    assert named(result) == {"misalignment": pytest.approx(1.5e-4, rel=0.1)}
+    finding = result.findings[0]
+    assert finding.location == "output"
+    assert finding.parameters[1].value == pytest.approx(0.7, abs=0.1)
+    assert finding.explanation.startswith("Misalignment at output: two shafts that are not in line")
+    assert again(result, telemetry).verdict == "nothing_missing"
+
+
+@pytest.mark.usefixtures("grown")
+def test_a_new_fault_of_the_torque_channel_is_named_measured_and_closed() -> None:
+    telemetry = one_body(0.3, 1.0, 0.02, 5)
+    read = Saturation("motor", {"bend_per_n2_m2": 4e-5}).distort(telemetry, BENCH)
+    result = investigate(BENCH, read)
+    assert named(result) == {"saturation": pytest.approx(4e-5, rel=0.1)}
+    assert result.findings[0].parameters[0].unit == "1/(N2 m2)"
+    assert again(result, read).verdict == "nothing_missing"
+
+
+@pytest.mark.usefixtures("grown")
+def test_new_mechanisms_are_not_found_where_they_are_not() -> None:
+    assert investigate(BENCH, one_body(0.3, 1.0, 0.02, 1)).verdict == "nothing_missing"
+
+
+def test_without_its_line_in_the_catalogue_nobody_names_it() -> None:
+    read = Saturation("motor", {"bend_per_n2_m2": 4e-5}).distort(one_body(0.3, 1.0, 0.02, 5), BENCH)
+    assert "saturation" not in named(investigate(BENCH, read))
+
+
+def test_a_distortion_is_undone() -> None:
+    distortion = Saturation("motor", {"bend_per_n2_m2": 2e-5})
+    telemetry = one_body(0.3, 1.0, 0.02, 5)
+    measurement = examine(BENCH, telemetry).measurement
+    read = distortion.distort(Telemetry(measurement.time_s, {"motor_torque_nm": measurement.torque}), BENCH)
+    back = undistorted(distortion, replace(measurement, torque=read["motor_torque_nm"]), BENCH)
+    assert back == pytest.approx(measurement.torque, abs=1e-3 * float(np.abs(measurement.torque).max()))
+
+
+def problem() -> Problem:
+    return Problem(GEARED, examine(GEARED, geared(0.004, 30.0, 4.0, 30e3, 3)).measurement, Noise.flat(0.05, 1.0))
+
+
+PROBLEM = problem()
+WITHOUT = (  # a shaft more, channels that drive the model, or the sound
+    "structural_resonance", "encoder_error", "time_delay", "lost_samples",
+)  # fmt: skip
+TERMS = terms_of(GEARED, PROBLEM.measurement, PROBLEM.chain((), {p.name: p.start for p in PROBLEM.base()}))
+
+
+def cases() -> Iterator[Term]:
+    """One term of every mechanism and place: of the many of a ripple or of hum the first."""
+    seen: set[tuple[str, str | None]] = set()
+    for term in TERMS:
+        if (term.mechanism, term.location) not in seen:
+            seen.add((term.mechanism, term.location))
+            yield term
+
+
+@pytest.mark.parametrize("term", tuple(cases()), ids=lambda t: t.key)
+def test_what_is_found_is_what_the_extended_axis_describes(term: Term) -> None:
+    """The same numbers as a term and as a table of the description predict the same torques.
+
+    But for what the description's own model has in their place (play, tooth errors and encoder errors as new, delays).
+    """
+    described = {p.name: p.start for p in PROBLEM.base()}
+    jump = {name: value for column in term.probes[-1] for name, value in column.items()}
+    values = {**described, **{p.name: p.start for p in term.parameters}, **jump}
+    axis = extended_by(GEARED, values, {(term.mechanism, term.location): term.report(values)})
+    other = PROBLEM.of(axis)
+    start = {p.name: p.start for p in other.base()}
+    found = PROBLEM.raw_residuals((term,), values, weighted=False)
+    stored = other.raw_residuals((), {**values, **start}, weighted=False)
+    plain = PROBLEM.raw_residuals((), described, weighted=False)
+    for with_term, with_entry, without in zip(found, stored, plain, strict=True):
+        effect = float(np.std(with_term - without))
+        assert float(np.std(with_term - with_entry)) <= 0.02 * effect + 1e-9
+
+
+@pytest.mark.parametrize("kind", mechanisms.MECHANISMS.values(), ids=mechanisms.MECHANISMS.keys())
+def test_each_would_have_terms_by_what_it_says_of_itself(kind: type[Mechanism]) -> None:
+    """Numbers that it accepts, and an effect on a chain of its own train or on the torque that is read."""
+    m = PROBLEM.measurement
+    terms = terms_of_catalogue(GEARED, m, set(mechanisms.MECHANISMS) - {kind.name})
+    assert bool(terms) == (kind.name not in WITHOUT)
+    for term in terms[:6]:
+        start = {p.name: p.start for p in PROBLEM.base()}
+        values = {**start, **{p.name: p.start for p in term.parameters}, **term.probes[-1][0]}
+        assert kind(term.location, term.report(values)).values == term.report(values)
+        chain = PROBLEM.chain((), start)
+        assert term.torque is not None or term.apply(chain, values) != chain
+        assert term.torque is None or term.torque(m, values).any()
+
+
+def test_every_mechanism_is_looked_for_by_its_own_term_or_by_what_it_says_of_itself() -> None:
+    assert set(mechanisms.MECHANISMS) == OWN
+
+
+def test_a_ripple_at_the_order_of_erring_teeth_must_be_half_as_large_as_they_make() -> None:
+    """Bodies between motor and teeth that no description has answer at that order, and at no other."""
+    chain = PROBLEM.chain((), {p.name: p.start for p in PROBLEM.base()})
+    link, teeth = chain.links[0], 6.0 * chain.links[0].ratio
+    erring = with_link(chain, 0, errors=(Line(1, teeth, 0.5, 0.3),))
+    plain, beside = (
+        {t.report(dict.fromkeys((p.name for p in t.parameters), 0.0))["order"]: t.size for t in terms}
+        for terms in (
+            [t for t in terms_of(GEARED, PROBLEM.measurement, c) if t.mechanism == "torque_ripple"]
+            for c in (chain, erring)
+        )
+    )
+    assert beside.pop(6.0) == pytest.approx(0.5 * 0.5 * link.stiffness_n_m_per_rad / link.ratio)
+    plain.pop(6.0)
+    assert beside == plain
+
+
+def test_friction_that_changes_by_as_much_as_there_is_of_it_is_no_drift() -> None:
+    drift = next(t for t in TERMS if t.mechanism == "friction_drift")
+    (rate,) = drift.parameters
+    assert rate.high == -rate.low == pytest.approx(1.0 / PROBLEM.measurement.time_s[-1])
+    assert magnitude(drift, {rate.name: rate.high}) == 0.0
+    assert magnitude(drift, {rate.name: -0.5 * rate.high}) == 0.5 * rate.high
+
+
+def test_friction_that_pushes_is_no_asymmetry() -> None:
+    """Of either direction there is no less friction than none: 2.5 N m at a motor that has 0.5 are something else."""
+    chain = PROBLEM.chain((), {p.name: p.start for p in PROBLEM.base()})
+    most = 0.3 + 4.0 / 30.0 + 60.0 * (0.002 + 3.0 / 30.0**2)
+    assert friction_felt(chain, 60.0) == pytest.approx(most)
+    term = next(t for t in TERMS if t.mechanism == "friction_asymmetry")
+    torque, coefficient = term.parameters
+    assert torque.high == -torque.low < 2.5
+    assert term.magnitude({torque.name: 0.4 * torque.high, coefficient.name: 0.0}) == pytest.approx(0.4 * torque.high)
+    assert term.magnitude({torque.name: torque.low, coefficient.name: 0.0}) == 0.0

@@ -1,0 +1,286 @@
+"""The guided chain against closed forms and against the other engine."""
+
+import numpy as np
+import pytest
+
+from sim.discrepancy.data.preprocessing import WIDE_SHARE, Measurement, gaussian_kernel, prepare
+from sim.discrepancy.model.observer import Nuisance, Observer
+from sim.discrepancy.model.observer_kernel import _dent, _passed, _sine_cosine
+from sim.discrepancy.model.packing import pack
+from sim.torsional.model import Chain, Link, Shaft
+from tests.sim.discrepancy.telemetry_of import RATE_HZ, swing
+
+
+def test_one_inertia_needs_its_acceleration_and_friction() -> None:
+    t, angle, _, _ = swing()
+    m = prepare(RATE_HZ, np.zeros(t.size), angle, None)
+    observer = Observer(m, 1.0, 0.3)
+    found = observer.predict(Chain((Shaft(0.3, 1.5, 0.02),)), Nuisance()).torque
+    moving = np.abs(m.speed) > 5.0
+    expected = 0.3 * m.acceleration + 1.5 * np.sign(m.speed) + 0.02 * m.speed
+    assert np.abs(found - expected)[moving].max() < 2e-3
+
+
+def test_the_guide_needs_no_torque_where_the_chain_moves_as_measured() -> None:
+    """A stiff chain whose load follows the motor with the elastic lag of its inertia."""
+    t, angle, _, acceleration = swing()
+    inertia, stiffness, ratio = 2.0, 4e5, 10.0
+    load = angle / ratio - inertia * acceleration / ratio / stiffness
+    m = prepare(RATE_HZ, np.zeros(t.size), angle, load)
+    observer = Observer(m, inertia, 0.01)
+    chain = Chain((Shaft(0.01), Shaft(inertia)), (Link(ratio, stiffness, 60.0),))
+    observer.learn_noise(chain, Nuisance())
+    right = observer.predict(chain, Nuisance())
+    wrong = observer.predict(Chain((Shaft(0.01), Shaft(1.2 * inertia)), chain.links), Nuisance())
+    inner = slice(500, -500)
+    assert np.sqrt(np.mean(right.guide[inner] ** 2)) < 0.1 * np.sqrt(np.mean(wrong.guide[inner] ** 2))
+    expected = 0.01 * m.slow_acceleration + inertia * m.slow_acceleration / ratio**2
+    assert np.abs(right.torque - expected)[inner].max() < 0.03 * np.abs(expected).max()
+
+
+@pytest.mark.parametrize("delay", [0.4e-3, 3e-3])
+def test_a_late_torque_channel_is_predicted_late(delay: float) -> None:
+    t, angle, _, _ = swing()
+    m = prepare(RATE_HZ, np.zeros(t.size), angle, None)
+    observer = Observer(m, 1.0, 0.3)
+    chain = Chain((Shaft(0.3, 0.0, 0.02),))
+    early = observer.predict(chain, Nuisance()).torque
+    late = observer.predict(chain, Nuisance(torque_delay_s=delay)).torque
+    shifted = np.interp(m.time_s - delay, m.time_s, early)
+    assert np.abs(late - shifted)[50:-50].max() < 2e-3 * np.abs(early).max()
+
+
+def _friction_along(angle: np.ndarray, stretch_rad: float, width: float) -> tuple[np.ndarray, Measurement]:
+    """Dry friction of 1 N m along a motion of 12 s."""
+    m = prepare(RATE_HZ, np.zeros(angle.size), angle, None)
+    nuisance = Nuisance(stretch_rad=(stretch_rad, stretch_rad), friction_width=(width, width))
+    chain = Chain((Shaft(0.3, 1.0),))
+    return Observer(m, 1.0, 0.3).predict(chain, nuisance).torque - 0.3 * m.acceleration, m
+
+
+def _ramp(t: np.ndarray, first: float, last: float) -> np.ndarray:
+    """0 before `first`, 1 after `last`, without a jump of acceleration."""
+    u = np.clip((t - first) / (last - first), 0.0, 1.0)
+    return u**3 * (10.0 - 15.0 * u + 6.0 * u**2)
+
+
+def test_friction_gives_way_before_it_turns_its_sign() -> None:
+    """After a reversal Dahl's friction of 1 N m is 1 - 2 exp(-way / stretch), however fast."""
+    t = np.arange(12000) / RATE_HZ
+    friction, m = _friction_along(40.0 * _ramp(t, 1.0, 4.0) - 4e-3 * _ramp(t, 6.0, 11.0), 2e-3, 1e-9)
+    back = m.time_s > 5.0
+    way = 40.0 - m.slow_angle[back]
+    assert friction[back] == pytest.approx(2.0 * np.exp(-way / 2e-3) - 1.0, abs=2e-3)
+
+
+def test_what_friction_holds_at_rest_is_let_go() -> None:
+    """By exp(-width / stretch * time)."""
+    t = np.arange(12000) / RATE_HZ
+    friction, m = _friction_along(40.0 * _ramp(t, 1.0, 4.0), 2e-3, 3e-5)
+    rest = m.time_s > 4.5
+    rate = 3e-5 * float(np.abs(m.speed).max()) / 2e-3
+    held = np.log(friction[rest])
+    assert np.polyfit(m.time_s[rest], held, 1)[0] == pytest.approx(-rate, rel=1e-3)
+
+
+def test_friction_that_holds_nothing_turns_over_a_speed() -> None:
+    """Where it lets go faster than it gives way, the hyperbolic tangent of the speed is left, whatever the stretch.
+
+    So most simulations of friction have it; a sign with longer tails left the shape of Stribeck's law to be found.
+    """
+    _, angle, _, _ = swing()
+    for stretch in (1e-6, 1e-5):
+        friction, m = _friction_along(angle, stretch, 1e-3)
+        share = m.slow_speed / (1e-3 * float(np.abs(m.speed).max()))
+        assert friction[100:-100] == pytest.approx(np.tanh(share)[100:-100], abs=0.06)
+
+
+def test_a_delay_of_one_sample_is_between_a_little_less_and_a_little_more() -> None:
+    t, angle, _, _ = swing()
+    observer = Observer(prepare(RATE_HZ, np.zeros(t.size), angle, None), 1.0, 0.3)
+    chain = Chain((Shaft(0.3, 1.0, 0.02),))
+    delays = (0.99 / RATE_HZ, 1.0 / RATE_HZ, 1.01 / RATE_HZ)
+    less, one, more = (observer.predict(chain, Nuisance(torque_delay_s=d)).torque[50:-50] for d in delays)
+    slope = more - less
+    assert np.std(less + more - 2.0 * one) < 0.3 * np.std(slope)
+
+
+def test_a_load_that_is_let_go_swings_at_its_own_frequency() -> None:
+    """Torque of its spring at the motor: that of an oscillator that starts at rest, ahead by one angle."""
+    inertia, stiffness, ratio, damping, ahead = 2.0, 8e3, 10.0, 5.0, 1e-3
+    t = np.arange(4000) / RATE_HZ
+    m = prepare(RATE_HZ, np.zeros(t.size), 50.0 * t, None)
+    chain = Chain((Shaft(0.01), Shaft(inertia)), (Link(ratio, stiffness, damping),))
+    observer = Observer(m, inertia, 0.01)
+    swung = observer.predict(chain, Nuisance(start=(ahead, 0.0))).torque - observer.predict(chain, Nuisance()).torque
+    since = m.time_s - m.time_s[0]
+    decay = 0.5 * damping / inertia
+    own = np.sqrt(stiffness / inertia - decay**2)
+    behind = -ahead * np.exp(-decay * since) * (np.cos(own * since) + decay / own * np.sin(own * since))
+    rate = ahead * np.exp(-decay * since) * (own + decay**2 / own) * np.sin(own * since)
+    expected = (stiffness * behind + damping * rate) / ratio
+    assert np.abs(swung - expected).max() < 1e-3 * np.abs(expected).max()
+
+
+def test_a_load_that_starts_with_the_motor_does_not_swing() -> None:
+    """Under constant acceleration the spring holds what the inertia needs, from the first sample on."""
+    inertia, stiffness, ratio, acceleration = 2.0, 8e3, 10.0, 30.0
+    t = np.arange(3000) / RATE_HZ
+    m = prepare(RATE_HZ, np.zeros(t.size), 5.0 * t + 0.5 * acceleration * t**2, None)
+    chain = Chain((Shaft(0.01), Shaft(inertia)), (Link(ratio, stiffness, 5.0),))
+    torque = Observer(m, inertia, 0.01).predict(chain, Nuisance()).torque
+    assert torque == pytest.approx((0.01 + inertia / ratio**2) * acceleration, rel=2e-3)
+
+
+@pytest.mark.parametrize("braking", [False, True])
+@pytest.mark.parametrize("behind", [0.0, 1.0])
+def test_losses_before_or_behind_the_spring_ask_the_motor_for_the_same_and_twist_it_otherwise(
+    behind: float, braking: bool
+) -> None:
+    """A mesh of 0.9 takes a tenth of the power: behind the spring that turns it further, or less where it brakes."""
+    inertia, stiffness, ratio, efficiency = 2.0, 8e3, 10.0, 0.9
+    change = -20.0 if braking else 20.0
+    t = np.arange(3000) / RATE_HZ
+    m = prepare(RATE_HZ, np.zeros(t.size), 100.0 * t + 0.5 * change * t**2, None)
+    chain = Chain((Shaft(0.0), Shaft(inertia)), (Link(ratio, stiffness, 20.0, efficiency=(efficiency, efficiency)),))
+    split = (1.0 - behind, behind) if braking else (behind, 1.0 - behind)
+    told = Observer(m, inertia, 0.0).predict(chain, Nuisance(loss_split=split))
+    needed, kept = inertia * change / ratio, efficiency if braking else 1.0 / efficiency
+    still = slice(2000, 2800)  # it has swung until then
+    assert told.torque[still] == pytest.approx(needed / ratio * kept, rel=2e-3)
+    twist = m.slow_angle[still] / ratio - told.load_angle[still]
+    assert twist == pytest.approx(needed / stiffness * (kept if behind else 1.0), rel=2e-3)
+
+
+def test_a_damper_makes_no_torque_of_the_noise_of_the_motor_encoder() -> None:
+    """What chains differ in above the motion does not depend on what the encoder adds."""
+    t, angle, _, _ = swing()
+    read = angle + 2e-5 * np.random.default_rng(1).standard_normal(t.size)
+    first = Chain((Shaft(0.01), Shaft(2.0)), (Link(10.0, 2e4, 20.0),))
+    damped = Chain(first.shafts, (Link(10.0, 2e4, 200.0),))
+
+    def differ(seen: np.ndarray) -> np.ndarray:
+        observer = Observer(prepare(RATE_HZ, np.zeros(t.size), seen, None), 1.0, 0.01)
+        observer.learn_noise(first, Nuisance())
+        return observer.predict(damped, Nuisance()).torque - observer.predict(first, Nuisance()).torque
+
+    added = np.std(differ(read) - differ(angle))
+    whole = 180.0 / 10.0**2 * 2e-5 * 2 * np.pi * 150.0 / np.sqrt(6.0)  # the damper's own of all noise below 150 Hz
+    assert added < 0.3 * whole
+
+
+@pytest.mark.parametrize("error_rad", [(1e-4, 0.0, 0.0, 0.0), (0.0, 0.0, 3e-5, -4e-5)])
+def test_a_known_error_of_the_load_encoder_is_taken_out_in_angle_and_speed(error_rad: tuple[float, ...]) -> None:
+    t, angle, _, acceleration = swing()
+    inertia, stiffness, ratio = 2.0, 4e5, 10.0
+    load = angle / ratio - inertia * acceleration / ratio / stiffness
+    read = load + np.array(error_rad) @ [wave(k * load) for k in (1, 2) for wave in (np.sin, np.cos)]
+    chain = Chain((Shaft(0.01), Shaft(inertia)), (Link(ratio, stiffness, 60.0),))
+
+    def guide(encoder: np.ndarray, nuisance: Nuisance) -> np.ndarray:
+        observer = Observer(prepare(RATE_HZ, np.zeros(t.size), angle, encoder), inertia, 0.01)
+        observer.learn_noise(chain, nuisance)
+        return observer.predict(chain, nuisance).guide[500:-500]
+
+    true, wrong = guide(load, Nuisance()), guide(read, Nuisance())
+    mended = guide(read, Nuisance(load_error_rad=error_rad))
+    assert np.std(mended - true) < 0.01 * np.std(wrong - true)
+
+
+def test_a_load_encoder_that_is_late_is_read_as_what_it_was_late_for() -> None:
+    """Not by its speed alone: half the square of 4 ms times the acceleration would be left."""
+    t, angle, _, acceleration = swing()
+    inertia, stiffness, ratio = 2.0, 4e5, 10.0
+    load = angle / ratio - inertia * acceleration / ratio / stiffness
+    chain = Chain((Shaft(0.01), Shaft(inertia)), (Link(ratio, stiffness, 60.0),))
+
+    def guide(encoder: np.ndarray, nuisance: Nuisance) -> np.ndarray:
+        observer = Observer(prepare(RATE_HZ, np.zeros(t.size), angle, encoder), inertia, 0.01)
+        observer.learn_noise(chain, nuisance)
+        return observer.predict(chain, nuisance).guide[500:-500]
+
+    true, late = guide(load, Nuisance()), guide(np.interp(t - 4e-3, t, load), Nuisance())
+    mended = guide(np.interp(t - 4e-3, t, load), Nuisance(load_delay_s=4e-3))
+    assert np.std(mended - true) < 1e-3 * np.std(late - true)
+
+
+def test_sine_and_cosine_of_one_angle() -> None:
+    angles = np.random.default_rng(1).uniform(-3e4, 3e4, 2000)
+    found = np.array([_sine_cosine(float(x)) for x in angles])
+    assert np.abs(found - np.stack([np.sin(angles), np.cos(angles)], axis=1)).max() < 1e-8
+
+
+@pytest.mark.parametrize("frequency_hz", [40.0, 200.0, 300.0, 420.0])
+def test_errors_of_teeth_pass_the_low_pass_that_the_measured_torque_has_passed(frequency_hz: float) -> None:
+    """Measured eight times as fast as it is looked at, as `prepare` smooths it."""
+    rate_hz = 8000.0
+    kernel = gaussian_kernel(WIDE_SHARE * RATE_HZ, rate_hz, 0)
+    places = np.arange(kernel.size) - kernel.size // 2
+    response = float(np.sum(kernel * np.cos(2.0 * np.pi * frequency_hz / rate_hz * places)))
+    assert _passed(2.0 * np.pi * frequency_hz / RATE_HZ) == pytest.approx(response, abs=2e-3)
+
+
+@pytest.mark.parametrize("form", [2.0, 7.5])
+def test_the_slope_of_a_dent_is_that_of_its_depth(form: float) -> None:
+    dents = np.array([[1.0, 0.4, 0.1, 1e-3, 1.0, form]])
+    step = 1e-7
+
+    def at(angle: float) -> tuple[float, float, float]:
+        return _dent(dents, 0, 1, 1.0, 0, np.array([0.0, angle]))
+
+    for angle in (0.31, 0.36, 0.44, 0.4 + 2.0 * np.pi + 0.09):
+        slope = (at(angle + step)[0] - at(angle - step)[0]) / (2.0 * step)
+        assert at(angle)[1:] == pytest.approx((0.0, slope), rel=1e-5)
+    assert at(0.4) == pytest.approx((1e-3, 0.0, 0.0))
+    assert at(0.51) == (0.0, 0.0, 0.0)
+
+
+def shaken_load(gap_rad: float = 0.0, stiffness: float = 1e4) -> tuple[Measurement, Chain]:
+    """A load that shakes at 25 Hz while the motor does not, and a chain that might move like that."""
+    t, angle, _, _ = swing()
+    shake = 1e-4 * np.sin(2.0 * np.pi * 25.0 * t)
+    m = prepare(RATE_HZ, np.zeros(t.size), angle, angle / 10.0 + shake)
+    return m, Chain((Shaft(0.01), Shaft(2.0)), (Link(10.0, stiffness, 5.0, gap_rad=gap_rad),))
+
+
+def shaking(torque: np.ndarray, m: Measurement) -> float:
+    """Amplitude at 25 Hz [N m]."""
+    tone = np.exp(-2j * np.pi * 25.0 * m.time_s[500:-500]) * np.hanning(m.samples - 1000)
+    return float(2.0 * abs(torque[500:-500] @ tone) / np.hanning(m.samples - 1000).sum())
+
+
+@pytest.mark.parametrize("hits", [False, True])
+def test_what_is_fast_of_the_load_stays_for_a_spring_what_it_was_learned_to_be(hits: bool) -> None:
+    """A fit must not choose the spring that makes noise small."""
+    m, chain = shaken_load()
+    observer = Observer(m, 2.0, 0.01)
+    observer.learn_noise(chain, Nuisance(), hits=hits)
+    softer, stiffer = (observer.predict(c, Nuisance()).torque for c in (chain, shaken_load(stiffness=2e4)[1]))
+    learned = 1e4 * 1e-4 / 10.0
+    assert shaking(softer, m) == pytest.approx(learned, rel=0.35)
+    assert shaking(stiffer - softer, m) < 0.03 * learned
+
+
+@pytest.mark.parametrize("hits", [False, True])
+def test_what_is_fast_of_the_load_acts_on_teeth_that_leave_each_other_only_where_they_hit(hits: bool) -> None:
+    m, chain = shaken_load()
+    observer = Observer(m, 2.0, 0.01)
+    observer.learn_noise(chain, Nuisance(), hits=hits)
+    without, loose = (observer.predict(c, Nuisance()).torque for c in (chain, shaken_load(gap_rad=4e-3)[1]))
+    felt = shaking(loose - without, m)  # wide play carries nothing of it
+    assert felt == pytest.approx(1e4 * 1e-4 / 10.0, rel=0.35) if hits else felt < 0.005
+
+
+def test_springs_in_contact_answer_to_what_is_fast_as_a_simulation_of_them_does() -> None:
+    t, angle, _, _ = swing()
+    noise = np.random.default_rng(3).normal(size=(2, t.size))
+    m = prepare(RATE_HZ, np.zeros(t.size), angle + 1e-4 * noise[0], angle / 60.0 + 1e-5 * noise[1])
+    shafts = (Shaft(0.01), Shaft(0.02, viscous_n_m_s=0.05), Shaft(2.0, viscous_n_m_s=3.0))
+    chain = Chain(shafts, (Link(5.0, 2e3, 0.4), Link(12.0, 5e4, 30.0)))
+    observer, late = Observer(m, 2.0, 0.01), Nuisance(load_delay_s=2e-3)
+    all_of_it, slow = (observer._links(chain, pack(chain), late, slow=slow) for slow in (False, True))
+    answer = observer._shaken(pack(chain), late)
+    expected = (all_of_it - slow)[[0, 2]]
+    for channel, wanted in ((answer[0], expected[0]), (m.thinned(answer[1]), m.thinned(expected[1]))):
+        left = channel[100:-100] - wanted[100:-100]
+        assert np.std(left) < 0.02 * np.std(wanted[100:-100])

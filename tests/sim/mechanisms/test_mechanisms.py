@@ -1,0 +1,354 @@
+"""The contract of every mechanism, over the whole catalogue; and that each leaves the signature that it claims."""
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from casebase.signals.telemetry import Telemetry
+from sim.assembly import chain_of_axis, drive_train_of
+from sim.description.axis import Axis, MechanismEntry
+from sim.description.axis_document import read_axis, write_axis
+from sim.errors import AxisError, ParameterError
+from sim.mechanisms import MECHANISMS
+from sim.mechanisms.catalogue import apply_mechanisms, mechanism_of, with_mechanism
+from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism
+from sim.torsional.integrate import run_chain
+from sim.torsional.model import Chain, PrescribedMotion
+from tests.sim.axes import axis
+
+Array = NDArray[np.float64]
+CONTRACT = [
+    "backlash",
+    "tooth_damage",
+    "eccentricity",
+    "mesh_error",
+    "coulomb_friction",
+    "viscous_friction",
+    "stribeck_friction",
+    "friction_asymmetry",
+    "load_dependent_loss",
+    "friction_drift",
+    "gravity_imbalance",
+    "torque_ripple",
+    "stiffness_hardening",
+    "hysteresis",
+    "bearing_defect",
+    "structural_resonance",
+    "torque_offset",
+    "encoder_error",
+    "time_delay",
+    "electrical_hum",
+    "clipping",
+    "lost_samples",
+]
+CONTRACT_PARAMETERS = {
+    "backlash": "gap_rad",
+    "tooth_damage": "angle_rad depth_rad flank",
+    "eccentricity": "amplitude_rad",
+    "mesh_error": "amplitude_rad",
+    "gravity_imbalance": "torque_n_m phase_rad",
+    "coulomb_friction": "torque_n_m",
+    "viscous_friction": "coefficient_n_m_s_per_rad",
+    "stribeck_friction": "torque_n_m speed_rad_s",
+    "torque_ripple": "torque_n_m order",
+    "friction_drift": "rate_per_s",
+    "load_dependent_loss": "fraction",
+    "stiffness_hardening": "cubic_per_rad2",
+    "hysteresis": "torque_n_m",
+    "bearing_defect": "order",
+    "torque_offset": "torque_n_m",
+    "electrical_hum": "frequency_hz",
+}
+RATE = 2000.0
+PLAIN = axis()
+HEAVY = replace(PLAIN, load=replace(PLAIN.load, coulomb_friction_n_m=120.0, inertia_kg_m2=3.0))
+ALL = pytest.mark.parametrize("kind", MECHANISMS.values(), ids=MECHANISMS.keys())
+MECHANICS = [kind for kind in MECHANISMS.values() if issubclass(kind, Mechanics)]
+MEASUREMENTS = [kind for kind in MECHANISMS.values() if issubclass(kind, Measurement)]
+
+
+def test_the_catalogue_has_the_names_of_the_contract() -> None:
+    assert list(MECHANISMS) == CONTRACT
+    for name, parameters in CONTRACT_PARAMETERS.items():
+        assert set(parameters.split()) <= {parameter.name for parameter in MECHANISMS[name].parameters}
+
+
+@ALL
+def test_each_says_what_it_is(kind: type[Mechanism]) -> None:
+    assert kind.equations
+    assert kind.source
+    assert kind.size in {parameter.name for parameter in kind.parameters}
+    for parameter in kind.parameters:
+        assert parameter.low < parameter.high
+        assert parameter.low <= parameter.default <= parameter.high
+        assert parameter.unit
+    assert kind.locations(PLAIN)
+    order = kind.signature.order
+    assert not isinstance(order, str) or order == "mesh" or order in {each.name for each in kind.parameters}
+
+
+@ALL
+def test_unknown_and_impossible_numbers_are_refused_by_name(kind: type[Mechanism]) -> None:
+    first = next(each for each in kind.parameters if not each.periodic)
+    with pytest.raises(ParameterError, match=f"{kind.name}.{first.name}: must be"):
+        kind(None, {first.name: first.high * 1.01 + 1e-9})
+    with pytest.raises(ParameterError, match="must be a finite number"):
+        kind(None, {first.name: float("nan")})
+    with pytest.raises(ParameterError, match=f"{kind.name}.sise: unknown parameter"):
+        kind(None, {"sise": 1.0})
+
+
+@ALL
+def test_a_place_where_it_cannot_be_is_refused(kind: type[Mechanism]) -> None:
+    with pytest.raises(ParameterError, match=rf"{kind.name}.location: must be one of .*, got 'gripper'"):
+        kind("gripper").placed(PLAIN)
+
+
+@ALL
+def test_each_survives_the_axis_description(kind: type[Mechanism], tmp_path: object) -> None:
+    described = with_mechanism(PLAIN, kind())
+    again = read_axis(_toml(write_axis(described)))
+    assert again == described
+    assert mechanism_of(again.mechanisms[0]) == mechanism_of(described.mechanisms[0])
+
+
+@pytest.mark.parametrize("kind", MECHANICS, ids=lambda kind: kind.name)
+def test_of_size_null_it_changes_nothing(kind: type[Mechanics]) -> None:
+    for place in kind.locations(PLAIN):
+        nothing = with_mechanism(PLAIN, kind(place, {kind.size: 0.0}))
+        assert chain_of_axis(nothing) == chain_of_axis(PLAIN)
+
+
+@pytest.mark.parametrize("kind", MECHANICS, ids=lambda kind: kind.name)
+def test_it_is_a_pure_map(kind: type[Mechanics]) -> None:
+    train = drive_train_of(PLAIN)
+    before = dict(train.components)
+    once = kind().apply(train)
+    assert dict(train.components) == before
+    assert once.components == kind().apply(train).components != before
+    assert apply_mechanisms(replace(train, axis=with_mechanism(PLAIN, kind()))).components == once.components
+
+
+@pytest.mark.parametrize("kind", MEASUREMENTS, ids=lambda kind: kind.name)
+def test_a_measurement_is_distorted_by_its_size_alone(kind: type[Measurement]) -> None:
+    telemetry = _telemetry()
+    sound = np.sin(np.arange(8000) * 0.3).astype(np.float32)
+    nothing = kind(None, {kind.size: 0.0})
+    same = nothing.distort(telemetry, PLAIN)
+    assert same.rows == telemetry.rows
+    for name, values in telemetry.channels.items():
+        np.testing.assert_array_equal(same[name], values)
+    np.testing.assert_array_equal(nothing.distort_sound(sound, 8000.0), sound)
+    changed = kind().distort(telemetry, PLAIN, 3)
+    again = kind().distort(telemetry, PLAIN, 3)
+    assert changed.rows < telemetry.rows or any(
+        np.abs(changed[name] - telemetry[name]).max() > 1e-4 for name in telemetry.channels
+    )
+    np.testing.assert_array_equal(changed.time_s, again.time_s)
+
+
+def test_an_unknown_name_says_the_nearest() -> None:
+    with pytest.raises(AxisError, match="did you mean 'backlash'"):
+        mechanism_of(MechanismEntry("backlsh", None, {}))
+
+
+# --- signatures: the residual against the plain axis, while the motor moves as prescribed
+
+
+def _steady(speed: float, seconds: float) -> PrescribedMotion:
+    t = np.arange(round(seconds * RATE)) / RATE
+    return PrescribedMotion(np.stack([speed * t, np.full(t.size, speed), np.zeros(t.size)]))
+
+
+def _residual(mechanism: Mechanism, motion: PrescribedMotion, base: Axis = PLAIN) -> tuple[Array, Array, Array]:
+    """Change of the motor torque and of the load's angle by a mechanism; and the angles of the run, (n, shafts)."""
+    samples = motion.motion.shape[1]
+    with_it: Chain = chain_of_axis(with_mechanism(base, mechanism))
+    one = run_chain(with_it, motion, RATE, samples)
+    other = run_chain(chain_of_axis(base), motion, RATE, samples)
+    last = len(base.stages)
+    return (
+        one.motor_torque_n_m - other.motor_torque_n_m,
+        one.angle_rad[:, last] - other.angle_rad[:, last],
+        other.angle_rad,
+    )
+
+
+def _order_of(residual: Array, angle: Array) -> float:
+    """Order with the largest amplitude over the angle of a shaft, after the first tenth of the run."""
+    first = residual.size // 10
+    even = np.linspace(angle[first], angle[-1], residual.size)
+    values = np.interp(even, angle[first:], residual[first:])
+    values = (values - values.mean()) * np.hanning(values.size)
+    spectrum = np.abs(np.fft.rfft(values, 4 * values.size))
+    orders = np.fft.rfftfreq(4 * values.size, (even[1] - even[0]) / (2 * np.pi))
+    return float(orders[np.argmax(spectrum)])
+
+
+ANGULAR: list[tuple[str, str, dict[str, float], int, float]] = [
+    ("eccentricity", "output", {}, 2, 1.0),
+    ("eccentricity", "transfer", {}, 1, 1.0),
+    ("eccentricity", "motor", {}, 0, 1.0),
+    ("mesh_error", "output", {}, 2, 121.0),
+    ("mesh_error", "transfer", {}, 1, 90.0),
+    ("gravity_imbalance", "load", {}, 2, 1.0),
+    ("torque_ripple", "motor", {"order": 4.0}, 0, 4.0),
+    ("bearing_defect", "motor", {"order": 3.3}, 0, 3.3),
+    ("bearing_defect", "transfer", {"order": 5.4}, 1, 5.4),
+]
+
+
+@pytest.mark.parametrize(("name", "place", "values", "shaft", "order"), ANGULAR)
+def test_an_order_is_where_the_signature_says(
+    name: str, place: str, values: dict[str, float], shaft: int, order: float
+) -> None:
+    slow = 150.0 if shaft == 2 and order == 1 else 60.0
+    torque, _, angles = _residual(MECHANISMS[name](place, values), _steady(slow, 20.0))
+    harmonic = _order_of(torque, angles[:, shaft]) / order
+    assert harmonic == pytest.approx(round(harmonic), abs=0.05)
+    assert 1 <= round(harmonic) <= 5
+    claimed = MECHANISMS[name].signature.order
+    assert claimed == order or isinstance(claimed, str)
+
+
+@pytest.mark.parametrize(
+    ("name", "place"),
+    [
+        ("coulomb_friction", "motor"),
+        ("coulomb_friction", "load"),
+        ("viscous_friction", "motor"),
+        ("viscous_friction", "load"),
+        ("stribeck_friction", "motor"),
+        ("friction_asymmetry", "motor"),
+        ("load_dependent_loss", "output"),
+        ("load_dependent_loss", "transfer"),
+        ("friction_drift", None),
+    ],
+)
+def test_friction_turns_with_the_direction_as_claimed(name: str, place: str | None) -> None:
+    kind = MECHANISMS[name]
+    forward, backward = (float(_residual(kind(place), _steady(way * 8.0, 2.0))[0][2000:].mean()) for way in (1.0, -1.0))
+    assert abs(forward) > 1e-4
+    if kind.signature.direction == "opposite":
+        assert backward == pytest.approx(-forward, rel=1e-3)
+    else:
+        assert kind.signature.direction == "one"
+        assert backward == pytest.approx(forward, rel=1e-3)
+
+
+@pytest.mark.parametrize("place", ["motor", "load"])
+def test_friction_felt_at_the_motor_is_that_wherever_it_sits(place: str) -> None:
+    lossless = replace(PLAIN, stages=tuple(replace(stage, mesh_efficiency=1.0) for stage in PLAIN.stages))
+    coulomb = _residual(MECHANISMS["coulomb_friction"](place, {"torque_n_m": 0.25}), _steady(30.0, 4.0), lossless)
+    assert coulomb[0][6000:].mean() == pytest.approx(0.25, rel=1e-3)
+    viscous = MECHANISMS["viscous_friction"](place, {"coefficient_n_m_s_per_rad": 2e-3})
+    assert _residual(viscous, _steady(30.0, 4.0), lossless)[0][6000:].mean() == pytest.approx(0.06, rel=1e-3)
+
+
+def test_what_grows_with_speed_load_or_time_does() -> None:
+    def mean(name: str, speed: float, base: Axis = PLAIN, part: slice = slice(4000, None)) -> float:
+        return abs(float(_residual(MECHANISMS[name](), _steady(speed, 4.0), base)[0][part].mean()))
+
+    heavy = replace(PLAIN, load=replace(PLAIN.load, coulomb_friction_n_m=70.0))
+    assert mean("viscous_friction", 80.0) == pytest.approx(2 * mean("viscous_friction", 40.0), rel=0.02)
+    assert mean("coulomb_friction", 80.0) == pytest.approx(mean("coulomb_friction", 40.0), rel=0.02)
+    assert mean("load_dependent_loss", 20.0, heavy) > 4 * mean("load_dependent_loss", 20.0)
+    late, early = (mean("friction_drift", 40.0, part=part) for part in (slice(7000, 8000), slice(3000, 4000)))
+    assert late / early == pytest.approx(7500 / 3500, rel=0.02)
+    assert mean("stribeck_friction", 40.0) < 0.01 * mean("stribeck_friction", 1.0)
+
+
+def test_hardening_stiffens_with_the_twist() -> None:
+    """Twist under a steady torque F solves c x (1 + k x^2) = F."""
+    base = replace(
+        PLAIN,
+        load=replace(PLAIN.load, coulomb_friction_n_m=800.0),
+        stages=tuple(replace(stage, backlash_rad=0.0) for stage in PLAIN.stages),
+    )
+    hard = MECHANISMS["stiffness_hardening"]("output", {"cubic_per_rad2": 1e4})
+    _, lag, _ = _residual(hard, _steady(20.0, 4.0), base)
+    torque = 800.0 + 5.0 * 20.0 / 99.0
+    x = torque / 130e3
+    stiff = next(root.real for root in np.roots([130e3 * 1e4, 0, 130e3, -torque]) if abs(root.imag) < 1e-12)
+    assert lag[-2000:].mean() == pytest.approx(x - stiff, rel=1e-3)
+
+
+def test_hysteresis_keeps_its_torque_after_the_load_is_gone() -> None:
+    """Twist forward and back to the same torque differs by the loop: lost motion without a gap."""
+    t = np.arange(8000) / RATE
+    swing = 40.0 * np.stack(
+        [-np.cos(2 * np.pi * t), 2 * np.pi * np.sin(2 * np.pi * t), 4 * np.pi**2 * np.cos(2 * np.pi * t)]
+    )
+    kind = MECHANISMS["hysteresis"]
+    torque, _, _ = _residual(kind("output", {"torque_n_m": 30.0}), PrescribedMotion(swing))
+    assert 0.1 < np.abs(torque[2000:]).max() < 3 * 30.0 / 99.0
+    assert kind.signature.domain == "twist"
+
+
+def test_play_delays_the_load_at_each_reversal_only() -> None:
+    t = np.arange(8000) / RATE
+    swing = 60.0 * np.stack([-np.cos(np.pi * t), np.pi * np.sin(np.pi * t), np.pi**2 * np.cos(np.pi * t)])
+    play = MECHANISMS["backlash"]("output", {"gap_rad": 2e-3})
+    _, lag, _ = _residual(play, PrescribedMotion(swing), HEAVY)
+    forward, back = lag[4500:5500].mean(), lag[6500:7500].mean()
+    assert back - forward == pytest.approx(2e-3 - 2e-5, rel=0.02)
+    assert MECHANISMS["backlash"].signature.per_cycle == 2
+
+
+def test_a_notch_comes_once_per_cycle_at_its_angle() -> None:
+    """Back and forth over the tooth, the load dips when the damaged flank drives, and not on the way back."""
+    t = np.arange(16000) / RATE
+    angle, rate = 99.0 * 1.0, 0.5 * np.pi
+    swing = angle * np.stack([1 - np.cos(rate * t), rate * np.sin(rate * t), rate**2 * np.cos(rate * t)])
+    kind = MECHANISMS["tooth_damage"]
+    _, lag, angles = _residual(
+        kind("output", {"angle_rad": 1.0, "depth_rad": 1e-3, "flank": 1.0}), PrescribedMotion(swing), HEAVY
+    )
+    dips = np.flatnonzero((lag[1:-1] < lag[:-2]) & (lag[1:-1] <= lag[2:]) & (lag[1:-1] < -5e-4)) + 1
+    firsts = dips[np.diff(t[dips], prepend=-1.0) > 0.2]
+    np.testing.assert_allclose(angles[firsts, 2], 1.0, atol=0.03)
+    np.testing.assert_allclose(t[firsts], [1.0, 5.0], atol=0.05)
+    assert (kind.signature.flank, kind.signature.per_cycle) == ("one", 1)
+
+
+def test_a_resonance_stays_at_its_frequency_whatever_the_speed() -> None:
+    t = np.arange(16000) / RATE
+    peaks = []
+    for speed in (1.0, 2.5):
+        swing = 20.0 * np.stack(
+            [
+                -np.cos(2 * np.pi * speed * t),
+                2 * np.pi * speed * np.sin(2 * np.pi * speed * t),
+                (2 * np.pi * speed) ** 2 * np.cos(2 * np.pi * speed * t),
+            ]
+        )
+        kind = MECHANISMS["structural_resonance"]
+        structure = kind("load", {"frequency_hz": 37.0, "share": 0.02, "damping_ratio": 0.003})
+        chain = chain_of_axis(with_mechanism(PLAIN, structure))
+        run = run_chain(chain, PrescribedMotion(swing), RATE, t.size)
+        relative = run.angle_rad[:, 3] - run.angle_rad[:, 2]
+        spectrum = np.abs(np.fft.rfft(relative * np.hanning(t.size)))
+        frequency = np.fft.rfftfreq(t.size, 1 / RATE)
+        above = frequency > 30.0
+        peaks.append(float(frequency[above][np.argmax(spectrum[above])]))
+    np.testing.assert_allclose(peaks, 37.0 * np.sqrt(1 / (1 - 0.02)), rtol=0.02)
+
+
+def _telemetry() -> Telemetry:
+    t = np.arange(4000) / RATE
+    sine: Callable[[float], Array] = lambda f: np.sin(2 * np.pi * f * t)  # noqa: E731
+    channels = {
+        "motor_torque_nm": 3.0 * sine(1.0),
+        "motor_position_rad": 50.0 * sine(0.5),
+        "load_position_rad": 0.5 * sine(0.5),
+    }
+    return Telemetry(time_s=t, channels=channels)
+
+
+def _toml(text: str) -> dict[str, object]:
+    import tomllib
+
+    return tomllib.loads(text)

@@ -1,0 +1,287 @@
+"""Engine 2 against closed forms, against engine 1, and against what physics conserves."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from sim.experiment.motion_profile import back_and_forth
+from sim.rotational.components import Gearbox, Inertia, Sine
+from sim.rotational.components import Torque as TorqueSource
+from sim.rotational.drive_train import DriveTrain
+from sim.solver import simulate
+from sim.torsional.integrate import run_chain, stable_substeps
+from sim.torsional.model import (
+    Chain,
+    ChainError,
+    Dent,
+    Line,
+    Link,
+    PrescribedMotion,
+    Servo,
+    Shaft,
+    Torque,
+    with_link,
+    with_shaft,
+)
+from sim.torsional.reduction import simulate_chain
+from tests.sim.axes import three_shafts
+
+PUSH = Torque(amplitude_n_m=8.0, frequency_hz=1.1, phase_rad=0.4)
+
+
+def paper_train(load: float, d: float, b: float) -> DriveTrain:
+    return DriveTrain.series(
+        torque=TorqueSource(Sine(amplitude=12, f=0.45)),
+        motor=Inertia(J=0.6, phi=0, w=0),
+        gear=Gearbox(ratio=100, lossTable=[0, 0.9, 0.9, 0.9, 0.9], c=1e5, d=d, b=b),
+        load=Inertia(J=load, phi=0, w=0),
+    )
+
+
+@pytest.mark.parametrize(("load", "d", "b"), [(40.0, 1000.0, 1e-3), (50.0, 200.0, 0.0), (30.0, 600.0, 5e-4)])
+def test_two_engines_agree_on_damped_cases(load: float, d: float, b: float) -> None:
+    """Matrix exponentials and Runge-Kutta share no code: modes, events and states must still be the same."""
+    train = paper_train(load, d, b)
+    exact = simulate(train, 6.0, 8000.0, engine="exact")
+    second = simulate_chain(train, 6.0, 8000.0)
+    for name in ("motor.phi", "motor.w", "load.phi", "load.w"):
+        assert np.abs(exact[name] - second[name]).max() <= 1e-9 * np.ptp(exact[name])
+    one = [(event.component, event.to_mode) for event in exact.events]
+    assert [(event.component, event.to_mode) for event in second.events] == one
+    times = np.array([event.time_s for event in exact.events])
+    np.testing.assert_allclose([event.time_s for event in second.events], times, atol=1e-9)
+
+
+def test_a_stuck_inertia_breaks_away_when_the_torque_reaches_its_friction() -> None:
+    chain = Chain((Shaft(0.5, coulomb_n_m=4.0),))
+    result = run_chain(chain, Torque(amplitude_n_m=10.0, frequency_hz=0.5), 1000.0, 500)
+    release = math.asin(4.0 / 10.0) / (2 * math.pi * 0.5)
+    assert result.events[0].time_s == pytest.approx(release, abs=1e-12)
+    t = np.maximum(result.time_s, release)
+    omega = math.pi
+    speed = (10 / omega * (math.cos(omega * release) - np.cos(omega * t)) - 4 * (t - release)) / 0.5
+    np.testing.assert_allclose(result.speed_rad_s[:, 0], speed, atol=1e-10)
+
+
+def test_contact_without_damping_lasts_half_a_period() -> None:
+    """A free wheel that runs into a spring of stiffness c comes back after pi sqrt(J_e / c)."""
+    chain = Chain((Shaft(2.0), Shaft(3.0)), (Link(1.0, 5e4, gap_rad=1e-3),))
+    result = run_chain(chain, Torque(), 4000.0, 120, start=np.array([0.0, 0.0, 0.05, 0.0]), substeps=4)
+    entered, left = (event.time_s for event in result.events[:2])
+    assert entered == pytest.approx(0.5e-3 / 0.05, abs=1e-12)
+    assert left - entered == pytest.approx(math.pi * math.sqrt(2.0 * 3.0 / 5.0 / 5e4), rel=1e-6)
+    assert result.speed_rad_s[-1] == pytest.approx([0.05 * (2 - 3) / 5, 0.05 * 2 * 2 / 5], rel=1e-9)
+
+
+def test_error_falls_with_the_fourth_power_of_the_step() -> None:
+    """Through contact, stick, losses, hysteresis and a dent, since every switch is located."""
+    chain = three_shafts(
+        hysteresis_n_m=5.0,
+        hysteresis_rad=2e-3,
+        damping_n_m_s_per_rad=400.0,
+        errors=(Line(2, 3.0, 2e-4, 0.3),),
+        dents=(Dent(2, 0.02, 0.03, 5e-4),),
+    )
+    chain = with_link(chain, 0, damping_n_m_s_per_rad=3.0)
+    chain = with_shaft(chain, 2, gravity_n_m=20.0, gravity_phase_rad=0.2)
+
+    def end(substeps: int) -> np.ndarray:
+        run = run_chain(chain, PUSH, 500.0, 401, substeps=substeps)
+        assert run.unresolved == 0
+        return np.concatenate([run.angle_rad[-1], run.speed_rad_s[-1]])
+
+    reference = end(256)
+    errors = [float(np.linalg.norm(end(n) - reference)) for n in (2, 4, 8, 16)]
+    slopes = np.diff(np.log2(errors))
+    assert np.mean(slopes) == pytest.approx(-4.0, abs=0.5), errors
+
+
+def test_energy_is_kept_without_friction() -> None:
+    chain = three_shafts(efficiency=(1.0, 1.0), damping_n_m_s_per_rad=0.0, cubic_per_rad2=2e4, law="elasto")
+    chain = with_link(chain, 0, damping_n_m_s_per_rad=0.0)
+    for k in range(3):
+        chain = with_shaft(chain, k, coulomb_n_m=0.0, viscous_n_m_s=0.0)
+    chain = with_shaft(chain, 2, gravity_n_m=50.0)
+    start = np.array([0.0, 0.0, 2e-3, 0.0, 0.0, 0.1])
+    run = run_chain(chain, Torque(), 8000.0, 16001, start=start, substeps=4)
+    kinetic = 0.5 * run.speed_rad_s**2 @ np.array([shaft.inertia_kg_m2 for shaft in chain.shafts])
+    elastic = np.zeros_like(kinetic)
+    for k, link in enumerate(chain.links):
+        twist = run.angle_rad[:, k] / link.ratio - run.angle_rad[:, k + 1]
+        into = np.maximum(np.abs(twist) - link.gap_rad / 2, 0)
+        elastic += link.stiffness_n_m_per_rad * (into**2 / 2 + link.cubic_per_rad2 * into**4 / 4)
+    energy = kinetic + elastic - 50.0 * np.cos(run.angle_rad[:, 2])
+    assert run.event_count > 10
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-9)
+
+
+def test_teeth_that_err_or_are_damaged_make_no_energy() -> None:
+    """They vary the ratio of the torques as that of the speeds: all else would drive or brake a gear that turns."""
+    errors = (Line(1, 11.0, 4e-3, 0.3), Line(2, 30.0, 1.5e-3, 1.0), Line(2, 1.0, 1e-3, 0.0))
+    dent = Dent(2, 0.05, 0.03, 1e-3)
+    chain = three_shafts(efficiency=(1.0, 1.0), damping_n_m_s_per_rad=0.0, law="elasto", errors=errors, dents=(dent,))
+    chain = with_link(chain, 0, damping_n_m_s_per_rad=0.0)
+    for k in range(3):
+        chain = with_shaft(chain, k, coulomb_n_m=0.0, viscous_n_m_s=0.0)
+    start = np.array([0.0, 0.0, 0.0, 12.0, 12.0 / chain.links[0].ratio, 12.0 / chain.ratio])
+    run = run_chain(chain, Torque(), 16000.0, 32001, start=start, substeps=8)
+    angle = run.angle_rad
+    energy = 0.5 * run.speed_rad_s**2 @ np.array([shaft.inertia_kg_m2 for shaft in chain.shafts])
+    for k, link in enumerate(chain.links):
+        twist = angle[:, k] / link.ratio - angle[:, k + 1]
+        for line in link.errors:
+            twist -= line.amplitude * np.sin(line.order * angle[:, line.shaft] + line.phase_rad)
+        u = (angle[:, 2] - dent.angle_rad) / dent.half_width_rad
+        depth = np.where(np.abs(u) < 1, dent.depth_rad * (1 - np.minimum(np.abs(u), 1) ** 2) ** 4, 0.0)
+        missing = depth if link.dents else np.zeros_like(depth)
+        ahead, back = np.maximum(twist - link.gap_rad / 2 - missing, 0), np.maximum(-twist - link.gap_rad / 2, 0)
+        energy += 0.5 * link.stiffness_n_m_per_rad * (ahead**2 + back**2)
+    assert np.ptp(depth) > 0.9 * dent.depth_rad
+    assert np.ptp(run.force_n_m[:, 1]) > 100.0
+    np.testing.assert_allclose(energy, energy[0], rtol=1e-6)
+
+
+def test_work_of_the_motor_is_stored_or_lost() -> None:
+    """Integrated power of the drive = change of energy + friction, damping and loss in the mesh."""
+    chain = with_link(three_shafts(gap_rad=0.0), 0, gap_rad=0.0)
+    run = run_chain(chain, PUSH, 8000.0, 8001)
+    w, angle = run.speed_rad_s, run.angle_rad
+    power = run.motor_torque_n_m * w[:, 0]
+    lost = np.zeros_like(power)
+    for k, shaft in enumerate(chain.shafts):
+        lost += shaft.coulomb_n_m * np.abs(w[:, k]) + shaft.viscous_n_m_s * w[:, k] ** 2
+    stored = 0.5 * w**2 @ np.array([shaft.inertia_kg_m2 for shaft in chain.shafts])
+    for k, link in enumerate(chain.links):
+        rate = w[:, k] / link.ratio - w[:, k + 1]
+        lost += link.damping_n_m_s_per_rad * rate**2
+        stored += 0.5 * link.stiffness_n_m_per_rad * (angle[:, k] / link.ratio - angle[:, k + 1]) ** 2
+    carried = run.force_n_m[:, 1] / 11.0
+    drives = carried * w[:, 1] > 0
+    lost += w[:, 1] * carried * np.where(drives, 1 / 0.96 - 1, 0.96 - 1)
+    done = np.concatenate([[0], np.cumsum(0.5 * (power[1:] + power[:-1]))]) / 8000.0
+    dissipated = np.concatenate([[0], np.cumsum(0.5 * (lost[1:] + lost[:-1]))]) / 8000.0
+    assert done[-1] > 0.1
+    np.testing.assert_allclose(stored + dissipated, done, atol=2e-5 * np.abs(done).max())
+
+
+def test_the_mirrored_drive_gives_the_mirrored_motion() -> None:
+    """Turn torque, asymmetry, flank and angle of a dent round, and everything turns round."""
+    chain = with_shaft(three_shafts(dents=(Dent(2, 0.01, 0.02, 4e-4, 1),)), 2, coulomb_backward_n_m=9.0)
+    mirrored = with_link(chain, 1, dents=(Dent(2, -0.01, 0.02, 4e-4, -1),))
+    mirrored = with_shaft(mirrored, 2, coulomb_n_m=9.0, coulomb_backward_n_m=7.0)
+    one = run_chain(chain, PUSH, 2000.0, 2000)
+    other = run_chain(mirrored, replace(PUSH, amplitude_n_m=-8.0), 2000.0, 2000)
+    np.testing.assert_allclose(other.angle_rad, -one.angle_rad, atol=1e-11)
+    contacts = [[event.time_s for event in run.events if event.what in ("contact", "stick")] for run in (one, other)]
+    np.testing.assert_allclose(contacts[1], contacts[0], atol=1e-9)
+
+
+def test_a_dent_is_felt_on_its_flank_only() -> None:
+    """Driven steadily in either direction, the load lags by the depth where the flank that drives is damaged."""
+    plain = three_shafts()
+    turns = {}
+    for way in (1.0, -1.0):
+        t = np.arange(20000) / 2000.0
+        motion = PrescribedMotion(np.stack([way * 25.0 * t, np.full(t.size, way * 25.0), np.zeros(t.size)]))
+        for flank in (1, -1):
+            dented = with_link(plain, 1, dents=(Dent(2, way * 1.3, 0.1, 1e-3, flank),))
+            lag = (
+                run_chain(dented, motion, 2000.0, t.size).angle_rad - run_chain(plain, motion, 2000.0, t.size).angle_rad
+            )
+            turns[way, flank] = float(np.abs(lag[:, 2]).max())
+    assert turns[1.0, 1] > 8e-4
+    assert turns[-1.0, -1] > 8e-4
+    assert turns[1.0, -1] < 1e-9
+    assert turns[-1.0, 1] < 1e-9
+
+
+@pytest.mark.parametrize("form", [2.0, 10.0])
+def test_the_form_of_a_dent_says_how_wide_it_is_at_half_depth(form: float) -> None:
+    """Passed steadily, the load lags by (1 - |u|^form)^4 of the depth: over half of it for |u|^form < 1 - 0.5^(1/4)."""
+    t, half_width, depth = np.arange(20000) / 2000.0, 0.1, 1e-3
+    motion = PrescribedMotion(np.stack([25.0 * t, np.full(t.size, 25.0), np.zeros(t.size)]))
+    dented = with_link(three_shafts(), 1, dents=(Dent(2, 1.3, half_width, depth, 1, form),))
+    runs = [run_chain(chain, motion, 2000.0, t.size).angle_rad[:, 2] for chain in (three_shafts(), dented)]
+    passed = np.abs(runs[0] - 1.3) < 1.5 * half_width
+    turned = float(np.ptp(runs[0][passed & (runs[0] - runs[1] > 0.5 * depth)]))
+    assert turned == pytest.approx(2.0 * half_width * (1.0 - 0.5**0.25) ** (1.0 / form), rel=0.05)
+
+
+def test_prescribing_the_motion_gives_back_the_torque_that_made_it() -> None:
+    """Inverse of the forward simulation, through reversals, gaps and losses."""
+    chain = three_shafts()
+    forward = run_chain(chain, PUSH, 2000.0, 4000, substeps=4)
+    start = np.concatenate([forward.angle_rad[500], forward.speed_rad_s[500]])
+    motion = PrescribedMotion(
+        np.stack([each[500:, 0] for each in (forward.angle_rad, forward.speed_rad_s, forward.acceleration_rad_s2)])
+    )
+    inverse = run_chain(chain, motion, 2000.0, 3500, start=start, substeps=4)
+    moving = np.abs(forward.speed_rad_s[500:, 0]) > 1.0
+    torque = forward.motor_torque_n_m[500:]
+    assert np.abs(inverse.motor_torque_n_m - torque)[moving].max() < 2e-3 * np.abs(torque).max()
+    assert np.abs(inverse.angle_rad[:, 2] - forward.angle_rad[500:, 2]).max() < 1e-6
+
+
+def test_results_do_not_depend_on_the_output_rate() -> None:
+    chain = three_shafts(damping_n_m_s_per_rad=900.0)
+    coarse = run_chain(chain, PUSH, 1000.0, 1001, substeps=16)
+    fine = run_chain(chain, PUSH, 8000.0, 8001, substeps=2)
+    np.testing.assert_allclose(coarse.angle_rad, fine.angle_rad[::8], atol=1e-9)
+
+
+def test_play_hits_twice_per_cycle() -> None:
+    """Back and forth under a servo, a wide gap is crossed once at each change of the torque's sign."""
+    chain = three_shafts(gap_rad=3e-3, damping_n_m_s_per_rad=600.0)
+    t = np.arange(40000) / 4000.0
+    reference = back_and_forth(t, 2.5, 240.0, 0.4)
+    reference[2] *= 0.0072
+    servo = Servo(reference, 12.0, 0.5, 0.08, 500.0, 200.0)
+    run = run_chain(chain, servo, 4000.0, t.size)
+    sides = [event for event in run.events if event.what == "contact" and event.index == 1 and event.before == 0]
+    hits = [event for event, last in zip(sides[1:], sides, strict=False) if (event.after > 0) != (last.after > 0)]
+    in_two_cycles = [event for event in hits if 2.5 <= event.time_s < 7.5]
+    assert len(in_two_cycles) == 4
+
+
+def test_substeps_follow_the_fastest_mode() -> None:
+    chain = Chain((Shaft(1.0), Shaft(1.0)), (Link(1.0, 2e6),))
+    assert stable_substeps(chain, 1000.0) == math.ceil(math.sqrt(2 * 2e6) / 1000.0 / 0.5)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        (lambda c: with_shaft(c, 1, inertia_kg_m2=-1.0), r"shafts\[1\].inertia_kg_m2: must be > 0"),
+        (lambda c: with_shaft(c, 0, coulomb_n_m=-1.0), r"shafts\[0\].coulomb: friction must be >= 0"),
+        (lambda c: with_link(c, 1, stiffness_n_m_per_rad=0.0), r"links\[1\].stiffness_n_m_per_rad: must be > 0"),
+        (lambda c: with_link(c, 0, ratio=0.0), r"links\[0\].ratio: must be finite and not 0"),
+        (lambda c: with_link(c, 0, efficiency=(0.0, 1.0)), r"links\[0\].efficiency"),
+        (lambda c: with_link(c, 0, law="rubber"), r"links\[0\].law: must be one of linear, elasto, elasto2"),
+        (lambda c: with_link(c, 0, errors=(Line(3, 1.0, 1e-4),)), r"links\[0\].errors: shaft must be 0 to 2"),
+        (lambda c: with_link(c, 1, dents=(Dent(2, 0.0, 0.1, 1e-3, 0),)), r"links\[1\].dents: flank must be 1 or -1"),
+        (lambda c: with_link(c, 1, dents=(Dent(2, 0.0, 0.1, 1e-3, 1, 1.0),)), r"links\[1\].dents: .* form > 1"),
+        (lambda c: with_shaft(c, 2, gravity_n_m=math.nan), r"shafts\[2\]: every parameter must be finite"),
+        (lambda c: replace(c, shafts=c.shafts * 2), "shafts: 1 to 4 can be simulated, got 6"),
+        (lambda c: replace(c, links=c.links[:1]), "links: 3 shafts need 2, got 1"),
+    ],
+)
+def test_a_wrong_chain_is_refused_by_name(change: object, words: str) -> None:
+    with pytest.raises(ChainError, match=words):
+        run_chain(change(three_shafts()), PUSH, 1000.0, 100)  # type: ignore[operator]
+
+
+@pytest.mark.parametrize(
+    ("drive", "rate", "samples", "words"),
+    [
+        (Torque(np.array([0.0, math.nan, 0.0])), 1000.0, 3, "samples_n_m: must be finite, but value 1 is not"),
+        (Torque(np.zeros(7)), 1000.0, 3, r"samples_n_m: needs shape \(3,\), got \(7,\)"),
+        (PUSH, 0.0, 3, "sample_rate_hz: must be > 0"),
+        (PUSH, 1000.0, 10**9, "samples: needs 2 to"),
+        (Torque(amplitude_n_m=math.inf), 1000.0, 3, "torque: amplitude"),
+    ],
+)
+def test_a_wrong_run_is_refused_by_name(drive: Torque, rate: float, samples: int, words: str) -> None:
+    with pytest.raises(ChainError, match=words):
+        run_chain(three_shafts(), drive, rate, samples)
