@@ -13,11 +13,11 @@ from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, hear, microphon
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.errors import RunError
-from sim.experiment.motion_profile import back_and_forth
 from sim.experiment.specimen import Specimen
 from sim.mechanisms.catalogue import distort_sound
 from sim.torsional.integrate import run_chain
 from sim.torsional.model import Chain, ChainResult, Servo
+from sim.torsional.motion_profile import back_and_forth
 
 MODEL_VERSION = "2"  # raise when the same scenario would sound otherwise
 SPEED_BANDWIDTH_RAD_S = 80.0

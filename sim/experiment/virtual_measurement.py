@@ -12,12 +12,12 @@ from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, Mode, hear
 from sim.assembly import drive_train_of
 from sim.description.axis import Axis
 from sim.errors import RunError
-from sim.experiment.motion_profile import moving
 from sim.mechanisms.catalogue import distort_sound, distort_telemetry
 from sim.mechanisms.places import with_error
 from sim.rotational.drive_train import DriveTrain
 from sim.rotational.trajectory import Trajectory
 from sim.torsional.model import Array
+from sim.torsional.motion_profile import moving
 from sim.torsional.reduction import simulate_chain
 
 TELEMETRY_RATE_HZ = 2000.0

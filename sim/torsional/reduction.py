@@ -9,7 +9,6 @@ from typing import Any
 import numpy as np
 
 from sim.errors import CompositionError, ParameterError, RunError, number
-from sim.experiment.motion_profile import back_and_forth
 from sim.rotational.component import Component
 from sim.rotational.components import (
     BearingFriction,
@@ -30,6 +29,7 @@ from sim.rotational.trajectory import Trajectory
 from sim.torsional.components import GearMesh, Gravity, MeshLine, ServoDrive, ShaftFriction, TorqueRipple
 from sim.torsional.integrate import run_chain
 from sim.torsional.model import Array, Chain, Dent, Drive, Line, Link, Servo, Shaft, Torque
+from sim.torsional.motion_profile import back_and_forth
 from sim.torsional.topology import Place, places_of
 from sim.torsional.trajectory import trajectory_of
 from sim.verification import check_finite

@@ -20,9 +20,9 @@ from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from sim.description.axis import Axis
 from sim.discrepancy.acoustic.evidence import Heard, log_ratio, probability
 from sim.discrepancy.acoustic.impacts import NO_STANDSTILL, Tail
+from sim.discrepancy.acoustic.levels import CELL, HIGHEST_HZ, LEAST_AT_REST, LEAST_SEGMENTS, SEGMENT, cells
 from sim.discrepancy.acoustic.operating_states import Course, Cruise, Mask
 from sim.discrepancy.acoustic.spectral_lines import TRANSFORM, gamma_limit, mesh_orders, over_surroundings
-from sim.discrepancy.sound_levels import CELL, HIGHEST_HZ, LEAST_AT_REST, LEAST_SEGMENTS, SEGMENT, cells
 from sim.torsional.model import Array
 
 NO_AS_NEW = "no recording from when the axis was new was given to compare with"

@@ -16,8 +16,14 @@ from sim.discrepancy.acoustic.evidence import Heard, Listening, probability
 from sim.discrepancy.acoustic.faults import SHOWN, bearing_defect, not_as_new, play, sign_of_tooth, tooth_damage
 from sim.discrepancy.acoustic.operating_states import LEAST_CRUISES, Course, course_of
 from sim.discrepancy.acoustic.recording_quality import recording_faults
+from sim.discrepancy.acoustic.several_recordings import (
+    contradictions,
+    names_of,
+    strangers,
+    with_recordings,
+    without_copies,
+)
 from sim.discrepancy.data.preprocessing import Measurement
-from sim.discrepancy.sound_several import contradictions, names_of, strangers, with_recordings, without_copies
 
 SAID = 0.5
 

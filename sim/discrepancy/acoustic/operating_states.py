@@ -21,9 +21,9 @@ from casebase.signals.motion import Motion, find_dips
 from casebase.signals.recording import Recording
 from casebase.signals.stroke import reversal_times_s
 from sim.description.axis import Axis
+from sim.discrepancy.acoustic.levels import Levels, levels_of
 from sim.discrepancy.acoustic.spectral_lines import TRANSFORM, heard_speed, mesh_orders, over_surroundings
 from sim.discrepancy.data.preprocessing import Measurement
-from sim.discrepancy.sound_levels import Levels, levels_of
 from sim.torsional.model import Array
 
 Mask = NDArray[np.bool_]

@@ -9,10 +9,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from sim.discrepancy.acoustic.panels import SILENT, along_path, sound_candidates, sound_panels
 from sim.discrepancy.assessment.posterior import is_close
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.report.acoustic_panels import SILENT, along_path, sound_candidates, sound_panels
 from sim.discrepancy.report.checks import checked
 from sim.discrepancy.report.panels import Panel
 from sim.discrepancy.report.residual_panels import overlay_panels, residual_panels

@@ -6,7 +6,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sim.experiment.motion_profile import back_and_forth
 from sim.rotational.components import Gearbox, Inertia, Sine
 from sim.rotational.components import Torque as TorqueSource
 from sim.rotational.drive_train import DriveTrain
@@ -25,6 +24,7 @@ from sim.torsional.model import (
     with_link,
     with_shaft,
 )
+from sim.torsional.motion_profile import back_and_forth
 from sim.torsional.reduction import simulate_chain
 from tests.sim.axes import three_shafts
 
