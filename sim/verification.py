@@ -20,26 +20,14 @@ from sim.rotational.component import Signal
 
 TOLERANCE = 1e-6
 """Largest residual that a result may have, relative to the terms that should cancel."""
-
-
 INSTANTS = 16
-
-
 SMALLEST = 1e-6
 """Angles [rad] and speeds [rad/s] of this size are taken to occur, and in every torque this share of the largest."""
-
-
 ORDER = 16
-
-
 LONGEST = 0.7
 """Step times the largest eigenvalue up to which the power series of this order is exact to rounding."""
-
-
 MOST_PARTS = 64
 """Steps of `LONGEST` between samples up to which flow and energy are looked at."""
-
-
 NODES, WEIGHTS = (np.polynomial.legendre.leggauss(8)[i] for i in (0, 1))
 
 

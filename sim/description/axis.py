@@ -13,8 +13,6 @@ from sim.description.quantities import check_quantities
 from sim.errors import AxisError, ParameterError, near_match, number
 
 SCHEMA = "gearcase-axis/1"
-
-
 MOST_TABLES = 100
 """Gear stages, or mechanisms, of one axis."""
 

@@ -13,7 +13,7 @@ import numpy as np
 from casebase.signals.recording import Recording
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
-from sim.discrepancy.acoustic.evidence import Heard
+from sim.discrepancy.acoustic.evidence import AcousticFinding
 from sim.discrepancy.acoustic.fusion import beside, listen, listen_alone
 from sim.discrepancy.acoustic.synchrony import mismatch
 from sim.discrepancy.assessment.cross_validation_gain import gains
@@ -28,17 +28,17 @@ from sim.discrepancy.assessment.remarks import (
 )
 from sim.discrepancy.assessment.residual_structure import look, nameless
 from sim.discrepancy.assessment.verdict import (
+    drop_unidentifiable,
     finding_of,
     finding_of_fault,
     finding_of_sound,
     left,
     terms_said,
-    told_apart,
 )
 from sim.discrepancy.data.pairing import NOT_COMPARED, check_as_new
 from sim.discrepancy.data.validation import Gate, InvestigationError, examine
 from sim.discrepancy.estimation.problem import Problem
-from sim.discrepancy.estimation.refit import calibrate, polish
+from sim.discrepancy.estimation.refit import calibrate, final_fit
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.extended_axis import extended_axis
 from sim.discrepancy.hypotheses.hypothesis import Term
@@ -49,8 +49,6 @@ from sim.discrepancy.results import SAID, Finding, Investigation, rounded
 from sim.discrepancy.search.search import select
 
 VERSION = "1"
-
-
 Progress = Callable[[str, float], None]
 
 
@@ -88,7 +86,7 @@ def investigate(
     progress("calibration of what the description has", 0.08)
     problem = Problem(axis, gate.measurement, _first_noise(gate))
     problem, base = calibrate(problem)
-    weighed = selection = told_apart(select(problem, base, progress, gate.law))
+    weighed = selection = drop_unidentifiable(select(problem, base, progress, gate.law))
     problem, fit = selection.problem, selection.fit
     progress("sound", 0.78)
     heard = listen(axis, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
@@ -98,8 +96,8 @@ def investigate(
     base = problem.fit((), base.values, held=base.sensitivities) if fit.terms else fit
     places = look(problem, fit)
     rest = [nameless(selection, term) for term in selection.nameless] + left(places, fit)
-    _, base = polish(problem, base)
-    problem, fit = polish(problem, fit)
+    _, base = final_fit(problem, base)
+    problem, fit = final_fit(problem, fit)
     selection = replace(selection, problem=problem, base=base, fit=fit)
     progress("what is left", 0.92)
     struck, loud = _struck(axis, [*selection.found, *heard]), _loud(axis, selection.found)
@@ -141,7 +139,7 @@ def investigate(
     )  # fmt: skip
 
 
-def _struck(axis: Axis, found: Sequence[Term | Heard]) -> list[float]:
+def _struck(axis: Axis, found: Sequence[Term | AcousticFinding]) -> list[float]:
     """Turns per turn of the motor of gears with a damaged tooth."""
     return [axis.ratio_from(t.location) / axis.ratio for t in found if t.mechanism == "tooth_damage" and t.location]
 

@@ -7,11 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import TypeVar
 
 A = TypeVar("A")
-
-
 B = TypeVar("B")
-
-
 WORKERS = 2
 
 

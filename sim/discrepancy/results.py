@@ -76,14 +76,14 @@ class Investigation:
     provenance: Mapping[str, object]
     rejected: tuple[tuple[str, float], ...] = ()
     remarks: tuple[str, ...] = ()
-    next_measurements: tuple[Told, ...] = ()
+    next_measurements: tuple[MeasurementUtility, ...] = ()
     selection: Selection | None = field(default=None, repr=False, compare=False)
     listening: Listening | None = field(default=None, repr=False, compare=False)
     gate: Gate | None = field(default=None, repr=False, compare=False)
     sounds: tuple[Recording, ...] = field(default=(), repr=False, compare=False)
     sound_offset_s: float = 0.0
     weighed: Selection | None = field(default=None, repr=False, compare=False)
-    """As it was weighed, before the last fit of `polish`: what another recording found is held against this."""
+    """As it was weighed, before the last fit of `final_fit`: what another recording found is held against this."""
 
     @property
     def examined(self) -> tuple[str, ...]:
@@ -167,7 +167,7 @@ class Difference:
 
 
 @dataclass(frozen=True)
-class Told:
+class MeasurementUtility:
     """What a measurement would tell of two causes.
 
     `separation`: whitened squares that either leaves of the other's data, beyond what the other leaves itself, the

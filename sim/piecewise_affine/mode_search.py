@@ -9,22 +9,12 @@ from sim.piecewise_affine.guard import Guards
 from sim.piecewise_affine.system import Array, System
 
 MOST_COMBINATIONS = 200_000
-
-
 NO_START = "no mode of the drive train holds at the start; give start values that agree with its friction"
-
-
 MOTION = 1e-3
 """Angles [rad] and speeds [rad/s] of this size are taken to occur; what is rounding beside them is rounding."""
-
-
 REST = 1e-2
 """Share of the fastest speed so far that every speed may have had, for judging what is rounding."""
-
-
 Key = tuple[int, ...]
-
-
 Change = tuple[str, int, int, str, str]
 
 

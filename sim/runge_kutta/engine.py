@@ -44,8 +44,6 @@ MOST_EVENTS_AT_ONCE = 50
 MOST_STEPS = 2000
 ROUNDING = 1e-12
 """How far below zero an inequality may be, relative to its terms."""
-
-
 Dense = Callable[[float | Array], Array]
 
 

@@ -35,8 +35,6 @@ from sim.torsional.trajectory import trajectory_of
 from sim.verification import check_finite
 
 MEMORY_LIMIT_BYTES = 2_000_000_000  # of one result: 43 minutes of three shafts at 8 kHz
-
-
 MIN_RATE_OF_SERVO_HZ = 1000.0
 
 

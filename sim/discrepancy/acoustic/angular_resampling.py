@@ -11,7 +11,7 @@ from scipy.ndimage import uniform_filter1d
 from scipy.signal import butter, hilbert, medfilt, sosfiltfilt
 
 from sim.description.axis import Axis
-from sim.discrepancy.acoustic.evidence import Heard
+from sim.discrepancy.acoustic.evidence import AcousticFinding
 from sim.discrepancy.acoustic.harmonic_comb import slipping_comb
 from sim.discrepancy.acoustic.operating_states import Mask
 from sim.discrepancy.data.preprocessing import Measurement
@@ -76,7 +76,9 @@ class Envelopes:
         return order * self.turns_per_s / self.spacing_hz
 
 
-def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement, offset_s: float) -> list[Heard]:
+def bearing_along_path(
+    axis: Axis, values: Array, rate_hz: float, m: Measurement, offset_s: float
+) -> list[AcousticFinding]:
     """Lines of the envelope over the motor's path at one order and its multiples that no gear explains.
 
     A family counts by all of its lines together: those of a weak defect hardly stand out one by one.
@@ -96,7 +98,7 @@ def bearing_along_path(axis: Axis, values: Array, rate_hz: float, m: Measurement
         f"Impacts come {order:.2f} times per revolution of the motor, with {count - 1} multiples and a little slip: "
         "no gear has this order; a rolling bearing does."
     )
-    return [Heard("bearing_defect", None, probability, {"order": (order, order - half, order + half)}, text)]
+    return [AcousticFinding("bearing_defect", None, probability, {"order": (order, order - half, order + half)}, text)]
 
 
 def _lines(axis: Axis, heard: Envelopes) -> tuple[float, int]:

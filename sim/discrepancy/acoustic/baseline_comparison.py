@@ -18,7 +18,7 @@ from scipy.ndimage import median_filter
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from sim.description.axis import Axis
-from sim.discrepancy.acoustic.evidence import Heard, log_ratio, probability
+from sim.discrepancy.acoustic.evidence import AcousticFinding, log_ratio, probability
 from sim.discrepancy.acoustic.impacts import NO_STANDSTILL, Tail
 from sim.discrepancy.acoustic.levels import CELL, HIGHEST_HZ, LEAST_AT_REST, LEAST_SEGMENTS, SEGMENT, cells
 from sim.discrepancy.acoustic.operating_states import Course, Cruise, Mask
@@ -60,7 +60,7 @@ class Growth:
 class Grown:
     """What is said to have grown, and whether the teeth of no gear have, whatever the others do."""
 
-    heard: tuple[Heard, ...]
+    heard: tuple[AcousticFinding, ...]
     teeth_as_new: bool
 
 
@@ -192,7 +192,7 @@ def _smallest(growth: Callable[[Course], Growth], as_new: Sequence[Course]) -> G
     return min((growth(one) for one in as_new), key=lambda one: one.score, default=None)
 
 
-def _mesh_error(axis: Axis, found: Sequence[Growth | None]) -> list[Heard]:
+def _mesh_error(axis: Axis, found: Sequence[Growth | None]) -> list[AcousticFinding]:
     """Lines of one gear's teeth that stand out more than as new, by more than those of the others."""
     best = max((one for one in found if one is not None), key=lambda one: one.score, default=None)
     if best is None:
@@ -206,10 +206,10 @@ def _mesh_error(axis: Axis, found: Sequence[Growth | None]) -> list[Heard]:
         f"While cruising, the lines of the teeth of {best.stage} stand {best.height_db:.0f} dB ({times:.2g} times) "
         f"higher over the sound around them than as new{others}: its teeth err more."
     )
-    return [Heard("mesh_error", best.stage, probability(p_values), {}, text, p_values=p_values)]
+    return [AcousticFinding("mesh_error", best.stage, probability(p_values), {}, text, p_values=p_values)]
 
 
-def _resonance(found: Sequence[Growth | None], speed_told: bool) -> list[Heard]:
+def _resonance(found: Sequence[Growth | None], speed_told: bool) -> list[AcousticFinding]:
     """A pitch at which the sound has grown at any speed, but not at rest.
 
     Where the speed is not told, teeth of a steady speed may sing at it.
@@ -231,7 +231,9 @@ def _resonance(found: Sequence[Growth | None], speed_told: bool) -> list[Heard]:
     pitch = (best.frequency_hz, best.frequency_hz - best.half_hz, best.frequency_hz + best.half_hz)
     alike = () if speed_told else ("mesh_error",)
     numbers = {"frequency_hz": pitch}
-    return [Heard("structural_resonance", None, probability(p_values), numbers, text, alike, p_values=p_values)]
+    return [
+        AcousticFinding("structural_resonance", None, probability(p_values), numbers, text, alike, p_values=p_values)
+    ]
 
 
 def _teeth_of(axis: Axis, course: Course, as_new: Course, ringing_hz: float | None) -> Growth:

@@ -10,18 +10,14 @@ from sim.discrepancy.acoustic.operating_states import Course
 
 FALSE_ALARM = 0.005
 """Probability that noise alone makes a candidate [1]."""
-
-
 PRIOR_ODDS = 1.0 / 10.0
 """Odds of each mechanism before anything is heard [1]: one axis in eleven that somebody listens to has it."""
-
-
 SILENT = 0.4
 """Likelihood ratio of a recording without a sign: three in five faults of the sizes that matter are heard [1]."""
 
 
 @dataclass(frozen=True)
-class Heard:
+class AcousticFinding:
     """A finding from sound; `parameters`: name to value, low, high.
 
     `elsewhere`: where it would sound the same. `p_values`: one per recording, None where it could not be looked for.
@@ -78,7 +74,7 @@ class Listening:
     of the recordings, one per course. `as_new`: what they were compared with.
     """
 
-    heard: tuple[Heard, ...]
+    heard: tuple[AcousticFinding, ...]
     rejected: tuple[tuple[str, float], ...]
     remarks: tuple[str, ...]
     next_measurement: str

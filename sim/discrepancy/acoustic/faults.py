@@ -10,7 +10,7 @@ import numpy as np
 from casebase.signals.band import Band
 from casebase.signals.motion import HOP_HZ
 from sim.description.axis import Axis
-from sim.discrepancy.acoustic.evidence import Heard, log_ratio, probability
+from sim.discrepancy.acoustic.evidence import AcousticFinding, log_ratio, probability
 from sim.discrepancy.acoustic.gear_harmonics import TURNS_TAIL, Turns, hits_of_turns
 from sim.discrepancy.acoustic.impacts import (
     Bump,
@@ -46,7 +46,7 @@ VISITED = 0.7
 MASKED_DB = 6.0  # a tooth that is damaged this much more is heard while braking, too
 
 
-def tooth_damage(axis: Axis, courses: Sequence[Course], signs: Sequence[Sign | None]) -> list[Heard]:
+def tooth_damage(axis: Axis, courses: Sequence[Course], signs: Sequence[Sign | None]) -> list[AcousticFinding]:
     """A bump in one direction of motion at one place of the travel; or impacts, where the motion does not repeat."""
     known = [(sign, course) for sign, course in zip(signs, courses, strict=True) if sign is not None]
     if not known or not axis.stages:
@@ -90,7 +90,7 @@ def tooth_damage(axis: Axis, courses: Sequence[Course], signs: Sequence[Sign | N
     elsewhere = () if told else tuple(one.name for one in axis.stages if one.name != stage)
     text += _not_told(stage, elsewhere)
     return [
-        Heard(
+        AcousticFinding(
             "tooth_damage",
             stage,
             probability(p_values),
@@ -168,7 +168,7 @@ def _same_tooth(axis: Axis, one: tuple[Course, Tooth], other: tuple[Course, Toot
     return _agree(place_of(axis, one[0], one[1]), place_of(axis, other[0], other[1]))
 
 
-def play(axis: Axis, courses: Sequence[Course], teeth: Sequence[Sign | None]) -> list[Heard]:
+def play(axis: Axis, courses: Sequence[Course], teeth: Sequence[Sign | None]) -> list[AcousticFinding]:
     """Impacts where braking begins, at both ends; or at the end of most strokes, where the motion does not repeat."""
     bumps = [play_bump(course) if course.repeats else end_of_strokes(course) for course in courses]
     known = [(bump, course) for bump, course in zip(bumps, courses, strict=True) if bump is not None]
@@ -192,7 +192,11 @@ def play(axis: Axis, courses: Sequence[Course], teeth: Sequence[Sign | None]) ->
     stage = axis.stages[-1].name
     elsewhere = tuple(one.name for one in axis.stages[:-1])
     text += _not_told(stage, elsewhere)
-    return [Heard("backlash", stage, probability(p_values), {}, text, elsewhere=elsewhere, p_values=tuple(p_values))]
+    return [
+        AcousticFinding(
+            "backlash", stage, probability(p_values), {}, text, elsewhere=elsewhere, p_values=tuple(p_values)
+        )
+    ]
 
 
 def _not_told(stage: str, elsewhere: tuple[str, ...]) -> str:
@@ -205,7 +209,7 @@ def _not_told(stage: str, elsewhere: tuple[str, ...]) -> str:
     )
 
 
-def bearing_defect(axis: Axis, courses: Sequence[Course], teeth: Sequence[Sign | None]) -> list[Heard]:
+def bearing_defect(axis: Axis, courses: Sequence[Course], teeth: Sequence[Sign | None]) -> list[AcousticFinding]:
     """A family of lines at an order that no gear has."""
     found = [_bearing(axis, *one) for one in zip(courses, teeth, strict=True)]
     known = [family for family in found if family is not None]
@@ -223,7 +227,7 @@ def bearing_defect(axis: Axis, courses: Sequence[Course], teeth: Sequence[Sign |
         "multiples: no gear of this axis has this order; a rolling bearing has."
     )
     numbers = {"order": (best.order, best.order - best.half, best.order + best.half)}
-    return [Heard("bearing_defect", None, probability(p_values), numbers, text, p_values=p_values)]
+    return [AcousticFinding("bearing_defect", None, probability(p_values), numbers, text, p_values=p_values)]
 
 
 def _bearing(axis: Axis, course: Course, tooth: Sign | None) -> Family | None:

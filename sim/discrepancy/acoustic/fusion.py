@@ -12,7 +12,7 @@ from sim.description.axis import Axis
 from sim.discrepancy.acoustic.angular_resampling import LOWEST_WEAK, bearing_along_path
 from sim.discrepancy.acoustic.baseline_comparison import Grown, grown, strangers_as_new
 from sim.discrepancy.acoustic.coverage import WORDS, reach
-from sim.discrepancy.acoustic.evidence import Heard, Listening, probability
+from sim.discrepancy.acoustic.evidence import AcousticFinding, Listening, probability
 from sim.discrepancy.acoustic.faults import SHOWN, bearing_defect, not_as_new, play, sign_of_tooth, tooth_damage
 from sim.discrepancy.acoustic.operating_states import LEAST_CRUISES, Course, course_of
 from sim.discrepancy.acoustic.recording_quality import recording_faults
@@ -26,33 +26,21 @@ from sim.discrepancy.acoustic.several_recordings import (
 from sim.discrepancy.data.preprocessing import Measurement
 
 SAID = 0.5
-
-
 SURE = 0.9  # of what telemetry does not show, though it could
-
-
 LEAST_S = 4.0
-
-
 GEAR = frozenset({"tooth_damage", "backlash"})
-
-
 OF_TEETH = GEAR | {"mesh_error", "eccentricity"}  # what leaves families of lines of its own
-
-
 ADVICE = "How deep a notch or how wide play is cannot be heard; telemetry tells that and what was not examined."
-
-
 COMPARE = (
     "Give a recording of the same motion from when the axis was new as well, if there is one: it tells whether teeth "
     "are louder than as new and whether something rings."
 )
-
-
 UNEVEN, SMALL = 0.005, 5  # of a speed while cruising; small numbers
 
 
-def listen(axis: Axis, sound: Recording, measurement: Measurement | None, offset_s: float) -> tuple[Heard, ...]:
+def listen(
+    axis: Axis, sound: Recording, measurement: Measurement | None, offset_s: float
+) -> tuple[AcousticFinding, ...]:
     """Findings of one recording; with telemetry, angles are those of its encoders."""
     if measurement is None:
         return listen_alone(axis, [sound]).heard
@@ -102,13 +90,13 @@ def listen_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recor
     return Listening(heard, rejected, remarks, following, courses, within.examined, within.not_examined, names, before)
 
 
-def _as_new(h: Heard) -> Heard:
+def _as_new(h: AcousticFinding) -> AcousticFinding:
     """What the axis sounded of as new as well, and so is no fault."""
     p_values = tuple(None if p is None else 1.0 for p in h.p_values)
     return replace(h, p_values=p_values, probability=probability(p_values))
 
 
-def _told_by_growth(machine: Sequence[Heard], growth: Grown) -> tuple[list[Heard], tuple[str, ...]]:
+def _told_by_growth(machine: Sequence[AcousticFinding], growth: Grown) -> tuple[list[AcousticFinding], tuple[str, ...]]:
     """Teeth that have all grown louder make impacts of their own; where none have, impacts are none of theirs.
 
     What was heard of impacts is then said with the teeth that err: sound does not tell one from the other.
@@ -138,13 +126,13 @@ def _of_as_new(as_new: Sequence[Recording], courses: Sequence[Course]) -> tuple[
     )
 
 
-def _faults(sounds: Sequence[Recording], courses: Sequence[Course]) -> list[Heard]:
+def _faults(sounds: Sequence[Recording], courses: Sequence[Course]) -> list[AcousticFinding]:
     """Faults of the recordings, each as it is in the first that has it."""
     each = [
         {f.mechanism: f for f in recording_faults(np.asarray(s.samples, np.float64), s.sample_rate_hz, c.moving)}
         for s, c in zip(sounds, courses, strict=True)
     ]
-    first: dict[str, Heard] = {}
+    first: dict[str, AcousticFinding] = {}
     for faults in each:
         first |= {name: fault for name, fault in faults.items() if name not in first}
     return [
@@ -161,11 +149,11 @@ def _contradicted(courses: Sequence[Course], names: Sequence[str]) -> tuple[str,
 
 def beside(
     named: Sequence[str],
-    heard: Sequence[Heard],
+    heard: Sequence[AcousticFinding],
     load_encoder: bool,
     struck: Sequence[float] = (),
     loud: Sequence[float] = (),
-) -> tuple[Heard, ...]:
+) -> tuple[AcousticFinding, ...]:
     """What sound adds to mechanisms that telemetry has named: no name twice, and no gear fault against an encoder.
 
     With a load encoder telemetry shows damaged teeth and play below what can be heard; without one, sound may name
@@ -186,26 +174,26 @@ def beside(
     )
 
 
-def _is_faint(h: Heard) -> bool:
+def _is_faint(h: AcousticFinding) -> bool:
     return h.probability < SURE or h.parameters["order"][0] < LOWEST_WEAK
 
 
-def _is_of_gears(h: Heard, struck: Sequence[float], loud: Sequence[float]) -> bool:
+def _is_of_gears(h: AcousticFinding, struck: Sequence[float], loud: Sequence[float]) -> bool:
     return any(_is_multiple(h, order) for order in struck) or any(_is_ratio(h, order) for order in loud)
 
 
-def _is_multiple(h: Heard, order: float) -> bool:
+def _is_multiple(h: AcousticFinding, order: float) -> bool:
     value, low, high = h.parameters["order"]
     return low <= round(value / order) * order <= high
 
 
-def _is_ratio(h: Heard, order: float) -> bool:
+def _is_ratio(h: AcousticFinding, order: float) -> bool:
     value, low, high = h.parameters["order"]
     half = 0.5 * (high - low) + UNEVEN * value
     return any(abs(value - order * j / k) <= half for j in range(1, SMALL + 1) for k in range(1, SMALL + 1))
 
 
-def _next(axis: Axis, heard: Sequence[Heard], courses: Sequence[Course]) -> str:
+def _next(axis: Axis, heard: Sequence[AcousticFinding], courses: Sequence[Course]) -> str:
     named = {h.mechanism for h in heard}
     if named & {"clipping", "lost_samples"}:
         return "Record again with the gain lowered and without gaps: what is missing of the sound could be a fault's."

@@ -7,7 +7,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.discrepancy.acoustic.evidence import FALSE_ALARM, Heard
+from sim.discrepancy.acoustic.evidence import FALSE_ALARM, AcousticFinding
 from sim.discrepancy.acoustic.operating_states import Mask
 from sim.torsional.model import Array
 
@@ -27,7 +27,7 @@ MOST_STILL = 0.3  # of the samples; where more repeat the last, a gap is nothing
 HIGHEST_SHARE = 0.45  # of the sample rate
 
 
-def recording_faults(values: Array, rate_hz: float, moving: Mask | None) -> list[Heard]:
+def recording_faults(values: Array, rate_hz: float, moving: Mask | None) -> list[AcousticFinding]:
     """Hum, clipping and lost samples; `moving` (n,) is True where the axis moves, None where that is not known."""
     if values.size < LEAST_S * rate_hz or not np.ptp(values) > 0:
         return []
@@ -58,7 +58,7 @@ def _step(values: Array) -> float:
     return float(steps.min())
 
 
-def _clipping(values: Array) -> list[Heard]:
+def _clipping(values: Array) -> list[AcousticFinding]:
     """More samples at an extreme than just below it: the tail of a signal that is not cut thins out outwards.
 
     They follow each other, or are come to and left in many ways: what is fast is cut for one sample at a time, and a
@@ -80,10 +80,10 @@ def _clipping(values: Array) -> list[Heard]:
         return []
     share = float(at.mean())
     text = f"The sound stays at its extreme in {share:.2%} of all samples: the recording is cut there; lower the gain."
-    return [Heard("clipping", None, 0.97, {"fraction": (share, share, share)}, text)]
+    return [AcousticFinding("clipping", None, 0.97, {"fraction": (share, share, share)}, text)]
 
 
-def _lost(values: Array, rate_hz: float) -> list[Heard]:
+def _lost(values: Array, rate_hz: float) -> list[AcousticFinding]:
     """Stretches of 5 ms and more in which not one sample changes, within a recording that otherwise does."""
     long, others = _stills(values, rate_hz)
     share = float(long.sum()) / values.size
@@ -91,7 +91,7 @@ def _lost(values: Array, rate_hz: float) -> list[Heard]:
         return []
     text = f"{long.size} times the sound does not change at all for 5 ms or more, {share:.2%} of the recording: "
     text += "samples are missing; check cable, driver and noise gate."
-    return [Heard("lost_samples", None, 0.97, {"fraction": (share, share, share)}, text)]
+    return [AcousticFinding("lost_samples", None, 0.97, {"fraction": (share, share, share)}, text)]
 
 
 def _stills(values: Array, rate_hz: float) -> tuple[NDArray[np.int64], float]:
@@ -104,12 +104,12 @@ def _stills(values: Array, rate_hz: float) -> tuple[NDArray[np.int64], float]:
     return lengths[long], float(lengths[~long].sum()) / values.size
 
 
-def _hum(values: Array, rate_hz: float, moving: Mask | None) -> list[Heard]:
+def _hum(values: Array, rate_hz: float, moving: Mask | None) -> list[AcousticFinding]:
     """Lines of constant frequency at multiples of the mains, as strong at standstill as in motion."""
     spectrum = np.fft.rfft((values - values.mean()) * np.hanning(values.size))
     power = np.abs(spectrum) ** 2
     spacing = rate_hz / values.size
-    best: tuple[int, float, Heard] | None = None
+    best: tuple[int, float, AcousticFinding] | None = None
     for mains in MAINS_HZ:
         lines = [_line(power, spacing, mains * k, k) for k in MULTIPLES if mains * k < HIGHEST_SHARE * rate_hz]
         found = [(k, *line) for k, line in zip(MULTIPLES, lines, strict=False) if line is not None]
@@ -124,7 +124,7 @@ def _hum(values: Array, rate_hz: float, moving: Mask | None) -> list[Heard]:
             "and there at standstill as well: supply or earthing of the recording, not the gear."
         )
         numbers = {"frequency_hz": (frequency, frequency - half, frequency + half)}
-        heard = Heard("electrical_hum", None, 0.97, numbers, text)
+        heard = AcousticFinding("electrical_hum", None, 0.97, numbers, text)
         if best is None or (len(found), height) > best[:2]:
             best = (len(found), height, heard)
     return [best[2]] if best else []

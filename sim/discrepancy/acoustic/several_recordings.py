@@ -10,7 +10,7 @@ import numpy as np
 
 from casebase.signals.recording import Recording
 from sim.discrepancy.acoustic.coverage import WORDS
-from sim.discrepancy.acoustic.evidence import Heard, log_ratio, probability
+from sim.discrepancy.acoustic.evidence import AcousticFinding, log_ratio, probability
 from sim.discrepancy.acoustic.faults import SHOWN
 
 PLACES = ("first", "second", "third", "fourth", "fifth", "sixth", "seventh", "eighth", "ninth", "tenth")
@@ -34,7 +34,7 @@ def without_copies(sounds: Sequence[Recording]) -> tuple[tuple[Recording, ...], 
     return kept, (f"Copies count once: {len(kept)} of {len(sounds)} recordings are left.",)
 
 
-def with_recordings(heard: Heard, names: Sequence[str]) -> Heard:
+def with_recordings(heard: AcousticFinding, names: Sequence[str]) -> AcousticFinding:
     """Say in which recordings the evidence of a finding is, where there are several."""
     if len(names) < 2:
         return heard
@@ -48,7 +48,7 @@ def with_recordings(heard: Heard, names: Sequence[str]) -> Heard:
     return replace(heard, explanation=" ".join([heard.explanation, *said]))
 
 
-def contradictions(machine: Sequence[Heard], names: Sequence[str]) -> tuple[str, ...]:
+def contradictions(machine: Sequence[AcousticFinding], names: Sequence[str]) -> tuple[str, ...]:
     """Where one recording by itself would name a fault and another speaks against it."""
     out = []
     for heard in machine:
@@ -80,7 +80,7 @@ def strangers(sounds: Sequence[Recording], names: Sequence[str]) -> tuple[str, .
     return tuple(out)
 
 
-def _divided(heard: Heard, names: Sequence[str]) -> tuple[list[str], list[str], list[str]]:
+def _divided(heard: AcousticFinding, names: Sequence[str]) -> tuple[list[str], list[str], list[str]]:
     """Names of the recordings that show it, that do not, and in which it could not be looked for."""
     known = list(zip(names, heard.p_values, strict=True))
     shown = [name for name, p in known if p is not None and p < SHOWN]

@@ -17,8 +17,6 @@ from sim.discrepancy.results import Gain
 from sim.torsional.model import Array
 
 FOLDS = 4
-
-
 CUT_HZ = 40.0
 
 

@@ -12,20 +12,10 @@ from sim.discrepancy.results import Estimate
 from sim.discrepancy.search.effect_size import deviations
 
 NINETY = 1.645
-
-
 INFLATION = 3.0  # of deviations, so that intervals hold on the calibration seeds
-
-
 FORM_SHARE = 0.08  # of a size, which the form of its law leaves open
-
-
 DENT_SHARE = 0.3  # the same of a dent: the same torques come from a hollow and from a shallower piece broken out
-
-
 NO_SIZE = ("angle_rad", "phase_rad", "second_phase_rad", "flank", "form", "order", "frequency_hz", "exponent")
-
-
 UNITS = {
     "_rad": "rad", "_n_m": "N m", "_rad_s": "rad/s", "_per_s": "1/s", "_per_rad2": "1/rad2",
     "_n_m_s_per_rad": "N m s/rad", "_hz": "Hz", "_s": "s", "_kg_m2": "kg m2", "_n_m_per_rad": "N m/rad",

@@ -12,11 +12,7 @@ from scipy.special import log_ndtr
 from sim.discrepancy.assessment.calibration import WEIGHTS, Weights
 
 CLOSE = math.log(3.0)  # log odds below which another name may well be meant
-
-
 FORM = 0.07  # of its own gain, that something without a name would take as well where the name is right
-
-
 SHARE = 0.01  # of the squared residual, where `Weights.bias` is meant
 
 

@@ -12,11 +12,7 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.results import Gain
 
 UNREACHED = 0.5  # of the torque: a model that leaves more says nothing of the axis
-
-
 SOLID = ("inertia_kg_m2", "stiffness_n_m_per_rad")  # what no data sheet is far wrong in
-
-
 NO_REFERENCE = (
     "Without reference_position_rad noise of the torque channel cannot be told from torque, and weaker effects may "
     "hide in it: log it as well."

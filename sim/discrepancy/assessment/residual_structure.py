@@ -18,20 +18,10 @@ from sim.discrepancy.search.search import Selection
 from sim.torsional.model import Array
 
 BINS = 48
-
-
 SHARE = 0.06  # of the residual's energy: less is how a model's form differs from any real axis
-
-
 LINE_SCORE = 60.0
-
-
 MOST_LINES = 4  # that are looked at
-
-
 SPEED_BANDS = 8  # times as wide as a line: what is seen of when it is there
-
-
 SELDOM = 0.1  # of the time: what is only then says nothing
 
 

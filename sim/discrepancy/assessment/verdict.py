@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from sim.discrepancy.acoustic.evidence import Heard
+from sim.discrepancy.acoustic.evidence import AcousticFinding
 from sim.discrepancy.assessment.intervals import term_estimates, unit_of
 from sim.discrepancy.assessment.posterior import Evidence, is_close, probability
 from sim.discrepancy.assessment.residual_structure import stands_out
@@ -18,11 +18,7 @@ from sim.discrepancy.results import SAID, Estimate, Finding, Unexplained
 from sim.discrepancy.search.search import Selection
 
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
-
-
 NOT_NOISE = 2.0  # the same, where something is left whatever its place: without a cause 1.3 in 117 recordings at most
-
-
 MOST_STRAIN = 120.0  # squared deviations of what is described: a model that needs more is not adequate
 
 
@@ -40,7 +36,7 @@ def left(places: Sequence[Unexplained], fit: Fit) -> list[Unexplained]:
 
 def lacking(fit: Fit) -> float:
     """Squares by which the best model is not adequate: far above the noise, or only with a description bent far."""
-    return max(0.0, fit.misfit - FAR * fit.residual.size) + max(0.0, fit.strain - MOST_STRAIN)
+    return max(0.0, fit.misfit - FAR * fit.residual.size) + max(0.0, fit.prior_penalty - MOST_STRAIN)
 
 
 def finding_of(selection: Selection, term: Term) -> Finding:
@@ -66,7 +62,7 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     )  # fmt: skip
 
 
-def told_apart(selection: Selection) -> Selection:
+def drop_unidentifiable(selection: Selection) -> Selection:
     """Of two that no measurement tells apart, only the one that takes away more is found: only their sum is known."""
     alike = {t.key: looks_like(selection.problem, t) for t in selection.found}
     gains = selection.gains
@@ -102,7 +98,7 @@ def finding_of_fault(fault: Fault) -> Finding:
     return Finding(fault.mechanism, fault.location, 0.97, estimates, (), fault.explanation)
 
 
-def finding_of_sound(h: Heard) -> Finding:
+def finding_of_sound(h: AcousticFinding) -> Finding:
     estimates = tuple(Estimate(k, v, unit_of(k), low, high) for k, (v, low, high) in h.parameters.items())
     return Finding(
         h.mechanism, h.location, h.probability, estimates, h.indistinguishable_from, h.explanation,

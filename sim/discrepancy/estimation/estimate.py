@@ -15,17 +15,9 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.model.parameters import Parameter
 
 Array = NDArray[np.float64]
-
-
 Raw = tuple[Array, Array]  # motor torque and guide torque
-
-
 Start = tuple[Mapping[str, float], Mapping[str, Raw]]  # numbers and sensitivities
-
-
 SCORE_BLOCKS = 40
-
-
 UNKNOWN = 1e-6  # information of one step below which a parameter is not known
 
 
@@ -53,7 +45,7 @@ class Fit:
         return float(self.residual @ self.residual)
 
     @property
-    def strain(self) -> float:
+    def prior_penalty(self) -> float:
         """What the fit costs by bending what was known: squared deviations of the numbers from it."""
         return self.cost - self.misfit
 

@@ -12,20 +12,10 @@ from sim.discrepancy.estimation.estimate import Array, Raw
 from sim.discrepancy.model.parameters import Parameter
 
 ACTIVE_ROUNDS = 4
-
-
 MOST_STEPS = {False: 48, True: 16}  # by whether teeth hit: there the way is rough, and leads ever on
-
-
 DAMPINGS = 8
-
-
 FIRST_DAMPING = 1e-4
-
-
 HOPELESS = 30.0  # times the noise, in power: what two steps leave of a try that leads nowhere
-
-
 FORETOLD = 0.1  # of the gain of a step: sensitivities that are off by less are true there
 
 

@@ -39,14 +39,8 @@ from sim.discrepancy.parallel import each
 from sim.torsional.model import Chain, ChainError
 
 BY_CONTACT = ("backlash", "tooth_damage")  # mechanisms by which teeth leave each other
-
-
 MISTAKEN = 5.0  # standard deviations off a data sheet, beyond which it has a number wrong
-
-
 BURST = 1e6  # times the torque: what a simulation that has burst is off by
-
-
 LEAST_NOISE, LEAST_GUIDE_NOISE = 2e-3, 1.5e-4  # of the torque, and of that at the load: no drive measures better
 
 
@@ -86,7 +80,7 @@ class Problem:
         self._describe()
         self.observer = Observer(self.measurement, max(self.axis.load.inertia_kg_m2, 1e-12), inertia)
         start = self.numbers()
-        self.observer.learn_noise(chain_of(self.axis, start), nuisance_of(start), hits=self.hits(()))
+        self.observer.learn_noise(chain_of(self.axis, start), nuisance_of(start), hits=self.has_contact_loss(()))
 
     def _describe(self) -> None:
         self.described = Described.by(self.axis)
@@ -104,7 +98,7 @@ class Problem:
         other._describe()
         return other
 
-    def hits(self, terms: Sequence[Term]) -> bool:
+    def has_contact_loss(self, terms: Sequence[Term]) -> bool:
         """Whether teeth leave each other and meet again, by a term or as described."""
         return any(t.contact for t in terms) or self.described.contact
 
@@ -217,7 +211,7 @@ class Problem:
         columns = self.whitened(parameters, known)
         system = NormalEquations.of(parameters, columns)
         damping, anew, corrected = FIRST_DAMPING, False, False
-        for round_ in range(MOST_STEPS[self.hits(terms)] if to_end else iterations):
+        for round_ in range(MOST_STEPS[self.has_contact_loss(terms)] if to_end else iterations):
             old = replace(state)
             gain, damping = self._step(terms, parameters, state, system, damping)
             small = gain < self.memory.least_drop + 1e-4 * max(0.0, state.cost - state.residual.size)
@@ -302,7 +296,7 @@ class Problem:
             chain = term.apply(chain, values)
         return chain
 
-    def learned(self, fit: Fit) -> Problem:
+    def with_reestimated_noise(self, fit: Fit) -> Problem:
         """The same with what the encoders' noise makes of the chain of `fit`, under what `fit` leaves as noise.
 
         What `fit` bends beyond `MISTAKEN` deviations the data sheet has wrong: it costs their square, and hardly more.
@@ -313,13 +307,15 @@ class Problem:
         other.observer = copy(self.observer)
         terms = tuple(t for t in fit.terms if not t.contact)
         values = self.numbers(terms) | dict(fit.values)
-        other.observer.learn_noise(self.chain(terms, values), nuisance_of(values), hits=self.hits(fit.terms))
+        other.observer.learn_noise(
+            self.chain(terms, values), nuisance_of(values), hits=self.has_contact_loss(fit.terms)
+        )
         other.doubts = {}
         far = {p.name: p.deviation(fit.values) / MISTAKEN for p in other.base() if p.stated and p.name in fit.values}
         other.doubts = {name: times for name, times in far.items() if times > 1.0}
         return other.with_noise(other.noise_of(fit))
 
-    def unlikelihood(self, fit: Fit) -> float:
+    def neg2_log_posterior(self, fit: Fit) -> float:
         """Minus twice the log likelihood of `fit` with what is known of its numbers, but for a constant."""
         doubted = 2.0 * sum(math.log(times) for times in self.doubts.values())
         return fit.cost + doubted + self.noise.log_scale(fit.torque_rows, fit.residual.size - fit.torque_rows)
@@ -336,12 +332,12 @@ class Problem:
         if unsure.size:
             unsure = np.stack([m.bridge.across(column) * m.counts for column in unsure.T], axis=1)
         if not guide.size:
-            return Noise(first, np.ones(1), level).doubting(unsure)
+            return Noise(first, np.ones(1), level).with_inflated_prior(unsure)
         stride = m.load_stride
         least = LEAST_GUIDE_NOISE * m.torque_rms * self.axis.ratio
         weight, rate_hz = m.load_weight[::stride], m.rate_hz / stride
         second, other = whitener(guide, weight, rate_hz, self.memory, teeth=teeth, least=least)
-        return Noise(first, second, level, other).doubting(unsure)
+        return Noise(first, second, level, other).with_inflated_prior(unsure)
 
     def measuring(self, measurement: Measurement) -> Problem:
         """The same of other rows, or of another torque, along the same motion."""
@@ -359,7 +355,7 @@ class Problem:
         Ahead of gears, whose encoder sees how far friction gives way before it slides, and while no teeth leave each
         other, which they do first at rest.
         """
-        rests = bool(self.axis.stages) and not self.hits(fit.terms)
+        rests = bool(self.axis.stages) and not self.has_contact_loss(fit.terms)
         return self.measuring(replace(self.measurement, rests=rests))
 
     def told(self, terms: Sequence[Term], values: Mapping[str, float]) -> Problem:
@@ -370,7 +366,7 @@ class Problem:
         are there show in the same rows.
         """
         other = self.with_all_told()
-        if not self.axis.stages or self.hits(terms):
+        if not self.axis.stages or self.has_contact_loss(terms):
             return other
         parameters = self.parameters(terms)
         values = {p.name: values.get(p.name, p.start) for p in parameters}
@@ -392,7 +388,7 @@ class Problem:
         other.memory = memory
         return other
 
-    def doubting(self, times: Mapping[str, float]) -> Problem:
+    def with_inflated_prior(self, times: Mapping[str, float]) -> Problem:
         """The same with numbers of the description known so many times less well."""
         other = copy(self)
         other.doubts = {**self.doubts, **{name: self.doubts.get(name, 1.0) * more for name, more in times.items()}}

@@ -15,17 +15,9 @@ from sim.discrepancy.hypotheses.nonparametric import OVER_SPEED, apart
 from sim.discrepancy.model.nominal import MOTOR_RELEASE, MOTOR_STRETCH, has_links
 
 MOTION_BAND_HZ = 40.0
-
-
 FAR_BENT = 2.5  # standard deviations of what is known of a number
-
-
 TOLD = 0.5  # weight of a row that counts
-
-
 AT_REST = 1.3  # times the mean square in motion: what is more is not the noise of rows whose friction is known
-
-
 LEAST_STRETCH_RAD = 1.5e-4  # a micrometre and a half on a centimetre, three steps of an encoder of 17 bits
 
 
@@ -33,7 +25,7 @@ def calibrate(problem: Problem) -> tuple[Problem, Fit]:
     """Fit what the description has, whitened by what the description itself leaves, then by what the fit leaves."""
     described = problem.fit(iterations=0)
     problem = problem.with_noise(problem.noise_of(described)).told((), described.values)
-    return afresh(*rewhiten(problem, problem.fit(held=described.sensitivities)))
+    return multistart(*rewhiten(problem, problem.fit(held=described.sensitivities)))
 
 
 def quieted(problem: Problem, fit: Fit, law: DriveLaw) -> tuple[Problem, Fit]:
@@ -42,38 +34,38 @@ def quieted(problem: Problem, fit: Fit, law: DriveLaw) -> tuple[Problem, Fit]:
     known = told(law, m, problem.raw_residuals(fit.terms, fit.values, weighted=False)[0])
     if known is None:
         return problem, fit
-    return afresh(*rewhiten(*rewhiten(problem.measuring(quiet(m, known)), fit)))
+    return multistart(*rewhiten(*rewhiten(problem.measuring(quiet(m, known)), fit)))
 
 
 def rewhiten(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Take the noise from the residual of `fit`, fit again."""
-    anew = problem.learned(fit).told(fit.terms, fit.values)
+    anew = problem.with_reestimated_noise(fit).told(fit.terms, fit.values)
     same = (anew.measurement.told == problem.measurement.told).all()  # one may be a single 1 for all rows
     held = fit.sensitivities if same else {}  # those of rows that did not count are not known
     return anew, anew.fit(fit.terms, fit.values, held=held, to_end=True)
 
 
-def afresh(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
+def multistart(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Where a fit bends what is described, one from there and its noise, if it bends less and is likelier.
 
     Numbers that stood for a mechanism before it came in make noise of what they get wrong, and that keeps them there.
     Begins at the description; then with those alone put back that are bent far: one number that the description has
     wrong is found, and others need not stand for it on the way.
     """
-    if fit.strain <= BENT:
+    if fit.prior_penalty <= BENT:
         return problem, fit
     near = {p.name: fit.values[p.name] for p in fit.parameters if p.deviation(fit.values) < FAR_BENT}
     for start in (fit.own, near):
         anew, more = rewhiten(problem, problem.fit(fit.terms, start, iterations=0))
         anew, more = rewhiten(anew, more)
-        if more.strain < fit.strain and anew.unlikelihood(more) < problem.unlikelihood(fit):
+        if more.prior_penalty < fit.prior_penalty and anew.neg2_log_posterior(more) < problem.neg2_log_posterior(fit):
             return anew, more
     return problem, fit
 
 
 def all_rows(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """With those in which teeth rattle, where play and dents show."""
-    problem = problem.with_all_told().learned(fit)
+    problem = problem.with_all_told().with_reestimated_noise(fit)
     return problem, problem.fit(fit.terms, fit.values, to_end=True)
 
 
@@ -111,7 +103,7 @@ def _left_at_rest(problem: Problem, fit: Fit) -> float:
     return float(at_rest.mean() / in_motion.mean()) if at_rest.size and in_motion.size else 1.0
 
 
-def polish(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
+def final_fit(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Last fit, whose numbers of friction share nothing with curves over the speed.
 
     With gears, of curves without what friction is. Of one stiff body by plain least squares in the band of its motion,

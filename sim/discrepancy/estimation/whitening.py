@@ -13,23 +13,11 @@ from scipy.signal import oaconvolve
 from sim.discrepancy.estimation.estimate import Array
 
 Spectrum = NDArray[np.complex128]
-
-
 SMOOTH_BINS = 4  # half of the running median over a noise spectrum, and at most this many hertz
-
-
 WITH_TEETH, WITHOUT = 0.25, 0.5  # quantile over blocks that is noise: without teeth little else comes and goes
-
-
 FEWEST_BLOCKS = 16  # for the quartile of a spectrum
-
-
 MODE_BAND = 0.2  # around the load's own frequency
-
-
 MODE_NOISE = 3.0  # power of the noise there over its floor, where no encoder sees the load
-
-
 LITTLE = 1e-3  # by which a way may count less and be left as it is
 
 
@@ -85,7 +73,7 @@ class Noise:
             2.0 * rows * (float(np.mean(np.log(level))) - math.log(abs(taps[0]))) for taps, level, rows in loud if rows
         )
 
-    def doubting(self, unsure: Array) -> Noise:
+    def with_inflated_prior(self, unsure: Array) -> Noise:
         """The same where the torque may also be wrong as a whole by each column of `unsure`, shape (rows, p) [N m]."""
         if not unsure.size:
             return self

@@ -35,17 +35,9 @@ from sim.discrepancy.model.parameters import Parameter, Values
 from sim.torsional.model import Chain, Dent, with_link
 
 FEWEST_TEETH = 8.0  # of a pinion
-
-
 LOSS_SIDES = ((0.0, 0.5), (1.0, 0.0), (1.0, 0.5), (1.0, 1.0))  # tried first: a load encoder sees only what is behind
-
-
 MOTOR = "motor"
-
-
 WIDEST_GAP = 6.0  # over the working twist, where play is looked for
-
-
 OF_TEETH = 0.5  # of the torque that erring teeth make: as much at their own order may be the error of their form
 
 

@@ -9,8 +9,6 @@ from sim.discrepancy.hypotheses.hypothesis import Report
 from sim.discrepancy.model.parameters import Parameter, Values
 
 ENCODER_ERROR = ("load_encoder.error_sine_rad", "load_encoder.error_cosine_rad")
-
-
 AS_NEW_FACTOR = 3.0  # more than this above as new is a finding
 
 

@@ -22,32 +22,14 @@ from sim.discrepancy.model.parameters import Parameter, Values
 from sim.torsional.model import Array, Chain, with_link
 
 OVER_SPEED, OVER_ANGLE = "friction_over_speed", "friction_over_angle"
-
-
 Rows = NDArray[np.bool_]
-
-
 CURVES = (OVER_SPEED, OVER_ANGLE)
-
-
 FIXED = "fixed_frequency"
-
-
 AS_NEW = "torque_over_angle"  # as new, as errors of teeth are: it enters a model, and is not spoken of
-
-
 KNOTS = 8  # of the friction curve, per direction
-
-
 ORDERS = (1, 2, 3)  # of friction over the angle of the load
-
-
 EVEN = "even."  # in the names of a curve that is the same in both directions
-
-
 TWICE_OVER_ONCE = 0.5  # of a gear as new: its error per half a tooth over that per tooth
-
-
 TURN_SHARE = 0.02  # of the largest speed: there friction turns its sign
 
 

@@ -19,8 +19,6 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.model.parameters import Parameter, Values
 
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
-
-
 HUM_SHARE = 0.003  # of the torque: less hum does not matter
 
 

@@ -108,12 +108,12 @@ class Observer:
     def predict(self, chain: Chain, nuisance: Nuisance) -> Prediction:
         """Simulate `chain` along the measured motion."""
         m = self.measurement
-        model, motion = pack(chain), self._motion if self.hits else self._slow_motion
+        model, motion = pack(chain), self._motion if self.has_contact_loss else self._slow_motion
         motor = self._motor(model, motion, nuisance) + chain.shafts[0].inertia_kg_m2 * m.slow_acceleration
         guide, angle = np.zeros(m.samples), motion[0]
         if chain.links:
-            out = self._links(chain, model, nuisance, slow=not self.hits)
-            fast = self._shaken(model, nuisance) if self.hits else np.zeros((2, 1))
+            out = self._links(chain, model, nuisance, slow=not self.has_contact_loss)
+            fast = self._shaken(model, nuisance) if self.has_contact_loss else np.zeros((2, 1))
             motor += out[0] - fast[0]
             guide, angle = (out[2] - fast[1]) * self._even(model), out[1]
         if nuisance.torque_delay_s:
@@ -129,7 +129,7 @@ class Observer:
     def _motor(self, model: Packed, motion: Array, nuisance: Nuisance) -> Array:
         """Torque of what acts on the motor's own shaft, without its inertia."""
         width, stretch = nuisance.friction_width[0] * self._top, nuisance.stretch_rad[0]
-        setting = np.array([width, stretch, self.hits])
+        setting = np.array([width, stretch, self.has_contact_loss])
         key = b"motor".join(part.tobytes() for part in (setting, model[0][0, 1:], model[8]))
 
         def simulated() -> Array:
@@ -166,7 +166,7 @@ class Observer:
 
     def learn_noise(self, chain: Chain, nuisance: Nuisance, *, hits: bool = False) -> None:
         """Keep what the fast part of both encoders' signals, which is noise, makes of this chain."""
-        self.hits = hits
+        self.has_contact_loss = hits
         self.noise_inertia = chain.shafts[0].inertia_kg_m2
         self._noise = None
         if chain.links:

@@ -13,7 +13,7 @@ from sim.discrepancy.next_measurement.discrimination import SEPARATES, told_by
 from sim.discrepancy.next_measurement.plans import REPEAT
 from sim.discrepancy.report.formatting import named, number, words_of
 from sim.discrepancy.report.maintenance_actions import SURE
-from sim.discrepancy.results import Told
+from sim.discrepancy.results import MeasurementUtility
 from sim.discrepancy.search.comparison import Model
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ MOST_RIVALS = 2  # at once: the closest
 LARGEST = 100.0  # times as clear: beyond, nobody counts
 
 
-def simulated_advice(selection: Selection, findings: Sequence[Finding]) -> tuple[Told, ...]:
+def simulated_advice(selection: Selection, findings: Sequence[Finding]) -> tuple[MeasurementUtility, ...]:
     """What each measurement would tell of what is least sure, the best first; empty where nothing is open."""
     told = dict(zip((t.key for t in selection.found), findings, strict=False))
     for term in sorted(selection.found, key=lambda t: told[t.key].probability):
@@ -62,7 +62,7 @@ def _rivals(selection: Selection, term: Term, finding: Finding) -> dict[str, Mod
     return {NOTHING: Model.of(without)} if without else {}
 
 
-def in_words(told: Sequence[Told]) -> str:
+def in_words(told: Sequence[MeasurementUtility]) -> str:
     """The best measurement and what it would show; empty where none tells the two causes apart."""
     if not told or told[0].separation < SEPARATES:
         return ""
@@ -84,7 +84,7 @@ def _with(name: str) -> str:
     return "without it" if name == NOTHING else f"with {name}"
 
 
-def _clearer(best: Told) -> str:
+def _clearer(best: MeasurementUtility) -> str:
     """How much more it tells than a repeat."""
     if best.text.startswith(f"{REPEAT.text}, for"):
         return "The same motion is enough: more of it tells them apart."

@@ -27,40 +27,26 @@ from sim.discrepancy.model.nominal import compliance, has_links, locked_mode_hz,
 from sim.discrepancy.model.observer import delayed
 from sim.discrepancy.next_measurement.plans import PLANS, REPEAT, Plan, Present
 from sim.discrepancy.parallel import each
-from sim.discrepancy.results import Difference, Told, digits
+from sim.discrepancy.results import Difference, MeasurementUtility, digits
 from sim.discrepancy.search.comparison import Model
 from sim.errors import RunError, SimulationError
 from sim.torsional.integrate import run_chain
 from sim.torsional.model import Array, Chain, Servo, Shaft, with_link, with_shaft
 
 SEPARATES = 20.0  # squares that a rival must leave beyond the truth: what any mechanism must take away to be named
-
-
 ENOUGH = 10.0 * SEPARATES
-
-
 STEPS = 2  # of a fit
-
-
 OF_THE_RECORD = ("load_offset_rad", "start_rad", "hum.", "electrical_hum")  # how their names begin
-
-
 FINER = 4  # times the rate of the recording, at which the servo works
-
-
 STIFF_RAD_S, LEAST_RAD_S, UNLIMITED = 300.0, 60.0, 1e9
-
-
 ENCODER_RAD = 2.0 * math.pi / 2**20 / math.sqrt(12.0)  # noise of an encoder of 20 bits, as one would add
-
-
 BINS = (0.0, 0.1, 0.3, 0.6, 1.0)  # of the top speed, by which it is said where two predictions differ
-
-
 ONE_WAY = 0.5  # mean over root mean square, from which a difference has a sign
 
 
-def told_by(problem: Problem, fit: Fit, model: Model, rivals: Mapping[str, Model], name: str) -> tuple[Told, ...]:
+def told_by(
+    problem: Problem, fit: Fit, model: Model, rivals: Mapping[str, Model], name: str
+) -> tuple[MeasurementUtility, ...]:
     """Of every measurement that can be simulated what it would tell of a model, by its name, and the rivals by theirs.
 
     The most for its effort first. `fit`: the present one, whose noise is taken for that of the next measurement.
@@ -78,7 +64,7 @@ def told_by(problem: Problem, fit: Fit, model: Model, rivals: Mapping[str, Model
         for rival, (separation, difference) in told.items():
             repeat = again[rival][0] if rival in again else 0.0
             text = plan.says(present, angle)
-            out.append(Told(text, (name, rival), separation, repeat, plan.effort, worth, difference))
+            out.append(MeasurementUtility(text, (name, rival), separation, repeat, plan.effort, worth, difference))
     return tuple(sorted(out, key=lambda t: (-digits(t.worth), -digits(t.separation), t.text, t.between)))
 
 
@@ -119,7 +105,7 @@ class _Simulated:
         true, self.plan = _with_payload(plan, true), plan
         m = simulated(problem, true, angle, guided=problem.guided or plan.load_encoder)
         self.problem = Problem(axis, m, noise, problem.memory)
-        chain, hits = self.problem.chain(true.terms, true.values), self.problem.hits(true.terms)
+        chain, hits = self.problem.chain(true.terms, true.values), self.problem.has_contact_loss(true.terms)
         self.problem.observer.learn_noise(chain, nuisance_of(true.values), hits=hits)
         self.own = self.problem.fit(true.terms, anew(true), STEPS)
 

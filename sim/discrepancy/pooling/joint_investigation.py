@@ -44,7 +44,7 @@ from sim.discrepancy.pooling.recording_evidence import OWN, Weighed, called, fou
 from sim.discrepancy.report.formatting import named as in_full
 from sim.discrepancy.report.maintenance_actions import SURE
 from sim.discrepancy.report.wording import explain, next_measurement
-from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, Told, Unexplained
+from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, MeasurementUtility, Unexplained
 from sim.errors import SimulationError
 
 Done = TypeVar("Done")
@@ -170,7 +170,7 @@ def open_to(
     results: Sequence[Investigation],
     findings: Sequence[Finding],
     named: Mapping[Name, Weighed],
-) -> tuple[Told, ...]:
+) -> tuple[MeasurementUtility, ...]:
     """What measurements would tell of the said name that is least sure by all recordings; empty where none is open.
 
     As the recording predicts it, from its own motion, in whose place that tells most for its effort; of rivals that the

@@ -46,7 +46,7 @@ class Name:
 
 
 @dataclass(frozen=True)
-class Saying:
+class LogOdds:
     """What one recording says of a name.
 
     `exists`: log odds that it adds to the prior; 0 says nothing. `against`: log odds of the name against each rival.
@@ -77,7 +77,7 @@ def silent(drop: float, temperature: float) -> float:
     return max(-LARGEST, min(FAVOUR, 0.5 * temperature * drop))
 
 
-def existence(sayings: Iterable[Saying]) -> float:
+def existence(sayings: Iterable[LogOdds]) -> float:
     """Log odds that the effect is there, whatever its name.
 
     All that speaks against it together counts no more than `LARGEST`: that the axis has changed between recordings is
@@ -87,7 +87,7 @@ def existence(sayings: Iterable[Saying]) -> float:
     return PRIOR + sum(x for x in said if x > 0.0) + max(-LARGEST, sum(x for x in said if x < 0.0))
 
 
-def against(sayings: Iterable[Saying]) -> dict[Name, float]:
+def against(sayings: Iterable[LogOdds]) -> dict[Name, float]:
     """Log odds of the name against each rival that any recording weighed."""
     out: dict[Name, float] = {}
     for saying in sayings:

@@ -23,11 +23,11 @@ from sim.discrepancy.assessment.residual_structure import look
 from sim.discrepancy.assessment.verdict import left
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
-from sim.discrepancy.estimation.refit import BENT, all_rows, polish
+from sim.discrepancy.estimation.refit import BENT, all_rows, final_fit
 from sim.discrepancy.extended_axis import SIMPLE, extended_by
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.nonparametric import AS_NEW
-from sim.discrepancy.pooling.log_odds import Known, Name, Saying, pooled
+from sim.discrepancy.pooling.log_odds import Known, LogOdds, Name, pooled
 from sim.discrepancy.pooling.recording_evidence import OWN, found_at, instead, said_by, term_name
 from sim.discrepancy.results import Estimate, Finding, Gain, Investigation, Unexplained
 
@@ -90,8 +90,8 @@ def under_one_model(
         return Part(taken, result, selection.problem, selection.fit, result.unexplained, result.gain)
     base = problem.fit((), weighed.base.values, held=weighed.base.sensitivities if problem is weighed.problem else {})
     rest = left(look(problem, anew), anew) if lacking else [result.unexplained] if result.unexplained else []
-    _, base = polish(problem, base)
-    problem, fit = polish(problem, anew)
+    _, base = final_fit(problem, base)
+    problem, fit = final_fit(problem, anew)
     terms = tuple(t for t in fit.terms if t.named and term_name(t, fit.values) in said)
     return Part(taken, result, problem, fit, rest[0] if rest else None, gains(problem, base, fit, terms))
 
@@ -104,10 +104,10 @@ def _curve(term: Term) -> tuple[str, ...]:
 def from_the_least_bent(parts: Sequence[Part]) -> list[Part]:
     """Fits that start once more from the numbers of the recording that bends the description least, where those are
     better: with gears the way to the least squares is rough, and one recording may be caught where another is not."""
-    least = min(parts, key=lambda part: part.fit.strain)
+    least = min(parts, key=lambda part: part.fit.prior_penalty)
     theirs = {p.name for t in least.fit.terms if t.mechanism not in OWN for p in t.parameters}
     axis = {name: value for name, value in least.fit.values.items() if name.startswith(OF_THE_AXIS) or name in theirs}
-    return [part if part is least or not part.fit.strain > BENT else _restarted(part, axis) for part in parts]
+    return [part if part is least or not part.fit.prior_penalty > BENT else _restarted(part, axis) for part in parts]
 
 
 def _restarted(part: Part, numbers: Mapping[str, float]) -> Part:
@@ -116,7 +116,7 @@ def _restarted(part: Part, numbers: Mapping[str, float]) -> Part:
     return replace(part, fit=anew) if anew and anew.cost < part.fit.cost else part
 
 
-def sizes(parts: Sequence[Part], name: Name, sayings: Sequence[Saying]) -> dict[str, tuple[Estimate, ...]]:
+def sizes(parts: Sequence[Part], name: Name, sayings: Sequence[LogOdds]) -> dict[str, tuple[Estimate, ...]]:
     """Numbers of a mechanism by recording, of those that show it or take it gladly."""
     out = {}
     for part, saying in zip(parts, sayings, strict=True):

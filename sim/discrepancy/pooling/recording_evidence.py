@@ -15,10 +15,10 @@ from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import all_rows
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.pooling.log_odds import PRIOR, Name, Saying, against, existence, logit, probability, silent
+from sim.discrepancy.pooling.log_odds import PRIOR, LogOdds, Name, against, existence, logit, probability, silent
 from sim.discrepancy.results import SAID, Finding, Investigation
 from sim.discrepancy.search.blocked_cross_validation import advantage, paired
-from sim.discrepancy.search.comparison import Model, Standing, in_place, named_alone, own_of
+from sim.discrepancy.search.comparison import Model, ModelComparison, in_place, named_alone, own_of
 from sim.discrepancy.search.criterion import TEMPERATURE
 
 OWN = ("torque_offset", "time_delay", "electrical_hum", "clipping", "lost_samples")  # of a recording, not of the axis
@@ -46,7 +46,7 @@ def shows(result: Investigation, name: Name) -> bool:
     return finding is not None and finding.probability >= SAID
 
 
-def _standings(result: Investigation) -> dict[Name, Standing]:
+def _standings(result: Investigation) -> dict[Name, ModelComparison]:
     """Of the names that telemetry gave."""
     selection = result.weighed
     if selection is None:
@@ -72,7 +72,7 @@ class Weighed:
     probability: float
     indistinguishable_from: tuple[str, ...]
     elsewhere: tuple[str, ...]
-    sayings: tuple[Saying, ...]
+    sayings: tuple[LogOdds, ...]
 
 
 def weighed(results: Sequence[Investigation]) -> dict[Name, Weighed]:
@@ -100,27 +100,27 @@ def weighed(results: Sequence[Investigation]) -> dict[Name, Weighed]:
     return out
 
 
-def _saying(result: Investigation, name: Name, results: Sequence[Investigation]) -> Saying:
+def _saying(result: Investigation, name: Name, results: Sequence[Investigation]) -> LogOdds:
     """What a recording says of `name`."""
     finding = said_by(result, name)
     standings = _standings(result)
     values = {} if result.weighed is None else result.weighed.fit.values
     if finding is not None:
         if finding.evidence is None or name not in standings:  # by sound
-            return Saying(logit(finding.probability) - PRIOR)
+            return LogOdds(logit(finding.probability) - PRIOR)
         beaten = _beaten(standings[name], values)
-        return Saying(exists_in(finding.evidence) - PRIOR, beaten | _not_tried(result, name, results, beaten))
+        return LogOdds(exists_in(finding.evidence) - PRIOR, beaten | _not_tried(result, name, results, beaten))
     for other, standing in standings.items():
         beaten = _beaten(standing, values)
         given = said_by(result, other)
         if name in beaten and given is not None and given.evidence is not None:
-            return Saying(exists_in(given.evidence) - PRIOR, {other: -beaten[name]})
+            return LogOdds(exists_in(given.evidence) - PRIOR, {other: -beaten[name]})
     if name.mechanism in OWN:  # another recording knows nothing of it
-        return Saying(0.0)
+        return LogOdds(0.0)
     found = found_at(results, name)
     if found is None:  # heard only
-        return Saying(math.log(SILENT) if result.provenance["sound_sha256"] else 0.0)
-    return Saying(_asked(result, *found))
+        return LogOdds(math.log(SILENT) if result.provenance["sound_sha256"] else 0.0)
+    return LogOdds(_asked(result, *found))
 
 
 def _not_tried(
@@ -158,7 +158,7 @@ def instead(result: Investigation, wrong: Iterable[Name]) -> set[Name]:
     return {rival for name in wrong if name in standings for rival in _beaten(standings[name], values)}
 
 
-def _beaten(standing: Standing, values: Mapping[str, float]) -> dict[Name, float]:
+def _beaten(standing: ModelComparison, values: Mapping[str, float]) -> dict[Name, float]:
     """Log odds of a name against each of its rivals."""
     return {
         term_name(r, {p.name: p.start for p in r.parameters} | dict(values)): log_odds(t, WEIGHTS.overdispersion)

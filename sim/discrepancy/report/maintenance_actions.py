@@ -72,8 +72,6 @@ MEASUREMENTS: Mapping[str, str] = {
     "clipping": "Repeat the same motion with a wider range or half the acceleration: what happens at the largest torque was not measured.",
     "lost_samples": "Repeat the same motion without gaps: what happens in the lost rows was not measured.",
 }  # fmt: skip
-
-
 OTHERWISE = (
     "Look at what is described here, and change no parts on it alone.",
     "Repeat the same motion at half the speed and in both directions: what stays the same does not come from the motion.",

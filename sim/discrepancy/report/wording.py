@@ -46,8 +46,6 @@ SENTENCES: Mapping[str, str] = {
     "structural_resonance": "Part of the load, {share:.0%} of its inertia, swings by itself at {frequency_hz:.3g} Hz: an arm, a tool or the stand is soft or loose.",
     "electrical_hum": "A hum of {frequency_hz:g} Hz from the mains is on the torque channel.",
 }  # fmt: skip
-
-
 KINDS = {
     "frequency": "A fixed frequency",
     "speed": "Friction that changes with the speed",

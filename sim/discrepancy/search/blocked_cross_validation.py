@@ -10,11 +10,7 @@ from sim.discrepancy.estimation.estimate import Fit, Refits
 from sim.torsional.model import Array
 
 BLOCKS = 15
-
-
 KEPT = 0.05  # less than one block
-
-
 LARGEST_T = 12.0
 
 
@@ -26,7 +22,7 @@ def advantage(less: Fit, more: Fit) -> Array:
     """
     drop = held_out_squares(less) - held_out_squares(more)
     rest = np.delete(drop, largest(drop))
-    return np.asarray(rest + (less.strain - more.strain) / BLOCKS)
+    return np.asarray(rest + (less.prior_penalty - more.prior_penalty) / BLOCKS)
 
 
 def gain_elsewhere(less: Fit, more: Fit) -> float:

@@ -32,7 +32,7 @@ class Model:
 
 
 @dataclass(frozen=True)
-class Standing:
+class ModelComparison:
     """A named term against the rest.
 
     `gain`: whitened squares that it takes away; `share`: of those that remain; `shared`: of its gain, what the terms
@@ -47,7 +47,7 @@ class Standing:
     model: Model
     instead: tuple[Model, ...]
 
-    def against(self, other: Term, t: float, model: Model) -> Standing:
+    def against(self, other: Term, t: float, model: Model) -> ModelComparison:
         """The same where `other` is `t` standard errors behind, with the model in which it stands in its place."""
         rest = [(r, m) for r, m in zip(self.rivals, self.instead, strict=True) if r[0].key != other.key]
         rivals, instead = zip(*rest, ((other, t), model), strict=True)
@@ -60,7 +60,7 @@ def standings(
     found: Sequence[Term],
     gains: Mapping[str, float],
     rivals: Mapping[str, Sequence[tuple[Term, Mapping[str, float]]]],
-) -> dict[str, Standing]:
+) -> dict[str, ModelComparison]:
     """How each of the terms `found` in `fit` stands; `rivals`: terms and numbers that were tried when it came in."""
     plain = named_alone(problem, fit)
     model = Model.of(plain)
@@ -83,7 +83,7 @@ def standings(
         against = tuple((other, paired(advantage(f, plain))) for other, f in fits)
         models = tuple(Model.of(f) for _, f in fits)
         share = gains[term.key] / fit.misfit
-        out[term.key] = Standing(gains[term.key], share, shared, against, model, models)
+        out[term.key] = ModelComparison(gains[term.key], share, shared, against, model, models)
     return out
 
 

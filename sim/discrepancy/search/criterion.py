@@ -93,7 +93,7 @@ def matters(term: Term, gain: float, fit: Fit) -> bool:
     Laws of a spring bend to whatever is missing, and so does the description beside them: where it is bent by as much,
     something else is. An offset is a number of the description itself, and where all are bent, so is it.
     """
-    if gain < OF_STRAIN.get(term.mechanism, 0.0) * (fit.strain - len(fit.parameters)):
+    if gain < OF_STRAIN.get(term.mechanism, 0.0) * (fit.prior_penalty - len(fit.parameters)):
         return False
     return gain >= max(form_gain(term, fit), least_gain(term) * max(1.0, fit.misfit / fit.residual.size))
 
@@ -104,12 +104,12 @@ def form_gain(term: Term, fit: Fit) -> float:
     return share * max(fit.misfit, QUIET * fit.residual.size) * least_gain(term) / LEAST_GAIN
 
 
-def bends(term: Term, less: Fit, more: Fit, gain: float) -> bool:
+def shifts_prior(term: Term, less: Fit, more: Fit, gain: float) -> bool:
     """Whether a term bends the description further, for what it gains: a cause that was missing lets it go back.
 
     Friction that was left out brings numbers of its own, which are known beforehand only roughly.
     """
-    return term.mechanism not in LEFT_OUT and gain < BENDING * (more.strain - less.strain)
+    return term.mechanism not in LEFT_OUT and gain < BENDING * (more.prior_penalty - less.prior_penalty)
 
 
 def wanted(term: Term, far: float) -> bool:
@@ -121,7 +121,7 @@ def wanted(term: Term, far: float) -> bool:
     return far > BEYOND or (far > -math.inf and always)
 
 
-def is_form(term: Term, gain: float, entered: Mapping[str, float]) -> bool:
+def is_model_error(term: Term, gain: float, entered: Mapping[str, float]) -> bool:
     """Whether a mechanism explains so little beside another that it is the error of the other's form.
 
     Two laws of a spring (gap, bend, loop, dent) or of friction leave each other's errors of form behind. `entered`:
@@ -169,7 +169,7 @@ def holds(term: Term, less: Fit, more: Fit) -> bool:
         return even
     kept = float(np.maximum(drop, -LARGEST_LOSS * np.median(np.abs(drop))).sum())
     fitted = gain_elsewhere(less, more)
-    relief = drop.size / BLOCKS * (less.strain - more.strain)
+    relief = drop.size / BLOCKS * (less.prior_penalty - more.prior_penalty)
     if term.mechanism not in LIKE_AN_OFFSET + LEFT_OUT and kept - relief < -AGAINST * fitted:
         return False
     least = 0.0 if term.mechanism in LEFT_OUT else least_gain(term)

@@ -12,7 +12,7 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import rewhiten
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.search.blocked_cross_validation import advantage, paired
-from sim.discrepancy.search.comparison import Model, Standing, in_place, named_alone, own_of
+from sim.discrepancy.search.comparison import Model, ModelComparison, in_place, named_alone, own_of
 from sim.discrepancy.search.criterion import BEYOND
 from sim.discrepancy.search.proposals import Rival
 
@@ -75,7 +75,9 @@ def turned(problem: Problem, fit: Fit, nearly: Nearly) -> tuple[Problem, Fit, Ne
     return problem, fit, nearly
 
 
-def evened(problem: Problem, fit: Fit, term: Term, standing: Standing, nearly: Sequence[Rival]) -> Standing:
+def under_both_noises(
+    problem: Problem, fit: Fit, term: Term, standing: ModelComparison, nearly: Sequence[Rival]
+) -> ModelComparison:
     """The standing also against what explained nearly as much when `term` came in, under the noise of either."""
     plain = named_alone(problem, fit)
     for rival in nearly:

@@ -28,7 +28,7 @@ def doubted(term: Term, gain: float, problem: Problem, less: Fit, more: Fit) -> 
     wrong = {name: times for name, times in far.items() if times > FAR_BENT}
     if not wrong:
         return None
-    other = problem.doubting(wrong)
+    other = problem.with_inflated_prior(wrong)
     rival = other.fit(less.terms, less.values, held=less.sensitivities, to_end=True)
     price = sum(2.0 * math.log(times * len(described)) for times in wrong.values())
     return (other, rival) if rival.cost + price - more.cost < least_gain(term) else None

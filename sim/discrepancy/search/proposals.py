@@ -35,58 +35,24 @@ from sim.discrepancy.search.tooth_scan import Place, scan
 from sim.torsional.model import Array
 
 MOST_TRIES, FEW_TRIES = 7, 3  # starts of candidates that are fitted in one round; where time is short
-
-
 DEPTHS = (0.03, 0.1, 0.3)  # of the working twist, where a dent is looked for
-
-
 SHIFTS = np.linspace(-1.0, 1.0, 11)  # pitches around the place that the scan proposes
-
-
 CLOSE = 2  # best candidates of which those that are far from linear are refitted in full
-
-
 LEFT = 0.1  # depth of a dent over the working twist
-
-
 OTHER_DENTS = ((2.0, 0.5), (0.7, 1.3))  # times as deep and as wide: where its bottom is left, a fit may begin there
-
-
 BOTTOMS = (  # times as deep, as wide, and the form
     (0.7, 0.95, 3.0), (0.85, 0.95, 3.0), (1.0, 1.2, 2.0), (1.3, 1.2, 2.0), (1.6, 1.2, 2.0), (2.0, 1.2, 2.0),
 )  # fmt: skip
-
-
 DEEPER = 1.15  # times as deep: a step of the way to the depth of a dent whose bottom is left
-
-
 GROWTH = 5.0  # standard deviations by which a size may grow while its fit is finished: of 45 at -3 or less none did
-
-
 FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
-
-
 GAPS = 40  # tried where all else is as described
-
-
 HUBER = 3.0
-
-
 LINEAR, FAR_FROM_LINEAR = 0.1, 0.03  # of the best promise: less is no rival
-
-
 HOPE = 0.5  # of what the form of a model may gain: of 15 parts that swing none gained over twice what was promised
-
-
 FAINT, FAINT_TRIES = 8.0, 4  # squares from which what noise may hide is looked at, and how many of them
-
-
 LIKE_NEW = 0.5  # of the size that matters: what the linear picture makes less of is as new
-
-
 NOISE_LIKE = ("structural_resonance", "stribeck_friction")  # by what shakes the load, and by what is left at low speed
-
-
 UNSURE = 0.5  # of what must be gained: by friction that was left out, and beside an offset by an asymmetry
 
 
@@ -142,7 +108,7 @@ def try_terms(
             begun[term.key] = begun.get(term.key, 0) + 1
             jobs.append((term, start))
     loosening = [] if fit.terms else [t for t in candidates if t.mechanism == "backlash"]
-    if dented and not fit.terms and fit.strain > BENT:
+    if dented and not fit.terms and fit.prior_penalty > BENT:
         loosening += damage_terms(problem, (), problem.numbers())
     loose = [job for t in loosening for job in as_described(problem, t)]
     refits = each(lambda job: _tried(fit, job[0], _refitted(problem, fit, *job)), jobs)
@@ -232,7 +198,7 @@ def settled(
     leave before its bottom may be deeper and narrower as well, or shallower and wider.
     """
     fit = problem.fit(terms, values, held=held, to_end=True)
-    starts: list[Start] = [(fit.own, {})] if fit.strain > BENT else []
+    starts: list[Start] = [(fit.own, {})] if fit.prior_penalty > BENT else []
     for term in terms:
         if term.mechanism == "tooth_damage":
             starts += [({**fit.own, **other}, {}) for other in _other_dents(term, fit.own)]
@@ -300,7 +266,7 @@ def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]
     if term.mechanism in LEFT_OUT:
         return problem.best(terms, [(values, {}), (fit.values, {})])
     starts: list[Start] = [(values, fit.sensitivities)]
-    if fit.strain > BENT:
+    if fit.prior_penalty > BENT:
         starts.append(({p.name: values[p.name] for t in terms for p in t.parameters if p.name in values}, {}))
     best = problem.best(terms, starts, to_end=False)
     if term.contact or (best and best.cost < fit.cost):

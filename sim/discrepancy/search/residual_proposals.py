@@ -25,44 +25,18 @@ from sim.discrepancy.hypotheses.sensors import HUM_HZ, hum
 from sim.torsional.model import Array
 
 LOWEST_HZ, HIGHEST_HZ = 2.0, 120.0  # above, teeth and their aliases
-
-
 MOTION = 5e-3  # of the largest power of the acceleration: below it the motion itself has ended
-
-
 BAND_HZ = 0.6
-
-
 FINER = 8  # spacing of the frequencies tried, over that of the record's own
-
-
 COHERENT = 0.5  # of a line's energy, that one sine of constant phase explains
-
-
 MAINS = 0.005  # by which the frequency of the mains may be off
-
-
 COMB = 0.3  # of a line's energy, in the neighbour that a repeated motion would give it
-
-
 COMB_REACH, LOUDER = 10, 4.0  # teeth to either side, and energy there over that between them: noise has 1, at most 3
-
-
 FAINT = 1.0 / 30.0
-
-
 REPEATS = 0.9  # autocorrelation of the speed
-
-
 SPEEDS, OFTEN = 40, 0.3  # bins of the speed, and share of the time at one of them that makes lines of orders
-
-
 ELSEWHERE = 0.35  # of the size of a line, at other speeds: a real one has 0.7 and more, one of unknown teeth 0 to 0.1
-
-
 LEAST_LEVEL = 0.5  # of white noise under the residual: one that is far below its noise has no line in it
-
-
 LINE_EXCESS = 14.0  # energy of a line over that of its neighbours: once in a hundred records of noise
 
 

@@ -11,29 +11,29 @@ from sim.discrepancy.data.controller_law import DriveLaw
 from sim.discrepancy.data.preprocessing import NEAR_STANDSTILL_SHARE, STANDSTILL_SHARE
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import BY_CONTACT, Problem
-from sim.discrepancy.estimation.refit import afresh, all_rows, look_closely, quieted, rattling, rewhiten
+from sim.discrepancy.estimation.refit import all_rows, look_closely, multistart, quieted, rattling, rewhiten
 from sim.discrepancy.estimation.whitening import LONG
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.nonparametric import AS_NEW
 from sim.discrepancy.parallel import each
 from sim.discrepancy.search.blocked_cross_validation import advantage, paired
-from sim.discrepancy.search.comparison import Standing, in_place, named_alone, own_of, standings
+from sim.discrepancy.search.comparison import ModelComparison, in_place, named_alone, own_of, standings
 from sim.discrepancy.search.criterion import (
     BEYOND,
     CONSTANT,
     LEFT_OUT,
     LIKE_AN_OFFSET,
-    bends,
     evidence,
     holds,
-    is_form,
+    is_model_error,
     least_gain,
     matters,
     needs_no_trial,
+    shifts_prior,
     wanted,
 )
 from sim.discrepancy.search.effect_size import beyond
-from sim.discrepancy.search.noise_swap import Nearly, ahead, evened, near, turned
+from sim.discrepancy.search.noise_swap import Nearly, ahead, near, turned, under_both_noises
 from sim.discrepancy.search.nominal_error import doubted
 from sim.discrepancy.search.proposals import (
     FAR_MOVED,
@@ -85,7 +85,7 @@ class Selection:
     rivals: Mapping[str, tuple[Rival, ...]]
     rejected: tuple[Rival, ...]
     found: tuple[Term, ...]
-    standings: Mapping[str, Standing]
+    standings: Mapping[str, ModelComparison]
 
     @property
     def nameless(self) -> tuple[Term, ...]:
@@ -128,7 +128,7 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
             break
         problem, fit = entry.problem, entry.fit
         m = problem.measurement
-        if problem.hits(fit.terms) and (m.rests or m.standstill < STANDSTILL_SHARE):
+        if problem.has_contact_loss(fit.terms) and (m.rests or m.standstill < STANDSTILL_SHARE):
             problem, fit = rewhiten(problem.down_to(STANDSTILL_SHARE), fit)
         entered |= entry.brought
         nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
@@ -148,7 +148,7 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
         nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
         if not entry.new:
             break
-    nothing = not any(is_said(t, fit) for t in fit.terms) and not problem.hits(fit.terms)
+    nothing = not any(is_said(t, fit) for t in fit.terms) and not problem.has_contact_loss(fit.terms)
     if law is not None and nothing and problem.runs.count <= LAST_RUNS:
         progress("candidates without noise of the torque channel", 0.7)
         more_rivals, more_nearly, entry = quietly(problem, fit, law, entered)
@@ -158,7 +158,7 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
     in_place = {key: [(r.term, r.values) for r in likely(tried)] for key, tried in rivals.items()}
     found = tuple(t for t in fit.terms if t.named and is_said(t, fit))
     standing = standings(problem, fit, found, gains, in_place)
-    standing |= {t.key: evened(problem, fit, t, standing[t.key], nearly.get(t.key, [])) for t in found}
+    standing |= {t.key: under_both_noises(problem, fit, t, standing[t.key], nearly.get(t.key, [])) for t in found}
     return Selection(problem, base, fit, gains, rivals, rejected, found, standing)
 
 
@@ -198,7 +198,7 @@ def unmasked(problem: Problem, fit: Fit, entered: Mapping[str, float]) -> tuple[
 
     What each then gains is told of all of them. Where teeth hit none is looked for.
     """
-    if problem.hits(fit.terms) or problem.runs.count > LAST_RUNS or problem.memory != LONG:
+    if problem.has_contact_loss(fit.terms) or problem.runs.count > LAST_RUNS or problem.memory != LONG:
         return [], Entry((), problem, fit)
     stood = {t.key for t in fit.terms if t.named}
     finished = faint(problem, fit)
@@ -206,11 +206,11 @@ def unmasked(problem: Problem, fit: Fit, entered: Mapping[str, float]) -> tuple[
     for best in finished:
         if best.finished is None or best.beyond <= BEYOND:
             continue
-        anew, more = rewhiten(*afresh(*rewhiten(problem, best.finished)))
+        anew, more = rewhiten(*multistart(*rewhiten(problem, best.finished)))
         anew, more, gains = prune(anew, more, strict=True)
         gain = gains.get(best.term.key, 0.0)
         worth = evidence(best.term, gain, more.residual.size)
-        if stood <= gains.keys() and worth > SURE and not is_form(best.term, gain, entered):
+        if stood <= gains.keys() and worth > SURE and not is_model_error(best.term, gain, entered):
             return tried, Entry([replace(best, finished=None)], anew, more, gains)
     return tried, Entry((), problem, fit)
 
@@ -254,7 +254,7 @@ def likely(tried: Sequence[Rival]) -> list[Rival]:
 def asks_low_speed(problem: Problem, fit: Fit) -> bool:
     """Whether the rows near standstill may tell more: not yet asked, and no teeth leave each other there."""
     m = problem.measurement
-    there = problem.hits(fit.terms) or any(t.mechanism in AT_LOW_SPEED for t in fit.terms)
+    there = problem.has_contact_loss(fit.terms) or any(t.mechanism in AT_LOW_SPEED for t in fit.terms)
     return not (there or m.rests) and m.standstill > NEAR_STANDSTILL_SHARE
 
 
@@ -264,7 +264,7 @@ def search(
     """What was tried on top of `fit`, best first, and what of it comes in; `only`: mechanisms, default all."""
     least = 0.0 if problem.memory == LONG else LARGE * fit.misfit
     tried = try_terms(problem, fit, only, least, MOST_TRIES if problem.runs.count <= MOST_RUNS else FEW_TRIES)
-    entry = enter(problem, fit, [r for r in tried if r.gain > least and not is_form(r.term, r.gain, entered)])
+    entry = enter(problem, fit, [r for r in tried if r.gain > least and not is_model_error(r.term, r.gain, entered)])
     return [replace(r, finished=None) for r in tried], entry
 
 
@@ -291,10 +291,12 @@ def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
         new, more = entering(problem, fit, tried)
         if more is None:
             break
-        wider, more = afresh(*rewhiten(problem, more))
+        wider, more = multistart(*rewhiten(problem, more))
         wider, more, gains = prune(wider, more, strict=False)
         best = new[0].term
-        if best.key in gains and not (problem.hits(fit.terms) and bends(best, fit, more, gains[best.key])):
+        if best.key in gains and not (
+            problem.has_contact_loss(fit.terms) and shifts_prior(best, fit, more, gains[best.key])
+        ):
             brought = {r.term.key: r.gain if r.term.named else max(r.gain, gains.get(r.term.key, 0.0)) for r in new}
             return Entry(new, wider, more, brought)
         tried = [r for r in tried if r.term.key != new[0].term.key]
@@ -363,7 +365,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
             more = plain if term.named else fit
             gain = costs[term.key] = less[term.key].cost - more.cost
             held = not strict or needs_no_trial(term, gain, more) or holds(term, less[term.key], more)
-            held = held and not (strict and term.named and bends(term, less[term.key], more, gain))
+            held = held and not (strict and term.named and shifts_prior(term, less[term.key], more, gain))
             gains[term.key] = gain if held else 0.0
         rows = fit.residual.size
         weak = [
@@ -438,7 +440,7 @@ def swap(
             rival = replace(known[0], gain=own.gain - (other.cost - fit.cost), values=other.values)
             kept = present - {term.key} | {_key(entry) for entry in problem.axis.mechanisms}
             others = {k: gain for k, gain in entered.items() if k in kept}
-            form = is_form(rival.term, rival.gain, others) and not is_form(term, own.gain, others)
+            form = is_model_error(rival.term, rival.gain, others) and not is_model_error(term, own.gain, others)
             if form or not wanted(rival.term, beyond(rival.term, other)):
                 continue  # it would not have come in, or be taken away again
             tried[key] = rival

@@ -14,7 +14,7 @@ from sim.discrepancy.data.chatter import told
 from sim.discrepancy.data.validation import examine
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
-from sim.discrepancy.estimation.refit import polish
+from sim.discrepancy.estimation.refit import final_fit
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.hypotheses.catalogue import terms_of
 from sim.discrepancy.hypotheses.hypothesis import Term
@@ -78,7 +78,7 @@ def with_gap(one: Problem, gap: float) -> Fit:
 def test_what_noise_makes_of_teeth_does_not_hang_on_the_gap_it_was_learned_with() -> None:
     one = problem()
     fits = [with_gap(one, gap) for gap in (1e-3, 3e-4)]
-    first, second = (one.learned(fit) for fit in fits)
+    first, second = (one.with_reestimated_noise(fit) for fit in fits)
     for fit in fits:
         torque, guide = first.raw_residuals(fit.terms, fit.values)
         other_torque, other_guide = second.raw_residuals(fit.terms, fit.values)
@@ -201,6 +201,6 @@ def test_a_curve_over_the_speed_leaves_friction_the_numbers_that_it_has_without(
     taken = {p.name: 0.05 for p in curve.parameters}
     friction = "motor.coulomb_friction_n_m"
     shared = one.fit((curve,), {**both.values, **taken, friction: both.values[friction] - 0.05}, iterations=0)
-    without, plain = one.fit(to_end=True), polish(one, shared)[1]
+    without, plain = one.fit(to_end=True), final_fit(one, shared)[1]
     assert abs(shared.values[friction] - without.values[friction]) > 0.04
     assert plain.values[friction] == pytest.approx(without.values[friction], abs=0.004)

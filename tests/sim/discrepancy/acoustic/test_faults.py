@@ -6,7 +6,7 @@ import pytest
 from casebase.signals.recording import Recording
 from sim.description.axis_document import read_axis
 from sim.discrepancy.acoustic.angular_resampling import LEAST_TOGETHER
-from sim.discrepancy.acoustic.evidence import Heard
+from sim.discrepancy.acoustic.evidence import AcousticFinding
 from sim.discrepancy.acoustic.fusion import beside, listen
 from sim.discrepancy.acoustic.harmonic_comb import slipping_comb
 from sim.discrepancy.data.preprocessing import Measurement, prepare
@@ -115,7 +115,9 @@ def test_weak_impacts_are_a_bearing_unless_teeth_err() -> None:
 
 def test_a_family_below_two_per_turn_is_that_of_the_teeth_that_err() -> None:
     """However clear it is: at speeds that change, their turns make lines at ratios of their own."""
-    low, high = (Heard("bearing_defect", None, 0.95, {"order": (x, 0.99 * x, 1.01 * x)}, "") for x in (1.46, 4.37))
+    low, high = (
+        AcousticFinding("bearing_defect", None, 0.95, {"order": (x, 0.99 * x, 1.01 * x)}, "") for x in (1.46, 4.37)
+    )
     assert beside(["mesh_error"], [low, high], load_encoder=True) == (high,)
     assert beside(["time_delay"], [low, high], load_encoder=True) == (low, high)
 

@@ -13,7 +13,7 @@ from casebase.signals.motion import Motion
 from casebase.signals.recording import Recording
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
-from sim.discrepancy.acoustic.evidence import Heard, Listening, probability
+from sim.discrepancy.acoustic.evidence import AcousticFinding, Listening, probability
 from sim.discrepancy.acoustic.fusion import beside, listen, listen_alone
 from sim.discrepancy.acoustic.operating_states import contradiction_of
 from sim.discrepancy.acoustic.synchrony import mismatch
@@ -183,8 +183,8 @@ def measured(offset_rad: float) -> Measurement:
 
 
 def test_beside_telemetry_no_name_is_said_twice_and_none_against_an_encoder() -> None:
-    tooth = Heard("tooth_damage", None, 0.95, {}, "")
-    bearing = Heard("bearing_defect", None, 0.95, {"order": (4.37, 4.35, 4.39)}, "")
+    tooth = AcousticFinding("tooth_damage", None, 0.95, {}, "")
+    bearing = AcousticFinding("bearing_defect", None, 0.95, {"order": (4.37, 4.35, 4.39)}, "")
     assert beside(["tooth_damage"], [tooth, bearing], load_encoder=False) == (bearing,)
     assert beside([], [tooth, bearing], load_encoder=True) == (bearing,)
     assert beside([], [tooth], load_encoder=False) == (tooth,)
@@ -194,7 +194,7 @@ def test_beside_telemetry_no_name_is_said_twice_and_none_against_an_encoder() ->
 def test_a_family_at_a_ratio_of_loud_teeth_is_no_bearing() -> None:
     """Beside thirteen teeth that err, 2.601 is their fifth within what the speed is uneven; 2.75 is none of them."""
     fifth, bearing = (
-        Heard("bearing_defect", None, 0.95, {"order": (order, order - 0.01, order + 0.01)}, "")
+        AcousticFinding("bearing_defect", None, 0.95, {"order": (order, order - 0.01, order + 0.01)}, "")
         for order in (2.601, 2.75)
     )
     assert beside(["mesh_error"], [fifth, bearing], load_encoder=True, loud=[13.0]) == (bearing,)

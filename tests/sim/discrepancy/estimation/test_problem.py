@@ -143,16 +143,16 @@ def test_what_a_data_sheet_has_wrong_costs_as_the_log_of_how_far_it_is_off() -> 
 
     def cost(far: float) -> float:
         at = {**one.numbers(), name: known.expected + far * known.spread}
-        other = one.learned(one.fit((), at, iterations=0))
+        other = one.with_reestimated_noise(one.fit((), at, iterations=0))
         fit = other.fit((), at, iterations=0)
-        return other.unlikelihood(fit) - fit.misfit - other.noise.log_scale(fit.residual.size, 0)
+        return other.neg2_log_posterior(fit) - fit.misfit - other.noise.log_scale(fit.residual.size, 0)
 
     assert cost(2.0) == pytest.approx(4.0)
     assert cost(MISTAKEN) == pytest.approx(MISTAKEN**2)
     assert cost(2.0 * MISTAKEN) == pytest.approx(MISTAKEN**2 + 2.0 * np.log(2.0))
-    back = one.learned(one.fit((), {name: known.expected + 20.0 * known.spread}, iterations=0)).learned(
-        one.fit(iterations=0)
-    )
+    back = one.with_reestimated_noise(
+        one.fit((), {name: known.expected + 20.0 * known.spread}, iterations=0)
+    ).with_reestimated_noise(one.fit(iterations=0))
     assert back.base() == one.base(), "a fit that goes back to the sheet is trusted again"
 
 

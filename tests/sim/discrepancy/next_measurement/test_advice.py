@@ -25,7 +25,7 @@ from sim.discrepancy.pooling.joint_investigation import investigate_together
 from sim.discrepancy.pooling.pooled_estimates import Taken
 from sim.discrepancy.report.html import html_report
 from sim.discrepancy.report.joint_html import html_report_together
-from sim.discrepancy.results import Investigation, Told
+from sim.discrepancy.results import Investigation, MeasurementUtility
 from sim.discrepancy.search.comparison import Model
 from sim.torsional.model import Array
 from tests.sim.discrepancy.telemetry_of import RATE_HZ, geared, one_body, swing
@@ -149,7 +149,7 @@ def with_term(problem: Problem, fit: Fit, key: str, *numbers: float) -> Model:
     return Model((term,), {**fit.values, **own})
 
 
-def best(told: tuple[Told, ...], words: str) -> float:
+def best(told: tuple[MeasurementUtility, ...], words: str) -> float:
     """What the measurement of these words tells, squares."""
     return next(one.separation for one in told if words in one.text)
 
@@ -199,7 +199,7 @@ def test_what_this_torque_may_be_wrong_by_as_a_whole_says_nothing_of_the_next_re
     m = prepare(RATE_HZ, seen["motor_torque_nm"], seen["motor_position_rad"], None)
     problem = Problem(BODY, m, Noise.flat(0.05, 0.5))
     fit = problem.fit()
-    unsure = problem.with_noise(problem.noise.doubting(np.linspace(0.0, 0.1, m.samples)[:, None]))
+    unsure = problem.with_noise(problem.noise.with_inflated_prior(np.linspace(0.0, 0.1, m.samples)[:, None]))
     (friction,) = (t for t in terms_of(BODY, m, problem.chain((), fit.values)) if t.mechanism == "coulomb_friction")
     model = Model((friction,), {**fit.values, friction.parameters[0].name: 1.0})
     plain, freed = (told_by(p, fit, model, {NOTHING: Model.of(fit)}, "coulomb_friction") for p in (problem, unsure))

@@ -16,8 +16,8 @@ from sim.discrepancy.pooling.joint_investigation import Together, changed, inves
 from sim.discrepancy.pooling.log_odds import (
     PRIOR,
     Known,
+    LogOdds,
     Name,
-    Saying,
     against,
     existence,
     logit,
@@ -37,12 +37,12 @@ from tests.sim.discrepancy.test_investigation import axis
 TEMPERED = 0.3
 
 
-def naming(p: float) -> Saying:
+def naming(p: float) -> LogOdds:
     """A recording that names it with this probability."""
-    return Saying(logit(p) - PRIOR)
+    return LogOdds(logit(p) - PRIOR)
 
 
-def said(*sayings: Saying, own: tuple[float, ...] = (0.8,)) -> float:
+def said(*sayings: LogOdds, own: tuple[float, ...] = (0.8,)) -> float:
     return probability(existence(sayings), against(sayings).values(), own)
 
 
@@ -61,17 +61,17 @@ def test_two_that_agree_are_surer_than_either() -> None:
 
 
 def test_a_silent_recording_counts_as_far_as_it_could_have_seen_it() -> None:
-    blind, excludes = Saying(silent(0.0, TEMPERED)), Saying(silent(-30.0, TEMPERED))
+    blind, excludes = LogOdds(silent(0.0, TEMPERED)), LogOdds(silent(-30.0, TEMPERED))
     assert said(naming(0.8), blind) == pytest.approx(0.8)
     assert said(naming(0.8), excludes) < 0.1
-    assert said(naming(0.8), Saying(silent(1e6, TEMPERED))) < 0.95  # it had its reasons not to name it
+    assert said(naming(0.8), LogOdds(silent(1e6, TEMPERED))) < 0.95  # it had its reasons not to name it
 
 
 def test_one_worn_recording_is_not_lost_among_good_ones() -> None:
     """That the axis changed in between is never less likely than 1 to 400."""
-    good = [Saying(silent(-1e6, TEMPERED))] * 5
+    good = [LogOdds(silent(-1e6, TEMPERED))] * 5
     assert said(naming(0.8), *good) == pytest.approx(said(naming(0.8), good[0]))
-    assert said(Saying(12.0), *good) > 0.9
+    assert said(LogOdds(12.0), *good) > 0.9
 
 
 def test_no_number_of_agreeing_recordings_makes_a_name_certain() -> None:
@@ -81,10 +81,10 @@ def test_no_number_of_agreeing_recordings_makes_a_name_certain() -> None:
 
 def test_what_no_recording_tells_apart_two_do_not_either() -> None:
     rival = Name("hysteresis", "output")
-    even = Saying(30.0, {rival: 0.0})
+    even = LogOdds(30.0, {rival: 0.0})
     assert said(even, even) == pytest.approx(0.5)
-    assert said(Saying(30.0, {rival: 2.0}), Saying(30.0, {rival: -2.0})) == pytest.approx(0.5)
-    assert said(even, Saying(30.0, {rival: 2.0})) == pytest.approx(1.0 / (1.0 + math.exp(-2.0)))
+    assert said(LogOdds(30.0, {rival: 2.0}), LogOdds(30.0, {rival: -2.0})) == pytest.approx(0.5)
+    assert said(even, LogOdds(30.0, {rival: 2.0})) == pytest.approx(1.0 / (1.0 + math.exp(-2.0)))
 
 
 # --- numbers ----------------------------------------------------------------------------------------------------------

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis_document import read_axis
-from sim.discrepancy.assessment.verdict import lacking, left, looks_like, told_apart
+from sim.discrepancy.assessment.verdict import drop_unidentifiable, lacking, left, looks_like
 from sim.discrepancy.data.preprocessing import Measurement, prepare
 from sim.discrepancy.data.validation import examine
 from sim.discrepancy.estimation.estimate import Fit
@@ -32,13 +32,13 @@ from sim.discrepancy.results import Unexplained
 from sim.discrepancy.search import proposals as candidates
 from sim.discrepancy.search.criterion import (
     LEAST_GAINS,
-    bends,
     evidence,
     holds,
-    is_form,
+    is_model_error,
     matters,
     needs_no_trial,
     penalty,
+    shifts_prior,
     wanted,
 )
 from sim.discrepancy.search.effect_size import magnitude
@@ -162,11 +162,13 @@ def test_play_below_what_matters_stands_for_itself_and_a_bend_does_not() -> None
 
 
 @pytest.mark.parametrize(("strain", "counts"), [(1.0, True), (31.0, True), (150.0, False)])
-def test_a_bend_must_bring_more_than_the_description_is_bent_by(strain: float, counts: bool) -> None:
+def test_a_bend_must_bring_more_than_the_description_is_bent_by(prior_penalty: float, counts: bool) -> None:
     """By chance it is bent by one square per number."""
     residual = np.random.default_rng(5).standard_normal(20_000)
     misfit = float(residual @ residual)
-    fit = Fit((), (Parameter("one", 1.0, 0.1),), {"one": 1.0}, residual, np.zeros((20_000, 1)), misfit + strain, 20_000)
+    fit = Fit(
+        (), (Parameter("one", 1.0, 0.1),), {"one": 1.0}, residual, np.zeros((20_000, 1)), misfit + prior_penalty, 20_000
+    )
     assert matters(TERMS["stiffness_hardening"], 100.0, fit) is counts
     assert matters(TERMS["viscous_friction"], 100.0, fit)
 
@@ -178,32 +180,32 @@ def test_a_cause_that_was_missing_bends_the_description_no_further(before: float
     Friction that was left out comes with numbers that are known roughly at most.
     """
 
-    def fit(strain: float) -> Fit:
+    def fit(prior_penalty: float) -> Fit:
         none = np.zeros(100)
-        return Fit((), (), {}, none, np.zeros((100, 0)), strain, 100)
+        return Fit((), (), {}, none, np.zeros((100, 0)), prior_penalty, 100)
 
-    assert bends(TERMS["stiffness_hardening"], fit(before), fit(after), 400.0) is bent
-    assert not bends(TERMS["viscous_friction"], fit(before), fit(after), 400.0)
+    assert shifts_prior(TERMS["stiffness_hardening"], fit(before), fit(after), 400.0) is bent
+    assert not shifts_prior(TERMS["viscous_friction"], fit(before), fit(after), 400.0)
 
 
 def test_an_offset_is_no_error_of_the_form_of_what_is_larger() -> None:
     """It is known beforehand, and what it gains over that is not of the residual."""
     entered = {"tooth_damage@output": 10_000.0}
-    assert is_form(TERMS["hysteresis"], 40.0, entered)
-    assert not is_form(TERMS["torque_offset"], 40.0, entered)
+    assert is_model_error(TERMS["hysteresis"], 40.0, entered)
+    assert not is_model_error(TERMS["torque_offset"], 40.0, entered)
 
 
 def test_hum_leaves_nothing_of_its_form() -> None:
     """However loud it is, what is small beside it is something else."""
-    assert not is_form(TERMS["eccentricity"], 24.0, {"electrical_hum@motor": 3000.0})
-    assert is_form(TERMS["eccentricity"], 24.0, {"torque_ripple@motor": 3000.0})
+    assert not is_model_error(TERMS["eccentricity"], 24.0, {"electrical_hum@motor": 3000.0})
+    assert is_model_error(TERMS["eccentricity"], 24.0, {"torque_ripple@motor": 3000.0})
 
 
 def test_an_offset_beside_an_asymmetry_is_what_the_other_holds_at_rest_unless_it_is_large() -> None:
     """While anything moves they are the same torque."""
     entered = {"friction_asymmetry@motor": 5500.0}
-    assert is_form(TERMS["torque_offset"], 85.0, entered)
-    assert not is_form(TERMS["torque_offset"], 900.0, entered)
+    assert is_model_error(TERMS["torque_offset"], 85.0, entered)
+    assert not is_model_error(TERMS["torque_offset"], 900.0, entered)
 
 
 def test_losses_bring_along_on_which_side_of_the_mesh_they_are_once_for_all_meshes() -> None:
@@ -347,9 +349,9 @@ def test_rows_that_are_predicted_worse_speak_against_a_term_that_lets_the_descri
     rng = np.random.default_rng(9)
     quiet = rng.standard_normal(15_000)
 
-    def fitted(scale: float, strain: float) -> Fit:
+    def fitted(scale: float, prior_penalty: float) -> Fit:
         left = scale * quiet
-        return Fit((), (), {}, left, np.zeros((15_000, 0)), float(left @ left) + strain, 15_000)
+        return Fit((), (), {}, left, np.zeros((15_000, 0)), float(left @ left) + prior_penalty, 15_000)
 
     bent = fitted(1.0, 200.0)
     assert holds(TERMS["time_delay"], bent, fitted(1.0, 50.0))
@@ -359,18 +361,20 @@ def test_rows_that_are_predicted_worse_speak_against_a_term_that_lets_the_descri
     assert holds(asymmetry, bent, fitted(1.002, 50.0))  # the offset of every model explains the rows as well
 
 
-@pytest.mark.parametrize(("noise", "strain"), [(1.3, 50.0), (2.5, 50.0), (1.0, 200.0), (4.5, 50.0)])
-def test_a_model_that_leaves_far_more_than_noise_or_bends_far_lacks_something(noise: float, strain: float) -> None:
+@pytest.mark.parametrize(("noise", "prior_penalty"), [(1.3, 50.0), (2.5, 50.0), (1.0, 200.0), (4.5, 50.0)])
+def test_a_model_that_leaves_far_more_than_noise_or_bends_far_lacks_something(
+    noise: float, prior_penalty: float
+) -> None:
     """Without a cause 1.3 times the noise is left at most; where something is, it is said where most of it lies."""
     rows = 10_000
     residual = np.full(rows, math.sqrt(noise))
-    fit = Fit((), (), {}, residual, np.zeros((rows, 0)), float(residual @ residual) + strain, rows)
+    fit = Fit((), (), {}, residual, np.zeros((rows, 0)), float(residual @ residual) + prior_penalty, rows)
     places = [
         Unexplained("time", "motor_torque_nm", 0.0, 0.0, {}),
         Unexplained("speed", "motor_torque_nm", 0.0, 0.0, {}),
     ]
     assert left(places, fit) == (places[:1] if noise > 2.0 else [])
-    assert lacking(fit) == pytest.approx(max(0.0, noise - 4.0) * rows + max(0.0, strain - 120.0))
+    assert lacking(fit) == pytest.approx(max(0.0, noise - 4.0) * rows + max(0.0, prior_penalty - 120.0))
 
 
 def test_numbers_that_the_description_has_anyway_cost_nothing_where_they_are_set_free() -> None:
@@ -453,12 +457,12 @@ def test_runout_at_the_load_is_held_against_what_is_as_new_together_with_the_err
 def test_a_loop_or_a_loss_of_erring_teeth_is_the_damping_of_what_they_shake() -> None:
     """And a loop alone, or one that brings as much as the errors, is one."""
     entered = {"mesh_error@output": 1000.0}
-    assert is_form(TERMS["hysteresis"], 250.0, entered)
-    assert is_form(TERMS["load_dependent_loss"], 60.0, entered)
-    assert not is_form(TERMS["hysteresis"], 450.0, entered)
-    assert not is_form(TERMS["hysteresis"], 250.0, {})
+    assert is_model_error(TERMS["hysteresis"], 250.0, entered)
+    assert is_model_error(TERMS["load_dependent_loss"], 60.0, entered)
+    assert not is_model_error(TERMS["hysteresis"], 450.0, entered)
+    assert not is_model_error(TERMS["hysteresis"], 250.0, {})
     mesh = replace(TERMS["eccentricity"], mechanism="mesh_error")
-    assert not is_form(mesh, 250.0, {"hysteresis@output": 1000.0})  # and not the other way round
+    assert not is_model_error(mesh, 250.0, {"hysteresis@output": 1000.0})  # and not the other way round
 
 
 @pytest.mark.parametrize(("teeth", "share"), [("backlash", 0.03), ("tooth_damage", 0.3)])
@@ -478,7 +482,7 @@ def test_of_runout_at_the_load_and_the_error_of_its_encoder_one_is_found() -> No
     at_load, at_motor = (next(t for t in ALL if t.key == f"eccentricity@{place}") for place in ("output", "motor"))
     found = (at_load, TERMS["encoder_error"], at_motor)
     gains = {at_load.key: 60.0, TERMS["encoder_error"].key: 90.0, at_motor.key: 40.0}
-    told = told_apart(Selection(problem, fit, fit, gains, {}, (), found, {}))
+    told = drop_unidentifiable(Selection(problem, fit, fit, gains, {}, (), found, {}))
     assert told.found == (TERMS["encoder_error"], at_motor)
 
 
