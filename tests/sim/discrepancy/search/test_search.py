@@ -161,7 +161,7 @@ def test_play_below_what_matters_stands_for_itself_and_a_bend_does_not() -> None
     assert not wanted(TERMS["stiffness_hardening"], -5.0)
 
 
-@pytest.mark.parametrize(("strain", "counts"), [(1.0, True), (31.0, True), (150.0, False)])
+@pytest.mark.parametrize(("prior_penalty", "counts"), [(1.0, True), (31.0, True), (150.0, False)])
 def test_a_bend_must_bring_more_than_the_description_is_bent_by(prior_penalty: float, counts: bool) -> None:
     """By chance it is bent by one square per number."""
     residual = np.random.default_rng(5).standard_normal(20_000)
