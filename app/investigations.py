@@ -9,6 +9,7 @@ from __future__ import annotations
 import json
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -59,23 +60,28 @@ def take_in(
     sounds: Sequence[Measured],
     sound_offset_s: float = 0.0,
     as_new: Sequence[Measured] = (),
+    channels: str = "",
 ) -> Question:
     """Check and keep what was measured; it takes a while, so no transaction may be open.
 
     The k-th sound belongs to the k-th telemetry; with sound alone, `as_new` is what it is compared with.
+    `channels`: text of the channel map by which every telemetry is read.
 
     Raises:
-        AxisError: if there is nothing to investigate, a sound without its telemetry, the same telemetry twice, or a
-            sound that is compared with itself.
+        AxisError: if there is nothing to investigate, a channel map without telemetry, a sound without its telemetry,
+            the same telemetry twice, or a sound that is compared with itself.
         SignalError: if telemetry or sound cannot be read; of several it begins with the name of the file.
     """
     check_pairs(len(telemetries), len(sounds), len(as_new))
     check_name("axis.name", axis.name)
+    if channels and not telemetries:
+        raise AxisError("channels: a channel map says how telemetry is read, and there is none")
+    check = partial(check_telemetry, channels=channels or None)
     for measured in telemetries:
-        _readable(measured, check_telemetry, several=len(telemetries) > 1)
+        _readable(measured, check, several=len(telemetries) > 1)
     for measured in (*sounds, *as_new):
         _readable(measured, read_sound, several=len(sounds) + len(as_new) > 1)
-    inputs: dict[str, object] = {"sound_offset_s": sound_offset_s}
+    inputs: dict[str, object] = {"sound_offset_s": sound_offset_s} | ({"channels": channels} if channels else {})
     if telemetries:
         kept = [_kept(library, measured) for measured in telemetries]
         _refuse_twice(kept)
@@ -241,7 +247,7 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
     )  # fmt: skip
     found = investigate(
         read_axis(row.axis_document),
-        read_telemetry(telemetry[0]) if telemetry else None,
+        read_telemetry(telemetry[0], channels=_channels(row)) if telemetry else None,
         sounds,
         sound_offset_s=_offset(row),
         progress=report,
@@ -261,7 +267,7 @@ def _investigated_together(
     telemetry, sounds = (
         list(zip(names_of(row, part), _paths(library, row, part), strict=True)) for part in ("telemetry", "sound")
     )
-    recordings = [Taken(name, read_telemetry(path)) for name, path in telemetry]
+    recordings = [Taken(name, read_telemetry(path, channels=_channels(row))) for name, path in telemetry]
     for place, (name, path) in enumerate(sounds):
         recordings[place] = replace(recordings[place], sound=read_recording(path), sound_name=name)
     found = investigate_together(read_axis(row.axis_document), recordings, report, _offset(row))
@@ -276,6 +282,11 @@ def _plain(document: Mapping[str, object]) -> dict[str, object]:
 def _offset(row: StoredInvestigation) -> float:
     offset = row.inputs.get("sound_offset_s", 0.0)
     return float(offset) if isinstance(offset, int | float) else 0.0
+
+
+def _channels(row: StoredInvestigation) -> str | None:
+    text = row.inputs.get("channels")
+    return text if isinstance(text, str) else None
 
 
 def files_of(inputs: Mapping[str, object], part: str) -> list[Mapping[str, Any]]:

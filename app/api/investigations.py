@@ -26,7 +26,7 @@ from sim.description.axis import Axis
 from sim.description.axis_document import parse_axis, read_axis
 
 router = APIRouter(tags=["investigations"])
-PARTS = ("axis", "telemetry", "sound", "as_new", "sound_offset_s")
+PARTS = ("axis", "telemetry", "sound", "as_new", "sound_offset_s", "channels")
 HTML, JSON = "text/html", "application/json"
 BINARY = {"type": "string", "format": "binary"}
 BODY = {
@@ -60,6 +60,11 @@ BODY = {
                             "items": BINARY,
                             "description": "sound of the same motion from when the axis was new, which sound without "
                             "telemetry is compared with: errors of teeth and resonances",
+                        },
+                        "channels": {
+                            "type": "string",
+                            "description": "channel map, TOML or the same as JSON: which columns of the telemetry are "
+                            "which channels, in what units",
                         },
                         "sound_offset_s": {
                             "type": "number",
@@ -116,7 +121,8 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
 
     `telemetry` and `sound` may come several times: recordings of one axis, whose evidence is taken together. The k-th
     sound belongs to the k-th telemetry; the document then has `recordings`, each with what it says by itself. Sound
-    without telemetry is compared with `as_new`, sound of the same motion from when the axis was new.
+    without telemetry is compared with `as_new`, sound of the same motion from when the axis was new. Logs whose columns
+    are named or measured otherwise come with a channel map, `channels`.
     """
     upload.only(*PARTS)
     service = once.service
@@ -126,11 +132,12 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
         tuple(Measured(file.path, file.name) for file in upload.all_of(name)) for name in PARTS[1:4]
     )
     hashes = [(name, file.sha256) for name in PARTS for file in upload.all_of(name)]
-    content = (axis.to_mapping(), hashes, offset)
+    channels = upload.text("channels", service.settings.document_bytes).strip()
+    content = (axis.to_mapping(), hashes, offset, *([channels] if channels else []))
     kept = once.replay(*content)
     if kept is not None:
         return kept
-    question = take_in(service.library, axis, telemetry, sounds, offset, as_new)
+    question = take_in(service.library, axis, telemetry, sounds, offset, as_new, channels)
 
     def work(session: Session) -> Made:
         row = submit(session, question)

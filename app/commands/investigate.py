@@ -44,6 +44,12 @@ def run(
         list[Path] | None,
         typer.Option(metavar="T.csv", help="measured channels, CSV or Parquet; several recordings of the same axis"),
     ] = None,
+    channels: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="MAP.toml", help="which columns of the telemetry are which channels, in what units; of all of them"
+        ),
+    ] = None,
     sound: Annotated[
         list[Path] | None,
         typer.Option(
@@ -72,7 +78,8 @@ def run(
     heard, before = (
         [replace(_read(one, read_sound), name=one.name) for one in files or ()] for files in (sound, as_new)
     )
-    measured = [_read(one, read_telemetry) for one in telemetry or ()]
+    map_ = None if channels is None else channels.read_text(encoding="utf-8")
+    measured = [_read(one, partial(read_telemetry, channels=map_)) for one in telemetry or ()]
     if len(measured) > 1:
         taken = _taken(telemetry or (), measured, sound or (), heard)
         together = _watched(frame, lambda watch: investigate_together(described, taken, watch, sound_offset))

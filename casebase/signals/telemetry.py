@@ -27,6 +27,7 @@ CHANNELS: Mapping[str, str] = MappingProxyType(
 )
 """Channels that are known, and their units. A linear axis has N and m where N m and rad stand."""
 
+TIME = "time_s"
 MINIMUM_ROWS = 100
 LARGEST_LOST_SHARE = 0.1
 MOST_COLUMNS = 10_000
@@ -104,8 +105,11 @@ LIMITS = TelemetryLimits()
 TASK = "casebase.signals.telemetry_worker:read"
 
 
-def read_telemetry(path: Path, limits: TelemetryLimits = LIMITS) -> Telemetry:
+def read_telemetry(path: Path, limits: TelemetryLimits = LIMITS, *, channels: str | None = None) -> Telemetry:
     """Read a CSV or Parquet table with a header and a column `time_s`, in the limited process.
+
+    `channels`: text of a channel map, by which the table may be named, measured and laid out otherwise (see
+    `casebase.signals.channel_map`); rows at either end in which a channel is missing are then left out.
 
     Missing values (empty cells or NaN) become `lost` samples, filled along a straight line, as long as
     they are few. Columns that are no known channel are not looked at, and named in `ignored`.
@@ -117,7 +121,7 @@ def read_telemetry(path: Path, limits: TelemetryLimits = LIMITS) -> Telemetry:
             or reading takes more time or memory than the limits allow.
         DecoderUnavailableError: if the limited process cannot be started.
     """
-    content, found = _read(path, limits, send=True)
+    content, found = _read(path, channels, limits, send=True)
     rows, names = int(found["rows"]), list(found["channels"])
     buffer, place = memoryview(content), 0
 
@@ -128,24 +132,27 @@ def read_telemetry(path: Path, limits: TelemetryLimits = LIMITS) -> Telemetry:
         return np.frombuffer(buffer[place - width : place], dtype=kind)
 
     time_s = taken(np.float64)
-    channels, lost = {}, {}
+    values, lost = {}, {}
     for name in names:
-        channels[name] = taken(np.float64)
+        values[name] = taken(np.float64)
         if name in found["lost"]:
             lost[name] = taken(np.bool_)
-    return Telemetry(time_s, MappingProxyType(channels), MappingProxyType(lost), tuple(found["ignored"]))
+    return Telemetry(time_s, MappingProxyType(values), MappingProxyType(lost), tuple(found["ignored"]))
 
 
-def check_telemetry(path: Path, limits: TelemetryLimits = LIMITS) -> None:
+def check_telemetry(path: Path, limits: TelemetryLimits = LIMITS, *, channels: str | None = None) -> None:
     """Read a table as `read_telemetry` does, and raise what that raises, without taking its values in."""
-    _read(path, limits, send=False)
+    _read(path, channels, limits, send=False)
 
 
-def _read(path: Path, limits: TelemetryLimits, *, send: bool) -> tuple[bytearray, Mapping[str, Any]]:
+def _read(
+    path: Path, channels: str | None, limits: TelemetryLimits, *, send: bool
+) -> tuple[bytearray, Mapping[str, Any]]:
     path.open("rb").close()
     largest = MOST_COLUMNS * (12 * LONGEST_NAME + 4) + (9 * limits.cells if send else 0)
     try:
-        return PAPERS.perform(TASK, {"path": str(path.absolute()), "send": send}, asdict(limits), largest)
+        request = {"path": str(path.absolute()), "send": send, "channels": channels}
+        return PAPERS.perform(TASK, request, asdict(limits), largest)
     except RefusedError as refused:
         raise TelemetryError(str(refused)) from None
     except GaveUpError as error:

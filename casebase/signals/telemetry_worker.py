@@ -1,66 +1,136 @@
 """Telemetry tables, read in the limited process: known columns alone, so many values and no more."""
 
 from collections.abc import Iterable, Mapping, Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from casebase.signals.channel_map import ISO8601, ChannelMap, Source, channel_map_of
 from casebase.signals.errors import TelemetryError
 from casebase.signals.formats import READERS
+from casebase.signals.formats.layout import Wanted
 from casebase.signals.formats.open_table import OpenTable
 from casebase.signals.limited_worker import RefusedError, Send
-from casebase.signals.telemetry import CHANNELS, LARGEST_LOST_SHARE, LONGEST_NAME, MINIMUM_ROWS, MOST_COLUMNS
-
-TIME = "time_s"
+from casebase.signals.telemetry import CHANNELS, LARGEST_LOST_SHARE, LONGEST_NAME, MINIMUM_ROWS, MOST_COLUMNS, TIME
 
 
 def read(request: Mapping[str, Any], limits: Mapping[str, float], send: Send) -> Mapping[str, Any]:
     """Task: read and check a table; send times, channels (float64) and where a channel is lost (bool), if asked for."""
     try:
-        return _read(Path(request["path"]), int(limits["cells"]), send if request["send"] else lambda _: None)
+        map_ = None if request["channels"] is None else channel_map_of(request["channels"])
+        return _read(Path(request["path"]), map_, int(limits["cells"]), send if request["send"] else lambda _: None)
     except TelemetryError as error:
         words = "".join(each if each.isprintable() else " " for each in str(error))
         raise RefusedError("telemetry", words[:2000]) from error
 
 
-def _read(path: Path, cells: int, send: Send) -> Mapping[str, Any]:
-    table = READERS[_format(path)](path)
+def _read(path: Path, map_: ChannelMap | None, cells: int, send: Send) -> Mapping[str, Any]:
+    table = _opened(path, map_)
     if len(table.names) > MOST_COLUMNS:
         raise TelemetryError(
             f"the table has {len(table.names)} columns; at most {MOST_COLUMNS} are read: leave out those that are "
             "no channel"
         )
     names = [name.strip().lstrip("\ufeff") for name in table.names]
-    if TIME not in names:
-        raise TelemetryError(f"no column time_s (time in seconds) in the table; it has {_listed(names)}")
-    known = [name for name in CHANNELS if name in names]
-    if not known:
-        raise TelemetryError(
-            f"no known channel in the table; it has {_listed(names)}, and would need one of {_listed(CHANNELS)}"
-        )
-    for name in (TIME, *known):
-        if names.count(name) > 1:
-            raise TelemetryError(f"the column {name} stands twice in the table; one of them must go")
-    time_s, *values = _values(table, [table.names[names.index(name)] for name in (TIME, *known)], cells)
+    sources = _own(names) if map_ is None else map_.sources
+    known = [name for name in CHANNELS if name in sources]
+    places = {name: _place(name, source, names) for name, source in sources.items() if source.column is not None}
+    values = dict(zip(places, _values(table, sources, places, cells), strict=True))
+    if TIME not in values:
+        values[TIME] = np.arange(next(iter(values.values())).size, dtype=np.float64) * sources[TIME].scale
+    elif sources[TIME].unit == ISO8601:
+        values[TIME] = values[TIME] - values[TIME][:1]
+    if map_ is not None:
+        values = _whole_ends(values)
+    time_s = values[TIME]
     _check_clock(time_s)
     lost = []
-    send(time_s.data)
-    for name, channel in zip(known, values, strict=True):
-        filled, missing = _filled(name, time_s, channel)
+    send(np.ascontiguousarray(time_s).data)
+    for name in known:
+        filled, missing = _filled(name, time_s, values[name])
         send(np.ascontiguousarray(filled).data)
         if missing is not None:
             lost.append(name)
             send(missing.data)
-    ignored = [name[:LONGEST_NAME] for name in names if name != TIME and name not in CHANNELS]
+    taken = set(places.values())
+    ignored = [name[:LONGEST_NAME] for place, name in enumerate(names) if place not in taken]
     return {"rows": time_s.size, "channels": known, "lost": lost, "ignored": ignored}
 
 
-def _values(table: OpenTable, columns: Sequence[str], cells: int) -> list[NDArray[np.float64]]:
+def _opened(path: Path, map_: ChannelMap | None) -> OpenTable:
+    """The table; without a map one of another layout is tried where the plain one has no clock."""
+    open_ = READERS[_format(path)]
+    if map_ is not None:
+        return open_(path, map_.layout)
+    with suppress(TelemetryError):
+        table = open_(path, None)
+        if any(name.strip().lstrip("\ufeff") == TIME for name in table.names):
+            return table
+    with suppress(TelemetryError):
+        return open_(path, Wanted())
+    return open_(path, None)
+
+
+def _own(names: Sequence[str]) -> Mapping[str, Source]:
+    """Where the channels are in a table that calls them by their names."""
+    if TIME not in names:
+        clock = next((name for name in names if "time" in name.lower()), names[0] if names else "")
+        raise TelemetryError(
+            f"no column time_s (time in seconds) in the table; it has {_listed(names)}. A channel map can say which "
+            f'column is which: [time_s] column = "{clock[:40]}", unit = "s"'
+        )
+    known = [name for name in CHANNELS if name in names]
+    if not known:
+        raise TelemetryError(
+            f"no known channel in the table; it has {_listed(names)}, and would need one of {_listed(CHANNELS)}. A "
+            'channel map can say which column is which: [motor_torque_nm] column = "...", unit = "N.m"'
+        )
+    for name in (TIME, *known):
+        if names.count(name) > 1:
+            raise TelemetryError(f"the column {name} stands twice in the table; one of them must go")
+    return {name: Source(name, "", 1.0) for name in (TIME, *known)}
+
+
+def _place(channel: str, source: Source, names: Sequence[str]) -> int:
+    """Which column a source is, from 0."""
+    column = source.column
+    if isinstance(column, int):
+        if column > len(names):
+            raise TelemetryError(
+                f"channel map: [{channel}] column = {column}; the table has {len(names)} columns: {_listed(names)}"
+            )
+        return column - 1
+    wanted = str(column).strip()
+    count = names.count(wanted)
+    if count != 1:
+        says = "is not in the table" if count == 0 else f"stands {count} times in the table; give its number from 1"
+        raise TelemetryError(f'channel map: [{channel}] column = "{wanted}" {says}; it has {_listed(names)}')
+    return names.index(wanted)
+
+
+def _whole_ends(values: Mapping[str, NDArray[np.float64]]) -> dict[str, NDArray[np.float64]]:
+    """The rows from the first to the last in which nothing is missing: what begins later cannot be filled."""
+    whole = np.flatnonzero(~np.any([np.isnan(one) for one in values.values()], axis=0))
+    if not whole.size:
+        empty = [name for name, one in values.items() if np.isnan(one).all()]
+        raise TelemetryError(
+            f"there is no row in which nothing is missing; {', '.join(empty) or 'no channel'} is empty"
+        )
+    return {name: one[whole[0] : whole[-1] + 1] for name, one in values.items()}
+
+
+def _values(
+    table: OpenTable, sources: Mapping[str, Source], places: Mapping[str, int], cells: int
+) -> list[NDArray[np.float64]]:
+    """Values of each placed channel in its unit, in their order."""
+    columns = sorted(set(places.values()))
+    times = {place for name, place in places.items() if sources[name].unit == ISO8601}
     blocks: list[tuple[NDArray[np.float64], ...]] = []
     count = 0
-    for rows in table.rows(columns):
+    for rows in table.rows(columns, times):
         count += len(columns) * rows[0].size
         if count > cells:
             raise TelemetryError(
@@ -68,9 +138,11 @@ def _values(table: OpenTable, columns: Sequence[str], cells: int) -> list[NDArra
                 f"{cells} values are read: cut it, or log every second sample"
             )
         blocks.append(rows)
-    if not blocks:
-        return [np.empty(0)] * len(columns)
-    return [np.concatenate([block[place] for block in blocks]) for place in range(len(columns))]
+    found = []
+    for name, place in places.items():
+        parts = [block[columns.index(place)] for block in blocks]
+        found.append((np.concatenate(parts) if parts else np.empty(0)) * sources[name].scale)
+    return found
 
 
 def _format(path: Path) -> str:

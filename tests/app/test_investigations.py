@@ -48,6 +48,29 @@ def test_an_unfinished_investigation_is_what_its_job_is(operator: httpx.Client) 
     assert said() == ["cancelled"] * 3
 
 
+def test_a_log_with_other_columns_is_taken_with_its_map_and_refused_without(operator: httpx.Client) -> None:
+    log = telemetry().replace(b"time_s", b"t", 1).replace(b"motor_torque_nm", b"i_q", 1)
+    files = {"telemetry": ("t.csv", log, "text/csv")}
+    text = """
+        [time_s]
+        column = "t"
+        [motor_torque_nm]
+        column = "i_q"
+        unit = "A"
+        factor = 0.05
+        [motor_speed_rad_s]
+        column = 3
+    """
+    refused = operator.post(URL, files=files, data={"axis": AXIS})
+    assert (refused.status_code, "no column time_s" in refused.json()["detail"]) == (422, True)
+    wrong = operator.post(URL, files=files, data={"axis": AXIS, "channels": text.replace("factor = 0.05", "")})
+    assert (wrong.status_code, "[motor_torque_nm] unit = 'A' needs factor" in wrong.json()["detail"]) == (422, True)
+    alone = operator.post(URL, files={"sound": ("a.wav", sound(3), "audio/wav")}, data={"axis": AXIS, "channels": text})
+    assert (alone.status_code, "there is none" in alone.json()["detail"]) == (422, True)
+    asked = operator.post(URL, files=files, data={"axis": AXIS, "channels": text}).raise_for_status().json()
+    operator.delete(f"/api/v1/jobs/{asked['id']}").raise_for_status()
+
+
 def test_whoever_waits_is_told_how_long_it_takes(operator: httpx.Client, live_server: LiveServer) -> None:
     asked = operator.post(URL, files={"telemetry": ("t.csv", telemetry(), "text/csv")}, data={"axis": AXIS}).json()
     cookies = {"gearcase_key": live_server.keys["operator"]}

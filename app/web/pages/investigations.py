@@ -60,7 +60,8 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
         tuple(Measured(file.path, file.name) for file in upload.all_of(name) if file.size)
         for name in ("telemetry", "sound", "as_new")
     )
-    question = take_in(service.library, axis, telemetry, sounds, as_new=as_new)
+    channels = upload.text("channels", service.settings.document_bytes).strip()
+    question = take_in(service.library, axis, telemetry, sounds, as_new=as_new, channels=channels)
     with service.library.transaction(principal.actor) as session:
         row = submit(session, question)
         identity = row.id

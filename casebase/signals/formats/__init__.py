@@ -4,10 +4,11 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from casebase.signals.formats.comma_separated import open_comma_separated
+from casebase.signals.formats.layout import Wanted
 from casebase.signals.formats.open_table import OpenTable
 from casebase.signals.formats.parquet import open_parquet
 
-READERS: Mapping[str, Callable[[Path], OpenTable]] = {
+READERS: Mapping[str, Callable[[Path, Wanted | None], OpenTable]] = {
     "csv": open_comma_separated,
     "parquet": open_parquet,
 }

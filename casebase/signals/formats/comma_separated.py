@@ -1,63 +1,100 @@
-"""CSV: UTF-8 or Latin-1, comma, header, decimal point."""
+"""CSV: UTF-8 or Latin-1, comma, header, decimal point; other layouts of text where they are asked for."""
 
 import codecs
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
+from types import MappingProxyType
 
 import pyarrow as pa
 from pyarrow import csv
 
 from casebase.signals.errors import TelemetryError
-from casebase.signals.formats.open_table import OpenTable, Rows
+from casebase.signals.formats.layout import Layout, Wanted, recognised
+from casebase.signals.formats.open_table import OpenTable, Rows, seconds_of
 
 MAGIC = {
     b"RIFF": "a WAV file (a sound)",
     b"fLaC": "a FLAC file (a sound)",
     b"OggS": "an Ogg file (a sound)",
     b"PK": "an archive or a spreadsheet",
-    b"\xff\xfe": "text in UTF-16",
 }
 
 BLOCK = 1 << 20
+BEGINNING = 1 << 16
+"""Bytes by which a layout is recognised [byte]."""
+UTF16 = (b"\xff\xfe", b"\xfe\xff")
 NO_NUMBER = re.compile(r"In CSV column #(\d+): (?:Row #(\d+): )?CSV conversion error to double: (.*)", re.DOTALL)
 
 
-def open_comma_separated(path: Path) -> OpenTable:
+def open_comma_separated(path: Path, wanted: Wanted | None = None) -> OpenTable:
     """Return the table of a CSV file; empty cells are missing values.
+
+    Without `wanted` it has a comma, a decimal point and a header on top; else its layout is recognised.
 
     Raises:
         TelemetryError: if it is no such table.
     """
     with path.open("rb") as file:
-        start = file.read(4096)
-    if b"\0" in start:  # what a parser says of such bytes cannot be read either
+        start = file.read(BEGINNING)
+    wide = start.startswith(UTF16)
+    if b"\0" in start and not wide:  # what a parser says of such bytes cannot be read either
         kind = next((words for magic, words in MAGIC.items() if start.startswith(magic)), "a binary file")
         raise TelemetryError(
             f"this is {kind}, not a CSV table (UTF-8, comma between columns, a header, decimal point) or Parquet"
         )
-    encoding = "utf8" if _is_utf8(path) else "latin-1"
-    try:
-        with _opened(path, encoding) as reader:
-            names = tuple(reader.schema.names)
-    except (pa.ArrowException, UnicodeDecodeError) as error:
-        raise _no_table(error) from error
-    return OpenTable(names, partial(_rows, path, encoding, names))
+    encoding = "utf-16" if wide else "utf8" if _is_utf8(path) else "latin-1"
+    layout = None
+    if wanted is not None or wide:
+        layout = recognised(start.decode(encoding, errors="ignore").lstrip("\ufeff"), wanted or Wanted())
+        names = layout.names
+    else:
+        try:
+            with _opened(path, encoding, None) as reader:
+                names = tuple(reader.schema.names)
+        except (pa.ArrowException, UnicodeDecodeError) as error:
+            raise _no_table(error) from error
+    return OpenTable(names, partial(_rows, path, encoding, layout, names))
 
 
-def _opened(path: Path, encoding: str, columns: Sequence[str] = ()) -> csv.CSVStreamingReader:
+def _opened(
+    path: Path, encoding: str, layout: Layout | None, columns: Mapping[str, pa.DataType] = MappingProxyType({})
+) -> csv.CSVStreamingReader:
+    """Open a table; one whose layout was recognised has the numbers of its columns for names."""
     reading = csv.ReadOptions(encoding=encoding, block_size=BLOCK, use_threads=False)
-    types = dict.fromkeys(columns, pa.float64())
-    converting = csv.ConvertOptions(strings_can_be_null=True, include_columns=list(columns), column_types=types)
-    return csv.open_csv(path, read_options=reading, convert_options=converting)
+    parsing, decimal = csv.ParseOptions(), "."
+    if layout is not None:
+        numbers = [str(number) for number in range(len(layout.names))]
+        reading = csv.ReadOptions(
+            encoding=encoding, block_size=BLOCK, use_threads=False, skip_rows=layout.first, column_names=numbers
+        )
+        parsing, decimal = csv.ParseOptions(delimiter=layout.delimiter), layout.decimal
+    converting = csv.ConvertOptions(
+        strings_can_be_null=True, include_columns=list(columns), column_types=dict(columns), decimal_point=decimal
+    )
+    return csv.open_csv(path, read_options=reading, parse_options=parsing, convert_options=converting)
 
 
-def _rows(path: Path, encoding: str, names: Sequence[str], wanted: Sequence[str]) -> Iterator[Rows]:
+def _rows(
+    path: Path,
+    encoding: str,
+    layout: Layout | None,
+    names: Sequence[str],
+    places: Sequence[int],
+    times: Container[int],
+) -> Iterator[Rows]:
+    called = {place: names[place] if layout is None else str(place) for place in places}
+    types = {called[place]: pa.string() if place in times else pa.float64() for place in places}
     try:
-        with _opened(path, encoding, wanted) as reader:
+        with _opened(path, encoding, layout, types) as reader:
             for batch in reader:
-                yield tuple(batch.column(name).to_numpy(zero_copy_only=False) for name in wanted)
+                yield tuple(
+                    seconds_of(batch.column(called[place]).to_pylist())
+                    if place in times
+                    else batch.column(called[place]).to_numpy(zero_copy_only=False)
+                    for place in places
+                )
     except (pa.ArrowException, UnicodeDecodeError) as error:
         if match := NO_NUMBER.search(str(error)):
             where = f" in row {match[2]}" if match[2] else ""

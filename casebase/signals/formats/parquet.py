@@ -1,6 +1,6 @@
 """Apache Parquet."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Container, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -9,12 +9,13 @@ from numpy.typing import NDArray
 from pyarrow import parquet
 
 from casebase.signals.errors import TelemetryError
-from casebase.signals.formats.open_table import OpenTable, Rows
+from casebase.signals.formats.layout import Wanted
+from casebase.signals.formats.open_table import OpenTable, Rows, seconds_of
 
 ROWS_AT_A_TIME = 1 << 16
 
 
-def open_parquet(path: Path) -> OpenTable:
+def open_parquet(path: Path, wanted: Wanted | None = None) -> OpenTable:
     """Return the table of a Parquet file.
 
     Raises:
@@ -26,10 +27,16 @@ def open_parquet(path: Path) -> OpenTable:
     except (pa.ArrowException, OSError) as error:
         raise TelemetryError(f"not a readable Parquet table: {error}") from error
 
-    def rows(wanted: Sequence[str]) -> Iterator[Rows]:
+    def rows(places: Sequence[int], times: Container[int]) -> Iterator[Rows]:
+        columns = [names[place] for place in places]
         try:
-            for batch in file.iter_batches(ROWS_AT_A_TIME, columns=list(wanted), use_threads=False):
-                yield tuple(_numbers(name, batch.column(name)) for name in wanted)
+            for batch in file.iter_batches(ROWS_AT_A_TIME, columns=columns, use_threads=False):
+                yield tuple(
+                    seconds_of(batch.column(names[place]).to_pylist())
+                    if place in times
+                    else _numbers(names[place], batch.column(names[place]))
+                    for place in places
+                )
         except (pa.ArrowException, OSError) as error:
             raise TelemetryError(f"the Parquet table breaks off: {error}") from error
 

@@ -1,0 +1,170 @@
+"""Channel maps: which column of a log is which channel, in what unit (`gearcase-channels/1`)."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+from typing import Any
+
+from casebase.signals.documents import parse_document
+from casebase.signals.errors import TelemetryError, TextError
+from casebase.signals.formats.layout import Wanted
+from casebase.signals.telemetry import CHANNELS, TIME
+
+SCHEMA = "gearcase-channels/1"
+ISO8601, SAMPLE, COUNT = "iso8601", "sample", "count"
+TIMES: Mapping[str, float] = MappingProxyType({"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9})
+"""[s] per unit; `iso8601` and `sample` stand beside them."""
+QUANTITIES: Mapping[str, Mapping[str, float]] = MappingProxyType(
+    {
+        "rad": {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "mrad": 1e-3, "m": 1.0, "mm": 1e-3},
+        "rad/s": {
+            "rad/s": 1.0,
+            "deg/s": math.pi / 180.0,
+            "rev/s": 2.0 * math.pi,
+            "rpm": math.pi / 30.0,
+            "m/s": 1.0,
+            "mm/s": 1e-3,
+        },
+        "N m": {"N.m": 1.0, "mN.m": 1e-3, "N": 1.0},
+        "Cel": {"degC": 1.0},
+    }
+)
+"""By the unit of a channel: what one of each unit is of it. A linear axis has N and m where N m and rad stand."""
+WITH_FACTOR = ("A", "%")
+"""Units of a torque that only a factor [N m per unit] makes one."""
+TABLE_KEYS = {"header": bool, "delimiter": str, "decimal": str, "skip_rows": int}
+CHANNEL_KEYS = ("column", "unit", "factor", "counts_per_rev", "rate_hz")
+
+
+@dataclass(frozen=True)
+class Source:
+    """Where the values of a channel come from.
+
+    Args:
+        column: its name in the header, or its number from 1; None for times that are counted by rows.
+        unit: as in `TIMES` or `QUANTITIES`; `iso8601` is a text.
+        scale: what one of the column's is of the channel's unit, sign included.
+    """
+
+    column: str | int | None
+    unit: str
+    scale: float
+
+
+@dataclass(frozen=True)
+class ChannelMap:
+    """A channel map: by channel, `time_s` among them, where its values come from; and what is said of the layout."""
+
+    sources: Mapping[str, Source]
+    layout: Wanted
+
+
+def channel_map_of(text: str) -> ChannelMap:
+    """Read a channel map, TOML or the same as JSON.
+
+    Raises:
+        TelemetryError: naming the table and the line that would be right.
+    """
+    try:
+        document = parse_document(text)
+    except TextError as error:
+        raise TelemetryError(f"channel map: {error}") from None
+    schema = document.pop("schema", SCHEMA)
+    if schema != SCHEMA:
+        raise TelemetryError(f'channel map: schema = {schema!r} is not known here; write schema = "{SCHEMA}"')
+    layout: dict[str, Any] = {}
+    sources: dict[str, Source] = {}
+    for name, value in document.items():
+        if name in TABLE_KEYS:
+            layout[name] = _layout(name, value)
+        elif name == TIME or name in CHANNELS:
+            sources[name] = _source(name, value)
+        else:
+            known = ", ".join((*TABLE_KEYS, TIME, *CHANNELS))
+            raise TelemetryError(f"channel map: [{name}] is no channel; there are {known}")
+    if TIME not in sources:
+        raise TelemetryError(
+            'channel map: the clock is missing; write [time_s] with column = 1 and unit = "s", or, where the log has '
+            'none, unit = "sample" and rate_hz = 100'
+        )
+    if len(sources) == 1:
+        raise TelemetryError(f"channel map: no channel is named beside time_s; there are {', '.join(CHANNELS)}")
+    return ChannelMap(MappingProxyType(sources), Wanted(**layout))
+
+
+def _layout(name: str, value: object) -> object:
+    kind = TABLE_KEYS[name]
+    if type(value) is not kind:
+        right = {"header": "header = false", "delimiter": 'delimiter = ";"', "decimal": 'decimal = ","'}
+        raise TelemetryError(f"channel map: {name} = {value!r}; write it as {right.get(name, 'skip_rows = 14')}")
+    if name in ("delimiter", "decimal") and len(str(value)) != 1:
+        raise TelemetryError(f"channel map: {name} = {value!r} has to be one character")
+    if name == "decimal" and value not in (".", ","):
+        raise TelemetryError('channel map: decimal is "." or ","')
+    if isinstance(value, int) and not 0 <= value <= 10_000:
+        raise TelemetryError(f"channel map: skip_rows = {value}; at most 10000 rows can stand above the values")
+    return value
+
+
+def _source(channel: str, value: object) -> Source:
+    if not isinstance(value, dict):
+        raise TelemetryError(f'channel map: {channel} is a table; write [{channel}] and below it column = "..."')
+    unknown = sorted(set(value) - set(CHANNEL_KEYS))
+    if unknown:
+        raise TelemetryError(f"channel map: [{channel}] {unknown[0]} is not known; there are {', '.join(CHANNEL_KEYS)}")
+    units = (*TIMES, ISO8601, SAMPLE) if channel == TIME else _units(channel)
+    unit = value.get("unit", "s" if channel == TIME else units[0])
+    if unit not in units:
+        raise TelemetryError(f"channel map: [{channel}] unit = {unit!r} is not known; there are {', '.join(units)}")
+    column = value.get("column")
+    if not _is_column(column) and not (column is None and unit == SAMPLE):
+        raise TelemetryError(
+            f'channel map: [{channel}] column = {column!r}; write its name, column = "...", or its number from 1'
+        )
+    return Source(column, str(unit), _scale(channel, str(unit), value))
+
+
+def _is_column(column: object) -> bool:
+    return isinstance(column, str) or (type(column) is int and column >= 1)
+
+
+def _units(channel: str) -> tuple[str, ...]:
+    quantity = CHANNELS[channel]
+    more = (COUNT,) if quantity == "rad" else WITH_FACTOR if quantity == "N m" else ()
+    return (*QUANTITIES[quantity], *more)
+
+
+def _scale(channel: str, unit: str, value: Mapping[str, object]) -> float:
+    """What one of the column's is of the channel's unit."""
+    factor = _number(channel, value, "factor", "N m per unit" if unit in WITH_FACTOR else None, default=1.0)
+    if unit == COUNT:
+        return factor * 2.0 * math.pi / _number(channel, value, "counts_per_rev", "such as 4096", positive=True)
+    if unit == SAMPLE:
+        return factor / _number(channel, value, "rate_hz", "samples per second, such as 100", positive=True)
+    if channel == TIME:
+        return factor * TIMES.get(unit, 1.0)
+    return factor * QUANTITIES[CHANNELS[channel]].get(unit, 1.0)
+
+
+def _number(
+    channel: str,
+    value: Mapping[str, object],
+    name: str,
+    needed: str | None,
+    *,
+    default: float | None = None,
+    positive: bool = False,
+) -> float:
+    number = value.get(name)
+    if number is None and needed is None and default is not None:
+        return default
+    if number is None:
+        raise TelemetryError(
+            f"channel map: [{channel}] unit = {value.get('unit')!r} needs {name} ({needed}); write {name} = ..."
+        )
+    if isinstance(number, bool) or not isinstance(number, int | float) or not math.isfinite(number) or number == 0.0:
+        raise TelemetryError(f"channel map: [{channel}] {name} = {number!r} has to be a number other than 0")
+    if positive and number < 0:
+        raise TelemetryError(f"channel map: [{channel}] {name} = {number!r} has to be above 0")
+    return float(number)

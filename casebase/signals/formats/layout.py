@@ -1,0 +1,104 @@
+"""The layout of a table of text, recognised from its beginning: rows above the values, delimiter, decimal sign."""
+
+import csv
+import io
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import takewhile
+
+from casebase.signals.errors import TelemetryError
+
+DELIMITERS = (";", "\t", ",")
+"""In this order: a comma may be a decimal sign where another of them parts the columns."""
+ALIKE_ROWS = 5
+"""Rows of as many cells, all numbers or times, by which values are told from what stands above them."""
+NUMBER = re.compile(r"\s*[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?\s*|\s*(nan|inf|-inf|null)?\s*", re.IGNORECASE)
+NEW_LINE = re.compile(r"\r\n|\r|\n")
+CLOCK = re.compile(r"\s*\d{4}-\d\d-\d\d[T ]\d\d:\d\d.*")
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The layout of a table of text.
+
+    Args:
+        first: rows above the first row of values.
+        names: of the columns; their numbers from 1 where nothing stands above the values.
+        units: the row below the names, where there is one.
+        delimiter: between columns.
+        decimal: point or comma.
+    """
+
+    first: int
+    names: tuple[str, ...]
+    units: tuple[str, ...]
+    delimiter: str
+    decimal: str
+
+
+@dataclass(frozen=True)
+class Wanted:
+    """What is said of a layout; None is recognised."""
+
+    header: bool | None = None
+    delimiter: str | None = None
+    decimal: str | None = None
+    skip_rows: int | None = None
+
+
+def recognised(start: str, wanted: Wanted) -> Layout:
+    """Return the layout of a table from its beginning, of which the last line may be cut off.
+
+    Raises:
+        TelemetryError: if there are no rows of values, naming the line of a channel map that would say where they are.
+    """
+    lines = NEW_LINE.split(start)[:-1]
+    for delimiter in (wanted.delimiter,) if wanted.delimiter else DELIMITERS:
+        rows = [_cells(line, delimiter) for line in lines]
+        first = _first_values(rows, wanted)
+        if first is not None and (len(rows[first]) > 1 or wanted.delimiter):
+            decimal = wanted.decimal or ("," if delimiter != "," and _has_commas(rows[first:]) else ".")
+            names, units = _names(rows, first, wanted)
+            return Layout(first, names, units, delimiter, decimal)
+    raise TelemetryError(
+        "no rows of numbers are recognised in this table; say in a channel map where they are, such as skip_rows = 14, "
+        'delimiter = ";", decimal = ","'
+    )
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    return next(csv.reader(io.StringIO(line), delimiter=delimiter), [])
+
+
+def _first_values(rows: Sequence[Sequence[str]], wanted: Wanted) -> int | None:
+    """The first of several rows of as many cells that are all numbers or times."""
+    begin = 0 if wanted.skip_rows is None else wanted.skip_rows
+    for first in range(begin, len(rows)):
+        block = rows[first : first + ALIKE_ROWS]
+        width = len(block[0])
+        if width and len(block) == ALIKE_ROWS and all(len(row) == width and _are_values(row) for row in block):
+            return first
+    return None
+
+
+def _are_values(row: Sequence[str]) -> bool:
+    return any(cell.strip() for cell in row) and all(NUMBER.fullmatch(cell) or CLOCK.fullmatch(cell) for cell in row)
+
+
+def _has_commas(rows: Sequence[Sequence[str]]) -> bool:
+    return any("," in cell for row in rows for cell in row)
+
+
+def _names(rows: Sequence[Sequence[str]], first: int, wanted: Wanted) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Names and units from the rows right above the values that have as many cells."""
+    width = len(rows[first])
+    numbers = tuple(str(number) for number in range(1, width + 1))
+    if wanted.header is False:
+        return numbers, ()
+    above = list(takewhile(lambda row: len(row) == width, reversed(rows[:first])))[:2]
+    if not above:
+        return numbers, ()
+    if len(above) == 2 and any(cell.strip() for cell in above[1]) and all(len(cell) <= 12 for cell in above[0]):
+        return tuple(above[1]), tuple(above[0])
+    return tuple(above[0]), ()
