@@ -23,6 +23,7 @@ __all__ = ["Fault", "Gate", "InvestigationError", "examine"]
 
 LEAST_SECONDS = 2.0
 SLOWEST_HZ, FASTEST_HZ = 100.0, 50_000.0
+CLOCK_ERROR = 0.01  # share by which a clock that is rounded to 0.1 ms is off at most
 LONG_GAP_S = 5e-3
 CHANCE = 0.01  # of one spell in a whole record, in which the torque repeats by chance
 
@@ -84,7 +85,7 @@ def _channels(t: Telemetry) -> tuple[float, Array, Array, Array | None]:
     if "motor_torque_nm" not in t:
         raise InvestigationError("telemetry: needs the channel motor_torque_nm (motor torque or force, N m or N)")
     rate = t.sample_rate_hz
-    if not SLOWEST_HZ <= rate <= FASTEST_HZ:
+    if not (1.0 - CLOCK_ERROR) * SLOWEST_HZ <= rate <= (1.0 + CLOCK_ERROR) * FASTEST_HZ:
         raise InvestigationError(
             f"time_s: {rate:.6g} samples per second cannot be right; {SLOWEST_HZ:g} to {FASTEST_HZ:g} are expected, "
             "with time_s in seconds"

@@ -80,7 +80,9 @@ class Problem:
         self._describe()
         self.observer = Observer(self.measurement, max(self.axis.load.inertia_kg_m2, 1e-12), inertia)
         start = self.numbers()
-        self.observer.learn_noise(chain_of(self.axis, start), nuisance_of(start), hits=self.has_contact_loss(()))
+        self.observer.learn_noise(
+            chain_of(self.axis, start), nuisance_of(start), has_contact_loss=self.has_contact_loss(())
+        )
 
     def _describe(self) -> None:
         self.described = Described.by(self.axis)
@@ -308,7 +310,7 @@ class Problem:
         terms = tuple(t for t in fit.terms if not t.contact)
         values = self.numbers(terms) | dict(fit.values)
         other.observer.learn_noise(
-            self.chain(terms, values), nuisance_of(values), hits=self.has_contact_loss(fit.terms)
+            self.chain(terms, values), nuisance_of(values), has_contact_loss=self.has_contact_loss(fit.terms)
         )
         other.doubts = {}
         far = {p.name: p.deviation(fit.values) / MISTAKEN for p in other.base() if p.stated and p.name in fit.values}

@@ -64,15 +64,15 @@ class Observer:
     """Runs chains along one measurement; `guide_inertia` fixes the guide's stiffness for all of them.
 
     `noise_inertia` multiplies the fast part of the measured acceleration, which is the encoder's noise: were it the
-    fitted inertia, a fit would make the noise small by making the inertia small. `hits`: teeth leave each other and
-    meet again, so that what is fast in the motion of motor and load is no longer noise alone: it drives the chain, but
-    what springs in contact make of it stays what it was for the chain of which the noise was learned.
+    fitted inertia, a fit would make the noise small by making the inertia small. `has_contact_loss`: teeth leave each
+    other and meet again, so that what is fast in the motion of motor and load is no longer noise alone: it drives the
+    chain, but what springs in contact make of it stays what it was for the chain of which the noise was learned.
     """
 
     measurement: Measurement
     guide_inertia: float
     noise_inertia: float
-    hits: bool = False
+    has_contact_loss: bool = False
     _noise: tuple[Array, Array] | None = None  # of the motor's torque and the guide's
     _loudness: float = 0.0
     _lock: Lock = field(default_factory=Lock)
@@ -164,14 +164,14 @@ class Observer:
             self._loudness = own
         return self._loudness / own
 
-    def learn_noise(self, chain: Chain, nuisance: Nuisance, *, hits: bool = False) -> None:
+    def learn_noise(self, chain: Chain, nuisance: Nuisance, *, has_contact_loss: bool = False) -> None:
         """Keep what the fast part of both encoders' signals, which is noise, makes of this chain."""
-        self.has_contact_loss = hits
+        self.has_contact_loss = has_contact_loss
         self.noise_inertia = chain.shafts[0].inertia_kg_m2
         self._noise = None
         if chain.links:
             model = pack(chain)
-            if hits:
+            if has_contact_loss:
                 torque, guide = self._shaken(model, nuisance)
             else:
                 left = self._links(chain, model, nuisance, slow=False) - self._links(chain, model, nuisance, slow=True)

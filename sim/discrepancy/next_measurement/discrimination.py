@@ -106,7 +106,7 @@ class _Simulated:
         m = simulated(problem, true, angle, guided=problem.guided or plan.load_encoder)
         self.problem = Problem(axis, m, noise, problem.memory)
         chain, hits = self.problem.chain(true.terms, true.values), self.problem.has_contact_loss(true.terms)
-        self.problem.observer.learn_noise(chain, nuisance_of(true.values), hits=hits)
+        self.problem.observer.learn_noise(chain, nuisance_of(true.values), has_contact_loss=hits)
         self.own = self.problem.fit(true.terms, anew(true), STEPS)
 
     def against(self, rival: Model) -> tuple[float, Difference]:

@@ -50,6 +50,14 @@ def test_what_cannot_be_right_is_refused_in_words(change: object, words: str) ->
         examine(AXIS, change(one_body(0.3, 1.0, 0.0, 2)))  # type: ignore[operator]
 
 
+def test_a_clock_that_is_rounded_is_no_other_rate() -> None:
+    """99.9999 samples per second are a hundred."""
+    whole = one_body(0.3, 1.0, 0.0, 1)
+    tenth = Telemetry(1.000001 * whole.time_s[::10], {name: values[::10] for name, values in whole.channels.items()})
+    assert tenth.sample_rate_hz < 100.0
+    assert examine(AXIS, tenth).measurement.rate_hz == pytest.approx(100.0, rel=1e-3)
+
+
 @pytest.mark.parametrize(
     ("factor", "words"),
     [(-1.0, "other way round"), (1e3, "mrad"), (1e-3, "1000"), (180 / np.pi, "degrees"), (3.0, "ratio")],

@@ -254,7 +254,7 @@ def test_what_is_fast_of_the_load_stays_for_a_spring_what_it_was_learned_to_be(h
     """A fit must not choose the spring that makes noise small."""
     m, chain = shaken_load()
     observer = Observer(m, 2.0, 0.01)
-    observer.learn_noise(chain, Nuisance(), hits=hits)
+    observer.learn_noise(chain, Nuisance(), has_contact_loss=hits)
     softer, stiffer = (observer.predict(c, Nuisance()).torque for c in (chain, shaken_load(stiffness=2e4)[1]))
     learned = 1e4 * 1e-4 / 10.0
     assert shaking(softer, m) == pytest.approx(learned, rel=0.35)
@@ -265,7 +265,7 @@ def test_what_is_fast_of_the_load_stays_for_a_spring_what_it_was_learned_to_be(h
 def test_what_is_fast_of_the_load_acts_on_teeth_that_leave_each_other_only_where_they_hit(hits: bool) -> None:
     m, chain = shaken_load()
     observer = Observer(m, 2.0, 0.01)
-    observer.learn_noise(chain, Nuisance(), hits=hits)
+    observer.learn_noise(chain, Nuisance(), has_contact_loss=hits)
     without, loose = (observer.predict(c, Nuisance()).torque for c in (chain, shaken_load(gap_rad=4e-3)[1]))
     felt = shaking(loose - without, m)  # wide play carries nothing of it
     assert felt == pytest.approx(1e4 * 1e-4 / 10.0, rel=0.35) if hits else felt < 0.005
