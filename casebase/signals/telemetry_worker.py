@@ -55,8 +55,8 @@ def _read(path: Path, map_: ChannelMap | None, cells: int, send: Send) -> Mappin
         if missing is not None:
             lost.append(name)
             send(missing.data)
-    taken = set(places.values())
-    ignored = [name[:LONGEST_NAME] for place, name in enumerate(names) if place not in taken]
+    others = [name[:LONGEST_NAME] for place, name in enumerate(names) if place not in places.values()]
+    ignored = others if map_ is None else []  # whoever wrote a map has left the others out on purpose
     return {"rows": time_s.size, "channels": known, "lost": lost, "ignored": ignored}
 
 

@@ -228,6 +228,7 @@ def test_one_motor_of_several_is_taken_with_times_of_iso8601_and_counts() -> Non
     """
     found = read_telemetry(of_drives("robonine", "motor_telemetry_single.csv"), channels=text)
     assert found.sample_rate_hz == pytest.approx(10.0, rel=0.05)
+    assert found.ignored == ()
     assert 0.0 < np.ptp(found["motor_position_rad"]) < 2 * np.pi
 
 
