@@ -10,29 +10,9 @@ from casebase.signals.documents import parse_document
 from casebase.signals.errors import TelemetryError, TextError
 from casebase.signals.formats.layout import Wanted
 from casebase.signals.telemetry import CHANNELS, TIME
+from casebase.signals.units import COUNT, ISO8601, QUANTITIES, SAMPLE, TIMES, WITH_FACTOR
 
 SCHEMA = "gearcase-channels/1"
-ISO8601, SAMPLE, COUNT = "iso8601", "sample", "count"
-TIMES: Mapping[str, float] = MappingProxyType({"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9})
-"""[s] per unit; `iso8601` and `sample` stand beside them."""
-QUANTITIES: Mapping[str, Mapping[str, float]] = MappingProxyType(
-    {
-        "rad": {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "mrad": 1e-3, "m": 1.0, "mm": 1e-3},
-        "rad/s": {
-            "rad/s": 1.0,
-            "deg/s": math.pi / 180.0,
-            "rev/s": 2.0 * math.pi,
-            "rpm": math.pi / 30.0,
-            "m/s": 1.0,
-            "mm/s": 1e-3,
-        },
-        "N m": {"N.m": 1.0, "mN.m": 1e-3, "N": 1.0},
-        "Cel": {"degC": 1.0},
-    }
-)
-"""By the unit of a channel: what one of each unit is of it. A linear axis has N and m where N m and rad stand."""
-WITH_FACTOR = ("A", "%")
-"""Units of a torque that only a factor [N m per unit] makes one."""
 TABLE_KEYS = {"header": bool, "delimiter": str, "decimal": str, "skip_rows": int}
 CHANNEL_KEYS = ("column", "unit", "factor", "counts_per_rev", "rate_hz")
 

@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.signals.channel_map import ISO8601, ChannelMap, Source, channel_map_of
+from casebase.signals.channel_map import ChannelMap, Source, channel_map_of
 from casebase.signals.errors import TelemetryError
 from casebase.signals.formats import READERS
 from casebase.signals.formats.layout import Wanted
 from casebase.signals.formats.open_table import OpenTable
 from casebase.signals.limited_worker import RefusedError, Send
 from casebase.signals.telemetry import CHANNELS, LARGEST_LOST_SHARE, LONGEST_NAME, MINIMUM_ROWS, MOST_COLUMNS, TIME
+from casebase.signals.units import ISO8601
 
 
 def read(request: Mapping[str, Any], limits: Mapping[str, float], send: Send) -> Mapping[str, Any]:
@@ -140,8 +141,9 @@ def _values(
         blocks.append(rows)
     found = []
     for name, place in places.items():
-        parts = [block[columns.index(place)] for block in blocks]
-        found.append((np.concatenate(parts) if parts else np.empty(0)) * sources[name].scale)
+        values = np.concatenate([np.empty(0), *(block[columns.index(place)] for block in blocks)])
+        values *= sources[name].scale
+        found.append(values)
     return found
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from itertools import takewhile
 
 from casebase.signals.errors import TelemetryError
+from casebase.signals.units import are_units
 
 DELIMITERS = (";", "\t", ",")
 """In this order: a comma may be a decimal sign where another of them parts the columns."""
@@ -25,26 +26,24 @@ class Layout:
     Args:
         first: rows above the first row of values.
         names: of the columns; their numbers from 1 where nothing stands above the values.
-        units: the row below the names, where there is one.
         delimiter: between columns.
         decimal: point or comma.
     """
 
     first: int
     names: tuple[str, ...]
-    units: tuple[str, ...]
     delimiter: str
     decimal: str
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is said of a layout; None is recognised."""
+    """What is said of a layout; None is recognised. Names and values stand somewhere below `skip_rows`."""
 
     header: bool | None = None
     delimiter: str | None = None
     decimal: str | None = None
-    skip_rows: int | None = None
+    skip_rows: int = 0
 
 
 def recognised(start: str, wanted: Wanted) -> Layout:
@@ -59,8 +58,7 @@ def recognised(start: str, wanted: Wanted) -> Layout:
         first = _first_values(rows, wanted)
         if first is not None and (len(rows[first]) > 1 or wanted.delimiter):
             decimal = wanted.decimal or ("," if delimiter != "," and _has_commas(rows[first:]) else ".")
-            names, units = _names(rows, first, wanted)
-            return Layout(first, names, units, delimiter, decimal)
+            return Layout(first, _names(rows, first, wanted), delimiter, decimal)
     raise TelemetryError(
         "no rows of numbers are recognised in this table; say in a channel map where they are, such as skip_rows = 14, "
         'delimiter = ";", decimal = ","'
@@ -73,8 +71,7 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 def _first_values(rows: Sequence[Sequence[str]], wanted: Wanted) -> int | None:
     """The first of several rows of as many cells that are all numbers or times."""
-    begin = 0 if wanted.skip_rows is None else wanted.skip_rows
-    for first in range(begin, len(rows)):
+    for first in range(wanted.skip_rows, len(rows)):
         block = rows[first : first + ALIKE_ROWS]
         width = len(block[0])
         if width and len(block) == ALIKE_ROWS and all(len(row) == width and _are_values(row) for row in block):
@@ -90,15 +87,11 @@ def _has_commas(rows: Sequence[Sequence[str]]) -> bool:
     return any("," in cell for row in rows for cell in row)
 
 
-def _names(rows: Sequence[Sequence[str]], first: int, wanted: Wanted) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Names and units from the rows right above the values that have as many cells."""
+def _names(rows: Sequence[Sequence[str]], first: int, wanted: Wanted) -> tuple[str, ...]:
+    """The names right above the values and their units; numbers where no row of as many cells stands there."""
     width = len(rows[first])
-    numbers = tuple(str(number) for number in range(1, width + 1))
-    if wanted.header is False:
-        return numbers, ()
-    above = list(takewhile(lambda row: len(row) == width, reversed(rows[:first])))[:2]
-    if not above:
-        return numbers, ()
-    if len(above) == 2 and any(cell.strip() for cell in above[1]) and all(len(cell) <= 12 for cell in above[0]):
-        return tuple(above[1]), tuple(above[0])
-    return tuple(above[0]), ()
+    above = () if wanted.header is False else reversed(rows[wanted.skip_rows : first])
+    headers = [tuple(row) for row in takewhile(lambda row: len(row) == width, above)]
+    if len(headers) > 1 and are_units(headers[0]):
+        return headers[1]
+    return headers[0] if headers else tuple(str(number) for number in range(1, width + 1))

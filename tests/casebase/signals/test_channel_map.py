@@ -94,6 +94,13 @@ def test_a_preamble_and_a_row_of_units_are_no_values(tmp_path: Path, encoding: s
     is_the_motion(read(tmp_path / "t.csv", "\r\n".join([*lines, ""]).encode(encoding), PLAIN))
 
 
+def test_what_is_skipped_gives_no_names(tmp_path: Path) -> None:
+    """However alike the rows above are: they have as many cells, and the names are as short as units."""
+    content = table(COLUMNS, above="a,b,c,d\n1,2,3,4\n\ne,f,g,h\n")
+    is_the_motion(read(tmp_path / "t.csv", content, PLAIN))
+    is_the_motion(read(tmp_path / "t.csv", content, "skip_rows = 4\n" + PLAIN))
+
+
 def test_without_a_header_and_without_a_clock(tmp_path: Path) -> None:
     text = PLAIN.replace('column = "t"\nunit = "s"', 'unit = "sample"\nrate_hz = 100').replace('"pos (5)"', "2")
     content = table(COLUMNS).partition("\n")[2]
