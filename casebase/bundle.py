@@ -25,7 +25,7 @@ from casebase.pages import LARGEST_PAGE
 from casebase.signals.decode import read_recording
 from casebase.signals.errors import SignalError
 from casebase.signals.features import extract
-from casebase.signals.limited_pool import PAPERS, GaveUpError, RefusedError
+from casebase.signals.limited_pool import PAPERS, refusals_as
 
 SCHEMA = "gearcase-bundle/1"
 
@@ -186,13 +186,9 @@ def _audio(source: Path, name: str, sha256: str, limits: BundleLimits) -> bytes:
 def _asked(task: str, about: Mapping[str, object], source: Path, limits: BundleLimits, largest: int) -> bytes:
     """Have the bundle opened in the limited process; raises BundleError."""
     source.open("rb").close()
-    try:
-        asked = {"path": str(source.absolute()), **about}
+    asked = {"path": str(source.absolute()), **about}
+    with refusals_as(BundleError, "reading the bundle was given up ({}): split it, or export it again"):
         content, _ = PAPERS.perform(f"casebase.bundle_worker:{task}", asked, asdict(limits), largest)
-    except RefusedError as error:
-        raise BundleError(str(error)) from None
-    except GaveUpError as error:
-        raise BundleError(f"reading the bundle was given up ({error}): split it, or export it again") from error
     return bytes(content)
 
 

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from casebase.signals.errors import TextError
-from casebase.signals.limited_pool import PAPERS, GaveUpError, RefusedError
+from casebase.signals.limited_pool import PAPERS, RefusedError, refusals_as
 from casebase.signals.limited_worker import Send
 from casebase.signals.text import is_whole, text_of
 
@@ -63,15 +63,12 @@ def parse_foreign(text: bytes | str) -> Document:
     if len(text) > LONGEST_BYTES:
         raise TextError(f"the document has {len(text)} bytes; it may have {LONGEST_BYTES}")
     given = text.decode("latin-1") if isinstance(text, bytes) else text
-    try:
+    with refusals_as(
+        TextError,
+        "reading the document was given up ({}): it is written in a way that takes too long, such as a key with very "
+        "many dots; write it in plain tables",
+    ):
         content, _ = PAPERS.perform(TASK, {"text": given, "bytes": isinstance(text, bytes)}, LIMITS, 8 * LONGEST_BYTES)
-    except RefusedError as refused:
-        raise TextError(str(refused)) from None
-    except GaveUpError as error:
-        raise TextError(
-            f"reading the document was given up ({error}): it is written in a way that takes too long, such as a key "
-            "with very many dots; write it in plain tables"
-        ) from error
     document: Document = json.loads(content)
     return document
 

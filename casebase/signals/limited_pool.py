@@ -23,7 +23,16 @@ from typing import Any
 from casebase.signals.errors import DecoderUnavailableError
 from casebase.signals.limited_worker import RefusedError
 
-__all__ = ["PAPERS", "SOUNDS", "GaveUpError", "LimitedPool", "LimitedWorker", "OutOfMemoryError", "RefusedError"]
+__all__ = [
+    "PAPERS",
+    "SOUNDS",
+    "GaveUpError",
+    "LimitedPool",
+    "LimitedWorker",
+    "OutOfMemoryError",
+    "RefusedError",
+    "refusals_as",
+]
 
 ROOT = Path(__file__).resolve().parents[2]
 PROGRAM = (
@@ -42,6 +51,17 @@ class GaveUpError(Exception):
 
 class OutOfMemoryError(GaveUpError):
     """The task needs more memory than it is allowed."""
+
+
+@contextmanager
+def refusals_as(error: type[Exception], given_up: str) -> Iterator[None]:
+    """Raise what a limited process refuses, or gives up (the reason stands for `{}` in `given_up`), as this error."""
+    try:
+        yield
+    except RefusedError as refused:
+        raise error(str(refused)) from None
+    except GaveUpError as reason:
+        raise error(given_up.format(reason)) from reason
 
 
 class LimitedWorker:

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from casebase.signals.errors import TelemetryError
-from casebase.signals.limited_pool import PAPERS, GaveUpError, RefusedError
+from casebase.signals.limited_pool import PAPERS, refusals_as
 
 CHANNELS: Mapping[str, str] = MappingProxyType(
     {
@@ -145,17 +145,11 @@ def check_telemetry(path: Path, limits: TelemetryLimits = LIMITS, *, channels: s
     _read(path, channels, limits, send=False)
 
 
+@refusals_as(TelemetryError, "reading the table was given up ({}); export it again, with the known channels alone")
 def _read(
     path: Path, channels: str | None, limits: TelemetryLimits, *, send: bool
 ) -> tuple[bytearray, Mapping[str, Any]]:
     path.open("rb").close()
     largest = MOST_COLUMNS * (12 * LONGEST_NAME + 4) + (9 * limits.cells if send else 0)
-    try:
-        request = {"path": str(path.absolute()), "send": send, "channels": channels}
-        return PAPERS.perform(TASK, request, asdict(limits), largest)
-    except RefusedError as refused:
-        raise TelemetryError(str(refused)) from None
-    except GaveUpError as error:
-        raise TelemetryError(
-            f"reading the table was given up ({error}); export it again, with the known channels alone"
-        ) from error
+    request = {"path": str(path.absolute()), "send": send, "channels": channels}
+    return PAPERS.perform(TASK, request, asdict(limits), largest)
