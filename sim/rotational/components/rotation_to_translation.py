@@ -8,8 +8,9 @@ from dataclasses import dataclass
 from typing import ClassVar
 
 from sim.errors import number
-from sim.rotational.component import Branch, Component, Row, Start, Variables
+from sim.rotational.component import Branch, Component, Row, Variables
 from sim.rotational.components.ideal_gear import gear_ratio
+from sim.rotational.components.inertia import RigidBody
 from sim.rotational.components.start_values import check_starts
 
 
@@ -73,7 +74,7 @@ class IdealRollingWheel(RotationToTranslation):
 
 
 @dataclass(frozen=True)
-class Mass(Component):
+class Mass(RigidBody):
     """m a = f_a + f_b: m [kg]; start values s [m], v [m/s], None: they follow from the rest, or are 0; a is refused."""
 
     m: float
@@ -81,6 +82,8 @@ class Mass(Component):
     v: float | None = None
     a: float | None = None
 
+    motion: ClassVar[tuple[str, str]] = ("s", "v")
+    effort: ClassVar[str] = "f"
     units: ClassVar[Mapping[str, str]] = {"s": "m", "v": "m/s", "a": "m/s2", "flange_a.f": "N", "flange_b.f": "N"}
 
     def __post_init__(self) -> None:
@@ -90,31 +93,6 @@ class Mass(Component):
     @property
     def inertia(self) -> float:
         return self.m
-
-    @property
-    def unknowns(self) -> int:
-        return 1
-
-    def kinematics(self, v: Variables) -> tuple[Row, ...]:
-        return (v.phi_rel,)
-
-    def states(self, v: Variables) -> tuple[Row, ...]:
-        return (v.phi("flange_a"),)
-
-    def starts(self, v: Variables) -> tuple[Start, ...]:
-        given = ((v.phi("flange_a"), self.s), (v.w("flange_a"), self.v))
-        return tuple(Start(row, value) for row, value in given if value is not None)
-
-    def branches(self, v: Variables) -> tuple[Branch, ...]:
-        position, speed, acceleration = v.phi("flange_a"), v.w("flange_a"), v.a("flange_a")
-        f_b = v.unknown(0)
-        f_a = self.m * acceleration - f_b
-        return (
-            Branch(
-                torques={"flange_a": f_a, "flange_b": f_b},
-                channels={"s": position, "v": speed, "a": acceleration, "flange_a.f": f_a, "flange_b.f": f_b},
-            ),
-        )
 
 
 def _against(v: Variables, side: str) -> Row:
