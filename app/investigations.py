@@ -72,10 +72,8 @@ def take_in(
             the same telemetry twice, or a sound that is compared with itself.
         SignalError: if telemetry or sound cannot be read; of several it begins with the name of the file.
     """
-    check_pairs(len(telemetries), len(sounds), len(as_new))
+    check_pairs(len(telemetries), len(sounds), len(as_new), channel_map=bool(channels))
     check_name("axis.name", axis.name)
-    if channels and not telemetries:
-        raise AxisError("channels: a channel map says how telemetry is read, and there is none")
     check = partial(check_telemetry, channels=channels or None)
     for measured in telemetries:
         _readable(measured, check, several=len(telemetries) > 1)

@@ -15,6 +15,7 @@ from app.sound import read_sound
 from casebase.signals.errors import SignalError
 from casebase.signals.recording import Recording
 from casebase.signals.telemetry import Telemetry, read_telemetry
+from casebase.signals.text import text_of
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.pairing import check_pairs
 from sim.discrepancy.investigation import Progress, investigate
@@ -74,11 +75,11 @@ def run(
     """Say what the simulation of an axis gets wrong, why, and what the extended model gains."""
     frame = frame_of(context)
     described = read_axis(axis)
-    check_pairs(len(telemetry or ()), len(sound or ()), len(as_new or ()))
+    check_pairs(len(telemetry or ()), len(sound or ()), len(as_new or ()), channel_map=channels is not None)
     heard, before = (
         [replace(_read(one, read_sound), name=one.name) for one in files or ()] for files in (sound, as_new)
     )
-    map_ = None if channels is None else channels.read_text(encoding="utf-8")
+    map_ = None if channels is None else _read(channels, lambda path: text_of(path.read_bytes()))
     measured = [_read(one, partial(read_telemetry, channels=map_)) for one in telemetry or ()]
     if len(measured) > 1:
         taken = _taken(telemetry or (), measured, sound or (), heard)

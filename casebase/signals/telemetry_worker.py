@@ -79,9 +79,10 @@ def _own(names: Sequence[str]) -> Mapping[str, Source]:
     """Where the channels are in a table that calls them by their names."""
     if TIME not in names:
         clock = next((name for name in names if "time" in name.lower()), names[0] if names else "")
+        column = clock if clock.isdigit() else f'"{clock[:40]}"'
         raise TelemetryError(
             f"no column time_s (time in seconds) in the table; it has {_listed(names)}. A channel map can say which "
-            f'column is which: [time_s] column = "{clock[:40]}", unit = "s"'
+            f'column is which: [time_s] column = {column}, unit = "s"'
         )
     known = [name for name in CHANNELS if name in names]
     if not known:

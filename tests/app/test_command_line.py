@@ -253,6 +253,24 @@ def test_json_of_a_fault_of_ours_is_a_document_too(data_dir: Path, monkeypatch: 
     assert "Traceback" in done.stderr
 
 
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "map.toml: no such file"),
+        (b"\xaa\x00", "map.toml: this is no UTF-8 text"),
+        (b"[time_s]\ncolumn = 1\n", "no channel is named beside time_s"),
+    ],
+)
+def test_a_channel_map_that_cannot_be_read_is_said(tmp_path: Path, content: bytes | None, words: str) -> None:
+    (tmp_path / "axis.toml").write_text("[motor]\ninertia_kg_m2 = 0.3\n[load]\ninertia_kg_m2 = 0.0\n")
+    (tmp_path / "log.csv").write_text("t,i\n" + "".join(f"{n},0.5\n" for n in range(200)))
+    if content is not None:
+        (tmp_path / "map.toml").write_bytes(content)
+    asked = ("investigate", "--axis", tmp_path / "axis.toml", "--telemetry", tmp_path / "log.csv")
+    done = gearcase(*asked, "--channels", tmp_path / "map.toml", data_dir=tmp_path)
+    assert (done.code, words in done.stderr) == (2, True), done.stderr
+
+
 def test_no_telemetry_is_dropped(tmp_path: Path) -> None:
     """Several recordings of one axis become one document; one that is bad is named."""
     (tmp_path / "axis.toml").write_text("[motor]\ninertia_kg_m2 = 0.3\n[load]\ninertia_kg_m2 = 0.0\n")

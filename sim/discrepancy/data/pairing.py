@@ -13,18 +13,21 @@ NOT_COMPARED = (
 )
 
 
-def check_pairs(telemetries: int, sounds: int, as_new: int = 0) -> None:
+def check_pairs(telemetries: int, sounds: int, as_new: int = 0, *, channel_map: bool = False) -> None:
     """The k-th sound belongs to the k-th telemetry; sounds alone are recordings of their own.
 
-    `as_new`: how many recordings from when the axis was new.
+    `as_new`: how many recordings from when the axis was new. `channel_map`: whether one says how telemetry is read.
 
     Raises
     ------
     AxisError
-        where there is nothing to investigate, a sound without its telemetry, or nothing to compare as new with.
+        where there is nothing to investigate, a sound without its telemetry, nothing to compare as new with, or a
+        channel map of no telemetry.
     """
     if not telemetries and not sounds:
         raise AxisError("nothing to investigate: give telemetry, sound or both")
+    if channel_map and not telemetries:
+        raise AxisError("channels: a channel map says how telemetry is read, and there is none")
     if as_new and (telemetries or not sounds):
         raise AxisError(NOT_COMPARED)
     if telemetries and sounds > telemetries:

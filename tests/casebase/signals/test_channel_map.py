@@ -173,6 +173,12 @@ def test_who_sends_other_names_without_a_map_is_told_the_line_that_would_be_righ
         read_telemetry(tmp_path / "t.csv")
 
 
+def test_columns_without_names_are_offered_by_their_numbers(tmp_path: Path) -> None:
+    (tmp_path / "t.csv").write_text(table(COLUMNS, ";").partition("\n")[2])
+    with pytest.raises(TelemetryError, match=r'\[time_s\] column = 1, unit = "s"'):
+        read_telemetry(tmp_path / "t.csv")
+
+
 def of_drives(*parts: str) -> Path:
     return shared("data", "drives", *parts)
 
