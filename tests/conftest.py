@@ -27,7 +27,8 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Take the files that take longest first."""
 
     def place(item: pytest.Item) -> int:
-        return min((LONGEST_FIRST.index(part) for part in item.path.parts if part in LONGEST_FIRST), default=9)
+        parts = item.path.relative_to(item.config.rootpath).parts
+        return min((LONGEST_FIRST.index(part) for part in parts if part in LONGEST_FIRST), default=len(LONGEST_FIRST))
 
     items.sort(key=place)
 
