@@ -13,6 +13,8 @@ from sim.discrepancy.assessment.posterior import Evidence
 from sim.discrepancy.data.validation import Gate
 from sim.discrepancy.search.search import Selection
 
+SAID = 0.5  # probability from which a name is said
+
 
 @dataclass(frozen=True)
 class Gain:
@@ -24,9 +26,6 @@ class Gain:
     rms_after: float
     significant: bool
     rms_measured: float
-
-
-SAID = 0.5  # probability from which a name is said
 
 
 @dataclass(frozen=True)
@@ -129,6 +128,7 @@ def rounded(value: float) -> float:
 
 
 def finding_document(f: Finding) -> dict[str, object]:
+    """JSON of a finding."""
     return {
         "mechanism": f.mechanism,
         "location": f.location,
@@ -145,6 +145,7 @@ def finding_document(f: Finding) -> dict[str, object]:
 
 
 def unexplained_document(u: Unexplained) -> dict[str, object]:
+    """JSON of what stays unexplained."""
     return {
         "kind": u.kind,
         "channel": u.channel,

@@ -7,6 +7,7 @@ from dataclasses import replace
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis, MechanismEntry
 from sim.errors import AxisError, near_match
+from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism, Samples
 from sim.rotational.drive_train import DriveTrain
 
@@ -19,8 +20,6 @@ def mechanism_of(entry: MechanismEntry) -> Mechanism:
     AxisError
         for a name that is not in the catalogue; ParameterError for its parameters.
     """
-    from sim.mechanisms import MECHANISMS
-
     if entry.name not in MECHANISMS:
         raise AxisError(f"mechanisms: no mechanism {entry.name!r}{near_match(entry.name, MECHANISMS)}")
     return MECHANISMS[entry.name](entry.location, entry.parameters)

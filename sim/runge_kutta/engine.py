@@ -16,6 +16,7 @@ from scipy.optimize import brentq
 
 from sim.errors import RunError
 from sim.piecewise_affine import kernel as affine_kernel
+from sim.piecewise_affine.channels import channel_names, channel_units
 from sim.piecewise_affine.guard import Guards
 from sim.piecewise_affine.mode import compile_mode
 from sim.piecewise_affine.mode_search import (
@@ -331,8 +332,6 @@ class _Reader:
     """Computes each channel of all samples when it is asked for."""
 
     def __init__(self, system: System, run: _Run, laws: Mapping[Key, Law]) -> None:
-        from sim.piecewise_affine.channels import channel_names, channel_units
-
         self._system, self._run = system, run
         self._laws = {key: laws[key] for key in dict.fromkeys(run.keys)}
         numbers = {key: i for i, key in enumerate(self._laws)}

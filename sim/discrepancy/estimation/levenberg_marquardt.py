@@ -20,6 +20,7 @@ FORETOLD = 0.1  # of the gain of a step: sensitivities that are off by less are 
 
 
 def cost_of(residual: Array, parameters: Sequence[Parameter], values: Mapping[str, float]) -> float:
+    """What is minimised: squares of the whitened residual, and of how far the numbers are from what was known."""
     known = sum(p.deviation(values) ** 2 for p in parameters)
     return float(residual @ residual) + known
 

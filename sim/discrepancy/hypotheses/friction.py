@@ -20,6 +20,7 @@ MOST_DRIFT = 1.0  # of friction, within a record
 
 
 def friction_terms(axis: Axis, level: float, top: float, m: Measurement) -> list[Term]:
+    """Dry and viscous friction where the description has none of it, and friction that drifts."""
     out = []
     n = len(stages_of(axis)) if has_links(axis) else 0
     at_load = n > 0

@@ -13,18 +13,22 @@ AS_NEW_FACTOR = 3.0  # more than this above as new is a finding
 
 
 def parameter_key(mechanism: str, location: str | None, parameter: str) -> str:
+    """How a parameter of a mechanism at its place is called."""
     return f"{mechanism}@{location}.{parameter}"
 
 
 def cosine_and_sine(prefix: str, step: float) -> tuple[Parameter, Parameter]:
+    """Both parameters of an oscillation of which neither size nor phase is known, at none of it."""
     return Parameter(f"{prefix}.sine", 0.0, step), Parameter(f"{prefix}.cosine", 0.0, step)
 
 
 def cosine_and_sine_probe(prefix: str, step: float) -> tuple[tuple[Mapping[str, float], ...], ...]:
+    """The step by which such an oscillation is tried; its phase follows from the fit."""
     return (({f"{prefix}.sine": step}, {f"{prefix}.cosine": step}),)
 
 
 def amplitude(pair: Sequence[Parameter], name: str, phase: str) -> Report:
+    """A report of size and phase [rad] from both parameters."""
     sine, cosine = (p.name for p in pair)
 
     def report(values: Values) -> dict[str, float]:
