@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 
 from casebase.signals.telemetry import Telemetry
+from sim import mechanisms
 from sim.description.axis import Axis, MechanismEntry
 from sim.errors import AxisError, near_match
-from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism, Samples
 from sim.rotational.drive_train import DriveTrain
 
@@ -20,9 +20,9 @@ def mechanism_of(entry: MechanismEntry) -> Mechanism:
     AxisError
         for a name that is not in the catalogue; ParameterError for its parameters.
     """
-    if entry.name not in MECHANISMS:
-        raise AxisError(f"mechanisms: no mechanism {entry.name!r}{near_match(entry.name, MECHANISMS)}")
-    return MECHANISMS[entry.name](entry.location, entry.parameters)
+    if entry.name not in mechanisms.MECHANISMS:
+        raise AxisError(f"mechanisms: no mechanism {entry.name!r}{near_match(entry.name, mechanisms.MECHANISMS)}")
+    return mechanisms.MECHANISMS[entry.name](entry.location, entry.parameters)
 
 
 def apply_mechanisms(train: DriveTrain) -> DriveTrain:
