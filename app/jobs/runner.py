@@ -24,7 +24,7 @@ from app.jobs.job import JobFailedError, JobKind, Json
 from app.jobs.jobs import ACTOR, APPLICATION, JOBS, POLL_S, PROGRESS, STATES, TASKS, VERSION, Jobs, prepare, reason_of
 from app.storage_faults import is_passing
 from casebase import leases
-from casebase.errors import LeaseLostError
+from casebase.errors import LeaseLostError, StaleVersionError
 from casebase.leases import BEATS, LEASE_S, Silence
 from casebase.library import CaseLibrary
 
@@ -168,8 +168,9 @@ class _Worker:
             self.running.discard(claimed)
 
     def patiently(self, work: Callable[..., Done], *arguments: Any) -> Done:
-        """Do a piece of work, again for as long as the database is away.
+        """Do a piece of work, again for as long as the database is away, or where somebody else was at it.
 
+        What a killed worker committed last may arrive while its work is done again: that then begins with it.
         Where it may not be written any more, or the worker stops, the piece stays where it is, for another worker.
         """
         while True:
@@ -181,6 +182,8 @@ class _Worker:
                 if not is_passing(error):
                     raise
                 LOG.warning("the database is away; the work is done again when it is back", error=str(error))
+            except StaleVersionError as error:
+                LOG.warning("somebody else wrote what this work writes; it is done again", error=str(error))
             if self.stop.wait(RETRY_S):
                 raise SystemExit
 

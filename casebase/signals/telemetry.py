@@ -23,6 +23,7 @@ CHANNELS: Mapping[str, str] = MappingProxyType(
         "shaft_torque_nm": "N m",
         "reference_position_rad": "rad",
         "temperature_degc": "Cel",
+        "known_torque_nm": "N m",
     }
 )
 """Channels that are known, and their units. A linear axis has N and m where N m and rad stand."""

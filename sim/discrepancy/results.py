@@ -53,6 +53,7 @@ class Finding:
     evidence: Evidence | None = None
     elsewhere: tuple[str, ...] = ()  # places at which the data would be the same
     action: str = ""
+    lacks: tuple[str, ...] = ()  # what the record would have to have for the name to be told from others
 
     @property
     def calibrated(self) -> bool:

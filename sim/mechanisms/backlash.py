@@ -6,7 +6,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.errors import CompositionError
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
-from sim.mechanisms.places import axis_of, meshes
+from sim.mechanisms.places import axis_of, meshes, stage_at
 from sim.rotational.components import ElastoBacklash
 from sim.rotational.drive_train import DriveTrain
 
@@ -20,6 +20,10 @@ class Backlash(Mechanics):
     signature: ClassVar[Signature] = Signature("reversal", per_cycle=2, direction="reversal", grows_with="speed")
     equations: ClassVar[str] = "F = 0 while |x| < gap / 2, else c (|x| - gap / 2) + d x' on the flank in contact"
     source: ClassVar[str] = "Modelica.Mechanics.Rotational.Components.ElastoBacklash, Modelica Standard Library 4.1"
+
+    @classmethod
+    def as_new(cls, axis: Axis, location: str | None) -> float:
+        return stage_at(axis, location).backlash_rad if axis.stages and location else 0.0
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

@@ -12,6 +12,13 @@ from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism, Samples
 from sim.rotational.drive_train import DriveTrain
 
 
+def kind_of(name: str) -> type[Mechanism]:
+    """Raises AxisError for a name that is not in the catalogue."""
+    if name not in mechanisms.MECHANISMS:
+        raise AxisError(f"mechanisms: no mechanism {name!r}{near_match(name, mechanisms.MECHANISMS)}")
+    return mechanisms.MECHANISMS[name]
+
+
 def mechanism_of(entry: MechanismEntry) -> Mechanism:
     """The mechanism that a table of an axis description means.
 
@@ -20,9 +27,7 @@ def mechanism_of(entry: MechanismEntry) -> Mechanism:
     AxisError
         for a name that is not in the catalogue; ParameterError for its parameters.
     """
-    if entry.name not in mechanisms.MECHANISMS:
-        raise AxisError(f"mechanisms: no mechanism {entry.name!r}{near_match(entry.name, mechanisms.MECHANISMS)}")
-    return mechanisms.MECHANISMS[entry.name](entry.location, entry.parameters)
+    return kind_of(entry.name)(entry.location, entry.parameters)
 
 
 def apply_mechanisms(train: DriveTrain) -> DriveTrain:

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
 from sim.rotational.drive_train import DriveTrain
 
@@ -15,6 +15,7 @@ class CoulombFriction(Mechanics):
     name: ClassVar[str] = "coulomb_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("torque_n_m", "N m", 0.0, 1e4, 0.2),)
     size: ClassVar[str] = "torque_n_m"
+    needs: ClassVar[frozenset[Need]] = frozenset({Need.BOTH_DIRECTIONS, Need.SEVERAL_SPEEDS})
     signature: ClassVar[Signature] = Signature("speed", direction="opposite")
     equations: ClassVar[str] = "tau = torque sign(w)"
     source: ClassVar[str] = "Coulomb friction with stick: BearingFriction of the Modelica Standard Library 4.1"

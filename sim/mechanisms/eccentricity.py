@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
-from sim.mechanisms.places import axis_of, wheels, with_error
+from sim.mechanisms.places import axis_of, stage_at, wheels, with_error
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -21,6 +21,10 @@ class Eccentricity(Mechanics):
     signature: ClassVar[Signature] = Signature("angle", order=1, direction="same")
     equations: ClassVar[str] = "x = theta_driver / i - theta_driven - amplitude sin(theta + phase)"
     source: ClassVar[str] = "kinematic error of first order, 2 e tan(alpha) / r_b for an eccentric wheel of offset e"
+
+    @classmethod
+    def as_new(cls, axis: Axis, location: str | None) -> float:
+        return stage_at(axis, location).transmission_error_rad if axis.stages and location else 0.0
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

@@ -7,7 +7,7 @@ import numpy as np
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Measurement, Parameter, Samples, Signature
+from sim.mechanisms.mechanism import Measurement, Need, Parameter, Samples, Signature
 
 
 class ElectricalHum(Measurement):
@@ -21,6 +21,7 @@ class ElectricalHum(Measurement):
         Parameter("phase_rad", "rad", -np.pi, np.pi, 0.0, periodic=True),
     )
     size: ClassVar[str] = "torque_n_m"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.SEVERAL_SPEEDS})
     signature: ClassVar[Signature] = Signature("frequency")
     equations: ClassVar[str] = "measured = true + amplitude sin(2 pi f t + phase)"
     source: ClassVar[str] = "induced at 50 or 60 Hz and their multiples"

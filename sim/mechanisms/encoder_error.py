@@ -24,6 +24,10 @@ class EncoderError(Measurement):
     source: ClassVar[str] = "eccentric disc: e / r of the grating"
 
     @classmethod
+    def as_new(cls, axis: Axis, location: str | None) -> float:
+        return axis.load_encoder.error_rad
+
+    @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:
         return ("load", "motor")
 

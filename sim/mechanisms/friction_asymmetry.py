@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
 from sim.rotational.drive_train import DriveTrain
 
@@ -22,11 +22,16 @@ class FrictionAsymmetry(Mechanics):
         Parameter("coefficient_n_m_s_per_rad", "N m s/rad", -1e4, 1e4, 0.0),
     )
     size: ClassVar[str] = "torque_n_m"
+    needs: ClassVar[frozenset[Need]] = frozenset({Need.BOTH_DIRECTIONS})
     signature: ClassVar[Signature] = Signature("speed", direction="one")
     equations: ClassVar[str] = "tau = (tau_C +- torque) sign(w) + (d +- coefficient) w, + forward, - backward"
     source: ClassVar[str] = (
         "EMPS benchmark: Janot, Gautier and Brunot, Workshop on Nonlinear System Identification Benchmarks (2019)"
     )
+
+    @classmethod
+    def sizes(cls) -> tuple[str, ...]:
+        return ("torque_n_m", "coefficient_n_m_s_per_rad")
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

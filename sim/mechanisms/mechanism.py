@@ -10,6 +10,7 @@ import math
 from abc import ABC, abstractmethod
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from enum import Enum
 from types import MappingProxyType
 from typing import ClassVar, Literal
 
@@ -22,6 +23,13 @@ from sim.errors import ParameterError, near_match
 from sim.rotational.drive_train import DriveTrain
 
 Samples = NDArray[np.float32]
+
+
+class Need(Enum):
+    """What a record has to have for a mechanism to be told from others: its value is what to record."""
+
+    BOTH_DIRECTIONS = "motion in both directions"
+    SEVERAL_SPEEDS = "motion at several speeds"
 
 
 @dataclass(frozen=True)
@@ -90,6 +98,10 @@ class Mechanism(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     size: ClassVar[str]
     """The parameter of which 0 means that the effect is not there."""
+    needs: ClassVar[frozenset[Need]] = frozenset()
+    """Without one of these it is the same in a record as all others that need it."""
+    shown_by: ClassVar[frozenset[Need]] = frozenset()
+    """Without one of these it cannot be seen at all."""
     signature: ClassVar[Signature]
     equations: ClassVar[str]
     source: ClassVar[str]
@@ -115,6 +127,16 @@ class Mechanism(ABC):
     @abstractmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:
         """Where it can act on an axis; the first is meant when no place is given. None: the axis as a whole."""
+
+    @classmethod
+    def sizes(cls) -> tuple[str, ...]:
+        """Parameters of which one at least is not 0 where the effect is there."""
+        return (cls.size,)
+
+    @classmethod
+    def as_new(cls, axis: Axis, location: str | None) -> float:
+        """Size that a new axis has at most, by its description."""
+        return 0.0
 
     def placed(self, axis: Axis) -> str:
         """Return the place where it acts, the default where none was given."""

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
-from sim.mechanisms.places import axis_of, stage_names, teeth, with_error
+from sim.mechanisms.places import axis_of, stage_at, stage_names, teeth, with_error
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -26,6 +26,10 @@ class MeshError(Mechanics):
         " - second_amplitude sin(2 z theta_driven + second_phase)"
     )
     source: ClassVar[str] = "static transmission error at tooth frequency: Harris, Proc. IMechE 172 (1958) 87"
+
+    @classmethod
+    def as_new(cls, axis: Axis, location: str | None) -> float:
+        return stage_at(axis, location).transmission_error_rad if axis.stages and location else 0.0
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

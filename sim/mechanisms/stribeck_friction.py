@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
 from sim.rotational.drive_train import DriveTrain
 
@@ -19,6 +19,7 @@ class StribeckFriction(Mechanics):
         Parameter("exponent", "1", 0.3, 4.0, 2.0),
     )
     size: ClassVar[str] = "torque_n_m"
+    needs: ClassVar[frozenset[Need]] = frozenset({Need.SEVERAL_SPEEDS})
     signature: ClassVar[Signature] = Signature("speed", direction="opposite")
     equations: ClassVar[str] = "tau = (tau_C + torque exp(-(|w| / speed)^exponent)) sign(w)"
     source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083"

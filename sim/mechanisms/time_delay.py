@@ -7,7 +7,7 @@ import numpy as np
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Measurement, Parameter, Signature
+from sim.mechanisms.mechanism import Measurement, Need, Parameter, Signature
 
 
 class TimeDelay(Measurement):
@@ -16,6 +16,7 @@ class TimeDelay(Measurement):
     name: ClassVar[str] = "time_delay"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("delay_s", "s", -1.0, 1.0, 2e-3),)
     size: ClassVar[str] = "delay_s"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.SEVERAL_SPEEDS})
     signature: ClassVar[Signature] = Signature("recording", grows_with="speed")
     equations: ClassVar[str] = "measured(t) = true(t - delay)"
     source: ClassVar[str] = "buffers between drive and recorder"

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Measurement, Parameter, Signature
+from sim.mechanisms.mechanism import Measurement, Need, Parameter, Signature
 
 
 class TorqueOffset(Measurement):
@@ -14,6 +14,7 @@ class TorqueOffset(Measurement):
     name: ClassVar[str] = "torque_offset"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("torque_n_m", "N m", -1e4, 1e4, 0.2),)
     size: ClassVar[str] = "torque_n_m"
+    needs: ClassVar[frozenset[Need]] = frozenset({Need.BOTH_DIRECTIONS})
     signature: ClassVar[Signature] = Signature("recording")
     equations: ClassVar[str] = "measured = true + torque"
     source: ClassVar[str] = "zero error of a current transducer"

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
 from sim.rotational.drive_train import DriveTrain
 
@@ -15,6 +15,7 @@ class ViscousFriction(Mechanics):
     name: ClassVar[str] = "viscous_friction"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("coefficient_n_m_s_per_rad", "N m s/rad", 0.0, 1e4, 1e-3),)
     size: ClassVar[str] = "coefficient_n_m_s_per_rad"
+    needs: ClassVar[frozenset[Need]] = frozenset({Need.SEVERAL_SPEEDS})
     signature: ClassVar[Signature] = Signature("speed", direction="opposite", grows_with="speed")
     equations: ClassVar[str] = "tau = coefficient w"
     source: ClassVar[str] = "laminar lubrication: Damper of the Modelica Standard Library 4.1"

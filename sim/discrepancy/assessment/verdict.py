@@ -5,17 +5,21 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
+from sim.description.axis import Axis
 from sim.discrepancy.acoustic.evidence import AcousticFinding
 from sim.discrepancy.assessment.intervals import term_estimates, unit_of
 from sim.discrepancy.assessment.posterior import Evidence, is_close, probability
 from sim.discrepancy.assessment.residual_structure import stands_out
+from sim.discrepancy.data.excitation import lacking
 from sim.discrepancy.data.validation import Fault
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.identifiability import ALONE, needs_of, same_over_the_turn, the_same
 from sim.discrepancy.report.wording import explain
 from sim.discrepancy.results import SAID, Estimate, Finding, Unexplained
 from sim.discrepancy.search.search import Selection
+from sim.mechanisms.catalogue import kind_of
 
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
 NOT_NOISE = 2.0  # the same, where something is left whatever its place: without a cause 1.3 in 117 recordings at most
@@ -34,7 +38,7 @@ def left(places: Sequence[Unexplained], fit: Fit) -> list[Unexplained]:
     return [u for u in places if stands_out(u)] or (list(places[:1]) if far else [])
 
 
-def lacking(fit: Fit) -> float:
+def inadequacy(fit: Fit) -> float:
     """Squares by which the best model is not adequate: far above the noise, or only with a description bent far."""
     return max(0.0, fit.misfit - FAR * fit.residual.size) + max(0.0, fit.prior_penalty - MOST_STRAIN)
 
@@ -43,9 +47,13 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     """The probability is that of the name or one of those that it cannot be told from, wherever it acts."""
     fit, standing = selection.fit, selection.standings[term.key]
     duration = float(selection.problem.measurement.time_s[-1])
-    alike = looks_like(selection.problem, term)
+    axis, m = selection.problem.axis, selection.problem.measurement
+    missing = lacking(m)
+    same = (*the_same(term.mechanism, missing), *same_over_the_turn(axis, m, term))
+    alike = (*looks_like(selection.problem, term), *same)
     near = {r.mechanism for r, t in standing.rivals if is_close(t)} - {term.mechanism, *alike}
     close = [*alike, *sorted(near)][:2]
+    estimated = term_estimates(fit, term, duration)
     others = tuple(t for r, t in standing.rivals if r.mechanism not in (term.mechanism, *close))
     places = [r.location for r, t in standing.rivals if r.mechanism == term.mechanism and is_close(t)]
     elsewhere = tuple(place for place in places if place)
@@ -55,11 +63,23 @@ def finding_of(selection: Selection, term: Term) -> Finding:
         for r, t in standing.rivals
         if t > 0.0 and r.mechanism not in (term.mechanism, *close) and r.key in brought and term.key in brought
     }
-    seen = Evidence(standing.share, others, (standing.shared + lacking(fit)) / standing.gain)
+    seen = Evidence(standing.share, others, (standing.shared + inadequacy(fit)) / standing.gain)
+    sure = probability(seen)
+    if same or not is_beyond_new(axis, term, estimated):
+        sure = min(sure, ALONE)
     return Finding(
-        term.mechanism, term.location, probability(seen), term_estimates(fit, term, duration), tuple(close),
+        term.mechanism, term.location, sure, estimated, tuple(close),
         explain(term.mechanism, term.location, term.report(fit.values), elsewhere, instead), seen, elsewhere,
+        lacks=tuple(need.value for need in needs_of(term.mechanism) & missing),
     )  # fmt: skip
+
+
+def is_beyond_new(axis: Axis, term: Term, estimated: Sequence[Estimate]) -> bool:
+    """Whether the interval of a size leaves out what a new axis has: else the data are also those of a new one."""
+    kind = kind_of(term.mechanism)
+    new = kind.as_new(axis, term.location)
+    sizes = [e for e in estimated if e.name in kind.sizes()]
+    return any(e.low > new or e.high < -new for e in sizes)
 
 
 def drop_unidentifiable(selection: Selection) -> Selection:

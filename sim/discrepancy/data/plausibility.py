@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 
 from sim.description.axis import Axis
 from sim.discrepancy.data.data_fault import InvestigationError
-from sim.discrepancy.data.preprocessing import Measurement
+from sim.discrepancy.data.excitation import lacking
+from sim.discrepancy.data.preprocessing import LEAST_ROWS, Measurement
 from sim.discrepancy.data.rigid_body import one_body
 from sim.discrepancy.data.sample_defects import Rows
+from sim.mechanisms.mechanism import Need
+from sim.torsional.model import Array
 
 SLIP = 1000.0  # mN m for N m, g for kg, mrad for rad: what a wrong prefix does to a number
+LEAST_TURN = 0.5  # rad of the load over which weight shows
 BEYOND = 3.0  # times what telemetry shows: a data sheet may be wrong by two
 LEAST = 1.5  # rms of what is left that friction must be to be known by torque alone
 FAR_BEYOND = 10.0  # the same of what is 'at most'
@@ -28,11 +32,14 @@ class Seen:
     """What telemetry shows of an axis, without a model of it; of the output where nothing else is said.
 
     `inertia`, `coulomb`, `viscous`: of one body at the motor [kg m2], [N m], [N m s/rad]; `left`: rms of the torque
-    beyond it [N m]; `torque`, `speed`: largest at the motor; `swing`, `twist_rate`: rms of the load's acceleration and
-    of the twist's rate; `yields`: twist per acceleration of the load [s2]; `loose`: range of the twist beyond that.
+    beyond it [N m]; `body`: smallest and largest inertia that it may have, weight of the load aside or counted in,
+    None where the speed hardly changes; `torque`, `speed`: largest at the motor; `swing`, `twist_rate`: rms of the
+    load's acceleration and of the twist's rate; `yields`: twist per acceleration of the load [s2], `soft`: the smallest
+    and the largest that it may be; `loose`: range of the twist beyond that.
     """
 
     inertia: float
+    body: tuple[float, float] | None
     coulomb: float
     viscous: float
     left: float
@@ -41,24 +48,49 @@ class Seen:
     swing: float
     twist_rate: float = math.nan
     yields: float = math.nan
+    soft: tuple[float, float] = (math.nan, math.nan)
     loose: float = math.nan
 
     @staticmethod
     def of(axis: Axis, m: Measurement, used: Rows) -> Seen:
         top = float(np.abs(m.speed).max())
-        (inertia, coulomb, viscous, _), beyond = one_body(m.torque, m.slow_acceleration, m.speed, used)
+        torque = _of_drive(axis, m)
+        (inertia, coulomb, viscous, _), beyond = one_body(torque, m.slow_acceleration, m.speed, used)
+        others = [one_body(torque, m.slow_acceleration, m.speed, used, laws)[0][0] for laws in _beside(axis, m)]
+        body = _range([inertia, *others]) if Need.SEVERAL_SPEEDS not in lacking(m) else None
         largest = float(np.quantile(np.abs(m.torque[used]), 0.999))
-        seen = (float(inertia), float(coulomb), float(viscous), float(np.std(beyond[used])), largest, top)
+        seen = (float(inertia), body, float(coulomb), float(viscous), float(np.std(beyond[used])), largest, top)
         swing = float(np.std(m.slow_acceleration[used])) / axis.ratio
         load = used & (m.load_valid > 0.5)
-        if m.slow_load_angle is None or m.slow_load_speed is None or load.sum() < 200:
+        if m.slow_load_angle is None or m.slow_load_speed is None or load.sum() < LEAST_ROWS:
             return Seen(*seen, swing)
         twist = (m.angle / axis.ratio - m.slow_load_angle)[load]
         columns = np.stack([np.gradient(m.slow_load_speed)[load] * m.rate_hz, np.ones(twist.size)], 1)
         yields = np.linalg.lstsq(columns, twist, rcond=None)[0]
+        way = np.sign(m.speed)[load]
+        laws = [np.stack([*columns.T, way, *(law[load] for law in beside)], 1) for beside in ((), *_beside(axis, m))]
+        soft = _range([yields[0], *(float(np.linalg.lstsq(c, twist, rcond=None)[0][0]) for c in laws)])
         low, high = np.quantile(twist - columns @ yields, [0.005, 0.995])
         rate = float(np.std((m.slow_speed / axis.ratio - m.slow_load_speed)[load]))
-        return Seen(*seen, float(np.std(columns[:, 0])), rate, float(yields[0]), float(high - low))
+        return Seen(*seen, float(np.std(columns[:, 0])), rate, float(yields[0]), soft, float(high - low))
+
+
+def _range(values: Iterable[float]) -> tuple[float, float]:
+    values = list(map(float, values))
+    return min(values), max(values)
+
+
+def _beside(axis: Axis, m: Measurement) -> list[list[Array]]:
+    """What else may explain a torque that goes with the acceleration: weight of the load, where it turns far enough."""
+    turn = m.angle / axis.ratio
+    known = [] if m.known_torque is None else [m.known_torque]
+    weight = [np.sin(turn), np.cos(turn)]
+    return [[*known, *weight]] if float(np.ptp(turn)) > LEAST_TURN else [known] if known else []
+
+
+def _of_drive(axis: Axis, m: Measurement) -> Array:
+    """Motor torque without what the load is known to ask for, losses left aside [N m], shape (n,)."""
+    return m.torque if m.known_torque is None else m.torque - m.known_torque / axis.ratio
 
 
 def check_description(axis: Axis, m: Measurement, used: Rows) -> tuple[str, ...]:
@@ -153,13 +185,24 @@ def _check_inertia(axis: Axis, seen: Seen) -> list[str]:
     expected = sum(entries.values())
     share = seen.inertia / expected
     accelerating = seen.swing * axis.ratio * expected
+    if seen.body is None:
+        return [
+            "The speed hardly changes in this record: it does not show the inertia, and the described one was kept. "
+            "Record a motion that speeds up and slows down."
+        ]
     if accelerating < 0.02 * math.hypot(seen.left, seen.torque / 3.0) and abs(share) < 30.0:
         return []
-    if share < -0.2:
+    least, most = (inertia / expected for inertia in seen.body)
+    if most < -0.2:
         raise InvestigationError(
             "motor_torque_nm: pushes against the acceleration: the sign of torque or of position is turned; "
             "turn one of them"
         )
+    if not (LIGHTEST <= share <= HEAVIEST) and (least <= HEAVIEST and most >= LIGHTEST):
+        return [
+            f"motor_torque_nm: torque and acceleration alone fit an inertia {share:.4g} times the described "
+            f"{expected:.4g} kg m2; weight of the load explains it as well, and then {least:.4g} to {most:.4g} times."
+        ]
     if share > HEAVIEST or share < LIGHTEST:
         raise InvestigationError(
             f"motor_torque_nm: fits an inertia {share:.4g} times the described {expected:.4g} kg m2: "
@@ -236,7 +279,8 @@ def _check_stiffness(axis: Axis, seen: Seen) -> None:
     if not parts or not seen.yields > 0.0 or load <= 0.0:
         return
     share = seen.yields / (soft * load)
-    if 1.0 / BEYOND < share < STIFFER:
+    least, most = (yields / (soft * load) for yields in seen.soft)
+    if least < STIFFER and most > 1.0 / BEYOND:
         return
     torque, twist = load * seen.swing, seen.yields * seen.swing
     text = (

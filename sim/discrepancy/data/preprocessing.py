@@ -13,6 +13,7 @@ from scipy.signal import fftconvolve, upfirdn
 
 Array = NDArray[np.float64]
 
+LEAST_ROWS = 50  # in motion that a record needs: ten for each number of one body with friction
 RATE_HZ = 1000.0  # of the prepared channels: four times the fastest mode that matters
 WIDE_SHARE = 0.3  # -3 dB frequency of torque and acceleration over the sample rate
 ANGLE_CUT_HZ = 150.0  # motor angle that drives the chain: far above its modes, below the encoder's noise
@@ -37,6 +38,7 @@ class Measurement:
     `angle`, `speed` are of the motor; `load_angle`, `load_speed` are None without a load encoder; `slow_...` drive the
     chain, nearly free of noise. `valid`, `load_valid`: 1 where a row can be trusted, else 0; `standstill`: share of
     the largest speed below which it does not count; `rests`: it counts at the motor, from the first motion on;
+    `known_torque`: what the load is known to ask for besides [N m], None where nothing is known;
     `told`: 1 where a model can tell what the motor's torque must have been, 0 where teeth rattle; `unsure`, shape
     (n, p): ways in which the torque may be wrong as a whole, each by a standard deviation [N m].
     """
@@ -60,6 +62,7 @@ class Measurement:
     rests: bool = False
     told: Array = field(default_factory=lambda: np.ones(1))
     unsure: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    known_torque: Array | None = None
 
     @cached_property
     def moving(self) -> Array:
@@ -221,6 +224,7 @@ def prepare(
     valid: Array | None = None,
     load_valid: Array | None = None,
     slow_angle_cut_hz: float = SLOW_ANGLE_CUT_HZ,
+    known_torque: Array | None = None,
 ) -> Measurement:
     """Smooth evenly sampled channels of shape (n,), thin them to about `RATE_HZ`; `valid` is 1 where a row counts."""
     stride = max(1, round(rate_hz / RATE_HZ))
@@ -263,6 +267,7 @@ def prepare(
         slow_load_speed=load(load_slow, 1),
         valid=trusted,
         load_valid=load_trusted,
+        known_torque=None if known_torque is None else channel(known_torque, wide, 0),
     )
 
 

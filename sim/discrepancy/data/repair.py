@@ -24,6 +24,8 @@ SHIFT_HZ = 100.0  # at which a slow slip is looked for
 SHIFT_SHARE = 0.5  # of the squares left that one step must explain
 SHIFT_TURNS = 2  # reversals before and after it, so that what a reversal does is known
 SHIFT_REACH_S = 0.05
+STILL = 1e-3  # of the usual step: what an even clock makes of rows that repeat
+CAUGHT = 0.5  # of the way that was not shown, by which a motor may have changed its speed meanwhile
 OFF = 2.5  # standard deviations
 
 
@@ -44,11 +46,16 @@ class Repaired:
         return self.start_s + row / self.rate_hz
 
 
-def repair(channels: dict[str, Array], ratio: float, rate_hz: float, start_s: float, lost: Rows) -> Repaired:
-    """Leave out rows that were never measured, put back what an encoder has slipped; `lost`: rows known as such."""
+def repair(
+    channels: dict[str, Array], ratio: float, rate_hz: float, start_s: float, lost: Rows, irregular: Rows | None = None
+) -> Repaired:
+    """Leave out rows that were never measured, put back what an encoder has slipped; `lost`: rows known as such.
+
+    `irregular`: rows beside a step of the clock unlike all others, where a jump is as likely one of the clock.
+    """
     out = Repaired(dict(channels), rate_hz, start_s, lost.copy(), lost.copy(), lost.copy())
     _torque(out)
-    _motor(out, ratio)
+    _motor(out, ratio, np.zeros_like(lost) if irregular is None else irregular)
     out.torque_lost |= out.lost
     out.channels["torque"] = bridged(out.channels["torque"], ~out.torque_lost)
     if "load" in channels:
@@ -125,7 +132,7 @@ def _off(left: Array, rows: slice, used: Rows) -> bool:
     return bool(np.mean(left[rows] ** 2) > OFF**2 * np.mean(left[used] ** 2))
 
 
-def _motor(r: Repaired, ratio: float) -> None:
+def _motor(r: Repaired, ratio: float, irregular: Rows) -> None:
     angle = r.channels["angle"]
     alone = spikes(bridged(angle, ~r.lost)) & ~r.lost
     again = alone & binary_dilation(r.lost, iterations=2)  # of the same kind as those beside them
@@ -150,6 +157,8 @@ def _motor(r: Repaired, ratio: float) -> None:
         skipped = [s for s in slips if any(abs(row - s[0]) <= 1 for row in load)]
     else:
         skipped = [s for s in slips if _whole_rows(angle, *s)]
+    unclear = [s for s in slips if irregular[s[0] : s[0] + 2].any() or _catches_up(angle, s[0])]
+    skipped += [s for s in unclear if s not in skipped]
     if skipped:
         places = np.zeros(angle.size, dtype=np.bool_)
         for row, _ in skipped:
@@ -189,6 +198,17 @@ def _whole_rows(angle: Array, row: int, size: float) -> bool:
     step = float(np.median(np.diff(angle)[max(row - REACH_ROWS, 0) : row + REACH_ROWS]))
     rows = size / step if step else 0.0
     return rows > 0.5 and abs(rows - round(rows)) < 0.05 * max(1.0, round(rows))
+
+
+def _catches_up(angle: Array, row: int) -> bool:
+    """Whether a jump makes good the way that the encoder did not show in the rows before, while the motor moved on."""
+    steps = np.diff(angle)
+    stood = 0
+    still = STILL * float(np.median(np.abs(steps)))
+    while row - stood > REACH_ROWS and abs(steps[row - stood - 1]) <= still:
+        stood += 1
+    usual = float(np.median(steps[max(row - stood - REACH_ROWS, 0) : row - stood]))
+    return stood > 0 and usual != 0.0 and abs(steps[row] / ((stood + 1) * usual) - 1.0) < CAUGHT
 
 
 def _load(r: Repaired, ratio: float) -> None:

@@ -11,10 +11,17 @@ from scipy.ndimage import find_objects, label
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.discrepancy.data.channel_checks import check_channels
+from sim.discrepancy.data.clock import evened, irregular
 from sim.discrepancy.data.controller_law import DriveLaw, drive_law
 from sim.discrepancy.data.data_fault import Fault, InvestigationError
 from sim.discrepancy.data.plausibility import check_description
-from sim.discrepancy.data.preprocessing import SLOW_ANGLE_CUT_HZ, SLOW_DIRECT_ANGLE_CUT_HZ, Measurement, prepare
+from sim.discrepancy.data.preprocessing import (
+    LEAST_ROWS,
+    SLOW_ANGLE_CUT_HZ,
+    SLOW_DIRECT_ANGLE_CUT_HZ,
+    Measurement,
+    prepare,
+)
 from sim.discrepancy.data.repair import repair
 from sim.discrepancy.data.sample_defects import bridged, quantum
 from sim.torsional.model import Array
@@ -22,7 +29,7 @@ from sim.torsional.model import Array
 __all__ = ["Fault", "Gate", "InvestigationError", "examine"]
 
 LEAST_SECONDS = 2.0
-SLOWEST_HZ, FASTEST_HZ = 100.0, 50_000.0
+SLOWEST_HZ, FASTEST_HZ = 10.0, 50_000.0
 CLOCK_ERROR = 0.01  # share by which a clock that is rounded to 0.1 ms is off at most
 LONG_GAP_S = 5e-3
 CHANCE = 0.01  # of one spell in a whole record, in which the torque repeats by chance
@@ -46,6 +53,7 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
     InvestigationError
         for missing channels, a standing axis, units that are wrong by a factor, channels swapped or turned.
     """
+    telemetry, uneven = evened(telemetry)
     rate, torque, angle, load = _channels(telemetry)
     valid, grid = _clock(telemetry, rate)
     load_lost = telemetry.lost.get("load_position_rad")
@@ -53,21 +61,23 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
     even = {name: _even(telemetry, grid, values) for name, values in channels.items()}
     reference = telemetry.channels.get("reference_position_rad")
     beside = {} if reference is None else {"reference": _even(telemetry, grid, reference)}
+    known = telemetry.channels.get("known_torque_nm")
+    known = None if known is None else _even(telemetry, grid, known)
     check_channels(axis, even | beside, rate)
     valid = valid * _present(telemetry, grid)
     held = _held(even["angle"], even["torque"], valid)
     faults = _lost(valid, held) + _clipped(even["torque"])
     lost = held | (valid <= 0.5)
     even = {name: bridged(values, ~lost) for name, values in even.items()}
-    mended = repair(even, axis.ratio, rate, float(grid[0]), lost)
+    mended = repair(even, axis.ratio, rate, float(grid[0]), lost, irregular(telemetry, grid))
     even, faults = mended.channels, _together([*faults, *mended.faults])
     valid = (~mended.torque_lost).astype(float) * _unclipped(even["torque"], faults)
     load_valid = (~((mended.load_lost & ~lost) | _long(mended.lost, rate))).astype(float)
     if load_lost is not None:
         load_valid *= np.interp(grid, telemetry.time_s, (~load_lost).astype(float))
     cut = SLOW_ANGLE_CUT_HZ if axis.stages else SLOW_DIRECT_ANGLE_CUT_HZ
-    measurement = prepare(rate, even["torque"], even["angle"], even.get("load"), valid, load_valid, cut)
-    remarks = list(check_description(axis, measurement, _used(measurement)))
+    measurement = prepare(rate, even["torque"], even["angle"], even.get("load"), valid, load_valid, cut, known)
+    remarks = [*uneven, *check_description(axis, measurement, _used(measurement))]
     remarks += [f"column {name} is no known channel and was not used" for name in telemetry.ignored]
     if load is None and axis.stages:
         remarks.append(
@@ -226,7 +236,7 @@ def _unclipped(torque: Array, faults: list[Fault]) -> Array:
 
 def _used(m: Measurement) -> NDArray[np.bool_]:
     used = m.weight > 0.5
-    if used.sum() < 200:
+    if used.sum() < LEAST_ROWS:
         raise InvestigationError(
             "telemetry: too few rows in motion that count; a longer record of the axis in motion is needed"
         )

@@ -118,7 +118,7 @@ class Problem:
         """Those of the description that no term replaces, then what the terms bring along, then their own."""
         gone = {name for term in terms for name in term.replaces}
         kept = {p.name: p for p in self.base() if p.name not in gone}
-        brought = {p.name: p for term in terms for p in term.brings}
+        brought = {p.name: p for term in terms for p in term.brings if p.name not in kept}
         return tuple({**kept, **brought}.values()) + tuple(p for term in terms for p in term.parameters)
 
     def numbers(self, terms: Sequence[Term] = ()) -> dict[str, float]:

@@ -16,6 +16,7 @@ Spectrum = NDArray[np.complex128]
 SMOOTH_BINS = 4  # half of the running median over a noise spectrum, and at most this many hertz
 WITH_TEETH, WITHOUT = 0.25, 0.5  # quantile over blocks that is noise: without teeth little else comes and goes
 FEWEST_BLOCKS = 16  # for the quartile of a spectrum
+LEAST_BLOCKS = 12  # half overlapping, of a spectrum: thirty seconds have 14 of the longest
 MODE_BAND = 0.2  # around the load's own frequency
 MODE_NOISE = 3.0  # power of the noise there over its floor, where no encoder sees the load
 LITTLE = 1e-3  # by which a way may count less and be left as it is
@@ -31,6 +32,12 @@ class Memory:
     block_s: float
     filter_s: float
     least_drop: float
+
+    def within(self, seconds: float) -> Memory:
+        """As long as a record of so many seconds lets a spectrum be known: from a few blocks it is that of the motion,
+        and whitening takes friction for noise."""
+        share = min(1.0, 2.0 * seconds / (LEAST_BLOCKS + 1) / self.block_s)
+        return self if share == 1.0 else replace(self, block_s=share * self.block_s, filter_s=share * self.filter_s)
 
 
 SHORT, LONG = Memory(1.0, 0.4, 2.0), Memory(4.0, 2.0, 1.0)
@@ -114,8 +121,9 @@ def whitener(
     torque is predicted, is not independent of the noise, and a fit would damp the load to make it quiet.
     """
     deaf = None if mode_hz is None else mode_hz / rate_hz * np.array([1.0 - MODE_BAND, 1.0 + MODE_BAND])
+    memory = memory.within(values.size / rate_hz)
     block, length = int(memory.block_s * rate_hz), int(memory.filter_s * rate_hz)
-    smooth = int(SMOOTH_BINS * memory.block_s)
+    smooth = max(1, int(SMOOTH_BINS * memory.block_s))
     taps = floor_filter(values, weight, block, length, deaf, teeth=teeth, smooth=smooth, least=least)
     white = oaconvolve(values, taps)[: values.size]
     level = level_over_time(white, weight, int(rate_hz))

@@ -7,14 +7,17 @@ import math
 import numpy as np
 
 from sim.description.axis import Axis
+from sim.discrepancy.data.excitation import lacking
+from sim.discrepancy.data.plausibility import LEAST_TURN
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.hypotheses.friction import asymmetry, friction_felt, friction_terms, stribeck
 from sim.discrepancy.hypotheses.gear_mesh import MOTOR, link_terms, ripple
 from sim.discrepancy.hypotheses.generic import ORDERS as RIPPLE_ORDERS
 from sim.discrepancy.hypotheses.generic import terms_of_catalogue
 from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.identifiability import that_show
 from sim.discrepancy.hypotheses.sensors import HUM_HZ, delay, encoder_error, hum, offset
-from sim.discrepancy.hypotheses.structure import LEAST_TURN, gravity, resonance
+from sim.discrepancy.hypotheses.structure import gravity, resonance
 from sim.discrepancy.model.nominal import (
     has_links,
     stages_of,
@@ -29,6 +32,16 @@ OWN = frozenset(  # mechanisms with terms below, or seen by the gate or in the s
 )  # fmt: skip
 
 
+def twist_range(axis: Axis, m: Measurement) -> float | None:
+    """Range of the twist at the load that both encoders show [rad], None without a load encoder.
+
+    Of the angles that drive the chain: noise of the encoders is no twist.
+    """
+    if m.slow_load_angle is None:
+        return None
+    return float(np.ptp((m.slow_angle / axis.ratio - m.slow_load_angle)[m.load_valid > 0.5]))
+
+
 def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term, ...]:
     """Every mechanism of the telemetry at every place where the description lacks it; tooth damage is scanned apart.
 
@@ -41,24 +54,26 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
         out.append(stribeck(level, top))
     if all(shaft.coulomb_backward_n_m is None for shaft in present.shafts):
         seen_apart = has_links(axis) and measurement.load_angle is not None
-        most = friction_felt(present, top) or math.inf
-        out += [asymmetry(level, top, most, place) for place in ((MOTOR, None) if seen_apart else (MOTOR,))]
+        most = friction_felt(present, top)
+        places = ((MOTOR, None) if seen_apart else (MOTOR,)) if most > 0.0 else ()
+        out += [asymmetry(level, top, most, place) for place in places]
     travel = float(np.ptp(measurement.angle))
     out += [ripple(order, level, axis, present) for order in RIPPLE_ORDERS if travel * order > 2.0 * math.pi]
     out += [hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
-    out.append(delay("torque_delay_s", "motor", 6e-4))
+    half = 0.5 / measurement.rate_hz  # channels of a log are read one after the other
+    out.append(delay("torque_delay_s", "motor", max(6e-4, half)))
     if has_links(axis):
         out += [
             term
             for k in range(len(stages_of(axis)))
-            for term in link_terms(axis, k, level, measurement.load_angle is not None)
+            for term in link_terms(axis, k, level, twist_range(axis, measurement))
         ]
         if travel / axis.ratio > LEAST_TURN:
             out.append(gravity(0.05 * level * axis.ratio, len(stages_of(axis))))
         if measurement.load_angle is not None:
             out.append(encoder_error(axis))
-            out.append(delay("load_delay_s", "load", 4e-4))
+            out.append(delay("load_delay_s", "load", max(4e-4, half)))
             out.append(resonance(axis))
     elif travel > LEAST_TURN:
         out.append(gravity(0.05 * level, 0))
-    return (*out, *terms_of_catalogue(axis, measurement, OWN))
+    return tuple(that_show([*out, *terms_of_catalogue(axis, measurement, OWN)], lacking(measurement)))

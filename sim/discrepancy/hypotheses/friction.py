@@ -12,6 +12,7 @@ from sim.discrepancy.model.effects import lopsided
 from sim.discrepancy.model.nominal import (
     has_links,
     stages_of,
+    turning_over,
 )
 from sim.discrepancy.model.parameters import Parameter, Values
 from sim.torsional.model import Chain, with_shaft
@@ -53,7 +54,8 @@ def _both(mechanism: str, parameter: str, field: str, step: float, scale: float,
 
     parameters = tuple(Parameter(name, 0.0, 0.05 * size, low=0.0) for name, size in zip(names, sizes, strict=True))
     probes = (tuple({name: size} for name, size in zip(names, sizes, strict=True)),)
-    return Term(mechanism, None if n else "motor", parameters, probes, report, apply, size=0.0)
+    brings = (turning_over(),) if mechanism == "coulomb_friction" else ()
+    return Term(mechanism, None if n else "motor", parameters, probes, report, apply, size=0.0, brings=brings)
 
 
 def stribeck(level: float, top: float) -> Term:

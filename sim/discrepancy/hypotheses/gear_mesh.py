@@ -90,8 +90,13 @@ def _torque_of_errors(present: Chain, order: float) -> float:
     return torque
 
 
-def link_terms(axis: Axis, k: int, level: float, load_encoder: bool) -> list[Term]:
-    """Laws of the spring need the twist: without a load encoder they look like friction at reversals."""
+def link_terms(axis: Axis, k: int, level: float, seen_twist_rad: float | None) -> list[Term]:
+    """Laws of the spring need the twist: without a load encoder they look like friction at reversals.
+
+    `seen_twist_rad`: range of the twist at the load that both encoders show, None without a load encoder.
+    """
+    load_encoder = seen_twist_rad is not None
+    widest = math.inf if seen_twist_rad is None else seen_twist_rad * ratio_after(axis, k)
     name = stages_of(axis)[k]
     stage = axis.stages[k] if axis.stages else None
     ratio = axis.ratio / ratio_after(axis, k)
@@ -102,7 +107,7 @@ def link_terms(axis: Axis, k: int, level: float, load_encoder: bool) -> list[Ter
         out.append(_hysteresis(name, k, level * ratio, twist))
     if stage is None:
         return out
-    out.append(_backlash(name, k, stage.backlash_rad, twist))
+    out.append(_backlash(name, k, stage.backlash_rad, twist, widest))
     new = max(stage.transmission_error_rad or 0.01 * twist, axis.load_encoder.error_rad / ratio_after(axis, k))
     runout = _error("eccentricity", name, k, 1.0, twist, new)
     out.append(_with_encoder(runout) if load_encoder and k == len(axis.stages) - 1 else runout)
@@ -117,18 +122,20 @@ def link_terms(axis: Axis, k: int, level: float, load_encoder: bool) -> list[Ter
     return out
 
 
-def _backlash(name: str, k: int, new: float, twist: float) -> Term:
+def _backlash(name: str, k: int, new: float, twist: float, seen: float) -> Term:
+    """No wider than the twist that is seen."""
     gap = parameter_key("backlash", name, "gap_rad")
 
     def apply(chain: Chain, values: Values) -> Chain:
         return with_link(chain, k, gap_rad=values[gap])
 
-    widest = max(WIDEST_GAP * twist, 16.0 * new)
-    probes = tuple(({gap: float(x)},) for x in np.geomspace(max(0.05 * twist, 4.0 * new), widest, 12))
+    widest = min(max(WIDEST_GAP * twist, 16.0 * new), seen)
+    least = min(max(0.05 * twist, 4.0 * new), 0.5 * widest)
+    probes = tuple(({gap: float(x)},) for x in np.geomspace(least, widest, 12))
     step = max(0.3 * new, 0.01 * twist)
     return Term(
-        "backlash", name, (Parameter(gap, 0.0, step, low=0.0),), probes, lambda v: {"gap_rad": v[gap]}, apply,
-        positive=True, nonlinear=True, contact=True, replaces=(f"stages.{name}.backlash_rad",),
+        "backlash", name, (Parameter(gap, 0.0, step, low=0.0, high=seen),), probes, lambda v: {"gap_rad": v[gap]},
+        apply, positive=True, nonlinear=True, contact=True, replaces=(f"stages.{name}.backlash_rad",),
         size=max(AS_NEW_FACTOR * new, 0.01 * twist),
     )  # fmt: skip
 

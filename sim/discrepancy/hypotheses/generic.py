@@ -18,9 +18,10 @@ from sim import mechanisms
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.model.known_mechanisms import BESIDE, Effect, carried_over, kind_of, loosens, plain_train
+from sim.discrepancy.model.known_mechanisms import BESIDE, Effect, carried_over, loosens, plain_train
 from sim.discrepancy.model.parameters import Parameter, Values
 from sim.errors import SimulationError
+from sim.mechanisms.catalogue import kind_of
 from sim.mechanisms.mechanism import Measurement as Distortion
 from sim.mechanisms.mechanism import Mechanics, Mechanism
 from sim.mechanisms.mechanism import Parameter as Number

@@ -55,6 +55,8 @@ class Term:
     brings: tuple[Parameter, ...] = ()  # what the description would have if it had the like; several share them
     shape: tuple[str, ...] = ()  # parameters that say where it acts and not how much
     size: float = 0.0  # below this it does not matter in practice
+    among: int = 0  # candidates of its kind among which it was picked by the data
+    frequency_hz: float | None = None  # of a term that is one line
     magnitude: Callable[[Values], float] | None = None  # what is held against `size`; default the first number reported
 
     @property

@@ -19,6 +19,7 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.model.parameters import Parameter, Values
 
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
+LATEST_S = 0.02  # what wants to be later is no delay
 HUM_SHARE = 0.003  # of the torque: less hum does not matter
 
 
@@ -31,10 +32,10 @@ def offset(level: float) -> Term:
 
 
 def delay(name: str, location: str, size: float) -> Term:
-    parameters = (Parameter(name, 0.0, 0.2 * size, low=-0.02, high=0.02),)
+    parameters = (Parameter(name, 0.0, 0.2 * size, low=-LATEST_S, high=LATEST_S),)
     return Term(
         "time_delay", location, parameters, (({name: size},), ({name: -size},)), lambda v: {"delay_s": v[name]},
-        replaces=(name,), size=size,
+        replaces=(name,), size=size, magnitude=lambda v: v[name] if abs(v[name]) < 0.99 * LATEST_S else 0.0,
     )  # fmt: skip
 
 
@@ -57,7 +58,7 @@ def hum(frequency: float, level: float) -> Term:
 
     return Term(
         "electrical_hum", "motor", cosine_and_sine(prefix, step), cosine_and_sine_probe(prefix, step), report,
-        torque=torque, size=HUM_SHARE * level,
+        torque=torque, size=HUM_SHARE * level, frequency_hz=frequency,
     )  # fmt: skip
 
 

@@ -17,7 +17,6 @@ from sim.discrepancy.model.nominal import (
 from sim.discrepancy.model.parameters import Parameter, Values
 from sim.torsional.model import Chain, with_shaft
 
-LEAST_TURN = 0.5  # rad of the load over which weight shows
 SOFTEST = 0.1  # damping ratio from which nothing swings: what is late or wrong in form asks for more
 LEAST_PEAK = 0.5  # torque of a part that swings at its own frequency over that of the whole load, where damped by SHARP
 SHARP = 0.035  # damping ratio; softer parts count less: of 45 good loads none that seems sharp gains enough to matter

@@ -10,12 +10,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from typing import Any, TypeVar
 
-from sim import mechanisms
 from sim.assembly import drive_train_of
 from sim.description.axis import Axis, Load
 from sim.discrepancy.model.effects import rounding
 from sim.errors import SimulationError
-from sim.mechanisms.mechanism import Mechanics, Mechanism
+from sim.mechanisms.catalogue import kind_of
+from sim.mechanisms.mechanism import Mechanics
 from sim.rotational.drive_train import DriveTrain
 from sim.torsional.model import Chain, Dent, Line, Link, Shaft
 from sim.torsional.reduction import chain_of
@@ -68,10 +68,6 @@ def in_chain(axis: Axis) -> Axis:
         if e.name != "structural_resonance" and (e.name in BESIDE or issubclass(kind_of(e.name), Mechanics))
     )
     return replace(axis, mechanisms=tuple(kept))
-
-
-def kind_of(name: str) -> type[Mechanism]:
-    return mechanisms.MECHANISMS[name]
 
 
 def plain_train(axis: Axis) -> DriveTrain:

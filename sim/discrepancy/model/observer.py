@@ -111,6 +111,8 @@ class Observer:
         model, motion = pack(chain), self._motion if self.has_contact_loss else self._slow_motion
         motor = self._motor(model, motion, nuisance) + chain.shafts[0].inertia_kg_m2 * m.slow_acceleration
         guide, angle = np.zeros(m.samples), motion[0]
+        if not chain.links and m.known_torque is not None:
+            motor += m.known_torque
         if chain.links:
             out = self._links(chain, model, nuisance, slow=not self.has_contact_loss)
             fast = self._shaken(model, nuisance) if self.has_contact_loss else np.zeros((2, 1))
@@ -224,7 +226,9 @@ class Observer:
         ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
         widths = np.array([[nuisance.loss_width], [nuisance.friction_width[1]]]) * self._top / ratios
         stretch = nuisance.stretch_rad[1]
-        angles, speeds = steady_twist(chain, motion[:, 0], float(m.slow_acceleration[0]))
+        known = np.zeros(0) if m.known_torque is None else m.known_torque
+        asked = float(known[0]) if known.size else 0.0
+        angles, speeds = steady_twist(chain, motion[:, 0], float(m.slow_acceleration[0]), asked)
         if gains[0] > 0.0:
             angles[-1], speeds[-1] = guide[0, 0], guide[1, 0]
         else:
@@ -248,7 +252,21 @@ class Observer:
             out = np.zeros((3, m.samples))
             stages = (0.0,) * len(chain.links)
             step = 1.0 / m.rate_hz
-            run(*model, motion, guide, gains, widths, stretch, nuisance.loss_split, step, steps, start, out, stages)
+            run(
+                *model,
+                motion,
+                guide,
+                known,
+                gains,
+                widths,
+                stretch,
+                nuisance.loss_split,
+                step,
+                steps,
+                start,
+                out,
+                stages,
+            )
             return out
 
         return self._kept(key, simulated)

@@ -232,14 +232,15 @@ def propagators(shafts, links, gains, h, step):
 
 
 @_jit
-def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, ripples, motion, guide, gains, widths,
-        stretch, split, dt, substeps, start, out, stages):  # fmt: skip
+def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, ripples, motion, guide, known, gains,
+        widths, stretch, split, dt, substeps, start, out, stages):  # fmt: skip
     """Integrate; rows of `out`: torque that the first mesh asks of the motor, load angle, torque of the guide [N m].
 
     Springs in contact, guide and measured motion are propagated exactly; what is not linear is predicted from the
     step before, evaluated once at the step's end and corrected there: order 2, and free of error without it.
 
-    `motion`, `guide`: rows angle and speed, cubic in between; `gains`: stiffness and damping of the guide (0: none);
+    `motion`, `guide`: rows angle and speed, cubic in between; `known`: torque that the load is known to ask for
+    besides, straight in between, of no rows where none is known; `gains`: stiffness and damping of the guide (0: none);
     `widths`: rows of speeds over which mesh losses and friction of each shaft turn their sign; `stretch`: by which
     shafts give way before friction slides; `split`: share of mesh losses on the driven side while the
     motor drives, and while the load does;
@@ -393,6 +394,8 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                     else:
                         slip[k] = _slid(slip[k], speeds[k], widths[1, k], stretch, h)
                     new[k - 1] -= _external(shafts, ripples, k, angles, speeds[k], slip[k], t)
+            if known.size:
+                new[m - 1] -= known[0] if i == 0 else known[i - 1] + (sub + 1) / substeps * (known[i] - known[i - 1])
             asked = driver[0]
             if not first and now == closed:
                 for q in range(size):

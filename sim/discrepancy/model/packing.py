@@ -79,17 +79,18 @@ def substeps(chain: Chain, rate_hz: float, guide: Array) -> int:
     return max(1, math.ceil(max(rates) / (rate_hz * LARGEST_PHASE)))
 
 
-def steady_twist(chain: Chain, motion: Array, acceleration: float) -> tuple[Array, Array]:
+def steady_twist(chain: Chain, motion: Array, acceleration: float, known: float = 0.0) -> tuple[Array, Array]:
     """Angles and speeds (shafts - 1,) of driven shafts that follow the motor, every spring in balance with its load.
 
-    `motion`: angle and speed of the motor; `acceleration`: its acceleration [rad/s2].
+    `motion`: angle and speed of the motor; `acceleration`: its acceleration [rad/s2]; `known`: torque that the load is
+    known to ask for besides [N m].
     """
     n = len(chain.shafts)
     ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
     speed = motion[1] / ratios
     way = float(np.sign(motion[1]))
     angle = motion[0] / ratios
-    load = 0.0
+    load = known
     twist = np.zeros(n)
     for k in range(n - 1, 0, -1):
         shaft, link = chain.shafts[k], chain.links[k - 1]

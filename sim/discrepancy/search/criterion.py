@@ -71,7 +71,7 @@ def penalty(term: Term, rows: int) -> float:
     """
     if term.mechanism in LEFT_OUT:
         return 0.0
-    looks = 8.0 if term.mechanism == "tooth_damage" else math.log(max(len(term.probes), 1) + 1.0)
+    looks = 8.0 if term.mechanism == "tooth_damage" else math.log(max(len(term.probes), term.among, 1) + 1.0)
     telling = rows / STROKE_ROWS if term.mechanism in OVER_STROKES else rows
     own = sum(p.name not in term.replaces and math.isinf(p.spread) for p in term.parameters)
     return 0.5 * own * math.log(max(telling, 2.0)) + looks

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Collection, Mapping
 
+from sim import mechanisms
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.model.parameters import Values
@@ -32,6 +33,12 @@ def magnitude(term: Term, values: Values) -> float:
     return abs(term.magnitude(values) if term.magnitude else next(iter(term.report(values).values())))
 
 
+def makes_sense(term: Term, values: Values) -> bool:
+    """Whether its numbers lie in the range that its mechanism can have at all."""
+    known = {p.name: p for p in mechanisms.MECHANISMS[term.mechanism].parameters if not p.periodic}
+    return all(known[name].low <= x <= known[name].high for name, x in term.report(values).items() if name in known)
+
+
 def beyond(term: Term, fit: Fit) -> float:
     """Standard deviations by which a term is larger than what does not matter or is as new; infinite without a name.
 
@@ -41,7 +48,7 @@ def beyond(term: Term, fit: Fit) -> float:
     if not term.named:
         return math.inf
     size = magnitude(term, fit.values)
-    if size == 0.0:
+    if size == 0.0 or not makes_sense(term, fit.values):
         return -math.inf
     excess = size - term.size
     if term.mechanism == "tooth_damage":

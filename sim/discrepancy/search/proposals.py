@@ -29,7 +29,7 @@ from sim.discrepancy.search.criterion import (
     wanted,
 )
 from sim.discrepancy.search.effect_size import beyond, magnitude
-from sim.discrepancy.search.residual_proposals import nameless_terms
+from sim.discrepancy.search.residual_proposals import nameless_terms, ripples
 from sim.discrepancy.search.score_test import screen
 from sim.discrepancy.search.tooth_scan import Place, scan
 from sim.torsional.model import Array
@@ -88,7 +88,7 @@ def try_terms(
     if dented:
         candidates += damage_terms(problem, fit.terms, fit.values)
     if only is None:
-        candidates += nameless_terms(problem, fit)
+        candidates += nameless_terms(problem, fit) + ripples(problem, fit)
     candidates = [t for t in candidates if t.key not in present and (only is None or t.mechanism in only)]
     screened = screen(problem, fit, candidates)
     begun: dict[str, int] = {}

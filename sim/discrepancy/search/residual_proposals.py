@@ -3,14 +3,18 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 from scipy.ndimage import median_filter
 from scipy.signal import welch
 
+from sim.discrepancy.data.excitation import lacking
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.hypotheses.gear_mesh import ripple
+from sim.discrepancy.hypotheses.generic import ORDERS as ALWAYS_TRIED
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.nonparametric import (
     ORDERS,
@@ -22,6 +26,7 @@ from sim.discrepancy.hypotheses.nonparametric import (
     torque_over_angle,
 )
 from sim.discrepancy.hypotheses.sensors import HUM_HZ, hum
+from sim.mechanisms.catalogue import kind_of
 from sim.torsional.model import Array
 
 LOWEST_HZ, HIGHEST_HZ = 2.0, 120.0  # above, teeth and their aliases
@@ -37,6 +42,7 @@ REPEATS = 0.9  # autocorrelation of the speed
 SPEEDS, OFTEN = 40, 0.3  # bins of the speed, and share of the time at one of them that makes lines of orders
 ELSEWHERE = 0.35  # of the size of a line, at other speeds: a real one has 0.7 and more, one of unknown teeth 0 to 0.1
 LEAST_LEVEL = 0.5  # of white noise under the residual: one that is far below its noise has no line in it
+RIPPLES, MOST_ORDERS = 2, 400  # orders proposed of those looked at: slots times pole pairs of the finest motors
 LINE_EXCESS = 14.0  # energy of a line over that of its neighbours: once in a hundred records of noise
 
 
@@ -58,9 +64,32 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
             out.append(torque_over_angle(place, m, problem.axis.ratio, step))
         frequency = line_of(left, rate_hz, motion_end_hz(m), repetition_s(m))
         if frequency is not None and is_fixed(left, rate_hz, frequency, *rows):
-            mains = place == "motor" and any(abs(frequency / f - 1.0) < MAINS for f in HUM_HZ)
+            shown = not kind_of("electrical_hum").shown_by & lacking(m)
+            mains = shown and place == "motor" and any(abs(frequency / f - 1.0) < MAINS for f in HUM_HZ)
             out.append(hum(frequency, 100.0 * level) if mains else sine(place, m, frequency, step))
     return out
+
+
+def ripples(problem: Problem, fit: Fit) -> list[Term]:
+    """Torque over the motor's angle at the whole orders at which most of the residual is, beyond those always tried.
+
+    Order analysis by the angle itself: whatever the speed does, a line of one order stays one line. Up to the order
+    that goes at half the rate at the usual speed; looked for among all of them, and that is its price.
+    """
+    m = problem.measurement
+    counts = m.weight > 0.5
+    turn = np.exp(-1j * m.angle[counts])
+    if not turn.size or not (pace := float(np.median(np.abs(m.speed[counts])))):
+        return []
+    orders = range(1, min(int(math.pi * m.rate_hz / pace), MOST_ORDERS) + 1)
+    wave, left = fit.residual[: m.samples][counts].astype(complex), []
+    for _ in orders:
+        wave *= turn
+        left.append(abs(wave.sum()) ** 2 / turn.size)
+    likely = sorted(orders, key=lambda order: -left[order - 1])[:RIPPLES]
+    present = problem.chain(fit.terms, fit.values)
+    terms = (ripple(float(order), m.torque_rms, problem.axis, present) for order in likely if order not in ALWAYS_TRIED)
+    return [replace(term, among=len(orders)) for term in terms]
 
 
 def line_of(left: Array, rate_hz: float, lowest_hz: float = LOWEST_HZ, repeats_s: float | None = None) -> float | None:

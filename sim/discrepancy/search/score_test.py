@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
@@ -15,13 +16,18 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.parallel import each
 from sim.torsional.model import Array, ChainError
 
+BESIDE_HZ = 3.0  # to either side of a line, where others may be
+
 
 def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[float, Term, Mapping[str, float]]]:
     """What each start of each term promises in the linear picture, with the rest of the model free to follow."""
+    left, rate_hz = fit.residual[: fit.torque_rows], problem.measurement.rate_hz
     rest = {gone: _Rest.of(fit, gone) for gone in {term.replaces for term in terms}}
 
     def promise(job: tuple[Term, tuple[Mapping[str, float], ...]]) -> tuple[float, Term, Mapping[str, float]]:
         term, group = job
+        if term.frequency_hz is not None and not is_line(left, rate_hz, term.frequency_hz):
+            return 0.0, term, {}
         values = {**{p.name: p.start for p in (*term.brings, *term.parameters)}, **fit.values}
         changes = []
         for jump in group:
@@ -43,6 +49,20 @@ def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[floa
     jobs = [(term, group) for term in terms for group in term.probes]
     out = each(promise, jobs)
     return sorted(out, key=lambda o: (-o[0], o[1].key))
+
+
+def is_line(left: Array, rate_hz: float, frequency_hz: float) -> bool:
+    """Whether a whitened residual (n,) has more at a frequency than anywhere beside it.
+
+    Hum is a line alone. A motion that repeats makes a comb of them, and where noise that is not quite white is loud all
+    around, a sine of any frequency gains.
+    """
+    time = np.arange(left.size) / rate_hz
+    power = abs(np.sum(left * np.exp(-2j * math.pi * frequency_hz * time))) ** 2
+    around = np.abs(np.fft.rfft(left)) ** 2
+    apart = np.abs(np.fft.rfftfreq(left.size, 1.0 / rate_hz) - frequency_hz)
+    beside = around[(apart > 2.0 * rate_hz / left.size) & (apart < BESIDE_HZ)]
+    return bool(power > float(beside.max(initial=0.0)))
 
 
 @dataclass(frozen=True)

@@ -306,6 +306,9 @@ def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
 def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[Rival], Fit | None]:
     """The candidate of most evidence and the fit with it; all that are as new come in together.
 
+    So does friction that the description leaves out: noise taken from a fit with one kind of it alone holds the other,
+    which shakes no faster than the axis moves.
+
     A mechanism goes before what has no name, unless that explains clearly more and holds on unseen rows; any that keeps
     the teeth in contact before a dent, which bends to whatever is missing.
     """
@@ -330,6 +333,8 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
         new = [best]
         if best in as_new and best.term.named:
             new += [r for r in as_new if r is not best and r.term.named]
+        if best.term.mechanism in LEFT_OUT:
+            new += [r for r in tried if r is not best and r.term.mechanism in LEFT_OUT]
         start = {**best.values, **{p.name: r.values[p.name] for r in new for p in r.term.parameters}}
         held = fit.sensitivities if best.gain < FAR_MOVED else {}
         more = best.finished if len(new) == 1 else None

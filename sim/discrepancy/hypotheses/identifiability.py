@@ -1,0 +1,61 @@
+"""What a record can show at all: mechanisms that need what it lacks are one and the same in it."""
+
+from __future__ import annotations
+
+import math
+from collections import defaultdict
+from collections.abc import Iterable, Sequence
+from itertools import zip_longest
+
+import numpy as np
+
+from sim import mechanisms
+from sim.description.axis import Axis
+from sim.discrepancy.data.preprocessing import Measurement
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.model.nominal import has_links
+from sim.mechanisms.mechanism import Need
+
+ALONE = 0.5  # the most that a name can have which another fits as well
+
+
+def needs_of(mechanism: str) -> frozenset[Need]:
+    """What a mechanism needs; of one without a name nothing."""
+    kind = mechanisms.MECHANISMS.get(mechanism)
+    return frozenset() if kind is None else kind.needs
+
+
+def that_show(terms: Iterable[Term], missing: frozenset[Need]) -> list[Term]:
+    """`terms` that a record without `missing` can show; of those that are the same in it the first alone."""
+    out: list[Term] = []
+    for term in terms:
+        lacks = needs_of(term.mechanism) & missing
+        kind = mechanisms.MECHANISMS.get(term.mechanism)
+        if kind is not None and kind.shown_by & missing:
+            continue
+        if not any(lacks & needs_of(other.mechanism) for other in out):
+            out.append(term)
+    return out
+
+
+def same_over_the_turn(axis: Axis, m: Measurement, term: Term) -> tuple[str, ...]:
+    """What has the same torque over the angle: once per turn of one stiff body an unbalanced mass and a ripple.
+
+    Within less than a turn no ripple of so low an order is looked for.
+    """
+    if has_links(axis) or float(np.ptp(m.angle)) < 2.0 * math.pi:
+        return ()
+    if term.mechanism == "gravity_imbalance":
+        return ("torque_ripple",)
+    once = term.mechanism == "torque_ripple" and term.report(defaultdict(float))["order"] == 1.0
+    return ("gravity_imbalance",) if once else ()
+
+
+def the_same(mechanism: str, missing: frozenset[Need]) -> tuple[str, ...]:
+    """Mechanisms that a record without `missing` cannot tell from this one, of each want in turn."""
+    lacks = sorted(needs_of(mechanism) & missing, key=list(Need).index)
+    classes: Sequence[list[str]] = [
+        [name for name, kind in mechanisms.MECHANISMS.items() if need in kind.needs and name != mechanism]
+        for need in lacks
+    ]
+    return tuple(dict.fromkeys(name for row in zip_longest(*classes) for name in row if name))
