@@ -114,7 +114,8 @@ class Recognition:
     """What is recognised of a table by the names and units of its columns.
 
     Args:
-        map: lines of a channel map; with `...` where something has to be filled in.
+        map: lines of a channel map, with `...` where something has to be filled in; empty where the channels have their
+            own names.
         open: what has to be filled in, in words; empty where the map reads the table as it is.
     """
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -34,7 +34,8 @@ def columns(request: Mapping[str, Any], _: Mapping[str, float], __: Send) -> Map
     """Task: what is recognised of a table's columns."""
     with _refusals():
         table = _opened(Path(request["path"]), None)
-        return asdict(recognise(_names(table), table.units, table.times))
+        found = recognise(_names(table), table.units, table.times)
+        return asdict(found if found.open or not _is_own(channel_map_of(found.map)) else replace(found, map=""))
 
 
 @contextmanager
@@ -108,9 +109,12 @@ def _recognised(table: OpenTable, names: Sequence[str]) -> tuple[Mapping[str, So
             f"the names and units of the columns do not tell enough: {found.open}. The table has {_listed(names)}. "
             f"Looked through, and {BLANK} filled in, these lines are a channel map that reads it:\n{found.map}"
         )
-    sources = channel_map_of(found.map).sources
-    is_own = all(source.column == name for name, source in sources.items())
-    return sources, "" if is_own else found.map
+    map_ = channel_map_of(found.map)
+    return map_.sources, "" if _is_own(map_) else found.map
+
+
+def _is_own(map_: ChannelMap) -> bool:
+    return all(source.column == name for name, source in map_.sources.items())
 
 
 def _place(channel: str, source: Source, names: Sequence[str]) -> int:

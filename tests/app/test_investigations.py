@@ -192,7 +192,10 @@ def test_telemetries_that_do_not_fit_are_refused_by_name(operator: httpx.Client)
     good = ("telemetry", ("good.csv", telemetry()))
     for wrong, said in [
         ([("telemetry", ("again.csv", telemetry()))], "again.csv is the same file as good.csv"),
-        ([("telemetry", ("text.csv", b"nothing\n1\n"))], "text.csv: the names and units of the columns do not tell enough"),
+        (
+            [("telemetry", ("text.csv", b"nothing\n1\n"))],
+            "text.csv: the names and units of the columns do not tell enough",
+        ),
         ([("telemetry", ("b.csv", telemetry(2.0))), *[("sound", ("s.wav", sound(1)))] * 3], "3 sounds beside 2 telem"),
     ]:
         refused = operator.post(URL, files=[good, *wrong], data={"axis": AXIS})
