@@ -235,6 +235,8 @@ def _said(name: str, unit_below: str) -> tuple[str, str, Meaning] | None:
     side, doubt = _side(quantity, sides)
     if len({QUANTITY_WORDS.get(each, each) for each in quantities} - {CURRENT}) > 1:
         doubt = "names two quantities"
+    if quantity == CLOCK and unit not in (None, *TIMES):  # T [°C]
+        return None
     if unit not in FITTING[quantity]:
         unit = SI_SYMBOLS.get(word) if unit is None else None
     if quantity == CURRENT:

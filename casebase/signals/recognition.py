@@ -14,6 +14,7 @@ from casebase.signals.channel_map import SCHEMA, units_of
 from casebase.signals.column_names import (
     CURRENT,
     FAMILIES,
+    LONGEST_NAME,
     NEEDED,
     QUANTITY_WORDS,
     Meaning,
@@ -22,7 +23,7 @@ from casebase.signals.column_names import (
 from casebase.signals.telemetry import CHANNELS, TIME, Recognition
 from casebase.signals.units import ISO8601, SAMPLE
 
-TEMPERATURE = "temperature_degc"
+TEMPERATURE, TORQUE = "temperature_degc", "motor_torque_nm"
 
 BLANK = "..."
 INSTEAD: Mapping[str, tuple[str, ...]] = MappingProxyType(
@@ -34,7 +35,7 @@ INSTEAD: Mapping[str, tuple[str, ...]] = MappingProxyType(
     }
 )
 """Channels that are left out where they are in doubt, if these others are there, of which a record says the same."""
-LEAST = ("motor_position_rad", "motor_torque_nm")
+LEAST = ("motor_position_rad", TORQUE)
 """Channels whose lines stand in a map where no column is any channel."""
 LONGEST_SHOWN = 60
 MOST_RIVALS = 4
@@ -95,27 +96,19 @@ def recognise(names: Sequence[str], units: Sequence[str] = (), times: Iterable[i
 
 def _columns(names: Sequence[str], units: Sequence[str], times: frozenset[int]) -> list[Column]:
     """The columns that may be channels, in their order."""
-    found = []
-    known = {
-        word: unit
-        for marker, its in FAMILIES
-        if any(marker.fullmatch(name.lower()) for name in names)
-        for word, unit in its.items()
-    }
+    found, occurrences = [], Counter(names)
+    short = [name.lower() for name in names if len(name) <= LONGEST_NAME]
+    known = {word: unit for marker, its in FAMILIES if any(map(marker.fullmatch, short)) for word, unit in its.items()}
     for place, name in enumerate(names):
         meaning = meaning_of(name, units[place] if units else "")
         if place in times:
             meaning = Meaning(TIME, ISO8601) if meaning is None or meaning.channel == TIME else None
         if meaning is not None:
             unit = meaning.unit or known.get(meaning.word)
-            found.append(Column(name, _shown(place, names), replace(meaning, unit=unit)))
+            tells = 0 < len(name) <= LONGEST_SHOWN and name.isprintable() and not name.isdigit()
+            shown = _quoted(name) if tells and occurrences[name] == 1 else str(place + 1)
+            found.append(Column(name, shown, replace(meaning, unit=unit)))
     return found
-
-
-def _shown(place: int, names: Sequence[str]) -> str:
-    name = names[place]
-    tells = 0 < len(name) <= LONGEST_SHOWN and name.isprintable() and not name.isdigit() and names.count(name) == 1
-    return _quoted(name) if tells else str(place + 1)
 
 
 def _quoted(text: str) -> str:
@@ -142,6 +135,10 @@ def _axis(columns: Sequence[Column]) -> tuple[list[Column], list[str], list[str]
     for each in columns:
         if each.meaning.channel != TEMPERATURE:
             groups.setdefault(each.meaning.label, []).append(each)
+    torques = {name for name, group in groups.items() if any(each.meaning.channel == TORQUE for each in group)}
+    makeshift = {name for name, group in groups.items() if all(each.meaning.needed for each in group)}
+    if torques - makeshift:  # a current or a share of a torque alone is no axis
+        groups = {name: group for name, group in groups.items() if name not in makeshift}
     if not groups:
         return [], [], []
     channels = [{each.meaning.channel for each in group} for group in groups.values()]
@@ -178,7 +175,8 @@ def _doubt(channel: str, columns: Sequence[Column]) -> str:
     first = columns[0]
     if first.meaning.is_sure:
         alike = [each.shown for each in columns if _rank(each) == _rank(first)]
-        return f"{channel} could be each of {', '.join(alike)}" if len(alike) > 1 else ""
+        more = ["..."] if len(alike) > MOST_RIVALS else []
+        return f"{channel} could be each of {', '.join(alike[:MOST_RIVALS] + more)}" if len(alike) > 1 else ""
     if first.meaning.open:
         return f"{first.shown} {first.meaning.open}"
     if first.meaning.needed:
@@ -205,4 +203,6 @@ def _choice(channel: str) -> str:
     more = [f"{each} with {NEEDED[each].key} = {BLANK}" for each in units if each in NEEDED]
     if channel == TIME:
         more = [f"a log without a clock has unit = {_quoted(SAMPLE)}, rate_hz = {BLANK}"]
+    elif channel != TEMPERATURE:
+        more.append(f"of any other unit {plain[0]} with factor = {BLANK}")
     return "; ".join([", ".join(plain), *more])

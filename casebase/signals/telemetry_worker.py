@@ -179,7 +179,7 @@ def _format(path: Path) -> str:
 
 def _listed(names: Iterable[str]) -> str:
     names = list(names)
-    shown = [name if len(name) <= 40 else name[:40] + "..." for name in names[:12]]
+    shown = [(name if len(name) <= 40 else name[:40] + "...") or "(no name)" for name in names[:12]]
     return ", ".join(shown) + (", ..." if len(names) > 12 else "")
 
 

@@ -161,6 +161,10 @@ READ = {
         "Time [s] | Current [A] | Torque [Nm] | Angle [deg]",
         {"time_s": (0, "s"), "motor_torque_nm": (2, "N.m"), "motor_position_rad": (3, "deg")},
     ),
+    "savetxt, and what is no axis": (
+        "# time_s | motor_torque_nm | position [deg] | Load [kg] | T [°C] | robot current [A]",
+        {"time_s": (0, "s"), "motor_torque_nm": (1, "N.m"), "motor_position_rad": (2, "deg")},
+    ),
     "our own names beside others": (
         "time_s | motor_torque_nm | pos [deg] | velocity | gripper position [deg]",
         {"time_s": (0, "s"), "motor_torque_nm": (1, "N.m"), "motor_position_rad": (2, "deg")},
@@ -242,6 +246,21 @@ ASKED = {
         "Time [s] | Input speed [rpm] | Output speed [rpm] | Input torque [Nm]",
         ['"Input torque [Nm]" leaves the side open', '"Input speed [rpm]" leaves the side open'],
         {"motor_speed_rad_s": "Input speed [rpm]", "load_speed_rad_s": "Output speed [rpm]"},
+    ),
+    "another current than the joint's": (
+        "timestamp | actual_q_1 | actual_qd_1 | actual_current_1 | actual_robot_current | actual_main_voltage",
+        ["motor_torque_nm is a current"],
+        {"motor_position_rad": "actual_q_1", "motor_torque_nm": "actual_current_1"},
+    ),
+    "a current that may be the axis'": (
+        "t [s] | elbow angle [deg] | motor current [A]",
+        ["of one axis is not said", "motor_torque_nm is a current"],
+        {"motor_position_rad": "elbow angle [deg]", "motor_torque_nm": "motor current [A]"},
+    ),
+    "a unit that is none here": (
+        "t [s] | angle [deg] | Torque [Ncm]",
+        ["of one axis is not said", "motor_torque_nm has no unit"],
+        {"motor_torque_nm": "Torque [Ncm]"},
     ),
     "two torques": (
         "t [s] | angle [rad] | motor torque [Nm] | Torque [Nm]",
