@@ -305,7 +305,14 @@ def _parts(token: str) -> list[str]:
 
 
 def _trailing_unit(tokens: list[str]) -> tuple[str | None, list[str]]:
-    """The unit in which a name ends (`pos_deg`, `speed_rad_s`); of one letter only that of a time or a current."""
+    """The unit in which a name ends, but for a number (`pos_deg`, `speed_rad_s_2`), and the tokens before and after.
+
+    Of one letter it is that of a time or a current alone.
+    """
+    end = len(tokens)
+    while end and tokens[end - 1].isdigit():
+        end -= 1
+    tokens, numbers = tokens[:end], tokens[end:]
     for count in (3, 2, 1):
         last = [each for each in tokens[-count:] if each != "per"]
         written = "/".join(last) if "".join(last) not in ("nm", "mnm") else "".join(last)
@@ -314,8 +321,8 @@ def _trailing_unit(tokens: list[str]) -> tuple[str | None, list[str]]:
         if len(written) == 1:
             unit = "s" if written == "s" and CLOCK in before else "A" if written == "a" and CURRENT in before else None
         if unit is not None and (unit in TIMES) == (CLOCK in before):
-            return unit, tokens[:-count]
-    return None, tokens
+            return unit, tokens[:-count] + numbers
+    return None, tokens + numbers
 
 
 def _by_meaning() -> Mapping[tuple[str, str], str]:

@@ -109,7 +109,13 @@ def _header(rows: Sequence[Sequence[str]], first: int, wanted: Wanted) -> tuple[
     """The names right above the values, their numbers where none stand there; and units in a row between."""
     width = len(rows[first])
     above = () if wanted.header is False else reversed(rows[wanted.skip_rows : first])
-    headers = [tuple(row) for row in takewhile(lambda row: len(row) == width, above)]
+    headers = [tuple([*row, ""][:width]) for row in takewhile(lambda row: _is_above(row, rows[first]), above)]
     if len(headers) > 1 and are_units(headers[0]):
         return headers[1], headers[0]
     return headers[0] if headers else tuple(str(number) for number in range(1, width + 1)), ()
+
+
+def _is_above(row: Sequence[str], values: Sequence[str]) -> bool:
+    """Whether a row has as many cells as the values below it, but for a delimiter behind the last of either."""
+    more = len(row) - len(values)
+    return more == 0 or (more == 1 and not row[-1].strip()) or (more == -1 and not values[-1].strip())

@@ -147,6 +147,15 @@ READ = {
             "motor_torque_nm": (4, "N.m"),
         },
     ),
+    "suffixes before the number of the axis": (
+        "time_sec | pos_rad_1 | vel_rad_s_1 | torque_nm_1",
+        {
+            "time_s": (0, "s"),
+            "motor_position_rad": (1, "rad"),
+            "motor_speed_rad_s": (2, "rad/s"),
+            "motor_torque_nm": (3, "N.m"),
+        },
+    ),
     "a linear axis": (
         "t (ms) | actual position [mm] | speed [mm/s] | motor force [N] | set position [mm]",
         {
@@ -354,6 +363,15 @@ def test_what_is_read_without_a_map_is_what_the_map_that_it_amounts_to_reads(tmp
     assert len(found.ignored) == (2 if kind == "text beside" else 1)  # the desired position has no unit
     assert "# reference_position_rad = {" in found.recognised
     assert by_map.recognised == ""
+
+
+@pytest.mark.parametrize(("behind_names", "behind_values"), [(";", ""), ("", ";"), (";", ";")])
+def test_a_delimiter_behind_the_last_column_is_no_column(tmp_path: Path, behind_names: str, behind_values: str) -> None:
+    rows = "".join(f"{k};{k / 50}{behind_values}\n".replace(".", ",") for k in range(ROWS))
+    (tmp_path / "t.csv").write_text(f"exported by hand\nZeit [ms];Drehmoment [Nm]{behind_names}\n{rows}")
+    found = read_telemetry(tmp_path / "t.csv")
+    assert found.interval_s == pytest.approx(0.001)
+    assert found["motor_torque_nm"][-1] == pytest.approx((ROWS - 1) / 50)
 
 
 def test_iso_times_are_told_by_their_values(tmp_path: Path) -> None:
