@@ -29,7 +29,7 @@ QUANTITY_WORDS: Mapping[str, str] = MappingProxyType(
         **_all("position positions pos angle winkel drehwinkel winkellage lage theta phi q", POSITION),
         **_all("speed velocity velocities vel velo omega qd dq qdot erpm", SPEED),
         **_all("geschwindigkeit winkelgeschwindigkeit drehzahl", SPEED),
-        **_all("torque torques trq moment drehmoment effort efforts tau force kraft", TORQUE),
+        **_all("torque torques trq tq moment drehmoment effort efforts tau force kraft", TORQUE),
         **_all("current currents curr strom iq", CURRENT),
         **_all("temperature temp temperatur", TEMPERATURE),
     }
@@ -63,10 +63,11 @@ NEVER = _set(
     "external friction ripple phase bus dc supply battery variance cov covariance std window d duty pwm index idx",
     "sampling cycle period execution duration delay ff feedforward disturbance gravity header seq nsecs nanosec",
     "nanosecs ambient cpu board mosfet fet fehler schleppfehler grenze beschleunigung leistung spannung delta diff dt",
+    "loss losses rated nominal peak",
 )
 """Words of what is no channel."""
-DEFINED: Mapping[str, str] = MappingProxyType({"__time": "s", "%time": "ns", "rosbagtimestamp": "ns"})
-"""Clocks whose unit the maker's definition tells: PlotJuggler, rostopic, rosbag."""
+DEFINED: Mapping[str, str] = MappingProxyType({"__time": "s", "%time": "ns", "rosbagtimestamp": "ns", "ms_today": "ms"})
+"""Clocks whose unit the maker's definition tells: PlotJuggler, rostopic, rosbag, VESC Tool."""
 SI_SYMBOLS: Mapping[str, str] = MappingProxyType(
     {"q": "rad", "qd": "rad/s", "dq": "rad/s", "qdot": "rad/s", "tau": "N.m"}
 )
@@ -80,7 +81,7 @@ FAMILIES: tuple[tuple[re.Pattern[str], Mapping[str, str]], ...] = (
             **dict.fromkeys(("effort", "efforts"), "N.m"),
         },
     ),
-    (re.compile(r"actual_qd?(_?\d+)?"), {"timestamp": "s", "moment": "N.m"}),  # Universal Robots: RTDE
+    (re.compile(r"actual_qd(_?\d+)?"), {"timestamp": "s", "moment": "N.m"}),  # Universal Robots: RTDE
 )
 """By a name that only one maker uses: the units of names of his."""
 OF_UNITS: Mapping[str, str] = MappingProxyType(

@@ -227,9 +227,10 @@ ASKED = {
         {"motor_torque_nm": "torque", "motor_position_rad": "position"},
     ),
     "VESC": (
-        "ms_today | input_voltage | temp_mos_max | current_motor | erpm | duty_cycle",
-        ["motor_torque_nm is a current", "motor_speed_rad_s is electrical", "no column says the time"],
-        {"motor_torque_nm": "current_motor", "motor_speed_rad_s": "erpm"},
+        "ms_today | input_voltage | temp_mos_max | temp_mos_1 | temp_motor | current_motor | current_in | "
+        "d_axis_current | q_axis_current | erpm | duty_cycle | amp_hours_used | tachometer",
+        ["motor_torque_nm is a current", "motor_speed_rad_s is electrical"],
+        {"time_s": "ms_today", "motor_torque_nm": "current_motor", "motor_speed_rad_s": "erpm"},
     ),
     "Dynamixel": (
         "Time (ms) | Present Position | Present Velocity | Present Load",
