@@ -46,7 +46,7 @@ BODY = {
                         "telemetry": {
                             "type": "array",
                             "items": BINARY,
-                            "description": "CSV or Parquet with time_s and known channels; several recordings of the "
+                            "description": "CSV or Parquet, columns told by names and units; several recordings of the "
                             "same axis are taken together",
                         },
                         "sound": {
@@ -122,7 +122,7 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
     `telemetry` and `sound` may come several times: recordings of one axis, whose evidence is taken together. The k-th
     sound belongs to the k-th telemetry; the document then has `recordings`, each with what it says by itself. Sound
     without telemetry is compared with `as_new`, sound of the same motion from when the axis was new. Logs whose columns
-    are named or measured otherwise come with a channel map, `channels`.
+    are not told by their names and units come with a channel map, `channels`; the refusal of one has its lines.
     """
     upload.only(*PARTS)
     service = once.service

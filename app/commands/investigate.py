@@ -48,7 +48,8 @@ def run(
     channels: Annotated[
         Path | None,
         typer.Option(
-            metavar="MAP.toml", help="which columns of the telemetry are which channels, in what units; of all of them"
+            metavar="MAP.toml",
+            help="which columns of the telemetry are which channels, where names and units do not tell; of all of them",
         ),
     ] = None,
     sound: Annotated[

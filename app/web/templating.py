@@ -73,12 +73,12 @@ def percent(value: float | None, digits: int = 0) -> str:
 
 
 def sentence(text: str) -> str:
-    """Return a statement as a sentence.
+    """Return a statement as a sentence; what ends in lines of a document gets no full stop.
 
     >>> sentence("the motion repeats")
     'The motion repeats.'
     """
-    return f"{text[:1].upper()}{text[1:].removesuffix('.')}."
+    return f"{text[:1].upper()}{text[1:]}" if "\n" in text else f"{text[:1].upper()}{text[1:].removesuffix('.')}."
 
 
 UNIT_ENDINGS = ("_n_m_s_per_rad", "_n_m_per_rad", "_kg_m2", "_rad_s", "_n_m", "_nm", "_rad", "_hz", "_s")

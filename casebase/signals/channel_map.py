@@ -93,7 +93,7 @@ def _source(channel: str, value: object) -> Source:
     unknown = sorted(set(value) - set(CHANNEL_KEYS))
     if unknown:
         raise TelemetryError(f"channel map: [{channel}] {unknown[0]} is not known; there are {', '.join(CHANNEL_KEYS)}")
-    units = (*TIMES, ISO8601, SAMPLE) if channel == TIME else _units(channel)
+    units = units_of(channel)
     unit = value.get("unit", "s" if channel == TIME else units[0])
     if unit not in units:
         raise TelemetryError(f"channel map: [{channel}] unit = {unit!r} is not known; there are {', '.join(units)}")
@@ -109,7 +109,10 @@ def _is_column(column: object) -> bool:
     return isinstance(column, str) or (type(column) is int and column >= 1)
 
 
-def _units(channel: str) -> tuple[str, ...]:
+def units_of(channel: str) -> tuple[str, ...]:
+    """Return the units that a column of a channel, or of the clock, may have."""
+    if channel == TIME:
+        return (*TIMES, ISO8601, SAMPLE)
     quantity = CHANNELS[channel]
     more = (COUNT,) if quantity == "rad" else WITH_FACTOR if quantity == "N m" else ()
     return (*QUANTITIES[quantity], *more)

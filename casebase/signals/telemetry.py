@@ -32,6 +32,7 @@ TIME = "time_s"
 MINIMUM_ROWS = 100
 LARGEST_LOST_SHARE = 0.1
 MOST_COLUMNS = 10_000
+LONGEST_MAP = 1 << 16
 LONGEST_NAME = 200
 """Characters of a column's name that are kept where it is no channel."""
 
@@ -46,12 +47,15 @@ class Telemetry:
         lost: for a channel with missing values, where they were (True), shape (n,); `channels` holds the
             straight line between the neighbours there.
         ignored: columns of the file that are no known channel.
+        recognised: the channel map that reading it amounted to, where columns were recognised by other names than the
+            channels' own; else empty.
     """
 
     time_s: NDArray[np.float64]
     channels: Mapping[str, NDArray[np.float64]]
     lost: Mapping[str, NDArray[np.bool_]] = field(default_factory=dict)
     ignored: tuple[str, ...] = ()
+    recognised: str = ""
 
     def __getitem__(self, channel: str) -> NDArray[np.float64]:
         """Return one channel, shape (n,)."""
@@ -103,12 +107,27 @@ class TelemetryLimits:
 
 
 LIMITS = TelemetryLimits()
-TASK = "casebase.signals.telemetry_worker:read"
+TASK, COLUMNS_TASK = "casebase.signals.telemetry_worker:read", "casebase.signals.telemetry_worker:columns"
+
+
+@dataclass(frozen=True)
+class Recognition:
+    """What is recognised of a table by the names and units of its columns.
+
+    Args:
+        map: lines of a channel map, with `...` where something has to be filled in; empty where the channels have their
+            own names.
+        open: what has to be filled in, in words; empty where the map reads the table as it is.
+    """
+
+    map: str
+    open: str
 
 
 def read_telemetry(path: Path, limits: TelemetryLimits = LIMITS, *, channels: str | None = None) -> Telemetry:
-    """Read a CSV or Parquet table with a header and a column `time_s`, in the limited process.
+    """Read a CSV or Parquet table, in the limited process.
 
+    Columns are told by their names and units, where these leave no doubt (`recognised`).
     `channels`: text of a channel map, by which the table may be named, measured and laid out otherwise (see
     `casebase.signals.channel_map`); rows at either end in which a channel is missing are then left out.
 
@@ -116,10 +135,10 @@ def read_telemetry(path: Path, limits: TelemetryLimits = LIMITS, *, channels: st
     they are few. Columns that are no known channel are not looked at, and named in `ignored`.
 
     Raises:
-        TelemetryError: if the table cannot be read; `time_s` or every known channel is missing, or stands
-            twice; the clock has missing values or does not run forwards; there are fewer than 100 rows or more
-            than the limits allow; a value is infinite or no number; more than a tenth of a channel is missing;
-            or reading takes more time or memory than the limits allow.
+        TelemetryError: if the table cannot be read; time or every known channel is missing, stands twice or is in
+            doubt (with the lines of a channel map that would read it); the clock has missing values or does not run
+            forwards; there are fewer than 100 rows or more than the limits allow; a value is infinite or no number;
+            more than a tenth of a channel is missing; or reading takes more time or memory than the limits allow.
         DecoderUnavailableError: if the limited process cannot be started.
     """
     content, found = _read(path, channels, limits, send=True)
@@ -138,12 +157,27 @@ def read_telemetry(path: Path, limits: TelemetryLimits = LIMITS, *, channels: st
         values[name] = taken(np.float64)
         if name in found["lost"]:
             lost[name] = taken(np.bool_)
-    return Telemetry(time_s, MappingProxyType(values), MappingProxyType(lost), tuple(found["ignored"]))
+    return Telemetry(
+        time_s, MappingProxyType(values), MappingProxyType(lost), tuple(found["ignored"]), found["recognised"]
+    )
 
 
 def check_telemetry(path: Path, limits: TelemetryLimits = LIMITS, *, channels: str | None = None) -> None:
     """Read a table as `read_telemetry` does, and raise what that raises, without taking its values in."""
     _read(path, channels, limits, send=False)
+
+
+@refusals_as(TelemetryError, "reading the table was given up ({})")
+def recognise_columns(path: Path, limits: TelemetryLimits = LIMITS) -> Recognition:
+    """Return what is recognised of a table, without reading its values.
+
+    Raises:
+        TelemetryError: if it is no table.
+        DecoderUnavailableError: if the limited process cannot be started.
+    """
+    path.open("rb").close()
+    _, found = PAPERS.perform(COLUMNS_TASK, {"path": str(path.absolute())}, asdict(limits), LONGEST_MAP)
+    return Recognition(**found)
 
 
 @refusals_as(TelemetryError, "reading the table was given up ({}); export it again, with the known channels alone")

@@ -1,7 +1,8 @@
 """Telemetry tables, read in the limited process: known columns alone, so many values and no more."""
 
-from collections.abc import Iterable, Mapping, Sequence
-from contextlib import suppress
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager, suppress
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,29 +15,42 @@ from casebase.signals.formats import READERS
 from casebase.signals.formats.layout import Wanted
 from casebase.signals.formats.open_table import OpenTable
 from casebase.signals.limited_worker import RefusedError, Send
+from casebase.signals.recognition import BLANK, recognise
 from casebase.signals.telemetry import CHANNELS, LARGEST_LOST_SHARE, LONGEST_NAME, MINIMUM_ROWS, MOST_COLUMNS, TIME
 from casebase.signals.units import ISO8601
+
+LONGEST_REFUSAL = 8000
+"""Characters of a refusal, the lines of a channel map among them."""
 
 
 def read(request: Mapping[str, Any], limits: Mapping[str, float], send: Send) -> Mapping[str, Any]:
     """Task: read and check a table; send times, channels (float64) and where a channel is lost (bool), if asked for."""
-    try:
+    with _refusals():
         map_ = None if request["channels"] is None else channel_map_of(request["channels"])
         return _read(Path(request["path"]), map_, int(limits["cells"]), send if request["send"] else lambda _: None)
+
+
+def columns(request: Mapping[str, Any], _: Mapping[str, float], __: Send) -> Mapping[str, str]:
+    """Task: what is recognised of a table's columns."""
+    with _refusals():
+        table = _opened(Path(request["path"]), None)
+        found = recognise(_names(table), table.units, table.times)
+        return asdict(found if found.open or not _is_own(channel_map_of(found.map)) else replace(found, map=""))
+
+
+@contextmanager
+def _refusals() -> Iterator[None]:
+    try:
+        yield
     except TelemetryError as error:
-        words = "".join(each if each.isprintable() else " " for each in str(error))
-        raise RefusedError("telemetry", words[:2000]) from error
+        words = "".join(each if each.isprintable() or each == "\n" else " " for each in str(error))
+        raise RefusedError("telemetry", words[:LONGEST_REFUSAL]) from error
 
 
 def _read(path: Path, map_: ChannelMap | None, cells: int, send: Send) -> Mapping[str, Any]:
     table = _opened(path, map_)
-    if len(table.names) > MOST_COLUMNS:
-        raise TelemetryError(
-            f"the table has {len(table.names)} columns; at most {MOST_COLUMNS} are read: leave out those that are "
-            "no channel"
-        )
-    names = [name.strip().lstrip("\ufeff") for name in table.names]
-    sources = _own(names) if map_ is None else map_.sources
+    names = _names(table)
+    sources, recognised = _recognised(table, names) if map_ is None else (map_.sources, "")
     known = [name for name in CHANNELS if name in sources]
     places = {name: _place(name, source, names) for name, source in sources.items() if source.column is not None}
     values = dict(zip(places, _values(table, sources, places, cells), strict=True))
@@ -44,7 +58,7 @@ def _read(path: Path, map_: ChannelMap | None, cells: int, send: Send) -> Mappin
         values[TIME] = np.arange(next(iter(values.values())).size, dtype=np.float64) * sources[TIME].scale
     elif sources[TIME].unit == ISO8601:
         values[TIME] = values[TIME] - values[TIME][:1]
-    if map_ is not None:
+    if map_ is not None or recognised:
         values = _whole_ends(values)
     time_s = values[TIME]
     _check_clock(time_s)
@@ -58,7 +72,16 @@ def _read(path: Path, map_: ChannelMap | None, cells: int, send: Send) -> Mappin
             send(missing.data)
     others = [name[:LONGEST_NAME] for place, name in enumerate(names) if place not in places.values()]
     ignored = others if map_ is None else []  # whoever wrote a map has left the others out on purpose
-    return {"rows": time_s.size, "channels": known, "lost": lost, "ignored": ignored}
+    return {"rows": time_s.size, "channels": known, "lost": lost, "ignored": ignored, "recognised": recognised}
+
+
+def _names(table: OpenTable) -> list[str]:
+    if len(table.names) > MOST_COLUMNS:
+        raise TelemetryError(
+            f"the table has {len(table.names)} columns; at most {MOST_COLUMNS} are read: leave out those that are "
+            "no channel"
+        )
+    return [name.strip().lstrip("\ufeff") for name in table.names]
 
 
 def _opened(path: Path, map_: ChannelMap | None) -> OpenTable:
@@ -75,25 +98,23 @@ def _opened(path: Path, map_: ChannelMap | None) -> OpenTable:
     return open_(path, None)
 
 
-def _own(names: Sequence[str]) -> Mapping[str, Source]:
-    """Where the channels are in a table that calls them by their names."""
-    if TIME not in names:
-        clock = next((name for name in names if "time" in name.lower()), names[0] if names else "")
-        column = clock if clock.isdigit() else f'"{clock[:40]}"'
-        raise TelemetryError(
-            f"no column time_s (time in seconds) in the table; it has {_listed(names)}. A channel map can say which "
-            f'column is which: [time_s] column = {column}, unit = "s"'
-        )
-    known = [name for name in CHANNELS if name in names]
-    if not known:
-        raise TelemetryError(
-            f"no known channel in the table; it has {_listed(names)}, and would need one of {_listed(CHANNELS)}. A "
-            'channel map can say which column is which: [motor_torque_nm] column = "...", unit = "N.m"'
-        )
-    for name in (TIME, *known):
+def _recognised(table: OpenTable, names: Sequence[str]) -> tuple[Mapping[str, Source], str]:
+    """Where the channels are, and the map that this amounts to; none where all have their own names."""
+    for name in (TIME, *CHANNELS):
         if names.count(name) > 1:
             raise TelemetryError(f"the column {name} stands twice in the table; one of them must go")
-    return {name: Source(name, "", 1.0) for name in (TIME, *known)}
+    found = recognise(names, table.units, table.times)
+    if found.open:
+        raise TelemetryError(
+            f"the names and units of the columns do not tell enough: {found.open}. The table has {_listed(names)}. "
+            f"Looked through, and {BLANK} filled in, these lines are a channel map that reads it:\n{found.map}"
+        )
+    map_ = channel_map_of(found.map)
+    return map_.sources, "" if _is_own(map_) else found.map
+
+
+def _is_own(map_: ChannelMap) -> bool:
+    return all(source.column == name for name, source in map_.sources.items())
 
 
 def _place(channel: str, source: Source, names: Sequence[str]) -> int:
@@ -158,7 +179,7 @@ def _format(path: Path) -> str:
 
 def _listed(names: Iterable[str]) -> str:
     names = list(names)
-    shown = [name if len(name) <= 40 else name[:40] + "..." for name in names[:12]]
+    shown = [(name if len(name) <= 40 else name[:40] + "...") or "(no name)" for name in names[:12]]
     return ", ".join(shown) + (", ..." if len(names) > 12 else "")
 
 

@@ -291,7 +291,7 @@ def test_no_telemetry_is_dropped(tmp_path: Path) -> None:
     assert (tmp_path / "out.html").read_text().count("<details") == 2
     (tmp_path / "text.csv").write_text("nothing\n1\n")
     bad = gearcase(*words, "--telemetry", tmp_path / "text.csv", data_dir=tmp_path)
-    assert (bad.code, "text.csv: no column time_s" in bad.stderr) == (2, True)
+    assert (bad.code, "text.csv: the names and units of the columns do not tell enough" in bad.stderr) == (2, True)
     sounds = [w for _ in range(3) for w in ("--sound", tmp_path / "s.wav")]
     many = gearcase(*words, *sounds, data_dir=tmp_path)
     assert (many.code, "3 sounds beside 2 telemetries" in many.stderr) == (2, True)

@@ -168,6 +168,7 @@ def test_uploads_are_where_the_contract_has_them() -> None:
         "/library/add",
         "/library/import",
         "/investigations/new",
+        "/investigations/columns",
     }
 
 

@@ -62,7 +62,7 @@ def test_a_log_with_other_columns_is_taken_with_its_map_and_refused_without(oper
         column = 3
     """
     refused = operator.post(URL, files=files, data={"axis": AXIS})
-    assert (refused.status_code, "no column time_s" in refused.json()["detail"]) == (422, True)
+    assert (refused.status_code, "time_s has no unit" in refused.json()["detail"]) == (422, True)
     wrong = operator.post(URL, files=files, data={"axis": AXIS, "channels": text.replace("factor = 0.05", "")})
     assert (wrong.status_code, "[motor_torque_nm] unit = 'A' needs factor" in wrong.json()["detail"]) == (422, True)
     alone = operator.post(URL, files={"sound": ("a.wav", sound(3), "audio/wav")}, data={"axis": AXIS, "channels": text})
@@ -192,7 +192,10 @@ def test_telemetries_that_do_not_fit_are_refused_by_name(operator: httpx.Client)
     good = ("telemetry", ("good.csv", telemetry()))
     for wrong, said in [
         ([("telemetry", ("again.csv", telemetry()))], "again.csv is the same file as good.csv"),
-        ([("telemetry", ("text.csv", b"nothing\n1\n"))], "text.csv: no column time_s"),
+        (
+            [("telemetry", ("text.csv", b"nothing\n1\n"))],
+            "text.csv: the names and units of the columns do not tell enough",
+        ),
         ([("telemetry", ("b.csv", telemetry(2.0))), *[("sound", ("s.wav", sound(1)))] * 3], "3 sounds beside 2 telem"),
     ]:
         refused = operator.post(URL, files=[good, *wrong], data={"axis": AXIS})

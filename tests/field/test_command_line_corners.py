@@ -138,7 +138,7 @@ def test_telemetry_with_a_byte_order_mark_is_read(tmp_path: Path) -> None:
         if readable:
             assert read_telemetry(tmp_path / "t.csv").time_s.size == 200
         else:
-            with pytest.raises(TelemetryError, match="no column time_s"):
+            with pytest.raises(TelemetryError, match="no column says the time"):
                 read_telemetry(tmp_path / "t.csv")
 
 

@@ -184,6 +184,26 @@ def test_sound_is_asked_to_be_held_against_sound_as_new(opened: Opened, site: Si
         client.delete(f"/api/v1/jobs/{identity}").raise_for_status()
 
 
+def test_a_log_of_other_columns_fills_its_map_in(opened: Opened, site: Site) -> None:
+    """The columns are told as soon as the file is chosen; what is asked for is filled in, and the log is taken."""
+    rows = "".join(f"{k},{k % 7},{k % 5}\n" for k in range(20_000))
+    with opened("operator", "/investigations/new") as page:
+        page.get_by_label("Stored axis").select_option("bench")
+        log = {"name": "log.csv", "mimeType": "text/csv", "buffer": f"Time [ms],i_q,Motor Angle (deg)\n{rows}".encode()}
+        page.get_by_label("Telemetry").set_input_files(log)  # type: ignore[arg-type]
+        expect(page.get_by_text("To be filled in where ... stands: motor_torque_nm is a current")).to_be_visible()
+        map_ = page.get_by_label("Channel map")
+        expect(map_).to_have_value(re.compile(r'motor_position_rad = {column = "Motor Angle \(deg\)", unit = "deg"}'))
+        map_.fill(map_.input_value().replace("factor = ...", "factor = 0.05"))
+        page.get_by_role("button", name="Investigate").click()
+        page.wait_for_url("**/jobs/*")
+        identity = page.url.rsplit("/", 1)[1]
+    with site.library().reading() as session:
+        assert "factor = 0.05" in str(get_investigation(session, identity).inputs["channels"])
+    with site.server.client() as client:
+        client.delete(f"/api/v1/jobs/{identity}").raise_for_status()
+
+
 def test_job_is_followed_and_cancelled(opened: Opened, site: Site) -> None:
     """Ask for simulated cases: the job's page follows by itself what happens to it, and offers what can be done."""
     with opened("admin", "/library/simulate?axis=bench&normal=1&notch=0&play=0") as page:

@@ -1,5 +1,6 @@
 """Model versus measurement: ask, follow, read the story, accept a better model."""
 
+from dataclasses import asdict
 from typing import Any
 from urllib.parse import quote
 
@@ -22,6 +23,7 @@ from app.web.words import finding_words, investigation_headline, likely_words, u
 from casebase.axes import list_axes
 from casebase.models import AxisRevision, StoredInvestigation
 from casebase.pages import page
+from casebase.signals.telemetry import recognise_columns
 
 router = APIRouter(prefix="/investigations")
 SECTION = "/investigations"
@@ -67,6 +69,13 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
         identity = row.id
         jobs.order(session, KIND, {"investigation_id": identity}, job_id=identity, submitted_by=principal.actor)
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/jobs/{identity}", status_code=303)
+
+
+@router.post("/columns")
+def columns(request: Request, _: PageOperator, upload: TheUpload) -> Response:
+    """What the columns of a table tell: a channel map, and what has to be filled in there."""
+    check_csrf(request, upload.fields.get("csrf", ""))
+    return JSONResponse(asdict(recognise_columns(upload.file("telemetry").path)))
 
 
 @router.get("/{investigation_id}")

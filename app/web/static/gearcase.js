@@ -164,6 +164,27 @@ for (const form of all("form[data-upload]")) {
   });
 }
 
+/* what the columns of a table tell, from its beginning; Parquet has its names at the end */
+async function beginning(file) {
+  if (file.name.endsWith(".parquet") || file.size <= 65536) return file;
+  const start = new Uint8Array(await file.slice(0, 65536).arrayBuffer());
+  return new File([start.slice(0, start.lastIndexOf(10) + 1)], file.name);
+}
+async function columns(input) {
+  const [map, said] = [one("#channels"), one("[data-columns-said]")];
+  if (!input.files.length) return;
+  const form = new FormData();
+  form.append("csrf", one("input[name=csrf]", input.form).value);
+  form.append("telemetry", await beginning(input.files[0]));
+  const answer = await fetch(input.dataset.columns, { method: "POST", body: form, headers: { Accept: "application/json" } });
+  const found = await answer.json();
+  map.value = found.map ?? "";
+  if (!answer.ok) said.textContent = found.detail;
+  else if (found.open) said.textContent = `To be filled in where ... stands: ${found.open}.`;
+  else said.textContent = found.map ? "Every channel was told by its name and unit, and is read as above." : "The channels have their own names: no map is needed.";
+}
+one("input[data-columns]")?.addEventListener("change", (event) => columns(event.target));
+
 /* copy a command */
 all("[data-copy]").forEach((button) =>
   button.addEventListener("click", async () => {

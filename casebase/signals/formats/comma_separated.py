@@ -55,7 +55,8 @@ def open_comma_separated(path: Path, wanted: Wanted | None = None) -> OpenTable:
                 names = tuple(reader.schema.names)
         except (pa.ArrowException, UnicodeDecodeError) as error:
             raise _no_table(error) from error
-    return OpenTable(names, partial(_rows, path, encoding, layout, names))
+    rows = partial(_rows, path, encoding, layout, names)
+    return OpenTable(names, rows) if layout is None else OpenTable(names, rows, layout.units, layout.times)
 
 
 def _opened(

@@ -40,7 +40,11 @@ class OpenTable:
         names: of the columns, as they stand in the file.
         rows: by the places of some columns, from 0, and of those among them that hold times of ISO 8601, gives their
             values block by block, arrays of shape (rows,) in this order; a missing value is NaN. Raises TelemetryError.
+        units: what stands below the names in a row of units, as many as names; else nothing.
+        times: places of the columns, from 0, that hold times of ISO 8601 beyond doubt.
     """
 
     names: tuple[str, ...]
     rows: Callable[[Sequence[int], Container[int]], Iterator[Rows]]
+    units: tuple[str, ...] = ()
+    times: frozenset[int] = frozenset()

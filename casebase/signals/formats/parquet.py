@@ -40,7 +40,8 @@ def open_parquet(path: Path, wanted: Wanted | None = None) -> OpenTable:
         except (pa.ArrowException, OSError) as error:
             raise TelemetryError(f"the Parquet table breaks off: {error}") from error
 
-    return OpenTable(names, rows)
+    times = frozenset(place for place, each in enumerate(file.schema_arrow.types) if pa.types.is_timestamp(each))
+    return OpenTable(names, rows, times=times)
 
 
 def _numbers(name: str, column: pa.Array) -> NDArray[np.float64]:

@@ -79,6 +79,7 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
     measurement = prepare(rate, even["torque"], even["angle"], even.get("load"), valid, load_valid, cut, known)
     remarks = [*uneven, *check_description(axis, measurement, _used(measurement))]
     remarks += [f"column {name} is no known channel and was not used" for name in telemetry.ignored]
+    remarks += [f"The telemetry was read as:\n{telemetry.recognised}"] if telemetry.recognised else []
     if load is None and axis.stages:
         remarks.append(
             "Without a load encoder a stiffness that hardens or holds back cannot be told from friction at reversals: "

@@ -36,7 +36,7 @@ if TYPE_CHECKING:
 STYLE = """:root{--ink:#1b2226;--paper:#fff;--sheet:#f5f7f9;--edge:#c9d1d9;--quiet:#4c585e;--first:#0a6480;--second:#b45309;--third:#7a3e9d;--fourth:#4d6b1f;--band:rgba(110,125,140,.28)}
 @media(prefers-color-scheme:dark){:root{--ink:#e6ebe9;--paper:#0d1117;--sheet:#161b22;--edge:#3d444d;--quiet:#b3bfc0;--first:#6cc3df;--second:#f0b465;--third:#c9a0ea;--fourth:#b9d67a;--band:rgba(150,165,180,.3)}}
 *{box-sizing:border-box}body{font:16px/1.5 system-ui,sans-serif;max-width:72rem;margin:0 auto;padding:1rem;color:var(--ink);background:var(--paper);overflow-wrap:break-word}
-h1{font-size:1.5rem;line-height:1.25;margin:.2rem 0}h2{margin:2.2rem 0 .5rem;border-top:2px solid var(--edge);padding-top:.8rem}h3{margin:1.2rem 0 .3rem}
+h1{font-size:1.5rem;line-height:1.25;margin:.2rem 0}h2{margin:2.2rem 0 .5rem;border-top:2px solid var(--edge);padding-top:.8rem}h3{margin:1.2rem 0 .3rem}p{white-space:pre-line}
 .box{background:var(--sheet);border:2px solid var(--edge);border-left-width:8px;border-radius:6px;padding:1rem}.box dl{display:grid;grid-template-columns:max-content 1fr;gap:.4rem 1rem;margin:.6rem 0 0}
 .box dt{font-weight:600}.box dd{margin:0;min-width:0}.box section+section{border-top:1px solid var(--edge);margin-top:1rem;padding-top:.6rem}.quiet,figcaption+.quiet{color:var(--quiet)}
 .scroll{overflow-x:auto}table{border-collapse:collapse;margin:.6rem 0}td,th{border:1px solid var(--edge);padding:.3rem .6rem;text-align:left;vertical-align:top}.n{text-align:right;white-space:nowrap}

@@ -165,20 +165,6 @@ def test_channels_under_their_own_names_need_no_map_in_any_layout(tmp_path: Path
         is_the_motion(read_telemetry(path))
 
 
-def test_who_sends_other_names_without_a_map_is_told_the_line_that_would_be_right(tmp_path: Path) -> None:
-    (tmp_path / "t.csv").write_text(table({"Time [ms]": TIME, "v": SPEED}, ";"))
-    with pytest.raises(
-        TelemetryError, match=r'it has Time \[ms\], v\. .*\[time_s\] column = "Time \[ms\]", unit = "s"'
-    ):
-        read_telemetry(tmp_path / "t.csv")
-
-
-def test_columns_without_names_are_offered_by_their_numbers(tmp_path: Path) -> None:
-    (tmp_path / "t.csv").write_text(table(COLUMNS, ";").partition("\n")[2])
-    with pytest.raises(TelemetryError, match=r'\[time_s\] column = 1, unit = "s"'):
-        read_telemetry(tmp_path / "t.csv")
-
-
 def of_drives(*parts: str) -> Path:
     return shared("data", "drives", *parts)
 

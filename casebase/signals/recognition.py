@@ -1,0 +1,208 @@
+"""Which columns of a table are which channels, where their names and units leave no doubt.
+
+It is said as a channel map, with `...` where something has to be filled in.
+Nothing is taken from how large values are. What is in doubt is asked for, unless the record says the same without it.
+"""
+
+import json
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from types import MappingProxyType
+
+from casebase.signals.channel_map import SCHEMA, units_of
+from casebase.signals.column_names import (
+    CURRENT,
+    FAMILIES,
+    LONGEST_NAME,
+    NEEDED,
+    QUANTITY_WORDS,
+    Meaning,
+    meaning_of,
+)
+from casebase.signals.telemetry import CHANNELS, TIME, Recognition
+from casebase.signals.units import ISO8601, SAMPLE
+
+TEMPERATURE, TORQUE = "temperature_degc", "motor_torque_nm"
+
+BLANK = "..."
+INSTEAD: Mapping[str, tuple[str, ...]] = MappingProxyType(
+    {
+        "motor_speed_rad_s": ("motor_position_rad",),
+        "load_speed_rad_s": ("load_position_rad",),
+        "reference_position_rad": (),
+        TEMPERATURE: (),
+    }
+)
+"""Channels that are left out where they are in doubt, if these others are there, of which a record says the same."""
+LEAST = ("motor_position_rad", TORQUE)
+"""Channels whose lines stand in a map where no column is any channel."""
+LONGEST_SHOWN = 60
+MOST_RIVALS = 4
+MOST_LISTED = 600
+"""Characters of the names of further axes that are listed."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column that may be a channel.
+
+    Args:
+        name: as it stands in the table.
+        shown: as it stands in a map: in quotes, or its number from 1 where the name does not tell it.
+    """
+
+    name: str
+    shown: str
+    meaning: Meaning
+
+
+def recognise(names: Sequence[str], units: Sequence[str] = (), times: Iterable[int] = ()) -> Recognition:
+    """Return what the columns of a table are.
+
+    `units`: what stands below the names, or nothing; `times`: places of columns, from 0, that hold times of ISO 8601.
+
+    >>> print(recognise(["t [ms]", "pos_deg", "Torque [Nm]"]).map)
+    schema = "gearcase-channels/1"
+    time_s = {column = "t [ms]", unit = "ms"}
+    motor_torque_nm = {column = "Torque [Nm]", unit = "N.m"}
+    motor_position_rad = {column = "pos_deg", unit = "deg"}
+    >>> recognise(["t [ms]", "position"]).open
+    'motor_position_rad has no unit'
+    """
+    columns = _beside_own(names, _columns(names, units, frozenset(times)))
+    axis, others, doubts = _axis([each for each in columns if each.meaning.channel != TIME])
+    by_channel = {
+        name: sorted((each for each in (columns if name == TIME else axis) if each.meaning.channel == name), key=_rank)
+        for name in (TIME, *CHANNELS)
+    }
+    found = {name: each for name, each in by_channel.items() if each}
+    open_ = {name: _doubt(name, each) for name, each in found.items()}
+    lines = []
+    for name, each in found.items():
+        is_left_out = open_[name] and name in INSTEAD and found.keys() >= set(INSTEAD[name])
+        lines.append(("# " if is_left_out else "") + _line(name, each))
+        doubts += [open_[name]] if open_[name] and not is_left_out else []
+    if names and all(map(str.isdigit, names)):
+        doubts.append(f"its {len(names)} columns have no names, and a map says their numbers")
+    if not by_channel[TIME]:
+        doubts.append("no column says the time")
+        lines.insert(0, f"{TIME} = {{column = {BLANK}, unit = {_quoted(BLANK)}}}  # {_choice(TIME)}")
+    if not axis:
+        doubts.append("no column says which channel it is")
+        lines += [f"{name} = {{column = {BLANK}, unit = {_quoted(BLANK)}}}  # {_choice(name)}" for name in LEAST]
+    return Recognition("\n".join([f'schema = "{SCHEMA}"', *lines, *others]), "; ".join(doubts))
+
+
+def _columns(names: Sequence[str], units: Sequence[str], times: frozenset[int]) -> list[Column]:
+    """The columns that may be channels, in their order."""
+    found, occurrences = [], Counter(names)
+    short = [name.lower() for name in names if len(name) <= LONGEST_NAME]
+    known = {word: unit for marker, its in FAMILIES if any(map(marker.fullmatch, short)) for word, unit in its.items()}
+    for place, name in enumerate(names):
+        meaning = meaning_of(name, units[place] if units else "")
+        if place in times:
+            meaning = Meaning(TIME, ISO8601) if meaning is None or meaning.channel == TIME else None
+        if meaning is not None:
+            unit = meaning.unit or known.get(meaning.word)
+            tells = 0 < len(name) <= LONGEST_SHOWN and name.isprintable() and not name.isdigit()
+            shown = _quoted(name) if tells and occurrences[name] == 1 else str(place + 1)
+            found.append(Column(name, shown, replace(meaning, unit=unit)))
+    return found
+
+
+def _quoted(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False)
+
+
+def _beside_own(names: Sequence[str], columns: Sequence[Column]) -> list[Column]:
+    """Where a table has channels under their own names: these, and beside them what is beyond doubt alone."""
+    own = {name for name in (TIME, *CHANNELS) if name in names}
+    if TIME not in own or len(own) == 1:
+        return list(columns)
+    more = [
+        each
+        for each in columns
+        if each.meaning.is_sure and not each.meaning.label and each.meaning.channel not in own and each.name not in own
+    ]
+    counted = Counter(each.meaning.channel for each in more)
+    return [each for each in columns if each.name in own or (each in more and counted[each.meaning.channel] == 1)]
+
+
+def _axis(columns: Sequence[Column]) -> tuple[list[Column], list[str], list[str]]:
+    """The columns of the axis that is meant, lines that name those of others, and what is in doubt about it."""
+    groups: dict[tuple[str, ...], list[Column]] = {}
+    for each in columns:
+        if each.meaning.channel != TEMPERATURE:
+            groups.setdefault(each.meaning.label, []).append(each)
+    torques = {name for name, group in groups.items() if any(each.meaning.channel == TORQUE for each in group)}
+    makeshift = {name for name, group in groups.items() if all(each.meaning.needed for each in group)}
+    if torques - makeshift:  # a current or a share of a torque alone is no axis
+        groups = {name: group for name, group in groups.items() if name not in makeshift}
+    if not groups:
+        return [], [], []
+    channels = [{each.meaning.channel for each in group} for group in groups.values()]
+    label = max(groups, key=lambda each: len({one.meaning.channel for one in groups[each]}))
+    temperatures = [
+        each
+        for each in columns
+        if each.meaning.channel == TEMPERATURE and each.meaning.label == label and each.meaning.unit
+    ]
+    if len(groups) == 1:
+        return groups[label] + temperatures, [], []
+    if sum(map(len, channels)) == len(set().union(*channels)):
+        all_ = [each for group in groups.values() for each in group]
+        listed = ", ".join(group[0].shown for group in groups.values())
+        return all_, [], [f"whether {listed} are of one axis is not said"]
+    rest = "; ".join(", ".join(each.shown for each in group) for name, group in groups.items() if name != label)
+    rest = rest if len(rest) <= MOST_LISTED else rest[:MOST_LISTED] + BLANK
+    doubt = f"there are columns of {len(groups)} axes, and which is meant cannot be told"
+    return groups[label] + temperatures, [f"# or of another axis: {rest}"], [doubt]
+
+
+def _rank(column: Column) -> tuple[bool, ...]:
+    """What comes first is rather the channel: what is told, by the channel's own name, and no makeshift of it."""
+    meaning = column.meaning
+    if meaning.channel == TIME:
+        makeshift = (meaning.unit == ISO8601, bool(meaning.label))
+    else:
+        makeshift = (bool(meaning.open), QUANTITY_WORDS.get(meaning.word, CURRENT) == CURRENT)
+    return not meaning.is_sure, column.name not in (TIME, *CHANNELS), *makeshift
+
+
+def _doubt(channel: str, columns: Sequence[Column]) -> str:
+    """What is in doubt about a channel, whose columns stand in the order of `_rank`; empty if nothing is."""
+    first = columns[0]
+    if first.meaning.is_sure:
+        alike = [each.shown for each in columns if _rank(each) == _rank(first)]
+        more = ["..."] if len(alike) > MOST_RIVALS else []
+        return f"{channel} could be each of {', '.join(alike[:MOST_RIVALS] + more)}" if len(alike) > 1 else ""
+    if first.meaning.open:
+        return f"{first.shown} {first.meaning.open}"
+    if first.meaning.needed:
+        return f"{channel} is {NEEDED[first.meaning.needed].what}"
+    return f"{channel} has no unit"
+
+
+def _line(channel: str, columns: Sequence[Column]) -> str:
+    """The line of a map, and behind it what may be filled in."""
+    first = columns[0]
+    meaning, needed = first.meaning, NEEDED.get(first.meaning.needed)
+    more = f", {needed.key} = {BLANK}" if needed else ""
+    comments = [needed.constant] if needed else [] if meaning.unit else [_choice(channel)]
+    if _doubt(channel, columns):
+        comments += [f"or column = {each.shown}" for each in columns[1:MOST_RIVALS]]
+    says = f"  # {'; '.join(comments)}" if comments else ""
+    return f"{channel} = {{column = {first.shown}, unit = {_quoted(meaning.unit or BLANK)}{more}}}{says}"
+
+
+def _choice(channel: str) -> str:
+    """The units that a channel may have, and what some of them need."""
+    units = [each for each in units_of(channel) if each != SAMPLE]
+    plain = [each for each in units if each not in NEEDED]
+    more = [f"{each} with {NEEDED[each].key} = {BLANK}" for each in units if each in NEEDED]
+    if channel == TIME:
+        more = [f"a log without a clock has unit = {_quoted(SAMPLE)}, rate_hz = {BLANK}"]
+    elif channel != TEMPERATURE:
+        more.append(f"of any other unit {plain[0]} with factor = {BLANK}")
+    return "; ".join([", ".join(plain), *more])
