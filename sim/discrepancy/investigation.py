@@ -16,7 +16,6 @@ from sim.description.axis import Axis
 from sim.discrepancy.acoustic.evidence import AcousticFinding
 from sim.discrepancy.acoustic.fusion import beside, listen, listen_alone
 from sim.discrepancy.acoustic.synchrony import mismatch
-from sim.discrepancy.assessment.cross_validation_gain import gains
 from sim.discrepancy.assessment.intervals import estimates
 from sim.discrepancy.assessment.remarks import (
     NO_REFERENCE,
@@ -33,6 +32,7 @@ from sim.discrepancy.assessment.verdict import (
     finding_of_fault,
     finding_of_sound,
     left,
+    predicting,
     terms_said,
 )
 from sim.discrepancy.data.pairing import NOT_COMPARED, check_as_new
@@ -106,12 +106,12 @@ def investigate(
         *(finding_of_fault(fault) for fault in gate.faults),
         *(finding_of_sound(h) for h in beside(named, heard, problem.guided, struck, loud)),
     )
+    findings, gained = predicting(problem, base, fit, findings)
     findings = tuple(advised(axis, f) for f in findings)
     named_well = any(f.probability >= SAID for f in findings)
     if findings and not named_well:
         rest = rest or places[:1]  # something is there, but no name is more likely than not
     said = terms_said(fit, findings)
-    gained = gains(problem, base, fit, said)
     doubts = misfit_remarks(fit, gained)
     if doubts and not named_well:
         rest = rest or places[:1]  # a model that does not hold is not complete

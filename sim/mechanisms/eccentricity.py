@@ -4,7 +4,7 @@ import math
 from typing import ClassVar
 
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_at, wheels, with_error
 from sim.rotational.drive_train import DriveTrain
 
@@ -18,6 +18,7 @@ class Eccentricity(Mechanics):
         Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
     )
     size: ClassVar[str] = "amplitude_rad"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.WHOLE_TURN})
     signature: ClassVar[Signature] = Signature("angle", order=1, direction="same")
     equations: ClassVar[str] = "x = theta_driver / i - theta_driven - amplitude sin(theta + phase)"
     source: ClassVar[str] = "kinematic error of first order, 2 e tan(alpha) / r_b for an eccentric wheel of offset e"

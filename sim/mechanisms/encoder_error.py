@@ -7,7 +7,7 @@ import numpy as np
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Measurement, Parameter, Signature
+from sim.mechanisms.mechanism import Measurement, Need, Parameter, Signature
 
 
 class EncoderError(Measurement):
@@ -19,6 +19,7 @@ class EncoderError(Measurement):
         Parameter("phase_rad", "rad", -np.pi, np.pi, 0.0, periodic=True),
     )
     size: ClassVar[str] = "amplitude_rad"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.WHOLE_TURN})
     signature: ClassVar[Signature] = Signature("angle", order=1)
     equations: ClassVar[str] = "measured = theta + amplitude sin(theta + phase)"
     source: ClassVar[str] = "eccentric disc: e / r of the grating"

@@ -156,9 +156,13 @@ ARM = {
 ARM_RAW = {
     joint: replace(truth, allowed=truth.allowed | {"gravity_imbalance"}, sizes=()) for joint, truth in ARM.items()
 }
-COGGING = Truth(frozenset({"torque_ripple"}), frozenset({"lost_samples"}), sizes=(("torque_ripple", "torque_n_m", 4.0e-3),))
+COGGING = Truth(
+    frozenset({"torque_ripple"}), frozenset({"lost_samples"}), sizes=(("torque_ripple", "torque_n_m", 4.0e-3),)
+)
 WINCH = Truth(
-    frozenset({"torque_offset", "coulomb_friction"}), FRICTION | BESIDE | {"lost_samples"}, (("coulomb_friction", "torque_n_m", 0.047),)
+    frozenset({"torque_offset", "coulomb_friction"}),
+    FRICTION | BESIDE | {"lost_samples"},
+    (("coulomb_friction", "torque_n_m", 0.047),),
 )
 ENCODERS = Truth(
     frozenset({"backlash"}), frozenset({"eccentricity", "encoder_error", "mesh_error"}),

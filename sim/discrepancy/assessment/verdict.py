@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from sim.description.axis import Axis
 from sim.discrepancy.acoustic.evidence import AcousticFinding
+from sim.discrepancy.assessment.cross_validation_gain import gains
 from sim.discrepancy.assessment.intervals import term_estimates, unit_of
 from sim.discrepancy.assessment.posterior import Evidence, is_close, probability
 from sim.discrepancy.assessment.residual_structure import stands_out
@@ -17,10 +18,11 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.identifiability import ALONE, needs_of, same_over_the_turn, the_same
 from sim.discrepancy.report.wording import explain
-from sim.discrepancy.results import SAID, Estimate, Finding, Unexplained
+from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
 from sim.discrepancy.search.search import Selection
 from sim.mechanisms.catalogue import kind_of
 
+AT_LOAD = 1.02  # times as much left on unseen rows
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
 NOT_NOISE = 2.0  # the same, where something is left whatever its place: without a cause 1.3 in 117 recordings at most
 MOST_STRAIN = 120.0  # squared deviations of what is described: a model that needs more is not adequate
@@ -30,6 +32,31 @@ def terms_said(fit: Fit, findings: Sequence[Finding]) -> tuple[Term, ...]:
     """Terms that are said to be there."""
     said = {(f.mechanism, f.location) for f in findings if f.probability >= SAID}
     return tuple(t for t in fit.terms if t.named and (t.mechanism, t.location) in said)
+
+
+def predicting(
+    problem: Problem, base: Fit, fit: Fit, findings: Sequence[Finding]
+) -> tuple[tuple[Finding, ...], tuple[Gain, ...]]:
+    """Findings with which unseen rows are predicted no worse than without any, and what those gain.
+
+    One whose lack betters the prediction most is taken away first: what it explains of the rows it was fitted to it
+    does not explain of others.
+    """
+    kept = tuple(findings)
+    gained = gains(problem, base, fit, terms_said(fit, kept))
+    while (said := terms_said(fit, kept)) and any(is_worse(g) for g in gained):
+        without = {
+            t.key: tuple(f for f in kept if (f.mechanism, f.location) != (t.mechanism, t.location)) for t in said
+        }
+        tried = {key: gains(problem, base, fit, terms_said(fit, rest)) for key, rest in without.items()}
+        best = min(tried, key=lambda key: sum(g.rms_after / max(g.rms_before, 1e-300) for g in tried[key]))
+        kept, gained = without[best], tried[best]
+    return kept, gained
+
+
+def is_worse(gain: Gain) -> bool:
+    """Whether a channel is predicted worse; at the load, of which the motor tells little, by more than chance."""
+    return gain.rms_after > (1.0 if gain.channel == "motor_torque_nm" else AT_LOAD) * gain.rms_before
 
 
 def left(places: Sequence[Unexplained], fit: Fit) -> list[Unexplained]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
+from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.mechanisms.mechanism import Need
 from sim.torsional.model import Array
@@ -12,6 +13,12 @@ from sim.torsional.model import Array
 LEAST_WAY = 0.05  # of the rows in motion that go the other way: the ends of the speed's range are taken from as many
 FEWEST_TURNS = 5.0  # of the motor in a record, from which one of them is short
 LEAST_RANGE = 0.2  # of the speed: over less viscous friction changes by no more than the form of its law is off
+
+
+def turns(axis: Axis, m: Measurement, location: str | None) -> float:
+    """Turns of the shaft at a location in the record, of the load's where none is given."""
+    place = "load" if location is None else location
+    return float(np.ptp(m.angle)) * axis.ratio_from(place) / axis.ratio / (2.0 * np.pi)
 
 
 def travelling_speed(m: Measurement) -> Array:

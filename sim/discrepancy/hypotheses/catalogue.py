@@ -7,7 +7,6 @@ import math
 import numpy as np
 
 from sim.description.axis import Axis
-from sim.discrepancy.data.excitation import lacking
 from sim.discrepancy.data.plausibility import LEAST_TURN
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.hypotheses.friction import asymmetry, friction_felt, friction_terms, stribeck
@@ -76,4 +75,4 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
             out.append(resonance(axis))
     elif travel > LEAST_TURN:
         out.append(gravity(0.05 * level, 0))
-    return tuple(that_show([*out, *terms_of_catalogue(axis, measurement, OWN)], lacking(measurement)))
+    return tuple(that_show(axis, measurement, [*out, *terms_of_catalogue(axis, measurement, OWN)]))

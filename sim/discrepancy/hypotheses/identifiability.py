@@ -11,11 +11,13 @@ import numpy as np
 
 from sim import mechanisms
 from sim.description.axis import Axis
+from sim.discrepancy.data.excitation import lacking, turns
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.model.nominal import has_links
 from sim.mechanisms.mechanism import Need
 
+WHOLE = 0.95  # of a turn: what is left of it hides no error once per turn
 ALONE = 0.5  # the most that a name can have which another fits as well
 
 
@@ -25,13 +27,15 @@ def needs_of(mechanism: str) -> frozenset[Need]:
     return frozenset() if kind is None else kind.needs
 
 
-def that_show(terms: Iterable[Term], missing: frozenset[Need]) -> list[Term]:
-    """`terms` that a record without `missing` can show; of those that are the same in it the first alone."""
+def that_show(axis: Axis, m: Measurement, terms: Iterable[Term]) -> list[Term]:
+    """`terms` that a record can show; of those that are the same in it the first alone."""
+    missing = lacking(m)
     out: list[Term] = []
     for term in terms:
         lacks = needs_of(term.mechanism) & missing
         kind = mechanisms.MECHANISMS.get(term.mechanism)
-        if kind is not None and kind.shown_by & missing:
+        part = frozenset() if turns(axis, m, term.location) > WHOLE else frozenset({Need.WHOLE_TURN})
+        if kind is not None and kind.shown_by & (missing | part):
             continue
         if not any(lacks & needs_of(other.mechanism) for other in out):
             out.append(term)

@@ -27,8 +27,9 @@ LARGEST = 100.0  # times as clear: beyond, nobody counts
 
 def simulated_advice(selection: Selection, findings: Sequence[Finding]) -> tuple[MeasurementUtility, ...]:
     """What each measurement would tell of what is least sure, the best first; empty where nothing is open."""
-    told = dict(zip((t.key for t in selection.found), findings, strict=False))
-    for term in sorted(selection.found, key=lambda t: told[t.key].probability):
+    said = {(f.mechanism, f.location): f for f in findings}
+    told = {t.key: f for t in selection.found if (f := said.get((t.mechanism, t.location)))}
+    for term in sorted((t for t in selection.found if t.key in told), key=lambda t: told[t.key].probability):
         rivals = {} if term.load_torque else _rivals(selection, term, told[term.key])
         if rivals:
             name, model = named(term.mechanism, term.location), selection.standings[term.key].model
