@@ -22,6 +22,7 @@ from sim.discrepancy.assessment.remarks import (
     contact_loss_remarks,
     controller_law_remarks,
     description_remarks,
+    excitation_remarks,
     misfit_remarks,
     standstill_remarks,
 )
@@ -83,8 +84,9 @@ def investigate(
         )
     progress("condition of the channels", 0.02)
     gate = examine(axis, telemetry)
+    axis = gate.axis
     progress("calibration of what the description has", 0.08)
-    problem = Problem(axis, gate.measurement, _first_noise(gate))
+    problem = Problem(axis, gate.measurement, _first_noise(gate), unknown=gate.unknown)
     problem, base = calibrate(problem)
     weighed = selection = drop_unidentifiable(select(problem, base, progress, gate.law))
     problem, fit = selection.problem, selection.fit
@@ -132,7 +134,7 @@ def investigate(
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
         (
             *gate.remarks, *doubts, *strange, *quieted, *description_remarks(problem, fit),
-            *standstill_remarks(problem), *contact_loss_remarks(problem),
+            *excitation_remarks(problem), *standstill_remarks(problem), *contact_loss_remarks(problem),
         ),
         told, selection,
         weighed=weighed, gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,

@@ -92,7 +92,7 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     }
     seen = Evidence(standing.share, others, (standing.shared + inadequacy(fit)) / standing.gain)
     sure = probability(seen)
-    if same or not is_beyond_new(axis, term, estimated):
+    if same or not is_beyond_new(axis, term.mechanism, term.location, estimated):
         sure = min(sure, ALONE)
     return Finding(
         term.mechanism, term.location, sure, estimated, tuple(close),
@@ -101,10 +101,10 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     )  # fmt: skip
 
 
-def is_beyond_new(axis: Axis, term: Term, estimated: Sequence[Estimate]) -> bool:
+def is_beyond_new(axis: Axis, mechanism: str, location: str | None, estimated: Sequence[Estimate]) -> bool:
     """Whether the interval of a size leaves out what a new axis has: else the data are also those of a new one."""
-    kind = kind_of(term.mechanism)
-    new = kind.as_new(axis, term.location)
+    kind = kind_of(mechanism)
+    new = kind.as_new(axis, location)
     sizes = [e for e in estimated if e.name in kind.sizes()]
     return any(e.low > new or e.high < -new for e in sizes)
 

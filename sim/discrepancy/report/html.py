@@ -138,7 +138,7 @@ def _calibration(result: Investigation) -> list[str]:
     if not result.parameters:
         return [_p("A sound has no channel that numbers of the model could be fitted to.")]
     rows = [
-        (words_of(e.name), number(e.nominal or 0.0), *estimate_cells(e), f"{_change(e)}") for e in result.parameters
+        (words_of(e.name), "–" if e.nominal is None else number(e.nominal), *estimate_cells(e), f"{_change(e)}") for e in result.parameters
     ]
     return [
         _p(

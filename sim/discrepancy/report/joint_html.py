@@ -64,7 +64,7 @@ def _combined(result: Together) -> list[str]:
     if one.unexplained is not None:
         where = ", ".join(f"{key} = {value:.4g}" for key, value in one.unexplained.numbers.items())
         out.append(f"<p>Unexplained: {html.escape(where)}, in {html.escape(one.unexplained.channel)}.</p>")
-    rows = [(words_of(e.name), number(e.nominal or 0.0), *estimate_cells(e)) for e in one.parameters]
+    rows = [(words_of(e.name), "–" if e.nominal is None else number(e.nominal), *estimate_cells(e)) for e in one.parameters]
     gained = [
         (part.taken.name, words_of(g.channel), number(g.rms_before), number(g.rms_after), g.unit)
         for part in result.parts
