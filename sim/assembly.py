@@ -46,7 +46,8 @@ def _plain_train(axis: Axis, drive: Signal | None) -> DriveTrain:
     """Return the axis as built, without its mechanisms."""
     if not axis.motor.inertia_kg_m2:
         raise AxisError(
-            "motor.inertia_kg_m2: not described, and a simulation needs it; the extended axis of an investigation has it"
+            "motor.inertia_kg_m2: not described, and a simulation needs it; "
+            "the extended axis of an investigation has it"
         )
     parts: dict[str, Component] = {"motor": Inertia(J=axis.motor.inertia_kg_m2)}
     if not axis.stages:

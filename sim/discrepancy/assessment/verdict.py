@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -39,8 +40,8 @@ def predicting(
 ) -> tuple[tuple[Finding, ...], tuple[Gain, ...]]:
     """Findings with which unseen rows are predicted no worse than without any, and what those gain.
 
-    One whose lack betters the prediction most is taken away first: what it explains of the rows it was fitted to it
-    does not explain of others.
+    Where a channel is predicted worse, the one goes first whose lack betters the prediction of all channels most: what
+    it explains of the rows it was fitted to it does not explain of others. What another channel needs stays.
     """
     kept = tuple(findings)
     gained = gains(problem, base, fit, terms_said(fit, kept))
@@ -49,9 +50,16 @@ def predicting(
             t.key: tuple(f for f in kept if (f.mechanism, f.location) != (t.mechanism, t.location)) for t in said
         }
         tried = {key: gains(problem, base, fit, terms_said(fit, rest)) for key, rest in without.items()}
-        best = min(tried, key=lambda key: sum(g.rms_after / max(g.rms_before, 1e-300) for g in tried[key]))
+        best = min(tried, key=lambda key: left_over(tried[key]))
+        if left_over(tried[best]) >= left_over(gained):
+            break
         kept, gained = without[best], tried[best]
     return kept, gained
+
+
+def left_over(gained: Sequence[Gain]) -> float:
+    """Logarithm of what is left on unseen rows over what was left before, of all channels."""
+    return sum(math.log(max(g.rms_after, 1e-300) / max(g.rms_before, 1e-300)) for g in gained)
 
 
 def is_worse(gain: Gain) -> bool:
