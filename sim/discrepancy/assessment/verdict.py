@@ -83,8 +83,8 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     fit, standing = selection.fit, selection.standings[term.key]
     duration = float(selection.problem.measurement.time_s[-1])
     axis, m = selection.problem.axis, selection.problem.measurement
-    missing = lacking(m)
-    same = (*the_same(term.mechanism, missing), *same_over_the_turn(axis, m, term))
+    missing, numbers = lacking(m), term.report(fit.values)
+    same = (*the_same(term.mechanism, missing), *same_over_the_turn(axis, m, term.mechanism, numbers.get("order")))
     alike = (*looks_like(selection.problem, term), *same)
     near = {r.mechanism for r, t in standing.rivals if is_close(t)} - {term.mechanism, *alike}
     close = [*alike, *sorted(near)][:2]
@@ -104,7 +104,7 @@ def finding_of(selection: Selection, term: Term) -> Finding:
         sure = min(sure, ALONE)
     return Finding(
         term.mechanism, term.location, sure, estimated, tuple(close),
-        explain(term.mechanism, term.location, term.report(fit.values), elsewhere, instead), seen, elsewhere,
+        explain(term.mechanism, term.location, numbers, elsewhere, instead), seen, elsewhere,
         lacks=tuple(need.value for need in needs_of(term.mechanism) & missing),
     )  # fmt: skip
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from itertools import zip_longest
 
@@ -42,17 +41,16 @@ def that_show(axis: Axis, m: Measurement, terms: Iterable[Term]) -> list[Term]:
     return out
 
 
-def same_over_the_turn(axis: Axis, m: Measurement, term: Term) -> tuple[str, ...]:
+def same_over_the_turn(axis: Axis, m: Measurement, mechanism: str, order: float | None) -> tuple[str, ...]:
     """What has the same torque over the angle: once per turn of one stiff body an unbalanced mass and a ripple.
 
-    Within less than a turn no ripple of so low an order is looked for.
+    `order`: of a ripple. Within less than a turn none of so low an order is looked for.
     """
     if has_links(axis) or float(np.ptp(m.angle)) < 2.0 * math.pi:
         return ()
-    if term.mechanism == "gravity_imbalance":
+    if mechanism == "gravity_imbalance":
         return ("torque_ripple",)
-    once = term.mechanism == "torque_ripple" and term.report(defaultdict(float))["order"] == 1.0
-    return ("gravity_imbalance",) if once else ()
+    return ("gravity_imbalance",) if (mechanism, order) == ("torque_ripple", 1.0) else ()
 
 
 def the_same(mechanism: str, missing: frozenset[Need]) -> tuple[str, ...]:
