@@ -95,6 +95,20 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
 def _channels(t: Telemetry) -> tuple[float, Array, Array, Array | None]:
     if "motor_torque_nm" not in t:
         raise InvestigationError("telemetry: needs the channel motor_torque_nm (motor torque or force, N m or N)")
+    rate = check_clock(t)
+    if "motor_position_rad" in t:
+        angle = t["motor_position_rad"]
+    elif "motor_speed_rad_s" in t:
+        angle = np.concatenate(
+            [[0.0], np.cumsum(0.5 * np.diff(t.time_s) * (t["motor_speed_rad_s"][1:] + t["motor_speed_rad_s"][:-1]))]
+        )
+    else:
+        raise InvestigationError("telemetry: needs motor_position_rad (or motor_speed_rad_s) beside motor_torque_nm")
+    return rate, t["motor_torque_nm"], angle, t.channels.get("load_position_rad")
+
+
+def check_clock(t: Telemetry) -> float:
+    """Samples per second; refuses what no clock in seconds can be, and a record that is too short."""
     rate = t.sample_rate_hz
     if not (1.0 - CLOCK_ERROR) * SLOWEST_HZ <= rate <= (1.0 + CLOCK_ERROR) * FASTEST_HZ:
         raise InvestigationError(
@@ -105,15 +119,7 @@ def _channels(t: Telemetry) -> tuple[float, Array, Array, Array | None]:
         raise InvestigationError(
             f"telemetry: {t.duration_s:.3g} s are too short; at least {LEAST_SECONDS:g} s of motion are needed"
         )
-    if "motor_position_rad" in t:
-        angle = t["motor_position_rad"]
-    elif "motor_speed_rad_s" in t:
-        angle = np.concatenate(
-            [[0.0], np.cumsum(0.5 * np.diff(t.time_s) * (t["motor_speed_rad_s"][1:] + t["motor_speed_rad_s"][:-1]))]
-        )
-    else:
-        raise InvestigationError("telemetry: needs motor_position_rad (or motor_speed_rad_s) beside motor_torque_nm")
-    return rate, t["motor_torque_nm"], angle, t.channels.get("load_position_rad")
+    return rate
 
 
 def _clock(t: Telemetry, rate: float) -> tuple[Array, Array]:
