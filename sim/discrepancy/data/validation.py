@@ -107,12 +107,12 @@ def _channels(t: Telemetry) -> tuple[float, Array, Array, Array | None]:
     return rate, t["motor_torque_nm"], angle, t.channels.get("load_position_rad")
 
 
-def check_clock(t: Telemetry) -> float:
+def check_clock(t: Telemetry, slowest_hz: float = SLOWEST_HZ) -> float:
     """Samples per second; refuses what no clock in seconds can be, and a record that is too short."""
     rate = t.sample_rate_hz
-    if not (1.0 - CLOCK_ERROR) * SLOWEST_HZ <= rate <= (1.0 + CLOCK_ERROR) * FASTEST_HZ:
+    if not (1.0 - CLOCK_ERROR) * slowest_hz <= rate <= (1.0 + CLOCK_ERROR) * FASTEST_HZ:
         raise InvestigationError(
-            f"time_s: {rate:.6g} samples per second cannot be right; {SLOWEST_HZ:g} to {FASTEST_HZ:g} are expected, "
+            f"time_s: {rate:.6g} samples per second cannot be right; {slowest_hz:g} to {FASTEST_HZ:g} are expected, "
             "with time_s in seconds"
         )
     if t.duration_s < LEAST_SECONDS:

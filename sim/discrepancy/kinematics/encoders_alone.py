@@ -13,7 +13,7 @@ from scipy.stats import t as t_distribution
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.discrepancy.assessment.calibration import WEIGHTS
-from sim.discrepancy.data.channel_checks import UNITS, check_channels
+from sim.discrepancy.data.channel_checks import ALIKE, UNITS, check_channels
 from sim.discrepancy.data.clock import evened
 from sim.discrepancy.data.preprocessing import MOTION_CUT_HZ, Measurement, prepare
 from sim.discrepancy.data.sample_defects import bridged, quantum, spikes
@@ -39,6 +39,7 @@ Array = NDArray[np.float64]
 
 ABOUT = 0.1  # of a way, by which lost motion at its ends may shorten it
 FOLLOWS = 0.99  # correlation of two angles of the same motion
+SLOWEST_HZ = 2.0  # of a load that is held or comes to rest for a second and more
 NEXT = (
     "Log the motor torque as well (motor_torque_nm; a current will do with its torque constant) and repeat the motion "
     "in both directions at several speeds: play, and friction that winds the gear up, differ in the torque at a "
@@ -97,7 +98,7 @@ def encoders_alone(axis: Axis, telemetry: Telemetry) -> EncodersAlone:
     if motor_name is None or "load_position_rad" not in telemetry:
         raise InvestigationError(MISSING)
     telemetry, uneven = evened(telemetry)
-    rate = check_clock(telemetry)
+    rate = check_clock(telemetry, SLOWEST_HZ)
     motor, load, good = _on_grid(telemetry, motor_name, rate)
     step = quantum(load)
     if float(np.ptp(load)) <= STEPS * step:
@@ -121,7 +122,8 @@ def encoders_alone(axis: Axis, telemetry: Telemetry) -> EncodersAlone:
         return EncodersAlone(m, findings, None, (), _extended(axis, findings), told, (shown,))
     if motor_name == "reference_position_rad":
         raise InvestigationError(NOT_HELD)
-    check_channels(axis, {"angle": driven * axis.ratio, "load": load}, rate)
+    if np.ptp(driven) == 0.0 or abs(float(np.polyfit(driven, load, 1)[0]) - 1.0) > ALIKE:
+        check_channels(axis, {"angle": driven * axis.ratio, "load": load}, rate)
     seen = transmission_error(axis, m)
     if seen is None:
         raise InvestigationError(NOT_STEADY)

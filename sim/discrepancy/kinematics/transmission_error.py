@@ -37,7 +37,7 @@ TURNS_OF_SLOPE = 2.0  # from which a wrong ratio cannot be an error once per tur
 STEADY = 0.1  # of the largest acceleration: what is left of it does not lift teeth off each other where friction holds
 CHANCE = 1e-3  # that noise alone is taken for something, per record and effect
 INSIDE = 0.05  # beyond either end of a 90 % interval
-REVERSAL, LAG, SLOPE, OFFSET = "reversal", "lag", "slope", "offset"
+OFFSET, REVERSAL, LAG, SLOPE = "offset", "reversal", "lag", "slope"
 
 
 @dataclass(frozen=True)
@@ -55,9 +55,10 @@ class Amplitude:
 
 @dataclass(frozen=True)
 class TransmissionError:
-    """Rows in steady motion, each array of shape (n,): angle of the load [rad], error [rad], direction, speed [rad/s].
+    """Rows in steady motion, each array of shape (n,): angle of the load, error [rad], direction, speed [rad/s].
 
-    `orders`: what is looked for per `period` [rad], which is a turn of the load where it made a whole one.
+    `orders`: what is looked for per turn of the load; where it made no whole one, of a series of cosines over half a
+    period, which is complete over the way that was passed and says nothing of a turn.
     """
 
     angle: Array
@@ -65,7 +66,6 @@ class TransmissionError:
     direction: Array
     speed: Array
     orders: tuple[int, ...]
-    period: float
     lacks: frozenset[Need]
 
     @property
@@ -84,8 +84,11 @@ class TransmissionError:
         if float(np.ptp(self.angle)) > TURNS_OF_SLOPE * 2.0 * math.pi:
             out[SLOPE] = self.angle - float(self.angle.mean())
         for order in self.orders:
-            phase = order * 2.0 * math.pi / self.period * self.angle
-            out[cosine(order)], out[sine(order)] = np.cos(phase), np.sin(phase)
+            if self.whole:
+                out[cosine(order)], out[sine(order)] = np.cos(order * self.angle), np.sin(order * self.angle)
+            else:
+                way = (self.angle - self.angle.min()) / float(np.ptp(self.angle))
+                out[cosine(order)] = np.cos(order * math.pi * way)
         return out
 
     @cached_property
@@ -117,7 +120,7 @@ class TransmissionError:
 
     def repeatable(self) -> float:
         """Peak to peak of what repeats with the angle, over the angles that were passed [rad]."""
-        names = [name for order in self.orders for name in (cosine(order), sine(order))]
+        names = [name for order in self.orders for name in (cosine(order), sine(order)) if name in self.columns]
         curve = sum((self.fit.value(name) * self.columns[name] for name in names), np.zeros(self.error.size))
         return float(np.ptp(curve))
 
@@ -192,9 +195,9 @@ def transmission_error(axis: Axis, m: Measurement) -> TransmissionError | None:
     speed = m.slow_speed[used] / axis.ratio
     lacks = _lacking(speed, travel)
     whole = Need.WHOLE_TURN not in lacks
-    orders = (*range(1, ORDERS + 1), *(_of_teeth(axis, m, float(np.abs(speed).max())) if whole else ()))
-    period = 2.0 * math.pi if whole else 2.0 * travel
-    return TransmissionError(angle, error[used], direction[used], speed, orders, period, lacks)
+    teeth = _of_teeth(axis, m, float(np.abs(speed).max())) if whole else ()
+    orders = (*range(1, (ORDERS if whole else 2 * ORDERS) + 1), *teeth)
+    return TransmissionError(angle, error[used], direction[used], speed, orders, lacks)
 
 
 def _lacking(speed: Array, travel: float) -> frozenset[Need]:
