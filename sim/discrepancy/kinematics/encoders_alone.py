@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.stats import t as t_distribution
 
-from casebase.signals.telemetry import Telemetry
+from casebase.signals.telemetry import MINIMUM_ROWS, Telemetry
 from sim.description.axis import Axis
 from sim.discrepancy.assessment.calibration import WEIGHTS
 from sim.discrepancy.data.channel_checks import ALIKE, UNITS, check_channels
@@ -100,6 +100,8 @@ def encoders_alone(axis: Axis, telemetry: Telemetry) -> EncodersAlone:
     telemetry, uneven = evened(telemetry)
     rate = check_clock(telemetry, SLOWEST_HZ)
     motor, load, good = _on_grid(telemetry, motor_name, rate)
+    if load.size < MINIMUM_ROWS:
+        raise InvestigationError(NOT_STEADY)
     step = quantum(load)
     if float(np.ptp(load)) <= STEPS * step:
         raise InvestigationError(STANDS)
@@ -122,7 +124,7 @@ def encoders_alone(axis: Axis, telemetry: Telemetry) -> EncodersAlone:
         return EncodersAlone(m, findings, None, (), _extended(axis, findings), told, (shown,))
     if motor_name == "reference_position_rad":
         raise InvestigationError(NOT_HELD)
-    if np.ptp(driven) == 0.0 or abs(float(np.polyfit(driven, load, 1)[0]) - 1.0) > ALIKE:
+    if _alike(driven, load) < FOLLOWS or not _as_far(driven, load, ALIKE):
         check_channels(axis, {"angle": driven * axis.ratio, "load": load}, rate)
     seen = transmission_error(axis, m)
     if seen is None:
@@ -153,10 +155,22 @@ def _on_grid(t: Telemetry, motor_name: str, rate: float) -> tuple[Array, Array, 
 
 def _follows_otherwise(driven: Array, load: Array) -> bool:
     """Whether the load follows the motor, but the other way round or not as far as the ratio says."""
-    if np.ptp(driven) == 0.0:
-        return False
-    alike = float(np.corrcoef(driven, load)[0, 1])
-    return abs(alike) > FOLLOWS and (alike < 0.0 or abs(math.log(float(np.ptp(load) / np.ptp(driven)))) > ABOUT)
+    alike = _alike(driven, load)
+    return alike < -FOLLOWS or (alike > FOLLOWS and not _as_far(driven, load))
+
+
+def _alike(one: Array, other: Array) -> float:
+    """Correlation, 0 with what stands still."""
+    parts = [values / np.ptp(values) if np.ptp(values) > 0.0 else np.zeros(values.size) for values in (one, other)]
+    parts = [values - values.mean() for values in parts]
+    size = float(np.linalg.norm(parts[0]) * np.linalg.norm(parts[1]))
+    return float(parts[0] @ parts[1]) / size if size > 0.0 else 0.0
+
+
+def _as_far(one: Array, other: Array, about: float = ABOUT) -> bool:
+    """Whether two angles come about as far."""
+    ways = sorted((float(np.ptp(one)), float(np.ptp(other))))
+    return ways[0] > (1.0 - about) * ways[1]
 
 
 def _driven(axis: Axis, name: str, motor: Array, load: Array) -> tuple[Array, tuple[str, ...]]:
@@ -165,9 +179,9 @@ def _driven(axis: Axis, name: str, motor: Array, load: Array) -> tuple[Array, tu
     Not where the ratio is about the factor of a unit, and a wrong unit would look the same.
     """
     at_load = motor / axis.ratio
-    if np.ptp(motor) == 0.0 or min(abs(math.log(axis.ratio / unit)) for unit in (1.0, *UNITS)) < ABOUT:
+    if min(abs(math.log(axis.ratio / unit)) for unit in (1.0, *UNITS)) < ABOUT:
         return at_load, ()
-    if abs(math.log(float(np.ptp(load) / np.ptp(motor)))) > ABOUT or np.corrcoef(motor, load)[0, 1] < 0.0:
+    if not _as_far(motor, load) or _alike(motor, load) <= 0.0:
         return at_load, ()
     return motor, (
         f"{name} moves as far as load_position_rad and not {axis.ratio:.6g} times as far: it is told at the output "

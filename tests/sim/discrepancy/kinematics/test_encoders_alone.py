@@ -201,6 +201,7 @@ def test_a_load_that_rings_behind_a_motor_that_stops_was_not_pulled() -> None:
         (lambda c: {**c, "motor_position_rad": 0.7 * c["motor_position_rad"]}, "is the ratio another"),
         (lambda c: {**c, "load_position_rad": -c["load_position_rad"]}, "turn its sign"),
         (lambda c: {**c, "load_position_rad": c["load_position_rad"] % (2.0 * np.pi)}, "unwrap"),
+        (lambda c: {**c, "load_position_rad": 1e9 * np.arange(c["load_position_rad"].size)}, "times as far"),
         (lambda c: {"motor_position_rad": c["motor_position_rad"]}, "motor_torque_nm.*load_position_rad"),
         (lambda c: {"load_position_rad": c["load_position_rad"]}, "reference_position_rad"),
         (lambda c: {"reference_position_rad": c["motor_position_rad"], "load_position_rad": c["load_position_rad"]},
