@@ -39,9 +39,9 @@ def holds(finding: Finding, value: float, wider: float = 1.0) -> bool:
 @pytest.mark.parametrize("driven", [SPEEDS, ONE_SPEED, PART], ids=["speeds", "one speed", "part of a turn"])
 @pytest.mark.parametrize("step", [COARSE, COARSE / 50], ids=["coarse", "fine"])
 def test_nothing_is_found_where_nothing_is(driven: np.ndarray, step: float) -> None:
-    """Of encoders that are noisy and round, at 8 seeds each; the noise of one is slow as well."""
-    said = [investigate(axis(), log(driven, seed=seed, step=step)) for seed in range(8)]
-    assert [r.verdict for r in said] == ["nothing_missing"] * 8
+    """Of encoders that are noisy and round, at 5 seeds each; the noise of one is slow as well."""
+    said = [investigate(axis(), log(driven, seed=seed, step=step)) for seed in range(5)]
+    assert [r.verdict for r in said] == ["nothing_missing"] * 5
     assert all(r.findings == () and NOT_TOLD in r.remarks for r in said)
 
 
