@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from sim.description.axis import Axis
+from sim.errors import AxisError
 from sim.mechanisms.catalogue import apply_mechanisms
 from sim.rotational.component import Component, Signal
 from sim.rotational.components import (
@@ -43,6 +44,11 @@ def drive_train_of(axis: Axis, drive: Signal | None = None) -> DriveTrain:
 
 def _plain_train(axis: Axis, drive: Signal | None) -> DriveTrain:
     """Return the axis as built, without its mechanisms."""
+    if not axis.motor.inertia_kg_m2:
+        raise AxisError(
+            "motor.inertia_kg_m2: not described, and a simulation needs it; "
+            "the extended axis of an investigation has it"
+        )
     parts: dict[str, Component] = {"motor": Inertia(J=axis.motor.inertia_kg_m2)}
     if not axis.stages:
         return _direct(axis, drive)

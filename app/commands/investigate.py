@@ -149,7 +149,8 @@ def _show(frame: Frame, result: Investigation, whose: Sequence[str]) -> None:
         where = ", ".join(f"{name} {value:.4g}" for name, value in result.unexplained.numbers.items())
         frame.print(f"  unexplained: {where} in {result.unexplained.channel}")
     for e in result.parameters:
-        frame.print(f"  {e.name}: described {e.nominal:.5g}, found {_with_unit(e)}")
+        described = "not described" if e.nominal is None else f"described {e.nominal:.5g}"
+        frame.print(f"  {e.name}: {described}, found {_with_unit(e)}")
     for g, recording in zip(result.gain, whose, strict=True):
         note = "" if g.significant else " (not distinguishable from zero)"
         frame.print(

@@ -21,18 +21,19 @@ MOST_TABLES = 100
 class Motor:
     """The motor shaft: rotor and everything that turns with it.
 
-    Friction is what the data sheet says for the motor's own bearings [N m], [N m s/rad]; the limits are those of the
-    servo amplifier, infinite when not given.
+    An inertia of 0 is one that nobody knows: an investigation finds it, a simulation needs it. Friction is what the
+    data sheet says for the motor's own bearings [N m], [N m s/rad]; the limits are those of the servo amplifier,
+    infinite when not given.
     """
 
-    inertia_kg_m2: float
+    inertia_kg_m2: float = 0.0
     coulomb_friction_n_m: float = 0.0
     viscous_friction_n_m_s_per_rad: float = 0.0
     torque_limit_n_m: float = math.inf
     speed_limit_rad_s: float = math.inf
 
     def __post_init__(self) -> None:
-        check_quantities(self, positive=("inertia_kg_m2",))
+        check_quantities(self)
 
 
 @dataclass(frozen=True)

@@ -45,7 +45,7 @@ def read_axis(source: Path | Mapping[str, object]) -> Axis:
     stages = _array(document, "stages")
     return Axis(
         name=_text(document.get("name", "axis"), "name"),
-        motor=_read(Motor, document.get("motor"), "motor", required=("inertia_kg_m2",)),
+        motor=_read(Motor, document.get("motor"), "motor"),
         load=_read(Load, document.get("load"), "load", required=("inertia_kg_m2",)),
         stages=tuple(_read_stage(table, i, len(stages)) for i, table in enumerate(stages)),
         transmission=_read(Transmission, document.get("transmission", {}), "transmission"),

@@ -22,6 +22,7 @@ from sim.discrepancy.assessment.remarks import (
     contact_loss_remarks,
     controller_law_remarks,
     description_remarks,
+    excitation_remarks,
     misfit_remarks,
     standstill_remarks,
 )
@@ -87,8 +88,9 @@ def investigate(
     if "motor_torque_nm" not in telemetry:
         return _encoders_alone(axis, telemetry, sounds, sound_offset_s, progress)
     gate = examine(axis, telemetry)
+    axis = gate.axis
     progress("calibration of what the description has", 0.08)
-    problem = Problem(axis, gate.measurement, _first_noise(gate))
+    problem = Problem(axis, gate.measurement, _first_noise(gate), unknown=gate.unknown)
     problem, base = calibrate(problem)
     weighed = selection = drop_unidentifiable(select(problem, base, progress, gate.law))
     problem, fit = selection.problem, selection.fit
@@ -136,7 +138,7 @@ def investigate(
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
         (
             *gate.remarks, *doubts, *strange, *quieted, *description_remarks(problem, fit),
-            *standstill_remarks(problem), *contact_loss_remarks(problem),
+            *excitation_remarks(problem), *standstill_remarks(problem), *contact_loss_remarks(problem),
         ),
         told, selection,
         weighed=weighed, gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,

@@ -105,7 +105,8 @@ class Investigation:
             "findings": [finding_document(f) for f in self.findings],
             "unexplained": None if self.unexplained is None else unexplained_document(self.unexplained),
             "parameters": [
-                {"name": e.name, "nominal": rounded(e.nominal or 0.0), "estimate": rounded(e.value),
+                {"name": e.name, "nominal": None if e.nominal is None else rounded(e.nominal),
+                 "estimate": rounded(e.value),
                  "low": rounded(e.low), "high": rounded(e.high), "unit": e.unit}
                 for e in self.parameters
             ],

@@ -18,7 +18,7 @@ class Eccentricity(Mechanics):
         Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
     )
     size: ClassVar[str] = "amplitude_rad"
-    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.WHOLE_TURN})
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.HALF_TURN})
     signature: ClassVar[Signature] = Signature("angle", order=1, direction="same")
     equations: ClassVar[str] = "x = theta_driver / i - theta_driven - amplitude sin(theta + phase)"
     source: ClassVar[str] = "kinematic error of first order, 2 e tan(alpha) / r_b for an eccentric wheel of offset e"

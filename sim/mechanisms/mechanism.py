@@ -30,7 +30,7 @@ class Need(Enum):
 
     BOTH_DIRECTIONS = "motion in both directions"
     SEVERAL_SPEEDS = "motion at several speeds"
-    WHOLE_TURN = "a whole turn of its shaft"
+    HALF_TURN = "half a turn of its shaft"
 
 
 @dataclass(frozen=True)

@@ -76,10 +76,11 @@ def line(drive: Drive, tally: Tally) -> str:
         f"{g.channel} {g.rms_before:.3g} -> {g.rms_after:.3g} of {g.rms_measured:.3g}" for g in result.gain
     )
     left = "" if result.unexplained is None else f" left: {result.unexplained.kind} {dict(result.unexplained.numbers)}"
-    return (
-        f"{drive.name} [{drive.part}] {time.monotonic() - began:.0f} s: {result.verdict}: {said or 'nothing'}{left} | {gain}"
-        + (f" | {', '.join(wrong)}" if wrong else "")
-    )
+    parts = [
+        f"{drive.name} [{drive.part}] {time.monotonic() - began:.0f} s: {result.verdict}: {said or 'nothing'}{left}",
+        gain,
+    ]
+    return " | ".join([*parts, ", ".join(wrong)] if wrong else parts)
 
 
 def main() -> None:

@@ -61,7 +61,7 @@ def estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
                 unit_of(p.name),
                 fit.values[p.name] - half,
                 fit.values[p.name] + half,
-                p.expected,
+                None if p.name in problem.unknown else p.expected,
             )
         )
     return tuple(out)

@@ -6,10 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from sim.discrepancy.data.excitation import lacking
 from sim.discrepancy.data.validation import Gate
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.report.formatting import named
 from sim.discrepancy.results import Gain
+from sim.mechanisms import MECHANISMS
+from sim.mechanisms.mechanism import Need
 
 UNREACHED = 0.5  # of the torque: a model that leaves more says nothing of the axis
 SOLID = ("inertia_kg_m2", "stiffness_n_m_per_rad")  # what no data sheet is far wrong in
@@ -66,6 +70,21 @@ def controller_law_remarks(problem: Problem, gate: Gate) -> tuple[str, ...]:
     )
 
 
+def excitation_remarks(problem: Problem) -> tuple[str, ...]:
+    """What the motion of the record does not show, and what to record."""
+    missing = lacking(problem.measurement)
+    out = []
+    for need in sorted(missing, key=list(Need).index):
+        alike = [named(name) for name, kind in MECHANISMS.items() if need in kind.needs]
+        unseen = [named(name) for name, kind in MECHANISMS.items() if need in kind.shown_by]
+        also = f" It shows no {' and no '.join(unseen)}." if unseen else ""
+        out.append(
+            f"This record has no {need.value}: in it {', '.join(alike[:-1])} and {alike[-1]} are the same torque, and "
+            f"none of them can be told from the others.{also} Record {need.value}."
+        )
+    return tuple(out)
+
+
 def standstill_remarks(problem: Problem) -> tuple[str, ...]:
     """Which rows did not count, if any."""
     m = problem.measurement
@@ -74,7 +93,7 @@ def standstill_remarks(problem: Problem) -> tuple[str, ...]:
     slowest = m.standstill * float(np.abs(m.speed).max())
     where = " at the load" if m.rests else ""
     told = f"Rows in which the motor turns slower than {slowest:.2g} rad/s did not count{where}"
-    return (f"{told}: at rest dry friction holds whatever it likes.",)
+    return (f"{told}: at rest dry friction takes any torque up to its limit.",)
 
 
 def contact_loss_remarks(problem: Problem) -> tuple[str, ...]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import replace
 
@@ -39,8 +40,8 @@ def predicting(
 ) -> tuple[tuple[Finding, ...], tuple[Gain, ...]]:
     """Findings with which unseen rows are predicted no worse than without any, and what those gain.
 
-    One whose lack betters the prediction most is taken away first: what it explains of the rows it was fitted to it
-    does not explain of others.
+    Where a channel is predicted worse, the one goes first whose lack betters the prediction of all channels most: what
+    it explains of the rows it was fitted to it does not explain of others. What another channel needs stays.
     """
     kept = tuple(findings)
     gained = gains(problem, base, fit, terms_said(fit, kept))
@@ -49,9 +50,16 @@ def predicting(
             t.key: tuple(f for f in kept if (f.mechanism, f.location) != (t.mechanism, t.location)) for t in said
         }
         tried = {key: gains(problem, base, fit, terms_said(fit, rest)) for key, rest in without.items()}
-        best = min(tried, key=lambda key: sum(g.rms_after / max(g.rms_before, 1e-300) for g in tried[key]))
+        best = min(tried, key=lambda key: left_over(tried[key]))
+        if left_over(tried[best]) >= left_over(gained):
+            break
         kept, gained = without[best], tried[best]
     return kept, gained
+
+
+def left_over(gained: Sequence[Gain]) -> float:
+    """Logarithm of what is left on unseen rows over what was left before, of all channels."""
+    return sum(math.log(max(g.rms_after, 1e-300) / max(g.rms_before, 1e-300)) for g in gained)
 
 
 def is_worse(gain: Gain) -> bool:
@@ -92,7 +100,7 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     }
     seen = Evidence(standing.share, others, (standing.shared + inadequacy(fit)) / standing.gain)
     sure = probability(seen)
-    if same or not is_beyond_new(axis, term, estimated):
+    if same or not is_beyond_new(axis, term.mechanism, term.location, estimated):
         sure = min(sure, ALONE)
     return Finding(
         term.mechanism, term.location, sure, estimated, tuple(close),
@@ -101,10 +109,10 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     )  # fmt: skip
 
 
-def is_beyond_new(axis: Axis, term: Term, estimated: Sequence[Estimate]) -> bool:
+def is_beyond_new(axis: Axis, mechanism: str, location: str | None, estimated: Sequence[Estimate]) -> bool:
     """Whether the interval of a size leaves out what a new axis has: else the data are also those of a new one."""
-    kind = kind_of(term.mechanism)
-    new = kind.as_new(axis, term.location)
+    kind = kind_of(mechanism)
+    new = kind.as_new(axis, location)
     sizes = [e for e in estimated if e.name in kind.sizes()]
     return any(e.low > new or e.high < -new for e in sizes)
 

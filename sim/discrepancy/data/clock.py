@@ -46,7 +46,8 @@ def evened(t: Telemetry) -> tuple[Telemetry, tuple[str, ...]]:
     told = mean(t.time_s)  # a cell's mean belongs to the mean of its times
     clock = t.time_s[0] + interval * np.arange(int(t.duration_s / interval) + 1)
     before = np.clip(np.searchsorted(told, clock) - 1, 0, told.size - 2)
-    clock = clock[told[before + 1] - told[before] < 2.0 * interval]
+    seen = (told[0] <= clock) & (clock <= told[-1]) & (told[before + 1] - told[before] < 2.0 * interval)
+    clock = clock[seen]
     anew = replace(
         t,
         time_s=clock,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -24,6 +24,7 @@ LEAST = 1.5  # rms of what is left that friction must be to be known by torque a
 FAR_BEYOND = 10.0  # the same of what is 'at most'
 STIFFER = 2.5  # the same of springs that twist more than described, which is told better than that of others
 NEAR = 2.0  # a prefix that is set right fits as well as this
+LEAST_OF_ALL = 0.05  # of the whole inertia that a motor has: less is not known from the rest
 HEAVIEST, LIGHTEST = 8.0, 0.12  # inertia felt over the described one
 
 
@@ -111,6 +112,17 @@ def check_description(axis: Axis, m: Measurement, used: Rows) -> tuple[str, ...]
         _check_stiffness(axis, seen)
         remarks += _check_damping(axis, seen) + _check_as_new(axis, seen)
     return tuple(remarks)
+
+
+def with_first_inertia(axis: Axis, m: Measurement, used: Rows) -> tuple[Axis, frozenset[str]]:
+    """The axis with the inertia of its motor that torque and acceleration show where nobody knows it, and its name."""
+    if axis.motor.inertia_kg_m2:
+        return axis, frozenset()
+    (felt, *_), _ = one_body(_of_drive(axis, m), m.slow_acceleration, m.speed, used)
+    beyond = sum(value for name, value in inertias(axis).items() if not name.startswith("motor"))
+    least = LEAST_OF_ALL * max(float(felt), beyond, 1e-12)
+    motor = replace(axis.motor, inertia_kg_m2=max(float(felt) - beyond, least))
+    return replace(axis, motor=motor), frozenset({"motor.inertia_kg_m2"})
 
 
 def _check_limits(axis: Axis, seen: Seen) -> None:

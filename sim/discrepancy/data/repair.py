@@ -207,7 +207,8 @@ def _catches_up(angle: Array, row: int) -> bool:
     still = STILL * float(np.median(np.abs(steps)))
     while row - stood > REACH_ROWS and abs(steps[row - stood - 1]) <= still:
         stood += 1
-    usual = float(np.median(steps[max(row - stood - REACH_ROWS, 0) : row - stood]))
+    before, after = steps[max(row - stood - REACH_ROWS, 0) : row - stood], steps[row + 1 : row + 1 + REACH_ROWS]
+    usual = float(np.median(np.concatenate([before, after])))
     return stood > 0 and usual != 0.0 and abs(steps[row] / ((stood + 1) * usual) - 1.0) < CAUGHT
 
 

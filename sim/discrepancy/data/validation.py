@@ -14,7 +14,7 @@ from sim.discrepancy.data.channel_checks import check_channels
 from sim.discrepancy.data.clock import evened, irregular
 from sim.discrepancy.data.controller_law import DriveLaw, drive_law
 from sim.discrepancy.data.data_fault import Fault, InvestigationError
-from sim.discrepancy.data.plausibility import check_description
+from sim.discrepancy.data.plausibility import check_description, with_first_inertia
 from sim.discrepancy.data.preprocessing import (
     LEAST_ROWS,
     SLOW_ANGLE_CUT_HZ,
@@ -37,12 +37,17 @@ CHANCE = 0.01  # of one spell in a whole record, in which the torque repeats by 
 
 @dataclass(frozen=True)
 class Gate:
-    """Channels ready for the fit, faults found in them, what the drive's law says, remarks for the report."""
+    """Channels ready for the fit, faults found in them, what the drive's law says, remarks for the report.
+
+    `axis`: the description with a first value for each number that is `unknown` in it.
+    """
 
     measurement: Measurement
     faults: tuple[Fault, ...]
     law: DriveLaw | None
     remarks: tuple[str, ...]
+    axis: Axis
+    unknown: frozenset[str] = frozenset()
 
 
 def examine(axis: Axis, telemetry: Telemetry) -> Gate:
@@ -77,7 +82,9 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
         load_valid *= np.interp(grid, telemetry.time_s, (~load_lost).astype(float))
     cut = SLOW_ANGLE_CUT_HZ if axis.stages else SLOW_DIRECT_ANGLE_CUT_HZ
     measurement = prepare(rate, even["torque"], even["angle"], even.get("load"), valid, load_valid, cut, known)
-    remarks = [*uneven, *check_description(axis, measurement, _used(measurement))]
+    used = _used(measurement)
+    axis, unknown = with_first_inertia(axis, measurement, used)
+    remarks = [*uneven, *check_description(axis, measurement, used)]
     remarks += [f"column {name} is no known channel and was not used" for name in telemetry.ignored]
     remarks += [f"The telemetry was read as:\n{telemetry.recognised}"] if telemetry.recognised else []
     if load is None and axis.stages:
@@ -89,7 +96,7 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
     if "reference" in beside:
         course = bridged(beside["reference"], ~lost)
         law = drive_law(measurement, rate, even["torque"], even["angle"], course)
-    return Gate(measurement, tuple(faults), law, tuple(remarks))
+    return Gate(measurement, tuple(faults), law, tuple(remarks), axis, unknown)
 
 
 def _channels(t: Telemetry) -> tuple[float, Array, Array, Array | None]:

@@ -60,7 +60,8 @@ class Runs:
 class Problem:
     """One measurement of one axis, and how its residuals are weighed; `runs` are those of all that is made of it.
 
-    `doubts`: how many times less well numbers are known that a data sheet seems to have wrong.
+    `doubts`: how many times less well numbers are known that a data sheet seems to have wrong; `unknown`: numbers that
+    no data sheet has.
     """
 
     axis: Axis
@@ -74,6 +75,7 @@ class Problem:
     load_noise: LoadNoise | None = field(init=False)
     runs: Runs = field(default_factory=Runs)
     doubts: Mapping[str, float] = field(default_factory=dict)
+    unknown: frozenset[str] = frozenset()
 
     def __post_init__(self) -> None:
         inertia = chain_of(self.axis, {}).shafts[0].inertia_kg_m2
@@ -112,7 +114,8 @@ class Problem:
     def base(self) -> tuple[Parameter, ...]:
         m = self.measurement
         parameters = base_parameters(self.axis, self.guided, m.torque_rms, m.rests)
-        return tuple(p.doubted(self.doubts[p.name]) if p.name in self.doubts else p for p in parameters)
+        known = (p.unknown() if p.name in self.unknown else p for p in parameters)
+        return tuple(p.doubted(self.doubts[p.name]) if p.name in self.doubts else p for p in known)
 
     def parameters(self, terms: Sequence[Term]) -> tuple[Parameter, ...]:
         """Those of the description that no term replaces, then what the terms bring along, then their own."""

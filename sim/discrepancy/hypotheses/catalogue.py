@@ -23,6 +23,7 @@ from sim.discrepancy.model.nominal import (
 )
 from sim.torsional.model import Chain
 
+MOST_OF_SPEED = 0.4  # largest of the speeds at which low-speed friction has fallen
 OWN = frozenset(  # mechanisms with terms below, or seen by the gate or in the sound; all others say all of themselves
     {"backlash", "tooth_damage", "eccentricity", "mesh_error", "coulomb_friction", "viscous_friction",
      "stribeck_friction", "friction_asymmetry", "load_dependent_loss", "friction_drift", "gravity_imbalance",
@@ -41,6 +42,14 @@ def twist_range(axis: Axis, m: Measurement) -> float | None:
     return float(np.ptp((m.slow_angle / axis.ratio - m.slow_load_angle)[m.load_valid > 0.5]))
 
 
+def speed_within_a_row(m: Measurement) -> float:
+    """Speed that the motor gains at a reversal within the two rows over which its torque is smoothed [rad/s]."""
+    turns_back = np.flatnonzero(np.diff(np.sign(m.speed)))
+    if not turns_back.size:
+        return 0.0
+    return 2.0 / m.rate_hz * float(np.median(np.abs(m.slow_acceleration[turns_back])))
+
+
 def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term, ...]:
     """Every mechanism of the telemetry at every place where the description lacks it; tooth damage is scanned apart.
 
@@ -50,7 +59,8 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
     top = float(np.abs(measurement.speed).max())
     out = [*friction_terms(axis, level, top, measurement), offset(level)]
     if any(shaft.coulomb_n_m > 0.0 for shaft in present.shafts):
-        out.append(stribeck(level, top))
+        seen = speed_within_a_row(measurement)
+        out += [stribeck(level, top, seen)] if seen < MOST_OF_SPEED * top else []
     if all(shaft.coulomb_backward_n_m is None for shaft in present.shafts):
         seen_apart = has_links(axis) and measurement.load_angle is not None
         most = friction_felt(present, top)

@@ -58,8 +58,12 @@ def _both(mechanism: str, parameter: str, field: str, step: float, scale: float,
     return Term(mechanism, None if n else "motor", parameters, probes, report, apply, size=0.0, brings=brings)
 
 
-def stribeck(level: float, top: float) -> Term:
-    """It falls with an exponent between 1 and 2 (Armstrong-Helouvry et al., Automatica 30 (1994) 1083)."""
+def stribeck(level: float, top: float, seen: float = 0.0) -> Term:
+    """It falls with an exponent between 1 and 2 (Armstrong-Helouvry et al., Automatica 30 (1994) 1083).
+
+    `seen`: speed that a motor which turns back gains within the rows over which torque is smoothed [rad/s]; what has
+    fallen by then does not show.
+    """
     names = ("torque_n_m", "speed_rad_s", "exponent")
     torque, speed, exponent = (parameter_key("stribeck_friction", "motor", p) for p in names)
 
@@ -73,13 +77,13 @@ def stribeck(level: float, top: float) -> Term:
     step = 0.05 * level
     parameters = (
         Parameter(torque, 0.0, 0.3 * step, low=0.0),
-        Parameter(speed, 0.07 * top, 0.007 * top, 0.2 * top, 0.01 * top, 0.4 * top),
+        Parameter(speed, max(0.07 * top, seen), 0.007 * top, 0.2 * top, max(0.01 * top, seen), 0.4 * top),
         Parameter(exponent, 1.5, 0.05, 0.5, 1.0, 2.0),
     )
-    probes = tuple(({torque: step, speed: share * top},) for share in (0.03, 0.08, 0.2))
+    probes = tuple(({torque: step, speed: max(share * top, seen)},) for share in (0.03, 0.08, 0.2))
     return Term(
         "stribeck_friction", "motor", parameters, probes, report, apply, positive=True, size=0.1 * step,
-        shape=(speed, exponent),
+        shape=(speed, exponent), magnitude=lambda v: v[torque] if v[speed] > 1.01 * seen else 0.0,
     )  # fmt: skip
 
 

@@ -38,6 +38,7 @@ FEWEST_TEETH = 8.0  # of a pinion
 LOSS_SIDES = ((0.0, 0.5), (1.0, 0.0), (1.0, 0.5), (1.0, 1.0))  # tried first: a load encoder sees only what is behind
 MOTOR = "motor"
 WIDEST_GAP = 6.0  # over the working twist, where play is looked for
+ALL_OF_IT = 0.9  # of the twist
 OF_TEETH = 0.5  # of the torque that erring teeth make: as much at their own order may be the error of their form
 
 
@@ -123,7 +124,7 @@ def link_terms(axis: Axis, k: int, level: float, seen_twist_rad: float | None) -
 
 
 def _backlash(name: str, k: int, new: float, twist: float, seen: float) -> Term:
-    """No wider than the twist that is seen."""
+    """Narrower than the twist that is seen, of which springs take a part: what wants all of it is no gap."""
     gap = parameter_key("backlash", name, "gap_rad")
 
     def apply(chain: Chain, values: Values) -> Chain:
@@ -136,7 +137,7 @@ def _backlash(name: str, k: int, new: float, twist: float, seen: float) -> Term:
     return Term(
         "backlash", name, (Parameter(gap, 0.0, step, low=0.0, high=seen),), probes, lambda v: {"gap_rad": v[gap]},
         apply, positive=True, nonlinear=True, contact=True, replaces=(f"stages.{name}.backlash_rad",),
-        size=max(AS_NEW_FACTOR * new, 0.01 * twist),
+        size=max(AS_NEW_FACTOR * new, 0.01 * twist), magnitude=lambda v: v[gap] if v[gap] < ALL_OF_IT * seen else 0.0,
     )  # fmt: skip
 
 

@@ -17,7 +17,7 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.model.nominal import has_links
 from sim.mechanisms.mechanism import Need
 
-WHOLE = 0.95  # of a turn: what is left of it hides no error once per turn
+HALF = 0.5  # of a turn, in which a wave of one per turn goes from end to end: less is a slope or a bend
 ALONE = 0.5  # the most that a name can have which another fits as well
 
 
@@ -34,7 +34,7 @@ def that_show(axis: Axis, m: Measurement, terms: Iterable[Term]) -> list[Term]:
     for term in terms:
         lacks = needs_of(term.mechanism) & missing
         kind = mechanisms.MECHANISMS.get(term.mechanism)
-        part = frozenset() if turns(axis, m, term.location) > WHOLE else frozenset({Need.WHOLE_TURN})
+        part = frozenset() if turns(axis, m, term.location) > HALF else frozenset({Need.HALF_TURN})
         if kind is not None and kind.shown_by & (missing | part):
             continue
         if not any(lacks & needs_of(other.mechanism) for other in out):

@@ -6,6 +6,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
+UNKNOWN = 3.0  # standard deviations of a number over a first look at it
 Values = Mapping[str, float]
 
 
@@ -33,6 +34,11 @@ class Parameter:
     def deviation(self, values: Values) -> float:
         """By how many standard deviations it lies off what is known of it beforehand."""
         return abs(values[self.name] - self.expected) / self.spread
+
+    def unknown(self) -> Parameter:
+        """The same as a number that nobody has said: of its order, by the telemetry itself."""
+        wide = UNKNOWN * abs(self.expected)
+        return replace(self, spread=wide, low=0.01 * abs(self.expected), high=100.0 * abs(self.expected), stated=False)
 
     def doubted(self, times: float) -> Parameter:
         """The same known so many times less well."""

@@ -24,8 +24,10 @@ from typing import TypeVar
 from sim.description.axis import Axis
 from sim.discrepancy.assessment.intervals import NO_SIZE
 from sim.discrepancy.assessment.residual_structure import look
+from sim.discrepancy.assessment.verdict import is_beyond_new
 from sim.discrepancy.data.pairing import distinct
 from sim.discrepancy.data.validation import InvestigationError, examine
+from sim.discrepancy.hypotheses.identifiability import ALONE
 from sim.discrepancy.investigation import Progress, advised, investigate
 from sim.discrepancy.next_measurement.advice import in_words
 from sim.discrepancy.pooling.log_odds import Name, against, existence, logistic
@@ -231,9 +233,14 @@ def _finding(results: Sequence[Investigation], name: Name, one: Weighed, numbers
     """With the pooled numbers; of what was only heard in the words of the recording that is surest of it."""
     surest = max((f for r in results if (f := said_by(r, name))), key=lambda f: f.probability)
     told = surest.explanation
+    sure = one.probability
     if found_at(results, name) is not None:
         told = explain(name.mechanism, name.location, {e.name: e.value for e in numbers}, one.elsewhere)
-    return Finding(name.mechanism, name.location, one.probability, tuple(numbers), one.indistinguishable_from, told)
+        axis = next(r.axis for r in results)
+        given = [f for r in results if (f := said_by(r, name))]
+        if all(f.lacks for f in given) or not is_beyond_new(axis, name.mechanism, name.location, numbers):
+            sure = min(sure, ALONE)  # what none of them shows, all of them together do not
+    return Finding(name.mechanism, name.location, sure, tuple(numbers), one.indistinguishable_from, told)
 
 
 def _remarks(

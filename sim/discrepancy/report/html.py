@@ -139,9 +139,7 @@ def _calibration(result: Investigation) -> list[str]:
         return [_p("Without torque no number of the model could be fitted.")]
     if not result.parameters:
         return [_p("A sound has no channel that numbers of the model could be fitted to.")]
-    rows = [
-        (words_of(e.name), number(e.nominal or 0.0), *estimate_cells(e), f"{_change(e)}") for e in result.parameters
-    ]
+    rows = [(words_of(e.name), described(e), *estimate_cells(e), f"{_change(e)}") for e in result.parameters]
     return [
         _p(
             "Values of the description that differ are no missing mechanism; they are fitted first, and whatever is missing is looked for beyond them."
@@ -153,6 +151,11 @@ def _calibration(result: Investigation) -> list[str]:
 
 def _change(e: Estimate) -> str:
     return changed(e.nominal, e.value, 1) if e.nominal else "–"
+
+
+def described(e: Estimate) -> str:
+    """What the description says of it."""
+    return "–" if e.nominal is None else number(e.nominal)
 
 
 def estimate_cells(e: Estimate) -> tuple[str, str, str]:

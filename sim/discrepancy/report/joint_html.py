@@ -8,7 +8,7 @@ from collections.abc import Iterable, Sequence
 
 from sim.discrepancy.pooling.joint_investigation import Together
 from sim.discrepancy.report.formatting import likely, number, words_of
-from sim.discrepancy.report.html import STYLE, estimate_cells, html_report, next_steps, table
+from sim.discrepancy.report.html import STYLE, described, estimate_cells, html_report, next_steps, table
 from sim.discrepancy.report.wording import headline
 
 BODY = re.compile(r"<body[^>]*>(.*)</body>", re.DOTALL)
@@ -64,7 +64,7 @@ def _combined(result: Together) -> list[str]:
     if one.unexplained is not None:
         where = ", ".join(f"{key} = {value:.4g}" for key, value in one.unexplained.numbers.items())
         out.append(f"<p>Unexplained: {html.escape(where)}, in {html.escape(one.unexplained.channel)}.</p>")
-    rows = [(words_of(e.name), number(e.nominal or 0.0), *estimate_cells(e)) for e in one.parameters]
+    rows = [(words_of(e.name), described(e), *estimate_cells(e)) for e in one.parameters]
     gained = [
         (part.taken.name, words_of(g.channel), number(g.rms_before), number(g.rms_after), g.unit)
         for part in result.parts

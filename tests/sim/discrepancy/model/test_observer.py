@@ -284,3 +284,29 @@ def test_springs_in_contact_answer_to_what_is_fast_as_a_simulation_of_them_does(
     for channel, wanted in ((answer[0], expected[0]), (m.thinned(answer[1]), m.thinned(expected[1]))):
         left = channel[100:-100] - wanted[100:-100]
         assert np.std(left) < 0.02 * np.std(wanted[100:-100])
+
+
+def test_torque_that_the_load_is_known_to_ask_for_is_that_of_gravity_in_the_chain() -> None:
+    """Whoever computes the weight of the load, the motor has to give the same."""
+    t, angle, _, _ = swing()
+    ratio, inertia = 10.0, 2.0
+    weight = 40.0 * np.sin(angle / ratio + 0.3)
+    light = Chain((Shaft(0.01), Shaft(inertia)), (Link(ratio, 4e5, 60.0),))
+    heavy = Chain((Shaft(0.01), Shaft(inertia, gravity_n_m=40.0, gravity_phase_rad=0.3)), light.links)
+    load = angle / ratio
+    for encoder in (None, load):
+        told = []
+        for chain, known in ((light, weight), (heavy, None)):
+            m = prepare(RATE_HZ, np.zeros(t.size), angle, encoder, known_torque=known)
+            told.append(Observer(m, inertia, 0.01).predict(chain, Nuisance()))
+        assert np.abs(told[0].torque - told[1].torque)[200:-200].max() < 0.01 * 40.0 / ratio
+        assert np.abs(told[0].guide - told[1].guide)[200:-200].max() < 0.01 * 40.0
+
+
+def test_known_torque_of_one_stiff_body_is_added() -> None:
+    t, angle, _, _ = swing()
+    known = 3.0 + np.sin(t)
+    plain, told = (prepare(RATE_HZ, np.zeros(t.size), angle, None, known_torque=k) for k in (None, known))
+    chain = Chain((Shaft(0.3, 1.5),))
+    before, after = (Observer(m, 1.0, 0.3).predict(chain, Nuisance()).torque for m in (plain, told))
+    assert np.abs(after - before - np.interp(told.time_s, t, known)).max() < 1e-3

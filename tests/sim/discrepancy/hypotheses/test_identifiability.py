@@ -1,0 +1,148 @@
+"""Names that a record cannot tell apart are not said alone, however well each of them fits."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from casebase.signals.telemetry import Telemetry
+from sim.assembly import drive_train_of
+from sim.description.axis_document import read_axis
+from sim.discrepancy.assessment.verdict import is_beyond_new, is_worse
+from sim.discrepancy.hypotheses.identifiability import ALONE, the_same
+from sim.discrepancy.investigation import investigate
+from sim.discrepancy.pooling.joint_investigation import investigate_together
+from sim.discrepancy.pooling.pooled_estimates import Taken
+from sim.discrepancy.results import Estimate, Gain
+from sim.errors import AxisError
+from sim.mechanisms.mechanism import Need
+from tests.sim.discrepancy.telemetry_of import swing
+
+INERTIA = 0.3
+BARE = read_axis({"motor": {"inertia_kg_m2": INERTIA}, "load": {"inertia_kg_m2": 0.0}})
+
+
+def moved(angle_speed_acceleration: tuple[np.ndarray, ...], rate_hz: float, seed: int = 1) -> Telemetry:
+    """Dry friction of 1 N m and viscous friction along a motion, with noise and an encoder of 16 bits."""
+    angle, speed, acceleration = angle_speed_acceleration
+    rng = np.random.default_rng(seed)
+    torque = INERTIA * acceleration + np.tanh(speed / 0.3) + 0.02 * speed + 0.05 * rng.standard_normal(angle.size)
+    step = 2.0 * np.pi / 2**16
+    time = np.arange(angle.size) / rate_hz
+    return Telemetry(time, {"motor_torque_nm": torque, "motor_position_rad": np.round(angle / step) * step})
+
+
+def one_way(rate_hz: float = 200.0, seed: int = 1) -> Telemetry:
+    t = np.arange(int(20.0 * rate_hz)) / rate_hz
+    motion = 30.0 * t - 40.0 * np.cos(0.5 * t), 30.0 + 20.0 * np.sin(0.5 * t), 10.0 * np.cos(0.5 * t)
+    return moved(motion, rate_hz, seed)
+
+
+def to_and_fro(rate_hz: float) -> Telemetry:
+    t = np.arange(int(60.0 * rate_hz)) / rate_hz
+    return moved((40.0 * np.sin(t), 40.0 * np.cos(t), -40.0 * np.sin(t)), rate_hz)
+
+
+def test_one_way_dry_friction_is_one_of_three_names() -> None:
+    result = investigate(BARE, one_way())
+    said = {f.mechanism: f for f in result.findings}
+    dry = said["coulomb_friction"]
+    assert dry.probability == ALONE
+    assert set(dry.indistinguishable_from) == {"friction_asymmetry", "torque_offset"}
+    assert dry.lacks == (Need.BOTH_DIRECTIONS.value,)
+    assert said.keys() <= {"coulomb_friction", "viscous_friction"}
+    assert said["viscous_friction"].probability > 0.9  # its speeds are several
+    assert any("motion in both directions" in remark for remark in result.remarks)
+
+
+def test_two_records_that_lack_the_same_are_no_surer() -> None:
+    both = investigate_together(BARE, [Taken(f"{k}.csv", one_way(seed=k)) for k in (1, 2)]).combined
+    assert {f.mechanism: f.probability for f in both.findings}["coulomb_friction"] == ALONE
+
+
+@pytest.mark.parametrize("rate_hz", [10.0, 40.0])
+def test_friction_is_named_and_measured_from_ten_rows_a_second(rate_hz: float) -> None:
+    found = {f.mechanism: f for f in investigate(BARE, to_and_fro(rate_hz)).findings}
+    assert found.keys() == {"coulomb_friction", "viscous_friction"}
+    assert all(f.probability > 0.9 for f in found.values())
+    assert found["coulomb_friction"].parameters[0].value == pytest.approx(1.0, rel=0.08)
+    assert found["viscous_friction"].parameters[0].value == pytest.approx(0.02, rel=0.08)
+
+
+def test_what_needs_the_same_is_the_same() -> None:
+    assert the_same("coulomb_friction", frozenset()) == ()
+    assert the_same("viscous_friction", frozenset({Need.SEVERAL_SPEEDS})) == ("coulomb_friction", "stribeck_friction")
+    first, second, *_ = the_same("coulomb_friction", frozenset(Need))
+    assert (first, second) == ("friction_asymmetry", "viscous_friction")  # one of each want
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "beyond"), [(0.1, 0.3, True), (-0.1, 0.3, False), (-0.3, -0.1, True)], ids=["above", "0", "below"]
+)
+def test_an_interval_that_holds_the_size_as_new_is_no_finding_to_be_sure_of(
+    low: float, high: float, beyond: bool
+) -> None:
+    size = Estimate("torque_n_m", 0.5 * (low + high), "N m", low, high)
+    slope = Estimate("coefficient_n_m_s_per_rad", 0.0, "N m s/rad", -1.0, 1.0)
+    assert is_beyond_new(BARE, "friction_asymmetry", "motor", [size, slope]) == beyond
+    worn = read_axis(
+        {
+            "motor": {"inertia_kg_m2": 1.0},
+            "stages": [{"name": "output", "ratio": 8, "backlash_rad": 0.2}],
+            "load": {"inertia_kg_m2": 1.0},
+        }
+    )
+    gap = Estimate("gap_rad", 0.5 * (low + high), "rad", low, high)
+    assert not is_beyond_new(worn, "backlash", "output", [gap])
+    assert is_beyond_new(worn, "backlash", "output", [replace(gap, low=0.21)])
+
+
+def test_more_left_on_unseen_rows_is_worse() -> None:
+    torque = Gain("motor_torque_nm", "N m", 1.0, 1.001, True, 2.0)
+    assert is_worse(torque)
+    assert not is_worse(replace(torque, rms_after=0.9))
+    assert not is_worse(replace(torque, channel="load_torque_nm"))
+
+
+def test_a_ripple_of_any_order_is_found_by_the_angle() -> None:
+    """Order 72 at one turn per second, shaken by the ripple itself: no line of fixed frequency."""
+    rate_hz = 1000.0
+    t = np.arange(12_000) / rate_hz
+    speed = 6.0 + 1.5 * np.sin(0.7 * t)
+    angle = 6.0 * t - 1.5 / 0.7 * np.cos(0.7 * t)
+    rng = np.random.default_rng(5)
+    torque = INERTIA * 1.05 * np.cos(0.7 * t) + 1.0 + 0.3 * np.sin(72.0 * angle + 0.4) + 0.02 * speed
+    told = Telemetry(t, {"motor_torque_nm": torque + 0.05 * rng.standard_normal(t.size), "motor_position_rad": angle})
+    ripple = next(f for f in investigate(BARE, told).findings if f.mechanism == "torque_ripple")
+    numbers = {e.name: e.value for e in ripple.parameters}
+    assert ripple.probability > 0.9
+    assert numbers["order"] == 72.0
+    assert numbers["torque_n_m"] == pytest.approx(0.3, rel=0.15)
+
+
+@pytest.mark.parametrize("share", [0.002, 0.02, 0.08])
+def test_dry_friction_is_measured_whatever_speed_it_turns_over_by(share: float) -> None:
+    """Of the largest speed: grease and seals give way first, and a law that jumps would leave a spike per reversal."""
+    t, angle, speed, acceleration = swing()
+    rng = np.random.default_rng(2)
+    torque = INERTIA * acceleration + np.tanh(speed / (share * 60.0)) + 0.02 * speed
+    torque = torque + 0.05 * rng.standard_normal(t.size)
+    step = 2.0 * np.pi / 2**20
+    told = Telemetry(t, {"motor_torque_nm": torque, "motor_position_rad": np.round(angle / step) * step})
+    found = {f.mechanism: f for f in investigate(BARE, told).findings if f.probability > 0.5}
+    assert found.keys() == {"coulomb_friction", "viscous_friction"}
+    assert found["coulomb_friction"].parameters[0].value == pytest.approx(1.0, rel=0.05)
+    assert found["viscous_friction"].parameters[0].value == pytest.approx(0.02, rel=0.05)
+
+
+def test_an_inertia_that_nobody_knows_is_found_and_no_simulation_goes_without() -> None:
+    unknown = read_axis({"motor": {}, "load": {"inertia_kg_m2": 0.0}})
+    with pytest.raises(AxisError, match=r"motor\.inertia_kg_m2: not described"):
+        drive_train_of(unknown)
+    result = investigate(unknown, to_and_fro(200.0))
+    (inertia,) = [each for each in result.document()["parameters"] if each["name"] == "motor.inertia_kg_m2"]
+    assert inertia["nominal"] is None
+    assert inertia["estimate"] == pytest.approx(INERTIA, rel=0.05)
+    assert inertia["low"] < INERTIA < inertia["high"]
+    assert {f.mechanism for f in result.findings} == {"coulomb_friction", "viscous_friction"}
+    assert result.extended.motor.inertia_kg_m2 == pytest.approx(INERTIA, rel=0.05)
