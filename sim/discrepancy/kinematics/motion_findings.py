@@ -33,7 +33,6 @@ Array = NDArray[np.float64]
 LEFT_OPEN = {
     Need.BOTH_DIRECTIONS: "lost motion was not examined",
     Need.SEVERAL_SPEEDS: "lost motion and a channel that is late are the same",
-    Need.WHOLE_TURN: "errors once per turn were not examined",
 }
 
 
@@ -154,7 +153,9 @@ def nameless_in_motion(axis: Axis, seen: TransmissionError, findings: Sequence[F
 
 def remarks_on_motion(axis: Axis, seen: TransmissionError) -> tuple[str, ...]:
     """What the motion does not have, and what was taken away before anything was looked for."""
-    said = [f"The record lacks {need.value}: {LEFT_OPEN[need]}." for need in Need if need in seen.lacks]
+    said = [f"The record lacks {need.value}: {LEFT_OPEN[need]}." for need in LEFT_OPEN if need in seen.lacks]
+    if not seen.whole:
+        said.append("The record lacks a whole turn of the load: errors once per turn were not examined.")
     if (late := _clear(seen, LAG)) is not None:
         said.append(
             f"The load is behind by {number(1e3 * late)} ms whatever the direction: its channel is late, or friction "

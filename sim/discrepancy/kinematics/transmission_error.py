@@ -57,7 +57,7 @@ class Amplitude:
 class TransmissionError:
     """Rows in steady motion, each array of shape (n,): angle of the load, error [rad], direction, speed [rad/s].
 
-    `orders`: what is looked for per turn of the load; where it made no whole one, of a series of cosines over half a
+    `orders`: what is looked for per turn of the load; where it made no `whole` one, of a series of cosines over half a
     period, which is complete over the way that was passed and says nothing of a turn.
     """
 
@@ -67,11 +67,7 @@ class TransmissionError:
     speed: Array
     orders: tuple[int, ...]
     lacks: frozenset[Need]
-
-    @property
-    def whole(self) -> bool:
-        """Whether the load made a whole turn."""
-        return Need.WHOLE_TURN not in self.lacks
+    whole: bool
 
     @cached_property
     def columns(self) -> dict[str, Array]:
@@ -193,21 +189,19 @@ def transmission_error(axis: Axis, m: Measurement) -> TransmissionError | None:
     angle = m.load_angle[used]
     travel = float(np.ptp(angle))
     speed = m.slow_speed[used] / axis.ratio
-    lacks = _lacking(speed, travel)
-    whole = Need.WHOLE_TURN not in lacks
+    whole = travel > WHOLE * 2.0 * math.pi
     teeth = _of_teeth(axis, m, float(np.abs(speed).max())) if whole else ()
     orders = (*range(1, (ORDERS if whole else 2 * ORDERS) + 1), *teeth)
-    return TransmissionError(angle, error[used], direction[used], speed, orders, lacks)
+    return TransmissionError(angle, error[used], direction[used], speed, orders, _lacking(speed), whole)
 
 
-def _lacking(speed: Array, travel: float) -> frozenset[Need]:
+def _lacking(speed: Array) -> frozenset[Need]:
     """What the steady rows do not have; at one speed each way a late channel and lost motion are the same."""
     ahead = float((speed > 0.0).mean())
     slow, fast = np.quantile(np.abs(speed), [LEAST_WAY, 1.0 - LEAST_WAY])
     present = {
         Need.BOTH_DIRECTIONS: min(ahead, 1.0 - ahead) >= LEAST_WAY,
         Need.SEVERAL_SPEEDS: fast - slow >= LEAST_RANGE * fast,
-        Need.WHOLE_TURN: travel > WHOLE * 2.0 * math.pi,
     }
     return frozenset(need for need, there in present.items() if not there)
 
