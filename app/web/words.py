@@ -269,7 +269,8 @@ def unexplained_words(found: Mapping[str, Any]) -> str:
     channel = parameter_words(found["channel"])
     what = f"{'an' if kind == 'angle' else 'a'} {kind}{place}{direction}"
     if name == "order":
-        what = f"friction that changes {value:g} times per turn of the load"
+        changes = "a transmission error that comes" if kind == "transmission error" else "friction that changes"
+        what = f"{changes} {value:g} times per turn of the load"
     return f"What stands out of what is left of the {channel} is {what}: {share} of its energy."
 
 

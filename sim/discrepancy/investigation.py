@@ -37,12 +37,14 @@ from sim.discrepancy.assessment.verdict import (
     terms_said,
 )
 from sim.discrepancy.data.pairing import NOT_COMPARED, check_as_new
+from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.data.validation import Gate, InvestigationError, examine
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import calibrate, final_fit
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.extended_axis import extended_axis
 from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.kinematics.encoders_alone import NEXT, encoders_alone
 from sim.discrepancy.next_measurement.advice import in_words, simulated_advice
 from sim.discrepancy.report.maintenance_actions import action
 from sim.discrepancy.report.wording import next_measurement, numbers_of
@@ -83,6 +85,8 @@ def investigate(
             f"sound: {len(sounds)} recordings beside one telemetry; give the one that starts with it"
         )
     progress("condition of the channels", 0.02)
+    if "motor_torque_nm" not in telemetry:
+        return _encoders_alone(axis, telemetry, sounds, sound_offset_s, progress)
     gate = examine(axis, telemetry)
     axis = gate.axis
     progress("calibration of what the description has", 0.08)
@@ -130,7 +134,7 @@ def investigate(
     return Investigation(
         axis, verdict, findings, rest[0] if rest else None, estimates(problem, fit), gained,
         advice, extended_axis(axis, fit, said),
-        _provenance(axis, telemetry, sounds, problem),
+        _provenance(axis, telemetry, sounds, problem.measurement),
         tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
         (
             *gate.remarks, *doubts, *strange, *quieted, *description_remarks(problem, fit),
@@ -175,6 +179,26 @@ def _sound_alone(
     )  # fmt: skip
 
 
+def _encoders_alone(
+    axis: Axis, telemetry: Telemetry, sounds: Sequence[Recording], sound_offset_s: float, progress: Progress
+) -> Investigation:
+    """Without torque no model is fitted: what motor and load differ by is looked at, and what is heard."""
+    seen = encoders_alone(axis, telemetry)
+    progress("sound", 0.78)
+    heard = listen(axis, sounds[0], seen.measurement, sound_offset_s) if sounds else ()
+    strange = mismatch(sounds[0], seen.measurement, sound_offset_s) if sounds else ()
+    named = {f.mechanism for f in seen.findings}
+    findings = (*seen.findings, *(finding_of_sound(h) for h in heard if h.mechanism not in named))
+    verdict = "nothing_missing" if seen.unexplained is None else "unnamed"
+    verdict = "named" if any(f.probability >= SAID for f in findings) else verdict
+    progress("done", 1.0)
+    return Investigation(
+        axis, verdict, tuple(advised(axis, f) for f in findings), seen.unexplained, (), seen.gain, NEXT, seen.extended,
+        _provenance(axis, telemetry, sounds, seen.measurement), remarks=(*seen.remarks, *strange),
+        encoders=seen.panels, sounds=tuple(sounds), sound_offset_s=sound_offset_s,
+    )  # fmt: skip
+
+
 def _compared(as_new: Sequence[Recording]) -> dict[str, object]:
     return {"as_new_sha256": "+".join(one.sha256 for one in as_new)} if as_new else {}
 
@@ -186,7 +210,7 @@ def advised(axis: Axis, finding: Finding) -> Finding:
 
 
 def _provenance(
-    axis: Axis, telemetry: Telemetry | None, sounds: Sequence[Recording], problem: Problem | None
+    axis: Axis, telemetry: Telemetry | None, sounds: Sequence[Recording], measurement: Measurement | None
 ) -> dict[str, object]:
     digest = hashlib.sha256()
     if telemetry is not None:
@@ -198,6 +222,6 @@ def _provenance(
         "axis": axis.name,
         "telemetry_sha256": digest.hexdigest() if telemetry is not None else None,
         "sound_sha256": "+".join(sound.sha256 for sound in sounds) or None,
-        "rows": 0 if problem is None else problem.measurement.samples,
-        "rate_hz": 0.0 if problem is None else rounded(problem.measurement.rate_hz),
+        "rows": 0 if measurement is None else measurement.samples,
+        "rate_hz": 0.0 if measurement is None else rounded(measurement.rate_hz),
     }

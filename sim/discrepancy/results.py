@@ -11,6 +11,7 @@ from sim.description.axis import Axis
 from sim.discrepancy.acoustic.evidence import Listening
 from sim.discrepancy.assessment.posterior import Evidence
 from sim.discrepancy.data.validation import Gate
+from sim.discrepancy.report.panels import Panel
 from sim.discrepancy.search.search import Selection
 
 SAID = 0.5  # probability from which a name is said
@@ -84,6 +85,8 @@ class Investigation:
     sound_offset_s: float = 0.0
     weighed: Selection | None = field(default=None, repr=False, compare=False)
     """As it was weighed, before the last fit of `final_fit`: what another recording found is held against this."""
+    encoders: tuple[Panel, ...] = field(default=(), repr=False, compare=False)
+    """What two encoders show where no torque was given, and so no model was fitted."""
 
     @property
     def examined(self) -> tuple[str, ...]:

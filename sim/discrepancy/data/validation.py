@@ -102,16 +102,7 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
 def _channels(t: Telemetry) -> tuple[float, Array, Array, Array | None]:
     if "motor_torque_nm" not in t:
         raise InvestigationError("telemetry: needs the channel motor_torque_nm (motor torque or force, N m or N)")
-    rate = t.sample_rate_hz
-    if not (1.0 - CLOCK_ERROR) * SLOWEST_HZ <= rate <= (1.0 + CLOCK_ERROR) * FASTEST_HZ:
-        raise InvestigationError(
-            f"time_s: {rate:.6g} samples per second cannot be right; {SLOWEST_HZ:g} to {FASTEST_HZ:g} are expected, "
-            "with time_s in seconds"
-        )
-    if t.duration_s < LEAST_SECONDS:
-        raise InvestigationError(
-            f"telemetry: {t.duration_s:.3g} s are too short; at least {LEAST_SECONDS:g} s of motion are needed"
-        )
+    rate = check_clock(t)
     if "motor_position_rad" in t:
         angle = t["motor_position_rad"]
     elif "motor_speed_rad_s" in t:
@@ -121,6 +112,21 @@ def _channels(t: Telemetry) -> tuple[float, Array, Array, Array | None]:
     else:
         raise InvestigationError("telemetry: needs motor_position_rad (or motor_speed_rad_s) beside motor_torque_nm")
     return rate, t["motor_torque_nm"], angle, t.channels.get("load_position_rad")
+
+
+def check_clock(t: Telemetry, slowest_hz: float = SLOWEST_HZ) -> float:
+    """Samples per second; refuses what no clock in seconds can be, and a record that is too short."""
+    rate = t.sample_rate_hz
+    if not (1.0 - CLOCK_ERROR) * slowest_hz <= rate <= (1.0 + CLOCK_ERROR) * FASTEST_HZ:
+        raise InvestigationError(
+            f"time_s: {rate:.6g} samples per second cannot be right; {slowest_hz:g} to {FASTEST_HZ:g} are expected, "
+            "with time_s in seconds"
+        )
+    if t.duration_s < LEAST_SECONDS:
+        raise InvestigationError(
+            f"telemetry: {t.duration_s:.3g} s are too short; at least {LEAST_SECONDS:g} s of motion are needed"
+        )
+    return rate
 
 
 def _clock(t: Telemetry, rate: float) -> tuple[Array, Array]:

@@ -29,6 +29,8 @@ def checked(result: Investigation) -> list[tuple[str, str]]:
 
 
 def _of_telemetry(result: Investigation) -> list[tuple[str, str]]:
+    if result.encoders:
+        return [("channels", "motor angle, load angle; no torque")]
     if result.selection is None:
         return []
     m = result.selection.problem.measurement

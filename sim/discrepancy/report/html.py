@@ -135,6 +135,8 @@ def _condition(result: Investigation) -> list[str]:
 
 def _calibration(result: Investigation) -> list[str]:
     """Numbers of the description, fitted before anything is called missing."""
+    if result.encoders:
+        return [_p("Without torque no number of the model could be fitted.")]
     if not result.parameters:
         return [_p("A sound has no channel that numbers of the model could be fitted to.")]
     rows = [(words_of(e.name), described(e), *estimate_cells(e), f"{_change(e)}") for e in result.parameters]
@@ -163,6 +165,9 @@ def estimate_cells(e: Estimate) -> tuple[str, str, str]:
 
 
 def _left(result: Investigation, overlay: list[Panel], residual: list[Panel], sound: list[Panel]) -> list[str]:
+    if result.encoders:
+        text = "What the load is behind the motor by, told at the load, in steady motion away from reversals; or where the load was pulled to while the motor held."
+        return [_p(text), _plots([*overlay, *residual])]
     if result.selection is None:
         text = "The sound falls where the axis stands still and turns back; strokes are laid over each other from there on. What stands inside the band cannot be told from noise, or, held against the axis as new, from what good gearboxes differ by from day to day. The first recording is shown."
         return [_p(text), _plots([*overlay, *residual])]
@@ -240,6 +245,8 @@ def _extended(result: Investigation) -> list[str]:
                 table(("number", "value", "90 % interval", "unit", "in degrees"), rows, numeric=(1, 2, 4)),
             ]
     entries = [named(entry.name, entry.location) for entry in result.extended.mechanisms]
+    if result.encoders:
+        return [*out, _p("The extended axis can be simulated; it has what was found and no other number changed.")]
     if result.selection is None:
         return [*out, _p("Sound extends no model: it says what is there, not how much torque it takes.")]
     if not out:
@@ -264,6 +271,8 @@ def _number(f: Finding, e: Estimate) -> tuple[str, str, str, str, str] | None:
 
 def _gain(result: Investigation) -> list[str]:
     """Error of both models on rows that their fit has not seen."""
+    if not result.gain and result.encoders:
+        return [_p("A load that was moved by hand follows no model, so no gain was measured.")]
     if not result.gain:
         return [_p("A sound has no channel that a model could be held against, so no gain was measured.")]
     rows = [
@@ -275,6 +284,8 @@ def _gain(result: Investigation) -> list[str]:
         for g in result.gain
     ]  # fmt: skip
     how = "Each quarter of the record is predicted by fits to the other three, below 40 Hz; before: the description, calibrated; after: with what was named."
+    if result.encoders:
+        how = "Each twentieth of the rows in steady motion is predicted by fits to the others; before: the load follows the motor over the ratio; after: with what was named."
     if result.selection is not None and not result.selection.found:
         how += " Nothing was added to this model, so that the two differ by their calibration alone."
     head = ("channel", "left before, rms", "left after, rms", "unit", "change", "gain")
@@ -283,6 +294,8 @@ def _gain(result: Investigation) -> list[str]:
 
 def _unexplained(result: Investigation, residual: Sequence[Panel]) -> list[str]:
     """What has no name, and where what is left is highest over its noise floor."""
+    if result.encoders:
+        return [_p("Nothing stands out." if result.unexplained is None else unexplained_words(result.unexplained))]
     if result.selection is None:
         return [_p("What of a sound is left without a name is not looked for.")]
     fit = result.selection.fit
@@ -308,7 +321,7 @@ def _highest(panel: Panel) -> tuple[float, str, float, str] | None:
 
 def _alike(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:
     """Classes of causes that these data hold for the same, what tells them apart, and what was out of reach."""
-    guided = result.selection is not None and result.selection.problem.guided
+    guided = bool(result.encoders) or (result.selection is not None and result.selection.problem.guided)
     out = [
         f"{named(f.mechanism, f.location)} cannot be told from {named(other)}. {telling_apart(f.mechanism, other, guided)}"
         for f in result.findings

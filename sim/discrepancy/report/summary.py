@@ -80,7 +80,7 @@ def panels(result: Investigation) -> tuple[list[Panel], list[Panel], list[Panel]
         overlay = overlay_panels(result.selection, result.gate.measurement.torque)
         return overlay, residual_panels(result.selection), along_path(result)
     if result.listening is None:
-        return [], [], []
+        return list(result.encoders), [], []
     return (*sound_panels(result.listening), [])
 
 

@@ -51,6 +51,7 @@ KINDS = {
     "speed": "Friction that changes with the speed",
     "angle": "Torque that changes with the angle",
     "time": "Something that changes with time",
+    "transmission error": "A difference of motor and load that comes back",
 }
 REST = {
     "frequency": "Repeat the same motion at half the speed: what stays at its frequency is a structure or the supply, what moves with the speed is a gear, a bearing or the motor.",
