@@ -27,8 +27,8 @@ def travelling_speed(m: Measurement) -> Array:
     What ripple makes of the speed is its answer and no motion that was asked for. Of a motor that turns seldom the
     speed as it is.
     """
-    turns = float(np.ptp(m.angle)) / (2.0 * np.pi)
-    rows = int(m.samples / turns) if turns > FEWEST_TURNS else 1
+    path = float(np.abs(np.diff(m.angle)).sum()) / (2.0 * np.pi)
+    rows = int(m.samples / path) if path > FEWEST_TURNS else 1
     return np.asarray(uniform_filter1d(m.speed, max(rows, 1)))
 
 
