@@ -12,7 +12,7 @@ from sim.discrepancy.data.preprocessing import Bridge
 from sim.discrepancy.estimation.estimate import Fit, Refits
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.model.nominal import START
+from sim.discrepancy.model.nominal import MOTOR_RELEASE, START
 from sim.discrepancy.results import Gain
 from sim.torsional.model import Array
 
@@ -23,7 +23,8 @@ CUT_HZ = 40.0
 def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple[Gain, ...]:
     """Per channel, of the rows that can be trusted; folds are quarters of the record, predicted from the others.
 
-    The state in which the record begins is known by its first rows alone, and kept.
+    The state in which the record begins is known by its first rows alone, and the speed over which dry friction turns by
+    its reversals, which are few: both are kept.
 
     Before: the description as it is given or calibrated, whichever leaves less of the torque; numbers that a fit bends
     to stand for something missing may be worse than any data sheet. After: numbers of `fit`, by `terms` alone.
@@ -63,7 +64,7 @@ def _held_out(problem: Problem, fit: Fit, terms: Sequence[Term]) -> tuple[Array,
     stride = m.load_stride
     torque, guide = np.zeros(m.samples), np.zeros((m.samples + stride - 1) // stride if problem.guided else 0)
     rows = np.concatenate([np.arange(m.samples), np.arange(guide.size) * stride])
-    refits = Refits.of(fit, START)
+    refits = Refits.of(fit, (*START, MOTOR_RELEASE))
     for fold in range(FOLDS):
         first, last = fold * m.samples // FOLDS, (fold + 1) * m.samples // FOLDS
         a, b = problem.raw_residuals(terms, without(fit, refits, (rows >= first) & (rows < last)), weighted=False)
