@@ -33,7 +33,7 @@ class Motor:
     speed_limit_rad_s: float = math.inf
 
     def __post_init__(self) -> None:
-        check_quantities(self)
+        check_quantities(self, positive=("inertia_kg_m2",) if self.inertia_kg_m2 != 0 else ())
 
 
 @dataclass(frozen=True)

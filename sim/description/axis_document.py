@@ -43,6 +43,8 @@ def read_axis(source: Path | Mapping[str, object]) -> Axis:
     if document.get("schema", SCHEMA) != SCHEMA:
         raise AxisError(f"schema: must be {SCHEMA!r}, got {document['schema']!r}")
     stages = _array(document, "stages")
+    if _mapping(document.get("motor"), "motor").get("inertia_kg_m2") == 0:
+        raise AxisError("motor.inertia_kg_m2: must be > 0 kg m2, got 0; leave it out where nobody knows it")
     return Axis(
         name=_text(document.get("name", "axis"), "name"),
         motor=_read(Motor, document.get("motor"), "motor"),

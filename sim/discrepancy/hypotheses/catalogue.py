@@ -51,6 +51,11 @@ def speed_within_a_row(m: Measurement) -> float:
 
 
 def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term, ...]:
+    """Those of `all_terms_of` that this record can show; of those that are the same in it the first alone."""
+    return tuple(that_show(axis, measurement, all_terms_of(axis, measurement, present)))
+
+
+def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term, ...]:
     """Every mechanism of the telemetry at every place where the description lacks it; tooth damage is scanned apart.
 
     `present`: the model so far; friction can rise at low speed only where there is dry friction.
@@ -85,4 +90,4 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
             out.append(resonance(axis))
     elif travel > LEAST_TURN:
         out.append(gravity(0.05 * level, 0))
-    return tuple(that_show(axis, measurement, [*out, *terms_of_catalogue(axis, measurement, OWN)]))
+    return (*out, *terms_of_catalogue(axis, measurement, OWN))

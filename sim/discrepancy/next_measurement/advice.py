@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from sim.discrepancy.assessment.calibration import WEIGHTS
 from sim.discrepancy.assessment.posterior import against_rivals, existence, is_close
+from sim.discrepancy.hypotheses.catalogue import all_terms_of
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.next_measurement.discrimination import SEPARATES, told_by
 from sim.discrepancy.next_measurement.plans import REPEAT
@@ -53,6 +54,8 @@ def _rivals(selection: Selection, term: Term, finding: Finding) -> dict[str, Mod
         for t, name, other, model in tried
         if is_close(t) or other.mechanism in finding.indistinguishable_from
     }
+    if finding.lacks:
+        alike |= _the_same(selection, term, finding)
     if alike or finding.indistinguishable_from or finding.probability >= SURE or finding.evidence is None:
         return dict(list(alike.items())[:MOST_RIVALS])
     exists = 1.0 / (1.0 + math.exp(-existence(finding.evidence)))
@@ -61,6 +64,20 @@ def _rivals(selection: Selection, term: Term, finding: Finding) -> dict[str, Mod
     rest = tuple(t for t in standing.model.terms if t.key != term.key)
     without = selection.problem.best(rest, [(standing.model.values, {})], to_end=False)
     return {NOTHING: Model.of(without)} if without else {}
+
+
+def _the_same(selection: Selection, term: Term, finding: Finding) -> dict[str, Model]:
+    """Models with what this record cannot tell from `term` in its place: nobody looked for it, since it is the same."""
+    problem, standing = selection.problem, selection.standings[term.key]
+    rest = tuple(t for t in standing.model.terms if t.key != term.key)
+    present = problem.chain(standing.model.terms, standing.model.values)
+    out: dict[str, Model] = {}
+    for other in all_terms_of(problem.axis, problem.measurement, present):
+        name = named(other.mechanism, other.location)
+        if other.mechanism in finding.indistinguishable_from and name not in out:
+            fit = problem.best((*rest, other), [(standing.model.values, {})], to_end=False)
+            out |= {name: Model.of(fit)} if fit else {}
+    return out
 
 
 def in_words(told: Sequence[MeasurementUtility]) -> str:

@@ -35,7 +35,8 @@ def magnitude(term: Term, values: Values) -> float:
 
 def makes_sense(term: Term, values: Values) -> bool:
     """Whether its numbers lie in the range that its mechanism can have at all."""
-    known = {p.name: p for p in mechanisms.MECHANISMS[term.mechanism].parameters if not p.periodic}
+    kind = mechanisms.MECHANISMS.get(term.mechanism)
+    known = {p.name: p for p in kind.parameters if not p.periodic} if kind else {}
     return all(known[name].low <= x <= known[name].high for name, x in term.report(values).items() if name in known)
 
 

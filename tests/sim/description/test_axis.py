@@ -74,7 +74,8 @@ def test_stiffness_of_the_whole_is_shared_by_the_stages() -> None:
 @pytest.mark.parametrize(
     ("change", "words"),
     [
-        ({"motor": {}}, "motor.inertia_kg_m2: missing"),
+        ({"load": {}}, "load.inertia_kg_m2: missing"),
+        ({"motor": {"inertia_kg_m2": 0}}, "motor.inertia_kg_m2: must be > 0 kg m2, got 0; leave it out"),
         ({"motor": {"inertia_kg_m2": -1}}, "motor.inertia_kg_m2: must be > 0 and <= 1e\\+09 kg m2, got -1"),
         ({"motor": {"inertia_kg_m2": math.nan}}, "motor.inertia_kg_m2"),
         ({"motor": {"inertia_kg_m2": "1"}}, "motor.inertia_kg_m2"),

@@ -32,10 +32,10 @@ def test_friction_of_a_real_screw_is_named_from_inertia_alone() -> None:
     assert {"coulomb_friction", "viscous_friction"} <= {f.mechanism for f in result.findings}
     before, after = relative_error(result)
     assert 0.65 < before < 0.73
-    assert after <= 0.041
+    assert after <= 0.0306  # published: 4.083 % of one friction, 3.112 % of one for each direction
     found = {e.name: e.value for f in result.findings for e in f.parameters if f.mechanism in SCREW}
     for name, published in SCREW.values():
-        assert found[name] == pytest.approx(published, rel=0.02)
+        assert found[name] == pytest.approx(published, rel=0.08)  # by a law that jumps at standstill
     assert result.extended.motor.coulomb_friction_n_m == found["torque_n_m"]  # one document, one number
 
 

@@ -48,7 +48,7 @@ def test_a_finished_fit_ends_in_the_same_place_from_wherever_it_starts(seed: int
     near = one.fit(to_end=True)
     bent = {"motor.inertia_kg_m2": 0.2, "motor.coulomb_friction_n_m": 1.9, "offset_n_m": 0.2}
     far = one.fit((), bent, to_end=True)
-    assert far.cost == pytest.approx(near.cost, abs=1.0)
+    assert far.cost == pytest.approx(near.cost, rel=1e-5)  # over which speed friction turns hardly shows here
     assert far.values["motor.inertia_kg_m2"] == pytest.approx(near.values["motor.inertia_kg_m2"], rel=1e-3)
 
 

@@ -13,7 +13,7 @@ from scipy.stats import chi2
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis_document import read_axis
-from sim.discrepancy.assessment.verdict import drop_unidentifiable, lacking, left, looks_like
+from sim.discrepancy.assessment.verdict import drop_unidentifiable, inadequacy, left, looks_like
 from sim.discrepancy.data.preprocessing import Measurement, prepare
 from sim.discrepancy.data.validation import examine
 from sim.discrepancy.estimation.estimate import Fit
@@ -374,7 +374,7 @@ def test_a_model_that_leaves_far_more_than_noise_or_bends_far_lacks_something(
         Unexplained("speed", "motor_torque_nm", 0.0, 0.0, {}),
     ]
     assert left(places, fit) == (places[:1] if noise > 2.0 else [])
-    assert lacking(fit) == pytest.approx(max(0.0, noise - 4.0) * rows + max(0.0, prior_penalty - 120.0))
+    assert inadequacy(fit) == pytest.approx(max(0.0, noise - 4.0) * rows + max(0.0, prior_penalty - 120.0))
 
 
 def test_numbers_that_the_description_has_anyway_cost_nothing_where_they_are_set_free() -> None:
