@@ -28,6 +28,7 @@ from sim.discrepancy.assessment.remarks import (
 )
 from sim.discrepancy.assessment.residual_structure import look, nameless
 from sim.discrepancy.assessment.verdict import (
+    beside_what_is_left,
     drop_unidentifiable,
     finding_of,
     finding_of_fault,
@@ -112,6 +113,7 @@ def investigate(
         *(finding_of_fault(fault) for fault in gate.faults),
         *(finding_of_sound(h) for h in beside(named, heard, problem.guided, struck, loud)),
     )
+    findings = beside_what_is_left(findings, rest)
     findings, gained = predicting(problem, base, fit, findings)
     findings = tuple(advised(axis, f) for f in findings)
     named_well = any(f.probability >= SAID for f in findings)

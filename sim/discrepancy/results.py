@@ -54,6 +54,7 @@ class Finding:
     evidence: Evidence | None = None
     elsewhere: tuple[str, ...] = ()  # places at which the data would be the same
     action: str = ""
+    as_new_too: bool = False  # the interval of its size holds what a new axis has
     lacks: tuple[str, ...] = ()  # what the record would have to have for the name to be told from others
 
     @property

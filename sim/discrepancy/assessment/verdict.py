@@ -20,9 +20,11 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.identifiability import ALONE, needs_of, same_over_the_turn, the_same
 from sim.discrepancy.report.wording import explain
 from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
+from sim.discrepancy.search.criterion import LEFT_OUT
 from sim.discrepancy.search.search import Selection
 from sim.mechanisms.catalogue import kind_of
 
+UNLIKELY = 0.4  # less likely than not
 AT_LOAD = 1.02  # times as much left on unseen rows
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
 NOT_NOISE = 2.0  # the same, where something is left whatever its place: without a cause 1.3 in 117 recordings at most
@@ -100,13 +102,22 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     }
     seen = Evidence(standing.share, others, (standing.shared + inadequacy(fit)) / standing.gain)
     sure = probability(seen)
-    if same or not is_beyond_new(axis, term.mechanism, term.location, estimated):
+    new = not is_beyond_new(axis, term.mechanism, term.location, estimated)
+    if same or new:
         sure = min(sure, ALONE)
     return Finding(
         term.mechanism, term.location, sure, estimated, tuple(close),
         explain(term.mechanism, term.location, numbers, elsewhere, instead), seen, elsewhere,
+        as_new_too=new and term.mechanism not in LEFT_OUT,
         lacks=tuple(need.value for need in needs_of(term.mechanism) & missing),
     )  # fmt: skip
+
+
+def beside_what_is_left(findings: Sequence[Finding], rest: Sequence[Unexplained]) -> tuple[Finding, ...]:
+    """Findings where something without a name is left: of a size that a new axis may have too, that is the likelier."""
+    if not rest:
+        return tuple(findings)
+    return tuple(replace(f, probability=min(f.probability, UNLIKELY)) if f.as_new_too else f for f in findings)
 
 
 def is_beyond_new(axis: Axis, mechanism: str, location: str | None, estimated: Sequence[Estimate]) -> bool:
