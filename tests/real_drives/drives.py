@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 
 from casebase.signals.telemetry import Telemetry, read_telemetry
@@ -219,7 +219,3 @@ def cut(drive: Drive) -> Iterator[Drive]:
     """Records cut out of a log."""
     for part in PARTS:
         yield replace(drive, part=part)
-
-
-def numbers(parameters: Mapping[str, float]) -> str:
-    return ", ".join(f"{name} {value:.3g}" for name, value in parameters.items())

@@ -83,14 +83,13 @@ def inadequacy(fit: Fit) -> float:
 def finding_of(selection: Selection, term: Term) -> Finding:
     """The probability is that of the name or one of those that it cannot be told from, wherever it acts."""
     fit, standing = selection.fit, selection.standings[term.key]
-    duration = float(selection.problem.measurement.time_s[-1])
     axis, m = selection.problem.axis, selection.problem.measurement
     missing, numbers = lacking(m), term.report(fit.values)
     same = (*the_same(term.mechanism, missing), *same_over_the_turn(axis, m, term.mechanism, numbers.get("order")))
     alike = (*looks_like(selection.problem, term), *same)
     near = {r.mechanism for r, t in standing.rivals if is_close(t)} - {term.mechanism, *alike}
     close = [*alike, *sorted(near)][:2]
-    estimated = term_estimates(fit, term, duration)
+    estimated = term_estimates(fit, term, float(m.time_s[-1]))
     others = tuple(t for r, t in standing.rivals if r.mechanism not in (term.mechanism, *close))
     places = [r.location for r, t in standing.rivals if r.mechanism == term.mechanism and is_close(t)]
     elsewhere = tuple(place for place in places if place)

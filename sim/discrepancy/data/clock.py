@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from casebase.signals.telemetry import Telemetry
 from sim.discrepancy.data.sample_defects import Rows
@@ -13,6 +15,13 @@ from sim.torsional.model import Array
 NEAR = 0.3  # of the median interval: a step that differs by less belongs to an even clock
 EVEN = 0.75  # of the steps that do so, where rows that are missing leave fewer than a fifth as long ones
 SURELY = 0.95  # of the steps end within the interval that is taken instead
+
+
+def means_of(cell: NDArray[np.int64]) -> Callable[[Array], Array]:
+    """What takes the mean of values over each cell that has any, in their order; `cell`: of each row, shape (n,)."""
+    _, place = np.unique(cell, return_inverse=True)
+    count = np.bincount(place)
+    return lambda values: np.asarray(np.bincount(place, values) / count)
 
 
 def irregular(t: Telemetry, grid: Array) -> Rows:
@@ -37,12 +46,7 @@ def evened(t: Telemetry) -> tuple[Telemetry, tuple[str, ...]]:
         return t, ()
     interval = float(np.quantile(steps, SURELY))
     cell = ((t.time_s - t.time_s[0]) / interval).astype(np.int64)
-    _, cell = np.unique(cell, return_inverse=True)
-    count = np.bincount(cell)
-
-    def mean(values: Array) -> Array:
-        return np.asarray(np.bincount(cell, values) / count)
-
+    mean = means_of(cell)
     told = mean(t.time_s)  # a cell's mean belongs to the mean of its times
     clock = t.time_s[0] + interval * np.arange(int(t.duration_s / interval) + 1)
     before = np.clip(np.searchsorted(told, clock) - 1, 0, told.size - 2)

@@ -33,13 +33,16 @@ def travelling_speed(m: Measurement) -> Array:
 
 
 def lacking(m: Measurement) -> frozenset[Need]:
-    """What this record does not have, by the rows that count.
+    """What this record does not have, by the rows that count."""
+    speed = travelling_speed(m)[m.weight > 0.5]
+    return lacking_at(speed) if speed.size else frozenset(Need)
+
+
+def lacking_at(speed: Array) -> frozenset[Need]:
+    """What rows of these speeds do not have, shape (n,), n > 0.
 
     At one speed dry and viscous friction are the same torque; one way, dry friction, its asymmetry and an offset are.
     """
-    speed = travelling_speed(m)[m.weight > 0.5]
-    if not speed.size:
-        return frozenset(Need)
     ahead = float((speed > 0.0).mean())
     slow, fast = np.quantile(np.abs(speed), [LEAST_WAY, 1.0 - LEAST_WAY])
     missing = {Need.BOTH_DIRECTIONS} if min(ahead, 1.0 - ahead) < LEAST_WAY else set()

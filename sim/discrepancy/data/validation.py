@@ -85,8 +85,7 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
     used = _used(measurement)
     axis, unknown = with_first_inertia(axis, measurement, used)
     remarks = [*uneven, *check_description(axis, measurement, used)]
-    remarks += [f"column {name} is no known channel and was not used" for name in telemetry.ignored]
-    remarks += [f"The telemetry was read as:\n{telemetry.recognised}"] if telemetry.recognised else []
+    remarks += reading_remarks(telemetry)
     if load is None and axis.stages:
         remarks.append(
             "Without a load encoder a stiffness that hardens or holds back cannot be told from friction at reversals: "
@@ -145,6 +144,12 @@ def _clock(t: Telemetry, rate: float) -> tuple[Array, Array]:
             f"time_s: {lost.mean():.0%} of the rows are missing; an even clock with at most 20 % gaps is needed"
         )
     return (~lost).astype(float), grid
+
+
+def reading_remarks(t: Telemetry) -> list[str]:
+    """Which columns were not used, and as what the others were read where they have other names."""
+    unused = [f"column {name} is no known channel and was not used" for name in t.ignored]
+    return [*unused, *([f"The telemetry was read as:\n{t.recognised}"] if t.recognised else [])]
 
 
 def _even(t: Telemetry, grid: Array, values: Array) -> Array:

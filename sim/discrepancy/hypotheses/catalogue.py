@@ -77,11 +77,8 @@ def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[
     half = 0.5 / measurement.rate_hz  # channels of a log are read one after the other
     out.append(delay("torque_delay_s", "motor", max(6e-4, half)))
     if has_links(axis):
-        out += [
-            term
-            for k in range(len(stages_of(axis)))
-            for term in link_terms(axis, k, level, twist_range(axis, measurement))
-        ]
+        twist = twist_range(axis, measurement)
+        out += [term for k in range(len(stages_of(axis))) for term in link_terms(axis, k, level, twist)]
         if travel / axis.ratio > LEAST_TURN:
             out.append(gravity(0.05 * level * axis.ratio, len(stages_of(axis))))
         if measurement.load_angle is not None:

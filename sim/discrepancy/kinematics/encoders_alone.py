@@ -17,7 +17,7 @@ from sim.discrepancy.data.channel_checks import ALIKE, UNITS, check_channels
 from sim.discrepancy.data.clock import evened
 from sim.discrepancy.data.preprocessing import MOTION_CUT_HZ, Measurement, prepare
 from sim.discrepancy.data.sample_defects import bridged, quantum, spikes
-from sim.discrepancy.data.validation import InvestigationError, check_clock
+from sim.discrepancy.data.validation import InvestigationError, check_clock, reading_remarks
 from sim.discrepancy.extended_axis import extended_by
 from sim.discrepancy.hypotheses.identifiability import ALONE
 from sim.discrepancy.kinematics.as_new import AsNew, like_a_gap, place_of_gap
@@ -106,12 +106,7 @@ def encoders_alone(axis: Axis, telemetry: Telemetry) -> EncodersAlone:
     if float(np.ptp(load)) <= STEPS * step:
         raise InvestigationError(STANDS)
     driven, told_at = _driven(axis, motor_name, motor, load)
-    remarks = [
-        *uneven,
-        *told_at,
-        *([f"The telemetry was read as:\n{telemetry.recognised}"] if telemetry.recognised else []),
-    ]
-    remarks += [f"column {name} is no known channel and was not used" for name in telemetry.ignored]
+    remarks = [*uneven, *told_at, *reading_remarks(telemetry)]
     m = prepare(rate, np.zeros(load.size), driven * axis.ratio, load, good, good, MOTION_CUT_HZ)
     time_s = np.arange(load.size) / rate
     if _follows_otherwise(driven, load):

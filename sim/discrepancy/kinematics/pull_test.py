@@ -13,6 +13,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.discrepancy.data.clock import means_of
 from sim.discrepancy.data.sample_defects import quantum
 
 Array = NDArray[np.float64]
@@ -97,6 +98,5 @@ def _runs(values: Array, within: float) -> Iterator[tuple[int, int]]:
 
 def _thinned(time_s: Array, *channels: Array) -> tuple[Array, ...]:
     """Means over intervals of `RATE_HZ`, of a slower clock the rows themselves."""
-    _, cell = np.unique(np.floor((time_s - time_s[0]) * RATE_HZ), return_inverse=True)
-    count = np.bincount(cell)
-    return tuple(np.asarray(np.bincount(cell, values) / count) for values in (time_s, *channels))
+    mean = means_of(np.floor((time_s - time_s[0]) * RATE_HZ).astype(np.int64))
+    return tuple(mean(values) for values in (time_s, *channels))

@@ -22,7 +22,7 @@ from scipy.stats import f as f_distribution
 from scipy.stats import t as t_distribution
 
 from sim.description.axis import Axis
-from sim.discrepancy.data.excitation import LEAST_RANGE, LEAST_WAY
+from sim.discrepancy.data.excitation import lacking_at
 from sim.discrepancy.data.preprocessing import LEAST_ROWS, STANDSTILL_SHARE, Measurement, standstill_weight
 from sim.mechanisms.catalogue import mechanism_of
 from sim.mechanisms.mechanism import Need
@@ -192,18 +192,7 @@ def transmission_error(axis: Axis, m: Measurement) -> TransmissionError | None:
     whole = travel > WHOLE * 2.0 * math.pi
     teeth = _of_teeth(axis, m, float(np.abs(speed).max())) if whole else ()
     orders = (*range(1, (ORDERS if whole else 2 * ORDERS) + 1), *teeth)
-    return TransmissionError(angle, error[used], direction[used], speed, orders, _lacking(speed), whole)
-
-
-def _lacking(speed: Array) -> frozenset[Need]:
-    """What the steady rows do not have; at one speed each way a late channel and lost motion are the same."""
-    ahead = float((speed > 0.0).mean())
-    slow, fast = np.quantile(np.abs(speed), [LEAST_WAY, 1.0 - LEAST_WAY])
-    present = {
-        Need.BOTH_DIRECTIONS: min(ahead, 1.0 - ahead) >= LEAST_WAY,
-        Need.SEVERAL_SPEEDS: fast - slow >= LEAST_RANGE * fast,
-    }
-    return frozenset(need for need, there in present.items() if not there)
+    return TransmissionError(angle, error[used], direction[used], speed, orders, lacking_at(speed), whole)
 
 
 def _known(axis: Axis, angle: Array) -> Array:

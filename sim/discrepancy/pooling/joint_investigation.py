@@ -236,7 +236,7 @@ def _finding(results: Sequence[Investigation], name: Name, one: Weighed, numbers
     sure = one.probability
     if found_at(results, name) is not None:
         told = explain(name.mechanism, name.location, {e.name: e.value for e in numbers}, one.elsewhere)
-        axis = next(r.axis for r in results)
+        axis = results[0].axis
         given = [f for r in results if (f := said_by(r, name))]
         if all(f.lacks for f in given) or not is_beyond_new(axis, name.mechanism, name.location, numbers):
             sure = min(sure, ALONE)  # what none of them shows, all of them together do not

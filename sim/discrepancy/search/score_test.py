@@ -22,11 +22,12 @@ BESIDE_HZ = 3.0  # to either side of a line, where others may be
 def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[float, Term, Mapping[str, float]]]:
     """What each start of each term promises in the linear picture, with the rest of the model free to follow."""
     left, rate_hz = fit.residual[: fit.torque_rows], problem.measurement.rate_hz
+    power = np.abs(np.fft.rfft(left)) ** 2
     rest = {gone: _Rest.of(fit, gone) for gone in {term.replaces for term in terms}}
 
     def promise(job: tuple[Term, tuple[Mapping[str, float], ...]]) -> tuple[float, Term, Mapping[str, float]]:
         term, group = job
-        if term.frequency_hz is not None and not is_line(left, rate_hz, term.frequency_hz):
+        if term.frequency_hz is not None and not is_line(left, power, rate_hz, term.frequency_hz):
             return 0.0, term, {}
         values = {**{p.name: p.start for p in (*term.brings, *term.parameters)}, **fit.values}
         changes = []
@@ -51,18 +52,17 @@ def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[floa
     return sorted(out, key=lambda o: (-o[0], o[1].key))
 
 
-def is_line(left: Array, rate_hz: float, frequency_hz: float) -> bool:
-    """Whether a whitened residual (n,) has more at a frequency than anywhere beside it.
+def is_line(left: Array, power: Array, rate_hz: float, frequency_hz: float) -> bool:
+    """Whether a whitened residual (n,) of this spectrum has more at a frequency than anywhere beside it.
 
     Hum is a line alone. A motion that repeats makes a comb of them, and where noise that is not quite white is loud all
     around, a sine of any frequency gains.
     """
     time = np.arange(left.size) / rate_hz
-    power = abs(np.sum(left * np.exp(-2j * math.pi * frequency_hz * time))) ** 2
-    around = np.abs(np.fft.rfft(left)) ** 2
+    there = abs(np.sum(left * np.exp(-2j * math.pi * frequency_hz * time))) ** 2
     apart = np.abs(np.fft.rfftfreq(left.size, 1.0 / rate_hz) - frequency_hz)
-    beside = around[(apart > 2.0 * rate_hz / left.size) & (apart < BESIDE_HZ)]
-    return bool(power > float(beside.max(initial=0.0)))
+    beside = power[(apart > 2.0 * rate_hz / left.size) & (apart < BESIDE_HZ)]
+    return bool(there > float(beside.max(initial=0.0)))
 
 
 @dataclass(frozen=True)

@@ -11,6 +11,7 @@ from pyarrow import parquet
 
 from casebase.signals.errors import TelemetryError
 from casebase.signals.telemetry import Telemetry, read_telemetry
+from tests.real_drives.drives import EPOS, robot
 from tests.shared_data import shared
 
 ROWS = 200
@@ -171,20 +172,8 @@ def of_drives(*parts: str) -> Path:
 
 def test_a_robots_log_is_read_as_it_is() -> None:
     """31 columns without names, current in A; what it says in the channels' units stands beside it."""
-    text = """
-        [time_s]
-        column = 1
-        [motor_position_rad]
-        column = 2
-        [motor_speed_rad_s]
-        column = 8
-        [motor_torque_nm]
-        column = 14
-        unit = "A"
-        factor = 10.0
-    """
     found, known = (
-        read_telemetry(of_drives("ur10e", "joint1_as_logged.csv"), channels=text),
+        read_telemetry(of_drives("ur10e", "joint1_as_logged.csv"), channels=robot(1)),
         read_telemetry(of_drives("ur10e", "joint1.csv")),
     )
     assert found.sample_rate_hz == pytest.approx(100.0, rel=0.25)
@@ -195,20 +184,8 @@ def test_a_robots_log_is_read_as_it_is() -> None:
 
 def test_a_recorders_export_is_read_as_it_is() -> None:
     """Semicolons, 13 rows above, units in a row of their own, ms, rpm, per cent of 9.84 mN m."""
-    text = """
-        [time_s]
-        column = 1
-        unit = "ms"
-        [motor_speed_rad_s]
-        column = "Velocity actual value averaged"
-        unit = "rpm"
-        [motor_torque_nm]
-        column = "Torque actual value averaged"
-        unit = "%"
-        factor = 9.84e-5
-    """
     for path in sorted(of_drives("tro", "drive1", "as_logged").glob("*.csv")):
-        found = read_telemetry(path, channels=text)
+        found = read_telemetry(path, channels=EPOS)
         period_ms = path.read_text("latin-1").partition("Sampling period:;")[2].split()[0]
         assert 1e3 * found.interval_s == pytest.approx(float(period_ms))
         assert 1.0 < np.abs(found["motor_speed_rad_s"]).max() < 1000.0
