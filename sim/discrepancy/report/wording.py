@@ -12,6 +12,8 @@ import numpy as np
 
 from sim import mechanisms
 from sim.description.axis import Axis
+from sim.discrepancy.data.excitation import turns
+from sim.discrepancy.hypotheses.identifiability import HALF
 from sim.discrepancy.report.formatting import angle, named, number, percent, words_of
 from sim.discrepancy.report.maintenance_actions import (
     BEHIND_THE_MOTOR,
@@ -21,6 +23,7 @@ from sim.discrepancy.report.maintenance_actions import (
     measurement,
 )
 from sim.discrepancy.results import Unexplained
+from sim.mechanisms.mechanism import Need
 
 if TYPE_CHECKING:
     from sim.discrepancy.results import Finding, Investigation
@@ -153,6 +156,10 @@ def not_examined(result: Investigation) -> list[str]:
     travel = math.degrees(float(np.ptp(m.angle)) / axis.ratio)
     if axis.stages and travel < 359.0:
         out.append(f"The load moved through {travel:.0f}° of a turn: teeth beyond were not in mesh and not examined.")
+    if axis.stages and turns(axis, m, None) <= HALF:
+        kinds = mechanisms.MECHANISMS.items()
+        unseen = " and ".join(named(name) for name, kind in kinds if Need.HALF_TURN in kind.shown_by)
+        out.append(f"The load made less than half a turn: {unseen} at the load were not examined.")
     if axis.stages and m.load_angle is None:
         out.append(
             "No encoder at the load: small play, runout and errors of teeth behind the motor stay below what shows."
