@@ -224,7 +224,7 @@ class CaseLibrary:
         box = case.recording.gearbox
         state = "" if case.state == "confirmed" else f", {case.state}"
         raise DuplicateError(
-            f"this sound is case {case.id} already ({case.label}, gearbox {box or 'not told'}{state}); "
+            f"this sound is case {case.id} already ({case.label}, gearbox {box or 'not given'}{state}); "
             "change that case if it is wrong",
             case_id=case.id,
             label=case.label,
@@ -452,7 +452,7 @@ class CaseLibrary:
 
 
 def _told(case: Case) -> str:
-    return f"this is case {case.id} ({case.label}, gearbox {case.recording.gearbox or 'not told'})"
+    return f"this is case {case.id} ({case.label}, gearbox {case.recording.gearbox or 'not given'})"
 
 
 def _summary(case: Case) -> dict[str, object]:

@@ -46,7 +46,7 @@ BODY = {
                         "telemetry": {
                             "type": "array",
                             "items": BINARY,
-                            "description": "CSV or Parquet, columns told by names and units; several recordings of the "
+                            "description": "CSV or Parquet, columns known by name and unit; several recordings of the "
                             "same axis are taken together",
                         },
                         "sound": {

@@ -43,7 +43,8 @@ def add(
     channel: Annotated[int | None, typer.Option(help="channel to use, from 0")] = None,
     verified_by: Annotated[str | None, typer.Option(help="how the label was verified")] = None,
     size: Annotated[
-        float | None, typer.Option(help="gap of a play or depth of a notch as measured at the driven gear [rad]")
+        float | None,
+        typer.Option(help="measured gap of backlash (play) or depth of tooth damage (notch), at the driven gear [rad]"),
     ] = None,
     json: Json = False,
 ) -> None:
@@ -77,11 +78,11 @@ def add(
 
 
 def _known(entry: dict[str, Any]) -> str:
-    return " is this sound already; it stays as it is" if entry.get("exists") else ""
+    return " is a case with this sound already; nothing was changed" if entry.get("exists") else ""
 
 
 def _simulated(entry: dict[str, Any]) -> str:
-    return "; its sound is simulated, so the case is, too" if entry.get("origin") == "simulated" else ""
+    return "; its sound is simulated, so this is a simulated case" if entry.get("origin") == "simulated" else ""
 
 
 def _add(library: CaseLibrary, sound: Sound, metadata: CaseMetadata, axis: Axis | None) -> dict[str, Any]:

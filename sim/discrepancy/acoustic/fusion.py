@@ -30,7 +30,10 @@ SURE = 0.9  # of what telemetry does not show, though it could
 LEAST_S = 4.0
 GEAR = frozenset({"tooth_damage", "backlash"})
 OF_TEETH = GEAR | {"mesh_error", "eccentricity"}  # what leaves families of lines of its own
-ADVICE = "How deep a notch or how wide play is cannot be heard; telemetry tells that and what was not examined."
+ADVICE = (
+    "How deep tooth damage (notch) or how wide backlash (play) is cannot be heard. "
+    "Telemetry shows that, and what was not examined."
+)
 COMPARE = (
     "Give a recording of the same motion from when the axis was new as well, if there is one: it tells whether teeth "
     "are louder than as new and whether something rings."

@@ -26,13 +26,13 @@ MEAN_HOPS = 4
 SHOWN_ORDER, ORDER_STEP = 32.0, 0.05
 REACHED = "what noise reaches"
 REASONS = {
-    "tooth_damage": "No impacts stand out over what good gearboxes do as well, nor lines at the turns of a gear.",
-    "backlash": "No impact where braking begins stands out over what good gearboxes do as well.",
-    "bearing_defect": "The lines that no gear explains are too few to be a bearing's.",
-    "mesh_error": "The lines of no gear's teeth have grown over those of as new and those of the other gears.",
-    "structural_resonance": "No pitch has grown over that of as new, at every speed, by more than others have fallen.",
+    "tooth_damage": "Impacts, and lines at the turns of a gear, are no stronger than in good gearboxes.",
+    "backlash": "Impacts where braking begins are no stronger than in good gearboxes.",
+    "bearing_defect": "There are too few lines that no gear explains; a bearing makes more.",
+    "mesh_error": "No gear's tooth lines have grown since the axis was new by more than those of the other gears.",
+    "structural_resonance": "No frequency has grown since the axis was new by more than others have fallen.",
 }
-SILENT = {"bearing_defect": "No family of impacts stands out of the sound at an order that no gear has."}
+SILENT = {"bearing_defect": "The sound has no impacts at an order that no gear has."}
 
 
 def sound_panels(listened: Listening) -> tuple[list[Panel], list[Panel]]:

@@ -29,24 +29,24 @@ if TYPE_CHECKING:
     from sim.discrepancy.results import Finding, Investigation
 
 SENTENCES: Mapping[str, str] = {
-    "backlash": "The {where} gear pair has play of {gap_rad:.3g} rad ({gap_rad_shown}): around every reversal of torque the load moves freely until the other flank meets.",
-    "tooth_damage": "A flank of the {where} gear lacks material near {angle_rad:.3f} rad ({angle_rad_shown}), {depth_rad:.2g} rad ({depth_rad_shown}) deep: torque breaks down there once per revolution, in one direction of torque.",
-    "eccentricity": "The {where} gear runs out of true by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution.",
-    "mesh_error": "The teeth of the {where} gear pair err by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) at tooth frequency, more than as new.",
+    "backlash": "The {where} gear pair has backlash of {gap_rad:.3g} rad ({gap_rad_shown}): at every reversal of torque the load moves freely until the opposite tooth flanks meet.",
+    "tooth_damage": "A flank of the {where} gear lacks material near {angle_rad:.3f} rad ({angle_rad_shown}), {depth_rad:.2g} rad ({depth_rad_shown}) deep: once per revolution the torque drops there, in one direction of torque.",
+    "eccentricity": "The {where} gear has a runout of {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution.",
+    "mesh_error": "The teeth of the {where} gear pair have an error of {amplitude_rad:.3g} rad ({amplitude_rad_shown}) at tooth frequency, more than a new gear.",
     "coulomb_friction": "Dry friction of {torque_n_m:.3g} N m as felt at the motor is missing from the description.",
     "viscous_friction": "Viscous friction of {coefficient_n_m_s_per_rad:.3g} N m s/rad as felt at the motor is missing from the description.",
-    "stribeck_friction": "At low speed friction rises by {torque_n_m:.3g} N m, below about {speed_rad_s:.3g} rad/s of the motor: the lubricant film breaks down.",
+    "stribeck_friction": "Below about {speed_rad_s:.3g} rad/s of the motor friction rises by {torque_n_m:.3g} N m (Stribeck friction): the lubricant film breaks down.",
     "friction_asymmetry": "Friction differs between the two directions of motion.",
     "load_dependent_loss": "The {where} gear pair loses {fraction:.1%} of the torque it transmits.",
     "friction_drift": "Friction changes by {rate_per_s:.2%} per second during the record, as when the gear warms up.",
-    "gravity_imbalance": "A torque of {torque_n_m:.3g} N m pulls at the load and turns with it: weight off the axis of rotation.",
-    "torque_ripple": "The motor torque ripples by {torque_n_m:.3g} N m {order:g} times per revolution of the motor.",
+    "gravity_imbalance": "A weight off the axis of rotation pulls at the load with up to {torque_n_m:.3g} N m.",
+    "torque_ripple": "The motor torque has a ripple of {torque_n_m:.3g} N m, {order:g} times per revolution of the motor.",
     "stiffness_hardening": "The {where} gear pair is stiffer at large twist than at small.",
-    "hysteresis": "The {where} gear pair holds back {torque_n_m:.3g} N m when the twist turns: its spring has a loop.",
+    "hysteresis": "When the twist of the {where} gear pair turns back, {torque_n_m:.3g} N m are lost: torque over twist is a loop (hysteresis).",
     "torque_offset": "The torque channel reads {torque_n_m:.3g} N m too much, whatever the motion.",
-    "encoder_error": "The load encoder errs by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution, more than its data sheet says.",
-    "time_delay": "A channel is late by {delay_s:.3g} s against the others.",
-    "structural_resonance": "Part of the load, {share:.0%} of its inertia, swings by itself at {frequency_hz:.3g} Hz: an arm, a tool or the stand is soft or loose.",
+    "encoder_error": "The load encoder has an error of {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution, more than its data sheet allows.",
+    "time_delay": "One channel is {delay_s:.3g} s later than the others.",
+    "structural_resonance": "Part of the load, {share:.0%} of its inertia, swings on its own at {frequency_hz:.3g} Hz: an arm, a tool or the stand is soft or loose.",
     "electrical_hum": "A hum of {frequency_hz:g} Hz from the mains is on the torque channel.",
 }  # fmt: skip
 KINDS = {
@@ -54,13 +54,13 @@ KINDS = {
     "speed": "Friction that changes with the speed",
     "angle": "Torque that changes with the angle",
     "time": "Something that changes with time",
-    "transmission error": "A difference of motor and load that comes back",
+    "transmission error": "A difference between motor and load that repeats",
 }
 REST = {
-    "frequency": "Repeat the same motion at half the speed: what stays at its frequency is a structure or the supply, what moves with the speed is a gear, a bearing or the motor.",
+    "frequency": "Repeat the same motion at half the speed: what keeps its frequency is a structure or the supply; what follows the speed is a gear, a bearing or the motor.",
     "speed": "Move at five even speeds in both directions: friction at the motor or the load shows as a curve of torque over speed, something that swings does not.",
-    "angle": "Turn the load slowly through more than one revolution in both directions: friction keeps its angle and turns its sign with the direction, weight and runout keep theirs.",
-    "time": "Repeat the motion twice in a row with the temperature logged: heat goes on from where it was, what happened once does not come again.",
+    "angle": "Turn the load slowly through more than one revolution in both directions: friction keeps its angle and changes its sign with the direction, weight and runout keep both.",
+    "time": "Repeat the motion twice in a row with the temperature logged: heat goes on from where it was, a single event does not come again.",
 }
 PLACED = {"angle_rad": SHOWN_RAD}  # to which a place is said
 ALIKE = 0.25  # of what a mechanism explains, from which another looks like it
@@ -90,10 +90,10 @@ def explain(
     if "form" in numbers:
         bottom = next((text for below, text in BOTTOMS if numbers["form"] < below), BROKEN)
         said.append(f"Its bottom is {bottom} (form {numbers['form']:.1f}).")
-    said += [f"Its place is not certain: at {place} it explains the data as well." for place in elsewhere]
+    said += [f"Where it is is not certain: at {place} it explains the data as well." for place in elsewhere]
     said += [
-        f"It looks like {named(other)}, which in its place explains {percent(share)} of that but predicts rows that "
-        "the fit has not seen worse."
+        f"{named(other)} looks alike: in its place it explains {percent(share)} as much, but it predicts rows that were "
+        "not used for the fit less well."
         for other, share in instead.items()
         if share > ALIKE
     ]
@@ -119,16 +119,20 @@ def of_itself(mechanism: str, location: str | None, numbers: Mapping[str, float]
 def headline(result: Investigation) -> str:
     """The verdict in one line: what is missing, or what was examined where nothing is."""
     if result.verdict == "unnamed":
-        return "Something is missing in the model that no catalogued mechanism explains."
+        return "Something is missing in the model that no known mechanism explains."
     said = [f for f in result.findings if f.probability >= SAID]
     machine = [f for f in said if f.mechanism not in OF_THE_MEASUREMENT]
     faults = ", ".join(dict.fromkeys(named(f.mechanism) for f in said if f not in machine))
     if not said:
         return _silent(result)
     if not machine:
-        beyond = _silent(result) if result.listening is not None else "Beyond them nothing stands out of the data."
+        beyond = (
+            _silent(result)
+            if result.listening is not None
+            else "Otherwise nothing is missing in the model that these data could show."
+        )
         return f"The measurement has faults: {faults}. {beyond}"
-    beside = f" The measurement has faults besides: {faults}." if faults else ""
+    beside = f" The measurement also has faults: {faults}." if faults else ""
     if result.listening is not None:
         return f"Heard: {_names(machine)}.{beside}"
     return f"Missing in the model: {_names(machine)}.{beside}"
@@ -140,7 +144,7 @@ def _silent(result: Investigation) -> str:
     if not result.examined:
         return "Nothing could be examined in this sound."
     examined = ", ".join(named(name) for name in result.examined)
-    return f"Nothing stands out of the sound. Listened for: {examined}; nothing else was examined."
+    return f"No fault is heard. Listened for: {examined}; nothing else was examined."
 
 
 def _names(findings: Sequence[Finding]) -> str:
@@ -155,14 +159,16 @@ def not_examined(result: Investigation) -> list[str]:
     out = list(result.remarks)
     travel = math.degrees(float(np.ptp(m.angle)) / axis.ratio)
     if axis.stages and travel < 359.0:
-        out.append(f"The load moved through {travel:.0f}° of a turn: teeth beyond were not in mesh and not examined.")
+        out.append(
+            f"The load moved through {travel:.0f}° of a turn: teeth outside that range were not in mesh and were not examined."
+        )
     if axis.stages and turns(axis, m, None) <= HALF:
         kinds = mechanisms.MECHANISMS.items()
         unseen = " and ".join(named(name) for name, kind in kinds if Need.HALF_TURN in kind.shown_by)
         out.append(f"The load made less than half a turn: {unseen} at the load were not examined.")
     if axis.stages and m.load_angle is None:
         out.append(
-            "No encoder at the load: small play, runout and errors of teeth behind the motor stay below what shows."
+            "There is no encoder at the load: small backlash, runout and tooth errors behind the motor cannot be seen."
         )
     if not result.sounds:
         out.append("No sound was given: rolling bearings were not examined.")
@@ -179,12 +185,12 @@ def next_measurement(axis: Axis, findings: Sequence[Finding], rest: Sequence[Une
     blind = not load_encoder and bool(axis.stages)
     if blind and all(finding.mechanism in BEHIND_THE_MOTOR for finding in findings):
         return (
-            "Add an encoder at the load and repeat the motion: play, runout and soft springs inside the gear move the "
+            "Add an encoder at the load and repeat the motion: backlash, runout and soft springs in the gear move the "
             "load against the motor, friction and weight do not."
         )
     for finding in sorted(findings, key=lambda f: (f.mechanism in OF_THE_MEASUREMENT, f.probability)):
         return measurement(axis, finding.mechanism, finding.location, numbers_of(finding))
-    return "Nothing is open; repeat the same motion after maintenance or in half a year, and compare."
+    return "Nothing is open. Repeat the same motion after maintenance or in half a year, and compare."
 
 
 def numbers_of(finding: Finding) -> dict[str, float]:
@@ -198,7 +204,7 @@ def unexplained_words(rest: Unexplained) -> str:
     way = {1.0: ", while turning forward", -1.0: ", while turning backward"}.get(rest.numbers.get("direction", 0.0), "")
     return (
         f"{KINDS.get(rest.kind, rest.kind)} in the {words_of(rest.channel)}: {place}{way}. It makes up "
-        f"{percent(min(max(rest.share, 0.0), 1.0))} of what the named mechanisms leave (squared, in units of noise)."
+        f"{percent(min(max(rest.share, 0.0), 1.0))} of the residual (squared, in units of the noise)."
     )
 
 
@@ -224,9 +230,9 @@ def telling_apart(first: str, second: str, load_encoder: bool) -> str:
     if pair == {"eccentricity", "encoder_error"}:
         return "Put a dial gauge, a second encoder or a laser at the load and turn it slowly once: runout of the gear moves the load, an error of the encoder does not."
     if pair == {"tooth_damage", "mesh_error"}:
-        return "Look by endoscope at all teeth of the gear, or turn it slowly through a whole turn under load and log the torque: one damaged tooth breaks it down at one angle, teeth that all err do so everywhere."
+        return "Look by endoscope at all teeth of the gear, or turn it slowly through a whole turn under load and log the torque: one damaged tooth makes it drop at one angle, errors of all teeth change it everywhere."
     if pair & {"backlash", "stiffness_hardening", "hysteresis"}:
-        return "Block the load, let the motor push slowly to and fro up to its torque limit and log torque against angle: play shows a flat middle, hardening a bend, hysteresis a loop."
+        return "Block the load, let the motor push slowly to and fro up to its torque limit and log torque against angle: backlash shows a flat middle, hardening a bend, hysteresis a loop."
     if pair & {"eccentricity", "encoder_error", "gravity_imbalance", "mesh_error"}:
         return "Turn the load slowly through more than one revolution in both directions: an encoder's error needs no torque, eccentricity grows with speed squared, weight does not."
     if not load_encoder:
