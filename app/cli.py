@@ -107,6 +107,7 @@ def build(verb: str | None) -> typer.Typer:
         epilog=EPILOG,
         no_args_is_help=True,
         add_completion=False,
+        rich_markup_mode=None,  # it would take units in brackets for styles
         pretty_exceptions_enable=False,
     )
     app.callback()(options)

@@ -111,6 +111,7 @@ def pictures(diagnosis: str, investigation: str, heard: str) -> tuple[Picture, .
         Picture("plots-light", f"/diagnoses/{diagnosis}", first="#plots"),
         Picture("investigation-light", story),
         Picture("investigation-dark", story, scheme="dark", first=".part"),
+        Picture("report-light", f"{story}/report.html"),
         Picture("sound-light", f"/investigations/{heard}", first=".part"),
         Picture("map-light", "/library/map"),
         Picture("evaluation-light", "/library/evaluation"),

@@ -48,7 +48,9 @@ def add(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Add labelled recordings; each file that cannot be added is named with the reason.
+    """Add labelled recordings.
+
+    Each file that cannot be added is named with the reason.
 
     A sound that is a case already, in whatever container, rate or gain, is not added again.
     """
@@ -154,7 +156,10 @@ def export(
     gearbox: str | None = None,
     json: Json = False,
 ) -> None:
-    """Write cases with their recordings into a bundle that another library imports."""
+    """Write a bundle of cases.
+
+    It has their recordings, and another library can import it.
+    """
     frame = frame_of(context)
     if out.exists():
         raise FileExistsError(f"{out} exists already; choose another name")
@@ -173,7 +178,10 @@ def export(
 def import_(
     context: typer.Context, source: Annotated[Path, typer.Argument(metavar="IN.zip")], json: Json = False
 ) -> None:
-    """Take the cases of a bundle into the library; those that are here already stay as they are."""
+    """Import the cases of a bundle.
+
+    Cases that are in the library already stay as they are.
+    """
     frame = frame_of(context)
     with frame.library() as library, frame.progress() as progress:
         task = progress.add_task("importing")

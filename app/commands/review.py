@@ -27,7 +27,10 @@ def review(
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
-    """Redundant, contradictory, suspect and far cases, and what is missing. Only --apply and --undo change any."""
+    """Show cases to look at, and what is missing.
+
+    Cases to look at are redundant, contradictory, suspect or far from all others. Only --apply and --undo change any.
+    """
     frame = frame_of(context)
     with frame.current_library() as library:
         if undo is not None:
