@@ -43,8 +43,13 @@ VERDICTS = {
     "unusable": "Unusable",
 }
 """The one word of the pages for each verdict of a document."""
-NOT_COMPARED = ("no regular motion is heard", "the sound has another colour", "the nearest cases are of sound gears")
-"""Remarks that begin so say why there is no label, and stand first."""
+NOT_COMPARED = (
+    "no regular motion is heard",
+    "the sound has another colour",
+    "the nearest cases are of good gears",
+    "the nearest cases are of sound gears",
+)
+"""Remarks that begin so say why there is no label, and stand first; the last one is of earlier versions."""
 RECORD_AGAIN = (
     "Record again for 20 s or more and three cycles of the motion or more, with the microphone at the gearbox, and "
     "avoid what is marked poor above."
