@@ -22,7 +22,7 @@ from sim.discrepancy.report.maintenance_actions import (
     SHOWN_RAD,
     measurement,
 )
-from sim.discrepancy.results import Unexplained
+from sim.discrepancy.results import SAID, Unexplained
 from sim.mechanisms.mechanism import Need
 
 if TYPE_CHECKING:
@@ -64,7 +64,6 @@ REST = {
 }
 PLACED = {"angle_rad": SHOWN_RAD}  # to which a place is said
 ALIKE = 0.25  # of what a mechanism explains, from which another looks like it
-SAID = 0.5  # probability from which a name is said
 BOTTOMS = ((3.0, "round, like a worn hollow"), (6.0, "between a worn hollow and a piece broken out"))
 BROKEN = "flat with steep edges, like a piece broken out"
 
