@@ -46,8 +46,8 @@ BODY = {
                         "telemetry": {
                             "type": "array",
                             "items": BINARY,
-                            "description": "CSV or Parquet, columns told by names and units; several recordings of the "
-                            "same axis are taken together",
+                            "description": "CSV, Parquet, MAT, TDMS or MCAP, columns told by names and units; several "
+                            "recordings of the same axis are taken together",
                         },
                         "sound": {
                             "type": "array",

@@ -125,7 +125,7 @@ class Recognition:
 
 
 def read_telemetry(path: Path, limits: TelemetryLimits = LIMITS, *, channels: str | None = None) -> Telemetry:
-    """Read a CSV or Parquet table, in the limited process.
+    """Read a table of one of `casebase.signals.formats.READERS`, in the limited process.
 
     Columns are told by their names and units, where these leave no doubt (`recognised`).
     `channels`: text of a channel map, by which the table may be named, measured and laid out otherwise (see
