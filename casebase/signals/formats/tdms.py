@@ -39,11 +39,11 @@ def open_tdms(path: Path, _: Wanted | None = None) -> OpenTable:
         names = [f"{one.group_name}/{one.name}" if several else str(one.name) for one in channels]
         units = [next((str(one.properties[key]) for key in UNITS if one.properties.get(key)), "") for one in channels]
         steps = {(one.properties.get(STEP), one.properties.get(START, 0.0)) for one in channels}
+        clock = [_clock(count, *each) for each in steps if len(steps) == 1 and each[0]]
     except TelemetryError:
         raise
     except BROKEN as error:
         raise TelemetryError(f"{KIND} that cannot be read: {error}") from error
-    clock = [np.arange(count) * float(step) + float(start) for step, start in steps if step] if len(steps) == 1 else []
     ahead = len(clock)
 
     def rows(places: Sequence[int], _: Container[int]) -> Iterator[Rows]:
@@ -57,6 +57,10 @@ def open_tdms(path: Path, _: Wanted | None = None) -> OpenTable:
 
     times = frozenset(place + ahead for place, one in enumerate(channels) if one.dtype.kind == "M")
     return OpenTable(("time",) * ahead + tuple(names), rows, ("s",) * ahead + tuple(units), times)
+
+
+def _clock(count: int, step: Any, start: Any) -> NDArray[np.float64]:
+    return np.arange(count, dtype=np.float64) * float(step) + float(start)
 
 
 def _values(opened: Any, channel: Any) -> NDArray[np.float64]:
