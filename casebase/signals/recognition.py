@@ -8,6 +8,7 @@ import json
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from types import MappingProxyType
 
 from casebase.signals.channel_map import SCHEMA, units_of
@@ -154,17 +155,23 @@ def _axis(columns: Sequence[Column]) -> tuple[list[Column], list[str], list[str]
         all_ = [each for group in groups.values() for each in group]
         listed = ", ".join(group[0].shown for group in groups.values())
         return all_, [], [f"whether {listed} are of one axis is not said"]
-    first, called = groups.pop(label), _called(label)
+    first = groups.pop(label)
+    called = _called(label, first)
+    names = [_called(name, group) for name, group in groups.items()]
     doubt = (
-        f"there are columns of {len(groups) + 1} axes ({_listed([called, *map(_called, groups)])}), and which is meant "
+        f"there are columns of {len(groups) + 1} axes ({_listed([called, *names])}), and which is meant "
         f"cannot be told (the lines are of {called}, those of the others stand behind #)"
     )
-    others = [line for name, group in groups.items() for line in _lines_of(_called(name), group)]
+    others = [line for name, group in zip(names, groups.values(), strict=True) for line in _lines_of(name, group)]
     return first + temperatures, others[:MOST_LINES], [doubt]
 
 
-def _called(label: Sequence[str]) -> str:
-    """What an axis is called in its columns' names."""
+def _called(label: Sequence[str], columns: Sequence[Column]) -> str:
+    """What an axis is called in its columns' names: how they all begin, if that has the words that make it one."""
+    beginnings = zip(*(each.name for each in columns), strict=False)
+    alike = "".join(letter for letter, *_ in takewhile(lambda each: len(set(each)) == 1, beginnings)).rstrip(" ._-/[(")
+    if len(columns) > 1 and label and all(word in alike.lower() for word in label):
+        return alike
     return " ".join(label) or "no name"
 
 
