@@ -18,7 +18,9 @@ from app.documents import (
     Identifier,
     Limit,
     OriginFilter,
+    PageFound,
     PageOf,
+    page_found,
     page_of,
 )
 from app.errors import IfMatchRequired, Stale, validation_problem
@@ -53,11 +55,11 @@ def list_cases(
     state: StateFilter = None,
     limit: Limit = 50,
     cursor: Cursor = None,
-) -> PageOf[CaseAnswer]:
+) -> PageFound[CaseAnswer]:
     """Cases, newest first; retired ones only with `state=retired`."""
     wanted = CaseFilter(label=label, origin=origin, axis=axis, gearbox=gearbox, state=state)
     page = service.library.retrieve.cases(session, wanted, limit=limit, cursor=cursor)
-    return page_of(page, CaseAnswer.model_validate)
+    return page_found(session, axis, page_of(page, CaseAnswer.model_validate))
 
 
 @router.post(

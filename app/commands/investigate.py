@@ -43,7 +43,10 @@ def run(
     ],
     telemetry: Annotated[
         list[Path] | None,
-        typer.Option(metavar="T.csv", help="measured channels, CSV or Parquet; several recordings of the same axis"),
+        typer.Option(
+            metavar="T.csv",
+            help="measured channels, CSV, Parquet, MAT, TDMS or MCAP; several of the same axis",
+        ),
     ] = None,
     channels: Annotated[
         Path | None,

@@ -50,7 +50,7 @@ NEUTRAL = _set(
     "actual act ist istwert measured meas present feedback fbk fb estimate estimated est value val values wert",
     "average averaged avg filtered filter filt smoothed nach joint joints axis axes achse gelenk encoder enc state",
     "states control controller data field signal drive actuator servo angular rotational rotary mech mechanical",
-    "side seite of der des am per",
+    "side seite of der des am per as",
 )
 """Words that say nothing of which channel a column is."""
 BEFORE_A_NUMBER = _set("a j ax id")
@@ -81,7 +81,11 @@ FAMILIES: tuple[tuple[re.Pattern[str], Mapping[str, str]], ...] = (
             **dict.fromkeys(("effort", "efforts"), "N.m"),
         },
     ),
-    (re.compile(r"actual_qd(_?\d+)?"), {"timestamp": "s", "moment": "N.m"}),  # Universal Robots: RTDE
+    (re.compile(r"actual_qd?(_?\d+)?"), {"timestamp": "s", "moment": "N.m", "torque": "N.m"}),  # Universal Robots: RTDE
+    (  # ODrive: turns, whatever the encoder
+        re.compile(r"(.*[^a-z])?(iq_measured|pos_estimate)"),
+        {"pos": "rev", "vel": "rev/s", "torque": "N.m"},
+    ),
 )
 """By a name that only one maker uses: the units of names of his."""
 OF_UNITS: Mapping[str, str] = MappingProxyType(

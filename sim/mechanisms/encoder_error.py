@@ -19,7 +19,7 @@ class EncoderError(Measurement):
         Parameter("phase_rad", "rad", -np.pi, np.pi, 0.0, periodic=True),
     )
     size: ClassVar[str] = "amplitude_rad"
-    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.HALF_TURN})
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.HALF_TURN, Need.LOAD_ENCODER})
     signature: ClassVar[Signature] = Signature("angle", order=1)
     equations: ClassVar[str] = "measured = theta + amplitude sin(theta + phase)"
     source: ClassVar[str] = "eccentric disc: e / r of the grating"

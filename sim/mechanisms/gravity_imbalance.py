@@ -4,7 +4,7 @@ import math
 from typing import ClassVar
 
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, shaft_name, unused_name
 from sim.rotational.drive_train import DriveTrain
 from sim.torsional.components import Gravity
@@ -19,6 +19,7 @@ class GravityImbalance(Mechanics):
         Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
     )
     size: ClassVar[str] = "torque_n_m"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.LOAD_TURN})
     signature: ClassVar[Signature] = Signature("angle", order=1)
     equations: ClassVar[str] = "tau on the load = -torque sin(theta_load + phase)"
     source: ClassVar[str] = "pendulum"

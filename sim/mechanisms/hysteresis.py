@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, meshes
 from sim.rotational.drive_train import DriveTrain
 
@@ -18,6 +18,7 @@ class Hysteresis(Mechanics):
         Parameter("width_rad", "rad", 1e-8, 0.1, 1e-4),
     )
     size: ClassVar[str] = "torque_n_m"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.LOAD_ENCODER})
     signature: ClassVar[Signature] = Signature("twist", direction="opposite")
     equations: ClassVar[str] = "F = c x + d x' + z, z' = x' (torque - sign(x') z) / width"
     source: ClassVar[str] = "Dahl, AIAA Journal 14 (1976) 1675"

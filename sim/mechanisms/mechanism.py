@@ -31,6 +31,10 @@ class Need(Enum):
     BOTH_DIRECTIONS = "motion in both directions"
     SEVERAL_SPEEDS = "motion at several speeds"
     HALF_TURN = "half a turn of its shaft"
+    LOAD_TURN = "a twelfth of a turn of the load"
+    LOAD_ENCODER = "an encoder at the load"
+    TWO_ROWS_PER_TOOTH = "two rows for each tooth that passes"
+    TWO_ROWS_PER_PERIOD = "more than two rows in a period of the mains"
 
 
 @dataclass(frozen=True)

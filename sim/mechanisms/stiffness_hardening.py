@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, meshes
 from sim.rotational.drive_train import DriveTrain
 
@@ -15,6 +15,7 @@ class StiffnessHardening(Mechanics):
     name: ClassVar[str] = "stiffness_hardening"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("cubic_per_rad2", "1/rad2", 0.0, 1e9, 1e4),)
     size: ClassVar[str] = "cubic_per_rad2"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.LOAD_ENCODER})
     signature: ClassVar[Signature] = Signature("twist", grows_with="twist")
     equations: ClassVar[str] = "F = c x (1 + cubic x^2) + d x'"
     source: ClassVar[str] = "stiffness in steps K1 < K2 < K3 of strain wave gears, as a smooth curve"

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, inertia, shaft_name, unused_name
 from sim.rotational.components import Inertia, SpringDamper
 from sim.rotational.drive_train import DriveTrain
@@ -21,6 +21,7 @@ class StructuralResonance(Mechanics):
         Parameter("damping_ratio", "1", 0.0, 1.0, 0.02),
     )
     size: ClassVar[str] = "share"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.LOAD_ENCODER})
     signature: ClassVar[Signature] = Signature("frequency")
     equations: ClassVar[str] = "share J (a_s) = -c x - d x', c = share J (2 pi f)^2, d = 2 zeta share J 2 pi f"
     source: ClassVar[str] = "dynamic vibration absorber: Den Hartog, Mechanical Vibrations (1956), chapter 3"

@@ -5,7 +5,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, teeth, wheels
 from sim.rotational.drive_train import DriveTrain
 from sim.torsional.components import MeshDent, Wheel
@@ -28,6 +28,7 @@ class ToothDamage(Mechanics):
         Parameter("form", "1", 1.2, 40.0, 2.0),
     )
     size: ClassVar[str] = "depth_rad"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.TWO_ROWS_PER_TOOTH})
     signature: ClassVar[Signature] = Signature(
         "angle", order=1, per_cycle=1, flank="one", direction="one", grows_with="load"
     )

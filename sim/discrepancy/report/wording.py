@@ -155,7 +155,7 @@ def not_examined(result: Investigation) -> list[str]:
     travel = math.degrees(float(np.ptp(m.angle)) / axis.ratio)
     if axis.stages and travel < 359.0:
         out.append(f"The load moved through {travel:.0f}° of a turn: teeth beyond were not in mesh and not examined.")
-    if axis.stages and turns(axis, m, None) <= HALF:
+    if axis.stages and turns(axis, float(np.ptp(m.angle)), None) <= HALF:
         kinds = mechanisms.MECHANISMS.items()
         unseen = " and ".join(named(name) for name, kind in kinds if Need.HALF_TURN in kind.shown_by)
         out.append(f"The load made less than half a turn: {unseen} at the load were not examined.")

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from sim.discrepancy.data.excitation import excitation_of
 from sim.discrepancy.estimation.estimate import Fit, Raw, Start
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import BENT
@@ -16,6 +17,7 @@ from sim.discrepancy.hypotheses.catalogue import terms_of
 from sim.discrepancy.hypotheses.gear_mesh import tooth_damage
 from sim.discrepancy.hypotheses.harmonics import AS_NEW_FACTOR
 from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.identifiability import missing_at
 from sim.discrepancy.model.nominal import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.parallel import each
 from sim.discrepancy.search.criterion import (
@@ -32,6 +34,7 @@ from sim.discrepancy.search.effect_size import beyond, magnitude
 from sim.discrepancy.search.residual_proposals import nameless_terms, ripples
 from sim.discrepancy.search.score_test import screen
 from sim.discrepancy.search.tooth_scan import Place, scan
+from sim.mechanisms import ToothDamage
 from sim.torsional.model import Array
 
 MOST_TRIES, FEW_TRIES = 7, 3  # starts of candidates that are fitted in one round; where time is short
@@ -292,7 +295,11 @@ def elsewhere(problem: Problem, fit: Fit, own: Rival) -> list[Rival]:
 
 def damage_terms(problem: Problem, terms: Sequence[Term], values: Mapping[str, float]) -> list[Term]:
     """Tooth damage where the scan along the wheels proposes it on top of a model, one place of each gear pair."""
-    teeth = {k: s.driven_teeth for k, s in enumerate(problem.axis.stages) if s.driven_teeth}
+    seen, blind = excitation_of(problem.measurement), ToothDamage.shown_by
+    stages = enumerate(problem.axis.stages)
+    teeth = {
+        k: s.driven_teeth for k, s in stages if s.driven_teeth and not blind & missing_at(problem.axis, seen, s.name)
+    }
     if not teeth:
         return []
     best: dict[int, Place] = {}
