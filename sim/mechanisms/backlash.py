@@ -5,6 +5,7 @@ from typing import ClassVar
 
 from sim.description.axis import Axis
 from sim.errors import CompositionError
+from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, meshes, stage_at
 from sim.rotational.components import ElastoBacklash
@@ -20,6 +21,21 @@ class Backlash(Mechanics):
     signature: ClassVar[Signature] = Signature("reversal", per_cycle=2, direction="reversal", grows_with="speed")
     equations: ClassVar[str] = "F = 0 while |x| < gap / 2, else c (|x| - gap / 2) + d x' on the flank in contact"
     source: ClassVar[str] = "Modelica.Mechanics.Rotational.Components.ElastoBacklash, Modelica Standard Library 4.1"
+    sentence: ClassVar[str] = (
+        "The {where} gear pair has play of {gap_rad:.3g} rad ({gap_rad_shown}): around every reversal of torque the "
+        "load moves freely until the other flank meets."
+    )
+    action: ClassVar[str] = (
+        "Lock the motor, move the load by hand to and fro and read the free travel at the {where} gear; compare it "
+        "with what the maker allows, and check preload, centre distance and fastening of that stage. Plan it for the "
+        "next stop; sooner where the axis must hold a position."
+    )
+    check: ClassVar[str] = (
+        "Block the load and let the motor push slowly to and fro: play shows as a flat middle of torque over angle, a "
+        "soft spring does not."
+    )
+    behind_the_motor: ClassVar[bool] = True
+    differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
 
     @classmethod
     def as_new(cls, axis: Axis, location: str | None) -> float:

@@ -28,6 +28,15 @@ class BearingDefect(Mechanics):
     signature: ClassVar[Signature] = Signature("angle", order="order")
     equations: ClassVar[str] = "tau on the shaft = torque sum of sin(k (order theta + phase)), k = 1 to 5"
     source: ClassVar[str] = "McFadden and Smith, J. Sound Vib. 96 (1984) 69"
+    action: ClassVar[str] = (
+        "Order the bearing whose data sheet has this order (it is told per turn of the motor; for a bearing on a "
+        "slower shaft multiply it by the ratio up to there), listen to all bearings near the motor by stethoscope, "
+        "and look for flakes in the grease; measure again in a week, and change it before the level doubles."
+    )
+    check: ClassVar[str] = (
+        "Repeat the motion at two thirds of the speed with the sound: what keeps its order is the bearing, what keeps "
+        "its pitch is not."
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

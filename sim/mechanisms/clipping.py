@@ -19,6 +19,14 @@ class Clipping(Measurement):
     signature: ClassVar[Signature] = Signature("recording", grows_with="load")
     equations: ClassVar[str] = "measured = min(max(true, -L), L), L = (1 - fraction) max |true|"
     source: ClassVar[str] = "range of the converter"
+    action: ClassVar[str] = (
+        "Widen the range of the channel (or lower the gain of the microphone), or accelerate less, and record again; "
+        "if it is the drive's own torque limit that is reached, the motion asks too much."
+    )
+    check: ClassVar[str] = (
+        "Repeat the same motion with a wider range or half the acceleration: what happens at the largest torque was "
+        "not measured."
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

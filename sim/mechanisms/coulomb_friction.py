@@ -19,6 +19,17 @@ class CoulombFriction(Mechanics):
     signature: ClassVar[Signature] = Signature("speed", direction="opposite")
     equations: ClassVar[str] = "tau = torque sign(w)"
     source: ClassVar[str] = "Coulomb friction with stick: BearingFriction of the Modelica Standard Library 4.1"
+    sentence: ClassVar[str] = (
+        "Dry friction of {torque_n_m:.3g} N m as felt at the motor is missing from the description."
+    )
+    action: ClassVar[str] = (
+        "Nothing to repair: enter the dry friction in the axis description. If it was lower when the axis was new, "
+        "check seals, brake and lubrication."
+    )
+    check: ClassVar[str] = (
+        "Move at three even speeds in both directions: dry friction stays the same, viscous friction grows with the "
+        "speed."
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

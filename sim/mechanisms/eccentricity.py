@@ -4,6 +4,7 @@ import math
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_at, wheels, with_error
 from sim.rotational.drive_train import DriveTrain
@@ -22,6 +23,19 @@ class Eccentricity(Mechanics):
     signature: ClassVar[Signature] = Signature("angle", order=1, direction="same")
     equations: ClassVar[str] = "x = theta_driver / i - theta_driven - amplitude sin(theta + phase)"
     source: ClassVar[str] = "kinematic error of first order, 2 e tan(alpha) / r_b for an eccentric wheel of offset e"
+    sentence: ClassVar[str] = (
+        "The {where} gear runs out of true by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution."
+    )
+    action: ClassVar[str] = (
+        "Put a dial gauge on the {where} gear or its shaft and turn it once: check seat, keys and bearings. At the "
+        "next stop; runout wears teeth slowly."
+    )
+    check: ClassVar[str] = (
+        "Turn the load slowly through more than one revolution in both directions: runout keeps its place on the "
+        "{where} gear whatever the speed, weight changes with the position of the axis in space."
+    )
+    behind_the_motor: ClassVar[bool] = True
+    differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_SECOND_ENCODER, Differing.OVER_A_TURN})
 
     @classmethod
     def as_new(cls, axis: Axis, location: str | None) -> float:

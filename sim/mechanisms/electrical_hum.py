@@ -25,6 +25,15 @@ class ElectricalHum(Measurement):
     signature: ClassVar[Signature] = Signature("frequency")
     equations: ClassVar[str] = "measured = true + amplitude sin(2 pi f t + phase)"
     source: ClassVar[str] = "induced at 50 or 60 Hz and their multiples"
+    sentence: ClassVar[str] = "A hum of {frequency_hz:g} Hz from the mains is on the torque channel."
+    action: ClassVar[str] = (
+        "Check shielding and grounding of the cable and keep it away from power lines: one earth, shield on one side; "
+        "nothing is wrong with the machine."
+    )
+    check: ClassVar[str] = (
+        "Log the torque for ten seconds at standstill with the drive on: hum of the mains stays, ripple of the motor "
+        "is gone."
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

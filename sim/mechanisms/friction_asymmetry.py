@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
 from sim.rotational.drive_train import DriveTrain
@@ -28,6 +29,12 @@ class FrictionAsymmetry(Mechanics):
     source: ClassVar[str] = (
         "EMPS benchmark: Janot, Gautier and Brunot, Workshop on Nonlinear System Identification Benchmarks (2019)"
     )
+    sentence: ClassVar[str] = "Friction differs between the two directions of motion."
+    action: ClassVar[str] = (
+        "Look for what drags one way only: a brake that rubs, a preloaded screw or seal, a cable or hose that pulls. "
+        "Zero the torque channel at standstill first, as an offset looks alike."
+    )
+    check: ClassVar[str] = Differing.AT_REST.value
 
     @classmethod
     def sizes(cls) -> tuple[str, ...]:

@@ -18,6 +18,17 @@ class FrictionDrift(Mechanics):
     signature: ClassVar[Signature] = Signature("time", direction="opposite", grows_with="time")
     equations: ClassVar[str] = "tau = (tau_C sign(w) + d w) (1 + rate t)"
     source: ClassVar[str] = "warming joints: Bittencourt and Gunnarsson, J. Dyn. Syst. Meas. Control 134 (2012) 051013"
+    sentence: ClassVar[str] = (
+        "Friction changes by {rate_per_s:.2%} per second during the record, as when the gear warms up."
+    )
+    action: ClassVar[str] = (
+        "Warm the axis up before measuring, and log the temperature; if friction rises when warm, check preload and "
+        "the amount of grease."
+    )
+    check: ClassVar[str] = (
+        "Repeat the motion after half an hour of running, with the temperature logged: heat has gone by then, wear "
+        "has not."
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

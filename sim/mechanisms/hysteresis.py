@@ -4,6 +4,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, meshes
 from sim.rotational.drive_train import DriveTrain
@@ -21,6 +22,19 @@ class Hysteresis(Mechanics):
     signature: ClassVar[Signature] = Signature("twist", direction="opposite")
     equations: ClassVar[str] = "F = c x + d x' + z, z' = x' (torque - sign(x') z) / width"
     source: ClassVar[str] = "Dahl, AIAA Journal 14 (1976) 1675"
+    sentence: ClassVar[str] = (
+        "The {where} gear pair holds back {torque_n_m:.3g} N m when the twist turns: its spring has a loop."
+    )
+    action: ClassVar[str] = (
+        "Check clamping and fastening of the {where} gear (slipping fits, loose screws) and its preload. At the next "
+        "stop."
+    )
+    check: ClassVar[str] = (
+        "Block the load, let the motor push slowly to and fro up to its torque limit: hysteresis opens a loop, "
+        "hardening a bend, play a flat middle."
+    )
+    behind_the_motor: ClassVar[bool] = True
+    differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

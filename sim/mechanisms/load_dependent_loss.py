@@ -19,6 +19,14 @@ class LoadDependentLoss(Mechanics):
     signature: ClassVar[Signature] = Signature("torque", direction="opposite", grows_with="load")
     equations: ClassVar[str] = "tau_a = tau_load (1 + fraction) when the driver drives, tau_load (1 - fraction) else"
     source: ClassVar[str] = "LossyGear of the Modelica Standard Library 4.1 with eta = 1 / (1 + f), 1 - f"
+    sentence: ClassVar[str] = "The {where} gear pair loses {fraction:.1%} of the torque it transmits."
+    action: ClassVar[str] = (
+        "Check lubrication and contact pattern of the {where} gear pair, and enter its efficiency in the axis "
+        "description. At the next service."
+    )
+    check: ClassVar[str] = (
+        "Repeat the motion without payload: a loss of the teeth shrinks with the torque, friction stays."
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

@@ -19,6 +19,11 @@ class LostSamples(Measurement):
     signature: ClassVar[Signature] = Signature("recording")
     equations: ClassVar[str] = "rows are taken out at random until the share is reached"
     source: ClassVar[str] = "overrun of a bus"
+    action: ClassVar[str] = (
+        "Check load of the logger, buffers and cables of the recorder, then record again; nothing is wrong with the "
+        "machine."
+    )
+    check: ClassVar[str] = "Repeat the same motion without gaps: what happens in the lost rows was not measured."
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

@@ -20,6 +20,7 @@ from numpy.typing import NDArray
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis, MechanismEntry
 from sim.errors import ParameterError, near_match
+from sim.mechanisms.differing import Differing
 from sim.rotational.drive_train import DriveTrain
 
 Samples = NDArray[np.float32]
@@ -106,6 +107,19 @@ class Mechanism(ABC):
     signature: ClassVar[Signature]
     equations: ClassVar[str]
     source: ClassVar[str]
+    sentence: ClassVar[str] = ""
+    """What a finding says, with its numbers in braces; without it, the first line of the docstring and the numbers."""
+    action: ClassVar[str] = "Look at what is described here, and change no parts on it alone."
+    """What to do now about a finding."""
+    check: ClassVar[str] = (
+        "Repeat the same motion at half the speed and in both directions: what stays the same does not come from the "
+        "motion."
+    )
+    """The measurement that tells it from what looks like it."""
+    differs: ClassVar[frozenset[Differing]] = frozenset()
+    """Measurements in which it differs from what looks like it."""
+    behind_the_motor: ClassVar[bool] = False
+    """Whether an encoder at the load tells more of it."""
 
     def __post_init__(self) -> None:
         known = {parameter.name: parameter for parameter in self.parameters}

@@ -4,6 +4,7 @@ import math
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_at, stage_names, teeth, with_error
 from sim.rotational.drive_train import DriveTrain
@@ -26,6 +27,20 @@ class MeshError(Mechanics):
         " - second_amplitude sin(2 z theta_driven + second_phase)"
     )
     source: ClassVar[str] = "static transmission error at tooth frequency: Harris, Proc. IMechE 172 (1958) 87"
+    sentence: ClassVar[str] = (
+        "The teeth of the {where} gear pair err by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) at tooth "
+        "frequency, more than as new."
+    )
+    action: ClassVar[str] = (
+        "Look at the contact pattern of the {where} gear pair and at its oil: worn, wrongly spaced or misaligned "
+        "teeth. At the next stop."
+    )
+    check: ClassVar[str] = (
+        "Repeat the motion at two thirds of the speed: what keeps its order is the teeth, what keeps its frequency is "
+        "a structure."
+    )
+    behind_the_motor: ClassVar[bool] = True
+    differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_LOOK, Differing.OVER_A_TURN})
 
     @classmethod
     def as_new(cls, axis: Axis, location: str | None) -> float:

@@ -24,6 +24,19 @@ class StructuralResonance(Mechanics):
     signature: ClassVar[Signature] = Signature("frequency")
     equations: ClassVar[str] = "share J (a_s) = -c x - d x', c = share J (2 pi f)^2, d = 2 zeta share J 2 pi f"
     source: ClassVar[str] = "dynamic vibration absorber: Den Hartog, Mechanical Vibrations (1956), chapter 3"
+    sentence: ClassVar[str] = (
+        "Part of the load, {share:.0%} of its inertia, swings by itself at {frequency_hz:.3g} Hz: an arm, a tool or "
+        "the stand is soft or loose."
+    )
+    action: ClassVar[str] = (
+        "Tighten arm, tool, covers and stand, and tap them: find the part that rings at {frequency_hz:.4g} Hz. Until "
+        "then avoid motions that excite it."
+    )
+    check: ClassVar[str] = (
+        "Tap the arm at standstill and record the sound or the load encoder: a soft part rings at the same frequency "
+        "without any motion."
+    )
+    behind_the_motor: ClassVar[bool] = True
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

@@ -20,6 +20,15 @@ class TimeDelay(Measurement):
     signature: ClassVar[Signature] = Signature("recording", grows_with="speed")
     equations: ClassVar[str] = "measured(t) = true(t - delay)"
     source: ClassVar[str] = "buffers between drive and recorder"
+    sentence: ClassVar[str] = "A channel is late by {delay_s:.3g} s against the others."
+    action: ClassVar[str] = (
+        "Check that all channels are sampled on one clock: filters, bus cycles and time stamps of the late channel; "
+        "nothing is wrong with the machine."
+    )
+    check: ClassVar[str] = (
+        "Log one sharp step of torque with all channels at the full rate: a late channel lags by the same time at "
+        "every step, a soft spring does not."
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

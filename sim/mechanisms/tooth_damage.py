@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, teeth, wheels
 from sim.rotational.drive_train import DriveTrain
@@ -35,6 +36,19 @@ class ToothDamage(Mechanics):
     source: ClassVar[str] = (
         "local loss of flank as a displacement: Liang, Zuo and Feng, Mech. Syst. Signal Process. 98 (2018)"
     )
+    sentence: ClassVar[str] = (
+        "A flank of the {where} gear lacks material near {angle_rad:.3f} rad ({angle_rad_shown}), {depth_rad:.2g} rad "
+        "({depth_rad_shown}) deep: torque breaks down there once per revolution, in one direction of torque."
+    )
+    action: ClassVar[str] = (
+        "Open or look by endoscope into the {where} gear {place}, and look for steel in the oil. {urgency}"
+    )
+    check: ClassVar[str] = (
+        "Turn the {where} gear slowly through {at} under load in both directions of torque: a damaged tooth breaks "
+        "the torque down at that angle and with one direction only, an error of all teeth does so everywhere."
+    )
+    behind_the_motor: ClassVar[bool] = True
+    differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_LOOK})
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

@@ -23,6 +23,16 @@ class TorqueRippleOfMotor(Mechanics):
     signature: ClassVar[Signature] = Signature("angle", order="order")
     equations: ClassVar[str] = "tau on the motor = torque sin(order theta_motor + phase)"
     source: ClassVar[str] = "cogging at multiples of lcm(slots, poles), current ripple at 6 per pole pair"
+    sentence: ClassVar[str] = (
+        "The motor torque ripples by {torque_n_m:.3g} N m {order:g} times per revolution of the motor."
+    )
+    action: ClassVar[str] = (
+        "Check calibration of current sensors and commutation of the drive; turn the motor without current by hand "
+        "and feel for cogging. Not urgent."
+    )
+    check: ClassVar[str] = (
+        "Repeat the motion at half the speed: ripple keeps its order of the motor, hum its frequency."
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

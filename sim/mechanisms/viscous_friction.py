@@ -19,6 +19,18 @@ class ViscousFriction(Mechanics):
     signature: ClassVar[Signature] = Signature("speed", direction="opposite", grows_with="speed")
     equations: ClassVar[str] = "tau = coefficient w"
     source: ClassVar[str] = "laminar lubrication: Damper of the Modelica Standard Library 4.1"
+    sentence: ClassVar[str] = (
+        "Viscous friction of {coefficient_n_m_s_per_rad:.3g} N m s/rad as felt at the motor is missing from the "
+        "description."
+    )
+    action: ClassVar[str] = (
+        "Nothing to repair: enter the viscous friction in the axis description. If it was lower when the axis was "
+        "new, check grade and amount of grease and its temperature."
+    )
+    check: ClassVar[str] = (
+        "Move at three even speeds in both directions: viscous friction grows with the speed, dry friction stays the "
+        "same."
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

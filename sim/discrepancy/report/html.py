@@ -25,7 +25,7 @@ from sim.discrepancy.report.formatting import (
     unit_in_words,
     words_of,
 )
-from sim.discrepancy.report.maintenance_actions import OF_THE_MEASUREMENT, place_of
+from sim.discrepancy.report.maintenance_actions import of_the_measurement, place_of
 from sim.discrepancy.report.panels import Panel
 from sim.discrepancy.report.summary import ALIKE, Candidate, asked_for, candidates, panels
 from sim.discrepancy.report.wording import headline, not_examined, numbers_of, telling_apart, unexplained_words
@@ -112,12 +112,12 @@ def _box(result: Investigation, files: Sequence[str]) -> str:
 
 
 def _told(result: Investigation, finding: Finding) -> list[tuple[str, str]]:
-    kind = "fault of the measurement" if finding.mechanism in OF_THE_MEASUREMENT else "missing in the model"
+    kind = "fault of the measurement" if of_the_measurement(finding.mechanism) else "missing in the model"
     at = place_of(result.axis, finding.location, numbers_of(finding))
     place = ", ".join(part for part in (finding.location or "", at) if part)
     return [
         ("What", f"{named(finding.mechanism).capitalize()} ({kind}). {finding.explanation}"),
-        ("Where", place or ("the recording" if finding.mechanism in OF_THE_MEASUREMENT else "not told by these data")),
+        ("Where", place or ("the recording" if of_the_measurement(finding.mechanism) else "not told by these data")),
         ("How sure", f"{sure(finding.probability)}, {likely(finding.probability, calibrated=finding.calibrated)}"),
         ("What to do now", finding.action),
     ]
