@@ -8,6 +8,7 @@ from sim.errors import CompositionError
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, meshes, stage_at
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.components import ElastoBacklash
 from sim.rotational.drive_train import DriveTrain
 
@@ -36,6 +37,12 @@ class Backlash(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
+    traits: ClassVar[Traits] = Traits(
+        needs_no_trial=0.02,
+        laws=frozenset({Law.SPRING}),
+        form_left=0.06,  # teeth that hit
+        gap=True,
+    )
 
     @classmethod
     def as_new(cls, axis: Axis, location: str | None) -> float:

@@ -6,6 +6,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
+from sim.mechanisms.traits import Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -29,6 +30,10 @@ class CoulombFriction(Mechanics):
     check: ClassVar[str] = (
         "Move at three even speeds in both directions: dry friction stays the same, viscous friction grows with the "
         "speed."
+    )
+    traits: ClassVar[Traits] = Traits(
+        least_gain=13.0,
+        in_every_axis=True,
     )
 
     @classmethod

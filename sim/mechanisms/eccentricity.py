@@ -7,6 +7,7 @@ from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_at, wheels, with_error
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -36,6 +37,10 @@ class Eccentricity(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_SECOND_ENCODER, Differing.OVER_A_TURN})
+    traits: ClassVar[Traits] = Traits(
+        laws=frozenset({Law.RUNOUT_OR_DENT, Law.RUNOUT_OR_RIPPLE}),
+        erring_teeth=True,
+    )
 
     @classmethod
     def as_new(cls, axis: Axis, location: str | None) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Measurement, Need, Parameter, Samples, Signature
+from sim.mechanisms.traits import Traits
 
 
 class ElectricalHum(Measurement):
@@ -33,6 +34,10 @@ class ElectricalHum(Measurement):
     check: ClassVar[str] = (
         "Log the torque for ten seconds at standstill with the drive on: hum of the mains stays, ripple of the motor "
         "is gone."
+    )
+    traits: ClassVar[Traits] = Traits(
+        form_left=0.0,  # a sine in the current has no other form
+        restless=True,
     )
 
     @classmethod

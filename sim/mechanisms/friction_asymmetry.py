@@ -8,6 +8,7 @@ from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -35,6 +36,12 @@ class FrictionAsymmetry(Mechanics):
         "Zero the torque channel at standstill first, as an offset looks alike."
     )
     check: ClassVar[str] = Differing.AT_REST.value
+    traits: ClassVar[Traits] = Traits(
+        least_gain=18.0,
+        laws=frozenset({Law.FRICTION, Law.DISSIPATION, Law.OFFSET}),
+        like_an_offset=True,
+        over_strokes=True,
+    )
 
     @classmethod
     def sizes(cls) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, friction_at, with_friction
+from sim.mechanisms.traits import Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -28,6 +29,9 @@ class FrictionDrift(Mechanics):
     check: ClassVar[str] = (
         "Repeat the motion after half an hour of running, with the temperature logged: heat has gone by then, wear "
         "has not."
+    )
+    traits: ClassVar[Traits] = Traits(
+        least_gain=16.0,
     )
 
     @classmethod

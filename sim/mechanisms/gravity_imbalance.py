@@ -7,6 +7,7 @@ from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, shaft_name, unused_name
+from sim.mechanisms.traits import Traits
 from sim.rotational.drive_train import DriveTrain
 from sim.torsional.components import Gravity
 
@@ -36,6 +37,11 @@ class GravityImbalance(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.OVER_A_TURN})
+    traits: ClassVar[Traits] = Traits(
+        least_gain=16.0,
+        restless=True,
+        shakes_load=True,
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

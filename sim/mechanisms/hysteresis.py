@@ -7,6 +7,7 @@ from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, meshes
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -35,6 +36,12 @@ class Hysteresis(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
+    traits: ClassVar[Traits] = Traits(
+        least_share=0.001,  # it bends to much
+        over_bending=1.1,
+        laws=frozenset({Law.SPRING, Law.DISSIPATION}),
+        damping=0.4,
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from sim.description.axis import Axis
 from sim.errors import CompositionError
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_names
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.components import IdealGear, LossyGear
 from sim.rotational.drive_train import DriveTrain
 
@@ -26,6 +27,11 @@ class LoadDependentLoss(Mechanics):
     )
     check: ClassVar[str] = (
         "Repeat the motion without payload: a loss of the teeth shrinks with the torque, friction stays."
+    )
+    traits: ClassVar[Traits] = Traits(
+        laws=frozenset({Law.FRICTION, Law.DISSIPATION}),
+        damping=0.1,
+        over_strokes=True,
     )
 
     @classmethod

@@ -21,6 +21,7 @@ from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis, MechanismEntry
 from sim.errors import ParameterError, near_match
 from sim.mechanisms.differing import Differing
+from sim.mechanisms.traits import Traits
 from sim.rotational.drive_train import DriveTrain
 
 Samples = NDArray[np.float32]
@@ -120,6 +121,8 @@ class Mechanism(ABC):
     """Measurements in which it differs from what looks like it."""
     behind_the_motor: ClassVar[bool] = False
     """Whether an encoder at the load tells more of it."""
+    traits: ClassVar[Traits] = Traits()
+    """How an investigation weighs it."""
 
     def __post_init__(self) -> None:
         known = {parameter.name: parameter for parameter in self.parameters}

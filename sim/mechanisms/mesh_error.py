@@ -7,6 +7,7 @@ from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_at, stage_names, teeth, with_error
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -41,6 +42,10 @@ class MeshError(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_LOOK, Differing.OVER_A_TURN})
+    traits: ClassVar[Traits] = Traits(
+        laws=frozenset({Law.RIPPLE_OF_TEETH, Law.FLANKS}),
+        erring_teeth=True,
+    )
 
     @classmethod
     def as_new(cls, axis: Axis, location: str | None) -> float:

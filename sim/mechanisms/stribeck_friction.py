@@ -6,6 +6,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -34,6 +35,13 @@ class StribeckFriction(Mechanics):
     check: ClassVar[str] = (
         "Move at five even speeds from creeping to a third of the largest: friction that rises at low speed falls "
         "along them, stiction alone does not."
+    )
+    traits: ClassVar[Traits] = Traits(
+        least_gain=15.0,
+        laws=frozenset({Law.FRICTION, Law.DISSIPATION}),
+        over_strokes=True,
+        at_low_speed=True,
+        like_noise=True,
     )
 
     @classmethod

@@ -7,6 +7,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, inertia, shaft_name, unused_name
+from sim.mechanisms.traits import Traits
 from sim.rotational.components import Inertia, SpringDamper
 from sim.rotational.drive_train import DriveTrain
 
@@ -37,6 +38,12 @@ class StructuralResonance(Mechanics):
         "without any motion."
     )
     behind_the_motor: ClassVar[bool] = True
+    traits: ClassVar[Traits] = Traits(
+        least_share=0.003,  # it bends to much
+        form_left=0.2,  # it is driven by the load as it was measured, noise and all
+        shakes_load=True,
+        like_noise=True,
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

@@ -8,6 +8,7 @@ import numpy as np
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Measurement, Need, Parameter, Signature
+from sim.mechanisms.traits import Traits
 
 
 class TimeDelay(Measurement):
@@ -28,6 +29,10 @@ class TimeDelay(Measurement):
     check: ClassVar[str] = (
         "Log one sharp step of torque with all channels at the full rate: a late channel lags by the same time at "
         "every step, a soft spring does not."
+    )
+    traits: ClassVar[Traits] = Traits(
+        least_gain=13.0,
+        form_of_any=0.1,  # a shift in time has the shape of what most errors of form leave
     )
 
     @classmethod

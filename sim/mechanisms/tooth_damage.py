@@ -8,6 +8,7 @@ from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, teeth, wheels
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 from sim.torsional.components import MeshDent, Wheel
 
@@ -49,6 +50,15 @@ class ToothDamage(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_LOOK})
+    traits: ClassVar[Traits] = Traits(
+        least_share=0.004,  # it bends to much
+        over_bending=1.1,
+        needs_no_trial=0.2,
+        laws=frozenset({Law.SPRING, Law.FLANKS, Law.RUNOUT_OR_DENT}),
+        form_left=0.06,  # teeth that hit
+        size_open=0.3,  # the same torques come from a hollow and from a shallower piece broken out
+        dent=True,
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

@@ -7,6 +7,7 @@ from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Measurement, Need, Parameter, Signature
+from sim.mechanisms.traits import Law, Traits
 
 
 class TorqueOffset(Measurement):
@@ -26,6 +27,14 @@ class TorqueOffset(Measurement):
     )
     check: ClassVar[str] = Differing.AT_REST.value
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.AT_REST})
+    traits: ClassVar[Traits] = Traits(
+        least_gain=10.0,
+        over_bending=0.4,
+        laws=frozenset({Law.OFFSET}),
+        known_within_a_little=True,
+        over_strokes=True,
+        restless=True,
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

@@ -6,6 +6,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, unused_name
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 from sim.torsional.components import MeshLine, TorqueRipple
 
@@ -32,6 +33,9 @@ class TorqueRippleOfMotor(Mechanics):
     )
     check: ClassVar[str] = (
         "Repeat the motion at half the speed: ripple keeps its order of the motor, hum its frequency."
+    )
+    traits: ClassVar[Traits] = Traits(
+        laws=frozenset({Law.RIPPLE_OF_TEETH, Law.RUNOUT_OR_RIPPLE}),
     )
 
     @classmethod

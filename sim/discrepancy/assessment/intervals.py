@@ -13,8 +13,6 @@ from sim.discrepancy.search.effect_size import deviations
 
 NINETY = 1.645
 INFLATION = 3.0  # of deviations, so that intervals hold on the calibration seeds
-FORM_SHARE = 0.08  # of a size, which the form of its law leaves open
-DENT_SHARE = 0.3  # the same of a dent: the same torques come from a hollow and from a shallower piece broken out
 NO_SIZE = ("angle_rad", "phase_rad", "second_phase_rad", "flank", "form", "order", "frequency_hz", "exponent")
 UNITS = {
     "_rad": "rad", "_n_m": "N m", "_rad_s": "rad/s", "_per_s": "1/s", "_per_rad2": "1/rad2",
@@ -32,7 +30,7 @@ def term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, .
     for name, value in term.report(fit.values).items():
         half = NINETY * inflation(fit) * spread[name]
         if name not in NO_SIZE:
-            half = max(half, (DENT_SHARE if term.mechanism == "tooth_damage" else FORM_SHARE) * abs(value))
+            half = max(half, term.traits.size_open * abs(value))
         if name == "frequency_hz":
             half = max(half, 1.0 / duration_s)
         low, high = limits.get(f"{term.key}.{name}", (-math.inf, math.inf))

@@ -20,7 +20,6 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.identifiability import ALONE, needs_of, same_over_the_turn, the_same
 from sim.discrepancy.report.wording import explain
 from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
-from sim.discrepancy.search.criterion import LEFT_OUT
 from sim.discrepancy.search.search import Selection
 from sim.mechanisms.catalogue import kind_of
 
@@ -107,7 +106,7 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     return Finding(
         term.mechanism, term.location, sure, estimated, tuple(close),
         explain(term.mechanism, term.location, numbers, elsewhere, instead), seen, elsewhere,
-        as_new_too=new and term.mechanism not in LEFT_OUT,
+        as_new_too=new and not term.traits.in_every_axis,
         lacks=tuple(need.value for need in needs_of(term.mechanism) & missing),
     )  # fmt: skip
 

@@ -38,7 +38,6 @@ from sim.discrepancy.model.parameters import Parameter
 from sim.discrepancy.parallel import each
 from sim.torsional.model import Chain, ChainError
 
-BY_CONTACT = ("backlash", "tooth_damage")  # mechanisms by which teeth leave each other
 MISTAKEN = 5.0  # standard deviations off a data sheet, beyond which it has a number wrong
 BURST = 1e6  # times the torque: what a simulation that has burst is off by
 LEAST_NOISE, LEAST_GUIDE_NOISE = 2e-3, 1.5e-4  # of the torque, and of that at the load: no drive measures better

@@ -138,6 +138,7 @@ def _backlash(name: str, k: int, new: float, twist: float, seen: float) -> Term:
         "backlash", name, (Parameter(gap, 0.0, step, low=0.0, high=seen),), probes, lambda v: {"gap_rad": v[gap]},
         apply, positive=True, nonlinear=True, contact=True, replaces=(f"stages.{name}.backlash_rad",),
         size=max(AS_NEW_FACTOR * new, 0.01 * twist), magnitude=lambda v: v[gap] if v[gap] < ALL_OF_IT * seen else 0.0,
+        as_new_too=True,  # what is always fitted ends below where a gap begins to matter
     )  # fmt: skip
 
 
@@ -171,6 +172,7 @@ def _error(
     probe = (*({p.name: jump} for p in first), *({p.name: p.step} for p in second))
     return Term(
         mechanism, name, (*first, *second), (probe,), report, apply, replaces=replaces, size=AS_NEW_FACTOR * new,
+        as_new_too=not replaces,  # every new axis has them, if small
     )  # fmt: skip
 
 

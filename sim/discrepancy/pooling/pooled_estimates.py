@@ -11,8 +11,6 @@ from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.discrepancy.assessment.cross_validation_gain import gains
 from sim.discrepancy.assessment.intervals import (
-    DENT_SHARE,
-    FORM_SHARE,
     NINETY,
     NO_SIZE,
     estimates,
@@ -26,7 +24,7 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import BENT, all_rows, final_fit
 from sim.discrepancy.extended_axis import SIMPLE, extended_by
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.hypotheses.nonparametric import AS_NEW
+from sim.discrepancy.hypotheses.traits import AS_NEW, traits_of
 from sim.discrepancy.pooling.log_odds import Known, LogOdds, Name, pooled
 from sim.discrepancy.pooling.recording_evidence import OWN, found_at, instead, said_by, term_name
 from sim.discrepancy.results import Estimate, Finding, Gain, Investigation, Unexplained
@@ -135,7 +133,7 @@ def pooled_sizes(name: Name, by_recording: Mapping[str, Sequence[Estimate]]) -> 
     if len(by_recording) == 1:
         return tuple(next(iter(by_recording.values())))
     names = dict.fromkeys(e.name for numbers in by_recording.values() for e in numbers)
-    share = DENT_SHARE if name.mechanism == "tooth_damage" else FORM_SHARE
+    share = traits_of(name.mechanism).size_open
     return tuple(
         pooled_estimate([e for numbers in by_recording.values() for e in numbers if e.name == one],
                         share=0.0 if one in NO_SIZE else share)

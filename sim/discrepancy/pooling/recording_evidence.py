@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from sim.discrepancy.acoustic.evidence import SILENT
 from sim.discrepancy.assessment.calibration import WEIGHTS
-from sim.discrepancy.assessment.intervals import FORM_SHARE, INFLATION
+from sim.discrepancy.assessment.intervals import INFLATION
 from sim.discrepancy.assessment.posterior import CLOSE, is_close, log_odds
 from sim.discrepancy.assessment.posterior import existence as exists_in
 from sim.discrepancy.estimation.estimate import Fit
@@ -20,6 +20,7 @@ from sim.discrepancy.results import SAID, Finding, Investigation
 from sim.discrepancy.search.blocked_cross_validation import advantage, paired
 from sim.discrepancy.search.comparison import Model, ModelComparison, in_place, named_alone, own_of
 from sim.discrepancy.search.criterion import TEMPERATURE
+from sim.mechanisms.traits import SIZE_SHARE
 
 OWN = ("torque_offset", "time_delay", "electrical_hum", "clipping", "lost_samples")  # of a recording, not of the axis
 
@@ -198,7 +199,7 @@ def _holding(problem: Problem, own: Fit, rest: Sequence[Term], term: Term, fit: 
     """The model `rest` with `term`, its numbers held to what `fit`, that of another recording, knows of them."""
     spread = fit.deviations()
     held = tuple(
-        replace(p, start=v, centre=v, spread=max(INFLATION * spread[p.name], FORM_SHARE * abs(v), 1e-300))
+        replace(p, start=v, centre=v, spread=max(INFLATION * spread[p.name], SIZE_SHARE * abs(v), 1e-300))
         for p in term.parameters
         for v in [fit.values[p.name]]
     )

@@ -8,7 +8,7 @@ from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import FAR_BENT
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.search.criterion import LEFT_OUT, least_gain
+from sim.discrepancy.search.criterion import least_gain
 
 OF_LINKS = ("damping_n_m_s_per_rad", "mesh_efficiency")  # of a stage: described as well, though less well known
 SURE = 10.0  # times the least gain: so much is not explained by any number
@@ -20,7 +20,7 @@ def doubted(term: Term, gain: float, problem: Problem, less: Fit, more: Fit) -> 
     `less`: the fit without the term, `more` the one with it. That a number is known so many times less well costs twice
     the logarithm of that, and of how many numbers it was looked for among. Friction that was left out is itself one.
     """
-    if term.mechanism in LEFT_OUT or gain > SURE * least_gain(term):
+    if term.traits.in_every_axis or gain > SURE * least_gain(term):
         return None
     base = {p.name for p in problem.base()}
     described = [p for p in less.parameters if p.name in base and (p.stated or p.name.endswith(OF_LINKS))]

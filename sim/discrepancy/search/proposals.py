@@ -16,13 +16,10 @@ from sim.discrepancy.hypotheses.catalogue import terms_of
 from sim.discrepancy.hypotheses.gear_mesh import tooth_damage
 from sim.discrepancy.hypotheses.harmonics import AS_NEW_FACTOR
 from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.traits import mechanisms_with
 from sim.discrepancy.model.nominal import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.parallel import each
 from sim.discrepancy.search.criterion import (
-    CONSTANT,
-    LEAST_GAIN,
-    LEFT_OUT,
-    LIKE_AN_OFFSET,
     evidence,
     form_gain,
     least_gain,
@@ -32,6 +29,7 @@ from sim.discrepancy.search.effect_size import beyond, magnitude
 from sim.discrepancy.search.residual_proposals import nameless_terms, ripples
 from sim.discrepancy.search.score_test import screen
 from sim.discrepancy.search.tooth_scan import Place, scan
+from sim.mechanisms.traits import LEAST_GAIN
 from sim.torsional.model import Array
 
 MOST_TRIES, FEW_TRIES = 7, 3  # starts of candidates that are fitted in one round; where time is short
@@ -52,7 +50,6 @@ LINEAR, FAR_FROM_LINEAR = 0.1, 0.03  # of the best promise: less is no rival
 HOPE = 0.5  # of what the form of a model may gain: of 15 parts that swing none gained over twice what was promised
 FAINT, FAINT_TRIES = 8.0, 4  # squares from which what noise may hide is looked at, and how many of them
 LIKE_NEW = 0.5  # of the size that matters: what the linear picture makes less of is as new
-NOISE_LIKE = ("structural_resonance", "stribeck_friction")  # by what shakes the load, and by what is left at low speed
 UNSURE = 0.5  # of what must be gained: by friction that was left out, and beside an offset by an asymmetry
 
 
@@ -84,7 +81,7 @@ def try_terms(
     """
     present = {term.key for term in fit.terms}
     candidates = list(terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values)))
-    dented = only is None or "tooth_damage" in only
+    dented = only is None or not mechanisms_with(lambda t: t.dent).isdisjoint(only)
     if dented:
         candidates += damage_terms(problem, fit.terms, fit.values)
     if only is None:
@@ -95,11 +92,11 @@ def try_terms(
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
     straight.sort(key=lambda r: -evidence(r.term, r.gain, fit.residual.size))
     jobs: list[tuple[Term, Mapping[str, float]]] = []
-    shifted = any(t.mechanism in CONSTANT and gain >= least_gain(t) for gain, t, _ in screened)
-    unsure = (*LEFT_OUT, *LIKE_AN_OFFSET) if shifted else LEFT_OUT
+    shifted = any(t.traits.known_within_a_little and gain >= least_gain(t) for gain, t, _ in screened)
     for promised, term, start in screened:
         rival = (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]
-        asked = UNSURE * least_gain(term) if term.mechanism in unsure else max(rival, least_gain(term))
+        unsure = term.traits.in_every_axis or (shifted and term.traits.like_an_offset)
+        asked = UNSURE * least_gain(term) if unsure else max(rival, least_gain(term))
         if not term.contact:
             asked = max(asked, HOPE * form_gain(term, fit))
         if len(jobs) == tries or not term.named or promised < max(asked, least):
@@ -107,7 +104,7 @@ def try_terms(
         if begun.get(term.key, 0) < (2 if (term.nonlinear or term.brings) and tries == MOST_TRIES else 1):
             begun[term.key] = begun.get(term.key, 0) + 1
             jobs.append((term, start))
-    loosening = [] if fit.terms else [t for t in candidates if t.mechanism == "backlash"]
+    loosening = [] if fit.terms else [t for t in candidates if t.traits.gap]
     if dented and not fit.terms and fit.prior_penalty > BENT:
         loosening += damage_terms(problem, (), problem.numbers())
     loose = [job for t in loosening for job in as_described(problem, t)]
@@ -121,7 +118,7 @@ def try_terms(
         place
         for place, (r, _) in enumerate(tried[:CLOSE])
         if r.gain > 0.3 * tried[0][0].gain
-        and (r.term.nonlinear or r.term.mechanism in LEFT_OUT or r.gain > FAR_MOVED)
+        and (r.term.nonlinear or r.term.traits.in_every_axis or r.gain > FAR_MOVED)
         and wanted(r.term, r.beyond + GROWTH)
     ]
     near = [tried[place] for place in far]
@@ -146,7 +143,7 @@ def faint(problem: Problem, fit: Fit) -> list[Rival]:
     candidates = [
         t
         for t in terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values))
-        if t.key not in present and not t.contact and t.mechanism not in NOISE_LIKE
+        if t.key not in present and not t.contact and not t.traits.like_noise
     ]
     jobs: dict[str, tuple[Term, Start]] = {}
     for promised, term, start in screen(problem, fit, candidates):
@@ -173,7 +170,7 @@ def as_described(problem: Problem, term: Term) -> list[tuple[Term, Mapping[str, 
     at the wrong tooth. Outliers count little: after a while it is chance when teeth hit.
     """
     jumps = [probe for (probe,) in term.probes]
-    if term.mechanism == "backlash":
+    if term.traits.gap:
         gap, *_ = term.parameters
         jumps = [{gap.name: float(x)} for x in np.geomspace(0.5 * term.size, max(j[gap.name] for j in jumps), GAPS)]
     rest = problem.numbers((term,))
@@ -200,7 +197,7 @@ def settled(
     fit = problem.fit(terms, values, held=held, to_end=True)
     starts: list[Start] = [(fit.own, {})] if fit.prior_penalty > BENT else []
     for term in terms:
-        if term.mechanism == "tooth_damage":
+        if term.traits.dent:
             starts += [({**fit.own, **other}, {}) for other in _other_dents(term, fit.own)]
     return _better(fit, problem.best(terms, starts))
 
@@ -226,7 +223,7 @@ def bottomed(problem: Problem, fit: Fit) -> Fit:
     depth to depth, all else refitted, it is less so.
     """
     for term in fit.terms:
-        if term.mechanism != "tooth_damage":
+        if not term.traits.dent:
             continue
         starts: list[Start] = [({**fit.values, **_reshaped(term, fit.values, *shape)}, {}) for shape in BOTTOMS]
         fit = _better(fit, problem.best(fit.terms, starts))
@@ -263,7 +260,7 @@ def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]
     """
     terms = (*fit.terms, term)
     values = {**fit.values, **start}
-    if term.mechanism in LEFT_OUT:
+    if term.traits.in_every_axis:
         return problem.best(terms, [(values, {}), (fit.values, {})])
     starts: list[Start] = [(values, fit.sensitivities)]
     if fit.prior_penalty > BENT:
@@ -276,7 +273,7 @@ def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]
 
 def elsewhere(problem: Problem, fit: Fit, own: Rival) -> list[Rival]:
     """Play in every other gear pair, with the same lost motion at the load."""
-    if own.term.mechanism != "backlash":
+    if not own.term.traits.gap:
         return []
     stages = stages_of(problem.axis)
     gap = magnitude(own.term, fit.values) / ratio_after(problem.axis, stages.index(own.term.location or ""))

@@ -22,8 +22,8 @@ from sim.discrepancy.estimation.refit import calibrate, look_closely, rattling
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.hypotheses.catalogue import terms_of
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.hypotheses.nonparametric import FIXED
 from sim.discrepancy.hypotheses.structure import SHARP, SOFTEST
+from sim.discrepancy.hypotheses.traits import FIXED
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.model.effects import swing
 from sim.discrepancy.model.nominal import base_parameters, loss_parameters, nuisance_of
@@ -31,7 +31,6 @@ from sim.discrepancy.model.parameters import Parameter
 from sim.discrepancy.results import Unexplained
 from sim.discrepancy.search import proposals as candidates
 from sim.discrepancy.search.criterion import (
-    LEAST_GAINS,
     evidence,
     holds,
     is_model_error,
@@ -46,6 +45,7 @@ from sim.discrepancy.search.proposals import Rival, faint, try_terms
 from sim.discrepancy.search.residual_proposals import line_of
 from sim.discrepancy.search.score_test import least_squares_within
 from sim.discrepancy.search.search import Selection, likely, unmasked
+from sim.mechanisms.traits import LEAST_GAIN
 from sim.torsional.model import Array, Chain, Shaft
 from tests.sim.discrepancy.telemetry_of import RATE_HZ, geared, one_body
 from tests.sim.discrepancy.telemetry_of import swing as motion
@@ -219,11 +219,11 @@ def test_losses_bring_along_on_which_side_of_the_mesh_they_are_once_for_all_mesh
     assert [names.count(name) for name in splits] == [1] * len(splits)
 
 
-@pytest.mark.parametrize("mechanism", sorted(LEAST_GAINS))
+@pytest.mark.parametrize("mechanism", sorted(name for name in TERMS if TERMS[name].traits.least_gain < LEAST_GAIN))
 def test_noise_alone_promises_what_is_asked_for_less_than_once_in_five_hundred_axes(mechanism: str) -> None:
     """The squares that k numbers take away from white noise are chi-squared with k degrees of freedom."""
     numbers = 1 if mechanism.endswith(("coulomb_friction", "viscous_friction")) else len(TERMS[mechanism].parameters)
-    assert chi2.sf(LEAST_GAINS[mechanism], numbers) < 0.002
+    assert chi2.sf(TERMS[mechanism].traits.least_gain, numbers) < 0.002
 
 
 def test_what_acts_over_strokes_pays_for_the_rows_that_say_something_of_their_own() -> None:
