@@ -51,6 +51,7 @@ from sim.discrepancy.report.maintenance_actions import action
 from sim.discrepancy.report.wording import next_measurement, numbers_of
 from sim.discrepancy.results import SAID, Finding, Investigation, rounded
 from sim.discrepancy.search.search import select
+from sim.mechanisms.catalogue import kind_of
 
 VERSION = "1"
 Progress = Callable[[str, float], None]
@@ -149,13 +150,13 @@ def investigate(
 
 def _struck(axis: Axis, found: Sequence[Term | AcousticFinding]) -> list[float]:
     """Turns per turn of the motor of gears with a damaged tooth."""
-    return [axis.ratio_from(t.location) / axis.ratio for t in found if t.mechanism == "tooth_damage" and t.location]
+    return [axis.ratio_from(t.location) / axis.ratio for t in found if kind_of(t.mechanism).traits.dent and t.location]
 
 
 def _loud(axis: Axis, found: Sequence[Term]) -> list[float]:
     """Teeth per turn of the motor of gears whose teeth err."""
     teeth = {stage.name: stage.driven_teeth or 0 for stage in axis.stages}
-    erring = [t.location for t in found if t.mechanism == "mesh_error" and t.location in teeth]
+    erring = [t.location for t in found if kind_of(t.mechanism).signature.order == "mesh" and t.location in teeth]
     return [teeth[place] * axis.ratio_from(place) / axis.ratio for place in erring]
 
 

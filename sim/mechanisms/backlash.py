@@ -6,6 +6,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.errors import CompositionError
 from sim.mechanisms.differing import Differing
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, meshes, stage_at
 from sim.mechanisms.traits import Law, Traits
@@ -37,6 +38,13 @@ class Backlash(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
+    own_hypothesis: ClassVar[bool] = True
+    heard: ClassVar[Heard | None] = Heard(
+        "play",
+        "Add an encoder at the load and repeat the motion: the way between the flanks is the gap, and the stage "
+        "with the play shows in how fast it is crossed.",
+        left_out="No impact where braking begins stands out over what good gearboxes do as well.",
+    )
     traits: ClassVar[Traits] = Traits(
         needs_no_trial=0.02,
         laws=frozenset({Law.SPRING}),

@@ -4,6 +4,7 @@ import math
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, shaft_name, unused_name
 from sim.rotational.drive_train import DriveTrain
@@ -36,6 +37,14 @@ class BearingDefect(Mechanics):
     check: ClassVar[str] = (
         "Repeat the motion at two thirds of the speed with the sound: what keeps its order is the bearing, what keeps "
         "its pitch is not."
+    )
+    own_hypothesis: ClassVar[bool] = True
+    heard: ClassVar[Heard | None] = Heard(
+        "bearing defect",
+        "Repeat the motion at two thirds of the speed: what keeps its order is the bearing, what keeps its pitch "
+        "is not.",
+        left_out="The lines that no gear explains are too few to be a bearing's.",
+        silent="No family of impacts stands out of the sound at an order that no gear has.",
     )
 
     @classmethod

@@ -7,6 +7,7 @@ import numpy as np
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Measurement, Parameter, Samples, Signature
 
 
@@ -26,6 +27,14 @@ class Clipping(Measurement):
     check: ClassVar[str] = (
         "Repeat the same motion with a wider range or half the acceleration: what happens at the largest torque was "
         "not measured."
+    )
+    own_hypothesis: ClassVar[bool] = True
+    beside_the_chain: ClassVar[bool] = True
+    of_the_recording: ClassVar[bool] = True
+    checked: ClassVar[tuple[str, str] | None] = ("values cut at their extremes", "none found")
+    heard: ClassVar[Heard | None] = Heard(
+        "clipping",
+        "Record again with the gain lowered and without gaps: what is missing of the sound could be a fault's.",
     )
 
     @classmethod

@@ -31,6 +31,7 @@ class CoulombFriction(Mechanics):
         "Move at three even speeds in both directions: dry friction stays the same, viscous friction grows with the "
         "speed."
     )
+    own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         least_gain=13.0,
         in_every_axis=True,

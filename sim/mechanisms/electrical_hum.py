@@ -7,6 +7,7 @@ import numpy as np
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Measurement, Need, Parameter, Samples, Signature
 from sim.mechanisms.traits import Traits
 
@@ -19,7 +20,7 @@ class ElectricalHum(Measurement):
         Parameter("frequency_hz", "Hz", 1.0, 4000.0, 50.0),
         Parameter("torque_n_m", "N m", 0.0, 1e3, 0.1),
         Parameter("sound", "1", 0.0, 1.0, 0.0),
-        Parameter("phase_rad", "rad", -np.pi, np.pi, 0.0, periodic=True),
+        Parameter("phase_rad", "rad", -np.pi, np.pi, 0.0, periodic=True, shown=False),
     )
     size: ClassVar[str] = "torque_n_m"
     shown_by: ClassVar[frozenset[Need]] = frozenset({Need.SEVERAL_SPEEDS})
@@ -34,6 +35,15 @@ class ElectricalHum(Measurement):
     check: ClassVar[str] = (
         "Log the torque for ten seconds at standstill with the drive on: hum of the mains stays, ripple of the motor "
         "is gone."
+    )
+    own_hypothesis: ClassVar[bool] = True
+    beside_the_chain: ClassVar[bool] = True
+    of_the_recording: ClassVar[bool] = True
+    checked: ClassVar[tuple[str, str] | None] = ("hum of the mains", "none found")
+    heard: ClassVar[Heard | None] = Heard(
+        "hum",
+        "Mend the earthing of the recorder, then repeat; friction, stiffness and play need telemetry with a load "
+        "encoder.",
     )
     traits: ClassVar[Traits] = Traits(
         form_left=0.0,  # a sine in the current has no other form

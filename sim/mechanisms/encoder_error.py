@@ -37,10 +37,16 @@ class EncoderError(Measurement):
         "encoder's error shows between the two, runout of the gear does not."
     )
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_SECOND_ENCODER, Differing.OVER_A_TURN})
+    own_hypothesis: ClassVar[bool] = True
+    beside_the_chain: ClassVar[bool] = True
 
     @classmethod
     def as_new(cls, axis: Axis, location: str | None) -> float:
         return axis.load_encoder.error_rad
+
+    @classmethod
+    def looks_like(cls, axis: Axis, location: str | None, load_encoder: bool) -> tuple[str, ...]:
+        return ("eccentricity",) if load_encoder and axis.stages else ()
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

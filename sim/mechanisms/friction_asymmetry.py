@@ -36,6 +36,7 @@ class FrictionAsymmetry(Mechanics):
         "Zero the torque channel at standstill first, as an offset looks alike."
     )
     check: ClassVar[str] = Differing.AT_REST.value
+    own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         least_gain=18.0,
         laws=frozenset({Law.FRICTION, Law.DISSIPATION, Law.OFFSET}),

@@ -30,6 +30,7 @@ class FrictionDrift(Mechanics):
         "Repeat the motion after half an hour of running, with the temperature logged: heat has gone by then, wear "
         "has not."
     )
+    own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         least_gain=16.0,
     )

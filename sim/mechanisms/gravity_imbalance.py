@@ -37,9 +37,11 @@ class GravityImbalance(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.OVER_A_TURN})
+    own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         least_gain=16.0,
         restless=True,
+        torque_over_angle=True,
         shakes_load=True,
     )
 

@@ -36,12 +36,19 @@ class Hysteresis(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
+    own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         least_share=0.001,  # it bends to much
         over_bending=1.1,
         laws=frozenset({Law.SPRING, Law.DISSIPATION}),
         damping=0.4,
     )
+
+    @classmethod
+    def looks_like(cls, axis: Axis, location: str | None, load_encoder: bool) -> tuple[str, ...]:
+        """Errors of teeth whose number is not known are looked for nowhere, and a loop of the spring bends to them."""
+        unknown = any(stage.name == location and stage.driven_teeth is None for stage in axis.stages)
+        return ("mesh_error",) if unknown else ()
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

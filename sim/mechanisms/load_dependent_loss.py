@@ -28,6 +28,7 @@ class LoadDependentLoss(Mechanics):
     check: ClassVar[str] = (
         "Repeat the motion without payload: a loss of the teeth shrinks with the torque, friction stays."
     )
+    own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         laws=frozenset({Law.FRICTION, Law.DISSIPATION}),
         damping=0.1,

@@ -7,6 +7,7 @@ import numpy as np
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Measurement, Parameter, Signature
 
 
@@ -24,6 +25,17 @@ class LostSamples(Measurement):
         "machine."
     )
     check: ClassVar[str] = "Repeat the same motion without gaps: what happens in the lost rows was not measured."
+    own_hypothesis: ClassVar[bool] = True
+    beside_the_chain: ClassVar[bool] = True
+    of_the_recording: ClassVar[bool] = True
+    checked: ClassVar[tuple[str, str] | None] = (
+        "rows or samples missing, or held while it moves",
+        "none found (less than 0.05 % of all)",
+    )
+    heard: ClassVar[Heard | None] = Heard(
+        "lost samples",
+        "Record again with the gain lowered and without gaps: what is missing of the sound could be a fault's.",
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

@@ -21,6 +21,7 @@ from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis, MechanismEntry
 from sim.errors import ParameterError, near_match
 from sim.mechanisms.differing import Differing
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.traits import Traits
 from sim.rotational.drive_train import DriveTrain
 
@@ -46,6 +47,7 @@ class Parameter:
     default: float
     periodic: bool = False
     choices: tuple[float, ...] = ()
+    shown: bool = True  # to a reader, to whom a phase of one record says nothing
 
 
 @dataclass(frozen=True)
@@ -121,6 +123,18 @@ class Mechanism(ABC):
     """Measurements in which it differs from what looks like it."""
     behind_the_motor: ClassVar[bool] = False
     """Whether an encoder at the load tells more of it."""
+    own_hypothesis: ClassVar[bool] = False
+    """Whether an investigation looks for it in a way of its own, and not by what this class says."""
+    beside_the_chain: ClassVar[bool] = False
+    """Whether an investigation that finds it described has it in the load's own motion or in the measurement."""
+    of_the_recording: ClassVar[bool] = False
+    """Whether it is of one recording, and another of the same axis knows nothing of it."""
+    told_by: ClassVar[str | None] = None
+    """The parameter that tells one from another at the same place."""
+    checked: ClassVar[tuple[str, str] | None] = None
+    """What a recording is checked for before any physics, and what is said where it has none of it."""
+    heard: ClassVar[Heard | None] = None
+    """What is said of it where sound alone can show it."""
     traits: ClassVar[Traits] = Traits()
     """How an investigation weighs it."""
 
@@ -155,6 +169,11 @@ class Mechanism(ABC):
     def as_new(cls, axis: Axis, location: str | None) -> float:
         """Size that a new axis has at most, by its description."""
         return 0.0
+
+    @classmethod
+    def looks_like(cls, axis: Axis, location: str | None, load_encoder: bool) -> tuple[str, ...]:
+        """Mechanisms that no measurement of motor and load tells from it; `load_encoder`: whether there is one."""
+        return ()
 
     def placed(self, axis: Axis) -> str:
         """Return the place where it acts, the default where none was given."""

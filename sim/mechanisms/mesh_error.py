@@ -5,6 +5,7 @@ from typing import ClassVar
 
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_at, stage_names, teeth, with_error
 from sim.mechanisms.traits import Law, Traits
@@ -42,6 +43,13 @@ class MeshError(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_LOOK, Differing.OVER_A_TURN})
+    own_hypothesis: ClassVar[bool] = True
+    heard: ClassVar[Heard | None] = Heard(
+        "error of teeth",
+        "Record motor torque and angle of motor and load of the same motion: they give how much the teeth err, "
+        "and tell worn ones from one that is damaged.",
+        left_out="The lines of no gear's teeth have grown over those of as new and those of the other gears.",
+    )
     traits: ClassVar[Traits] = Traits(
         laws=frozenset({Law.RIPPLE_OF_TEETH, Law.FLANKS}),
         erring_teeth=True,

@@ -31,6 +31,7 @@ class StiffnessHardening(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
+    own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         least_share=0.0007,  # it bends to much
         over_bending=1.1,

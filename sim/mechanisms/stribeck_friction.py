@@ -36,6 +36,7 @@ class StribeckFriction(Mechanics):
         "Move at five even speeds from creeping to a third of the largest: friction that rises at low speed falls "
         "along them, stiction alone does not."
     )
+    own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         least_gain=15.0,
         laws=frozenset({Law.FRICTION, Law.DISSIPATION}),

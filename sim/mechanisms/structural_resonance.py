@@ -5,6 +5,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, inertia, shaft_name, unused_name
 from sim.mechanisms.traits import Traits
@@ -38,6 +39,14 @@ class StructuralResonance(Mechanics):
         "without any motion."
     )
     behind_the_motor: ClassVar[bool] = True
+    own_hypothesis: ClassVar[bool] = True
+    beside_the_chain: ClassVar[bool] = True
+    heard: ClassVar[Heard | None] = Heard(
+        "resonance",
+        "Tap covers, pipes, arm and stand at standstill and record that: the part that is loose rings at the same "
+        "pitch without any motion.",
+        left_out="No pitch has grown over that of as new, at every speed, by more than others have fallen.",
+    )
     traits: ClassVar[Traits] = Traits(
         least_share=0.003,  # it bends to much
         form_left=0.2,  # it is driven by the load as it was measured, noise and all

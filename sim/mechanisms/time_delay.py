@@ -30,6 +30,9 @@ class TimeDelay(Measurement):
         "Log one sharp step of torque with all channels at the full rate: a late channel lags by the same time at "
         "every step, a soft spring does not."
     )
+    own_hypothesis: ClassVar[bool] = True
+    beside_the_chain: ClassVar[bool] = True
+    of_the_recording: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         least_gain=13.0,
         form_of_any=0.1,  # a shift in time has the shape of what most errors of form leave

@@ -27,6 +27,8 @@ class TorqueOffset(Measurement):
     )
     check: ClassVar[str] = Differing.AT_REST.value
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.AT_REST})
+    own_hypothesis: ClassVar[bool] = True
+    of_the_recording: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         least_gain=10.0,
         over_bending=0.4,

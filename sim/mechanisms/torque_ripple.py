@@ -34,7 +34,10 @@ class TorqueRippleOfMotor(Mechanics):
     check: ClassVar[str] = (
         "Repeat the motion at half the speed: ripple keeps its order of the motor, hum its frequency."
     )
+    own_hypothesis: ClassVar[bool] = True
+    told_by: ClassVar[str | None] = "order"
     traits: ClassVar[Traits] = Traits(
+        torque_over_angle=True,
         laws=frozenset({Law.RIPPLE_OF_TEETH, Law.RUNOUT_OR_RIPPLE}),
     )
 

@@ -81,6 +81,8 @@ class Traits:
         It acts over whole strokes, so that few rows say something of their own.
     restless
         It never rests: it gains in all blocks of a record.
+    torque_over_angle
+        It is torque over the angle of its shaft, which on one stiff body others have as well.
     shakes_load
         It is seen by what shakes the load.
     at_low_speed
@@ -108,6 +110,7 @@ class Traits:
     like_an_offset: bool = False
     over_strokes: bool = False
     restless: bool = False
+    torque_over_angle: bool = False
     shakes_load: bool = False
     at_low_speed: bool = False
     gap: bool = False

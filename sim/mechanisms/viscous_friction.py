@@ -32,6 +32,7 @@ class ViscousFriction(Mechanics):
         "Move at three even speeds in both directions: viscous friction grows with the speed, dry friction stays the "
         "same."
     )
+    own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         least_gain=13.0,
         in_every_axis=True,

@@ -21,7 +21,7 @@ from sim.discrepancy.hypotheses.identifiability import ALONE, needs_of, same_ove
 from sim.discrepancy.report.wording import explain
 from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
 from sim.discrepancy.search.search import Selection
-from sim.mechanisms.catalogue import kind_of
+from sim.mechanisms.catalogue import kind_of, kind_or_any
 
 UNLIKELY = 0.4  # less likely than not
 AT_LOAD = 1.02  # times as much left on unseen rows
@@ -140,21 +140,8 @@ def drop_unidentifiable(selection: Selection) -> Selection:
 
 
 def looks_like(problem: Problem, term: Term) -> tuple[str, ...]:
-    """What no measurement of motor and load tells from `term`.
-
-    Runout of the last gear and an error of the load encoder differ by the torque of the load's inertia along the
-    error: by the square of once per turn over the natural frequency, 0.2 % on a robot's joint. Errors of teeth whose
-    number is not known are looked for nowhere, and a loop of the spring bends to them.
-    """
-    stages = problem.axis.stages
-    if term.mechanism == "hysteresis" and any(s.name == term.location and s.driven_teeth is None for s in stages):
-        return ("mesh_error",)
-    last = stages[-1].name if stages else None
-    if not problem.guided or last is None:
-        return ()
-    if term.mechanism == "encoder_error":
-        return ("eccentricity",)
-    return ("encoder_error",) if (term.mechanism, term.location) == ("eccentricity", last) else ()
+    """What no measurement of motor and load tells from `term`."""
+    return kind_or_any(term.mechanism).looks_like(problem.axis, term.location, problem.guided)
 
 
 def finding_of_fault(fault: Fault) -> Finding:

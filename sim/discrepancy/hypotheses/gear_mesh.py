@@ -32,6 +32,16 @@ from sim.discrepancy.model.nominal import (
     wave,
 )
 from sim.discrepancy.model.parameters import Parameter, Values
+from sim.mechanisms import (
+    Backlash,
+    Eccentricity,
+    Hysteresis,
+    LoadDependentLoss,
+    MeshError,
+    StiffnessHardening,
+    ToothDamage,
+    TorqueRippleOfMotor,
+)
 from sim.torsional.model import Chain, Dent, with_link
 
 FEWEST_TEETH = 8.0  # of a pinion
@@ -44,7 +54,7 @@ OF_TEETH = 0.5  # of the torque that erring teeth make: as much at their own ord
 
 def ripple(order: float, level: float, axis: Axis, present: Chain) -> Term:
     """Torque over the motor's angle; what teeth make as new, or err by, where it may be theirs, is none."""
-    prefix = f"torque_ripple{order:g}@motor"
+    prefix = f"{TorqueRippleOfMotor.name}{order:g}@motor"
     step = 0.01 * level
 
     def torque(m: Measurement, values: Values) -> Array:
@@ -56,7 +66,7 @@ def ripple(order: float, level: float, axis: Axis, present: Chain) -> Term:
 
     size = max(0.3 * step, AS_NEW_FACTOR * _torque_of_teeth(axis, order), OF_TEETH * _torque_of_errors(present, order))
     return Term(
-        "torque_ripple",
+        TorqueRippleOfMotor.name,
         "motor",
         cosine_and_sine(prefix, step),
         cosine_and_sine_probe(prefix, step),
@@ -110,14 +120,14 @@ def link_terms(axis: Axis, k: int, level: float, seen_twist_rad: float | None) -
         return out
     out.append(_backlash(name, k, stage.backlash_rad, twist, widest))
     new = max(stage.transmission_error_rad or 0.01 * twist, axis.load_encoder.error_rad / ratio_after(axis, k))
-    runout = _error("eccentricity", name, k, 1.0, twist, new)
+    runout = _error(Eccentricity.name, name, k, 1.0, twist, new)
     out.append(_with_encoder(runout) if load_encoder and k == len(axis.stages) - 1 else runout)
     if k == 0:
-        out.append(_error("eccentricity", MOTOR, k, 1.0, twist, stage.transmission_error_rad))
+        out.append(_error(Eccentricity.name, MOTOR, k, 1.0, twist, stage.transmission_error_rad))
     if stage.driven_teeth:
         new = stage.transmission_error_rad
         own = tuple(f"mesh.{name}.{part}_rad" for part in PARTS) if new else ()
-        out.append(_error("mesh_error", name, k, float(stage.driven_teeth), 0.3 * twist, new, own))
+        out.append(_error(MeshError.name, name, k, float(stage.driven_teeth), 0.3 * twist, new, own))
     if stage.mesh_efficiency >= 1.0:
         out.append(_loss(name, k))
     return out
@@ -125,7 +135,7 @@ def link_terms(axis: Axis, k: int, level: float, seen_twist_rad: float | None) -
 
 def _backlash(name: str, k: int, new: float, twist: float, seen: float) -> Term:
     """Narrower than the twist that is seen, of which springs take a part: what wants all of it is no gap."""
-    gap = parameter_key("backlash", name, "gap_rad")
+    gap = parameter_key(Backlash.name, name, "gap_rad")
 
     def apply(chain: Chain, values: Values) -> Chain:
         return with_link(chain, k, gap_rad=values[gap])
@@ -135,7 +145,7 @@ def _backlash(name: str, k: int, new: float, twist: float, seen: float) -> Term:
     probes = tuple(({gap: float(x)},) for x in np.geomspace(least, widest, 12))
     step = max(0.3 * new, 0.01 * twist)
     return Term(
-        "backlash", name, (Parameter(gap, 0.0, step, low=0.0, high=seen),), probes, lambda v: {"gap_rad": v[gap]},
+        Backlash.name, name, (Parameter(gap, 0.0, step, low=0.0, high=seen),), probes, lambda v: {"gap_rad": v[gap]},
         apply, positive=True, nonlinear=True, contact=True, replaces=(f"stages.{name}.backlash_rad",),
         size=max(AS_NEW_FACTOR * new, 0.01 * twist), magnitude=lambda v: v[gap] if v[gap] < ALL_OF_IT * seen else 0.0,
         as_new_too=True,  # what is always fitted ends below where a gap begins to matter
@@ -186,7 +196,7 @@ def _with_encoder(runout: Term) -> Term:
 
 
 def _loss(name: str, k: int) -> Term:
-    fraction = parameter_key("load_dependent_loss", name, "fraction")
+    fraction = parameter_key(LoadDependentLoss.name, name, "fraction")
 
     def apply(chain: Chain, values: Values) -> Chain:
         lost = values[fraction]
@@ -195,26 +205,26 @@ def _loss(name: str, k: int) -> Term:
     parameters = (Parameter(fraction, 0.0, 0.005, low=0.0, high=0.6),)
     probes = tuple(({fraction: 0.02, **dict(zip(LOSS_SPLITS, split, strict=True))},) for split in LOSS_SIDES)
     return Term(
-        "load_dependent_loss", name, parameters, probes, lambda v: {"fraction": v[fraction]}, apply,
+        LoadDependentLoss.name, name, parameters, probes, lambda v: {"fraction": v[fraction]}, apply,
         positive=True, size=0.003, brings=loss_parameters(),
     )  # fmt: skip
 
 
 def _hardening(name: str, k: int, twist: float) -> Term:
-    cubic = parameter_key("stiffness_hardening", name, "cubic_per_rad2")
+    cubic = parameter_key(StiffnessHardening.name, name, "cubic_per_rad2")
     step = 0.05 / (2.0 * twist) ** 2
 
     def apply(chain: Chain, values: Values) -> Chain:
         return with_link(chain, k, cubic_per_rad2=values[cubic])
 
     return Term(
-        "stiffness_hardening", name, (Parameter(cubic, 0.0, step, low=0.0),), (({cubic: step},),),
+        StiffnessHardening.name, name, (Parameter(cubic, 0.0, step, low=0.0),), (({cubic: step},),),
         lambda v: {"cubic_per_rad2": v[cubic]}, apply, positive=True, nonlinear=True, size=0.1 * step,
     )  # fmt: skip
 
 
 def _hysteresis(name: str, k: int, torque: float, twist: float) -> Term:
-    level, width = (parameter_key("hysteresis", name, p) for p in ("torque_n_m", "twist_rad"))
+    level, width = (parameter_key(Hysteresis.name, name, p) for p in ("torque_n_m", "twist_rad"))
 
     def apply(chain: Chain, values: Values) -> Chain:
         return with_link(chain, k, hysteresis_n_m=values[level], hysteresis_rad=values[width])
@@ -225,7 +235,7 @@ def _hysteresis(name: str, k: int, torque: float, twist: float) -> Term:
     )
     probes = tuple(({level: 0.03 * torque, width: share * twist},) for share in (0.05, 0.2, 0.6))
     return Term(
-        "hysteresis", name, parameters, probes, lambda v: {"torque_n_m": v[level], "width_rad": v[width]},
+        Hysteresis.name, name, parameters, probes, lambda v: {"torque_n_m": v[level], "width_rad": v[width]},
         apply, positive=True, nonlinear=True, size=0.005 * torque, shape=(width,),
     )  # fmt: skip
 
@@ -247,7 +257,7 @@ def tooth_damage(
     falls back how deep. `deepest`: a dent as deep as the working twist is never touched at its bottom.
     """
     numbers = ("depth_rad", "angle_rad", "width_rad", "form")
-    depth, angle, width, form = (parameter_key("tooth_damage", name, p) for p in numbers)
+    depth, angle, width, form = (parameter_key(ToothDamage.name, name, p) for p in numbers)
     pitch = 2.0 * math.pi / teeth
 
     def apply(chain: Chain, values: Values) -> Chain:
@@ -271,5 +281,14 @@ def tooth_damage(
     )
     probes = tuple(({angle: a, depth: d},) for a, d in starts)
     return Term(
-        "tooth_damage", name, parameters, probes, report, apply, positive=True, nonlinear=True, contact=True, size=size
+        ToothDamage.name,
+        name,
+        parameters,
+        probes,
+        report,
+        apply,
+        positive=True,
+        nonlinear=True,
+        contact=True,
+        size=size,
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,7 +18,7 @@ from sim import mechanisms
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.model.known_mechanisms import BESIDE, Effect, carried_over, loosens, plain_train
+from sim.discrepancy.model.known_mechanisms import Effect, carried_over, loosens, plain_train
 from sim.discrepancy.model.parameters import Parameter, Values
 from sim.errors import SimulationError
 from sim.mechanisms.catalogue import kind_of
@@ -38,13 +38,13 @@ STEP = 0.01  # of a usual number, for sensitivities
 INVERSIONS = 4  # of a distortion of a few percent, each to a few percent of what is left
 
 
-def terms_of_catalogue(axis: Axis, m: Measurement, apart: Collection[str]) -> list[Term]:
+def terms_of_catalogue(axis: Axis, m: Measurement) -> list[Term]:
     """A term for every mechanism, place and start of its shape, but for those that are looked for otherwise."""
-    kinds = [kind for name, kind in mechanisms.MECHANISMS.items() if name not in apart]
-    return [term for kind in kinds for term in _terms(kind, axis, m)]
+    kinds = [kind for kind in mechanisms.MECHANISMS.values() if not kind.own_hypothesis]
+    return [term for kind in kinds for term in terms_of_kind(kind, axis, m)]
 
 
-def _terms(kind: type[Mechanism], axis: Axis, m: Measurement) -> Iterator[Term]:
+def terms_of_kind(kind: type[Mechanism], axis: Axis, m: Measurement) -> Iterator[Term]:
     if issubclass(kind, Mechanics):
         train = plain_train(axis)
         for place in kind.locations(axis):
@@ -100,7 +100,7 @@ def read_too_much(axis: Axis, m: Measurement) -> Array:
     out = np.zeros(m.samples)
     for entry in axis.mechanisms:
         kind = kind_of(entry.name)
-        if entry.name not in BESIDE and issubclass(kind, Distortion):
+        if not kind.beside_the_chain and issubclass(kind, Distortion):
             out += m.torque - undistorted(kind(entry.location, entry.parameters), m, axis)
     return out
 

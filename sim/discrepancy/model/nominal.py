@@ -8,6 +8,7 @@ from dataclasses import replace
 from sim.description.axis import Axis
 from sim.discrepancy.model.observer import NO_STRETCH_RAD, Nuisance
 from sim.discrepancy.model.parameters import Parameter, Values
+from sim.mechanisms import ElectricalHum, EncoderError, TimeDelay
 from sim.torsional.model import Chain, Line, Link, Shaft
 
 UNKNOWN_STIFFNESS_HZ = 80.0
@@ -79,7 +80,7 @@ def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: boo
         out += _link_parameters(axis)
         out += _load_parameters(axis, load_encoder, level_n_m, rests)
     out.append(Parameter("offset_n_m", 0.0, 0.002 * level_n_m, 0.002 * level_n_m))
-    late_s = _described(axis, "time_delay", "motor", "delay_s")
+    late_s = _described(axis, TimeDelay.name, "motor", "delay_s")
     out.append(Parameter("torque_delay_s", late_s, 1e-4, 2e-4, -0.02, 0.02))
     for name, _, waves in hums(axis):  # as large as it is described, whatever its phase in this record
         spread = math.hypot(*waves)
@@ -97,7 +98,7 @@ def _described(axis: Axis, mechanism: str, location: str, number: str) -> float:
 
 def hums(axis: Axis) -> list[tuple[str, float, tuple[float, float]]]:
     """Name, frequency [Hz], and sine and cosine amplitude [N m] of every hum that is described."""
-    described = [entry.parameters for entry in axis.mechanisms if entry.name == "electrical_hum"]
+    described = [entry.parameters for entry in axis.mechanisms if entry.name == ElectricalHum.name]
     return [(f"hum.{k}", p["frequency_hz"], _parts(p, "torque_n_m")) for k, p in enumerate(described)]
 
 
@@ -158,9 +159,9 @@ def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: bo
     if load_encoder:
         out.append(Parameter("load_offset_rad", 0.0, 0.02 * compliance(axis), math.inf))
         out.append(
-            Parameter("load_delay_s", _described(axis, "time_delay", "load", "delay_s"), 1e-6, 5e-5, -0.02, 0.02)
+            Parameter("load_delay_s", _described(axis, TimeDelay.name, "load", "delay_s"), 1e-6, 5e-5, -0.02, 0.02)
         )
-        known = [_parts(e.parameters, "amplitude_rad") for e in axis.mechanisms if e.name == "encoder_error"]
+        known = [_parts(e.parameters, "amplitude_rad") for e in axis.mechanisms if e.name == EncoderError.name]
         errs = [sum(wave) for wave in zip((0.0, 0.0), *known, strict=True)]
         new = axis.load_encoder.error_rad or 0.1 * math.hypot(*errs)
         if new:  # what it has at most, and the runout of the last gear, which looks the same

@@ -22,12 +22,13 @@ from sim.discrepancy.assessment.verdict import left
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import BENT, all_rows, final_fit
-from sim.discrepancy.extended_axis import SIMPLE, extended_by
+from sim.discrepancy.extended_axis import extended_by
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.traits import AS_NEW, traits_of
 from sim.discrepancy.pooling.log_odds import Known, LogOdds, Name, pooled
-from sim.discrepancy.pooling.recording_evidence import OWN, found_at, instead, said_by, term_name
+from sim.discrepancy.pooling.recording_evidence import found_at, instead, is_own, said_by, term_name
 from sim.discrepancy.results import Estimate, Finding, Gain, Investigation, Unexplained
+from sim.mechanisms.catalogue import kind_or_any
 
 OF_THE_AXIS = ("motor.", "load.", "stages.", "mesh.", "loss_split.")
 ANGLES = ("angle_rad", "phase_rad", "second_phase_rad")
@@ -69,7 +70,7 @@ def under_one_model(
     present = {term_name(t, values): t for t in weighed.fit.terms if t.named}
     wrong = {n for n, t in present.items() if t in weighed.found and n not in said}
     tried = instead(result, wrong)
-    wanted = [name for name in said if name not in present and (name.mechanism not in OWN or name in tried)]
+    wanted = [name for name in said if name not in present and (not is_own(name) or name in tried)]
     lacking = [found for name in wanted if (found := found_at(results, name))]
     common = set.intersection(*({_curve(t) for t in r.weighed.fit.terms} for r in results if r.weighed))
     kept = [
@@ -103,7 +104,7 @@ def from_the_least_bent(parts: Sequence[Part]) -> list[Part]:
     """Fits that start once more from the numbers of the recording that bends the description least, where those are
     better: with gears the way to the least squares is rough, and one recording may be caught where another is not."""
     least = min(parts, key=lambda part: part.fit.prior_penalty)
-    theirs = {p.name for t in least.fit.terms if t.mechanism not in OWN for p in t.parameters}
+    theirs = {p.name for t in least.fit.terms if not kind_or_any(t.mechanism).of_the_recording for p in t.parameters}
     axis = {name: value for name, value in least.fit.values.items() if name.startswith(OF_THE_AXIS) or name in theirs}
     return [part if part is least or not part.fit.prior_penalty > BENT else _restarted(part, axis) for part in parts]
 
@@ -178,7 +179,7 @@ def extension(
     """The axis with the combined numbers; of what belongs to recordings only what all of them have."""
     values = {e.name: e.value for e in calibration}
     for name in said:
-        if name.mechanism in SIMPLE:
+        if traits_of(name.mechanism).in_every_axis:
             values |= _split(parts, name.mechanism, sizes[name])
     found = {(n.mechanism, n.location): {e.name: e.value for e in numbers[n]} for n in said}
     found |= {(n.mechanism, n.location): {e.name: e.value for e in f.parameters} for n, f in own.items()}

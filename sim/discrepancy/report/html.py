@@ -29,6 +29,7 @@ from sim.discrepancy.report.maintenance_actions import of_the_measurement, place
 from sim.discrepancy.report.panels import Panel
 from sim.discrepancy.report.summary import ALIKE, Candidate, asked_for, candidates, panels
 from sim.discrepancy.report.wording import headline, not_examined, numbers_of, telling_apart, unexplained_words
+from sim.mechanisms.catalogue import kind_of
 
 if TYPE_CHECKING:
     from sim.discrepancy.results import Estimate, Finding, Investigation
@@ -56,7 +57,6 @@ STEPS = (
 )
 """Headings of the steps, in order."""
 
-HIDDEN = ("form",)  # numbers that say nothing to a reader; the explanation says what they mean
 FLANKS = {1.0: "the one that carries positive torque", -1.0: "the one that carries negative torque"}
 MOST_PLACES = 6
 BELIEVED = f"How far a described number is believed, as one standard deviation: inertias of motor and gears, stiffness and friction {percent(STATED_SPREAD)}, what a mesh loses {percent(LOSS_SPREAD)}, the load's inertia {percent(PAYLOAD_SPREAD)}, damping {percent(DAMPING_SPREAD)}. A number of a data sheet that the data put {MISTAKEN:g} of those away is taken to be wrong, and hardly held any more."
@@ -260,7 +260,7 @@ def _extended(result: Investigation) -> list[str]:
 
 
 def _number(f: Finding, e: Estimate) -> tuple[str, str, str, str, str] | None:
-    if e.name in HIDDEN or (e.name == "phase_rad" and f.mechanism == "electrical_hum"):
+    if any(p.name == e.name and not p.shown for p in kind_of(f.mechanism).parameters):
         return None
     if e.name == "flank":
         return words_of(e.name), FLANKS.get(e.value, "not told"), "–", "", ""

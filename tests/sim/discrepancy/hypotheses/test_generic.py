@@ -20,9 +20,9 @@ from sim.discrepancy.data.validation import examine
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.extended_axis import extended_by
-from sim.discrepancy.hypotheses.catalogue import OWN, terms_of
+from sim.discrepancy.hypotheses.catalogue import terms_of
 from sim.discrepancy.hypotheses.friction import friction_felt
-from sim.discrepancy.hypotheses.generic import terms_of_catalogue, undistorted
+from sim.discrepancy.hypotheses.generic import terms_of_kind, undistorted
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.results import Investigation
@@ -222,7 +222,7 @@ def test_what_is_found_is_what_the_extended_axis_describes(term: Term) -> None:
 def test_each_would_have_terms_by_what_it_says_of_itself(kind: type[Mechanism]) -> None:
     """Numbers that it accepts, and an effect on a chain of its own train or on the torque that is read."""
     m = PROBLEM.measurement
-    terms = terms_of_catalogue(GEARED, m, set(mechanisms.MECHANISMS) - {kind.name})
+    terms = list(terms_of_kind(kind, GEARED, m))
     assert bool(terms) == (kind.name not in WITHOUT)
     for term in terms[:6]:
         start = {p.name: p.start for p in PROBLEM.base()}
@@ -231,10 +231,6 @@ def test_each_would_have_terms_by_what_it_says_of_itself(kind: type[Mechanism]) 
         chain = PROBLEM.chain((), start)
         assert term.torque is not None or term.apply(chain, values) != chain
         assert term.torque is None or term.torque(m, values).any()
-
-
-def test_every_mechanism_is_looked_for_by_its_own_term_or_by_what_it_says_of_itself() -> None:
-    assert set(mechanisms.MECHANISMS) == OWN
 
 
 def test_a_ripple_at_the_order_of_erring_teeth_must_be_half_as_large_as_they_make() -> None:
