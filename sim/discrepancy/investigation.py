@@ -138,7 +138,7 @@ def investigate(
         axis, verdict, findings, rest[0] if rest else None, estimates(problem, fit), gained,
         advice, extended_axis(axis, fit, said),
         _provenance(axis, telemetry, sounds, problem.measurement),
-        tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
+        tuple((str(r.term.key), r.gain) for r in selection.rejected[:6]),
         (
             *gate.remarks, *doubts, *strange, *quieted, *description_remarks(problem, fit),
             *excitation_remarks(problem), *standstill_remarks(problem), *contact_loss_remarks(problem),

@@ -26,6 +26,17 @@ def unchanged(chain: Chain, values: Values) -> Chain:
 
 
 @dataclass(frozen=True)
+class Key:
+    """A mechanism, or structure without a name, at one place."""
+
+    mechanism: str
+    location: str | None
+
+    def __str__(self) -> str:
+        return f"{self.mechanism}@{self.location}"
+
+
+@dataclass(frozen=True)
 class Term:
     """`apply` changes the chain; `torque` and `load_torque` are what to add outside of it at motor and load [N m].
 
@@ -65,8 +76,8 @@ class Term:
     least_share: float | None = None  # of the squared residual that it must gain; default that of its mechanism
 
     @property
-    def key(self) -> str:
-        return f"{self.mechanism}@{self.location}"
+    def key(self) -> Key:
+        return Key(self.mechanism, self.location)
 
     @property
     def traits(self) -> Traits:

@@ -97,7 +97,7 @@ def under_one_model(
 
 def _curve(term: Term) -> tuple[str, ...]:
     """What a term without a name is told by: its place, and its numbers, as curves of several orders lie in one."""
-    return term.key, *(p.name for p in term.parameters)
+    return str(term.key), *(p.name for p in term.parameters)
 
 
 def from_the_least_bent(parts: Sequence[Part]) -> list[Part]:

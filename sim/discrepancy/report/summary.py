@@ -162,7 +162,6 @@ def asked_for(term: Term, fit: Fit) -> float:
 def _form_of(selection: Selection, rival: Rival) -> str | None:
     """The mechanism whose errors of form a candidate may be."""
     for key, gain in selection.gains.items():
-        other = key.split("@")[0]
-        if rival.gain < form_share(rival.term.mechanism, other) * gain:
-            return other
+        if rival.gain < form_share(rival.term.mechanism, key.mechanism) * gain:
+            return key.mechanism
     return None

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 from sim.discrepancy.estimation.estimate import Fit
-from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.hypothesis import Key, Term
 from sim.discrepancy.hypotheses.traits import traits_of
 from sim.discrepancy.search.blocked_cross_validation import BLOCKS, advantage, gain_elsewhere, paired
 from sim.mechanisms.traits import LEAST_GAIN
@@ -79,14 +79,14 @@ def wanted(term: Term, far: float) -> bool:
     return far > BEYOND or (far > -math.inf and term.as_new_too)
 
 
-def is_model_error(term: Term, gain: float, entered: Mapping[str, float]) -> bool:
+def is_model_error(term: Term, gain: float, entered: Mapping[Key, float]) -> bool:
     """Whether a mechanism explains so little beside another that it is the error of the other's form.
 
     Two laws of a spring (gap, bend, loop, dent) or of friction leave each other's errors of form behind. `entered`:
     what each term gained when it came in; later, with what stands for its errors beside it, taking it away says far
     too much.
     """
-    return any(gain < form_share(term.mechanism, key.split("@")[0]) * brought for key, brought in entered.items())
+    return any(gain < form_share(term.mechanism, key.mechanism) * brought for key, brought in entered.items())
 
 
 def form_share(mechanism: str, other: str) -> float:

@@ -15,7 +15,7 @@ from sim.discrepancy.estimation.refit import BENT
 from sim.discrepancy.hypotheses.catalogue import terms_of
 from sim.discrepancy.hypotheses.gear_mesh import tooth_damage
 from sim.discrepancy.hypotheses.harmonics import AS_NEW_FACTOR
-from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.hypothesis import Key, Term
 from sim.discrepancy.hypotheses.traits import mechanisms_with
 from sim.discrepancy.model.nominal import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.parallel import each
@@ -88,7 +88,7 @@ def try_terms(
         candidates += nameless_terms(problem, fit) + ripples(problem, fit)
     candidates = [t for t in candidates if t.key not in present and (only is None or t.mechanism in only)]
     screened = screen(problem, fit, candidates)
-    begun: dict[str, int] = {}
+    begun: dict[Key, int] = {}
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
     straight.sort(key=lambda r: -evidence(r.term, r.gain, fit.residual.size))
     jobs: list[tuple[Term, Mapping[str, float]]] = []
@@ -111,7 +111,7 @@ def try_terms(
     refits = each(lambda job: _tried(fit, job[0], _refitted(problem, fit, *job)), jobs)
     refits += each(lambda job: _tried(fit, job[0], problem.best((job[0],), [(job[1], {})], to_end=False)), loose)
     tried = [t for t in refits if t]
-    tried.sort(key=lambda t: (-t[0].gain, t[0].term.key))
+    tried.sort(key=lambda t: (-t[0].gain, str(t[0].term.key)))
     # sensitivities change where contact is lost, where the rest moves far, and where friction comes in that may hold at
     # rest: anew for those that may be first and are not far below what matters
     far = [
@@ -126,11 +126,11 @@ def try_terms(
     rivals = [t[0] for t in tried]
     for place, anew in zip(far, finished, strict=True):
         rivals[place] = _rival(fit, rivals[place].term, anew, finished=anew)
-    rivals.sort(key=lambda r: (-r.gain, r.term.key))
-    best: dict[str, Rival] = {}
+    rivals.sort(key=lambda r: (-r.gain, str(r.term.key)))
+    best: dict[Key, Rival] = {}
     for r in [*rivals, *straight]:
         best.setdefault(r.term.key, r)
-    return sorted(best.values(), key=lambda r: (-r.gain, r.term.key))
+    return sorted(best.values(), key=lambda r: (-r.gain, str(r.term.key)))
 
 
 def faint(problem: Problem, fit: Fit) -> list[Rival]:
@@ -145,13 +145,13 @@ def faint(problem: Problem, fit: Fit) -> list[Rival]:
         for t in terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values))
         if t.key not in present and not t.contact and not t.traits.like_noise
     ]
-    jobs: dict[str, tuple[Term, Start]] = {}
+    jobs: dict[Key, tuple[Term, Start]] = {}
     for promised, term, start in screen(problem, fit, candidates):
         if promised >= FAINT and len(jobs) < FAINT_TRIES and magnitude(term, start) > LIKE_NEW * term.size:
             jobs.setdefault(term.key, (term, ({**fit.values, **start}, fit.sensitivities)))
     fits = each(lambda job: problem.best((*fit.terms, job[0]), [job[1]]), jobs.values())
     rivals = [_rival(fit, more.terms[-1], more, finished=more) for more in fits if more]
-    return sorted((r for r in rivals if r.gain > FAINT), key=lambda r: (-r.gain, r.term.key))
+    return sorted((r for r in rivals if r.gain > FAINT), key=lambda r: (-r.gain, str(r.term.key)))
 
 
 def _rival(fit: Fit, term: Term, more: Fit, finished: Fit | None = None) -> Rival:

@@ -13,7 +13,7 @@ from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import all_rows, look_closely, multistart, quieted, rattling, rewhiten
 from sim.discrepancy.estimation.whitening import LONG
-from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.hypothesis import Key, Term
 from sim.discrepancy.hypotheses.traits import AS_NEW, mechanisms_with
 from sim.discrepancy.parallel import each
 from sim.discrepancy.search.blocked_cross_validation import advantage, paired
@@ -76,11 +76,11 @@ class Selection:
     problem: Problem
     base: Fit
     fit: Fit
-    gains: Mapping[str, float]
-    rivals: Mapping[str, tuple[Rival, ...]]
+    gains: Mapping[Key, float]
+    rivals: Mapping[Key, tuple[Rival, ...]]
     rejected: tuple[Rival, ...]
     found: tuple[Term, ...]
-    standings: Mapping[str, ModelComparison]
+    standings: Mapping[Key, ModelComparison]
 
     @property
     def nameless(self) -> tuple[Term, ...]:
@@ -95,7 +95,7 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
     Where nothing came in, once more without the noise that `law` tells of the torque channel.
     """
     fit = base
-    rivals: Mapping[str, tuple[Rival, ...]] = {}
+    rivals: Mapping[Key, tuple[Rival, ...]] = {}
     rejected: tuple[Rival, ...] = ()
     entered = described(problem, base)
     promised: frozenset[str] = frozenset()
@@ -117,7 +117,9 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
         if not entry.new and asks_low_speed(problem, fit):
             more, entry = search(*rewhiten(problem.down_to(NEAR_STANDSTILL_SHARE), fit), entered, slow)
             anew = {r.term.key for r in more}
-            tried = sorted([*more, *(r for r in tried if r.term.key not in anew)], key=lambda r: (-r.gain, r.term.key))
+            tried = sorted(
+                [*more, *(r for r in tried if r.term.key not in anew)], key=lambda r: (-r.gain, str(r.term.key))
+            )
         if not entry.new and only is None and not problem.measurement.told.all():
             _, entry = search(*all_rows(problem, fit), entered, loosening)
         names = {r.term.key for r in entry.new}
@@ -169,14 +171,14 @@ def is_said(term: Term, fit: Fit) -> bool:
 
 
 def quietly(
-    problem: Problem, fit: Fit, law: DriveLaw, entered: Mapping[str, float]
-) -> tuple[Mapping[str, tuple[Rival, ...]], Nearly, Entry]:
+    problem: Problem, fit: Fit, law: DriveLaw, entered: Mapping[Key, float]
+) -> tuple[Mapping[Key, tuple[Rival, ...]], Nearly, Entry]:
     """What comes in once the drive's law tells noise of the torque channel, the fit with it and what each term gains.
 
     Nothing where it tells none, and where what comes in may as well be the noise at the load, which stays.
     """
     anew, more = quieted(problem, fit, law)
-    rivals: dict[str, tuple[Rival, ...]] = {}
+    rivals: dict[Key, tuple[Rival, ...]] = {}
     nearly: Nearly = {}
     for _ in range(MOST_QUIET if anew is not problem else 0):
         tried, entry = search(anew, more, entered, None)
@@ -194,7 +196,7 @@ def quietly(
     return rivals, nearly, Entry((), problem, fit) if shaken else Entry(new, anew, more, gains)
 
 
-def unmasked(problem: Problem, fit: Fit, entered: Mapping[str, float]) -> tuple[list[Rival], Entry]:
+def unmasked(problem: Problem, fit: Fit, entered: Mapping[Key, float]) -> tuple[list[Rival], Entry]:
     """What was tried, and of it what stands once noise is taken from its own fit, beside all that stands in `fit`.
 
     What each then gains is told of all of them. Where teeth hit none is looked for.
@@ -216,7 +218,7 @@ def unmasked(problem: Problem, fit: Fit, entered: Mapping[str, float]) -> tuple[
     return tried, Entry((), problem, fit)
 
 
-def described(problem: Problem, base: Fit) -> dict[str, float]:
+def described(problem: Problem, base: Fit) -> dict[Key, float]:
     """What each mechanism that the description already has gains over a description without it."""
 
     def without(entry: MechanismEntry) -> float:
@@ -228,8 +230,8 @@ def described(problem: Problem, base: Fit) -> dict[str, float]:
     return {_key(e): gain for e, gain in zip(entries, each(without, entries), strict=True)}
 
 
-def _key(entry: MechanismEntry) -> str:
-    return f"{entry.name}@{entry.location}"
+def _key(entry: MechanismEntry) -> Key:
+    return Key(entry.name, entry.location)
 
 
 def is_large(rival: Rival, fit: Fit) -> bool:
@@ -263,7 +265,7 @@ def asks_low_speed(problem: Problem, fit: Fit) -> bool:
 
 
 def search(
-    problem: Problem, fit: Fit, entered: Mapping[str, float], only: Collection[str] | None
+    problem: Problem, fit: Fit, entered: Mapping[Key, float], only: Collection[str] | None
 ) -> tuple[list[Rival], Entry]:
     """What was tried on top of `fit`, best first, and what of it comes in; `only`: mechanisms, default all."""
     least = 0.0 if problem.memory == LONG else LARGE * fit.misfit
@@ -283,7 +285,7 @@ class Entry:
     new: Sequence[Rival]
     problem: Problem
     fit: Fit
-    brought: Mapping[str, float] = field(default_factory=dict)
+    brought: Mapping[Key, float] = field(default_factory=dict)
 
 
 def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
@@ -349,7 +351,7 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
     return [], None
 
 
-def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, dict[str, float]]:
+def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, dict[Key, float]]:
     """Take away every term that the others have made needless; gains of those that stay.
 
     `strict`, once all are in: also what does not hold on unseen rows, is only the error of another's form, or needless
@@ -369,7 +371,8 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
             return problem.fit(rest, less.values, held=less.sensitivities, to_end=True)
 
         less = dict(zip((t.key for t in fit.terms), each(without, fit.terms), strict=True))
-        gains, costs = {}, {}
+        gains: dict[Key, float] = {}
+        costs: dict[Key, float] = {}
         for term in fit.terms:
             more = plain if term.named else fit
             gain = costs[term.key] = less[term.key].cost - more.cost
@@ -385,7 +388,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
             or not wanted(t, beyond(t, fit))
             or (strict and not matters(t, gains[t.key], fit))
         ]
-        instead: dict[str, tuple[Problem, Fit]] = {}
+        instead: dict[Key, tuple[Problem, Fit]] = {}
         if strict and not weak:
             for term in fit.terms:
                 more = plain if term.named else fit
@@ -410,10 +413,10 @@ def beside(problem: Problem, fit: Fit, rival: Rival) -> Fit:
 def swap(
     problem: Problem,
     fit: Fit,
-    rivals: Mapping[str, tuple[Rival, ...]],
-    entered: Mapping[str, float],
+    rivals: Mapping[Key, tuple[Rival, ...]],
+    entered: Mapping[Key, float],
     most: int = MOST_TERMS,
-) -> tuple[Fit, Mapping[str, tuple[Rival, ...]]]:
+) -> tuple[Fit, Mapping[Key, tuple[Rival, ...]]]:
     """Put in place of a mechanism one that was close to it when it came in, where that is better now.
 
     What comes in first is chosen while other things are still missing. What is as new takes no place: it comes in
@@ -459,7 +462,7 @@ def swap(
             as_new = beyond(rival.term, other) <= BEYOND  # it would have come in by itself
             if other.cost < best.cost - LEAST_SWAP or (even and not as_new):
                 best = beside(problem, fit, rival) if as_new else other
-        rivals = {**rivals, term.key: tuple(sorted(tried.values(), key=lambda r: (-r.gain, r.term.key)))}
+        rivals = {**rivals, term.key: tuple(sorted(tried.values(), key=lambda r: (-r.gain, str(r.term.key))))}
         if most and best is not fit:
             rivals = {**rivals, best.terms[-1].key: rivals[term.key]}
             now = {**entered, best.terms[-1].key: entered.get(term.key, own.gain)}

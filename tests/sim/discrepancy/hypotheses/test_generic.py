@@ -198,7 +198,7 @@ def cases() -> Iterator[Term]:
             yield term
 
 
-@pytest.mark.parametrize("term", tuple(cases()), ids=lambda t: t.key)
+@pytest.mark.parametrize("term", tuple(cases()), ids=lambda t: str(t.key))
 def test_what_is_found_is_what_the_extended_axis_describes(term: Term) -> None:
     """The same numbers as a term and as a table of the description predict the same torques.
 

@@ -21,7 +21,7 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import calibrate, look_closely, rattling
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.hypotheses.catalogue import terms_of
-from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.hypothesis import Key, Term
 from sim.discrepancy.hypotheses.structure import SHARP, SOFTEST
 from sim.discrepancy.hypotheses.traits import FIXED
 from sim.discrepancy.investigation import investigate
@@ -190,20 +190,20 @@ def test_a_cause_that_was_missing_bends_the_description_no_further(before: float
 
 def test_an_offset_is_no_error_of_the_form_of_what_is_larger() -> None:
     """It is known beforehand, and what it gains over that is not of the residual."""
-    entered = {"tooth_damage@output": 10_000.0}
+    entered = {Key("tooth_damage", "output"): 10_000.0}
     assert is_model_error(TERMS["hysteresis"], 40.0, entered)
     assert not is_model_error(TERMS["torque_offset"], 40.0, entered)
 
 
 def test_hum_leaves_nothing_of_its_form() -> None:
     """However loud it is, what is small beside it is something else."""
-    assert not is_model_error(TERMS["eccentricity"], 24.0, {"electrical_hum@motor": 3000.0})
-    assert is_model_error(TERMS["eccentricity"], 24.0, {"torque_ripple@motor": 3000.0})
+    assert not is_model_error(TERMS["eccentricity"], 24.0, {Key("electrical_hum", "motor"): 3000.0})
+    assert is_model_error(TERMS["eccentricity"], 24.0, {Key("torque_ripple", "motor"): 3000.0})
 
 
 def test_an_offset_beside_an_asymmetry_is_what_the_other_holds_at_rest_unless_it_is_large() -> None:
     """While anything moves they are the same torque."""
-    entered = {"friction_asymmetry@motor": 5500.0}
+    entered = {Key("friction_asymmetry", "motor"): 5500.0}
     assert is_model_error(TERMS["torque_offset"], 85.0, entered)
     assert not is_model_error(TERMS["torque_offset"], 900.0, entered)
 
@@ -438,14 +438,14 @@ def test_a_small_cause_under_slow_noise_is_found_once_noise_is_taken_from_its_ow
         assert not entry.new
         return
     (best,) = entry.new
-    assert [t.key for t in entry.fit.terms] == [best.term.key] == ["gravity_imbalance@load"]
+    assert [t.key for t in entry.fit.terms] == [best.term.key] == [Key("gravity_imbalance", "load")]
     assert entry.brought[best.term.key] > best.gain  # noise taken without it had held some of it
     assert best.term.report(entry.fit.values)["torque_n_m"] == pytest.approx(weight_n_m, rel=0.3)
 
 
 def test_runout_at_the_load_is_held_against_what_is_as_new_together_with_the_error_of_its_encoder() -> None:
     """Half of one error each: neither is more than new, their sum is."""
-    runout = next(t for t in ALL if t.key == "eccentricity@output")
+    runout = next(t for t in ALL if t.key == Key("eccentricity", "output"))
     sine, cosine = (p.name for p in runout.parameters)
     half = 0.8 * runout.size
     shared = {sine: half, cosine: 0.0, "load_encoder.error_sine_rad": -half, "load_encoder.error_cosine_rad": 0.0}
@@ -456,13 +456,13 @@ def test_runout_at_the_load_is_held_against_what_is_as_new_together_with_the_err
 
 def test_a_loop_or_a_loss_of_erring_teeth_is_the_damping_of_what_they_shake() -> None:
     """And a loop alone, or one that brings as much as the errors, is one."""
-    entered = {"mesh_error@output": 1000.0}
+    entered = {Key("mesh_error", "output"): 1000.0}
     assert is_model_error(TERMS["hysteresis"], 250.0, entered)
     assert is_model_error(TERMS["load_dependent_loss"], 60.0, entered)
     assert not is_model_error(TERMS["hysteresis"], 450.0, entered)
     assert not is_model_error(TERMS["hysteresis"], 250.0, {})
     mesh = replace(TERMS["eccentricity"], mechanism="mesh_error")
-    assert not is_model_error(mesh, 250.0, {"hysteresis@output": 1000.0})  # and not the other way round
+    assert not is_model_error(mesh, 250.0, {Key("hysteresis", "output"): 1000.0})  # and not the other way round
 
 
 @pytest.mark.parametrize(("teeth", "share"), [("backlash", 0.03), ("tooth_damage", 0.3)])
@@ -479,7 +479,7 @@ def test_of_runout_at_the_load_and_the_error_of_its_encoder_one_is_found() -> No
     """Both in one model share what only their sum is known of; runout elsewhere stands for itself."""
     problem = Problem(AXIS, MOVED, Noise.flat(0.1, 1.0))
     fit = Fit((), (), {}, np.zeros(1), np.zeros((1, 0)), 0.0, 1)
-    at_load, at_motor = (next(t for t in ALL if t.key == f"eccentricity@{place}") for place in ("output", "motor"))
+    at_load, at_motor = (next(t for t in ALL if t.key == Key("eccentricity", place)) for place in ("output", "motor"))
     found = (at_load, TERMS["encoder_error"], at_motor)
     gains = {at_load.key: 60.0, TERMS["encoder_error"].key: 90.0, at_motor.key: 40.0}
     told = drop_unidentifiable(Selection(problem, fit, fit, gains, {}, (), found, {}))
