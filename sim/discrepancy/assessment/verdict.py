@@ -146,13 +146,13 @@ def looks_like(problem: Problem, term: Term) -> tuple[str, ...]:
 
 def finding_of_fault(fault: Fault) -> Finding:
     """A fault of the measurement as a finding."""
-    estimates = tuple(Estimate(k, v, unit_of(k), v, v) for k, v in fault.parameters.items())
+    estimates = tuple(Estimate(k, v, unit_of(fault.mechanism, k), v, v) for k, v in fault.parameters.items())
     return Finding(fault.mechanism, fault.location, 0.97, estimates, (), fault.explanation)
 
 
 def finding_of_sound(h: AcousticFinding) -> Finding:
     """What was heard as a finding."""
-    estimates = tuple(Estimate(k, v, unit_of(k), low, high) for k, (v, low, high) in h.parameters.items())
+    estimates = tuple(Estimate(k, v, unit_of(h.mechanism, k), low, high) for k, (v, low, high) in h.parameters.items())
     return Finding(
         h.mechanism, h.location, h.probability, estimates, h.indistinguishable_from, h.explanation,
         elsewhere=h.elsewhere,

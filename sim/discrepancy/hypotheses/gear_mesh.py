@@ -27,6 +27,7 @@ from sim.discrepancy.model.nominal import (
     is_open,
     link_stiffness,
     loss_parameters,
+    mesh_wave,
     ratio_after,
     stages_of,
     wave,
@@ -126,7 +127,7 @@ def link_terms(axis: Axis, k: int, level: float, seen_twist_rad: float | None) -
         out.append(_error(Eccentricity.name, MOTOR, k, 1.0, twist, stage.transmission_error_rad))
     if stage.driven_teeth:
         new = stage.transmission_error_rad
-        own = tuple(f"mesh.{name}.{part}_rad" for part in PARTS) if new else ()
+        own = tuple(mesh_wave(name, part) for part in PARTS) if new else ()
         out.append(_error(MeshError.name, name, k, float(stage.driven_teeth), 0.3 * twist, new, own))
     if stage.mesh_efficiency >= 1.0:
         out.append(_loss(name, k))

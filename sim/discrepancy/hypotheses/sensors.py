@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +17,7 @@ from sim.discrepancy.hypotheses.harmonics import (
     cosine_and_sine_probe,
 )
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.model.parameters import Parameter, Values
+from sim.discrepancy.model.parameters import Owner, Parameter, Values
 from sim.mechanisms import ElectricalHum, EncoderError, TimeDelay, TorqueOffset
 
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
@@ -57,8 +58,9 @@ def hum(frequency: float, level: float) -> Term:
             "phase_rad": math.atan2(cosine, sine),
         }
 
+    waves = tuple(replace(p, unit="N m", owner=Owner.MOTION) for p in cosine_and_sine(prefix, step))
     return Term(
-        ElectricalHum.name, "motor", cosine_and_sine(prefix, step), cosine_and_sine_probe(prefix, step), report,
+        ElectricalHum.name, "motor", waves, cosine_and_sine_probe(prefix, step), report,
         torque=torque, size=HUM_SHARE * level, frequency_hz=frequency,
     )  # fmt: skip
 

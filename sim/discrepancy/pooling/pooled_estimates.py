@@ -25,12 +25,12 @@ from sim.discrepancy.estimation.refit import BENT, all_rows, final_fit
 from sim.discrepancy.extended_axis import extended_by
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.traits import AS_NEW, traits_of
+from sim.discrepancy.model.parameters import Owner
 from sim.discrepancy.pooling.log_odds import Known, LogOdds, Name, pooled
 from sim.discrepancy.pooling.recording_evidence import found_at, instead, is_own, said_by, term_name
 from sim.discrepancy.results import Estimate, Finding, Gain, Investigation, Unexplained
 from sim.mechanisms.catalogue import kind_or_any
 
-OF_THE_AXIS = ("motor.", "load.", "stages.", "mesh.", "loss_split.")
 ANGLES = ("angle_rad", "phase_rad", "second_phase_rad")
 
 
@@ -105,7 +105,8 @@ def from_the_least_bent(parts: Sequence[Part]) -> list[Part]:
     better: with gears the way to the least squares is rough, and one recording may be caught where another is not."""
     least = min(parts, key=lambda part: part.fit.prior_penalty)
     theirs = {p.name for t in least.fit.terms if not kind_or_any(t.mechanism).of_the_recording for p in t.parameters}
-    axis = {name: value for name, value in least.fit.values.items() if name.startswith(OF_THE_AXIS) or name in theirs}
+    theirs |= {p.name for p in least.fit.parameters if p.owner in (Owner.DESCRIPTION, Owner.MACHINE)}
+    axis = {name: value for name, value in least.fit.values.items() if name in theirs}
     return [part if part is least or not part.fit.prior_penalty > BENT else _restarted(part, axis) for part in parts]
 
 
@@ -192,7 +193,7 @@ def _split(parts: Sequence[Part], mechanism: str, sizes: Mapping[str, Sequence[E
     weight = {name: (max(e[0].high - e[0].low, 1e-300)) ** -2.0 for name, e in sizes.items()}
     for part in parts:
         share = weight.get(part.taken.name, 0.0) / sum(weight.values())
-        for name, value in part.fit.values.items():
-            if share and name.startswith(f"{mechanism}@"):
-                out[name] = out.get(name, 0.0) + share * value
+        for name in (p.name for t in part.fit.terms if t.mechanism == mechanism for p in t.parameters):
+            if share:
+                out[name] = out.get(name, 0.0) + share * part.fit.values[name]
     return out

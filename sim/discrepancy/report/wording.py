@@ -38,6 +38,7 @@ REST = {
     "time": "Repeat the motion twice in a row with the temperature logged: heat goes on from where it was, what happened once does not come again.",
 }
 PLACED = {"angle_rad": SHOWN_RAD}  # to which a place is said
+UNITS = {"frequency_hz": "Hz", "speed_rad_s": "rad/s", "time_s": "s", "amplitude_rad": "rad"}  # of what has no name
 ALIKE = 0.25  # of what a mechanism explains, from which another looks like it
 SAID = 0.5  # probability from which a name is said
 BOTTOMS = ((3.0, "round, like a worn hollow"), (6.0, "between a worn hollow and a piece broken out"))
@@ -180,16 +181,14 @@ def unexplained_words(rest: Unexplained) -> str:
 
 
 def _places(rest: Unexplained) -> list[str]:
-    units = {"_hz": "Hz", "_rad_s": "rad/s", "_rad": "rad", "_s": "s"}
     out = []
     for name, value in rest.numbers.items():
-        unit = next((unit for ending, unit in units.items() if name.endswith(ending)), "")
         if name == "order":
             out.append(f"{value:g} times per turn of the load")
         elif name.startswith("angle_"):
             out.append(f"{angle(value)} of {words_of(name).removeprefix('angle ')}")
         elif name != "direction":
-            out.append(f"{number(value)} {unit}")
+            out.append(f"{number(value)} {UNITS[name]}")
     return out
 
 

@@ -15,10 +15,6 @@ ROOT = Path(__file__).parents[3]
 NAMED = re.compile(rf"({'|'.join(MECHANISMS)})(@.*)?")
 KINDS_OF_THE_DIAGNOSIS = {"casebase/signals/quality.py": {"clipping"}}  # disturbances, by the words of its document
 STATES = {"sim/torsional/model.py": {"hysteresis"}}  # what a link remembers
-NAMES_OF_PARAMETERS = {  # by which it is asked whose they are
-    "sim/discrepancy/assessment/intervals.py": {"backlash"},
-    "sim/discrepancy/next_measurement/discrimination.py": {"electrical_hum"},
-}
 FREE_OF_KINDS = ("search", "estimation", "assessment", "pooling", "next_measurement")
 
 
@@ -46,7 +42,7 @@ def test_no_module_beside_their_own_knows_a_mechanism_by_its_name() -> None:
         for path in modules("sim", "app", "casebase", "benchmarks", "docs")
         if "mechanisms" not in path.relative_to(ROOT).parts and (names := names_in(path.read_text(encoding="utf-8")))
     }
-    assert known == KINDS_OF_THE_DIAGNOSIS | STATES | NAMES_OF_PARAMETERS
+    assert known == KINDS_OF_THE_DIAGNOSIS | STATES
 
 
 @pytest.mark.parametrize("folder", FREE_OF_KINDS)
