@@ -28,6 +28,7 @@ from sim.discrepancy.investigation import investigate
 from sim.discrepancy.results import Investigation
 from sim.discrepancy.search.effect_size import magnitude
 from sim.experiment.virtual_measurement import measure
+from sim.mechanisms import GravityImbalance
 from sim.mechanisms.catalogue import with_mechanism
 from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_names, with_error
@@ -124,9 +125,8 @@ def again(result: Investigation, telemetry: Telemetry) -> Investigation:
     return investigate(read_axis(json.loads(json.dumps(result.document()["extended_axis"]))), telemetry)
 
 
-def misaligned() -> Telemetry:
-    hidden = with_mechanism(GEARED, Misalignment("output", {"amplitude_rad": 1.5e-4, "phase_rad": 0.7}))
-    ideal, rng = measure(hidden, 8.0).telemetry, np.random.default_rng(1)
+def noisy(hidden: Mechanism) -> Telemetry:
+    ideal, rng = measure(with_mechanism(GEARED, hidden), 8.0).telemetry, np.random.default_rng(1)
     return Telemetry(
         ideal.time_s,
         {
@@ -139,7 +139,7 @@ def misaligned() -> Telemetry:
 
 @pytest.mark.usefixtures("grown")
 def test_a_new_mechanism_of_the_machine_is_named_measured_and_closed() -> None:
-    telemetry = misaligned()
+    telemetry = noisy(Misalignment("output", {"amplitude_rad": 1.5e-4, "phase_rad": 0.7}))
     result = investigate(GEARED, telemetry)
     assert named(result) == {"misalignment": pytest.approx(1.5e-4, rel=0.1)}
     finding = result.findings[0]
@@ -147,6 +147,24 @@ def test_a_new_mechanism_of_the_machine_is_named_measured_and_closed() -> None:
     assert finding.parameters[1].value == pytest.approx(0.7, abs=0.1)
     assert finding.explanation.startswith("Misalignment at output: two shafts that are not in line")
     assert again(result, telemetry).verdict == "nothing_missing"
+
+
+def unknown(kind: type[Mechanism]) -> type[Mechanism]:
+    """The same mechanism under a name that no module knows, found by what it says of itself alone."""
+    return type("Unknown", (kind,), {"name": "unknown", "own_hypothesis": False, "__doc__": "Nobody knows it."})
+
+
+def test_a_mechanism_that_no_module_knows_is_found_as_well_as_a_built_in_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    telemetry = noisy(GravityImbalance("load", {"torque_n_m": 1.0, "phase_rad": 0.4}))
+    (built_in,) = investigate(GEARED, telemetry).findings
+    known = {name: kind for name, kind in mechanisms.MECHANISMS.items() if kind is not GravityImbalance}
+    monkeypatch.setattr(mechanisms, "MECHANISMS", {**known, "unknown": unknown(GravityImbalance)})
+    (new,) = investigate(GEARED, telemetry).findings
+    assert (built_in.mechanism, new.mechanism) == ("gravity_imbalance", "unknown")
+    assert new.location == built_in.location
+    assert new.probability == pytest.approx(built_in.probability, abs=0.02)
+    for one, other in zip(new.parameters, built_in.parameters, strict=True):
+        assert one.value == pytest.approx(other.value, rel=0.02)
 
 
 @pytest.mark.usefixtures("grown")
