@@ -10,6 +10,7 @@ from sim.discrepancy.data.excitation import lacking
 from sim.discrepancy.data.validation import Gate
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.model.parameters import Owner
 from sim.discrepancy.report.formatting import named
 from sim.discrepancy.results import Gain
 from sim.mechanisms import MECHANISMS
@@ -36,7 +37,7 @@ def misfit_remarks(fit: Fit, gained: Sequence[Gain]) -> tuple[str, ...]:
     bent = [
         f"{p.name} {p.expected:.3g} -> {fit.values[p.name]:.3g}"
         for p, limit in zip(fit.parameters, fit.at_limit, strict=True)
-        if limit and p.unit in SOLID
+        if limit and p.owner is Owner.DESCRIPTION and p.unit in SOLID
     ]
     if bent:
         out.append(

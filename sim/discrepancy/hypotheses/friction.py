@@ -60,7 +60,9 @@ def _both(
     def report(values: Values) -> dict[str, float]:
         return {kind.size: values[names[0]] + (values[names[1]] / scale if n else 0.0)}
 
-    parameters = tuple(Parameter(name, 0.0, 0.05 * size, low=0.0) for name, size in zip(names, sizes, strict=True))
+    unit = kind.parameters[0].unit
+    numbers = zip(names, sizes, strict=True)
+    parameters = tuple(Parameter(name, 0.0, 0.05 * size, low=0.0, unit=unit) for name, size in numbers)
     probes = (tuple({name: size} for name, size in zip(names, sizes, strict=True)),)
     return Term(kind.name, None if n else "motor", parameters, probes, report, apply, size=0.0, brings=brings)
 
@@ -83,8 +85,8 @@ def stribeck(level: float, top: float, seen: float = 0.0) -> Term:
 
     step = 0.05 * level
     parameters = (
-        Parameter(torque, 0.0, 0.3 * step, low=0.0),
-        Parameter(speed, max(0.07 * top, seen), 0.007 * top, 0.2 * top, max(0.01 * top, seen), 0.4 * top),
+        Parameter(torque, 0.0, 0.3 * step, low=0.0, unit="N m"),
+        Parameter(speed, max(0.07 * top, seen), 0.007 * top, 0.2 * top, max(0.01 * top, seen), 0.4 * top, unit="rad/s"),
         Parameter(exponent, 1.5, 0.05, 0.5, 1.0, 2.0),
     )
     probes = tuple(({torque: step, speed: max(share * top, seen)},) for share in (0.03, 0.08, 0.2))
@@ -122,7 +124,10 @@ def asymmetry(level: float, top: float, most: float, location: str | None) -> Te
         return max(abs(values[coulomb] + share * top * values[viscous]) for share in (0.3, 1.0))
 
     step = 0.03 * level
-    parameters = (Parameter(coulomb, 0.0, step, low=-most, high=most), Parameter(viscous, 0.0, step / top))
+    parameters = (
+        Parameter(coulomb, 0.0, step, low=-most, high=most, unit="N m"),
+        Parameter(viscous, 0.0, step / top, unit="N m s/rad"),
+    )
     probes = (({viscous: step / top},), ({coulomb: step}, {viscous: step / top}))
     return Term(
         FrictionAsymmetry.name, location, parameters, probes, report, apply, size=0.1 * step, magnitude=magnitude
@@ -140,7 +145,7 @@ def _drift(n: int, duration: float) -> Term:
 
     step = 0.1 / duration
     return Term(
-        FrictionDrift.name, None, (Parameter(rate, 0.0, step, low=-most, high=most),), (({rate: step},),),
+        FrictionDrift.name, None, (Parameter(rate, 0.0, step, low=-most, high=most, unit="1/s"),), (({rate: step},),),
         lambda v: {"rate_per_s": v[rate]}, apply, size=0.3 * step,
         magnitude=lambda v: v[rate] if abs(v[rate]) < 0.99 * most else 0.0,
     )  # fmt: skip

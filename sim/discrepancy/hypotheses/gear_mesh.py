@@ -69,7 +69,7 @@ def ripple(order: float, level: float, axis: Axis, present: Chain) -> Term:
     return Term(
         TorqueRippleOfMotor.name,
         "motor",
-        cosine_and_sine(prefix, step),
+        cosine_and_sine(prefix, step, "N m"),
         cosine_and_sine_probe(prefix, step),
         report,
         torque=torque,
@@ -146,8 +146,9 @@ def _backlash(name: str, k: int, new: float, twist: float, seen: float) -> Term:
     probes = tuple(({gap: float(x)},) for x in np.geomspace(least, widest, 12))
     step = max(0.3 * new, 0.01 * twist)
     return Term(
-        Backlash.name, name, (Parameter(gap, 0.0, step, low=0.0, high=seen),), probes, lambda v: {"gap_rad": v[gap]},
-        apply, positive=True, nonlinear=True, contact=True, replaces=(f"stages.{name}.backlash_rad",),
+        Backlash.name, name, (Parameter(gap, 0.0, step, low=0.0, high=seen, unit="rad"),), probes,
+        lambda v: {"gap_rad": v[gap]}, apply, positive=True, nonlinear=True, contact=True,
+        replaces=(f"stages.{name}.backlash_rad",),
         size=max(AS_NEW_FACTOR * new, 0.01 * twist), magnitude=lambda v: v[gap] if v[gap] < ALL_OF_IT * seen else 0.0,
         as_new_too=True,  # what is always fitted ends below where a gap begins to matter
     )  # fmt: skip
@@ -161,9 +162,9 @@ def _error(
     `replaces`: amplitudes of the same wave that the description's own model has, as new; they are set free.
     """
     prefix = f"{mechanism}@{name}"
-    own = () if replaces else cosine_and_sine(prefix, 0.1 * step)
-    first = tuple(Parameter(at, 0.0, 0.1 * step) for at in replaces) or own
-    second = cosine_and_sine(f"{prefix}.second", 0.1 * step) if order > 1.0 else ()
+    own = () if replaces else cosine_and_sine(prefix, 0.1 * step, "rad")
+    first = tuple(Parameter(at, 0.0, 0.1 * step, unit="rad") for at in replaces) or own
+    second = cosine_and_sine(f"{prefix}.second", 0.1 * step, "rad") if order > 1.0 else ()
     waves = [(pair, times) for pair, times in ((own, order), (second, 2.0 * order)) if pair]
     shaft = 0 if name == MOTOR else k + 1
 
@@ -219,7 +220,7 @@ def _hardening(name: str, k: int, twist: float) -> Term:
         return with_link(chain, k, cubic_per_rad2=values[cubic])
 
     return Term(
-        StiffnessHardening.name, name, (Parameter(cubic, 0.0, step, low=0.0),), (({cubic: step},),),
+        StiffnessHardening.name, name, (Parameter(cubic, 0.0, step, low=0.0, unit="1/rad2"),), (({cubic: step},),),
         lambda v: {"cubic_per_rad2": v[cubic]}, apply, positive=True, nonlinear=True, size=0.1 * step,
     )  # fmt: skip
 
@@ -231,8 +232,8 @@ def _hysteresis(name: str, k: int, torque: float, twist: float) -> Term:
         return with_link(chain, k, hysteresis_n_m=values[level], hysteresis_rad=values[width])
 
     parameters = (
-        Parameter(level, 0.0, 0.01 * torque, low=0.0),
-        Parameter(width, 0.1 * twist, 0.02 * twist, 0.3 * twist, 0.02 * twist, 2.0 * twist),
+        Parameter(level, 0.0, 0.01 * torque, low=0.0, unit="N m"),
+        Parameter(width, 0.1 * twist, 0.02 * twist, 0.3 * twist, 0.02 * twist, 2.0 * twist, unit="rad"),
     )
     probes = tuple(({level: 0.03 * torque, width: share * twist},) for share in (0.05, 0.2, 0.6))
     return Term(
@@ -275,9 +276,9 @@ def tooth_damage(
         }
 
     parameters = (
-        Parameter(depth, 0.0, 0.003 * deepest, low=0.0, high=deepest),
-        Parameter(angle, angle_rad, 0.02 * pitch, low=angle_rad - 6 * pitch, high=angle_rad + 6 * pitch),
-        Parameter(width, 0.6 * pitch, 0.01 * pitch, 0.15 * pitch, 0.2 * pitch, 1.5 * pitch),
+        Parameter(depth, 0.0, 0.003 * deepest, low=0.0, high=deepest, unit="rad"),
+        Parameter(angle, angle_rad, 0.02 * pitch, low=angle_rad - 6 * pitch, high=angle_rad + 6 * pitch, unit="rad"),
+        Parameter(width, 0.6 * pitch, 0.01 * pitch, 0.15 * pitch, 0.2 * pitch, 1.5 * pitch, unit="rad"),
         Parameter(form, 4.0, 0.1, 4.0, 1.2, 40.0),
     )
     probes = tuple(({angle: a, depth: d},) for a, d in starts)

@@ -96,7 +96,7 @@ def _half_teeth(k: int, stage: str, order: float, new_rad: float) -> Term:
         return with_link(chain, k, errors=chain.links[k].errors + error)
 
     step = 0.3 * new_rad
-    numbers = tuple(Parameter(name, 0.0, step, new_rad, -3.0 * new_rad, 3.0 * new_rad) for name in names)
+    numbers = tuple(Parameter(name, 0.0, step, new_rad, -3.0 * new_rad, 3.0 * new_rad, unit="rad") for name in names)
     return Term(
         AS_NEW, stage, numbers, (tuple({name: step} for name in names),), lambda values: {}, apply,
         named=False, magnitude=lambda values: math.inf,
@@ -138,7 +138,8 @@ def _shaped(
         return where(np.sum((shapes * amplitudes(values)) ** 2, axis=0))
 
     return Term(
-        kind, place, tuple(Parameter(name, 0.0, step) for name in names), (tuple({name: step} for name in names),),
-        report, torque=torque if place == "motor" else None, load_torque=torque if place == "load" else None,
+        kind, place, tuple(Parameter(name, 0.0, step, unit="N m") for name in names),
+        (tuple({name: step} for name in names),), report,
+        torque=torque if place == "motor" else None, load_torque=torque if place == "load" else None,
         named=False, magnitude=lambda values: math.inf,
     )  # fmt: skip

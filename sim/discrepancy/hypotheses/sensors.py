@@ -28,13 +28,13 @@ HUM_SHARE = 0.003  # of the torque: less hum does not matter
 def offset(level: float) -> Term:
     name, step = "offset_n_m", 0.01 * level
     return Term(
-        TorqueOffset.name, "motor", (Parameter(name, 0.0, step),), (({name: step},),),
+        TorqueOffset.name, "motor", (Parameter(name, 0.0, step, unit="N m"),), (({name: step},),),
         lambda v: {"torque_n_m": v[name]}, replaces=(name,), size=0.5 * step,
     )  # fmt: skip
 
 
 def delay(name: str, location: str, size: float) -> Term:
-    parameters = (Parameter(name, 0.0, 0.2 * size, low=-LATEST_S, high=LATEST_S),)
+    parameters = (Parameter(name, 0.0, 0.2 * size, low=-LATEST_S, high=LATEST_S, unit="s"),)
     return Term(
         TimeDelay.name, location, parameters, (({name: size},), ({name: -size},)), lambda v: {"delay_s": v[name]},
         replaces=(name,), size=size, magnitude=lambda v: v[name] if abs(v[name]) < 0.99 * LATEST_S else 0.0,
@@ -58,7 +58,7 @@ def hum(frequency: float, level: float) -> Term:
             "phase_rad": math.atan2(cosine, sine),
         }
 
-    waves = tuple(replace(p, unit="N m", owner=Owner.MOTION) for p in cosine_and_sine(prefix, step))
+    waves = tuple(replace(p, owner=Owner.MOTION) for p in cosine_and_sine(prefix, step, "N m"))
     return Term(
         ElectricalHum.name, "motor", waves, cosine_and_sine_probe(prefix, step), report,
         torque=torque, size=HUM_SHARE * level, frequency_hz=frequency,
@@ -68,7 +68,7 @@ def hum(frequency: float, level: float) -> Term:
 def encoder_error(axis: Axis) -> Term:
     names = ENCODER_ERROR
     step = max(axis.load_encoder.error_rad, 1e-5)
-    parameters = tuple(Parameter(name, 0.0, step) for name in names)
+    parameters = tuple(Parameter(name, 0.0, step, unit="rad") for name in names)
     probes = (tuple({name: 2.0 * AS_NEW_FACTOR * step} for name in names),)
     report = amplitude(parameters, "amplitude_rad", "phase_rad")
     return Term(EncoderError.name, "load", parameters, probes, report, replaces=names, size=AS_NEW_FACTOR * step)

@@ -25,7 +25,7 @@ HIGHEST_SWING_HZ = 0.6 * LOAD_CUT_HZ
 
 
 def gravity(step: float, shaft: int) -> Term:
-    pair = cosine_and_sine(f"{GravityImbalance.name}@load", step)
+    pair = cosine_and_sine(f"{GravityImbalance.name}@load", step, "N m")
     sine, cosine = (p.name for p in pair)
 
     def apply(chain: Chain, values: Values) -> Chain:
@@ -49,7 +49,7 @@ def resonance(axis: Axis) -> Term:
 
     parameters = (
         Parameter(share, 0.0, 0.005, low=0.0, high=1.0),
-        Parameter(frequency, start, 0.003 * start, low=0.3 * start, high=HIGHEST_SWING_HZ),
+        Parameter(frequency, start, 0.003 * start, low=0.3 * start, high=HIGHEST_SWING_HZ, unit="Hz"),
         Parameter(damping, 0.02, 0.002, 0.02, 0.002, SOFTEST),
     )
     grid = np.geomspace(0.5 * start, min(2.0 * mode, HIGHEST_SWING_HZ), 24)

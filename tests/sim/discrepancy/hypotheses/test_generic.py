@@ -286,3 +286,10 @@ def test_friction_that_pushes_is_no_asymmetry() -> None:
     assert torque.high == -torque.low < 2.5
     assert term.magnitude({torque.name: 0.4 * torque.high, coefficient.name: 0.0}) == pytest.approx(0.4 * torque.high)
     assert term.magnitude({torque.name: torque.low, coefficient.name: 0.0}) == 0.0
+
+
+@pytest.mark.parametrize("term", tuple(cases()), ids=lambda t: str(t.key))
+def test_numbers_that_a_term_fits_have_the_units_in_which_they_are_said(term: Term) -> None:
+    """But for a wave's cosine and sine, and what the fit names otherwise, of the unit of the mechanism's numbers."""
+    units = {p.unit for p in mechanisms.MECHANISMS[term.mechanism].parameters}
+    assert {p.unit for p in term.parameters} <= units
