@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from sim import mechanisms
 from sim.description.axis import Axis
 from sim.discrepancy.data.plausibility import LEAST_TURN
 from sim.discrepancy.data.preprocessing import Measurement
@@ -81,4 +82,5 @@ def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[
             out.append(resonance(axis))
     elif travel > LEAST_TURN:
         out.append(gravity(0.05 * level, 0))
-    return (*out, *terms_of_catalogue(axis, measurement))
+    known = (term for term in out if term.mechanism in mechanisms.MECHANISMS)
+    return (*known, *terms_of_catalogue(axis, measurement))
