@@ -24,6 +24,7 @@ from sim.discrepancy.assessment.remarks import (
     description_remarks,
     excitation_remarks,
     misfit_remarks,
+    shown_remark,
     standstill_remarks,
 )
 from sim.discrepancy.assessment.residual_structure import look, nameless
@@ -37,6 +38,7 @@ from sim.discrepancy.assessment.verdict import (
     predicting,
     terms_said,
 )
+from sim.discrepancy.data.excitation import excitation_of
 from sim.discrepancy.data.pairing import NOT_COMPARED, check_as_new
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.data.validation import Gate, InvestigationError, examine
@@ -51,6 +53,7 @@ from sim.discrepancy.report.maintenance_actions import action
 from sim.discrepancy.report.wording import next_measurement, numbers_of
 from sim.discrepancy.results import SAID, Finding, Investigation, rounded
 from sim.discrepancy.search.search import select
+from sim.mechanisms.catalogue import kind_of
 
 VERSION = "1"
 Progress = Callable[[str, float], None]
@@ -89,7 +92,7 @@ def investigate(
     if "motor_torque_nm" not in telemetry:
         return _encoders_alone(axis, telemetry, sounds, sound_offset_s, progress)
     gate = examine(axis, telemetry)
-    axis = gate.axis
+    axis, recorded = gate.axis, excitation_of(gate.measurement)
     progress("calibration of the description", 0.08)
     problem = Problem(axis, gate.measurement, _first_noise(gate), unknown=gate.unknown)
     problem, base = calibrate(problem)
@@ -137,10 +140,11 @@ def investigate(
         axis, verdict, findings, rest[0] if rest else None, estimates(problem, fit), gained,
         advice, extended_axis(axis, fit, said),
         _provenance(axis, telemetry, sounds, problem.measurement),
-        tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
+        tuple((str(r.term.key), r.gain) for r in selection.rejected[:6]),
         (
-            *gate.remarks, *doubts, *strange, *quieted, *description_remarks(problem, fit),
-            *excitation_remarks(problem), *standstill_remarks(problem), *contact_loss_remarks(problem),
+            shown_remark(axis, recorded), *gate.remarks, *doubts, *strange, *quieted,
+            *description_remarks(problem, fit), *excitation_remarks(excitation_of(problem.measurement)),
+            *standstill_remarks(problem), *contact_loss_remarks(problem),
         ),
         told, selection,
         weighed=weighed, gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,
@@ -149,13 +153,13 @@ def investigate(
 
 def _struck(axis: Axis, found: Sequence[Term | AcousticFinding]) -> list[float]:
     """Turns per turn of the motor of gears with a damaged tooth."""
-    return [axis.ratio_from(t.location) / axis.ratio for t in found if t.mechanism == "tooth_damage" and t.location]
+    return [axis.ratio_from(t.location) / axis.ratio for t in found if kind_of(t.mechanism).traits.dent and t.location]
 
 
 def _loud(axis: Axis, found: Sequence[Term]) -> list[float]:
     """Teeth per turn of the motor of gears whose teeth err."""
     teeth = {stage.name: stage.driven_teeth or 0 for stage in axis.stages}
-    erring = [t.location for t in found if t.mechanism == "mesh_error" and t.location in teeth]
+    erring = [t.location for t in found if kind_of(t.mechanism).signature.order == "mesh" and t.location in teeth]
     return [teeth[place] * axis.ratio_from(place) / axis.ratio for place in erring]
 
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 
+from sim.mechanisms.catalogue import kind_or_any
+
 NO_BREAK, MINUS = "\N{NO-BREAK SPACE}", "\N{MINUS SIGN}"
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SMALL = 1e-4  # below, powers of ten
@@ -25,7 +27,6 @@ WORDS = {
     "load_torque_nm": "torque at the load",
     "load_position_rad": "load position",
 }
-WORKSHOP = {"backlash": "play", "tooth_damage": "notch"}
 ENDINGS = ("_n_m_s_per_rad", "_n_m_per_rad", "_kg_m2", "_rad_s", "_n_m", "_nm", "_rad", "_hz", "_s")
 
 
@@ -136,5 +137,6 @@ def named(mechanism: str, location: str | None = None) -> str:
     ('tooth damage (notch) at output', 'encoder error')
     """
     name = mechanism.replace("_", " ")
-    name = f"{name} ({WORKSHOP[mechanism]})" if mechanism in WORKSHOP else name
+    also = kind_or_any(mechanism).workshop_name
+    name = f"{name} ({also})" if also else name
     return f"{name} at {location}" if location else name

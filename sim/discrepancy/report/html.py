@@ -25,10 +25,11 @@ from sim.discrepancy.report.formatting import (
     unit_in_words,
     words_of,
 )
-from sim.discrepancy.report.maintenance_actions import OF_THE_MEASUREMENT, place_of
+from sim.discrepancy.report.maintenance_actions import of_the_measurement, place_of
 from sim.discrepancy.report.panels import Panel
 from sim.discrepancy.report.summary import ALIKE, Candidate, asked_for, candidates, panels
 from sim.discrepancy.report.wording import headline, not_examined, numbers_of, telling_apart, unexplained_words
+from sim.mechanisms.catalogue import kind_of
 
 if TYPE_CHECKING:
     from sim.discrepancy.results import Estimate, Finding, Investigation
@@ -56,7 +57,6 @@ STEPS = (
 )
 """Headings of the steps, in order."""
 
-HIDDEN = ("form",)  # numbers that say nothing to a reader; the explanation says what they mean
 FLANKS = {1.0: "the one that carries positive torque", -1.0: "the one that carries negative torque"}
 MOST_PLACES = 6
 BELIEVED = f"How accurate described values are assumed to be (one standard deviation): inertias of motor and gears, stiffness and friction {percent(STATED_SPREAD)}, losses of a mesh {percent(LOSS_SPREAD)}, the load's inertia {percent(PAYLOAD_SPREAD)}, damping {percent(DAMPING_SPREAD)}. A value that the data put {MISTAKEN:g} standard deviations away is taken to be wrong, and is then fitted almost freely."
@@ -112,14 +112,14 @@ def _box(result: Investigation, files: Sequence[str]) -> str:
 
 
 def _told(result: Investigation, finding: Finding) -> list[tuple[str, str]]:
-    kind = "fault of the measurement" if finding.mechanism in OF_THE_MEASUREMENT else "missing in the model"
+    kind = "fault of the measurement" if of_the_measurement(finding.mechanism) else "missing in the model"
     at = place_of(result.axis, finding.location, numbers_of(finding))
     place = ", ".join(part for part in (finding.location or "", at) if part)
     return [
         ("What", f"{named(finding.mechanism).capitalize()} ({kind}). {finding.explanation}"),
         (
             "Where",
-            place or ("the recording" if finding.mechanism in OF_THE_MEASUREMENT else "these data do not show where"),
+            place or ("the recording" if of_the_measurement(finding.mechanism) else "these data do not show where"),
         ),
         ("How sure", f"{sure(finding.probability)}, {likely(finding.probability, calibrated=finding.calibrated)}"),
         ("What to do now", finding.action),
@@ -261,7 +261,7 @@ def _extended(result: Investigation) -> list[str]:
 
 
 def _number(f: Finding, e: Estimate) -> tuple[str, str, str, str, str] | None:
-    if e.name in HIDDEN or (e.name == "phase_rad" and f.mechanism == "electrical_hum"):
+    if any(p.name == e.name and not p.shown for p in kind_of(f.mechanism).parameters):
         return None
     if e.name == "flank":
         return words_of(e.name), FLANKS.get(e.value, "not known"), "–", "", ""
@@ -284,9 +284,9 @@ def _gain(result: Investigation) -> list[str]:
         )
         for g in result.gain
     ]  # fmt: skip
-    how = "Each quarter of the record is predicted by fits to the other three, below 40 Hz. Before: the calibrated description. After: the extended model."
+    how = "Each quarter of the record is predicted by fits to the other three, below 40 Hz. Before: the calibrated description. After: with what was found."
     if result.encoders:
-        how = "Each twentieth of the rows in steady motion is predicted by fits to the others. Before: the load follows the motor by the ratio. After: the extended model."
+        how = "Each twentieth of the rows in steady motion is predicted by fits to the others. Before: the load follows the motor by the ratio. After: with what was found."
     if result.selection is not None and not result.selection.found:
         how += " Nothing was added to this model, so the two differ only by their calibration."
     head = ("channel", "error before, rms", "error after, rms", "unit", "change", "gain")
