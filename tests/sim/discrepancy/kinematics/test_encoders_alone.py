@@ -219,7 +219,7 @@ def test_a_motor_angle_told_at_the_output_is_taken_for_what_it_is() -> None:
     record = log(SPEEDS, gap=1e-3)
     told = {**record.channels, "motor_position_rad": record["motor_position_rad"] / RATIO}
     result = investigate(geared, replace(record, channels=told))
-    assert any("told at the output" in remark for remark in result.remarks)
+    assert any("an angle of the output" in remark for remark in result.remarks)
     assert named(result)["backlash"].parameters[0].value == pytest.approx(1e-3, rel=0.02)
 
 
