@@ -6,8 +6,10 @@ from typing import Annotated, Generic, Literal, TypeVar
 
 from fastapi import Path, Query
 from pydantic import MISSING, AfterValidator, AwareDatetime, BaseModel, ConfigDict, Field, model_validator
+from sqlalchemy.orm import Session
 
 from app.keys import Role
+from casebase.axes import is_axis, unknown_axis
 from casebase.fields import Label, Positive, Text, Verification, Word
 from casebase.models import StoredDiagnosis
 from casebase.pages import Page
@@ -76,8 +78,21 @@ class PageOf(BaseModel, Generic[Document]):
     next_cursor: str | None
 
 
+class PageFound(PageOf[Document], Generic[Document]):
+    """One page of what a filter finds."""
+
+    remark: str | None = Field(None, description="why nothing is found, where the filter names an axis that is nowhere")
+
+
 def page_of(page: Page[Row], convert: Callable[[Row], Document]) -> PageOf[Document]:
     return PageOf(items=[convert(row) for row in page.items], next_cursor=page.next_cursor)
+
+
+def page_found(session: Session, axis: str | None, page: PageOf[Document]) -> PageFound[Document]:
+    """Return a page, with a remark where it is empty since nobody knows the axis that was asked for."""
+    nowhere = axis is not None and not page.items and not is_axis(session, axis)
+    remark = unknown_axis(session, axis) if axis is not None and nowhere else None
+    return PageFound(items=page.items, next_cursor=page.next_cursor, remark=remark)
 
 
 class KeyRequest(Question):

@@ -34,7 +34,7 @@ def to_run() -> dict[str, list[str]]:
     """Return what each package that is needed to run needs itself, by name; `gearcase` is the product."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     needs: dict[str, list[str]] = {}
-    waiting = [("gearcase", [Requirement(each) for each in project["dependencies"]])]
+    waiting = [("gearcase", list(map(Requirement, project["dependencies"] + project["optional-dependencies"]["logs"])))]
     while waiting:
         name, wanted = waiting.pop()
         needs[name] = sorted({canonicalize_name(each.name) for each in wanted})

@@ -7,7 +7,17 @@ from fastapi.responses import HTMLResponse
 from sqlalchemy.orm import Session
 
 from app.accept import chosen
-from app.documents import Cursor, DiagnosisAnswer, DiagnosisChange, Filter, Identifier, Limit, PageOf, page_of
+from app.documents import (
+    Cursor,
+    DiagnosisAnswer,
+    DiagnosisChange,
+    Filter,
+    Identifier,
+    Limit,
+    PageFound,
+    page_found,
+    page_of,
+)
 from app.gate import Looking
 from app.idempotency import Made, OnlyOnce
 from app.intake import take_in
@@ -67,10 +77,11 @@ def diagnoses(
     gearbox: Filter = None,
     limit: Limit = 50,
     cursor: Cursor = None,
-) -> PageOf[DiagnosisAnswer]:
+) -> PageFound[DiagnosisAnswer]:
     """Diagnoses, newest first."""
     wanted = DiagnosisFilter(verdict=verdict, label=label, state=state, axis=axis, gearbox=gearbox)
-    return page_of(list_diagnoses(session, wanted, limit=limit, cursor=cursor), DiagnosisAnswer.of)
+    page = page_of(list_diagnoses(session, wanted, limit=limit, cursor=cursor), DiagnosisAnswer.of)
+    return page_found(session, axis, page)
 
 
 @router.get("/diagnoses/{diagnosis_id}")

@@ -46,8 +46,8 @@ BODY = {
                         "telemetry": {
                             "type": "array",
                             "items": BINARY,
-                            "description": "CSV or Parquet, columns told by names and units; several recordings of the "
-                            "same axis are taken together",
+                            "description": "CSV, Parquet, MAT, TDMS or MCAP, columns told by names and units; several "
+                            "recordings of the same axis are taken together",
                         },
                         "sound": {
                             "type": "array",
@@ -127,7 +127,7 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
     upload.only(*PARTS)
     service = once.service
     axis = axis_of(service, upload)
-    offset = _offset(upload.fields.get("sound_offset_s", ""))
+    offset = offset_of(upload)
     telemetry, sounds, as_new = (
         tuple(Measured(file.path, file.name) for file in upload.all_of(name)) for name in PARTS[1:4]
     )
@@ -167,7 +167,13 @@ def axis_of(service: Service, upload: Upload) -> Axis:
     return read_axis(parse_axis(text))
 
 
-def _offset(text: str) -> float:
+def offset_of(upload: Upload) -> float:
+    """Return the start of the sounds of a request after that of the telemetry [s].
+
+    Raises:
+        Unprocessable: if it is no number.
+    """
+    text = upload.fields.get("sound_offset_s", "")
     try:
         value = float(text or 0.0)
     except ValueError:

@@ -50,7 +50,7 @@ NEUTRAL = _set(
     "actual act ist istwert measured meas present feedback fbk fb estimate estimated est value val values wert",
     "average averaged avg filtered filter filt smoothed nach joint joints axis axes achse gelenk encoder enc state",
     "states control controller data field signal drive actuator servo angular rotational rotary mech mechanical",
-    "side seite of der des am per",
+    "side seite of der des am per as",
 )
 """Words that say nothing of which channel a column is."""
 BEFORE_A_NUMBER = _set("a j ax id")
@@ -81,7 +81,11 @@ FAMILIES: tuple[tuple[re.Pattern[str], Mapping[str, str]], ...] = (
             **dict.fromkeys(("effort", "efforts"), "N.m"),
         },
     ),
-    (re.compile(r"actual_qd(_?\d+)?"), {"timestamp": "s", "moment": "N.m"}),  # Universal Robots: RTDE
+    (re.compile(r"actual_qd?(_?\d+)?"), {"timestamp": "s", "moment": "N.m", "torque": "N.m"}),  # Universal Robots: RTDE
+    (  # ODrive: turns, whatever the encoder
+        re.compile(r"(.*[^a-z])?(iq_measured|pos_estimate)"),
+        {"pos": "rev", "vel": "rev/s", "torque": "N.m"},
+    ),
 )
 """By a name that only one maker uses: the units of names of his."""
 OF_UNITS: Mapping[str, str] = MappingProxyType(
@@ -213,20 +217,9 @@ def _said(name: str, unit_below: str) -> tuple[str, str, Meaning] | None:
     unit = unit_of(units[0]) if units else None
     if unit is None:
         unit, tokens = _trailing_unit(tokens)
-    quantities, sides, label, doubts = [], [], [], []
-    for place, token in enumerate(tokens):
-        if token in NEVER:
-            return None
-        if token in QUANTITY_WORDS or (token in SYMBOLS and unit in FITTING[SYMBOLS[token]]):
-            quantities.append(token)
-        elif token in SIDE_WORDS:
-            sides.append(SIDE_WORDS[token])
-        elif token in DOUBTFUL:
-            doubts.append(token)
-        elif token not in NEUTRAL and not (
-            token in BEFORE_A_NUMBER and "".join(tokens[place + 1 : place + 2]).isdigit()
-        ):
-            label.append(token)
+    if not NEVER.isdisjoint(tokens):
+        return None
+    quantities, sides, label, doubts = _sorted(tokens, unit)
     word = quantities[-1] if quantities else ""
     quantity = {**SYMBOLS, **QUANTITY_WORDS}.get(word) or OF_UNITS.get(unit or "", "")
     if not quantity and LOAD in sides and unit in (None, "%"):  # how much of its torque a servo gives
@@ -248,6 +241,23 @@ def _said(name: str, unit_below: str) -> tuple[str, str, Meaning] | None:
     if doubts:
         doubt = f"leaves the side open ({doubts[0]})"
     return quantity, side, Meaning("", unit, tuple(label), word, needed, doubt)
+
+
+def _sorted(tokens: list[str], unit: str | None) -> tuple[list[str], list[str], list[str], list[str]]:
+    """The words that name a quantity, the sides that are named, what is left as a label, and words that leave doubt."""
+    quantities, sides, label, doubts = [], [], [], []
+    for place, token in enumerate(tokens):
+        if token in QUANTITY_WORDS or (token in SYMBOLS and unit in FITTING[SYMBOLS[token]]):
+            quantities.append(token)
+        elif token in SIDE_WORDS:
+            sides.append(SIDE_WORDS[token])
+        elif token in DOUBTFUL:
+            doubts.append(token)
+        elif token not in NEUTRAL and not (
+            token in BEFORE_A_NUMBER and "".join(tokens[place + 1 : place + 2]).isdigit()
+        ):
+            label.append(token)
+    return quantities, sides, label, doubts
 
 
 def _side(quantity: str, sides: list[str]) -> tuple[str, str]:

@@ -6,8 +6,9 @@ Nothing is taken from how large values are. What is in doubt is asked for, unles
 
 import json
 from collections import Counter
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import takewhile
 from types import MappingProxyType
 
 from casebase.signals.channel_map import SCHEMA, units_of
@@ -39,8 +40,8 @@ LEAST = ("motor_position_rad", TORQUE)
 """Channels whose lines stand in a map where no column is any channel."""
 LONGEST_SHOWN = 60
 MOST_RIVALS = 4
-MOST_LISTED = 600
-"""Characters of the names of further axes that are listed."""
+MOST_LISTED, MOST_LINES = 400, 60
+"""Characters of the names of axes that are listed, and lines of a map for those that are not the first one."""
 
 
 @dataclass(frozen=True)
@@ -154,10 +155,37 @@ def _axis(columns: Sequence[Column]) -> tuple[list[Column], list[str], list[str]
         all_ = [each for group in groups.values() for each in group]
         listed = ", ".join(group[0].shown for group in groups.values())
         return all_, [], [f"whether {listed} are of one axis is not said"]
-    rest = "; ".join(", ".join(each.shown for each in group) for name, group in groups.items() if name != label)
-    rest = rest if len(rest) <= MOST_LISTED else rest[:MOST_LISTED] + BLANK
-    doubt = f"there are columns of {len(groups)} axes, and which is meant cannot be told"
-    return groups[label] + temperatures, [f"# or of another axis: {rest}"], [doubt]
+    first = groups.pop(label)
+    called = _called(label, first)
+    names = [_called(name, group) for name, group in groups.items()]
+    doubt = (
+        f"there are columns of {len(groups) + 1} axes ({_listed([called, *names])}), and which is meant "
+        f"cannot be told (the lines are of {called}, those of the others stand behind #)"
+    )
+    others = [line for name, group in zip(names, groups.values(), strict=True) for line in _lines_of(name, group)]
+    return first + temperatures, others[:MOST_LINES], [doubt]
+
+
+def _called(label: Sequence[str], columns: Sequence[Column]) -> str:
+    """What an axis is called in its columns' names: how they all begin, if that has the words that make it one."""
+    beginnings = zip(*(each.name for each in columns), strict=False)
+    alike = "".join(letter for letter, *_ in takewhile(lambda each: len(set(each)) == 1, beginnings)).rstrip(" ._-/[(")
+    if len(columns) > 1 and label and all(word in alike.lower() for word in label):
+        return alike
+    return " ".join(label) or "no name"
+
+
+def _listed(names: Sequence[str]) -> str:
+    listed = ", ".join(names)
+    return listed if len(listed) <= MOST_LISTED else listed[:MOST_LISTED] + BLANK
+
+
+def _lines_of(called: str, columns: Sequence[Column]) -> Iterator[str]:
+    """The lines of a map for an axis that is not the first one."""
+    yield f"# of the axis {called} instead:"
+    for channel in CHANNELS:
+        if its := sorted((each for each in columns if each.meaning.channel == channel), key=_rank):
+            yield "# " + _line(channel, its).partition("  # ")[0]
 
 
 def _rank(column: Column) -> tuple[bool, ...]:

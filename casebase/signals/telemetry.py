@@ -125,7 +125,7 @@ class Recognition:
 
 
 def read_telemetry(path: Path, limits: TelemetryLimits = LIMITS, *, channels: str | None = None) -> Telemetry:
-    """Read a CSV or Parquet table, in the limited process.
+    """Read a table of one of `casebase.signals.formats.READERS`, in the limited process.
 
     Columns are told by their names and units, where these leave no doubt (`recognised`).
     `channels`: text of a channel map, by which the table may be named, measured and laid out otherwise (see
@@ -141,7 +141,11 @@ def read_telemetry(path: Path, limits: TelemetryLimits = LIMITS, *, channels: st
             more than a tenth of a channel is missing; or reading takes more time or memory than the limits allow.
         DecoderUnavailableError: if the limited process cannot be started.
     """
-    content, found = _read(path, channels, limits, send=True)
+    return telemetry_of(*_read(path, channels, limits, send=True))
+
+
+def telemetry_of(content: bytearray, found: Mapping[str, Any]) -> Telemetry:
+    """Return what `casebase.signals.telemetry_worker.read` sent, and said of it, as telemetry."""
     rows, names = int(found["rows"]), list(found["channels"])
     buffer, place = memoryview(content), 0
 

@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from casebase.signals.channel_map import ChannelMap, Source, channel_map_of
 from casebase.signals.errors import TelemetryError
-from casebase.signals.formats import READERS
+from casebase.signals.formats import Reader, reader_of
+from casebase.signals.formats.comma_separated import TABLES, open_comma_separated
 from casebase.signals.formats.layout import Wanted
 from casebase.signals.formats.open_table import OpenTable
 from casebase.signals.limited_worker import RefusedError, Send
@@ -19,6 +20,8 @@ from casebase.signals.recognition import BLANK, recognise
 from casebase.signals.telemetry import CHANNELS, LARGEST_LOST_SHARE, LONGEST_NAME, MINIMUM_ROWS, MOST_COLUMNS, TIME
 from casebase.signals.units import ISO8601
 
+BEGINNING = 128
+"""Bytes by which a format is told [byte]."""
 LONGEST_REFUSAL = 8000
 """Characters of a refusal, the lines of a channel map among them."""
 
@@ -85,10 +88,12 @@ def _names(table: OpenTable) -> list[str]:
 
 
 def _opened(path: Path, map_: ChannelMap | None) -> OpenTable:
-    """The table; without a map one of another layout is tried where the plain one has no clock."""
-    open_ = READERS[_format(path)]
+    """The table; without a map text of another layout is tried where the plain one has no clock."""
+    open_ = _reader(path)
     if map_ is not None:
         return open_(path, map_.layout)
+    if open_ is not open_comma_separated:
+        return open_(path, None)
     with suppress(TelemetryError):
         table = open_(path, None)
         if any(name.strip().lstrip("\ufeff") == TIME for name in table.names):
@@ -169,12 +174,12 @@ def _values(
     return found
 
 
-def _format(path: Path) -> str:
+def _reader(path: Path) -> Reader:
     with path.open("rb") as file:
-        start = file.read(4)
+        start = file.read(BEGINNING)
     if not start:
-        raise TelemetryError("the telemetry file is empty; a CSV or Parquet table with a header is needed")
-    return "parquet" if start == b"PAR1" else "csv"
+        raise TelemetryError(f"the telemetry file is empty; needed is {TABLES}")
+    return reader_of(start)
 
 
 def _listed(names: Iterable[str]) -> str:

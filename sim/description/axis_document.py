@@ -114,9 +114,16 @@ def _text(value: object, path: str) -> str:
     return value
 
 
+LEAST = {
+    "motor": "; write [motor], and below it inertia_kg_m2 where that is known",
+    "load": "; write [load] and below it inertia_kg_m2 = 0.0 where all that moves is counted at the motor",
+}
+"""What the tables have at least that every axis needs."""
+
+
 def _mapping(value: object, path: str) -> Mapping[str, Any]:
     if value is None:
-        raise AxisError(f"{path}: missing table [{path}]")
+        raise AxisError(f"{path}: missing table [{path}]{LEAST.get(path, '')}")
     if not isinstance(value, Mapping):
         raise AxisError(f"{path}: must be a table, got {type(value).__name__}")
     return value

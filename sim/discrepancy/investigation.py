@@ -24,6 +24,7 @@ from sim.discrepancy.assessment.remarks import (
     description_remarks,
     excitation_remarks,
     misfit_remarks,
+    shown_remark,
     standstill_remarks,
 )
 from sim.discrepancy.assessment.residual_structure import look, nameless
@@ -37,6 +38,7 @@ from sim.discrepancy.assessment.verdict import (
     predicting,
     terms_said,
 )
+from sim.discrepancy.data.excitation import excitation_of
 from sim.discrepancy.data.pairing import NOT_COMPARED, check_as_new
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.data.validation import Gate, InvestigationError, examine
@@ -90,7 +92,7 @@ def investigate(
     if "motor_torque_nm" not in telemetry:
         return _encoders_alone(axis, telemetry, sounds, sound_offset_s, progress)
     gate = examine(axis, telemetry)
-    axis = gate.axis
+    axis, recorded = gate.axis, excitation_of(gate.measurement)
     progress("calibration of what the description has", 0.08)
     problem = Problem(axis, gate.measurement, _first_noise(gate), unknown=gate.unknown)
     problem, base = calibrate(problem)
@@ -140,8 +142,9 @@ def investigate(
         _provenance(axis, telemetry, sounds, problem.measurement),
         tuple((str(r.term.key), r.gain) for r in selection.rejected[:6]),
         (
-            *gate.remarks, *doubts, *strange, *quieted, *description_remarks(problem, fit),
-            *excitation_remarks(problem), *standstill_remarks(problem), *contact_loss_remarks(problem),
+            shown_remark(axis, recorded), *gate.remarks, *doubts, *strange, *quieted,
+            *description_remarks(problem, fit), *excitation_remarks(excitation_of(problem.measurement)),
+            *standstill_remarks(problem), *contact_loss_remarks(problem),
         ),
         told, selection,
         weighed=weighed, gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,

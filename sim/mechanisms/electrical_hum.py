@@ -23,7 +23,7 @@ class ElectricalHum(Measurement):
         Parameter("phase_rad", "rad", -np.pi, np.pi, 0.0, periodic=True, shown=False),
     )
     size: ClassVar[str] = "torque_n_m"
-    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.SEVERAL_SPEEDS})
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.SEVERAL_SPEEDS, Need.TWO_ROWS_PER_PERIOD})
     signature: ClassVar[Signature] = Signature("frequency")
     equations: ClassVar[str] = "measured = true + amplitude sin(2 pi f t + phase)"
     source: ClassVar[str] = "induced at 50 or 60 Hz and their multiples"

@@ -20,7 +20,7 @@ class EncoderError(Measurement):
         Parameter("phase_rad", "rad", -np.pi, np.pi, 0.0, periodic=True),
     )
     size: ClassVar[str] = "amplitude_rad"
-    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.HALF_TURN})
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.HALF_TURN, Need.LOAD_ENCODER})
     signature: ClassVar[Signature] = Signature("angle", order=1)
     equations: ClassVar[str] = "measured = theta + amplitude sin(theta + phase)"
     source: ClassVar[str] = "eccentric disc: e / r of the grating"
@@ -37,6 +37,8 @@ class EncoderError(Measurement):
         "encoder's error shows between the two, runout of the gear does not."
     )
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_SECOND_ENCODER, Differing.OVER_A_TURN})
+    of_links: ClassVar[bool] = True
+    unseen_at: ClassVar[frozenset[str]] = frozenset({"motor"})  # by the motor's angle all others are told
     own_hypothesis: ClassVar[bool] = True
     beside_the_chain: ClassVar[bool] = True
 

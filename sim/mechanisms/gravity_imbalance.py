@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, shaft_name, unused_name
 from sim.mechanisms.traits import Traits
 from sim.rotational.drive_train import DriveTrain
@@ -21,6 +21,7 @@ class GravityImbalance(Mechanics):
         Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
     )
     size: ClassVar[str] = "torque_n_m"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.LOAD_TURN})
     signature: ClassVar[Signature] = Signature("angle", order=1)
     equations: ClassVar[str] = "tau on the load = -torque sin(theta_load + phase)"
     source: ClassVar[str] = "pendulum"

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, meshes
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
@@ -20,6 +20,7 @@ class Hysteresis(Mechanics):
         Parameter("width_rad", "rad", 1e-8, 0.1, 1e-4),
     )
     size: ClassVar[str] = "torque_n_m"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.LOAD_ENCODER})
     signature: ClassVar[Signature] = Signature("twist", direction="opposite")
     equations: ClassVar[str] = "F = c x + d x' + z, z' = x' (torque - sign(x') z) / width"
     source: ClassVar[str] = "Dahl, AIAA Journal 14 (1976) 1675"
@@ -36,6 +37,7 @@ class Hysteresis(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
+    of_links: ClassVar[bool] = True
     own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         least_share=0.001,  # it bends to much

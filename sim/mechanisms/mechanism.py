@@ -34,6 +34,10 @@ class Need(Enum):
     BOTH_DIRECTIONS = "motion in both directions"
     SEVERAL_SPEEDS = "motion at several speeds"
     HALF_TURN = "half a turn of its shaft"
+    LOAD_TURN = "a twelfth of a turn of the load"
+    LOAD_ENCODER = "an encoder at the load"
+    TWO_ROWS_PER_TOOTH = "two rows for each tooth that passes"
+    TWO_ROWS_PER_PERIOD = "more than two rows in a period of the mains"
 
 
 @dataclass(frozen=True)
@@ -123,6 +127,10 @@ class Mechanism(ABC):
     """Measurements in which it differs from what looks like it."""
     behind_the_motor: ClassVar[bool] = False
     """Whether an encoder at the load tells more of it."""
+    of_links: ClassVar[bool] = False
+    """Whether an axis that moves as one body has none of it."""
+    unseen_at: ClassVar[frozenset[str]] = frozenset()
+    """Places where telemetry does not show it."""
     own_hypothesis: ClassVar[bool] = False
     """Whether an investigation looks for it in a way of its own, and not by what this class says."""
     beside_the_chain: ClassVar[bool] = False

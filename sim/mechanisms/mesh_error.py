@@ -6,7 +6,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.heard import Heard
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_at, stage_names, teeth, with_error
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
@@ -23,6 +23,7 @@ class MeshError(Mechanics):
         Parameter("second_phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
     )
     size: ClassVar[str] = "amplitude_rad"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.TWO_ROWS_PER_TOOTH})
     signature: ClassVar[Signature] = Signature("angle", order="mesh", grows_with="speed")
     equations: ClassVar[str] = (
         "x = theta_driver / i - theta_driven - amplitude sin(z theta_driven + phase)"

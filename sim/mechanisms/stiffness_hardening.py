@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, meshes
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
@@ -17,6 +17,7 @@ class StiffnessHardening(Mechanics):
     name: ClassVar[str] = "stiffness_hardening"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("cubic_per_rad2", "1/rad2", 0.0, 1e9, 1e4),)
     size: ClassVar[str] = "cubic_per_rad2"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.LOAD_ENCODER})
     signature: ClassVar[Signature] = Signature("twist", grows_with="twist")
     equations: ClassVar[str] = "F = c x (1 + cubic x^2) + d x'"
     source: ClassVar[str] = "stiffness in steps K1 < K2 < K3 of strain wave gears, as a smooth curve"
@@ -31,6 +32,7 @@ class StiffnessHardening(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
+    of_links: ClassVar[bool] = True
     own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         least_share=0.0007,  # it bends to much

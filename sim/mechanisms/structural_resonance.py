@@ -6,7 +6,7 @@ from typing import ClassVar
 
 from sim.description.axis import Axis
 from sim.mechanisms.heard import Heard
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, inertia, shaft_name, unused_name
 from sim.mechanisms.traits import Traits
 from sim.rotational.components import Inertia, SpringDamper
@@ -23,6 +23,7 @@ class StructuralResonance(Mechanics):
         Parameter("damping_ratio", "1", 0.0, 1.0, 0.02),
     )
     size: ClassVar[str] = "share"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.LOAD_ENCODER})
     signature: ClassVar[Signature] = Signature("frequency")
     equations: ClassVar[str] = "share J (a_s) = -c x - d x', c = share J (2 pi f)^2, d = 2 zeta share J 2 pi f"
     source: ClassVar[str] = "dynamic vibration absorber: Den Hartog, Mechanical Vibrations (1956), chapter 3"
@@ -39,6 +40,7 @@ class StructuralResonance(Mechanics):
         "without any motion."
     )
     behind_the_motor: ClassVar[bool] = True
+    of_links: ClassVar[bool] = True
     own_hypothesis: ClassVar[bool] = True
     beside_the_chain: ClassVar[bool] = True
     heard: ClassVar[Heard | None] = Heard(

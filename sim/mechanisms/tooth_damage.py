@@ -7,7 +7,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.heard import Heard
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, teeth, wheels
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
@@ -31,6 +31,7 @@ class ToothDamage(Mechanics):
         Parameter("form", "1", 1.2, 40.0, 2.0, shown=False),
     )
     size: ClassVar[str] = "depth_rad"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.TWO_ROWS_PER_TOOTH})
     signature: ClassVar[Signature] = Signature(
         "angle", order=1, per_cycle=1, flank="one", direction="one", grows_with="load"
     )
@@ -51,6 +52,7 @@ class ToothDamage(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_LOOK})
+    unseen_at: ClassVar[frozenset[str]] = frozenset({"motor"})
     own_hypothesis: ClassVar[bool] = True
     heard: ClassVar[Heard | None] = Heard(
         "tooth damage",

@@ -169,6 +169,7 @@ def test_uploads_are_where_the_contract_has_them() -> None:
         "/library/import",
         "/investigations/new",
         "/investigations/columns",
+        "/investigations/preview",
     }
 
 

@@ -43,3 +43,14 @@ def test_jobs_come_in_pages_too(operator: httpx.Client) -> None:
     page = operator.get("/api/v1/jobs", params={"limit": 1, "cursor": "0.none"}).raise_for_status().json()
     assert page == {"items": [], "next_cursor": None}
     assert operator.get("/api/v1/jobs", params={"cursor": "elsewhere"}).status_code == 422
+
+
+@pytest.mark.parametrize("path", ["/cases", "/diagnoses"])
+def test_an_axis_that_nobody_knows_is_no_empty_list_without_a_word(
+    admin: httpx.Client, filled: None, path: str
+) -> None:
+    nowhere = admin.get(f"/api/v1{path}", params={"axis": "paged-9"}).raise_for_status().json()
+    assert nowhere["items"] == []
+    assert nowhere["remark"].startswith("no axis is known as 'paged-9'; described are ")
+    empty = admin.get(f"/api/v1{path}", params={"axis": "paged-0"}).raise_for_status().json()
+    assert (empty["items"], empty["remark"]) == ([], None)

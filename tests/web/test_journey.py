@@ -8,7 +8,7 @@ from urllib.parse import parse_qs, urlsplit
 
 import numpy as np
 import pytest
-from playwright.sync_api import Browser, expect
+from playwright.sync_api import Browser, Page, expect
 
 from app.investigations import get_investigation, names_of
 from app.security import csrf_token
@@ -191,7 +191,8 @@ def test_a_log_of_other_columns_fills_its_map_in(opened: Opened, site: Site) -> 
         page.get_by_label("Stored axis").select_option("bench")
         log = {"name": "log.csv", "mimeType": "text/csv", "buffer": f"Time [ms],i_q,Motor Angle (deg)\n{rows}".encode()}
         page.get_by_label("Telemetry").set_input_files(log)  # type: ignore[arg-type]
-        expect(page.get_by_text("To be filled in where ... stands: motor_torque_nm is a current")).to_be_visible()
+        asked = "To be filled in where ... stands, or chosen: motor_torque_nm is a current"
+        expect(page.get_by_text(asked)).to_be_visible()
         map_ = page.get_by_label("Channel map")
         expect(map_).to_have_value(re.compile(r'motor_position_rad = {column = "Motor Angle \(deg\)", unit = "deg"}'))
         map_.fill(map_.input_value().replace("factor = ...", "factor = 0.05"))
@@ -200,6 +201,57 @@ def test_a_log_of_other_columns_fills_its_map_in(opened: Opened, site: Site) -> 
         identity = page.url.rsplit("/", 1)[1]
     with site.library().reading() as session:
         assert "factor = 0.05" in str(get_investigation(session, identity).inputs["channels"])
+    with site.server.client() as client:
+        client.delete(f"/api/v1/jobs/{identity}").raise_for_status()
+
+
+def beginning_of_the_sound(page: Page) -> float:
+    """Where the sound begins in the preview, in pixels: the first column of the canvas with the colour of its line."""
+    left: float = page.evaluate(
+        """() => {
+            const canvas = document.querySelector("[data-preview] canvas");
+            const probe = document.querySelector("[data-preview] .series.s3");
+            const colour = getComputedStyle(probe).stroke.match(/[\\d.]+/g).slice(0, 3).map(Number);
+            const { data } = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height);
+            for (let x = 0; x < canvas.width; x++)
+                for (let y = 0; y < canvas.height; y++) {
+                    const at = 4 * (y * canvas.width + x);
+                    if (data[at + 3] > 200 && colour.every((one, k) => Math.abs(one - data[at + k]) < 12)) return x;
+                }
+            return NaN;
+        }"""
+    )
+    return left
+
+
+def test_sound_and_log_lie_over_each_other_before_anything_is_asked(opened: Opened, site: Site) -> None:
+    """The log's courses are drawn, what it can show is said; the sound moves over it by its offset, which is kept."""
+    rows = "".join(f"{t:.2f},{np.cos(t):.6f},{5 * np.sin(t):.6f}\n" for t in np.arange(2000) / 100)
+    log = {"name": "log.csv", "mimeType": "text/csv", "buffer": f"t [s],Torque [Nm],Angle [rad]\n{rows}".encode()}
+    with opened("operator", "/investigations/new") as page:
+        page.get_by_label("Stored axis").select_option("bench")
+        page.get_by_label("Telemetry").set_input_files(log)  # type: ignore[arg-type]
+        preview = page.get_by_role("region", name="Preview")
+        expect(preview.get_by_text("2000 rows, 19.99 s")).to_be_visible(timeout=60_000)
+        expect(preview.get_by_text("motor speed, at most 5 rad/s")).to_be_visible()
+        expect(preview.get_by_text("100 rows per second for 20 s, without an encoder at the load")).to_be_visible()
+        page.get_by_label("Sound", exact=True).set_input_files(site.recording)
+        expect(preview.get_by_text("level of the sound")).to_be_visible()
+        begins = []
+        for offset in ("0", "5", "10"):
+            page.get_by_label("Start of the sound").fill(offset)
+            expect(preview.locator("canvas")).to_have_count(1)
+            page.wait_for_function(
+                "() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))"
+            )
+            begins.append(beginning_of_the_sound(page))
+        assert begins[1] - begins[0] > 20.0
+        assert begins[2] - begins[1] == pytest.approx(begins[1] - begins[0], abs=4.0)
+        page.get_by_role("button", name="Investigate").click()
+        page.wait_for_url("**/jobs/*")
+        identity = page.url.rsplit("/", 1)[1]
+    with site.library().reading() as session:
+        assert get_investigation(session, identity).inputs["sound_offset_s"] == 10.0
     with site.server.client() as client:
         client.delete(f"/api/v1/jobs/{identity}").raise_for_status()
 

@@ -8,13 +8,14 @@ from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, RedirectResponse, Response
 from sqlalchemy import select
 
-from app.api.investigations import axis_of
+from app.api.investigations import axis_of, offset_of
 from app.api.recordings import UNCHANGING
 from app.errors import Unprocessable
 from app.investigations import KIND, Measured, accept, document_of, get_investigation, submit, take_in
 from app.security import check_csrf
 from app.service import Reading, TheJobs, TheService
-from app.uploads import TheUpload
+from app.uploads import TheUpload, Upload
+from app.web.log_preview import log_preview, sound_preview
 from app.web.self_contained import self_contained
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
 from app.web.story import Part, candidates_of, panel_of, panels_of
@@ -51,19 +52,16 @@ def ask_page(request: Request, session: Reading, principal: PageOperator) -> Res
 def ask(request: Request, principal: PageOperator, upload: TheUpload, service: TheService, jobs: TheJobs) -> Response:
     """Queue an investigation and lead to its job."""
     check_csrf(request, upload.fields.get("csrf", ""))
-    if "axis" not in upload.files or not upload.files["axis"].size:
-        name = upload.fields.get("axis_name", "").strip()
-        if not name:
-            raise Unprocessable("Choose a stored axis, or send its axis.toml.")
-        upload.files.pop("axis", None)
-        upload.fields["axis"] = name
+    if not _has_axis(upload):
+        raise Unprocessable("Choose a stored axis, or send its axis.toml.")
     axis = axis_of(service, upload)
+    offset_s = offset_of(upload)
     telemetry, sounds, as_new = (
         tuple(Measured(file.path, file.name) for file in upload.all_of(name) if file.size)
         for name in ("telemetry", "sound", "as_new")
     )
     channels = upload.text("channels", service.settings.document_bytes).strip()
-    question = take_in(service.library, axis, telemetry, sounds, as_new=as_new, channels=channels)
+    question = take_in(service.library, axis, telemetry, sounds, offset_s, as_new, channels)
     with service.library.transaction(principal.actor) as session:
         row = submit(session, question)
         identity = row.id
@@ -76,6 +74,26 @@ def columns(request: Request, _: PageOperator, upload: TheUpload) -> Response:
     """What the columns of a table tell: a channel map, and what has to be filled in there."""
     check_csrf(request, upload.fields.get("csrf", ""))
     return JSONResponse(asdict(recognise_columns(upload.file("telemetry").path)))
+
+
+@router.post("/preview")
+def preview(request: Request, _: PageOperator, upload: TheUpload, service: TheService) -> Response:
+    """Courses of a log, or of a sound, to be laid over each other; and what such a log can show."""
+    check_csrf(request, upload.fields.get("csrf", ""))
+    if "sound" in upload.files:
+        return JSONResponse(sound_preview(upload.file("sound").path))
+    axis = axis_of(service, upload) if _has_axis(upload) else None
+    channels = upload.text("channels", service.settings.document_bytes).strip()
+    return JSONResponse(log_preview(upload.file("telemetry").path, channels or None, axis))
+
+
+def _has_axis(upload: Upload) -> bool:
+    """Whether the form has an axis; that of a stored one stands where its description would."""
+    if "axis" in upload.files and upload.files["axis"].size:
+        return True
+    upload.files.pop("axis", None)
+    upload.fields["axis"] = upload.fields.get("axis_name", "").strip()
+    return bool(upload.fields["axis"])
 
 
 @router.get("/{investigation_id}")

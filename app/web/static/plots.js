@@ -119,7 +119,7 @@ function values(element, data) {
   };
 }
 
-function draw(element, data) {
+export function draw(element, data) {
   const axis = (label) => ({
     label,
     labelSize: 20,
@@ -153,6 +153,16 @@ function draw(element, data) {
   const plot = new uPlot(options, [data.x, ...data.series.map((one) => one.y)], element);
   plots.push({ element, data, plot });
   return plot;
+}
+
+// another drawing in the place of the one that is there, over the same stretch of x
+export function drawAnew(element, data) {
+  for (const one of plots.filter((each) => each.element === element)) {
+    plots.splice(plots.indexOf(one), 1);
+    one.plot.destroy();
+  }
+  draw(element, data);
+  element.dataset.ready = "true";
 }
 
 function redraw() {

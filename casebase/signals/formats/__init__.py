@@ -5,11 +5,24 @@ from pathlib import Path
 
 from casebase.signals.formats.comma_separated import open_comma_separated
 from casebase.signals.formats.layout import Wanted
+from casebase.signals.formats.matlab import open_matlab
+from casebase.signals.formats.mcap import open_mcap
 from casebase.signals.formats.open_table import OpenTable
 from casebase.signals.formats.parquet import open_parquet
+from casebase.signals.formats.tdms import open_tdms
 
-READERS: Mapping[str, Callable[[Path, Wanted | None], OpenTable]] = {
-    "csv": open_comma_separated,
-    "parquet": open_parquet,
+Reader = Callable[[Path, Wanted | None], OpenTable]
+
+READERS: Mapping[bytes, Reader] = {
+    b"PAR1": open_parquet,
+    b"\x89MCAP0\r\n": open_mcap,
+    b"MATLAB 5.0 MAT-file": open_matlab,
+    b"TDSm": open_tdms,
+    b"": open_comma_separated,
 }
-"""Format name to reader."""
+"""What a file begins with to its reader; the first that fits. What begins like no other is text."""
+
+
+def reader_of(start: bytes) -> Reader:
+    """Return the reader of a file that begins so."""
+    return next(reader for magic, reader in READERS.items() if start.startswith(magic))

@@ -14,12 +14,19 @@ from casebase.signals.errors import TelemetryError
 from casebase.signals.formats.layout import Layout, Wanted, recognised
 from casebase.signals.formats.open_table import OpenTable, Rows, seconds_of
 
-MAGIC = {
+TABLES = "a table: CSV (a header, decimal point) or Parquet, MAT, TDMS (LabVIEW) or MCAP (ROS 2)"
+OTHERS = {
     b"RIFF": "a WAV file (a sound)",
     b"fLaC": "a FLAC file (a sound)",
     b"OggS": "an Ogg file (a sound)",
-    b"PK": "an archive or a spreadsheet",
+    b"PK": "an archive or a spreadsheet: export the sheet as CSV",
+    b"MATLAB 7.3": "a MAT file of version 7.3: save it by save('log.mat', '-v7'), which is read",
+    b"\x89HDF": "an HDF5 file: export its columns as CSV or Parquet",
+    b"MDF ": "an MDF file: export its channels as MAT (version 5 or 7), CSV or Parquet",
+    b"SQLite format 3": "a database, such as a ROS 2 bag of old: ros2 bag convert makes an MCAP file of it",
+    b"#ROSBAG": "a bag of ROS 1: rosbags-convert makes an MCAP file of it",
 }
+"""What is not read, by its first bytes: what it is, and what to do."""
 
 BLOCK = 1 << 20
 BEGINNING = 1 << 16
@@ -40,10 +47,8 @@ def open_comma_separated(path: Path, wanted: Wanted | None = None) -> OpenTable:
         start = file.read(BEGINNING)
     wide = start.startswith(UTF16)
     if b"\0" in start and not wide:  # what a parser says of such bytes cannot be read either
-        kind = next((words for magic, words in MAGIC.items() if start.startswith(magic)), "a binary file")
-        raise TelemetryError(
-            f"this is {kind}, not a CSV table (UTF-8, comma between columns, a header, decimal point) or Parquet"
-        )
+        kind = next((words for magic, words in OTHERS.items() if start.startswith(magic)), "a binary file")
+        raise TelemetryError(f"this is {kind}. What is read is {TABLES}")
     encoding = "utf-16" if wide else "utf8" if _is_utf8(path) else "latin-1"
     layout = None
     if wanted is not None or wide:

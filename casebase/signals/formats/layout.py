@@ -10,8 +10,8 @@ from itertools import takewhile
 from casebase.signals.errors import TelemetryError
 from casebase.signals.units import are_units
 
-DELIMITERS = (";", "\t", ",")
-"""In this order: a comma may be a decimal sign where another of them parts the columns."""
+DELIMITERS = (";", "\t", ",", " ")
+"""In this order: a comma may be a decimal sign where another of them parts the columns, and a blank part of a name."""
 ALIKE_ROWS = 5
 """Rows of as many cells, all numbers or times, by which values are told from what stands above them."""
 NUMBER = re.compile(r"\s*[-+]?(\d+([.,]\d*)?|[.,]\d+)([eE][-+]?\d+)?\s*|\s*(nan|inf|-inf|null)?\s*", re.IGNORECASE)

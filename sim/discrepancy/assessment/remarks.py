@@ -6,12 +6,14 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from sim.discrepancy.data.excitation import lacking
+from sim.description.axis import Axis
+from sim.discrepancy.data.excitation import Excitation, lacking_at
 from sim.discrepancy.data.validation import Gate
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.hypotheses.identifiability import highest_order, passed_slowly, passing_hz, shown
 from sim.discrepancy.model.parameters import Owner
-from sim.discrepancy.report.formatting import named
+from sim.discrepancy.report.formatting import named, percent
 from sim.discrepancy.results import Gain
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Need
@@ -71,11 +73,51 @@ def controller_law_remarks(problem: Problem, gate: Gate) -> tuple[str, ...]:
     )
 
 
-def excitation_remarks(problem: Problem) -> tuple[str, ...]:
+def shown_remark(axis: Axis, e: Excitation) -> str:
+    """What can be found in such a record and what cannot, said before anything is looked for."""
+    said = shown(axis, e)
+    fastest = highest_order(e)
+    reach = f" (at the usual speed up to {fastest} times per turn of the motor)" if fastest else ""
+    of_any_order = {name for name, kind in MECHANISMS.items() if kind.told_by == "order"}
+    found = [named(name) + _at(places) + reach * (name in of_any_order) for name, places in said.found.items()]
+    encoder = "with" if e.at_load else "without"
+    out = [
+        f"{e.rate_hz:.4g} rows per second for {e.seconds:.3g} s, {encoder} an encoder at the load, can show: "
+        f"{', '.join(found)}."
+    ]
+    hidden = [
+        f"{', '.join(named(name) + _at(places) for name, places in those.items())} (for want of {need.value})"
+        for need, those in said.hidden.items()
+    ]
+    if hidden:
+        out.append(f"They cannot show: {'; '.join(hidden)}.")
+    return " ".join([*out, *_passing_teeth(axis, e)])
+
+
+def _at(places: Sequence[str]) -> str:
+    return f" at {' and '.join(places)}" if places else ""
+
+
+def _passing_teeth(axis: Axis, e: Excitation) -> list[str]:
+    """Where teeth pass faster than every second row at the usual speed: how fast, and in how many rows they do not."""
+    if not e.speed.size:
+        return []
+    pace, half, out = float(np.median(np.abs(e.speed))), 0.5 * e.rate_hz, []
+    for stage in axis.stages:
+        passing = passing_hz(axis, stage.name) * pace
+        if passing >= half:
+            slow = percent(passed_slowly(axis, e, stage.name) / e.speed.size)
+            out.append(
+                f"Teeth of {stage.name} pass {passing:.3g} times per second at the usual speed, more than half the "
+                f"rate: {slow} of the rows in motion are slow enough for them."
+            )
+    return out
+
+
+def excitation_remarks(e: Excitation) -> tuple[str, ...]:
     """What the motion of the record does not show, and what to record."""
-    missing = lacking(problem.measurement)
     out = []
-    for need in sorted(missing, key=list(Need).index):
+    for need in sorted(lacking_at(e.speed), key=list(Need).index):
         alike = [named(name) for name, kind in MECHANISMS.items() if need in kind.needs]
         unseen = [named(name) for name, kind in MECHANISMS.items() if need in kind.shown_by]
         also = f" It shows no {' and no '.join(unseen)}." if unseen else ""

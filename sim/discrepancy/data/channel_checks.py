@@ -42,6 +42,11 @@ def check_channels(axis: Axis, even: Mapping[str, Array], rate_hz: float) -> Non
     for name in ("angle", "load", "reference"):
         if name in even:
             _check_wrapped(NAMES[name], even[name])
+    if "torque" in even and np.ptp(even["torque"]) == 0.0:
+        raise InvestigationError(
+            f"motor_torque_nm: stays at {even['torque'][0]:.4g} N m in every row: the drive was off, or it is the "
+            "torque of an axis that did not move; name the columns of the one that moved"
+        )
     if "torque" in even:
         _check_swapped(axis, even)
     if "load" in even:

@@ -16,7 +16,7 @@ from sim.discrepancy.hypotheses.generic import ORDERS as RIPPLE_ORDERS
 from sim.discrepancy.hypotheses.generic import terms_of_catalogue
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.identifiability import that_show
-from sim.discrepancy.hypotheses.sensors import HUM_HZ, delay, encoder_error, hum, offset
+from sim.discrepancy.hypotheses.sensors import HIGHEST_HUM, HUM_HZ, delay, encoder_error, hum, offset
 from sim.discrepancy.hypotheses.structure import gravity, resonance
 from sim.discrepancy.model.nominal import (
     has_links,
@@ -68,7 +68,7 @@ def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[
         out += [asymmetry(level, top, most, place) for place in places]
     travel = float(np.ptp(measurement.angle))
     out += [ripple(order, level, axis, present) for order in RIPPLE_ORDERS if travel * order > 2.0 * math.pi]
-    out += [hum(frequency, level) for frequency in HUM_HZ if frequency < 0.4 * measurement.rate_hz]
+    out += [hum(frequency, level) for frequency in HUM_HZ if frequency < HIGHEST_HUM * measurement.rate_hz]
     half = 0.5 / measurement.rate_hz  # channels of a log are read one after the other
     out.append(delay("torque_delay_s", "motor", max(6e-4, half)))
     if has_links(axis):

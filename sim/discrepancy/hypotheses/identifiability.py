@@ -3,20 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
 from itertools import zip_longest
 
 import numpy as np
 
 from sim import mechanisms
 from sim.description.axis import Axis
-from sim.discrepancy.data.excitation import lacking, turns
-from sim.discrepancy.data.preprocessing import Measurement
+from sim.discrepancy.data.excitation import Excitation, excitation_of, lacking, lacking_at, turns
+from sim.discrepancy.data.plausibility import LEAST_TURN
+from sim.discrepancy.data.preprocessing import LEAST_ROWS, Measurement
 from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.sensors import HIGHEST_HUM, HUM_HZ
 from sim.discrepancy.model.nominal import has_links
-from sim.mechanisms.mechanism import Need
+from sim.mechanisms.mechanism import Mechanism, Need
 
+MOTOR = "motor"
 HALF = 0.5  # of a turn, in which a wave of one per turn goes from end to end: less is a slope or a bend
+MOST_ORDERS = 400  # of a ripple: slots times pole pairs of the finest motors
 ALONE = 0.5  # the most that a name can have which another fits as well
 
 
@@ -28,17 +33,97 @@ def needs_of(mechanism: str) -> frozenset[Need]:
 
 def that_show(axis: Axis, m: Measurement, terms: Iterable[Term]) -> list[Term]:
     """`terms` that a record can show; of those that are the same in it the first alone."""
-    missing = lacking(m)
+    missing, e = lacking(m), excitation_of(m)
     out: list[Term] = []
     for term in terms:
         lacks = needs_of(term.mechanism) & missing
         kind = mechanisms.MECHANISMS.get(term.mechanism)
-        part = frozenset() if turns(axis, m, term.location) > HALF else frozenset({Need.HALF_TURN})
-        if kind is not None and kind.shown_by & (missing | part):
+        if kind is not None and kind.shown_by & missing_at(axis, e, term.location):
             continue
         if not any(lacks & needs_of(other.mechanism) for other in out):
             out.append(term)
     return out
+
+
+def missing_at(axis: Axis, e: Excitation, location: str | None) -> frozenset[Need]:
+    """What a record does not have for what is at a location."""
+    lacks = {
+        Need.HALF_TURN: turns(axis, e.travel_rad, location) <= HALF,
+        Need.LOAD_TURN: e.travel_rad <= LEAST_TURN * axis.ratio,
+        Need.LOAD_ENCODER: not e.at_load,
+        Need.TWO_ROWS_PER_TOOTH: passed_slowly(axis, e, location) < LEAST_ROWS,
+        Need.TWO_ROWS_PER_PERIOD: min(HUM_HZ) >= HIGHEST_HUM * e.rate_hz,
+    }
+    return lacking_at(e.speed) | {need for need, is_lacking in lacks.items() if is_lacking}
+
+
+def passing_hz(axis: Axis, location: str | None) -> float:
+    """Teeth of the wheel at a location that pass per second while the motor turns by 1 rad/s; 0 of unknown teeth.
+
+    Of a tooth that is damaged, and of an error that all have, a row sees something only if two of them come while one
+    tooth passes (Nyquist and Shannon): else it is the same as something slower.
+    """
+    if location is None or not (teeth := _teeth(axis).get(location)):
+        return 0.0
+    return teeth * axis.ratio_from(location) / axis.ratio / (2.0 * math.pi)
+
+
+def passed_slowly(axis: Axis, e: Excitation, location: str | None) -> int:
+    """Rows in motion in which the teeth of a wheel pass at less than half the rate."""
+    return int((passing_hz(axis, location) * np.abs(e.speed) < 0.5 * e.rate_hz).sum())
+
+
+def highest_order(e: Excitation) -> int:
+    """Times per turn of the motor up to which a ripple goes at less than half the rate, at the usual speed."""
+    pace = float(np.median(np.abs(e.speed))) if e.speed.size else 0.0
+    return min(int(math.pi * e.rate_hz / pace), MOST_ORDERS) if pace else 0
+
+
+def _teeth(axis: Axis) -> Mapping[str, int | None]:
+    """Teeth of each wheel by its name, of the driven gears and of the motor's pinion."""
+    first = {MOTOR: axis.stages[0].driver_teeth} if axis.stages else {}
+    return {**first, **{stage.name: stage.driven_teeth for stage in axis.stages}}
+
+
+@dataclass(frozen=True)
+class Shown:
+    """What a record can show of an axis; what such an axis cannot have is in neither.
+
+    Args:
+        found: mechanisms that can be found, each with the places where it can, or none where that is everywhere.
+        hidden: by what is lacking those that cannot, each with its places, or none where that is everywhere.
+    """
+
+    found: Mapping[str, Sequence[str]]
+    hidden: Mapping[Need, Mapping[str, Sequence[str]]]
+
+
+def shown(axis: Axis, e: Excitation) -> Shown:
+    """Return what a record can show, before it is looked for."""
+    found: dict[str, Sequence[str]] = {}
+    hidden: dict[Need, dict[str, Sequence[str]]] = {need: {} for need in Need}
+    for name, kind in mechanisms.MECHANISMS.items():
+        lacks = {
+            place: kind.shown_by & missing_at(axis, e, place)
+            for place in kind.locations(axis)
+            if _can_be(axis, kind, place)
+        }
+        seen = [place for place, missing in lacks.items() if not missing]
+        if seen:
+            found[name] = [place for place in seen if place] if len(seen) < len(lacks) else []
+        for place, missing in lacks.items():
+            for need in sorted(missing, key=list(Need).index)[:1]:
+                hidden[need][name] = [*hidden[need].get(name, ()), *([place] if place and seen else [])]
+    return Shown(found, {need: those for need, those in hidden.items() if those})
+
+
+def _can_be(axis: Axis, kind: type[Mechanism], place: str | None) -> bool:
+    """Whether it is looked for there by telemetry: of teeth whose number is known, of springs that are there."""
+    if place in kind.unseen_at or (kind.heard and kind.heard.silent):
+        return False
+    if kind.traits.dent or kind.signature.order == "mesh":
+        return bool(_teeth(axis).get(place or ""))
+    return has_links(axis) or not kind.of_links
 
 
 def same_over_the_turn(axis: Axis, m: Measurement, mechanism: str, order: float | None) -> tuple[str, ...]:

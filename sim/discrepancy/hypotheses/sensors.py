@@ -21,6 +21,7 @@ from sim.discrepancy.model.parameters import Owner, Parameter, Values
 from sim.mechanisms import ElectricalHum, EncoderError, TimeDelay, TorqueOffset
 
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
+HIGHEST_HUM = 0.4  # of the sample rate
 LATEST_S = 0.02  # what wants to be later is no delay
 HUM_SHARE = 0.003  # of the torque: less hum does not matter
 

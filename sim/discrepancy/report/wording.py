@@ -16,7 +16,7 @@ from sim.discrepancy.data.excitation import turns
 from sim.discrepancy.hypotheses.identifiability import HALF
 from sim.discrepancy.report.formatting import angle, named, number, percent, words_of
 from sim.discrepancy.report.maintenance_actions import SHOWN_RAD, measurement, of_the_measurement
-from sim.discrepancy.results import Unexplained
+from sim.discrepancy.results import SAID, Unexplained
 from sim.mechanisms.catalogue import kind_of, kind_or_any
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Need
@@ -40,7 +40,6 @@ REST = {
 PLACED = {"angle_rad": SHOWN_RAD}  # to which a place is said
 UNITS = {"frequency_hz": "Hz", "speed_rad_s": "rad/s", "time_s": "s", "amplitude_rad": "rad"}  # of what has no name
 ALIKE = 0.25  # of what a mechanism explains, from which another looks like it
-SAID = 0.5  # probability from which a name is said
 BOTTOMS = ((3.0, "round, like a worn hollow"), (6.0, "between a worn hollow and a piece broken out"))
 BROKEN = "flat with steep edges, like a piece broken out"
 
@@ -134,7 +133,7 @@ def not_examined(result: Investigation) -> list[str]:
     travel = math.degrees(float(np.ptp(m.angle)) / axis.ratio)
     if axis.stages and travel < 359.0:
         out.append(f"The load moved through {travel:.0f}° of a turn: teeth beyond were not in mesh and not examined.")
-    if axis.stages and turns(axis, m, None) <= HALF:
+    if axis.stages and turns(axis, float(np.ptp(m.angle)), None) <= HALF:
         kinds = mechanisms.MECHANISMS.items()
         unseen = " and ".join(named(name) for name, kind in kinds if Need.HALF_TURN in kind.shown_by)
         out.append(f"The load made less than half a turn: {unseen} at the load were not examined.")

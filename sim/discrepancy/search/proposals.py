@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from sim.discrepancy.data.excitation import excitation_of
 from sim.discrepancy.estimation.estimate import Fit, Raw, Start
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import BENT
@@ -16,6 +17,7 @@ from sim.discrepancy.hypotheses.catalogue import terms_of
 from sim.discrepancy.hypotheses.gear_mesh import tooth_damage
 from sim.discrepancy.hypotheses.harmonics import AS_NEW_FACTOR
 from sim.discrepancy.hypotheses.hypothesis import Key, Term
+from sim.discrepancy.hypotheses.identifiability import missing_at
 from sim.discrepancy.hypotheses.traits import mechanisms_with
 from sim.discrepancy.model.nominal import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.parallel import each
@@ -29,6 +31,8 @@ from sim.discrepancy.search.effect_size import beyond, magnitude
 from sim.discrepancy.search.residual_proposals import nameless_terms, ripples
 from sim.discrepancy.search.score_test import screen
 from sim.discrepancy.search.tooth_scan import Place, scan
+from sim.mechanisms import MECHANISMS
+from sim.mechanisms.mechanism import Need
 from sim.mechanisms.traits import LEAST_GAIN
 from sim.torsional.model import Array
 
@@ -289,7 +293,12 @@ def elsewhere(problem: Problem, fit: Fit, own: Rival) -> list[Rival]:
 
 def damage_terms(problem: Problem, terms: Sequence[Term], values: Mapping[str, float]) -> list[Term]:
     """Tooth damage where the scan along the wheels proposes it on top of a model, one place of each gear pair."""
-    teeth = {k: s.driven_teeth for k, s in enumerate(problem.axis.stages) if s.driven_teeth}
+    seen = excitation_of(problem.measurement)
+    blind = frozenset[Need]().union(*(kind.shown_by for kind in MECHANISMS.values() if kind.traits.dent))
+    stages = enumerate(problem.axis.stages)
+    teeth = {
+        k: s.driven_teeth for k, s in stages if s.driven_teeth and not blind & missing_at(problem.axis, seen, s.name)
+    }
     if not teeth:
         return []
     best: dict[int, Place] = {}

@@ -9,13 +9,14 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.signal import welch
 
-from sim.discrepancy.data.excitation import lacking
+from sim.discrepancy.data.excitation import excitation_of, lacking
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.gear_mesh import ripple
 from sim.discrepancy.hypotheses.generic import ORDERS as ALWAYS_TRIED
 from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.identifiability import highest_order
 from sim.discrepancy.hypotheses.nonparametric import (
     ORDERS,
     Rows,
@@ -42,7 +43,7 @@ REPEATS = 0.9  # autocorrelation of the speed
 SPEEDS, OFTEN = 40, 0.3  # bins of the speed, and share of the time at one of them that makes lines of orders
 ELSEWHERE = 0.35  # of the size of a line, at other speeds: a real one has 0.7 and more, one of unknown teeth 0 to 0.1
 LEAST_LEVEL = 0.5  # of white noise under the residual: one that is far below its noise has no line in it
-RIPPLES, MOST_ORDERS = 2, 400  # orders proposed of those looked at: slots times pole pairs of the finest motors
+RIPPLES = 2  # orders proposed of those looked at
 LINE_EXCESS = 14.0  # energy of a line over that of its neighbours: once in a hundred records of noise
 
 
@@ -80,9 +81,7 @@ def ripples(problem: Problem, fit: Fit) -> list[Term]:
     m = problem.measurement
     counts = m.weight > 0.5
     turn = np.exp(-1j * m.angle[counts])
-    if not turn.size or not (pace := float(np.median(np.abs(m.speed[counts])))):
-        return []
-    orders = range(1, min(int(math.pi * m.rate_hz / pace), MOST_ORDERS) + 1)
+    orders = range(1, highest_order(excitation_of(m)) + 1)
     wave, left = fit.residual[: m.samples][counts].astype(complex), []
     for _ in orders:
         wave *= turn

@@ -453,3 +453,42 @@ def test_the_lines_of_a_refusal_read_the_table_once_the_constants_are_in(
     found = read_telemetry(path, channels=filled(refused(path), constants))
     assert set(found.channels) >= {*constants} - {TIME}
     assert found.rows >= 100
+
+
+def test_axes_in_one_file_are_called_as_their_columns_begin() -> None:
+    """Or by what tells them apart, where that stands behind; the lines of each can be read as they are."""
+    header = ["t [s]", *(f"ODrive {k} {what}" for k in (0, 1) for what in ("Position [turns]", "Torque [Nm]"))]
+    found = recognise(header)
+    assert "(ODrive 0, ODrive 1)" in found.open
+    lines = found.map.splitlines()
+    other = [line.removeprefix("# ") for line in lines[lines.index("# of the axis ODrive 1 instead:") + 1 :]]
+    chosen = channel_map_of("\n".join([*lines[:2], *other])).sources
+    assert chosen["motor_torque_nm"].column == "ODrive 1 Torque [Nm]"
+    assert "(0, 1)" in recognise(["timestamp", "actual_q_0", "actual_qd_0", "actual_q_1", "actual_qd_1"]).open
+
+
+@pytest.mark.parametrize(
+    ("header", "wanted"),
+    [
+        (
+            "timestamp | actual_q_0 | actual_qd_0 | actual_current_0 | actual_current_as_torque_0",
+            {"time_s": "s", "motor_torque_nm": "N.m", "motor_position_rad": "rad", "motor_speed_rad_s": "rad/s"},
+        ),
+        (
+            "t [s] | axis0.pos_estimate | axis0.vel_estimate | axis0.motor.torque_estimate",
+            {"time_s": "s", "motor_torque_nm": "N.m", "motor_position_rad": "rev", "motor_speed_rad_s": "rev/s"},
+        ),
+    ],
+)
+def test_names_of_makers_have_their_units(header: str, wanted: dict[str, str]) -> None:
+    found, open_ = of(header)
+    assert ({channel: unit for channel, (_, unit) in found.items()}, open_) == (wanted, "")
+
+
+def test_blanks_may_stand_between_columns(tmp_path: Path) -> None:
+    """As the recorder of a Universal Robot writes them."""
+    rows = "".join(f"{k / 100} {np.sin(k / 100)} {k / 50}\n" for k in range(ROWS))
+    (tmp_path / "t.csv").write_text("timestamp actual_q_0 actual_current_as_torque_0\n" + rows)
+    found = read_telemetry(tmp_path / "t.csv")
+    assert found["motor_position_rad"] == pytest.approx(MOTION["motor_position_rad"])
+    assert found["motor_torque_nm"][-1] == pytest.approx((ROWS - 1) / 50)

@@ -38,10 +38,10 @@ def test_what_a_motion_does_not_have(angle: np.ndarray, missing: set[Need]) -> N
 
 
 def test_a_gear_turns_as_often_as_the_motor_over_the_ratio() -> None:
-    m = along(30.0 * TIME)
-    assert turns(GEARED, m, "motor") == pytest.approx(8.0 * turns(GEARED, m, None), rel=1e-9)
-    assert turns(GEARED, m, "output") == turns(GEARED, m, "load") == turns(GEARED, m, None)
-    assert turns(GEARED, m, "motor") == pytest.approx(30.0 * float(np.ptp(m.time_s)) / (2.0 * np.pi), rel=1e-3)
+    way = 40.0 * np.pi
+    assert turns(GEARED, way, "motor") == pytest.approx(20.0, rel=1e-9)
+    assert turns(GEARED, way, "output") == turns(GEARED, way, "load") == turns(GEARED, way, None)
+    assert turns(GEARED, way, None) == pytest.approx(20.0 / 8.0, rel=1e-9)
 
 
 def test_rows_that_come_in_bursts_are_put_on_an_even_clock() -> None:

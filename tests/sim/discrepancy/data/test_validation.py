@@ -41,6 +41,7 @@ def test_a_sound_record_passes_without_fault() -> None:
         (lambda t: changed(t, motor_torque_nm=1e-3 * t["motor_torque_nm"]), "unit"),
         (lambda t: changed(t, motor_position_rad=1e3 * t["motor_position_rad"]), "unit"),
         (lambda t: changed(t, motor_position_rad=np.ones(t.rows)), "stands still"),
+        (lambda t: changed(t, motor_torque_nm=np.full(t.rows, 0.2)), "stays at 0.2 N m in every row"),
         (lambda t: replace(t, time_s=1e3 * t.time_s), "samples per second"),
         (lambda t: replace(t, time_s=1e-3 * t.time_s), "samples per second"),
     ],

@@ -8,8 +8,10 @@ import pytest
 from casebase.signals.telemetry import Telemetry
 from sim.assembly import drive_train_of
 from sim.description.axis_document import read_axis
+from sim.discrepancy.assessment.remarks import shown_remark
 from sim.discrepancy.assessment.verdict import is_beyond_new, is_worse
-from sim.discrepancy.hypotheses.identifiability import ALONE, the_same
+from sim.discrepancy.data.excitation import Excitation, excitation_in
+from sim.discrepancy.hypotheses.identifiability import ALONE, highest_order, passed_slowly, shown, the_same
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.pooling.joint_investigation import investigate_together
 from sim.discrepancy.pooling.pooled_estimates import Taken
@@ -53,6 +55,7 @@ def test_one_way_dry_friction_is_one_of_three_names() -> None:
     assert said.keys() <= {"coulomb_friction", "viscous_friction"}
     assert said["viscous_friction"].probability > 0.9  # its speeds are several
     assert any("motion in both directions" in remark for remark in result.remarks)
+    assert result.remarks[0].startswith("200 rows per second for ")
 
 
 def test_two_records_that_lack_the_same_are_no_surer() -> None:
@@ -146,3 +149,58 @@ def test_an_inertia_that_nobody_knows_is_found_and_no_simulation_goes_without() 
     assert inertia["low"] < INERTIA < inertia["high"]
     assert {f.mechanism for f in result.findings} == {"coulomb_friction", "viscous_friction"}
     assert result.extended.motor.inertia_kg_m2 == pytest.approx(INERTIA, rel=0.05)
+
+
+WRIST = read_axis(
+    {
+        "motor": {"inertia_kg_m2": 0.004},
+        "stages": [{"name": "output", "driver_teeth": 11, "driven_teeth": 330, "stiffness_n_m_per_rad": 3e4}],
+        "load": {"inertia_kg_m2": 4.0},
+    }
+)
+
+
+def steady(rate_hz: float, turns_per_s: float, at_load: bool = False) -> Excitation:
+    """A minute at one speed of the motor."""
+    speed = np.full(int(60 * rate_hz), 2.0 * np.pi * turns_per_s)
+    return Excitation(rate_hz, 60.0, 2.0 * np.pi * 60.0 * turns_per_s, speed, at_load)
+
+
+@pytest.mark.parametrize(("turns_per_s", "is_shown"), [(4.5, True), (4.6, False)])
+def test_teeth_are_shown_while_they_pass_slower_than_half_the_rate(turns_per_s: float, is_shown: bool) -> None:
+    """Eleven teeth per turn of the motor at 100 rows per second: 4.545 turns per second are the limit."""
+    e = steady(100.0, turns_per_s)
+    assert ("mesh_error" in shown(WRIST, e).found) == ("tooth_damage" in shown(WRIST, e).found) == is_shown
+    assert (passed_slowly(WRIST, e, "output") > 0) == is_shown
+    assert (Need.TWO_ROWS_PER_TOOTH in shown(WRIST, e).hidden) != is_shown
+    assert "Teeth of output pass" not in shown_remark(WRIST, e) or not is_shown
+
+
+def test_a_record_with_two_encoders_shows_what_one_does_not() -> None:
+    alone, both = (shown(WRIST, steady(2000.0, 4.0, at_load)) for at_load in (False, True))
+    assert set(alone.hidden[Need.LOAD_ENCODER]) == set(both.found) - set(alone.found)
+    assert {"hysteresis", "stiffness_hardening"} <= set(both.found)
+
+
+def test_of_one_body_nothing_of_gears_is_said() -> None:
+    words = shown_remark(BARE, steady(100.0, 1.0))
+    assert "backlash" not in words
+    assert "tooth" not in words
+    assert "coulomb friction" in words
+
+
+def test_a_ripple_goes_at_less_than_half_the_rate_up_to_an_order() -> None:
+    assert highest_order(steady(1000.0, 10.0)) == 50
+    assert highest_order(Excitation(1000.0, 1.0, 0.0, np.zeros(0), False)) == 0
+
+
+def test_a_log_tells_its_motion_before_it_is_checked() -> None:
+    """By position or by speed alone."""
+    told = to_and_fro(200.0)
+    by_speed = Telemetry(told.time_s, {"motor_speed_rad_s": np.gradient(told["motor_position_rad"], told.time_s)})
+    for t in (told, by_speed):
+        e = excitation_in(t)
+        assert e is not None
+        assert (e.rate_hz, e.seconds) == pytest.approx((200.0, 60.0), rel=1e-3)
+        assert e.travel_rad == pytest.approx(80.0, rel=0.01)
+    assert excitation_in(Telemetry(told.time_s, {"motor_torque_nm": told["motor_torque_nm"]})) is None

@@ -1,0 +1,73 @@
+"""The limited process's part of a preview: it reads the log, and says what such a log can show of an axis."""
+
+import json
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from app.web.log_preview import shares
+from casebase.signals.limited_worker import Send
+from casebase.signals.telemetry import Telemetry, telemetry_of
+from casebase.signals.telemetry_worker import read
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.discrepancy.assessment.remarks import excitation_remarks, shown_remark
+from sim.discrepancy.data.excitation import excitation_in
+from sim.discrepancy.kinematics.encoders_alone import NOT_TOLD
+
+NO_AXIS = "Choose the axis above, and what its gears can show is said as well."
+BODY: Mapping[str, Any] = {"motor": {}, "load": {"inertia_kg_m2": 0.0}}
+"""What is known of an axis that was not chosen."""
+
+
+def task(request: Mapping[str, Any], limits: Mapping[str, float], send: Send) -> None:
+    """Task: read a log and send its preview (JSON)."""
+    blocks: list[bytes] = []
+    found = read({**request, "send": True}, limits, lambda block: blocks.append(bytes(block)))
+    telemetry = telemetry_of(bytearray().join(blocks), found)
+    axis = read_axis(request["axis"] or BODY)
+    told = [*remarks(axis, telemetry), *([] if request["axis"] else [NO_AXIS])]
+    courses = courses_of(telemetry, int(request["points"]))
+    send(json.dumps({**courses, "remarks": told}).encode())
+
+
+def remarks(axis: Axis, telemetry: Telemetry) -> list[str]:
+    """What such a log can show of an axis, and what not."""
+    if "motor_torque_nm" not in telemetry:
+        return [NOT_TOLD]
+    e = excitation_in(telemetry)
+    if e is None:
+        return ["Without motor_position_rad or motor_speed_rad_s nothing can be told of the torque: name one of them."]
+    return [shown_remark(axis, e), *excitation_remarks(e)]
+
+
+def courses_of(telemetry: Telemetry, points: int) -> dict[str, object]:
+    """Torque and speed over time, lowest and highest of each interval where there are more rows than points."""
+    time_s = telemetry.time_s - telemetry.time_s[0]
+    width = -(-2 * time_s.size // points) if time_s.size > points else 1
+    starts = np.arange(0, time_s.size, width)
+    half = 0.5 * width * telemetry.duration_s / (time_s.size - 1)
+    x = time_s if width == 1 else np.repeat(time_s[starts], 2) + np.tile([0.0, half], starts.size)
+
+    def course(name: str, unit: str, values: NDArray[np.float64]) -> dict[str, object]:
+        if width > 1:
+            ends = np.minimum.reduceat(values, starts), np.maximum.reduceat(values, starts)
+            values = np.stack(ends, axis=1).ravel()
+        return {"name": name, "unit": unit, "largest": float(np.abs(values).max()), "y": shares(values)}
+
+    series = [course(*each) for each in _channels(telemetry)]
+    seconds = telemetry.duration_s
+    return {"x": [round(float(each), 5) for each in x], "series": series, "rows": telemetry.rows, "seconds": seconds}
+
+
+def _channels(t: Telemetry) -> list[tuple[str, str, NDArray[np.float64]]]:
+    """What is drawn: torque, and the speed of the motor, or of the load where the motor's is not there."""
+    out = [("motor torque", "N m", t["motor_torque_nm"])] if "motor_torque_nm" in t else []
+    for end in ("motor", "load"):
+        if f"{end}_speed_rad_s" in t:
+            return [*out, (f"{end} speed", "rad/s", t[f"{end}_speed_rad_s"])]
+        if f"{end}_position_rad" in t:
+            return [*out, (f"{end} speed", "rad/s", np.gradient(t[f"{end}_position_rad"], t.time_s))]
+    return out
