@@ -246,14 +246,56 @@ def compare(
 ) -> Comparison:
     """Compare the recordings of a label, by gearbox, with so many simulated ones; `causes` are tried, or all.
 
-    Raises
-    ------
-    ParameterError
-        for an unknown cause, and where fewer than two gearboxes have a recording, so that nothing could be held out.
+    Raises:
+        ParameterError: for an unknown cause, and where fewer than two gearboxes have a recording, so that nothing could
+            be held out.
     """
     for cause in causes:
         if cause not in CAUSES:
             raise ParameterError(f"cause: {cause!r} is not known{near_match(cause, CAUSES)}")
+    halves, groups = _halves(axis, label, recordings, normal)
+    tried, not_tried = _tried(label, halves, causes or tuple(CAUSES))
+    duration_s = min(
+        LONGEST_S, float(np.median([h.samples.size for half in halves for h in half.recordings])) / SAMPLE_RATE_HZ
+    )
+    draws = Draws(tuple(plan(axis, {label: count}, seed, duration_s=duration_s)), seed, processes)
+    advance("taking features of the measured recordings")
+    measured = [np.array([_heard_vector(axis, heard) for heard in half.recordings]) for half in halves]
+    advance("simulating as drawn")
+    base = draws.simulated([])
+    space = Space.of(np.concatenate(measured), base)
+    found: dict[str, list[Nearest]] = {}
+    for cause in tried:
+        advance(f"simulating with another {cause}")
+        found[cause] = _nearest(cause, halves, measured, space, draws)
+    extensions = [_extension(cause, nearest, space, measured, base) for cause, nearest in found.items()]
+    families = _families(space, measured, groups, base, {cause: _vectors(nearest) for cause, nearest in found.items()})
+    mending = {family.cause for family in families} | {each.cause for each in extensions if each.gain.helps}
+    helping = [cause for cause in tried if cause in mending]
+    together = next((each.gain for each in extensions if [each.cause] == helping), None)
+    if len(helping) > 1:
+        advance("simulating with all that helps")
+        both = [draws.simulated([found[cause][number].change for cause in helping]) for number in (0, 1)]
+        together = _gain(space, measured, base, both)
+    everything = np.concatenate(measured)
+    distance, p_value = space.test(everything, groups, base)
+    return Comparison(
+        axis=axis.name,
+        label=label,
+        measured=len(everything),
+        gearboxes=len(recordings),
+        simulated=count,
+        distance=distance,
+        p_value=p_value,
+        families=families,
+        extensions=tuple(sorted(extensions, key=lambda each: -each.gain.mean)),
+        together=together,
+        not_tried=not_tried,
+    )
+
+
+def _halves(axis: Axis, label: str, recordings: Heards, normal: Heards) -> tuple[list[Half], list[str]]:
+    """Every other gearbox to look at and the rest to judge by, and whose each recording is; raises ParameterError."""
     if len(recordings) < 2:
         raise ParameterError(
             f"axis {axis.name!r}: {len(recordings)} gearboxes have a measured recording of two cycles or more labelled "
@@ -269,70 +311,62 @@ def compare(
         )
         for fold in folds
     ]
-    tried, not_tried = _tried(label, halves, causes or tuple(CAUSES))
-    duration_s = min(
-        LONGEST_S, float(np.median([h.samples.size for half in halves for h in half.recordings])) / SAMPLE_RATE_HZ
-    )
-    drawn = plan(axis, {label: count}, seed, duration_s=duration_s)
-    advance("taking features of the measured recordings")
-    measured = [np.array([_heard_vector(axis, heard) for heard in half.recordings]) for half in halves]
-    groups = [name for fold in folds for name in fold for _ in recordings[name]]
+    return halves, [name for fold in folds for name in fold for _ in recordings[name]]
 
-    def simulated(changes: Sequence[Change]) -> Floats:
-        randoms = [np.random.default_rng([seed, number]) for number in range(count)]
-        changed = list(drawn)
+
+@dataclass(frozen=True)
+class Draws:
+    """Simulated recordings as they were drawn, to be simulated again with changes, each time with the same chance."""
+
+    planned: tuple[Planned, ...]
+    seed: int
+    processes: int
+
+    def simulated(self, changes: Sequence[Change]) -> Floats:
+        """Return features of the recordings with these changes, shape (recordings, n)."""
+        randoms = [np.random.default_rng([self.seed, number]) for number in range(len(self.planned))]
+        changed = list(self.planned)
         for change in changes:
             changed = [change(each, random) for each, random in zip(changed, randoms, strict=True)]
-        return np.array(list(in_parallel(vector_of, changed, processes, 1)), dtype=np.float64)
+        return np.array(list(in_parallel(vector_of, changed, self.processes, 1)), dtype=np.float64)
 
-    advance("simulating as drawn")
-    base = simulated([])
-    space = Space.of(np.concatenate(measured), base)
-    extensions: list[Extension] = []
-    chosen: dict[str, list[Change]] = {}
-    found: dict[str, list[Floats]] = {}
+
+@dataclass(frozen=True)
+class Nearest:
+    """What of a cause brings the simulated nearest to a half: how it is called, the change, features with it."""
+
+    taken: str
+    change: Change
+    vectors: Floats
+
+
+def _nearest(
+    cause: str, halves: Sequence[Half], measured: Sequence[Floats], space: Space, draws: Draws
+) -> list[Nearest]:
+    """For each half."""
     common: dict[str, Floats] = {}  # a factor is the same change in both halves
-    for cause in tried:
-        advance(f"simulating with another {cause}")
-        best: list[tuple[str, Change, Floats]] = []
-        for half, own in zip(halves, measured, strict=True):
-            options: list[tuple[float, str, Change, Floats]] = []
-            for taken, change in _changes(cause, half).items():
-                shared = taken.startswith("times")
-                vectors = common.get(cause + taken) if shared else None
-                vectors = simulated([change]) if vectors is None else vectors
-                if shared:
-                    common[cause + taken] = vectors
-                options.append((space.distance(own, vectors), taken, change, vectors))
-            best.append(min(options, key=lambda option: option[0])[1:])
-        gain = _gain(space, measured, base, [vectors for *_, vectors in best])
-        extensions.append(Extension(cause, gain, (best[0][0], best[1][0])))
-        chosen[cause], found[cause] = [change for _, change, _ in best], [vectors for *_, vectors in best]
-    families = _families(space, measured, groups, base, found)
-    mending = {family.cause for family in families} | {each.cause for each in extensions if each.gain.helps}
-    helping = [cause for cause in tried if cause in mending]
-    together = None
-    if len(helping) == 1:
-        together = next(each.gain for each in extensions if each.cause == helping[0])
-    elif helping:
-        advance("simulating with all that helps")
-        both = [simulated([chosen[cause][number] for cause in helping]) for number in (0, 1)]
-        together = _gain(space, measured, base, both)
-    everything = np.concatenate(measured)
-    distance, p_value = space.test(everything, groups, base)
-    return Comparison(
-        axis=axis.name,
-        label=label,
-        measured=len(everything),
-        gearboxes=len(names),
-        simulated=count,
-        distance=distance,
-        p_value=p_value,
-        families=families,
-        extensions=tuple(sorted(extensions, key=lambda each: -each.gain.mean)),
-        together=together,
-        not_tried=not_tried,
-    )
+    best = []
+    for half, own in zip(halves, measured, strict=True):
+        options: list[tuple[float, Nearest]] = []
+        for taken, change in _changes(cause, half).items():
+            vectors = common.get(taken)
+            vectors = draws.simulated([change]) if vectors is None else vectors
+            if taken.startswith("times"):
+                common[taken] = vectors
+            options.append((space.distance(own, vectors), Nearest(taken, change, vectors)))
+        best.append(min(options, key=lambda option: option[0])[1])
+    return best
+
+
+def _vectors(nearest: Sequence[Nearest]) -> list[Floats]:
+    return [each.vectors for each in nearest]
+
+
+def _extension(
+    cause: str, nearest: Sequence[Nearest], space: Space, measured: Sequence[Floats], base: Floats
+) -> Extension:
+    first, second = nearest
+    return Extension(cause, _gain(space, measured, base, _vectors(nearest)), (first.taken, second.taken))
 
 
 def _tried(label: str, halves: Sequence[Half], asked: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:

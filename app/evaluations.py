@@ -46,7 +46,7 @@ class Evaluations:
     def _compute(self, key: tuple[int, str, str], found: Future[Evaluation]) -> None:
         try:
             with self._library.reading() as session:
-                found.set_result(self._library.evaluate(session, group=key[1], origin=key[2]))
+                found.set_result(self._library.reuse.evaluate(session, group=key[1], origin=key[2]))
         except LibraryError as error:
             found.set_exception(error)
         finally:

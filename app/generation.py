@@ -214,7 +214,7 @@ def retain(library: CaseLibrary, generated: Sequence[Generated], batch: str) -> 
                 condition=condition_of(scenario),
                 extra={"simulated": True},
             )
-            row = library.store_recording(session, case.audio, case.recording, case.extraction, description)
+            row = library.retain.recording(session, case.audio, case.recording, case.extraction, description)
             labelling = Labelling(
                 label=case.planned.label,
                 origin="simulated",
@@ -227,7 +227,7 @@ def retain(library: CaseLibrary, generated: Sequence[Generated], batch: str) -> 
                 key=case.key,
                 batch=batch,
             )
-            library.retain(session, row, labelling)
+            library.retain.case(session, row, labelling)
 
 
 def missing(library: CaseLibrary, planned: Sequence[Planned]) -> list[Planned]:

@@ -46,11 +46,11 @@ class Intake:
     remarks: tuple[str, ...] = ()
 
     def store(self, library: CaseLibrary, session: Session) -> StoredRecording:
-        return library.store_recording(session, self.stored, self.recording, self.extraction, self.description)
+        return library.retain.recording(session, self.stored, self.recording, self.extraction, self.description)
 
     def diagnose(self, library: CaseLibrary, session: Session) -> StoredDiagnosis:
         row = self.store(library, session)
-        return library.diagnose(session, row, self.extraction, self.remarks)
+        return library.reuse.diagnose(session, row, self.extraction, self.remarks)
 
 
 MEDIA_TYPES = {
@@ -119,7 +119,7 @@ def expected(library: CaseLibrary, axis: Axis | None, name: str | None) -> Expec
     """What an axis' description and the library's measured cases of it say of its motion."""
     name = name or (axis.name if axis else None)
     with library.reading() as session:
-        cases = library.measured(session, name) if name else Expected()
+        cases = library.retrieve.measured(session, name) if name else Expected()
     if axis is None:
         return cases
     source = f"the description of {axis.name!r}"

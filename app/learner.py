@@ -7,6 +7,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from casebase.errors import LibraryError
 from casebase.library import CaseLibrary
+from casebase.upkeep import keep_learned, keep_table
 
 ACTOR = "learning"
 APART_S = 2.0
@@ -40,9 +41,9 @@ class Learner:
         while self._library.touched.wait() and not self._closed.wait(APART_S):
             self._library.touched.clear()
             try:
-                if self._library.keep_learned(ACTOR, stop=self._closed):
+                if keep_learned(self._library, ACTOR, stop=self._closed):
                     LOG.info("weights learned again")
-                if self._library.keep_table(ACTOR):
+                if keep_table(self._library, ACTOR):
                     LOG.info("table of the cases written")
             except (LibraryError, SQLAlchemyError, OSError) as error:
                 LOG.warning("weights not learned", error=str(error))

@@ -100,7 +100,7 @@ def measured_recordings(
     )
     found: dict[str, list[Heard]] = {}
     for row in session.scalars(statement.order_by(StoredRecording.id)):
-        recording = read_recording(library.audio_path(row), channel=row.channel)
+        recording = read_recording(library.retrieve.audio_path(row), channel=row.channel)
         heard = _heard(axis, row, recording.resampled(SAMPLE_RATE_HZ))
         if heard is not None:
             found.setdefault(row.gearbox or f"recording {row.id}", []).append(heard)

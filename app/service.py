@@ -22,6 +22,7 @@ from app.leftovers import leftovers
 from app.metrics import Metrics
 from app.retention import Retention
 from app.settings import Settings
+from casebase.counter import library_version
 from casebase.evaluation import Evaluation
 from casebase.library import CaseLibrary
 
@@ -52,7 +53,7 @@ class Service:
         Raises:
             Unavailable: if it is not ready yet.
         """
-        return self.evaluations.get(self.library.version(session), group, origin)
+        return self.evaluations.get(library_version(session), group, origin)
 
     @cached_property
     def evaluations(self) -> Evaluations:

@@ -18,6 +18,7 @@ from sim.description.axis import Axis, MechanismEntry
 from sim.experiment.design_of_experiments import DEPTH_RAD, GAP_RAD
 from sim.experiment.scenario import Scenario, with_motion
 from sim.experiment.specimen import Specimen
+from sim.mechanisms import Backlash, ToothDamage
 
 FEATURES = ("crest_factor_low_pass_200_hz_whole_record", "notch_bump_12_200_hz", "play_bump_12_200_hz")
 MICROPHONE = Microphone(
@@ -82,9 +83,9 @@ def _features(axis: Axis, label: str, over: str, x: float, seed: int, advance: C
     moved = with_motion(axis, period_s=1 / x) if over == "motion frequency" else axis
     where = axis.stages[-1].name
     entry = (
-        MechanismEntry("backlash", where, {"gap_rad": size})
+        MechanismEntry(Backlash.name, where, {"gap_rad": size})
         if label == "play"
-        else MechanismEntry("tooth_damage", where, {"angle_rad": 0.1, "depth_rad": size, "flank": 1.0})
+        else MechanismEntry(ToothDamage.name, where, {"angle_rad": 0.1, "depth_rad": size, "flank": 1.0})
     )
     scenario = Scenario(
         axis=replace(moved, mechanisms=(entry,)),

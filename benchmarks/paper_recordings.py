@@ -41,6 +41,7 @@ from sim.experiment.paper_axis import PAPER_AXIS
 from sim.experiment.scenario import SETTLING_S, Scenario
 from sim.experiment.specimen import Specimen
 from sim.experiment.virtual_measurement import DEFAULT_MICROPHONE
+from sim.mechanisms import Backlash, ToothDamage
 
 Sound = NDArray[np.float32]
 PAPER = {"normal": 3.43, "play": 9.35, "notch": 14.6}
@@ -80,8 +81,8 @@ def scenario(label: str, seed: int, values: Mapping[str, float] = USUAL) -> Scen
     angle = SPEED_RAD_S * (NOTCH_S - REVERSAL_S - ramp / 2)
     stroke = SPEED_RAD_S * (STROKE_S - ramp)
     faults = {
-        "play": MechanismEntry("backlash", "output", {"gap_rad": values["gap_rad"]}),
-        "notch": MechanismEntry("tooth_damage", "output", {"angle_rad": angle, "depth_rad": values["depth_rad"]}),
+        "play": MechanismEntry(Backlash.name, "output", {"gap_rad": values["gap_rad"]}),
+        "notch": MechanismEntry(ToothDamage.name, "output", {"angle_rad": angle, "depth_rad": values["depth_rad"]}),
     }
     axis = replace(
         PAPER_AXIS,

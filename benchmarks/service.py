@@ -68,7 +68,7 @@ def _measure(client: httpx.Client, library: CaseLibrary, path: Path) -> tuple[fl
         served.append(time.perf_counter() - start)
         path.write_bytes(content)
         with library.reading() as session:
-            reasoner = library.reasoner(session)
+            reasoner = library.reuse.reasoner(session)
         start = time.perf_counter()
         recording = read_recording(path)
         fingerprints(recording)

@@ -18,6 +18,7 @@ from sqlalchemy.orm import Session
 from casebase.bundle_entry import BundledCase
 from casebase.bundle_worker import MANIFEST
 from casebase.case_filter import CaseFilter
+from casebase.counter import library_version
 from casebase.errors import BundleError, DuplicateError, InvalidRequestError
 from casebase.library import CaseLibrary
 from casebase.models import Case
@@ -71,7 +72,7 @@ def export_cases(library: CaseLibrary, session: Session, target: Path, wanted: C
             erased = case.recording.erased_at is not None
             name = None if erased else f"audio/{case.recording.file_sha256}"
             if name is not None and name not in written:
-                bundle.write(library.audio_path(case.recording), name)
+                bundle.write(library.retrieve.audio_path(case.recording), name)
                 written.add(name)
             entries.append(_entry(case, name))
         manifest = {"schema": SCHEMA, "cases": entries}
@@ -82,7 +83,7 @@ def export_cases(library: CaseLibrary, session: Session, target: Path, wanted: C
 def _all_cases(library: CaseLibrary, session: Session, wanted: CaseFilter) -> Iterator[Case]:
     cursor = None
     while True:
-        page = library.cases(session, wanted, limit=LARGEST_PAGE, cursor=cursor)
+        page = library.retrieve.cases(session, wanted, limit=LARGEST_PAGE, cursor=cursor)
         yield from page.items
         cursor = page.next_cursor
         if cursor is None:
@@ -200,7 +201,7 @@ def _take(library: CaseLibrary, entry: BundledCase, audio: bytes, actor: str, ba
     recording = read_recording(path, channel=entry.channel)
     extraction = extract(recording, description.condition)
     with library.transaction(actor) as session:
-        before = library.version(session)
-        row = library.store_recording(session, path, recording, extraction, description)
-        case = library.retain(session, row, labelling)
+        before = library_version(session)
+        row = library.retain.recording(session, path, recording, extraction, description)
+        case = library.retain.case(session, row, labelling)
         return case, case.library_version > before

@@ -59,7 +59,7 @@ class Detection:
     groups: tuple[NDArray[np.str_], ...]
 
     @classmethod
-    def of(cls, table: CaseTable, jury: Mask) -> "Detection":
+    def of(cls, table: CaseTable, voters: Mask) -> "Detection":
         """Take the cases that vote."""
         names = table.names
         if NOISE not in names or any(bump not in names for bump in BUMPS):
@@ -68,7 +68,7 @@ class Detection:
         noise = names.index(NOISE)
         heights, noises, groups = [], [], []
         for label in table.classes:
-            rows = np.flatnonzero(jury & (table.labels == label)) if label not in BASELINES else np.empty(0, np.intp)
+            rows = np.flatnonzero(voters & (table.labels == label)) if label not in BASELINES else np.empty(0, np.intp)
             bumps = np.array([table.values[rows, names.index(bump)] for bump in BUMPS], np.float64)
             told = [bool(each.size and np.nanmedian(each) > WORTH_SAYING_DB) for each in np.nan_to_num(bumps)]
             height = np.max(bumps[told], axis=0) if any(told) else np.empty(0)
@@ -76,7 +76,7 @@ class Detection:
             heights.append(height[known])
             noises.append(table.values[rows, noise].astype(np.float64)[: height.size][known])
             groups.append(table.groups[rows][: height.size][known])
-        usual = float(np.quantile(table.values[jury, noise], 0.9)) if jury.any() else 0.0
+        usual = float(np.quantile(table.values[voters, noise], 0.9)) if voters.any() else 0.0
         return cls(table.classes, noise, usual, tuple(heights), tuple(noises), tuple(groups))
 
     def missed(self, values: NDArray[np.floating], but: str = "") -> Floats:

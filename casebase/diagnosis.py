@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from casebase.case_table import CaseTable, Mask
-from casebase.experience import UNKNOWN_COLOUR, Experience, Judgement, border, gather, ranges_of, representative
+from casebase.experience import UNKNOWN_COLOUR, Experience, Judgement, gather, representative
 from casebase.explanation import Evidence, baseline_evidence, feature_evidence, motion_evidence, novelty_evidence
 from casebase.learning import Similarity
 from casebase.moving import all_move, moving
+from casebase.novelty import border, ranges_of
 from casebase.priors import prior_weights
 from casebase.retrieval import CaseMatrix, Match, NearestByClass
 from casebase.signals.features import Extraction, FeatureVector, QualityFlag
@@ -141,8 +142,8 @@ class Reasoner:
         self, values: NDArray[np.floating], k: int, experience: Experience, without: Mask | None = None
     ) -> NearestByClass:
         """Return the nearest cases of every class among those that vote."""
-        jury = experience.jury if without is None else experience.jury & ~without
-        return self.matrix.nearest_by_class(values, k, where=None if jury.all() else jury)
+        voters = experience.voters if without is None else experience.voters & ~without
+        return self.matrix.nearest_by_class(values, k, where=None if voters.all() else voters)
 
     def _judged(self, values: NDArray[np.floating], near: NearestByClass, experience: Experience) -> Judgement:
         still = self.all_move and not moving(self.table.names, values[None])[0]
@@ -210,7 +211,7 @@ class Reasoner:
         self, values: NDArray[np.floating], experience: Experience, hypotheses: Sequence[Hypothesis]
     ) -> tuple[Fault, ...]:
         named = [(each.label, each.probability) for each in hypotheses]
-        return faults(self.table, experience.jury, self.similarity.metric, experience.sharpness, values, named)
+        return faults(self.table, experience.voters, self.similarity.metric, experience.sharpness, values, named)
 
     def _evidence(
         self, extraction: Extraction, near: NearestByClass, label: str | None, refusing: Experience | None
@@ -228,7 +229,7 @@ class Reasoner:
             if not extraction.poor
             else ["the recording is too poor for a label to be relied on: see what is said of it, and record again"]
         )
-        silent = int(np.count_nonzero(~experience.jury))
+        silent = int(np.count_nonzero(~experience.voters))
         if silent:
             remarks.append(f"{silent} simulated cases have no vote: enough cases of all these kinds were measured")
         if judgement.still:

@@ -40,7 +40,7 @@ def erase(library: CaseLibrary, session: Session, recording_id: str, reason: str
     """
     # nobody stores the same bytes meanwhile
     session.scalars(select(LibraryCounter.value).with_for_update()).one()
-    row = library.recording(session, recording_id)
+    row = library.retrieve.recording(session, recording_id)
     rows = session.scalars(select(StoredRecording).where(StoredRecording.file_sha256 == row.file_sha256)).all()
     at, by = now(), audit.actor_of(session)
     for each in rows:

@@ -21,21 +21,16 @@ from casebase.learning import Similarity
 from casebase.novelty import (
     BASELINES,
     FEWEST_FOR_LIMIT,
-    LARGEST_CLASS,
     LIMIT,
-    KnownRanges,
-    known_ranges,
-    novelty_limit,
+    border,
     spread_out,
+    where_unknown_begins,
 )
 from casebase.retrieval import CaseMatrix, Kinship
 from casebase.similarity import Floats
-from casebase.voting import NEAREST, balance, fitted_sharpness, log_votes, strangeness
+from casebase.voting import NEAREST, balance, fitted_sharpness, log_votes, nonconformity
 
 LARGEST_SAMPLE = 400
-UNKNOWN_GEARBOX = 1.5
-"""Where gearboxes were not noted, cases of the same one make the library look better than it is on another; the
-unknown then begins so many times as far out."""
 UNKNOWN_COLOUR = 5.0
 """A sound that is by so many standard deviations unlike all measured cases comes from another machine or recorder: of
 no distribution do more than four in a hundred lie so far out (Chebyshev)."""
@@ -80,7 +75,7 @@ class Experience:
         nearest: squared distances to the nearest cases of every class, gearbox held out, shape (rows, classes, k).
         truth: class of every row.
         threshold: the novelty limit; None if the library is too small to set one.
-        jury: the cases that vote, shape (cases,); see `possible_juries`.
+        voters: the cases that vote, shape (cases,); see `possible_voters`.
         detection: which faults would be heard in a recording.
         calibration: how sure one may be of the leading label.
         names: of the features.
@@ -94,7 +89,7 @@ class Experience:
     truth: NDArray[np.intp]
     sharpness: float
     threshold: float | None
-    jury: Mask
+    voters: Mask
     detection: Detection
     calibration: Calibration
     names: tuple[str, ...]
@@ -123,7 +118,7 @@ class Experience:
         return Judgement(
             self.classes,
             self._calibrated(self.shares(nearest, values), values),
-            self._p_values(strangeness(nearest[None])[0]),
+            self._p_values(nonconformity(nearest[None])[0]),
             LIMIT if still or unlike > UNKNOWN_COLOUR else novelty,
             self.threshold,
             tuple(self._count(each) + 1 >= 1 / LEVEL for each in range(len(self.classes))),
@@ -158,7 +153,7 @@ class Experience:
 
     def _p_values(self, strange: Floats) -> Floats:
         """Return the share of each class's own cases that are at least as strange to it."""
-        known = strangeness(self.nearest)
+        known = nonconformity(self.nearest)
         values = np.empty(len(self.classes))
         for index in range(len(self.classes)):
             own = known[self.truth == index, index]
@@ -167,7 +162,7 @@ class Experience:
         return values
 
     def _count(self, index: int) -> int:
-        own = strangeness(self.nearest)[self.truth == index, index]
+        own = nonconformity(self.nearest)[self.truth == index, index]
         return int(np.isfinite(own).sum())
 
 
@@ -180,8 +175,8 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
         present: the features that the query has, shape (n,).
     """
     truth = np.searchsorted(table.classes, table.labels[rows])
-    juries = possible_juries(table)
-    seen = _nearest_of_others(table, similarity, present, rows, table.values[rows], juries)
+    voter_sets = possible_voters(table)
+    seen = _nearest_of_others(table, similarity, present, rows, table.values[rows], voter_sets)
     chosen = _enough(seen, truth)
     nearest = seen[chosen]
     known = _reached(nearest, truth)
@@ -193,8 +188,8 @@ def gather(table: CaseTable, similarity: Similarity, present: Mask, rows: NDArra
         truth[known],
         sharpness,
         where_unknown_begins(table, present, rows),
-        juries[chosen],
-        Detection.of(table, juries[chosen]),
+        voter_sets[chosen],
+        Detection.of(table, voter_sets[chosen]),
         similarity.calibration or replace(PRIOR, usual=usual(table, rows)),
         table.names,
         int((table.origins[rows] == "measured").sum()) >= FEWEST_FOR_LIMIT,
@@ -240,10 +235,10 @@ def calibrated(table: CaseTable, similarity: Similarity, copies: Copies) -> Simi
     for kind in np.argsort(-counts)[:MOST_MASKS]:
         experience = gather(table, similarity, masks[kind], rows)
         these = np.flatnonzero(kinds.ravel() == kind)
-        seen = _nearest_of_others(table, similarity, masks[kind], asked[these], values[these], [experience.jury])[0]
+        seen = _nearest_of_others(table, similarity, masks[kind], asked[these], values[these], [experience.voters])[0]
         for index, near in zip(these, seen, strict=True):
             row = asked[index]
-            if not (table.labels[experience.jury & (table.groups != table.groups[row])] == table.labels[row]).any():
+            if not (table.labels[experience.voters & (table.groups != table.groups[row])] == table.labels[row]).any():
                 continue
             shares = experience.shares(near, values[index], str(table.groups[row]))
             leading = table.classes[int(shares.argmax())]
@@ -263,7 +258,7 @@ def calibrated(table: CaseTable, similarity: Similarity, copies: Copies) -> Simi
     return replace(similarity, calibration=learned)
 
 
-def possible_juries(table: CaseTable) -> list[Mask]:
+def possible_voters(table: CaseTable) -> list[Mask]:
     """Return which cases might vote: all, and those that say what is known (`border`) where these are fewer."""
     known = border(table)
     return [np.ones(len(table), bool)] if known.all() else [np.ones(len(table), bool), known]
@@ -275,9 +270,9 @@ def _nearest_of_others(
     present: Mask,
     rows: NDArray[np.intp],
     values: NDArray[np.floating],
-    juries: Sequence[Mask],
+    voter_sets: Sequence[Mask],
 ) -> Floats:
-    """Return squared distances to the nearest of each jury from other gearboxes, shape (juries, rows, classes, k).
+    """Return squared distances to the nearest voters of each set from other gearboxes, shape (sets, rows, classes, k).
 
     Args:
         values: features of the rows, or of copies of them, shape (rows, n).
@@ -287,25 +282,25 @@ def _nearest_of_others(
     held_out = table.parts
     kin = [(held_out, held_out[rows]), (table.sounds, table.sounds[rows])]
     queries = np.where(present, values, np.nan)
-    nearest = np.full((len(juries), rows.size, len(table.classes), NEAREST), np.inf)
+    nearest = np.full((len(voter_sets), rows.size, len(table.classes), NEAREST), np.inf)
     kinds, kind = np.unique(weights, axis=0, return_inverse=True)
     for number, learned in enumerate(kinds):
         these = np.flatnonzero(kind.ravel() == number)
         matrix = CaseMatrix(table, similarity.metric.with_weights(learned))
         own = [(shared, of[these]) for shared, of in kin]
-        nearest[:, these] = _nearest_voters(matrix, queries[these], juries, own)
+        nearest[:, these] = _nearest_voters(matrix, queries[these], voter_sets, own)
     return nearest
 
 
-def _nearest_voters(matrix: CaseMatrix, queries: Floats, juries: Sequence[Mask], kin: Sequence[Kinship]) -> Floats:
-    """Return squared distances to the nearest of each jury that share nothing, shape (juries, queries, classes, k).
+def _nearest_voters(matrix: CaseMatrix, queries: Floats, voter_sets: Sequence[Mask], kin: Sequence[Kinship]) -> Floats:
+    """Return squared distances to the nearest voters of each set that share nothing, shape (sets, queries, classes, k).
 
-    Cases that sit in the same juries are searched as one group, so that each case is looked at once.
+    Cases that sit in the same sets are searched as one group, so that each case is looked at once.
     """
     table = matrix.table
     seats = np.zeros(len(table), np.int16)
-    for place, jury in enumerate(juries):
-        seats |= jury.astype(np.int16) << place
+    for place, voters in enumerate(voter_sets):
+        seats |= voters.astype(np.int16) << place
     sat, seat = np.unique(seats, return_inverse=True)
     groups = np.where(seats > 0, table.class_numbers * sat.size + seat, -1).astype(np.int16)
     count = len(table.classes) * sat.size
@@ -313,7 +308,7 @@ def _nearest_voters(matrix: CaseMatrix, queries: Floats, juries: Sequence[Mask],
     shared = (distances**2).reshape(len(queries), len(table.classes), sat.size, NEAREST)
     together = [
         shared[:, :, (sat >> place) & 1 == 1].reshape(len(queries), len(table.classes), -1)
-        for place in range(len(juries))
+        for place in range(len(voter_sets))
     ]
     return np.array([_fewest(squares) for squares in together])
 
@@ -341,63 +336,13 @@ def _reached(nearest: Floats, truth: NDArray[np.intp]) -> Mask:
 
 
 def _enough(seen: Floats, truth: NDArray[np.intp]) -> int:
-    """Return the smallest jury where it judges as many measured cases as set a limit, else the largest.
+    """Return the smallest set of voters where it judges as many measured cases as set a limit, else the largest.
 
     Simulated cases that seem to tell measured ones apart better still give labels to sounds of no gearbox: beside
     enough measured cases they are not listened to.
     """
     rows = np.logical_and.reduce([_reached(nearest, truth) for nearest in seen])
     return len(seen) - 1 if rows.sum() >= FEWEST_FOR_LIMIT else 0
-
-
-def border(table: CaseTable, among: Mask | None = None) -> Mask:
-    """Return the cases that say what is known: measured ones, and simulated ones of what was never measured.
-
-    Args:
-        among: the cases that there are, shape (cases,); all by default.
-    """
-    measured = table.origins == "measured"
-    if among is not None:
-        measured &= among
-    shown = np.zeros(len(table.classes), np.bool_)
-    shown[table.class_numbers[measured]] = True
-    known = measured | ~shown[table.class_numbers]
-    return np.asarray(known if among is None else known & among)
-
-
-def where_unknown_begins(table: CaseTable, present: Mask, rows: NDArray[np.intp]) -> float | None:
-    """Return the novelty limit from how far cases lie from what all other gearboxes have shown; arguments as `gather`.
-
-    Cases of a class that no other gearbox has say nothing. Measured cases alone decide where there are enough. None if
-    the cases are too few.
-    """
-    held_out = table.parts
-    measured = table.origins == "measured"
-    counts = measured if _comparable(table, held_out, rows, measured).size >= FEWEST_FOR_LIMIT else border(table)
-    rows = _comparable(table, held_out, rows, counts)
-    novelty = np.full(rows.size, np.inf)
-    for group in np.unique(held_out[rows]):
-        ranges = ranges_of(table, border(table, held_out != group))
-        for index in np.flatnonzero(held_out[rows] == group):
-            query = np.where(present, table.values[rows[index]], np.nan)
-            novelty[index] = ranges.distance(query) if ranges.ranges else np.inf
-    limit = novelty_limit(novelty)
-    alone = float(np.mean(table.groups[rows] == table.ids[rows])) if rows.size else 0.0
-    caution = UNKNOWN_GEARBOX if alone > 0.5 else 1.0
-    return None if limit is None else caution * limit
-
-
-def _comparable(table: CaseTable, held_out: NDArray[np.intp], rows: NDArray[np.intp], among: Mask) -> NDArray[np.intp]:
-    """Return those of the rows that are among some cases, and whose class another gearbox of them has too."""
-    shared = [label for label in table.classes if np.unique(held_out[among & (table.labels == label)]).size > 1]
-    return rows[among[rows] & np.isin(table.labels[rows], shared)]
-
-
-def ranges_of(table: CaseTable, rows: Mask) -> KnownRanges:
-    """Return what these cases have shown."""
-    of_classes = [np.flatnonzero(rows & (table.class_numbers == number)) for number in range(len(table.classes))]
-    sample = np.concatenate([spread_out(each, LARGEST_CLASS) for each in of_classes] or [np.empty(0, np.intp)])
-    return known_ranges(table.names, table.values[sample], table.labels[sample])
 
 
 def representative(table: CaseTable) -> NDArray[np.intp]:

@@ -24,6 +24,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import special
 
+from casebase.case_table import CaseTable, Mask
 from casebase.labels import BASELINES as BASELINES
 from casebase.priors import kind_weights, repeatability
 from casebase.similarity import Floats, column_quantiles, pooled_scales, robust_scales
@@ -45,6 +46,9 @@ NINTH_DECILE = 1.2816
 FEWEST_FOR_LIMIT = 6
 OWN_CASES = 8.0
 LARGEST_CLASS = 500
+UNKNOWN_GEARBOX = 1.5
+"""Where gearboxes were not noted, cases of the same one make the library look better than it is on another; the
+unknown then begins so many times as far out."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -182,3 +186,53 @@ def novelty_limit(distances: Floats) -> float | None:
     factor = float(special.stdtrit(distances.size - 1, 1 - 1 / NEW_ONCE_IN))
     limit = float((middle + factor * spread * np.sqrt(1 + 1 / distances.size)) ** 1.5)
     return min(max(limit, SMALLEST_LIMIT), LARGEST_LIMIT)
+
+
+def border(table: CaseTable, among: Mask | None = None) -> Mask:
+    """Return the cases that say what is known: measured ones, and simulated ones of what was never measured.
+
+    Args:
+        among: the cases that there are, shape (cases,); all by default.
+    """
+    measured = table.origins == "measured"
+    if among is not None:
+        measured &= among
+    shown = np.zeros(len(table.classes), np.bool_)
+    shown[table.class_numbers[measured]] = True
+    known = measured | ~shown[table.class_numbers]
+    return np.asarray(known if among is None else known & among)
+
+
+def where_unknown_begins(table: CaseTable, present: Mask, rows: NDArray[np.intp]) -> float | None:
+    """Return the novelty limit from how far cases lie from what all other gearboxes have shown; arguments as `gather`.
+
+    Cases of a class that no other gearbox has say nothing. Measured cases alone decide where there are enough. None if
+    the cases are too few.
+    """
+    held_out = table.parts
+    measured = table.origins == "measured"
+    counts = measured if _comparable(table, held_out, rows, measured).size >= FEWEST_FOR_LIMIT else border(table)
+    rows = _comparable(table, held_out, rows, counts)
+    novelty = np.full(rows.size, np.inf)
+    for group in np.unique(held_out[rows]):
+        ranges = ranges_of(table, border(table, held_out != group))
+        for index in np.flatnonzero(held_out[rows] == group):
+            query = np.where(present, table.values[rows[index]], np.nan)
+            novelty[index] = ranges.distance(query) if ranges.ranges else np.inf
+    limit = novelty_limit(novelty)
+    alone = float(np.mean(table.groups[rows] == table.ids[rows])) if rows.size else 0.0
+    caution = UNKNOWN_GEARBOX if alone > 0.5 else 1.0
+    return None if limit is None else caution * limit
+
+
+def _comparable(table: CaseTable, held_out: NDArray[np.intp], rows: NDArray[np.intp], among: Mask) -> NDArray[np.intp]:
+    """Return those of the rows that are among some cases, and whose class another gearbox of them has too."""
+    shared = [label for label in table.classes if np.unique(held_out[among & (table.labels == label)]).size > 1]
+    return rows[among[rows] & np.isin(table.labels[rows], shared)]
+
+
+def ranges_of(table: CaseTable, rows: Mask) -> KnownRanges:
+    """Return what these cases have shown."""
+    of_classes = [np.flatnonzero(rows & (table.class_numbers == number)) for number in range(len(table.classes))]
+    sample = np.concatenate([spread_out(each, LARGEST_CLASS) for each in of_classes] or [np.empty(0, np.intp)])
+    return known_ranges(table.names, table.values[sample], table.labels[sample])

@@ -34,7 +34,7 @@ def store_recording(
     extraction: Extraction,
     description: RecordingDescription,
 ) -> StoredRecording:
-    """Keep a recording; see `CaseLibrary.store_recording`."""
+    """Keep a recording; see `Retain.recording`."""
     stored = source if isinstance(source, StoredBytes) else audio.put(source)
     document = description.to_document()
     fingerprint = _fingerprint(stored.sha256, recording.channel, document)

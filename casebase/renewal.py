@@ -7,6 +7,7 @@ from sqlalchemy import ColumnElement, exists, func, select, update
 from sqlalchemy.orm import Session
 
 from casebase import audit
+from casebase.counter import count_change
 from casebase.description import condition_of
 from casebase.errors import ErasedError, NotFoundError
 from casebase.library import CaseLibrary
@@ -71,14 +72,14 @@ def renew(
 
 def _renew_one(library: CaseLibrary, actor: str, recording_id: str) -> None:
     with library.reading() as session:
-        row = library.recording(session, recording_id)
-    recording = read_recording(library.audio_path(row), channel=row.channel)
+        row = library.retrieve.recording(session, recording_id)
+    recording = read_recording(library.retrieve.audio_path(row), channel=row.channel)
     with library.reading() as session:
         known = session.get(FeatureRow, (recording_id, EXTRACTOR_VERSION)) is not None
     extraction = None if known else extract(recording, condition_of(row.description))
     prints = fingerprints(recording)
     with library.transaction(actor) as session:
-        row = library.recording(session, recording_id)
+        row = library.retrieve.recording(session, recording_id)
         changed = list(join_sounds(session, row, prints)) if row.sound is None else []
         if extraction is not None:
             store_features(session, row, extraction)
@@ -86,7 +87,7 @@ def _renew_one(library: CaseLibrary, actor: str, recording_id: str) -> None:
             after = {"extractor_version": extraction.extractor_version}
             audit.record(session, "recording.renewed", ("recording", recording_id), after=after)
         if changed:
-            version = library.next_version(session)
+            version = count_change(session)
             session.execute(
                 update(Case).where(Case.id.in_(changed)).values(library_version=version, version=Case.version)
             )
@@ -95,6 +96,6 @@ def _renew_one(library: CaseLibrary, actor: str, recording_id: str) -> None:
 def _leave_without_fingerprint(library: CaseLibrary, actor: str, recording_id: str) -> None:
     """What cannot be read has no fingerprint, and is not tried again for one."""
     with library.transaction(actor) as session:
-        row = library.recording(session, recording_id)
+        row = library.retrieve.recording(session, recording_id)
         if row.sound is None:
             keep_sound(session, row, ())

@@ -342,10 +342,10 @@ def apply(library: CaseLibrary, session: Session, found: Review, kind: str) -> A
         raise InvalidRequestError(f"the review found nothing {kind}: there is nothing to change")
     edits = []
     for each in findings:
-        case = library.case(session, each.case_id)
+        case = library.retrieve.case(session, each.case_id)
         before: dict[str, object] = {"state": case.state, "quarantine_reason": case.quarantine_reason}
         change: dict[str, object] = {"state": "retired"} if kind == "redundant" else {"quarantine_reason": each.reason}
-        library.revise(session, each.case_id, change)
+        library.revise.case(session, each.case_id, change)
         edits.append({"case_id": each.case_id, "before": before})
     return add_artifact(session, KIND, {"kind": kind, "edits": edits}, score_detail={"edits": len(edits)})
 
@@ -356,14 +356,14 @@ def quarantine_far(library: CaseLibrary, actor: str) -> int:
     Does nothing where no label has simulated cases and three measured ones to hold them against.
     """
     with library.reading() as session:
-        counts = library.counts(session)
+        counts = library.retrieve.counts(session)
         if not any(
             counts.get((label, "simulated")) and count >= FEWEST_MEASURED
             for (label, origin), count in counts.items()
             if origin == "measured"
         ):
             return 0
-        found = review(session, library.reasoner(session))
+        found = review(session, library.reuse.reasoner(session))
     if found.far:
         with library.transaction(actor) as session:
             apply(library, session, found, "far")
@@ -378,5 +378,5 @@ def undo(library: CaseLibrary, session: Session, version: int) -> int:
     edits = row.content["edits"]
     assert isinstance(edits, list)
     for edit in edits:
-        library.revise(session, edit["case_id"], edit["before"])
+        library.revise.case(session, edit["case_id"], edit["before"])
     return len(edits)

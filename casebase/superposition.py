@@ -41,7 +41,7 @@ class Fault:
 
 def faults(
     table: CaseTable,
-    jury: Mask,
+    voters: Mask,
     metric: Metric,
     sharpness: float,
     values: NDArray[np.floating],
@@ -50,7 +50,7 @@ def faults(
     """Return every fault that is present, the leading label first; none where that is of a sound gear.
 
     Args:
-        jury: the cases that vote, shape (cases,).
+        voters: the cases that vote, shape (cases,).
         values: features of the recording, shape (n,).
         hypotheses: labels with their probabilities, the most probable first.
     """
@@ -61,7 +61,7 @@ def faults(
     for label, alone in hypotheses[1:]:
         if label in BASELINES:
             continue
-        both = alone + probability * _beside(table, jury, metric, sharpness, values, leading, label)
+        both = alone + probability * _beside(table, voters, metric, sharpness, values, leading, label)
         if both > PRESENT:
             found.append(Fault(label, min(both, probability)))
     return (found[0], *sorted(found[1:], key=lambda fault: -fault.probability))
@@ -69,7 +69,7 @@ def faults(
 
 def _beside(
     table: CaseTable,
-    jury: Mask,
+    voters: Mask,
     metric: Metric,
     sharpness: float,
     values: NDArray[np.floating],
@@ -77,10 +77,10 @@ def _beside(
     second: str,
 ) -> float:
     """Return how probable a second fault is beside the first; 0 where normal is not known to hold them against."""
-    normal = table.values[jury & np.isin(table.labels, BASELINES)]
+    normal = table.values[voters & np.isin(table.labels, BASELINES)]
     if not len(normal):
         return 0.0
-    ones, others = (_of(table, jury, label) for label in (first, second))
+    ones, others = (_of(table, voters, label) for label in (first, second))
     if not len(ones) or not len(others):
         return 0.0
     both = superposed(ones, others, robust_scales(normal)[0], metric.scale)
@@ -88,8 +88,8 @@ def _beside(
     return float(np.exp(log_votes(np.stack(squares)[None], sharpness)[0, 1]))
 
 
-def _of(table: CaseTable, jury: Mask, label: str) -> Floats:
-    rows = spread_out(np.flatnonzero(jury & (table.labels == label)), MOST_CASES)
+def _of(table: CaseTable, voters: Mask, label: str) -> Floats:
+    rows = spread_out(np.flatnonzero(voters & (table.labels == label)), MOST_CASES)
     return np.asarray(table.values[rows], np.float64)
 
 

@@ -30,7 +30,7 @@ def nearest_of_classes(squares: NDArray[np.floating], labels: NDArray[np.str_], 
     return nearest
 
 
-def strangeness(nearest: Floats) -> Floats:
+def nonconformity(nearest: Floats) -> Floats:
     """Return the mean squared distance to the voting cases of each class, shape (queries, classes)."""
     known = np.isfinite(nearest)
     count = known.sum(axis=-1)

@@ -14,15 +14,12 @@ from sim.piecewise_affine.channels import channel_names, channel_units
 from sim.piecewise_affine.engine import Block, ExactEngine, component_events
 from sim.piecewise_affine.system import Array, System
 from sim.rotational.drive_train import DriveTrain
-from sim.rotational.trajectory import Channels, Residual, Trajectory
+from sim.rotational.trajectory import MEMORY_LIMIT_BYTES, Channels, Residual, Trajectory
 from sim.verification import check_finite, instants
 
 Engine = Literal["exact", "runge-kutta"]
 MAX_DURATION_S = 1e6
 MAX_RATE_HZ = 1e6
-MEMORY_LIMIT_BYTES = 2_000_000_000
-"""Largest result that `simulate` returns at once; `stream` has no such limit."""
-BLOCK_SAMPLES = 262_144
 KEPT_ENGINES = 16
 _engines: OrderedDict[tuple[int, float], tuple[DriveTrain, ExactEngine]] = OrderedDict()
 _lock = Lock()

@@ -18,7 +18,7 @@ settings.register_profile("repeatable", derandomize=True)
 settings.load_profile("repeatable")
 
 TEMPLATE = "gearcase_template"
-LONGEST_FIRST = ("hidden_effects", "web", "jobs", "generation", "discrepancy")
+LONGEST_FIRST = ("hidden_effects", "web", "jobs", "app", "discrepancy")
 """Folders whose files take longest, so that no process of several is left with one at the end."""
 _numbers = itertools.count()
 

@@ -31,6 +31,7 @@ from app.security import Admin, Viewer
 from app.service import Reading, Service, TheService
 from app.uploads import MaybeUpload, Upload, multipart_body
 from casebase.case_filter import CaseFilter
+from casebase.counter import library_version
 from casebase.models import Case
 from casebase.signals.text import text_of
 
@@ -57,7 +58,7 @@ def list_cases(
 ) -> PageFound[CaseAnswer]:
     """Cases, newest first; retired ones only with `state=retired`."""
     wanted = CaseFilter(label=label, origin=origin, axis=axis, gearbox=gearbox, state=state)
-    page = service.library.cases(session, wanted, limit=limit, cursor=cursor)
+    page = service.library.retrieve.cases(session, wanted, limit=limit, cursor=cursor)
     return page_found(session, axis, page_of(page, CaseAnswer.model_validate))
 
 
@@ -92,9 +93,9 @@ def _from_recording(once: Once, request: Request, upload: Upload) -> Response:
     labelling = metadata.labelling()
 
     def work(session: Session) -> Made:
-        before = service.library.version(session)
+        before = library_version(session)
         row = intake.store(service.library, session)
-        return _made(request, service.library.retain(session, row, labelling), before)
+        return _made(request, service.library.retain.case(session, row, labelling), before)
 
     return once.run(work, *content)
 
@@ -107,8 +108,8 @@ def _from_diagnosis(once: Once, request: Request, body: bytes) -> Response:
     library = once.service.library
 
     def work(session: Session) -> Made:
-        before = library.version(session)
-        case = library.retain_diagnosis(session, asked.diagnosis_id, label=asked.label, verified_by=asked.verified_by)
+        before = library_version(session)
+        case = library.retain.diagnosis(session, asked.diagnosis_id, label=asked.label, verified_by=asked.verified_by)
         return _made(request, case, before)
 
     return once.run(work, asked.model_dump())
@@ -131,7 +132,7 @@ def get_case(
     if_none_match: IfNoneMatch = None,
 ) -> CaseAnswer | Response:
     """One case, retired ones too, with its ETag."""
-    case = service.library.case(session, case_id)
+    case = service.library.retrieve.case(session, case_id)
     if has_already(if_none_match, etag(case)):
         return not_modified({"ETag": etag(case)})
     response.headers["ETag"] = etag(case)
@@ -141,7 +142,7 @@ def get_case(
 @router.get("/cases/{case_id}/history")
 def case_history(_: Viewer, session: Reading, service: TheService, case_id: Identifier) -> PageOf[AuditAnswer]:
     """All that happened to a case, oldest first."""
-    items = [AuditAnswer.model_validate(row) for row in service.library.history(session, case_id)]
+    items = [AuditAnswer.model_validate(row) for row in service.library.retrieve.history(session, case_id)]
     return PageOf(items=items, next_cursor=None)
 
 
@@ -158,7 +159,7 @@ def change_case(
     """Change a case. With `If-Match` only if nobody else has changed it in the meantime."""
     changes = change.model_dump()
     with service.library.transaction(admin.actor, request.scope["request_id"]) as session:
-        case = service.library.revise(session, case_id, changes, expected_version=expected(service, if_match))
+        case = service.library.revise.case(session, case_id, changes, expected_version=expected(service, if_match))
     response.headers["ETag"] = etag(case)
     return CaseAnswer.model_validate(case)
 
@@ -174,7 +175,7 @@ def retire_case(
 ) -> CaseAnswer:
     """Take a case out of every search. It stays readable, and `PATCH {"state": "confirmed"}` brings it back."""
     with service.library.transaction(admin.actor, request.scope["request_id"]) as session:
-        case = service.library.retire(session, case_id, expected_version=expected(service, if_match))
+        case = service.library.revise.retire(session, case_id, expected_version=expected(service, if_match))
     response.headers["ETag"] = etag(case)
     return CaseAnswer.model_validate(case)
 

@@ -83,4 +83,4 @@ def get_review(_: Viewer, session: Reading, service: TheService) -> ReviewAnswer
 
     `plan` holds what `POST /simulations` takes: the counts of all holes together, and `campaigns` hole by hole.
     """
-    return ReviewAnswer.model_validate(review(session, service.library.reasoner(session)).to_document())
+    return ReviewAnswer.model_validate(review(session, service.library.reuse.reasoner(session)).to_document())

@@ -39,7 +39,7 @@ PNG, JSON = "image/png", "application/json"
 @router.get("")
 def get_recording(_: Viewer, session: Reading, service: TheService, recording_id: Identifier) -> RecordingAnswer:
     """A recording and how it was taken."""
-    return RecordingAnswer.model_validate(service.library.recording(session, recording_id))
+    return RecordingAnswer.model_validate(service.library.retrieve.recording(session, recording_id))
 
 
 @router.delete("")
@@ -73,8 +73,8 @@ def audio(
     if_none_match: IfNoneMatch = None,
 ) -> Response:
     """The file as it came in, whole or one range of it (several ranges are answered by the whole)."""
-    row = service.library.recording(session, recording_id)
-    service.library.audio_path(row)
+    row = service.library.retrieve.recording(session, recording_id)
+    service.library.retrieve.audio_path(row)
     if has_already(if_none_match, _etag(row)):
         return not_modified(_file_headers(row))
     return file_answer(service, row, byte_range, if_range)
@@ -95,7 +95,7 @@ def _file_headers(row: StoredRecording) -> dict[str, str]:
 
 def file_answer(service: Service, row: StoredRecording, byte_range: str | None, if_range: str | None) -> Response:
     """Return the file of a recording, whole or one range of it."""
-    path = service.library.audio_path(row)
+    path = service.library.retrieve.audio_path(row)
     headers, etag = _file_headers(row), _etag(row)
     wanted = byte_range if if_range in (None, etag) else None
     start, end = asked_range(wanted, row.byte_count)
@@ -147,13 +147,13 @@ def _bytes(path: Path, start: int, end: int) -> Iterator[bytes]:
 
 def shown(service: Service, row: StoredRecording, view: views.View, kind: str = JSON, **headers: str) -> Response:
     """Answer what a recording looks like, as it was computed before where that is kept."""
-    path = service.library.audio_path(row)
+    path = service.library.retrieve.audio_path(row)
     content = views.kept((path, row.channel, row.unit, view), lambda: view.of(decoded(service, row)))
     return Response(content, headers={**UNTIL_ERASED, **headers}, media_type=kind)
 
 
 def decoded(service: Service, row: StoredRecording) -> Recording:
-    return replace(views.decoded(service.library.audio_path(row), row.channel), unit=row.unit)
+    return replace(views.decoded(service.library.retrieve.audio_path(row), row.channel), unit=row.unit)
 
 
 @router.get("/waveform", response_model=views.Waveform, dependencies=[Looking])
@@ -165,7 +165,7 @@ def waveform(
     points: Annotated[int, Query(ge=10, le=200_000, description="intervals")] = 2000,
 ) -> Response:
     """Lowest and highest sample of each of `points` intervals."""
-    return shown(service, service.library.recording(session, recording_id), views.WaveformOf(points))
+    return shown(service, service.library.retrieve.recording(session, recording_id), views.WaveformOf(points))
 
 
 @router.get("/spectrum", response_model=views.Spectrum, dependencies=[Looking])
@@ -177,7 +177,7 @@ def spectrum(
     resolution_hz: Annotated[float, Query(ge=0.1, le=1000, description="width of a line [Hz]")] = 2.0,
 ) -> Response:
     """Averaged power spectrum."""
-    return shown(service, service.library.recording(session, recording_id), views.SpectrumOf(resolution_hz))
+    return shown(service, service.library.retrieve.recording(session, recording_id), views.SpectrumOf(resolution_hz))
 
 
 @router.get("/crest", response_model=views.CrestFactor, dependencies=[Looking])
@@ -189,7 +189,7 @@ def crest(
     window_s: Annotated[float, Query(ge=0.01, le=60, description="length of a window [s]")] = 0.5,
 ) -> Response:
     """Crest factor of the whole and over time, beside RMS and peak."""
-    return shown(service, service.library.recording(session, recording_id), views.CrestFactorOf(window_s))
+    return shown(service, service.library.retrieve.recording(session, recording_id), views.CrestFactorOf(window_s))
 
 
 @router.get(
@@ -210,7 +210,7 @@ def spectrogram(
     """Level over time and frequency: a PNG by default, numbers for `Accept: application/json`."""
     kind = chosen(request.headers.get("accept", "*/*"), (PNG, JSON))
     view = views.SpectrogramOf(columns) if kind == JSON else views.PictureOf(columns, dark=theme == "dark")
-    return shown(service, service.library.recording(session, recording_id), view, kind, Vary="Accept")
+    return shown(service, service.library.retrieve.recording(session, recording_id), view, kind, Vary="Accept")
 
 
 class Feature(BaseModel):
@@ -235,7 +235,7 @@ class Features(Answer):
 @router.get("/features")
 def features(_: Viewer, session: Reading, service: TheService, recording_id: Identifier) -> Features:
     """Every feature with its unit and a sentence of physics."""
-    row = service.library.recording(session, recording_id)
+    row = service.library.retrieve.recording(session, recording_id)
     stored = session.get(FeatureRow, (row.id, EXTRACTOR_VERSION))
     if stored is None:
         raise NotFound("The features of this recording are of an older extractor; `gearcase doctor` says what to do.")

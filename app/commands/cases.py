@@ -16,6 +16,7 @@ from app.intake import media_type_of, take_in
 from app.metadata import CaseMetadata
 from casebase.bundle import export_cases, import_cases
 from casebase.case_filter import CaseFilter
+from casebase.counter import library_version
 from casebase.errors import DuplicateError, LibraryError
 from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError
@@ -90,9 +91,9 @@ def _add(library: CaseLibrary, sound: Sound, metadata: CaseMetadata, axis: Axis 
     try:
         intake = take_in(library, sound.path, sound.name, media_type_of(sound.name), metadata, axis)
         with library.transaction(ACTOR) as session:
-            before = library.version(session)
+            before = library_version(session)
             row = intake.store(library, session)
-            case = library.retain(session, row, metadata.labelling())
+            case = library.retain.case(session, row, metadata.labelling())
             known = case.library_version <= before
             return {"file": sound.shown, "exists": known, **CaseAnswer.model_validate(case).model_dump(mode="json")}
     except DuplicateError as error:
@@ -135,7 +136,7 @@ def _first(library: CaseLibrary, wanted: CaseFilter, limit: int) -> list[CaseAns
     cursor: str | None = None
     with library.reading() as session:
         while len(found) < limit:
-            page = library.cases(session, wanted, limit=min(500, limit - len(found)), cursor=cursor)
+            page = library.retrieve.cases(session, wanted, limit=min(500, limit - len(found)), cursor=cursor)
             found += [CaseAnswer.model_validate(case) for case in page.items]
             cursor = page.next_cursor
             if cursor is None:

@@ -15,6 +15,7 @@ from app.metadata import RecordingMetadata
 from app.web.words import is_poor, remarks_beside, verdict_of
 from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError
+from casebase.upkeep import keep_learned
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 
@@ -45,7 +46,7 @@ def diagnose(
     described = read_axis(axis) if axis else None
     entries = []
     with frame.current_library() as library, frame.progress() as progress:
-        library.keep_learned(ACTOR)
+        keep_learned(library, ACTOR)
         with sounds(files, frame.settings.upload_bytes) as found:
             for sound in progress.track(found, description="diagnosing"):
                 entries.append(_entry(library, sound, metadata, described))

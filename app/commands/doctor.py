@@ -109,7 +109,7 @@ def _keys(_: CaseLibrary, session: Session) -> Iterator[Finding]:
 
 
 def _cases(library: CaseLibrary, session: Session) -> Iterator[Finding]:
-    counts = library.counts(session)
+    counts = library.retrieve.counts(session)
     shown = ", ".join(f"{count} {label} {origin}" for (label, origin), count in sorted(counts.items()))
     fault = None if counts else "Run `gearcase cases add FILE... --label LABEL`, or `gearcase starter`."
     yield Finding("library", shown or "no cases", fault)

@@ -26,7 +26,7 @@ def evaluate(
     """Leave out one gearbox at a time, learn from the others and diagnose it."""
     frame = frame_of(context)
     with frame.current_library() as library, frame.words.status("cross-validating"), library.reading() as session:
-        found = library.evaluate(session, group=group, origin=origin)
+        found = library.reuse.evaluate(session, group=group, origin=origin)
         alone = _alone(library, session, found)
     if json:
         compared = {each.origin: each.accuracy.to_document() for each in (*alone, found)}
@@ -40,11 +40,11 @@ def evaluate(
 def _alone(library: CaseLibrary, session: Session, found: Evaluation) -> list[Evaluation]:
     """Return the evaluations by measured and by simulated cases alone, where there are both."""
     measured = found.without_simulated
-    if measured is None and len({kind for _, kind in library.counts(session)}) < 2:
+    if measured is None and len({kind for _, kind in library.retrieve.counts(session)}) < 2:
         return []
     kept = {each.origin: each for each in (found, measured) if each}
     return [
-        kept.get(origin) or library.evaluate(session, group=found.group, origin=origin)
+        kept.get(origin) or library.reuse.evaluate(session, group=found.group, origin=origin)
         for origin in ("measured", "simulated")
     ]
 

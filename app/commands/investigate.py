@@ -80,11 +80,8 @@ def run(
     frame = frame_of(context)
     described = read_axis(axis)
     check_pairs(len(telemetry or ()), len(sound or ()), len(as_new or ()), channel_map=channels is not None)
-    heard, before = (
-        [replace(_read(one, read_sound), name=one.name) for one in files or ()] for files in (sound, as_new)
-    )
-    map_ = None if channels is None else _read(channels, lambda path: text_of(path.read_bytes()))
-    measured = [_read(one, partial(read_telemetry, channels=map_)) for one in telemetry or ()]
+    heard, before = _sounds(sound or ()), _sounds(as_new or ())
+    measured = _measured(telemetry or (), channels)
     if len(measured) > 1:
         taken = _taken(telemetry or (), measured, sound or (), heard)
         together = _watched(frame, lambda watch: investigate_together(described, taken, watch, sound_offset))
@@ -102,6 +99,15 @@ def run(
         frame.print_json(document())
     else:
         _show(frame, result, whose)
+
+
+def _sounds(files: Sequence[Path]) -> list[Recording]:
+    return [replace(_read(one, read_sound), name=one.name) for one in files]
+
+
+def _measured(telemetry: Sequence[Path], channels: Path | None) -> list[Telemetry]:
+    map_ = None if channels is None else _read(channels, lambda path: text_of(path.read_bytes()))
+    return [_read(one, partial(read_telemetry, channels=map_)) for one in telemetry]
 
 
 def _read(path: Path, read: Callable[[Path], Read]) -> Read:

@@ -35,7 +35,7 @@ def review(
                 frame.say(f"{care.undo(library, session, undo)} cases are as they were")
             return
         with library.reading() as session:
-            found = care.review(session, library.reasoner(session), most=None)
+            found = care.review(session, library.reuse.reasoner(session), most=None)
         version = None
         if apply is not None:
             with library.transaction(ACTOR) as session:

@@ -137,7 +137,7 @@ def _first_key(service: Service) -> str | None:
 
 def _emptiness(service: Service) -> list[str]:
     with service.library.reading() as session:
-        if service.library.counts(session):
+        if service.library.retrieve.counts(session):
             return []
     folder = service.settings.data_dir
     return [

@@ -62,7 +62,7 @@ def size(
     extraction = extract(recording, condition)
     with frame.library() as library:
         with library.reading() as session:
-            known_size = None if simulate else library.severity(session, extraction, described.name, label)
+            known_size = None if simulate else library.reuse.severity(session, extraction, described.name, label)
         microphones, version = fitted_microphones(library, described)
     if known_size is not None:
         _show(frame, known_size, {"label": label, "by": LIBRARY}, json)

@@ -16,6 +16,7 @@ from app.metadata import RecordingMetadata
 from casebase.artifacts import active_artifact, add_artifact
 from casebase.axes import add_axis
 from casebase.library import CaseLibrary
+from casebase.upkeep import keep_learned
 from sim.experiment.design_of_experiments import LABELS, plan
 from sim.experiment.paper_axis import PAPER_AXIS
 
@@ -41,7 +42,7 @@ def starter(
     demo = frame.settings.data_dir / DEMO_NAME
     with frame.library() as library:
         with library.reading() as session:
-            counts = library.counts(session)
+            counts = library.retrieve.counts(session)
             shown = active_artifact(session, DEMO)
         if any(origin == "measured" for _, origin in counts):
             return
@@ -65,11 +66,11 @@ def diagnose_demo(library: CaseLibrary, path: Path) -> None:
     known = RecordingMetadata(
         axis=PAPER_AXIS.name, gearbox="demonstration", speed_rad_s=PAPER_AXIS.motion.load_speed_rad_s, channel=0
     )
-    library.keep_learned("starter")
+    keep_learned(library, "starter")
     intake = take_in(library, path, path.name, "audio/wav", known, PAPER_AXIS)
     with library.transaction("starter") as session:
         row = intake.store(library, session)
-        diagnosis = library.diagnose(session, row, intake.extraction)
+        diagnosis = library.reuse.diagnose(session, row, intake.extraction)
         add_artifact(session, DEMO, {"diagnosis_id": diagnosis.id, "recording_id": row.id})
 
 

@@ -6,6 +6,7 @@ from weakref import WeakKeyDictionary
 
 from sqlalchemy.orm import Session
 
+from casebase.counter import library_version
 from casebase.library import CaseLibrary
 
 Value = TypeVar("Value")
@@ -17,7 +18,7 @@ def counted(library: CaseLibrary, session: Session, name: str, count: Callable[[
 
     The version is read first: were a change to come in between, what is kept would be too new, never too old.
     """
-    version = library.version(session)
+    version = library_version(session)
     kept = _KEPT.setdefault(library, {})
     known = kept.get(name)
     if known is None or known[0] != version:
@@ -27,4 +28,4 @@ def counted(library: CaseLibrary, session: Session, name: str, count: Callable[[
 
 def counts_of(library: CaseLibrary, session: Session) -> Mapping[tuple[str, str], int]:
     """Return how many searchable cases there are per label and origin."""
-    return counted(library, session, "counts", lambda: library.counts(session))
+    return counted(library, session, "counts", lambda: library.retrieve.counts(session))

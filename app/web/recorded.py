@@ -26,7 +26,7 @@ COLUMNS = 800
 
 def decoded(service: Service, row: StoredRecording) -> Recording:
     """Return the samples of a stored recording."""
-    return replace(views.decoded(service.library.audio_path(row), row.channel), unit=row.unit)
+    return replace(views.decoded(service.library.retrieve.audio_path(row), row.channel), unit=row.unit)
 
 
 def surveyed(recording: Recording, row: StoredRecording) -> Survey:

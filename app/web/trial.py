@@ -18,7 +18,7 @@ from sim.description.axis_document import read_axis
 from sim.errors import RunError, SimulationError
 from sim.experiment.scenario import Scenario, with_motion
 from sim.experiment.specimen import Specimen
-from sim.mechanisms import MECHANISMS
+from sim.mechanisms import MECHANISMS, Backlash, ToothDamage
 from sim.mechanisms.mechanism import Mechanism
 
 SHOWN_S = 8.0
@@ -26,7 +26,7 @@ DEFAULT_MODES = (Mode(320.0, 0.04, 1.0), Mode(900.0, 0.03, 0.6), Mode(1700.0, 0.
 LIMITS: Mapping[str, float] = {"seconds": 40.0, "cpu_seconds": 15.0, "memory_bytes": 2 << 30}
 """A gearbox takes a fifth of a second; the first trial of a process also loads compiled code, which takes a few."""
 
-TRIED = ("backlash", "tooth_damage")
+TRIED = (Backlash.name, ToothDamage.name)
 """Mechanisms that sliders stand for, at the last mesh."""
 TRIALS = LimitedPool(1, "app.web.trial")
 
@@ -58,7 +58,7 @@ def starts(axis: Axis) -> Mapping[str, float]:
 
     As play of a description counts the most that the gear has as new.
     """
-    gaps = [built(entry)["gap_rad"] for entry in _those_of_the_last(axis, "backlash")]
+    gaps = [built(entry)["gap_rad"] for entry in _those_of_the_last(axis, Backlash.name)]
     notch = _deepest(axis)
     return {
         "gap_mrad": 1e3 * max([axis.stages[-1].backlash_rad, *gaps]),
@@ -72,7 +72,7 @@ def built(entry: MechanismEntry) -> Mechanism:
 
 
 def _deepest(axis: Axis) -> Mechanism | None:
-    notches = [built(entry) for entry in _those_of_the_last(axis, "tooth_damage")]
+    notches = [built(entry) for entry in _those_of_the_last(axis, ToothDamage.name)]
     return max(notches, key=lambda notch: notch["depth_rad"], default=None)
 
 
@@ -122,10 +122,10 @@ def perform(trial: Trial) -> NDArray[np.float32]:
     if trial.period_s:
         axis = with_motion(axis, period_s=trial.period_s)
     last = axis.stages[-1].name
-    gap = MechanismEntry("backlash", last, {"gap_rad": values["gap_mrad"] * 1e-3})
+    gap = MechanismEntry(Backlash.name, last, {"gap_rad": values["gap_mrad"] * 1e-3})
     known = _deepest(axis)
     place = known.values if known else {"angle_rad": 0.0, "flank": 1.0}
-    notch = MechanismEntry("tooth_damage", last, {**place, "depth_rad": values["notch_mrad"] * 1e-3})
+    notch = MechanismEntry(ToothDamage.name, last, {**place, "depth_rad": values["notch_mrad"] * 1e-3})
     entries = [*besides(axis), gap, notch]
     stiffness = axis.stiffness()[-1]
     stage = replace(axis.stages[-1], backlash_rad=0.0)  # the slider says what the play is

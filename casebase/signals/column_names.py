@@ -217,20 +217,9 @@ def _said(name: str, unit_below: str) -> tuple[str, str, Meaning] | None:
     unit = unit_of(units[0]) if units else None
     if unit is None:
         unit, tokens = _trailing_unit(tokens)
-    quantities, sides, label, doubts = [], [], [], []
-    for place, token in enumerate(tokens):
-        if token in NEVER:
-            return None
-        if token in QUANTITY_WORDS or (token in SYMBOLS and unit in FITTING[SYMBOLS[token]]):
-            quantities.append(token)
-        elif token in SIDE_WORDS:
-            sides.append(SIDE_WORDS[token])
-        elif token in DOUBTFUL:
-            doubts.append(token)
-        elif token not in NEUTRAL and not (
-            token in BEFORE_A_NUMBER and "".join(tokens[place + 1 : place + 2]).isdigit()
-        ):
-            label.append(token)
+    if not NEVER.isdisjoint(tokens):
+        return None
+    quantities, sides, label, doubts = _sorted(tokens, unit)
     word = quantities[-1] if quantities else ""
     quantity = {**SYMBOLS, **QUANTITY_WORDS}.get(word) or OF_UNITS.get(unit or "", "")
     if not quantity and LOAD in sides and unit in (None, "%"):  # how much of its torque a servo gives
@@ -252,6 +241,23 @@ def _said(name: str, unit_below: str) -> tuple[str, str, Meaning] | None:
     if doubts:
         doubt = f"leaves the side open ({doubts[0]})"
     return quantity, side, Meaning("", unit, tuple(label), word, needed, doubt)
+
+
+def _sorted(tokens: list[str], unit: str | None) -> tuple[list[str], list[str], list[str], list[str]]:
+    """The words that name a quantity, the sides that are named, what is left as a label, and words that leave doubt."""
+    quantities, sides, label, doubts = [], [], [], []
+    for place, token in enumerate(tokens):
+        if token in QUANTITY_WORDS or (token in SYMBOLS and unit in FITTING[SYMBOLS[token]]):
+            quantities.append(token)
+        elif token in SIDE_WORDS:
+            sides.append(SIDE_WORDS[token])
+        elif token in DOUBTFUL:
+            doubts.append(token)
+        elif token not in NEUTRAL and not (
+            token in BEFORE_A_NUMBER and "".join(tokens[place + 1 : place + 2]).isdigit()
+        ):
+            label.append(token)
+    return quantities, sides, label, doubts
 
 
 def _side(quantity: str, sides: list[str]) -> tuple[str, str]:

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from casebase.signals import crest
 from casebase.signals.analysis import ANALYSIS_RATE_HZ, Analysis
+from casebase.signals.live_channel import MAINS_HZ
 from casebase.signals.motion import CONTRADICTS
 from casebase.signals.recording import Recording
 from casebase.signals.spectra import band_envelope
@@ -28,7 +29,7 @@ FACTORS = (
 """What is heard over what was given, and what that comes from."""
 SHARE_MISSING = 0.1
 FOR_SPEECH = {"AMR", "AMR-WB", "GSM", "Speex"}
-MAINS_HZ = (50.0, 60.0, 100.0, 120.0)
+HUM_HZ = (*MAINS_HZ, *(2.0 * mains for mains in MAINS_HZ))
 
 
 DISTURBANCES = (
@@ -265,7 +266,7 @@ def unsteady_hum(analysis: Analysis) -> QualityFlag | None:
     """Flag a mains line that carries much of the sound below 200 Hz and swells by more than 6 dB."""
     spectrum = analysis.spectrum
     whole = spectrum.band_power(12.0, 200.0)
-    for line in MAINS_HZ:
+    for line in HUM_HZ:
         power, around = spectrum.band_power(line - 1, line + 1), spectrum.band_power(line - 5, line + 5)
         if analysis.duration_s < 3 or power < 0.2 * whole or power < 0.8 * around:
             continue

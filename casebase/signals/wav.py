@@ -88,38 +88,56 @@ def read_wav(file: BinaryIO, size: int) -> Wav:
     """
     file.seek(0)
     order = ">" if file.read(4) == b"RIFX" else "<"
-    form, long_data, tags = b"", None, {}
-    data: tuple[int, int] | None = None
+    chunks = _Chunks(file, size, order)
     offset = 12
     while offset + 8 <= size:
         name, claimed = _head(file, offset, order)
         start = offset + 8
-        if name == b"data" and data is None:
-            if claimed == 0xFFFFFFFF and long_data is not None:
-                claimed = long_data
-            if claimed == 0 and not _is_chunk(file, start, size, order):
-                claimed = UNSTATED
-            data = start, claimed
-        elif name == b"fmt " and not form:
-            form = _content(file, start, min(claimed, LONGEST_TAG))
-        elif name == b"ds64":
-            long_data = int.from_bytes(_content(file, start, 24)[8:16], "little") or None
-        elif name in TAGS and claimed <= LONGEST_TAG:
-            content = _content(file, start, claimed)
-            if name != b"LIST" or content.startswith(b"INFO"):
-                tags[name] = content
+        claimed = chunks.take(name, start, claimed)
         if start + claimed > size or not name.isascii():
             break
         offset = start + claimed
         if claimed % 2 and not (offset < size and _is_chunk(file, offset, size, order)):
             offset += 1
+    form, data = chunks.form, chunks.data
     if not form or data is None:
         form, data = _search(file, min(offset, size), order, form, data)
     if len(form) < 16:
         raise WavError("it has no 'fmt ' chunk, so nothing says how its samples are stored")
     if data is None:
         raise WavError("it has no 'data' chunk, so no sound")
-    return _wav(form, data, size, tags, big_endian=order == ">")
+    return _wav(form, data, size, chunks.tags, big_endian=order == ">")
+
+
+@dataclass
+class _Chunks:
+    """What the chunks of a file have said so far."""
+
+    file: BinaryIO
+    size: int
+    order: str
+    form: bytes = b""
+    data: tuple[int, int] | None = None
+    tags: dict[bytes, bytes] = field(default_factory=dict)
+    _long_data: int | None = None
+
+    def take(self, name: bytes, start: int, claimed: int) -> int:
+        """Keep what the chunk at `start` says; return how long it is [byte], which `claimed` may leave open."""
+        if name == b"data" and self.data is None:
+            if claimed == 0xFFFFFFFF and self._long_data is not None:
+                claimed = self._long_data
+            if claimed == 0 and not _is_chunk(self.file, start, self.size, self.order):
+                claimed = UNSTATED
+            self.data = start, claimed
+        elif name == b"fmt " and not self.form:
+            self.form = _content(self.file, start, min(claimed, LONGEST_TAG))
+        elif name == b"ds64":
+            self._long_data = int.from_bytes(_content(self.file, start, 24)[8:16], "little") or None
+        elif name in TAGS and claimed <= LONGEST_TAG:
+            content = _content(self.file, start, claimed)
+            if name != b"LIST" or content.startswith(b"INFO"):
+                self.tags[name] = content
+        return claimed
 
 
 def samples(wav: Wav, content: bytes) -> NDArray[np.float32]:

@@ -7,10 +7,11 @@ from dataclasses import replace
 
 from sim.description.axis import Axis, MechanismEntry, Stage
 from sim.discrepancy.estimation.estimate import Fit
+from sim.discrepancy.hypotheses.friction import friction_key
 from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.traits import traits_of
 from sim.discrepancy.model.parameters import Values
-
-SIMPLE = ("coulomb_friction", "viscous_friction")
+from sim.mechanisms import CoulombFriction, ViscousFriction
 
 
 def extended_axis(axis: Axis, fit: Fit, terms: Sequence[Term]) -> Axis:
@@ -27,27 +28,27 @@ def extended_by(axis: Axis, values: Values, found: Mapping[tuple[str, str | None
         axis.motor,
         inertia_kg_m2=get("motor.inertia_kg_m2", axis.motor.inertia_kg_m2),
         coulomb_friction_n_m=get("motor.coulomb_friction_n_m", axis.motor.coulomb_friction_n_m)
-        + get("coulomb_friction@None.motor", 0.0),
+        + get(friction_key(CoulombFriction, "motor"), 0.0),
         viscous_friction_n_m_s_per_rad=get(
             "motor.viscous_friction_n_m_s_per_rad", axis.motor.viscous_friction_n_m_s_per_rad
         )
-        + get("viscous_friction@None.motor", 0.0),
+        + get(friction_key(ViscousFriction, "motor"), 0.0),
     )
     load = replace(
         axis.load,
         inertia_kg_m2=get("load.inertia_kg_m2", axis.load.inertia_kg_m2),
         coulomb_friction_n_m=get("load.coulomb_friction_n_m", axis.load.coulomb_friction_n_m)
-        + get("coulomb_friction@None.load", 0.0),
+        + get(friction_key(CoulombFriction, "load"), 0.0),
         viscous_friction_n_m_s_per_rad=get(
             "load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad
         )
-        + get("viscous_friction@None.load", 0.0),
+        + get(friction_key(ViscousFriction, "load"), 0.0),
     )
     stages = tuple(_stage(axis, k, values) for k in range(len(axis.stages)))
     entries = tuple(
         MechanismEntry(mechanism, location, {k: float(v) for k, v in numbers.items()})
         for (mechanism, location), numbers in found.items()
-        if mechanism not in SIMPLE
+        if not traits_of(mechanism).in_every_axis
     )
     return replace(axis, motor=motor, load=load, stages=stages, mechanisms=(*axis.mechanisms, *entries))
 

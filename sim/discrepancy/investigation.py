@@ -53,6 +53,7 @@ from sim.discrepancy.report.maintenance_actions import action
 from sim.discrepancy.report.wording import next_measurement, numbers_of
 from sim.discrepancy.results import SAID, Finding, Investigation, rounded
 from sim.discrepancy.search.search import select
+from sim.mechanisms.catalogue import kind_of
 
 VERSION = "1"
 Progress = Callable[[str, float], None]
@@ -139,7 +140,7 @@ def investigate(
         axis, verdict, findings, rest[0] if rest else None, estimates(problem, fit), gained,
         advice, extended_axis(axis, fit, said),
         _provenance(axis, telemetry, sounds, problem.measurement),
-        tuple((r.term.key, r.gain) for r in selection.rejected[:6]),
+        tuple((str(r.term.key), r.gain) for r in selection.rejected[:6]),
         (
             shown_remark(axis, recorded), *gate.remarks, *doubts, *strange, *quieted,
             *description_remarks(problem, fit), *excitation_remarks(excitation_of(problem.measurement)),
@@ -152,13 +153,13 @@ def investigate(
 
 def _struck(axis: Axis, found: Sequence[Term | AcousticFinding]) -> list[float]:
     """Turns per turn of the motor of gears with a damaged tooth."""
-    return [axis.ratio_from(t.location) / axis.ratio for t in found if t.mechanism == "tooth_damage" and t.location]
+    return [axis.ratio_from(t.location) / axis.ratio for t in found if kind_of(t.mechanism).traits.dent and t.location]
 
 
 def _loud(axis: Axis, found: Sequence[Term]) -> list[float]:
     """Teeth per turn of the motor of gears whose teeth err."""
     teeth = {stage.name: stage.driven_teeth or 0 for stage in axis.stages}
-    erring = [t.location for t in found if t.mechanism == "mesh_error" and t.location in teeth]
+    erring = [t.location for t in found if kind_of(t.mechanism).signature.order == "mesh" and t.location in teeth]
     return [teeth[place] * axis.ratio_from(place) / axis.ratio for place in erring]
 
 

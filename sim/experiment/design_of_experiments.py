@@ -18,8 +18,8 @@ from sim.description.axis import Axis, MechanismEntry, Motion
 from sim.errors import ParameterError, near_match
 from sim.experiment.scenario import Scenario
 from sim.experiment.specimen import Specimen
-from sim.mechanisms import MECHANISMS
-from sim.mechanisms.mechanism import Parameter
+from sim.mechanisms import MECHANISMS, Backlash, BearingDefect, ElectricalHum, ToothDamage
+from sim.mechanisms.mechanism import Measurement, Mechanism, Parameter
 
 Array = NDArray[np.float64]
 DURATION_S = 10.0
@@ -69,10 +69,10 @@ GAP_RAD = Range("gap_rad", 2e-4, 3e-3, log=True)  # 0.7 to 10 minutes of arc: ju
 DEPTH_RAD = Range("depth_rad", 1e-4, 2e-3, log=True)
 VISITED = 0.4  # of the way at full speed to either side of its middle: braking, the other flank carries the torque
 
-LABELS: Mapping[str, str | None] = {"normal": None, "play": "backlash", "notch": "tooth_damage"}
+LABELS: Mapping[str, str | None] = {"normal": None, "play": Backlash.name, "notch": ToothDamage.name}
 """Which mechanism a label stands for; every other mechanism that is heard is its own label."""
 
-FAULTS = frozenset({"backlash", "tooth_damage", "bearing_defect"})
+FAULTS = frozenset({Backlash.name, ToothDamage.name, BearingDefect.name})
 """What a sound gearbox does not have. A description may say so of one gearbox; its kind is described without."""
 
 USUAL = 4.0  # sizes of other mechanisms lie between their default over this and times this
@@ -81,8 +81,13 @@ DETAIL = 1.5  # the same for their other parameters
 
 def labels() -> tuple[str, ...]:
     """All labels that can be generated: those of `LABELS`, then mechanisms by name."""
-    silent = {"torque_offset", "encoder_error", "time_delay", "lost_samples"}  # of telemetry alone
-    return (*LABELS, *(name for name in MECHANISMS if name not in {*LABELS.values(), *silent}))
+    others = (name for name, kind in MECHANISMS.items() if name not in LABELS.values() and not _is_silent(kind))
+    return (*LABELS, *others)
+
+
+def _is_silent(kind: type[Mechanism]) -> bool:
+    """Whether it is of telemetry alone."""
+    return issubclass(kind, Measurement) and kind.distort_sound is Measurement.distort_sound
 
 
 @dataclass(frozen=True)
@@ -195,13 +200,13 @@ def _fault(
         return None
     kind = MECHANISMS[name]
     values = {each.name: _usual(each, draw["place"], each.name == kind.size, draw["size"]) for each in kind.parameters}
-    if name == "backlash":
+    if kind is Backlash:
         values = {"gap_rad": GAP_RAD.at(draw["size"])}
-    if name == "tooth_damage":
+    if kind is ToothDamage:
         angle = middle_rad + (2 * draw["place"] - 1) * VISITED * full_speed_rad
         flank = 1.0 if draw["flank"] < 0.5 else -1.0
         values = {"angle_rad": angle, "depth_rad": DEPTH_RAD.at(draw["size"]), "flank": flank}
-    if name == "electrical_hum":
+    if kind is ElectricalHum:
         values["sound"] = 0.1 * draw["size"]
     return kind(kind(None).placed(axis) or None, values).entry()
 
@@ -221,7 +226,7 @@ def moved(planned: Planned, motion: Motion, payload_kg_m2: float) -> Planned:
     way at full speed."""
     scenario, entry = planned.scenario, planned.mechanism
     mechanisms = scenario.axis.mechanisms
-    if entry is not None and entry.name == "tooth_damage":
+    if entry is not None and entry.name == ToothDamage.name:
         share = (entry.parameters["angle_rad"] - scenario.middle_rad) / _full_speed_rad(scenario.axis.motion)
         angle = scenario.middle_rad + share * _full_speed_rad(motion)
         mechanisms = (*mechanisms[:-1], replace(entry, parameters={**entry.parameters, "angle_rad": angle}))

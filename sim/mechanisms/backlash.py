@@ -5,8 +5,11 @@ from typing import ClassVar
 
 from sim.description.axis import Axis
 from sim.errors import CompositionError
+from sim.mechanisms.differing import Differing
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, meshes, stage_at
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.components import ElastoBacklash
 from sim.rotational.drive_train import DriveTrain
 
@@ -20,6 +23,34 @@ class Backlash(Mechanics):
     signature: ClassVar[Signature] = Signature("reversal", per_cycle=2, direction="reversal", grows_with="speed")
     equations: ClassVar[str] = "F = 0 while |x| < gap / 2, else c (|x| - gap / 2) + d x' on the flank in contact"
     source: ClassVar[str] = "Modelica.Mechanics.Rotational.Components.ElastoBacklash, Modelica Standard Library 4.1"
+    sentence: ClassVar[str] = (
+        "The {where} gear pair has play of {gap_rad:.3g} rad ({gap_rad_shown}): around every reversal of torque the "
+        "load moves freely until the other flank meets."
+    )
+    action: ClassVar[str] = (
+        "Lock the motor, move the load by hand to and fro and read the free travel at the {where} gear; compare it "
+        "with what the maker allows, and check preload, centre distance and fastening of that stage. Plan it for the "
+        "next stop; sooner where the axis must hold a position."
+    )
+    check: ClassVar[str] = (
+        "Block the load and let the motor push slowly to and fro: play shows as a flat middle of torque over angle, a "
+        "soft spring does not."
+    )
+    behind_the_motor: ClassVar[bool] = True
+    differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
+    own_hypothesis: ClassVar[bool] = True
+    heard: ClassVar[Heard | None] = Heard(
+        "play",
+        "Add an encoder at the load and repeat the motion: the way between the flanks is the gap, and the stage "
+        "with the play shows in how fast it is crossed.",
+        left_out="No impact where braking begins stands out over what good gearboxes do as well.",
+    )
+    traits: ClassVar[Traits] = Traits(
+        needs_no_trial=0.02,
+        laws=frozenset({Law.SPRING}),
+        form_left=0.06,  # teeth that hit
+        gap=True,
+    )
 
     @classmethod
     def as_new(cls, axis: Axis, location: str | None) -> float:

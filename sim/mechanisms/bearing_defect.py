@@ -4,6 +4,7 @@ import math
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, shaft_name, unused_name
 from sim.rotational.drive_train import DriveTrain
@@ -28,6 +29,23 @@ class BearingDefect(Mechanics):
     signature: ClassVar[Signature] = Signature("angle", order="order")
     equations: ClassVar[str] = "tau on the shaft = torque sum of sin(k (order theta + phase)), k = 1 to 5"
     source: ClassVar[str] = "McFadden and Smith, J. Sound Vib. 96 (1984) 69"
+    action: ClassVar[str] = (
+        "Order the bearing whose data sheet has this order (it is told per turn of the motor; for a bearing on a "
+        "slower shaft multiply it by the ratio up to there), listen to all bearings near the motor by stethoscope, "
+        "and look for flakes in the grease; measure again in a week, and change it before the level doubles."
+    )
+    check: ClassVar[str] = (
+        "Repeat the motion at two thirds of the speed with the sound: what keeps its order is the bearing, what keeps "
+        "its pitch is not."
+    )
+    own_hypothesis: ClassVar[bool] = True
+    heard: ClassVar[Heard | None] = Heard(
+        "bearing defect",
+        "Repeat the motion at two thirds of the speed: what keeps its order is the bearing, what keeps its pitch "
+        "is not.",
+        left_out="The lines that no gear explains are too few to be a bearing's.",
+        silent="No family of impacts stands out of the sound at an order that no gear has.",
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

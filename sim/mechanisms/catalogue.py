@@ -19,6 +19,11 @@ def kind_of(name: str) -> type[Mechanism]:
     return mechanisms.MECHANISMS[name]
 
 
+def kind_or_any(name: str) -> type[Mechanism]:
+    """What is known of a name: the class in the catalogue, or `Mechanism` itself, which says what holds of any."""
+    return mechanisms.MECHANISMS.get(name, Mechanism)
+
+
 def mechanism_of(entry: MechanismEntry) -> Mechanism:
     """The mechanism that a table of an axis description means.
 

@@ -7,6 +7,7 @@ import numpy as np
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Measurement, Parameter, Samples, Signature
 
 
@@ -19,6 +20,22 @@ class Clipping(Measurement):
     signature: ClassVar[Signature] = Signature("recording", grows_with="load")
     equations: ClassVar[str] = "measured = min(max(true, -L), L), L = (1 - fraction) max |true|"
     source: ClassVar[str] = "range of the converter"
+    action: ClassVar[str] = (
+        "Widen the range of the channel (or lower the gain of the microphone), or accelerate less, and record again; "
+        "if it is the drive's own torque limit that is reached, the motion asks too much."
+    )
+    check: ClassVar[str] = (
+        "Repeat the same motion with a wider range or half the acceleration: what happens at the largest torque was "
+        "not measured."
+    )
+    own_hypothesis: ClassVar[bool] = True
+    beside_the_chain: ClassVar[bool] = True
+    of_the_recording: ClassVar[bool] = True
+    checked: ClassVar[tuple[str, str] | None] = ("values cut at their extremes", "none found")
+    heard: ClassVar[Heard | None] = Heard(
+        "clipping",
+        "Record again with the gain lowered and without gaps: what is missing of the sound could be a fault's.",
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

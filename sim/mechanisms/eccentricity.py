@@ -4,8 +4,10 @@ import math
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_at, wheels, with_error
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -22,10 +24,34 @@ class Eccentricity(Mechanics):
     signature: ClassVar[Signature] = Signature("angle", order=1, direction="same")
     equations: ClassVar[str] = "x = theta_driver / i - theta_driven - amplitude sin(theta + phase)"
     source: ClassVar[str] = "kinematic error of first order, 2 e tan(alpha) / r_b for an eccentric wheel of offset e"
+    sentence: ClassVar[str] = (
+        "The {where} gear runs out of true by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution."
+    )
+    action: ClassVar[str] = (
+        "Put a dial gauge on the {where} gear or its shaft and turn it once: check seat, keys and bearings. At the "
+        "next stop; runout wears teeth slowly."
+    )
+    check: ClassVar[str] = (
+        "Turn the load slowly through more than one revolution in both directions: runout keeps its place on the "
+        "{where} gear whatever the speed, weight changes with the position of the axis in space."
+    )
+    behind_the_motor: ClassVar[bool] = True
+    differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_SECOND_ENCODER, Differing.OVER_A_TURN})
+    own_hypothesis: ClassVar[bool] = True
+    traits: ClassVar[Traits] = Traits(
+        laws=frozenset({Law.RUNOUT_OR_DENT, Law.RUNOUT_OR_RIPPLE}),
+        erring_teeth=True,
+    )
 
     @classmethod
     def as_new(cls, axis: Axis, location: str | None) -> float:
         return stage_at(axis, location).transmission_error_rad if axis.stages and location else 0.0
+
+    @classmethod
+    def looks_like(cls, axis: Axis, location: str | None, load_encoder: bool) -> tuple[str, ...]:
+        """Runout of the last gear and an error of the load encoder differ by the torque of the load's inertia along it:
+        by the square of once per turn over the natural frequency, 0.2 % on a robot's joint."""
+        return ("encoder_error",) if load_encoder and axis.stages and location == axis.stages[-1].name else ()
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

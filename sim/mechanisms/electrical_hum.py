@@ -7,7 +7,9 @@ import numpy as np
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Measurement, Need, Parameter, Samples, Signature
+from sim.mechanisms.traits import Traits
 
 
 class ElectricalHum(Measurement):
@@ -18,13 +20,35 @@ class ElectricalHum(Measurement):
         Parameter("frequency_hz", "Hz", 1.0, 4000.0, 50.0),
         Parameter("torque_n_m", "N m", 0.0, 1e3, 0.1),
         Parameter("sound", "1", 0.0, 1.0, 0.0),
-        Parameter("phase_rad", "rad", -np.pi, np.pi, 0.0, periodic=True),
+        Parameter("phase_rad", "rad", -np.pi, np.pi, 0.0, periodic=True, shown=False),
     )
     size: ClassVar[str] = "torque_n_m"
     shown_by: ClassVar[frozenset[Need]] = frozenset({Need.SEVERAL_SPEEDS, Need.TWO_ROWS_PER_PERIOD})
     signature: ClassVar[Signature] = Signature("frequency")
     equations: ClassVar[str] = "measured = true + amplitude sin(2 pi f t + phase)"
     source: ClassVar[str] = "induced at 50 or 60 Hz and their multiples"
+    sentence: ClassVar[str] = "A hum of {frequency_hz:g} Hz from the mains is on the torque channel."
+    action: ClassVar[str] = (
+        "Check shielding and grounding of the cable and keep it away from power lines: one earth, shield on one side; "
+        "nothing is wrong with the machine."
+    )
+    check: ClassVar[str] = (
+        "Log the torque for ten seconds at standstill with the drive on: hum of the mains stays, ripple of the motor "
+        "is gone."
+    )
+    own_hypothesis: ClassVar[bool] = True
+    beside_the_chain: ClassVar[bool] = True
+    of_the_recording: ClassVar[bool] = True
+    checked: ClassVar[tuple[str, str] | None] = ("hum of the mains", "none found")
+    heard: ClassVar[Heard | None] = Heard(
+        "hum",
+        "Mend the earthing of the recorder, then repeat; friction, stiffness and play need telemetry with a load "
+        "encoder.",
+    )
+    traits: ClassVar[Traits] = Traits(
+        form_left=0.0,  # a sine in the current has no other form
+        restless=True,
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

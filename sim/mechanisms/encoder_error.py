@@ -7,6 +7,7 @@ import numpy as np
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
+from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Measurement, Need, Parameter, Signature
 
 
@@ -23,10 +24,29 @@ class EncoderError(Measurement):
     signature: ClassVar[Signature] = Signature("angle", order=1)
     equations: ClassVar[str] = "measured = theta + amplitude sin(theta + phase)"
     source: ClassVar[str] = "eccentric disc: e / r of the grating"
+    sentence: ClassVar[str] = (
+        "The load encoder errs by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution, more than its "
+        "data sheet says."
+    )
+    action: ClassVar[str] = (
+        "Check seat, centring and coupling of the load encoder and clean its scale; nothing needs to be wrong with "
+        "the machine."
+    )
+    check: ClassVar[str] = (
+        "Turn the load slowly through more than one revolution with a second encoder or a laser beside it: the "
+        "encoder's error shows between the two, runout of the gear does not."
+    )
+    differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_SECOND_ENCODER, Differing.OVER_A_TURN})
+    own_hypothesis: ClassVar[bool] = True
+    beside_the_chain: ClassVar[bool] = True
 
     @classmethod
     def as_new(cls, axis: Axis, location: str | None) -> float:
         return axis.load_encoder.error_rad
+
+    @classmethod
+    def looks_like(cls, axis: Axis, location: str | None, load_encoder: bool) -> tuple[str, ...]:
+        return ("eccentricity",) if load_encoder and axis.stages else ()
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

@@ -5,8 +5,10 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -27,6 +29,19 @@ class FrictionAsymmetry(Mechanics):
     equations: ClassVar[str] = "tau = (tau_C +- torque) sign(w) + (d +- coefficient) w, + forward, - backward"
     source: ClassVar[str] = (
         "EMPS benchmark: Janot, Gautier and Brunot, Workshop on Nonlinear System Identification Benchmarks (2019)"
+    )
+    sentence: ClassVar[str] = "Friction differs between the two directions of motion."
+    action: ClassVar[str] = (
+        "Look for what drags one way only: a brake that rubs, a preloaded screw or seal, a cable or hose that pulls. "
+        "Zero the torque channel at standstill first, as an offset looks alike."
+    )
+    check: ClassVar[str] = Differing.AT_REST.value
+    own_hypothesis: ClassVar[bool] = True
+    traits: ClassVar[Traits] = Traits(
+        least_gain=18.0,
+        laws=frozenset({Law.FRICTION, Law.DISSIPATION, Law.OFFSET}),
+        like_an_offset=True,
+        over_strokes=True,
     )
 
     @classmethod

@@ -6,6 +6,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, friction_at, with_friction
+from sim.mechanisms.traits import Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -18,6 +19,21 @@ class FrictionDrift(Mechanics):
     signature: ClassVar[Signature] = Signature("time", direction="opposite", grows_with="time")
     equations: ClassVar[str] = "tau = (tau_C sign(w) + d w) (1 + rate t)"
     source: ClassVar[str] = "warming joints: Bittencourt and Gunnarsson, J. Dyn. Syst. Meas. Control 134 (2012) 051013"
+    sentence: ClassVar[str] = (
+        "Friction changes by {rate_per_s:.2%} per second during the record, as when the gear warms up."
+    )
+    action: ClassVar[str] = (
+        "Warm the axis up before measuring, and log the temperature; if friction rises when warm, check preload and "
+        "the amount of grease."
+    )
+    check: ClassVar[str] = (
+        "Repeat the motion after half an hour of running, with the temperature logged: heat has gone by then, wear "
+        "has not."
+    )
+    own_hypothesis: ClassVar[bool] = True
+    traits: ClassVar[Traits] = Traits(
+        least_gain=16.0,
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

@@ -4,8 +4,10 @@ import math
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, shaft_name, unused_name
+from sim.mechanisms.traits import Traits
 from sim.rotational.drive_train import DriveTrain
 from sim.torsional.components import Gravity
 
@@ -23,6 +25,26 @@ class GravityImbalance(Mechanics):
     signature: ClassVar[Signature] = Signature("angle", order=1)
     equations: ClassVar[str] = "tau on the load = -torque sin(theta_load + phase)"
     source: ClassVar[str] = "pendulum"
+    sentence: ClassVar[str] = (
+        "A torque of {torque_n_m:.3g} N m pulls at the load and turns with it: weight off the axis of rotation."
+    )
+    action: ClassVar[str] = (
+        "Check payload, its centre of gravity and the balancer against what is described, and enter the weight in the "
+        "axis description."
+    )
+    check: ClassVar[str] = (
+        "Hold the axis at four positions a quarter turn apart and log the torque: weight follows the sine of the "
+        "angle, friction and offset do not."
+    )
+    behind_the_motor: ClassVar[bool] = True
+    differs: ClassVar[frozenset[Differing]] = frozenset({Differing.OVER_A_TURN})
+    own_hypothesis: ClassVar[bool] = True
+    traits: ClassVar[Traits] = Traits(
+        least_gain=16.0,
+        restless=True,
+        torque_over_angle=True,
+        shakes_load=True,
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

@@ -4,8 +4,10 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, meshes
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -22,6 +24,32 @@ class Hysteresis(Mechanics):
     signature: ClassVar[Signature] = Signature("twist", direction="opposite")
     equations: ClassVar[str] = "F = c x + d x' + z, z' = x' (torque - sign(x') z) / width"
     source: ClassVar[str] = "Dahl, AIAA Journal 14 (1976) 1675"
+    sentence: ClassVar[str] = (
+        "The {where} gear pair holds back {torque_n_m:.3g} N m when the twist turns: its spring has a loop."
+    )
+    action: ClassVar[str] = (
+        "Check clamping and fastening of the {where} gear (slipping fits, loose screws) and its preload. At the next "
+        "stop."
+    )
+    check: ClassVar[str] = (
+        "Block the load, let the motor push slowly to and fro up to its torque limit: hysteresis opens a loop, "
+        "hardening a bend, play a flat middle."
+    )
+    behind_the_motor: ClassVar[bool] = True
+    differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
+    own_hypothesis: ClassVar[bool] = True
+    traits: ClassVar[Traits] = Traits(
+        least_share=0.001,  # it bends to much
+        over_bending=1.1,
+        laws=frozenset({Law.SPRING, Law.DISSIPATION}),
+        damping=0.4,
+    )
+
+    @classmethod
+    def looks_like(cls, axis: Axis, location: str | None, load_encoder: bool) -> tuple[str, ...]:
+        """Errors of teeth whose number is not known are looked for nowhere, and a loop of the spring bends to them."""
+        unknown = any(stage.name == location and stage.driven_teeth is None for stage in axis.stages)
+        return ("mesh_error",) if unknown else ()
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

@@ -6,6 +6,7 @@ from sim.description.axis import Axis
 from sim.errors import CompositionError
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_names
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.components import IdealGear, LossyGear
 from sim.rotational.drive_train import DriveTrain
 
@@ -19,6 +20,20 @@ class LoadDependentLoss(Mechanics):
     signature: ClassVar[Signature] = Signature("torque", direction="opposite", grows_with="load")
     equations: ClassVar[str] = "tau_a = tau_load (1 + fraction) when the driver drives, tau_load (1 - fraction) else"
     source: ClassVar[str] = "LossyGear of the Modelica Standard Library 4.1 with eta = 1 / (1 + f), 1 - f"
+    sentence: ClassVar[str] = "The {where} gear pair loses {fraction:.1%} of the torque it transmits."
+    action: ClassVar[str] = (
+        "Check lubrication and contact pattern of the {where} gear pair, and enter its efficiency in the axis "
+        "description. At the next service."
+    )
+    check: ClassVar[str] = (
+        "Repeat the motion without payload: a loss of the teeth shrinks with the torque, friction stays."
+    )
+    own_hypothesis: ClassVar[bool] = True
+    traits: ClassVar[Traits] = Traits(
+        laws=frozenset({Law.FRICTION, Law.DISSIPATION}),
+        damping=0.1,
+        over_strokes=True,
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

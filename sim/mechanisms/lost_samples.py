@@ -7,6 +7,7 @@ import numpy as np
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Measurement, Parameter, Signature
 
 
@@ -19,6 +20,22 @@ class LostSamples(Measurement):
     signature: ClassVar[Signature] = Signature("recording")
     equations: ClassVar[str] = "rows are taken out at random until the share is reached"
     source: ClassVar[str] = "overrun of a bus"
+    action: ClassVar[str] = (
+        "Check load of the logger, buffers and cables of the recorder, then record again; nothing is wrong with the "
+        "machine."
+    )
+    check: ClassVar[str] = "Repeat the same motion without gaps: what happens in the lost rows was not measured."
+    own_hypothesis: ClassVar[bool] = True
+    beside_the_chain: ClassVar[bool] = True
+    of_the_recording: ClassVar[bool] = True
+    checked: ClassVar[tuple[str, str] | None] = (
+        "rows or samples missing, or held while it moves",
+        "none found (less than 0.05 % of all)",
+    )
+    heard: ClassVar[Heard | None] = Heard(
+        "lost samples",
+        "Record again with the gain lowered and without gaps: what is missing of the sound could be a fault's.",
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

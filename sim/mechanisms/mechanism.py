@@ -20,6 +20,9 @@ from numpy.typing import NDArray
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis, MechanismEntry
 from sim.errors import ParameterError, near_match
+from sim.mechanisms.differing import Differing
+from sim.mechanisms.heard import Heard
+from sim.mechanisms.traits import Traits
 from sim.rotational.drive_train import DriveTrain
 
 Samples = NDArray[np.float32]
@@ -48,6 +51,7 @@ class Parameter:
     default: float
     periodic: bool = False
     choices: tuple[float, ...] = ()
+    shown: bool = True  # to a reader, to whom a phase of one record says nothing
 
 
 @dataclass(frozen=True)
@@ -110,6 +114,33 @@ class Mechanism(ABC):
     signature: ClassVar[Signature]
     equations: ClassVar[str]
     source: ClassVar[str]
+    sentence: ClassVar[str] = ""
+    """What a finding says, with its numbers in braces; without it, the first line of the docstring and the numbers."""
+    action: ClassVar[str] = "Look at what is described here, and change no parts on it alone."
+    """What to do now about a finding."""
+    check: ClassVar[str] = (
+        "Repeat the same motion at half the speed and in both directions: what stays the same does not come from the "
+        "motion."
+    )
+    """The measurement that tells it from what looks like it."""
+    differs: ClassVar[frozenset[Differing]] = frozenset()
+    """Measurements in which it differs from what looks like it."""
+    behind_the_motor: ClassVar[bool] = False
+    """Whether an encoder at the load tells more of it."""
+    own_hypothesis: ClassVar[bool] = False
+    """Whether an investigation looks for it in a way of its own, and not by what this class says."""
+    beside_the_chain: ClassVar[bool] = False
+    """Whether an investigation that finds it described has it in the load's own motion or in the measurement."""
+    of_the_recording: ClassVar[bool] = False
+    """Whether it is of one recording, and another of the same axis knows nothing of it."""
+    told_by: ClassVar[str | None] = None
+    """The parameter that tells one from another at the same place."""
+    checked: ClassVar[tuple[str, str] | None] = None
+    """What a recording is checked for before any physics, and what is said where it has none of it."""
+    heard: ClassVar[Heard | None] = None
+    """What is said of it where sound alone can show it."""
+    traits: ClassVar[Traits] = Traits()
+    """How an investigation weighs it."""
 
     def __post_init__(self) -> None:
         known = {parameter.name: parameter for parameter in self.parameters}
@@ -142,6 +173,11 @@ class Mechanism(ABC):
     def as_new(cls, axis: Axis, location: str | None) -> float:
         """Size that a new axis has at most, by its description."""
         return 0.0
+
+    @classmethod
+    def looks_like(cls, axis: Axis, location: str | None, load_encoder: bool) -> tuple[str, ...]:
+        """Mechanisms that no measurement of motor and load tells from it; `load_encoder`: whether there is one."""
+        return ()
 
     def placed(self, axis: Axis) -> str:
         """Return the place where it acts, the default where none was given."""

@@ -4,8 +4,11 @@ import math
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.differing import Differing
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_at, stage_names, teeth, with_error
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -27,6 +30,31 @@ class MeshError(Mechanics):
         " - second_amplitude sin(2 z theta_driven + second_phase)"
     )
     source: ClassVar[str] = "static transmission error at tooth frequency: Harris, Proc. IMechE 172 (1958) 87"
+    sentence: ClassVar[str] = (
+        "The teeth of the {where} gear pair err by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) at tooth "
+        "frequency, more than as new."
+    )
+    action: ClassVar[str] = (
+        "Look at the contact pattern of the {where} gear pair and at its oil: worn, wrongly spaced or misaligned "
+        "teeth. At the next stop."
+    )
+    check: ClassVar[str] = (
+        "Repeat the motion at two thirds of the speed: what keeps its order is the teeth, what keeps its frequency is "
+        "a structure."
+    )
+    behind_the_motor: ClassVar[bool] = True
+    differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_LOOK, Differing.OVER_A_TURN})
+    own_hypothesis: ClassVar[bool] = True
+    heard: ClassVar[Heard | None] = Heard(
+        "error of teeth",
+        "Record motor torque and angle of motor and load of the same motion: they give how much the teeth err, "
+        "and tell worn ones from one that is damaged.",
+        left_out="The lines of no gear's teeth have grown over those of as new and those of the other gears.",
+    )
+    traits: ClassVar[Traits] = Traits(
+        laws=frozenset({Law.RIPPLE_OF_TEETH, Law.FLANKS}),
+        erring_teeth=True,
+    )
 
     @classmethod
     def as_new(cls, axis: Axis, location: str | None) -> float:

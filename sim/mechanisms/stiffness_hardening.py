@@ -4,8 +4,10 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, meshes
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -19,6 +21,23 @@ class StiffnessHardening(Mechanics):
     signature: ClassVar[Signature] = Signature("twist", grows_with="twist")
     equations: ClassVar[str] = "F = c x (1 + cubic x^2) + d x'"
     source: ClassVar[str] = "stiffness in steps K1 < K2 < K3 of strain wave gears, as a smooth curve"
+    sentence: ClassVar[str] = "The {where} gear pair is stiffer at large twist than at small."
+    action: ClassVar[str] = (
+        "Nothing to repair: enter the law of the spring for the {where} gear pair. If the axis was linear before, "
+        "check preload and end stops of that stage."
+    )
+    check: ClassVar[str] = (
+        "Block the load, let the motor push slowly up to its torque limit both ways: hardening bends torque over "
+        "angle at its ends, play in the middle."
+    )
+    behind_the_motor: ClassVar[bool] = True
+    differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
+    own_hypothesis: ClassVar[bool] = True
+    traits: ClassVar[Traits] = Traits(
+        least_share=0.0007,  # it bends to much
+        over_bending=1.1,
+        laws=frozenset({Law.SPRING}),
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

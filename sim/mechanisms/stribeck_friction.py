@@ -6,6 +6,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -23,6 +24,26 @@ class StribeckFriction(Mechanics):
     signature: ClassVar[Signature] = Signature("speed", direction="opposite")
     equations: ClassVar[str] = "tau = (tau_C + torque exp(-(|w| / speed)^exponent)) sign(w)"
     source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083"
+    sentence: ClassVar[str] = (
+        "At low speed friction rises by {torque_n_m:.3g} N m, below about {speed_rad_s:.3g} rad/s of the motor: the "
+        "lubricant film breaks down."
+    )
+    action: ClassVar[str] = (
+        "Check lubrication (grade, amount, age) and seals: at low speed the film breaks down. At the next service; "
+        "enter the rise in the axis description if it was there from the beginning."
+    )
+    check: ClassVar[str] = (
+        "Move at five even speeds from creeping to a third of the largest: friction that rises at low speed falls "
+        "along them, stiction alone does not."
+    )
+    own_hypothesis: ClassVar[bool] = True
+    traits: ClassVar[Traits] = Traits(
+        least_gain=15.0,
+        laws=frozenset({Law.FRICTION, Law.DISSIPATION}),
+        over_strokes=True,
+        at_low_speed=True,
+        like_noise=True,
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

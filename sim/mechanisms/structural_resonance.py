@@ -5,8 +5,10 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, inertia, shaft_name, unused_name
+from sim.mechanisms.traits import Traits
 from sim.rotational.components import Inertia, SpringDamper
 from sim.rotational.drive_train import DriveTrain
 
@@ -25,6 +27,33 @@ class StructuralResonance(Mechanics):
     signature: ClassVar[Signature] = Signature("frequency")
     equations: ClassVar[str] = "share J (a_s) = -c x - d x', c = share J (2 pi f)^2, d = 2 zeta share J 2 pi f"
     source: ClassVar[str] = "dynamic vibration absorber: Den Hartog, Mechanical Vibrations (1956), chapter 3"
+    sentence: ClassVar[str] = (
+        "Part of the load, {share:.0%} of its inertia, swings by itself at {frequency_hz:.3g} Hz: an arm, a tool or "
+        "the stand is soft or loose."
+    )
+    action: ClassVar[str] = (
+        "Tighten arm, tool, covers and stand, and tap them: find the part that rings at {frequency_hz:.4g} Hz. Until "
+        "then avoid motions that excite it."
+    )
+    check: ClassVar[str] = (
+        "Tap the arm at standstill and record the sound or the load encoder: a soft part rings at the same frequency "
+        "without any motion."
+    )
+    behind_the_motor: ClassVar[bool] = True
+    own_hypothesis: ClassVar[bool] = True
+    beside_the_chain: ClassVar[bool] = True
+    heard: ClassVar[Heard | None] = Heard(
+        "resonance",
+        "Tap covers, pipes, arm and stand at standstill and record that: the part that is loose rings at the same "
+        "pitch without any motion.",
+        left_out="No pitch has grown over that of as new, at every speed, by more than others have fallen.",
+    )
+    traits: ClassVar[Traits] = Traits(
+        least_share=0.003,  # it bends to much
+        form_left=0.2,  # it is driven by the load as it was measured, noise and all
+        shakes_load=True,
+        like_noise=True,
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

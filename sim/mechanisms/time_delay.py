@@ -8,6 +8,7 @@ import numpy as np
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Measurement, Need, Parameter, Signature
+from sim.mechanisms.traits import Traits
 
 
 class TimeDelay(Measurement):
@@ -20,6 +21,22 @@ class TimeDelay(Measurement):
     signature: ClassVar[Signature] = Signature("recording", grows_with="speed")
     equations: ClassVar[str] = "measured(t) = true(t - delay)"
     source: ClassVar[str] = "buffers between drive and recorder"
+    sentence: ClassVar[str] = "A channel is late by {delay_s:.3g} s against the others."
+    action: ClassVar[str] = (
+        "Check that all channels are sampled on one clock: filters, bus cycles and time stamps of the late channel; "
+        "nothing is wrong with the machine."
+    )
+    check: ClassVar[str] = (
+        "Log one sharp step of torque with all channels at the full rate: a late channel lags by the same time at "
+        "every step, a soft spring does not."
+    )
+    own_hypothesis: ClassVar[bool] = True
+    beside_the_chain: ClassVar[bool] = True
+    of_the_recording: ClassVar[bool] = True
+    traits: ClassVar[Traits] = Traits(
+        least_gain=13.0,
+        form_of_any=0.1,  # a shift in time has the shape of what most errors of form leave
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

@@ -5,8 +5,11 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
+from sim.mechanisms.differing import Differing
+from sim.mechanisms.heard import Heard
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, teeth, wheels
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 from sim.torsional.components import MeshDent, Wheel
 
@@ -25,7 +28,7 @@ class ToothDamage(Mechanics):
         Parameter("depth_rad", "rad", 0.0, 0.05, 1e-3),
         Parameter("flank", "1", -1.0, 1.0, 1.0, choices=(-1.0, 1.0)),
         Parameter("width_rad", "rad", 0.0, math.pi, 0.0),
-        Parameter("form", "1", 1.2, 40.0, 2.0),
+        Parameter("form", "1", 1.2, 40.0, 2.0, shown=False),
     )
     size: ClassVar[str] = "depth_rad"
     shown_by: ClassVar[frozenset[Need]] = frozenset({Need.TWO_ROWS_PER_TOOTH})
@@ -35,6 +38,35 @@ class ToothDamage(Mechanics):
     equations: ClassVar[str] = "contact at x = gap / 2 + depth (1 - |u|^form)^4, u = (theta - angle) / width, |u| < 1"
     source: ClassVar[str] = (
         "local loss of flank as a displacement: Liang, Zuo and Feng, Mech. Syst. Signal Process. 98 (2018)"
+    )
+    sentence: ClassVar[str] = (
+        "A flank of the {where} gear lacks material near {angle_rad:.3f} rad ({angle_rad_shown}), {depth_rad:.2g} rad "
+        "({depth_rad_shown}) deep: torque breaks down there once per revolution, in one direction of torque."
+    )
+    action: ClassVar[str] = (
+        "Open or look by endoscope into the {where} gear {place}, and look for steel in the oil. {urgency}"
+    )
+    check: ClassVar[str] = (
+        "Turn the {where} gear slowly through {at} under load in both directions of torque: a damaged tooth breaks "
+        "the torque down at that angle and with one direction only, an error of all teeth does so everywhere."
+    )
+    behind_the_motor: ClassVar[bool] = True
+    differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_LOOK})
+    own_hypothesis: ClassVar[bool] = True
+    heard: ClassVar[Heard | None] = Heard(
+        "tooth damage",
+        "Record motor torque and angle of motor and load of the same motion, slowly through a whole turn in both "
+        "directions: they give the tooth, its depth and its flank.",
+        left_out=("No impacts stand out over what good gearboxes do as well, nor lines at the turns of a gear."),
+    )
+    traits: ClassVar[Traits] = Traits(
+        least_share=0.004,  # it bends to much
+        over_bending=1.1,
+        needs_no_trial=0.2,
+        laws=frozenset({Law.SPRING, Law.FLANKS, Law.RUNOUT_OR_DENT}),
+        form_left=0.06,  # teeth that hit
+        size_open=0.3,  # the same torques come from a hollow and from a shallower piece broken out
+        dent=True,
     )
 
     @classmethod

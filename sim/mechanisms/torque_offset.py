@@ -5,7 +5,9 @@ from typing import ClassVar
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
+from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Measurement, Need, Parameter, Signature
+from sim.mechanisms.traits import Law, Traits
 
 
 class TorqueOffset(Measurement):
@@ -18,6 +20,23 @@ class TorqueOffset(Measurement):
     signature: ClassVar[Signature] = Signature("recording")
     equations: ClassVar[str] = "measured = true + torque"
     source: ClassVar[str] = "zero error of a current transducer"
+    sentence: ClassVar[str] = "The torque channel reads {torque_n_m:.3g} N m too much, whatever the motion."
+    action: ClassVar[str] = (
+        "Zero the torque channel at standstill, brake open and load balanced or without its weight; nothing is wrong "
+        "with the machine."
+    )
+    check: ClassVar[str] = Differing.AT_REST.value
+    differs: ClassVar[frozenset[Differing]] = frozenset({Differing.AT_REST})
+    own_hypothesis: ClassVar[bool] = True
+    of_the_recording: ClassVar[bool] = True
+    traits: ClassVar[Traits] = Traits(
+        least_gain=10.0,
+        over_bending=0.4,
+        laws=frozenset({Law.OFFSET}),
+        known_within_a_little=True,
+        over_strokes=True,
+        restless=True,
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str | None, ...]:

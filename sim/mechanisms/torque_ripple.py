@@ -6,6 +6,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, unused_name
+from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
 from sim.torsional.components import MeshLine, TorqueRipple
 
@@ -23,6 +24,22 @@ class TorqueRippleOfMotor(Mechanics):
     signature: ClassVar[Signature] = Signature("angle", order="order")
     equations: ClassVar[str] = "tau on the motor = torque sin(order theta_motor + phase)"
     source: ClassVar[str] = "cogging at multiples of lcm(slots, poles), current ripple at 6 per pole pair"
+    sentence: ClassVar[str] = (
+        "The motor torque ripples by {torque_n_m:.3g} N m {order:g} times per revolution of the motor."
+    )
+    action: ClassVar[str] = (
+        "Check calibration of current sensors and commutation of the drive; turn the motor without current by hand "
+        "and feel for cogging. Not urgent."
+    )
+    check: ClassVar[str] = (
+        "Repeat the motion at half the speed: ripple keeps its order of the motor, hum its frequency."
+    )
+    own_hypothesis: ClassVar[bool] = True
+    told_by: ClassVar[str | None] = "order"
+    traits: ClassVar[Traits] = Traits(
+        torque_over_angle=True,
+        laws=frozenset({Law.RIPPLE_OF_TEETH, Law.RUNOUT_OR_RIPPLE}),
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

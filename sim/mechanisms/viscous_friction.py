@@ -6,6 +6,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
+from sim.mechanisms.traits import Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -19,6 +20,23 @@ class ViscousFriction(Mechanics):
     signature: ClassVar[Signature] = Signature("speed", direction="opposite", grows_with="speed")
     equations: ClassVar[str] = "tau = coefficient w"
     source: ClassVar[str] = "laminar lubrication: Damper of the Modelica Standard Library 4.1"
+    sentence: ClassVar[str] = (
+        "Viscous friction of {coefficient_n_m_s_per_rad:.3g} N m s/rad as felt at the motor is missing from the "
+        "description."
+    )
+    action: ClassVar[str] = (
+        "Nothing to repair: enter the viscous friction in the axis description. If it was lower when the axis was "
+        "new, check grade and amount of grease and its temperature."
+    )
+    check: ClassVar[str] = (
+        "Move at three even speeds in both directions: viscous friction grows with the speed, dry friction stays the "
+        "same."
+    )
+    own_hypothesis: ClassVar[bool] = True
+    traits: ClassVar[Traits] = Traits(
+        least_gain=13.0,
+        in_every_axis=True,
+    )
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

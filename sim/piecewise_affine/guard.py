@@ -5,12 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.piecewise_affine.kernel import STANDSTILL, STOP_TOLERANCE, TOLERANCE
 from sim.piecewise_affine.system import Array, System
-
-TOLERANCE, STOP_TOLERANCE = 1e-11, 1e-9
-"""Relative to the terms: a value this small is zero; a speed this small stands still."""
-STANDSTILL = 1e-15
-"""A speed below this [rad/s] may be zero, however small all speeds have been."""
 
 
 @dataclass(frozen=True)

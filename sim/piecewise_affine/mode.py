@@ -5,10 +5,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.piecewise_affine.kernel import CANCELLED
 from sim.piecewise_affine.system import ZERO, Array, Basis, Constraints, Mode, Piece, System, bend, no_inertia
 
-ROUNDING = 1e-13
-"""What is left of terms that cancel, relative to them."""
 UNMOVED = 1e-6
 """What is left of a row that entering makes zero, relative to its terms: rounding over the lightest inertia."""
 
@@ -127,7 +126,7 @@ def solve_unknowns(system: System, rows: Array, losses: Array) -> tuple[Array, A
         left, size, right = np.linalg.svd(unknown / columns)
         rank = int(np.count_nonzero(size > ZERO * size[0])) if len(size) else 0
         lost = left[:, rank:].T @ rows
-        rounding = ZERO * (np.abs(left[:, rank:].T) @ np.abs(rows)) + ROUNDING * np.abs(rows).max(axis=0)
+        rounding = ZERO * (np.abs(left[:, rank:].T) @ np.abs(rows)) + CANCELLED * np.abs(rows).max(axis=0)
         lost[np.abs(lost) <= rounding] = 0.0
         lost[:, known:] = 0.0
         bound = _sum(np.zeros((len(lost), system.state_width)), lost[:, :known], system.to_known, ZERO)
@@ -140,9 +139,9 @@ def solve_unknowns(system: System, rows: Array, losses: Array) -> tuple[Array, A
         hidden = np.vstack([hidden, bound[new]])
         unit = lost[new] / np.abs(lost[new]).max(axis=1, keepdims=True)
         rows = np.vstack([left[:, :rank].T @ rows, _derivative(system, unit)])
-    inverse[np.abs(inverse) <= ROUNDING * np.abs(inverse).max(initial=0.0)] = 0.0
+    inverse[np.abs(inverse) <= CANCELLED * np.abs(inverse).max(initial=0.0)] = 0.0
     inverse /= columns[:, None]
-    free[np.abs(free) <= ROUNDING] = 0.0
+    free[np.abs(free) <= CANCELLED] = 0.0
     free = free / columns[:, None]
     moving = np.abs(free[: system.node_count])
     if moving.size and moving.max() > 1e-6 * np.abs(free).max():
@@ -167,7 +166,7 @@ def _inverse(matrix: Array) -> Array | None:
     return np.asarray(inverse) if np.linalg.norm(matrix) * np.linalg.norm(inverse) < 1 / ZERO else None
 
 
-def _sum(start: Array, left: Array, right: Array, rounding: float = ROUNDING) -> Array:
+def _sum(start: Array, left: Array, right: Array, rounding: float = CANCELLED) -> Array:
     """Return start + left @ right, in which terms that cancel to rounding are exactly zero."""
     total = start + left @ right
     total[np.abs(total) <= rounding * (np.abs(start) + np.abs(left) @ np.abs(right))] = 0.0

@@ -9,6 +9,9 @@ from numpy.typing import NDArray
 
 from sim.errors import CompositionError, near_match
 
+MEMORY_LIMIT_BYTES = 2_000_000_000
+"""Largest result that is returned at once: 43 minutes of three shafts at 8 kHz."""
+
 
 class Event(NamedTuple):
     """A component changed its mode: when [s], which, from what to what (Modelica's numbers, and in words)."""

@@ -20,9 +20,7 @@ from numpy.typing import NDArray
 from sim.errors import ParameterError
 
 Array = NDArray[np.float64]
-BACKLASH_NONE_RAD = 1e-10  # a total gap up to this is a plain spring and damper, as in ElastoBacklash
 CONTACT_LAWS = {"linear": 1.0, "elasto": 2.0, "elasto2": 3.0}
-MAX_SHAFTS = 4
 
 
 class ChainError(ParameterError):

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.rotational.components.elasto_backlash import NO_GAP
 from sim.torsional import kernel
 from sim.torsional.model import (
-    BACKLASH_NONE_RAD,
     CONTACT_LAWS,
     Array,
     Chain,
@@ -141,7 +141,7 @@ def _pack_link(where: str, link: Link) -> list[float]:
     bf1, bf2 = link.bearing_n_m
     turn = 0.5 * bf1 if eta1 == eta2 == 1 else (bf1 - bf2) / (eta1 - 1 / eta2)
     lossy = (eta1, eta2, bf1, bf2) != (1, 1, 0, 0)
-    plain = link.gap_rad <= BACKLASH_NONE_RAD and not any(dent.depth_rad for dent in link.dents)
+    plain = link.gap_rad <= NO_GAP and not any(dent.depth_rad for dent in link.dents)
     law = 0.0 if plain else CONTACT_LAWS[link.law]
     return [
         1 / link.ratio, link.stiffness_n_m_per_rad, link.damping_n_m_s_per_rad, 0.5 * link.gap_rad, law, 1 / eta1, eta2,

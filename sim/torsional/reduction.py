@@ -25,7 +25,7 @@ from sim.rotational.components import (
 )
 from sim.rotational.components import Torque as TorqueSource
 from sim.rotational.drive_train import DriveTrain
-from sim.rotational.trajectory import Trajectory
+from sim.rotational.trajectory import MEMORY_LIMIT_BYTES, Trajectory
 from sim.torsional.components import GearMesh, Gravity, MeshLine, ServoDrive, ShaftFriction, TorqueRipple
 from sim.torsional.integrate import run_chain
 from sim.torsional.model import Array, Chain, Dent, Drive, Line, Link, Servo, Shaft, Torque
@@ -34,7 +34,6 @@ from sim.torsional.topology import Place, places_of
 from sim.torsional.trajectory import trajectory_of
 from sim.verification import check_finite
 
-MEMORY_LIMIT_BYTES = 2_000_000_000  # of one result: 43 minutes of three shafts at 8 kHz
 MIN_RATE_OF_SERVO_HZ = 1000.0
 
 

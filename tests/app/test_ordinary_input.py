@@ -80,7 +80,7 @@ def known(service: Inside) -> dict[str, str]:
     intake = take_in(library, path, "notch.wav", "audio/wav", RecordingMetadata())
     with library.transaction("test") as session:
         diagnosis = intake.diagnose(library, session)
-        case = library.retain(session, intake.store(library, session), Labelling("notch"))
+        case = library.retain.case(session, intake.store(library, session), Labelling("notch"))
         return {"diagnosis": diagnosis.id, "diagnosis_id": diagnosis.id, "case_id": case.id}
 
 

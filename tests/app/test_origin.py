@@ -110,7 +110,7 @@ def test_a_diagnosed_simulated_case_is_none_that_was_measured(service: Inside, t
     intake = take_in(library, tmp_path / "other.wav", "other.wav", "audio/wav", RecordingMetadata())
     with library.transaction("generator") as session:
         row = intake.store(library, session)
-        library.retain(session, row, Labelling("notch", origin="simulated", key="made"))
+        library.retain.case(session, row, Labelling("notch", origin="simulated", key="made"))
         assert simulated(session, [row]) == {row.id}
     parts = {"file": ("heard.wav", sound(9, impacts=True)), "metadata": (None, '{"gearbox": "g1"}')}
     diagnosis = service.ask("POST", f"{API}/diagnoses", files=parts).raise_for_status().json()

@@ -54,7 +54,7 @@ def keep(service: Inside, path: Path, content: bytes, depth: float | None, gearb
     metadata = CaseMetadata(axis=OWN, gearbox=gearbox, label=label, size_rad=depth)
     intake = take_in(library, path, "case.wav", "audio/wav", metadata)
     with library.transaction("technician") as session:
-        library.retain(session, intake.store(library, session), metadata.labelling())
+        library.retain.case(session, intake.store(library, session), metadata.labelling())
 
 
 def severity(service: Inside, told: dict[str, str]) -> object:
@@ -88,8 +88,8 @@ def test_measured_cases_say_nothing_of_a_simulated_recording(service: Inside) ->
     library = service.service.library
     extraction = extract(read_recording(service.service.settings.data_dir.parent / "notch.wav"))
     with library.reading() as session:
-        assert library.severity(session, extraction, OWN, "notch", "simulated") is None
-        found = library.severity(session, extraction, OWN, "notch", "measured")
+        assert library.reuse.severity(session, extraction, OWN, "notch", "simulated") is None
+        found = library.reuse.severity(session, extraction, OWN, "notch", "measured")
     assert found is not None
     assert found.low < found.value < found.high
 

@@ -36,11 +36,11 @@ def main() -> int:
             campaign.tally.live_s.clear()
             campaign.tally.grown_bytes = 0
             if asked.minutes:
+                _mixed(campaign, 60.0, asked, once)  # so is what a crowd needs once: threads, what draws spectrograms
+                settled(server)
+                campaign.tally.live_s.clear()
                 before = memory_bytes(server)
-                until = time.monotonic() + 60 * asked.minutes
-                with campaign.crowd(asked.listeners, asked.viewers):
-                    while time.monotonic() < until:
-                        campaign.run(once, bombs=False)
+                _mixed(campaign, 60.0 * asked.minutes, asked, once)
                 settled(server)
                 campaign.tally.left_bytes = memory_bytes(server) - before
             else:
@@ -57,6 +57,13 @@ def main() -> int:
         print("FAULT", fault)
     print(f"{len(tally.faults)} faults")
     return 1 if tally.faults or tally.grown_bytes > 100 * MEBIBYTE else 0
+
+
+def _mixed(campaign: Campaign, seconds: float, asked: argparse.Namespace, inputs: int) -> None:
+    until = time.monotonic() + seconds
+    with campaign.crowd(asked.listeners, asked.viewers):
+        while time.monotonic() < until:
+            campaign.run(inputs, bombs=False)
 
 
 if __name__ == "__main__":

@@ -46,7 +46,7 @@ def store(
     description = RecordingDescription(
         file_name=f"{seed}.wav", axis=axis, gearbox=gearbox, condition=OperatingCondition(speed_rad_s=2.0)
     )
-    return library.store_recording(
+    return library.retain.recording(
         session, sound.samples.tobytes(), sound, extraction(values, version=version), description
     )
 
@@ -63,7 +63,7 @@ def add_case(
 ) -> Case:
     """Store a recording and make it a case."""
     row = store(library, session, values, seed=seed, gearbox=gearbox)
-    return library.retain(session, row, Labelling(label, origin=origin))
+    return library.retain.case(session, row, Labelling(label, origin=origin))
 
 
 def measured_table(

@@ -33,5 +33,5 @@ def add_sound(
     description = RecordingDescription(path.name, axis="axis-a", gearbox=gearbox, condition=condition)
     extraction = extract(recording, condition)
     with library.transaction("anna") as session:
-        row = library.store_recording(session, path, recording, extraction, description)
-        return library.retain(session, row, Labelling(label, verified_by=verified_by))
+        row = library.retain.recording(session, path, recording, extraction, description)
+        return library.retain.case(session, row, Labelling(label, verified_by=verified_by))

@@ -31,10 +31,13 @@ def test_a_restored_library_is_the_same_library(filled: CaseLibrary, tmp_path: P
     assert restore(tmp_path / "copy", tmp_path / "restored") == 3
     restored = CaseLibrary.open(tmp_path / "restored")
     with filled.reading() as here, restored.reading() as there:
-        before, after = filled.cases(here, CaseFilter()).items, restored.cases(there, CaseFilter()).items
+        before, after = (
+            filled.retrieve.cases(here, CaseFilter()).items,
+            restored.retrieve.cases(there, CaseFilter()).items,
+        )
         assert [(case.id, case.label) for case in before] == [(case.id, case.label) for case in after]
         for case in after:
-            assert restored.audio_path(case.recording).stat().st_size == case.recording.byte_count
+            assert restored.retrieve.audio_path(case.recording).stat().st_size == case.recording.byte_count
     filled.close()
     restored.close()
 
@@ -57,7 +60,7 @@ def test_a_backup_moves_between_sqlite_and_postgresql(
 ) -> None:
     case = add_sound(filled, write_sound(tmp_path / "again.wav", 9), "play")
     with filled.transaction("anna") as session:
-        filled.retire(session, case.id)
+        filled.revise.retire(session, case.id)
     backup(filled.engine, filled.data_dir, tmp_path / "copy")
     engine = create_engine_for(postgres_database_url)
     restore(tmp_path / "copy", tmp_path / "large", engine)
@@ -78,12 +81,12 @@ def test_a_backup_moves_between_sqlite_and_postgresql(
 
 def test_a_backup_is_taken_while_somebody_writes(filled: CaseLibrary, tmp_path: Path) -> None:
     with filled.transaction("anna") as session:
-        filled.retire(session, filled.cases(session, CaseFilter()).items[0].id)
+        filled.revise.retire(session, filled.retrieve.cases(session, CaseFilter()).items[0].id)
         backup(filled.engine, filled.data_dir, tmp_path / "copy")
     restore(tmp_path / "copy", tmp_path / "restored")
     restored = CaseLibrary.open(tmp_path / "restored")
     with restored.reading() as session:
-        assert len(restored.cases(session, CaseFilter()).items) == 3, "an open transaction is not in the copy"
+        assert len(restored.retrieve.cases(session, CaseFilter()).items) == 3, "an open transaction is not in the copy"
     filled.close()
     restored.close()
 
@@ -131,9 +134,9 @@ def test_a_changed_extractor_extracts_again(
     assert renewal.renew(library, "anna") == renewal.Renewed(1, {})
     with library.reading() as session:
         assert renewal.count_outdated(session) == 0
-        assert [str(each) for each in library.reasoner(session).table.ids] == [case.id]
-        assert library.case(session, case.id).version == case.version
-    library.audio_path(case.recording).unlink()
+        assert [str(each) for each in library.reuse.reasoner(session).table.ids] == [case.id]
+        assert library.retrieve.case(session, case.id).version == case.version
+    library.retrieve.audio_path(case.recording).unlink()
     with library.transaction("anna") as session:
         for row in session.query(FeatureRow).all():
             session.delete(row)

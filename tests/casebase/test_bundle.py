@@ -30,17 +30,17 @@ def test_cases_survive_the_journey(library: CaseLibrary, tmp_path: Path) -> None
         add_sound(library, write_sound(tmp_path / f"{seed}.wav", seed), label, gearbox=f"g{seed}")
     with library.reading() as session:
         assert export_cases(library, session, tmp_path / "all.zip", CaseFilter()).cases == 3
-        here = library.reasoner(session).table
-        sent = {case.recording.samples_sha256 for case in library.cases(session, CaseFilter()).items}
+        here = library.reuse.reasoner(session).table
+        sent = {case.recording.samples_sha256 for case in library.retrieve.cases(session, CaseFilter()).items}
     other = fresh_library(tmp_path / "other")
     imported = import_cases(other, tmp_path / "all.zip", "bert")
     assert (len(imported.case_ids), imported.known, imported.refused) == (3, 0, {})
     again = import_cases(other, tmp_path / "all.zip", "bert")
     assert (again.case_ids, again.known) == ((), 3)
     with other.reading() as session:
-        there = other.reasoner(session).table
-        samples = {case.recording.samples_sha256 for case in other.cases(session, CaseFilter()).items}
-        cases = other.cases(session, CaseFilter(label="notch")).items
+        there = other.reuse.reasoner(session).table
+        samples = {case.recording.samples_sha256 for case in other.retrieve.cases(session, CaseFilter()).items}
+        cases = other.retrieve.cases(session, CaseFilter(label="notch")).items
     assert samples == sent
     assert sorted(zip(here.labels, here.gearboxes, strict=True)) == sorted(
         zip(there.labels, there.gearboxes, strict=True)

@@ -97,9 +97,9 @@ def test_a_gearbox_that_is_held_out_does_not_count() -> None:
 
 def test_cases_without_a_vote_and_recordings_that_tell_no_noise_say_nothing() -> None:
     cases = table({"normal": (0.0,), "notch": (4.0, 30.0), "play": (10.0,)})
-    jury = np.array([True, False, True, True])
-    assert Detection.of(cases, jury).missed(at(0.0))[1] == 0.0
-    assert Detection.of(cases, ~jury | (cases.labels != "notch")).missed(at(0.0))[1] == 1.0
+    voters = np.array([True, False, True, True])
+    assert Detection.of(cases, voters).missed(at(0.0))[1] == 0.0
+    assert Detection.of(cases, ~voters | (cases.labels != "notch")).missed(at(0.0))[1] == 1.0
     assert detection().missed(at(np.nan)).tolist() == [0.0, 0.0, 0.0]
     other = replace(cases, names=("f0", "f1", "f2"))
     assert Detection.of(other, np.ones(4, bool)).missed(at(1e3)).tolist() == [0.0, 0.0, 0.0]

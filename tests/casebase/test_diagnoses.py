@@ -14,6 +14,7 @@ from casebase.errors import ConflictError, InvalidRequestError, NotFoundError, S
 from casebase.library import CaseLibrary
 from casebase.models import StoredDiagnosis
 from casebase.signals.features import QualityFlag, Severity
+from casebase.upkeep import keep_learned
 from tests.casebase.made import VERSION, add_case, extraction, store
 
 KINDS = {"normal": (0.0, 0.0), "notch": (8.0, 0.0), "play": (0.0, 8.0)}
@@ -41,7 +42,7 @@ def diagnose(library: CaseLibrary, values: list[float], seed: int = 1) -> Stored
     """Store a recording with these features and diagnose it."""
     with library.transaction("otto") as session:
         row = store(library, session, values, seed=seed, gearbox="new")
-        return library.diagnose(session, row, extraction(values))
+        return library.reuse.diagnose(session, row, extraction(values))
 
 
 @pytest.mark.parametrize("label", KINDS)
@@ -99,7 +100,7 @@ def test_an_unusable_recording_is_an_answer(library: CaseLibrary) -> None:
         row = store(library, session, [0.0] * SIZE, seed=5)
         given = extraction([0.0] * SIZE)
         unusable = type(given)(given.features, (flag,), given.motion, given.events, given.extractor_version)
-        found = library.diagnose(session, row, unusable)
+        found = library.reuse.diagnose(session, row, unusable)
     assert found.verdict == "unusable"
     told = {"name": "too_quiet", "severity": "unusable", "reason": flag.reason, "start_s": None, "end_s": None}
     assert found.document["quality"] == [told]
@@ -124,14 +125,14 @@ def test_the_very_same_recording_is_its_own_neighbour_at_distance_zero(library: 
 
 def test_weights_are_learned_scored_and_rolled_back(library: CaseLibrary) -> None:
     fill(library)
-    assert library.keep_learned("anna", VERSION)
-    assert not library.keep_learned("anna", VERSION)
+    assert keep_learned(library, "anna", VERSION)
+    assert not keep_learned(library, "anna", VERSION)
     kind = similarity_kind(VERSION)
     with library.transaction("anna") as session:
         for seed in (4242, 4243):
             values = features(np.random.default_rng(seed), "normal")
             add_case(library, session, values, "normal", seed=seed, gearbox="g9")
-    assert library.keep_learned("anna", VERSION)
+    assert keep_learned(library, "anna", VERSION)
     with library.transaction("anna") as session:
         versions = list_artifacts(session, kind)
         assert [row.version for row in versions] == [2, 1]
@@ -150,7 +151,7 @@ def test_weights_are_learned_scored_and_rolled_back(library: CaseLibrary) -> Non
 def test_an_outgrown_library_answers_by_what_was_learned_and_finds_new_cases(library: CaseLibrary) -> None:
     """Learning takes long; a request must not wait for it, and must not be told of a library that was."""
     fill(library)
-    library.keep_learned("anna", VERSION)
+    keep_learned(library, "anna", VERSION)
     library.touched.clear()
     values = features(np.random.default_rng(5), "notch")
     with library.transaction("anna") as session:
@@ -162,7 +163,7 @@ def test_an_outgrown_library_answers_by_what_was_learned_and_finds_new_cases(lib
     assert found["neighbours"][0]["case_id"] == case.id  # type: ignore[index]
     assert found["provenance"]["similarity_version"] == 1  # type: ignore[index]
     assert any("will be learned again" in remark for remark in found["remarks"])  # type: ignore[attr-defined]
-    assert library.keep_learned("learning", VERSION)
+    assert keep_learned(library, "learning", VERSION)
     again = diagnose(library, values, seed=4246).document
     assert again["provenance"]["similarity_version"] == 2  # type: ignore[index]
     assert not any("will be learned again" in remark for remark in again["remarks"])  # type: ignore[attr-defined]
@@ -173,7 +174,7 @@ def test_a_person_has_the_last_word(library: CaseLibrary) -> None:
     found = diagnose(library, features(np.random.default_rng(3), "notch"))
     with library.transaction("otto") as session:
         with pytest.raises(ConflictError, match="which `label`"):
-            library.retain_diagnosis(session, found.id)
+            library.retain.diagnosis(session, found.id)
         with pytest.raises(InvalidRequestError, match="right `label`"):
             revise_diagnosis(session, found.id, "corrected")
         with pytest.raises(InvalidRequestError):
@@ -182,7 +183,7 @@ def test_a_person_has_the_last_word(library: CaseLibrary) -> None:
             revise_diagnosis(session, found.id, "rejected", expected_version=7)
         revise_diagnosis(session, found.id, "corrected", label="pitting", verified_by="gearbox opened")
     with library.transaction("anna") as session:
-        case = library.retain_diagnosis(session, found.id)
+        case = library.retain.diagnosis(session, found.id)
         assert (case.label, case.verified_by, case.diagnosis_id) == ("pitting", "gearbox opened", found.id)
         assert get_diagnosis(session, found.id).state == "corrected"
         listed = list_diagnoses(session, DiagnosisFilter(state="corrected", gearbox="new"))
@@ -194,12 +195,12 @@ def test_another_process_is_seen_at_the_next_query(library: CaseLibrary) -> None
     other = CaseLibrary(library.engine, library.data_dir)
     fill(library)
     with library.reading() as session:
-        before = library.reasoner(session, VERSION)
-        assert library.reasoner(session, VERSION) is before
+        before = library.reuse.reasoner(session, VERSION)
+        assert library.reuse.reasoner(session, VERSION) is before
     with other.transaction("bert") as session:
         add_case(other, session, [1.0] * SIZE, "normal", seed=1234)
     with library.reading() as session:
-        assert len(library.reasoner(session, VERSION).table) == len(before.table) + 1
+        assert len(library.reuse.reasoner(session, VERSION).table) == len(before.table) + 1
 
 
 def test_what_is_rolled_back_is_not_remembered(library: CaseLibrary) -> None:
@@ -208,7 +209,7 @@ def test_what_is_rolled_back_is_not_remembered(library: CaseLibrary) -> None:
     def retained_and_broken_off() -> None:
         with library.transaction("bert") as session:
             add_case(library, session, [9.0] * SIZE, "phantom", seed=4321)
-            assert "phantom" in library.reasoner(session, VERSION).table.classes
+            assert "phantom" in library.reuse.reasoner(session, VERSION).table.classes
             raise InvalidRequestError("broken off")
 
     with pytest.raises(InvalidRequestError, match="broken off"):
@@ -216,7 +217,7 @@ def test_what_is_rolled_back_is_not_remembered(library: CaseLibrary) -> None:
     with library.transaction("bert") as session:
         add_case(library, session, [0.5] * SIZE, "normal", seed=4322)
     with library.reading() as session:
-        table = library.reasoner(session, VERSION).table
+        table = library.reuse.reasoner(session, VERSION).table
     assert "phantom" not in table.classes
     assert len(table) == 25
 

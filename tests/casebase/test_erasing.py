@@ -30,13 +30,13 @@ def stored(library: CaseLibrary, path: Path, gearbox: str = "g0") -> StoredRecor
     extraction = extract(recording, OperatingCondition(speed_rad_s=2.5))
     with library.transaction("otto") as session:
         description = RecordingDescription(path.name, gearbox=gearbox)
-        return library.store_recording(session, path, recording, extraction, description)
+        return library.retain.recording(session, path, recording, extraction, description)
 
 
 def gone(library: CaseLibrary, recording_id: str) -> bool:
     """Whether the audio is erased by the rows and by the disk."""
     with library.reading() as session:
-        row = library.recording(session, recording_id)
+        row = library.retrieve.recording(session, recording_id)
     there = library.audio.path_of(row.file_sha256).exists()
     assert there == (row.erased_at is None)
     return not there
@@ -53,11 +53,14 @@ def test_audio_goes_and_all_else_stays(library: CaseLibrary, tmp_path: Path) -> 
     assert set(done.recordings) == {case.recording_id, other.id}
     assert [gone(library, each) for each in (case.recording_id, other.id, alike.id)] == [True, True, False]
     with library.reading() as session:
-        row = library.recording(session, case.recording_id)
+        row = library.retrieve.recording(session, case.recording_id)
         with pytest.raises(ErasedError, match="anna"):
-            library.audio_path(row)
-        assert [len(library.recording(session, each).features) for each in (case.recording_id, other.id)] == [1, 1]
-        assert library.table(session).ids.tolist() == [case.id]
+            library.retrieve.audio_path(row)
+        assert [len(library.retrieve.recording(session, each).features) for each in (case.recording_id, other.id)] == [
+            1,
+            1,
+        ]
+        assert library.retrieve.table(session).ids.tolist() == [case.id]
         actions = [entry.action for entry in audit.history(session, "recording", case.recording_id)]
     assert actions == ["recording.stored", "recording.erased"]
 

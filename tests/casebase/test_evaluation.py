@@ -10,8 +10,9 @@ from casebase import evaluation
 from casebase.case_table import CaseTable
 from casebase.errors import InvalidRequestError
 from casebase.evaluation import Proportion, evaluate
-from casebase.experience import gather, representative, where_unknown_begins
+from casebase.experience import gather, representative
 from casebase.learning import learn, unlearned
+from casebase.novelty import where_unknown_begins
 from casebase.similarity import Metric
 from casebase.voting import fitted_sharpness, log_votes, nearest_of_classes
 
@@ -134,22 +135,22 @@ def joined(measured: CaseTable, simulated: CaseTable) -> CaseTable:
     return CaseTable(1, "made", measured.names, ids, labels, origins, axes, gearboxes, ids, values)
 
 
-def jury(table: CaseTable) -> NDArray[np.bool_]:
-    return gather(table, unlearned(table, "a test"), np.ones(SIZE, bool), representative(table)).jury
+def voters(table: CaseTable) -> NDArray[np.bool_]:
+    return gather(table, unlearned(table, "a test"), np.ones(SIZE, bool), representative(table)).voters
 
 
 def test_simulated_cases_that_mislead_have_no_vote() -> None:
     measured, simulated = made_table(6), made_table(7)
     wrong = replace(simulated, labels=np.roll(simulated.labels, 1))
-    assert not jury(joined(measured, wrong))[len(measured) :].any()
-    assert jury(measured).all()
+    assert not voters(joined(measured, wrong))[len(measured) :].any()
+    assert voters(measured).all()
 
 
 def test_simulated_cases_vote_for_what_was_never_measured() -> None:
     table = made_table(8)
     measured = table.take(table.labels != "play")
     simulated = made_table(9)
-    votes = jury(joined(measured, replace(simulated, labels=np.roll(simulated.labels, 1))))[len(measured) :]
+    votes = voters(joined(measured, replace(simulated, labels=np.roll(simulated.labels, 1))))[len(measured) :]
     assert votes[np.roll(simulated.labels, 1) == "play"].all()
 
 
@@ -158,8 +159,8 @@ def test_simulated_cases_vote_beside_few_measured_ones_alone() -> None:
     measured, simulated = made_table(10), made_table(11)
     first = [int(np.flatnonzero(measured.labels == label)[0]) for label in measured.classes]
     few = measured.take(np.array(first))
-    assert jury(joined(few, simulated)).all()
-    assert not jury(joined(measured, simulated))[len(measured) :].any()
+    assert voters(joined(few, simulated)).all()
+    assert not voters(joined(measured, simulated))[len(measured) :].any()
 
 
 def test_simulated_cases_do_not_bring_the_unknown_nearer() -> None:

@@ -9,6 +9,7 @@ from sqlalchemy import select, text, update
 from casebase import renewal
 from casebase.bundle import export_cases, import_cases
 from casebase.case_filter import CaseFilter
+from casebase.counter import count_change
 from casebase.database import create_engine_for, sqlite_url, upgrade_database
 from casebase.description import Labelling, RecordingDescription
 from casebase.errors import DuplicateError
@@ -35,16 +36,16 @@ def add_unasked(library: CaseLibrary, path: Path, label: str, gearbox: str) -> C
     recording = read_recording(path)
     description = RecordingDescription(path.name, axis="axis-a", gearbox=gearbox, condition=CONDITION)
     with library.transaction("anna") as session:
-        row = library.store_recording(session, path, recording, extract(recording, CONDITION), description)
-        return library.retain(session, row, Labelling(label, key=path.name))
+        row = library.retain.recording(session, path, recording, extract(recording, CONDITION), description)
+        return library.retain.case(session, row, Labelling(label, key=path.name))
 
 
 def diagnosed(library: CaseLibrary, path: Path) -> StoredDiagnosis:
     recording = read_recording(path)
     extraction = extract(recording, CONDITION)
     with library.transaction("otto") as session:
-        row = library.store_recording(session, path, recording, extraction, RecordingDescription(path.name))
-        return library.diagnose(session, row, extraction)
+        row = library.retain.recording(session, path, recording, extraction, RecordingDescription(path.name))
+        return library.reuse.diagnose(session, row, extraction)
 
 
 def test_a_copy_is_the_case_that_is_there(library: CaseLibrary, tmp_path: Path) -> None:
@@ -74,8 +75,8 @@ def test_a_copy_has_one_vote_and_contradicting_ones_have_none(library: CaseLibra
     add_unasked(library, disputed, "play", "g2")
     add_unasked(library, copy_of(disputed, "b.flac"), "normal", "g2")
     with library.reading() as session:
-        assert library.table(session).ids.tolist() == [kept.id]
-        assert len(library.cases(session, CaseFilter()).items) == 6
+        assert library.retrieve.table(session).ids.tolist() == [kept.id]
+        assert len(library.retrieve.cases(session, CaseFilter()).items) == 6
     remarks = diagnosed(library, write_sound(tmp_path / "c.wav", 3)).document["remarks"]
     assert any("2 cases have no vote" in each for each in remarks)  # type: ignore[attr-defined]
 
@@ -85,11 +86,11 @@ def test_a_contradiction_that_is_settled_counts_again(library: CaseLibrary, tmp_
     case = add_unasked(library, path, "notch", "g1")
     other = add_unasked(library, copy_of(path, "a.flac"), "normal", "g1")
     with library.reading() as session:
-        assert len(library.table(session)) == 0
+        assert len(library.retrieve.table(session)) == 0
     with library.transaction("anna") as session:
-        library.retire(session, other.id)
+        library.revise.retire(session, other.id)
     with library.reading() as session:
-        assert library.table(session).ids.tolist() == [case.id]
+        assert library.retrieve.table(session).ids.tolist() == [case.id]
 
 
 def test_the_review_lists_every_contradiction_and_every_copy(library: CaseLibrary, tmp_path: Path) -> None:
@@ -102,7 +103,7 @@ def test_the_review_lists_every_contradiction_and_every_copy(library: CaseLibrar
     ]
     first, other_label, other_box, copy = (case.id for case in cases)
     with library.transaction("anna") as session:
-        found = review(session, library.reasoner(session))
+        found = review(session, library.reuse.reasoner(session))
         pairs = {frozenset((each.case_id, str(each.other_id))) for each in found.contradictory}
         assert pairs == {
             frozenset(pair)
@@ -119,7 +120,7 @@ def test_the_review_lists_every_contradiction_and_every_copy(library: CaseLibrar
         assert "gearbox g97" in reasons[other_box]
         assert [(each.case_id, each.other_id) for each in found.redundant] == [(copy, first)]
         apply(library, session, found, "redundant")
-        assert library.case(session, copy).state == "retired"
+        assert library.retrieve.case(session, copy).state == "retired"
 
 
 def test_a_query_that_is_in_the_library_says_which_case_it_is_and_does_not_vote_for_itself(
@@ -169,14 +170,14 @@ def test_recordings_of_a_library_from_before_are_known_once_their_fingerprints_a
     with library.transaction("anna") as session:
         session.execute(update(StoredRecording).values(sound=None, sound_id=StoredRecording.id))
         session.execute(SoundKey.__table__.delete())  # type: ignore[attr-defined]
-        library.next_version(session)
-    library.audio_path(lost.recording).unlink()
+        count_change(session)
+    library.retrieve.audio_path(lost.recording).unlink()
     assert set(renewal.renew(library, "anna").failed) == {lost.recording_id}
     with library.reading() as session:
         rows = {case.id: case.recording.sound_id for case in session.scalars(select(Case))}
         assert rows[first.id] == rows[second.id] != rows[lost.id]
         assert renewal.count_outdated(session) == 0, "what cannot be read is not tried again"
-        assert library.table(session).ids.tolist() == [lost.id]
+        assert library.retrieve.table(session).ids.tolist() == [lost.id]
 
 
 def test_the_migration_knows_equal_samples_at_once(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from casebase.case_table import CaseTable, load_table
 from casebase.kept_table import read_table
 from casebase.library import TABLES, CaseLibrary
 from casebase.models import Artifact
+from casebase.upkeep import keep_table
 from tests.casebase.made import VERSION, add_case
 
 COLUMNS = (*kept_table.COLUMNS, *kept_table.DERIVED)
@@ -49,7 +50,7 @@ def kept(library: CaseLibrary) -> CaseTable | None:
 def assert_is_what_the_rows_say(library: CaseLibrary) -> None:
     again = CaseLibrary(library.engine, library.data_dir)
     with library.reading() as session:
-        rows, opened = load_table(session, VERSION), again._all_cases(session, VERSION)
+        rows, opened = load_table(session, VERSION), again.retrieve.all_cases(session, VERSION)
     assert (opened.version, opened.names) == (rows.version, rows.names)
     for column in COLUMNS:
         np.testing.assert_array_equal(getattr(opened, column), getattr(rows, column))
@@ -57,18 +58,18 @@ def assert_is_what_the_rows_say(library: CaseLibrary) -> None:
 
 def test_file_is_mapped_and_what_changed_since_is_read_from_the_rows(library: CaseLibrary) -> None:
     filled(library)
-    assert library.keep_table("test", VERSION)
-    assert not library.keep_table("test", VERSION), "nothing changed"
+    assert keep_table(library, "test", VERSION)
+    assert not keep_table(library, "test", VERSION), "nothing changed"
     table = kept(library)
     assert table is not None
     assert isinstance(table.values.base.base, np.memmap)  # type: ignore[union-attr]
     assert_is_what_the_rows_say(library)
     with library.transaction("test") as session:
-        library.retire(session, str(table.ids[0]))
-        library.revise(session, str(table.ids[1]), {"label": "play"})
+        library.revise.retire(session, str(table.ids[0]))
+        library.revise.case(session, str(table.ids[1]), {"label": "play"})
         add_case(library, session, [9.0, 9.0], "normal", seed=9)
     assert_is_what_the_rows_say(library)
-    assert library.keep_table("test", VERSION), "much changed"
+    assert keep_table(library, "test", VERSION), "much changed"
     assert len(list((library.data_dir / TABLES).iterdir())) == 1
     assert_is_what_the_rows_say(library)
 
@@ -86,19 +87,19 @@ def cut(path: Path) -> None:
 @pytest.mark.parametrize("spoil", [flipped, cut, Path.unlink])
 def test_spoilt_file_is_not_used_and_written_again(sqlite_library: CaseLibrary, spoil: Callable[[Path], None]) -> None:
     library = filled(sqlite_library)
-    library.keep_table("test", VERSION)
+    keep_table(library, "test", VERSION)
     (path,) = (library.data_dir / TABLES).iterdir()
     spoil(path)
     assert kept(library) is None
     assert_is_what_the_rows_say(library)
-    assert library.keep_table("test", VERSION)
+    assert keep_table(library, "test", VERSION)
     assert kept(library) is not None
 
 
 def test_file_that_the_database_does_not_remember_is_not_used(sqlite_library: CaseLibrary) -> None:
     """As after a backup from before was restored, or a folder of another library was put in its place."""
     library = filled(sqlite_library)
-    library.keep_table("test", VERSION)
+    keep_table(library, "test", VERSION)
     with library.transaction("test") as session:
         session.execute(delete(Artifact).where(Artifact.kind == kept_table.kind_of(VERSION)))
     assert kept(library) is None
@@ -110,11 +111,12 @@ import sys
 from pathlib import Path
 from casebase import kept_table
 from casebase.library import CaseLibrary
+from casebase.upkeep import keep_table
 from tests.casebase.made import VERSION
 kept_table.SMALLEST, kept_table.OUTGROWN = 1, -1.0
 library = CaseLibrary.open(Path(sys.argv[1]))
 while True:
-    library.keep_table("child", VERSION)
+    keep_table(library, "child", VERSION)
     print("written", flush=True)
 """
 

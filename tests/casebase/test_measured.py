@@ -40,10 +40,10 @@ def take(library: CaseLibrary, folder: Path, row: dict[str, str]) -> None:
     condition = OperatingCondition(speed_rad_s=float(row["speed_rad_s"]), payload_kg_m2=float(row["payload_kg_m2"]))
     description = RecordingDescription(row["file"], axis="axis-a", gearbox=row["gearbox"], condition=condition)
     with library.transaction("admin") as session:
-        stored = library.store_recording(
+        stored = library.retain.recording(
             session, folder / row["file"], recording, extract(recording, condition), description
         )
-        library.retain(session, stored, Labelling(row["label"], verified_by="made so"))
+        library.retain.case(session, stored, Labelling(row["label"], verified_by="made so"))
 
 
 @pytest.fixture(scope="module")
@@ -87,9 +87,9 @@ def test_one_other_gearbox_is_enough_for_most(table: CaseTable) -> None:
 def test_a_diagnosis_of_a_real_recording_says_why(filled: CaseLibrary) -> None:
     """Retire all cases of one gearbox, diagnose its recordings, and bring the cases back."""
     with filled.transaction("admin") as session:
-        cases = list(filled.cases(session, CaseFilter(gearbox=HELD_OUT)).items)
+        cases = list(filled.retrieve.cases(session, CaseFilter(gearbox=HELD_OUT)).items)
         for case in cases:
-            filled.retire(session, case.id)
+            filled.revise.retire(session, case.id)
     found = [diagnose_again(filled, case.recording_id) for case in cases]
     assert [each.label for each in found] == [case.label for case in cases]
     for each in found:
@@ -102,16 +102,16 @@ def test_a_diagnosis_of_a_real_recording_says_why(filled: CaseLibrary) -> None:
         assert gearboxes == 4
     with filled.transaction("admin") as session:
         for case in cases:
-            filled.restore(session, case.id)
+            filled.revise.restore(session, case.id)
 
 
 def diagnose_again(library: CaseLibrary, recording_id: str) -> StoredDiagnosis:
     """Read a stored recording's audio and diagnose it."""
     with library.transaction("operator") as session:
-        row = library.recording(session, recording_id)
-        recording = read_recording(library.audio_path(row))
+        row = library.retrieve.recording(session, recording_id)
+        recording = read_recording(library.retrieve.audio_path(row))
         condition = OperatingCondition(speed_rad_s=row.speed_rad_s, payload_kg_m2=row.payload_kg_m2)
-        return library.diagnose(session, row, extract(recording, condition))
+        return library.reuse.diagnose(session, row, extract(recording, condition))
 
 
 def test_libraries_whose_gearboxes_nobody_noted_do_as_well(table: CaseTable) -> None:

@@ -72,7 +72,7 @@ def test_audio_that_is_gone_is_passed_over(filled: tuple[CaseLibrary, list[Case]
     library, _ = filled
     with library.reading() as session:
         table = load_table(session, EXTRACTOR_VERSION)
-        rows = [library.case(session, str(key)).recording for key in table.ids]
+        rows = [library.retrieve.case(session, str(key)).recording for key in table.ids]
     library.audio.path(rows[0].file_sha256).unlink()
     library.audio.path(rows[1].file_sha256).write_bytes(b"no sound any more")
     with library.reading() as session:

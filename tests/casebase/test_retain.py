@@ -9,6 +9,7 @@ from sqlalchemy.exc import DBAPIError
 
 import migrations
 from casebase.case_filter import CaseFilter
+from casebase.counter import library_version
 from casebase.database import migration_config
 from casebase.description import Labelling
 from casebase.errors import ConflictError, DuplicateError, InvalidRequestError, NotFoundError, StaleVersionError
@@ -49,7 +50,7 @@ def test_missing_features_come_back_missing(library: CaseLibrary) -> None:
     with library.transaction("test") as session:
         row = store(library, session, [1.5, float("nan"), -2.5])
     with library.reading() as session:
-        features = library.recording(session, row.id).features[0]
+        features = library.retrieve.recording(session, row.id).features[0]
     assert features.finite.tolist() == [1.5, 0.0, -2.5]
     assert features.missing == bytes([0b01000000])
 
@@ -57,7 +58,7 @@ def test_missing_features_come_back_missing(library: CaseLibrary) -> None:
 def test_audio_is_on_disk_before_its_row(library: CaseLibrary) -> None:
     with library.transaction("test") as session:
         row = store(library, session, [1.0])
-        assert library.audio_path(row).stat().st_size == row.byte_count
+        assert library.retrieve.audio_path(row).stat().st_size == row.byte_count
 
 
 def test_case_is_one_until_its_label_differs(library: CaseLibrary) -> None:
@@ -71,8 +72,8 @@ def test_case_is_one_until_its_label_differs(library: CaseLibrary) -> None:
 
 def test_generated_case_is_one_per_key(library: CaseLibrary) -> None:
     with library.transaction("test") as session:
-        first = library.retain(session, store(library, session, [1.0], seed=1), Labelling("play", key="plan-7"))
-        other = library.retain(session, store(library, session, [2.0], seed=2), Labelling("play", key="plan-7"))
+        first = library.retain.case(session, store(library, session, [1.0], seed=1), Labelling("play", key="plan-7"))
+        other = library.retain.case(session, store(library, session, [2.0], seed=2), Labelling("play", key="plan-7"))
     assert other.id == first.id
 
 
@@ -80,12 +81,12 @@ def test_revision_needs_the_current_version_and_is_remembered(library: CaseLibra
     with library.transaction("anna") as session:
         case = add_case(library, session, [1.0], "notch", seed=1)
     with library.transaction("bert") as session:
-        revised = library.revise(session, case.id, {"label": "play"}, expected_version=1)
+        revised = library.revise.case(session, case.id, {"label": "play"}, expected_version=1)
         assert revised.version == 2
     with library.transaction("carl") as session, pytest.raises(StaleVersionError):
-        library.revise(session, case.id, {"label": "normal"}, expected_version=1)
+        library.revise.case(session, case.id, {"label": "normal"}, expected_version=1)
     with library.reading() as session:
-        entries = library.history(session, case.id)
+        entries = library.retrieve.history(session, case.id)
     assert [(entry.actor, entry.action) for entry in entries] == [
         ("anna", "case.retained"),
         ("bert", "case.revised"),
@@ -96,13 +97,13 @@ def test_revision_needs_the_current_version_and_is_remembered(library: CaseLibra
 def test_retired_case_leaves_the_list_and_comes_back(library: CaseLibrary) -> None:
     with library.transaction("test") as session:
         case = add_case(library, session, [1.0], "notch", seed=1)
-        library.retire(session, case.id)
+        library.revise.retire(session, case.id)
     with library.transaction("test") as session:
-        assert library.cases(session, CaseFilter()).items == []
-        library.restore(session, case.id)
+        assert library.retrieve.cases(session, CaseFilter()).items == []
+        library.revise.restore(session, case.id)
         with pytest.raises(ConflictError):
-            library.restore(session, case.id)
-        assert [each.id for each in library.cases(session, CaseFilter()).items] == [case.id]
+            library.revise.restore(session, case.id)
+        assert [each.id for each in library.retrieve.cases(session, CaseFilter()).items] == [case.id]
 
 
 def test_a_failed_transaction_leaves_nothing(library: CaseLibrary) -> None:
@@ -114,8 +115,8 @@ def test_a_failed_transaction_leaves_nothing(library: CaseLibrary) -> None:
     with pytest.raises(InvalidRequestError):
         two_cases()
     with library.reading() as session:
-        assert library.cases(session, CaseFilter()).items == []
-        assert library.version(session) == 0
+        assert library.retrieve.cases(session, CaseFilter()).items == []
+        assert library_version(session) == 0
 
 
 def test_pages_cover_every_case_once(library: CaseLibrary) -> None:
@@ -125,7 +126,7 @@ def test_pages_cover_every_case_once(library: CaseLibrary) -> None:
     cursor = None
     with library.reading() as session:
         while True:
-            page = library.cases(session, CaseFilter(label="notch"), limit=5, cursor=cursor)
+            page = library.retrieve.cases(session, CaseFilter(label="notch"), limit=5, cursor=cursor)
             seen += [case.id for case in page.items]
             cursor = page.next_cursor
             if cursor is None:
@@ -141,8 +142,8 @@ def test_filters_select(library: CaseLibrary) -> None:
         add_case(library, session, [1.0], "play", seed=2, gearbox="g2", origin="simulated")
     with library.reading() as session:
         for wanted in (CaseFilter(label="play"), CaseFilter(origin="simulated"), CaseFilter(gearbox="g2")):
-            assert [case.label for case in library.cases(session, wanted).items] == ["play"]
-        assert library.cases(session, CaseFilter(axis="other")).items == []
+            assert [case.label for case in library.retrieve.cases(session, wanted).items] == ["play"]
+        assert library.retrieve.cases(session, CaseFilter(axis="other")).items == []
 
 
 @pytest.mark.parametrize("statement", ["UPDATE audit SET actor = 'nobody'", "DELETE FROM audit"])
@@ -156,6 +157,6 @@ def test_audit_cannot_be_altered(library: CaseLibrary, statement: str) -> None:
 def test_unknown_ids_are_said(library: CaseLibrary) -> None:
     with library.reading() as session:
         with pytest.raises(NotFoundError):
-            library.case(session, "no such id")
+            library.retrieve.case(session, "no such id")
         with pytest.raises(NotFoundError):
-            library.recording(session, "no such id")
+            library.retrieve.recording(session, "no such id")

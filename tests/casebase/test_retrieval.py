@@ -159,9 +159,9 @@ def test_table_follows_every_change(library: CaseLibrary) -> None:
         assert load_table(session, VERSION, first) is first
     np.testing.assert_array_equal(first.values, np.array([[0, 1], [1, 1], [2, np.nan], [3, 1]], np.float32))
     with library.transaction("test") as session:
-        library.retire(session, cases[0].id)
-        library.revise(session, cases[1].id, {"label": "play"})
-        library.revise(session, cases[2].id, {"quarantine_reason": "far from every measured notch"})
+        library.revise.retire(session, cases[0].id)
+        library.revise.case(session, cases[1].id, {"label": "play"})
+        library.revise.case(session, cases[2].id, {"quarantine_reason": "far from every measured notch"})
         add_case(library, session, [9.0, 9.0], "normal", seed=9)
     with library.reading() as session:
         second = load_table(session, VERSION, first)
@@ -180,7 +180,7 @@ def test_versions_of_the_extractor_never_mix(library: CaseLibrary) -> None:
         assert load_table(session, VERSION).values.tolist() == [[1.0]]
         table = load_table(session, "next")
         assert table.values.tolist() == [[5.0, 6.0, 7.0]]
-        assert [each.extractor_version for each in library.recording(session, other.id).features] == ["next"]
+        assert [each.extractor_version for each in library.retrieve.recording(session, other.id).features] == ["next"]
 
 
 CHILD = """

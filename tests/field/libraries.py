@@ -10,6 +10,7 @@ from typing import Any
 
 from app.commands.starter import PER_LABEL
 from app.generation import Campaign, generate
+from casebase import upkeep
 from casebase.axes import add_axis
 from casebase.library import CaseLibrary
 from sim.experiment.design_of_experiments import LABELS
@@ -87,5 +88,5 @@ def add_starter(data_dir: Path) -> None:
 def keep_learned(data_dir: Path) -> None:
     """Learn, as the first diagnosis would."""
     library = CaseLibrary.open(data_dir)
-    library.keep_learned("test")
+    upkeep.keep_learned(library, "test")
     library.close()

@@ -126,8 +126,8 @@ def kept(library: CaseLibrary, seed: int, speed: float | None, axis: str | None,
     heard = replace(extraction([1.0], version=EXTRACTOR_VERSION), motion=Motion(period_in_sound_s=6.0 + seed))
     described = RecordingDescription(axis=axis, condition=OperatingCondition(speed_rad_s=speed))
     with library.transaction("test") as session:
-        row = library.store_recording(session, taken.samples.tobytes(), taken, heard, described)
-        library.retain(session, row, Labelling("normal", **how))
+        row = library.retain.recording(session, taken.samples.tobytes(), taken, heard, described)
+        library.retain.case(session, row, Labelling("normal", **how))
 
 
 def test_library_knows_what_its_measured_cases_of_the_axis_have(library: CaseLibrary) -> None:
@@ -140,14 +140,14 @@ def test_library_knows_what_its_measured_cases_of_the_axis_have(library: CaseLib
     kept(library, 5, 9.0, "axis-a", state="retired")
     kept(library, 6, 9.0, "axis-a", quarantine_reason="doubted")
     with library.reading() as session:
-        assert library.measured(session, "axis-a") == Expected()
+        assert library.retrieve.measured(session, "axis-a") == Expected()
     kept(library, 7, None, "axis-a")
     with library.reading() as session:
-        found = library.measured(session, "axis-a")
+        found = library.retrieve.measured(session, "axis-a")
         assert found == Expected(motion_period_s=Known(6.0, 13.0, "the 3 measured cases of 'axis-a'"))
     kept(library, 8, 2.5, "axis-a")
     with library.reading() as session:
-        found = library.measured(session, "axis-a")
+        found = library.retrieve.measured(session, "axis-a")
         assert found.speed_rad_s == Known(2.0, 3.0, "the 3 measured cases of 'axis-a'")
         assert found == measured(session, "axis-a")
         assert found.payload_kg_m2 is None

@@ -134,7 +134,9 @@ def fill(site: Site, known: Sequence[tuple[int, str]] = KNOWN) -> None:
     with library.transaction("test") as session:
         add_artifact(session, DEMO, {"diagnosis_id": demo["id"], "recording_id": demo["recording"]["id"]})
         for recording_id, label in ((demo["recording"]["id"], "notch"), (site.recorded, "normal")):
-            library.retain(session, library.recording(session, recording_id), Labelling(label, origin="simulated"))
+            library.retain.case(
+                session, library.retrieve.recording(session, recording_id), Labelling(label, origin="simulated")
+            )
         site.investigation = investigated(session)
     library.close()
 

@@ -139,7 +139,7 @@ def shown(
     overlay: str = "",
 ) -> Response:
     """Return the page of a diagnosis, a case laid over its plots if asked for."""
-    case = service.library.case(session, overlay) if overlay else None
+    case = service.library.retrieve.case(session, overlay) if overlay else None
     metadata = {
         name: getattr(row.recording, name)
         for name in ("axis", "gearbox", "speed_rad_s", "payload_kg_m2")
@@ -196,7 +196,7 @@ def revise(
 def retain(service: TheService, principal: PageAdmin, diagnosis_id: str) -> Response:
     """Make a case of it."""
     with service.library.transaction(principal.actor) as session:
-        case_id = service.library.retain_diagnosis(session, diagnosis_id).id
+        case_id = service.library.retain.diagnosis(session, diagnosis_id).id
     return RedirectResponse(f"{root_of(service)}/cases/{case_id}", status_code=303)
 
 

@@ -51,7 +51,7 @@ def cases(
 ) -> Response:
     """The cases, newest first, by label, axis, gearbox, origin and state."""
     wanted = CaseFilter(label or None, origin or None, axis or None, gearbox or None, state or None)
-    page = service.library.cases(session, wanted, limit=100, cursor=cursor)
+    page = service.library.retrieve.cases(session, wanted, limit=100, cursor=cursor)
     chosen = {"label": label, "origin": origin, "axis": axis, "gearbox": gearbox, "state": state}
     counts = counts_of(service.library, session)
     context = {
@@ -86,11 +86,11 @@ def change_several(
     with service.library.transaction(principal.actor) as session:
         for one in chosen:
             if action == "retire":
-                service.library.retire(session, one)
+                service.library.revise.retire(session, one)
             elif action == "restore":
-                service.library.restore(session, one)
+                service.library.revise.restore(session, one)
             elif action == "label":
-                service.library.revise(session, one, {"label": label.strip()})
+                service.library.revise.case(session, one, {"label": label.strip()})
             else:
                 raise Unprocessable(f"Unknown action {action!r}; known: retire, restore, label.")
     root = service.settings.root_path.rstrip("/")
@@ -113,7 +113,7 @@ def add(request: Request, principal: PageAdmin, upload: TheUpload, service: TheS
     with service.library.transaction(principal.actor) as session:
         row = intake.store(service.library, session)
         labelling = metadata.labelling()
-        case_id = service.library.retain(session, row, labelling).id
+        case_id = service.library.retain.case(session, row, labelling).id
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/cases/{case_id}", status_code=303)
 
 
@@ -122,9 +122,9 @@ def library_map(
     request: Request, session: Reading, service: TheService, principal: PageViewer, recording: str = ""
 ) -> Response:
     """Every case as a point, alike ones near each other, with one recording among them if asked for."""
-    asked = service.library.recording(session, recording) if recording else None
+    asked = service.library.retrieve.recording(session, recording) if recording else None
     library = service.library
-    projection = counted(library, session, "map", lambda: projected(library.table(session)))
+    projection = counted(library, session, "map", lambda: projected(library.retrieve.table(session)))
     root = service.settings.root_path.rstrip("/")
     points = projection.points(root) if projection else []
     query = projection.place(features_of(session, recording)) if projection and recording else None
@@ -173,7 +173,7 @@ def covered(session: Session) -> list[tuple[str, str, int, int, int]]:
 @router.get("/cases/{case_id}", dependencies=[Looking])
 def case(request: Request, session: Reading, service: TheService, principal: PageViewer, case_id: str) -> Response:
     """One case: what it sounds like, where it comes from, what happened to it."""
-    row = service.library.case(session, case_id)
+    row = service.library.retrieve.case(session, case_id)
     known, erased = catalogue(), row.recording.erased_at is not None
     features = [
         (name, value, known[name].unit, known[name].physics)
@@ -186,7 +186,7 @@ def case(request: Request, session: Reading, service: TheService, principal: Pag
         "waveform": None if erased else chart_of("waveform", session, service, row.recording),
         "spectrum": None if erased else chart_of("spectrum", session, service, row.recording),
         "features": features,
-        "history": service.library.history(session, case_id),
+        "history": service.library.retrieve.history(session, case_id),
         "described": row.recording.axis is None or find_axis(session, row.recording.axis) is not None,
     }
     return render(request, "case.html", context, principal=principal, section=SECTION)

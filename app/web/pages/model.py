@@ -188,7 +188,7 @@ def heard(words: str, sound: Recording) -> Heard:
 
 def compared_of(service: Service, row: StoredRecording, words: str) -> Heard:
     """Return what is compared of a recording; a recording never changes, so it is looked at once."""
-    path, description = service.library.audio_path(row), json.dumps(row.description, sort_keys=True)
+    path, description = service.library.retrieve.audio_path(row), json.dumps(row.description, sort_keys=True)
     return replace(_looked_at(path, row.channel, description), words=words)
 
 

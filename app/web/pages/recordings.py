@@ -72,10 +72,10 @@ def plot(
     allowed(session, principal, request, recording_id)
     if overlay and principal is None:
         raise SignInNeeded(below_root(request))
-    row = service.library.recording(session, recording_id)
+    row = service.library.retrieve.recording(session, recording_id)
     chart = chart_of(name, session, service, row, points)
     if overlay:
-        chart = laid_over(chart, name, session, service, row, service.library.case(session, overlay))
+        chart = laid_over(chart, name, session, service, row, service.library.retrieve.case(session, overlay))
     return JSONResponse(chart.document(), headers=api.UNTIL_ERASED)
 
 
@@ -90,7 +90,7 @@ def sound(
 ) -> Response:
     """The sound, whole or one range of it."""
     allowed(session, principal, request, recording_id)
-    return api.file_answer(service, service.library.recording(session, recording_id), byte_range, None)
+    return api.file_answer(service, service.library.retrieve.recording(session, recording_id), byte_range, None)
 
 
 @router.post("/erase", dependencies=[FromOurPage])
@@ -121,8 +121,8 @@ def spectrogram(
 ) -> Response:
     """The spectrogram, drawn here because browsers resample sound."""
     allowed(session, principal, request, recording_id)
-    row = service.library.recording(session, recording_id)
-    path, dark = service.library.audio_path(row), theme == "dark"
+    row = service.library.retrieve.recording(session, recording_id)
+    path, dark = service.library.retrieve.audio_path(row), theme == "dark"
     description = json.dumps(row.description, sort_keys=True)
 
     def drawn() -> bytes:

@@ -40,7 +40,7 @@ def review(
     request: Request, session: Reading, service: TheService, principal: PageViewer, edit: int = 0, undone: int = 0
 ) -> Response:
     """The findings, worst first within each kind; edits are offered to admins and can be taken back as a whole."""
-    found = care.review(session, service.library.reasoner(session))
+    found = care.review(session, service.library.reuse.reasoner(session))
     context = {
         "review": found,
         "kinds": [(kind, title, words, getattr(found, kind)) for kind, title, words in KINDS],
@@ -62,7 +62,7 @@ def review(
 def edit(service: TheService, principal: PageAdmin, kind: Annotated[Literal["redundant", "far"], Form()]) -> Response:
     """Retire what is redundant or quarantine what is far, all together."""
     with service.library.transaction(principal.actor) as session:
-        found = care.review(session, service.library.reasoner(session))
+        found = care.review(session, service.library.reuse.reasoner(session))
         version = care.apply(service.library, session, found, kind).version
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/library/review?edit={version}", status_code=303)
 

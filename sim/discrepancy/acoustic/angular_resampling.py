@@ -15,6 +15,7 @@ from sim.discrepancy.acoustic.evidence import AcousticFinding
 from sim.discrepancy.acoustic.harmonic_comb import slipping_comb
 from sim.discrepancy.acoustic.operating_states import Mask
 from sim.discrepancy.data.preprocessing import Measurement
+from sim.mechanisms import BearingDefect
 from sim.torsional.model import Array
 
 PER_TURN = 128  # samples of the envelope per revolution of the motor
@@ -98,7 +99,9 @@ def bearing_along_path(
         f"Impacts come {order:.2f} times per revolution of the motor, with {count - 1} multiples and a little slip: "
         "no gear has this order; a rolling bearing does."
     )
-    return [AcousticFinding("bearing_defect", None, probability, {"order": (order, order - half, order + half)}, text)]
+    return [
+        AcousticFinding(BearingDefect.name, None, probability, {"order": (order, order - half, order + half)}, text)
+    ]
 
 
 def _lines(axis: Axis, heard: Envelopes) -> tuple[float, int]:

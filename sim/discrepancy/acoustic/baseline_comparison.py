@@ -23,6 +23,7 @@ from sim.discrepancy.acoustic.impacts import NO_STANDSTILL, Tail
 from sim.discrepancy.acoustic.levels import CELL, HIGHEST_HZ, LEAST_AT_REST, LEAST_SEGMENTS, SEGMENT, cells
 from sim.discrepancy.acoustic.operating_states import Course, Cruise, Mask
 from sim.discrepancy.acoustic.spectral_lines import TRANSFORM, gamma_limit, mesh_orders, over_surroundings
+from sim.mechanisms import MeshError, StructuralResonance
 from sim.torsional.model import Array
 
 NO_AS_NEW = "no recording from when the axis was new was given to compare with"
@@ -206,7 +207,7 @@ def _mesh_error(axis: Axis, found: Sequence[Growth | None]) -> list[AcousticFind
         f"While cruising, the lines of the teeth of {best.stage} stand {best.height_db:.0f} dB ({times:.2g} times) "
         f"higher over the sound around them than as new{others}: its teeth err more."
     )
-    return [AcousticFinding("mesh_error", best.stage, probability(p_values), {}, text, p_values=p_values)]
+    return [AcousticFinding(MeshError.name, best.stage, probability(p_values), {}, text, p_values=p_values)]
 
 
 def _resonance(found: Sequence[Growth | None], speed_told: bool) -> list[AcousticFinding]:
@@ -229,10 +230,10 @@ def _resonance(found: Sequence[Growth | None], speed_told: bool) -> list[Acousti
         "that is loose."
     )
     pitch = (best.frequency_hz, best.frequency_hz - best.half_hz, best.frequency_hz + best.half_hz)
-    alike = () if speed_told else ("mesh_error",)
+    alike = () if speed_told else (MeshError.name,)
     numbers = {"frequency_hz": pitch}
     return [
-        AcousticFinding("structural_resonance", None, probability(p_values), numbers, text, alike, p_values=p_values)
+        AcousticFinding(StructuralResonance.name, None, probability(p_values), numbers, text, alike, p_values=p_values)
     ]
 
 

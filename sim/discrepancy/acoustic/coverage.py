@@ -14,19 +14,24 @@ from sim.discrepancy.acoustic.faults import hindrance_of_play, hindrance_of_toot
 from sim.discrepancy.acoustic.operating_states import Course
 from sim.discrepancy.acoustic.order_spectrum import bearing_hindrance
 from sim.discrepancy.acoustic.recording_quality import recording_hindrances
-from sim.mechanisms import MECHANISMS
+from sim.mechanisms import (
+    MECHANISMS,
+    Backlash,
+    BearingDefect,
+    Clipping,
+    ElectricalHum,
+    LostSamples,
+    MeshError,
+    StructuralResonance,
+    ToothDamage,
+)
 
-WORDS: Mapping[str, str] = {
-    "electrical_hum": "hum",
-    "clipping": "clipping",
-    "lost_samples": "lost samples",
-    "tooth_damage": "tooth damage",
-    "backlash": "play",
-    "bearing_defect": "bearing defect",
-    "mesh_error": "error of teeth",
-    "structural_resonance": "resonance",
-}
+HEARD = (
+    ElectricalHum, Clipping, LostSamples, ToothDamage, Backlash, BearingDefect, MeshError, StructuralResonance,
+)  # fmt: skip
 """What sound alone can show."""
+
+WORDS: Mapping[str, str] = {kind.name: kind.heard.called for kind in HEARD if kind.heard}
 
 NO_GEAR = "the axis has no gear"
 UNTOLD = "sound alone does not tell it"
@@ -77,11 +82,11 @@ def reach(axis: Axis, sounds: Sequence[Recording], courses: Sequence[Course], as
 def _hindrances(axis: Axis, sound: Recording, course: Course, as_new: Sequence[Course]) -> dict[str, str]:
     values = np.asarray(sound.samples, dtype=np.float64)
     of_machine = {
-        "tooth_damage": hindrance_of_tooth(course) if axis.stages else NO_GEAR,
-        "backlash": hindrance_of_play(course) if axis.stages else NO_GEAR,
-        "bearing_defect": bearing_hindrance(axis, course),
-        "mesh_error": hindrance_of_teeth(axis, course, as_new) if axis.stages else NO_GEAR,
-        "structural_resonance": hindrance_of_ringing(course, as_new),
+        ToothDamage.name: hindrance_of_tooth(course) if axis.stages else NO_GEAR,
+        Backlash.name: hindrance_of_play(course) if axis.stages else NO_GEAR,
+        BearingDefect.name: bearing_hindrance(axis, course),
+        MeshError.name: hindrance_of_teeth(axis, course, as_new) if axis.stages else NO_GEAR,
+        StructuralResonance.name: hindrance_of_ringing(course, as_new),
     }
     told = {name: reason for name, reason in of_machine.items() if reason is not None}
     return {**recording_hindrances(values, sound.sample_rate_hz), **told}

@@ -24,6 +24,7 @@ from sim.discrepancy.acoustic.impacts import (
 from sim.discrepancy.acoustic.operating_states import Course
 from sim.discrepancy.acoustic.order_spectrum import Family, bearing_family, bearing_hindrance
 from sim.discrepancy.acoustic.stroke_impacts import Impacts, end_hindrance, end_of_strokes, impacts, impacts_hindrance
+from sim.mechanisms import Backlash, BearingDefect, MeshError, ToothDamage
 from sim.torsional.model import Array
 
 # Scores of simulated gearboxes without the fault, of many axes, motions and microphones: 181 recordings whose motion
@@ -71,7 +72,7 @@ def tooth_damage(axis: Axis, courses: Sequence[Course], signs: Sequence[Sign | N
             "other does: a damaged tooth that meets the mesh, unless something beside the axis knocked. Strokes cannot "
             "be laid over each other, so that its angle is not told."
         )
-        alike = ("mesh_error",)
+        alike = (MeshError.name,)
     else:
         stage, told = _stage_of(axis, course, best)
         text = (
@@ -91,7 +92,7 @@ def tooth_damage(axis: Axis, courses: Sequence[Course], signs: Sequence[Sign | N
     text += _not_told(stage, elsewhere)
     return [
         AcousticFinding(
-            "tooth_damage",
+            ToothDamage.name,
             stage,
             probability(p_values),
             numbers,
@@ -194,7 +195,7 @@ def play(axis: Axis, courses: Sequence[Course], teeth: Sequence[Sign | None]) ->
     text += _not_told(stage, elsewhere)
     return [
         AcousticFinding(
-            "backlash", stage, probability(p_values), {}, text, elsewhere=elsewhere, p_values=tuple(p_values)
+            Backlash.name, stage, probability(p_values), {}, text, elsewhere=elsewhere, p_values=tuple(p_values)
         )
     ]
 
@@ -227,7 +228,7 @@ def bearing_defect(axis: Axis, courses: Sequence[Course], teeth: Sequence[Sign |
         "multiples: no gear of this axis has this order; a rolling bearing has."
     )
     numbers = {"order": (best.order, best.order - best.half, best.order + best.half)}
-    return [AcousticFinding("bearing_defect", None, probability(p_values), numbers, text, p_values=p_values)]
+    return [AcousticFinding(BearingDefect.name, None, probability(p_values), numbers, text, p_values=p_values)]
 
 
 def _bearing(axis: Axis, course: Course, tooth: Sign | None) -> Family | None:

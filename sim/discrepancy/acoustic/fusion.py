@@ -24,12 +24,22 @@ from sim.discrepancy.acoustic.several_recordings import (
     without_copies,
 )
 from sim.discrepancy.data.preprocessing import Measurement
+from sim.mechanisms import (
+    Backlash,
+    BearingDefect,
+    Clipping,
+    ElectricalHum,
+    LostSamples,
+    MeshError,
+    StructuralResonance,
+    ToothDamage,
+)
+from sim.mechanisms.catalogue import kind_or_any
 
 SAID = 0.5
 SURE = 0.9  # of what telemetry does not show, though it could
 LEAST_S = 4.0
-GEAR = frozenset({"tooth_damage", "backlash"})
-OF_TEETH = GEAR | {"mesh_error", "eccentricity"}  # what leaves families of lines of its own
+FIRST_TO_MEND = (Clipping, LostSamples, ToothDamage, Backlash, StructuralResonance, MeshError, BearingDefect)
 ADVICE = "How deep a notch or how wide play is cannot be heard; telemetry tells that and what was not examined."
 COMPARE = (
     "Give a recording of the same motion from when the axis was new as well, if there is one: it tells whether teeth "
@@ -103,8 +113,8 @@ def _told_by_growth(machine: Sequence[AcousticFinding], growth: Grown) -> tuple[
     """
     if growth.teeth_as_new:
         machine = [replace(h, indistinguishable_from=()) for h in machine]
-    erring = next((h for h in growth.heard if h.mechanism == "mesh_error" and h.probability >= SAID), None)
-    struck = [h.mechanism for h in machine if h.mechanism in GEAR and h.probability >= SAID]
+    erring = next((h for h in growth.heard if h.mechanism == MeshError.name and h.probability >= SAID), None)
+    struck = [h.mechanism for h in machine if _loses_contact(h) and h.probability >= SAID]
     if erring is None or not struck:
         return [*machine, *growth.heard], ()
     alike = replace(erring, indistinguishable_from=tuple(struck))
@@ -164,14 +174,19 @@ def beside(
     so low an order that their own turns make as many lines.
     """
     blind = not load_encoder and not set(named)
+    of_teeth = any(t.loses_contact or t.erring_teeth for t in (kind_or_any(name).traits for name in named))
     return tuple(
         h
         for h in heard
         if h.mechanism not in named
-        and (h.mechanism not in GEAR or blind)
-        and not (h.mechanism == "bearing_defect" and _is_of_gears(h, struck, loud))
-        and not (h.mechanism == "bearing_defect" and _is_faint(h) and OF_TEETH & set(named))
+        and (blind or not _loses_contact(h))
+        and not (h.mechanism == BearingDefect.name and _is_of_gears(h, struck, loud))
+        and not (h.mechanism == BearingDefect.name and _is_faint(h) and of_teeth)
     )
+
+
+def _loses_contact(h: AcousticFinding) -> bool:
+    return kind_or_any(h.mechanism).traits.loses_contact
 
 
 def _is_faint(h: AcousticFinding) -> bool:
@@ -195,42 +210,15 @@ def _is_ratio(h: AcousticFinding, order: float) -> bool:
 
 def _next(axis: Axis, heard: Sequence[AcousticFinding], courses: Sequence[Course]) -> str:
     named = {h.mechanism for h in heard}
-    if named & {"clipping", "lost_samples"}:
-        return "Record again with the gain lowered and without gaps: what is missing of the sound could be a fault's."
-    if "tooth_damage" in named:
-        return (
-            "Record motor torque and angle of motor and load of the same motion, slowly through a whole turn in both "
-            "directions: they give the tooth, its depth and its flank."
-        )
-    if "backlash" in named:
-        return (
-            "Add an encoder at the load and repeat the motion: the way between the flanks is the gap, and the stage "
-            "with the play shows in how fast it is crossed."
-        )
-    if "structural_resonance" in named:
-        return (
-            "Tap covers, pipes, arm and stand at standstill and record that: the part that is loose rings at the same "
-            "pitch without any motion."
-        )
-    if "mesh_error" in named:
-        return (
-            "Record motor torque and angle of motor and load of the same motion: they give how much the teeth err, and "
-            "tell worn ones from one that is damaged."
-        )
-    if "bearing_defect" in named:
-        return (
-            "Repeat the motion at two thirds of the speed: what keeps its order is the bearing, what keeps its pitch "
-            "is not."
-        )
+    for kind in FIRST_TO_MEND:
+        if kind.heard and kind.name in named:
+            return kind.heard.then
     if not any(course.repeats and len(course.cruises) >= LEAST_CRUISES for course in courses):
         return (
             "Move back and forth between the same two positions at constant speed, five times or more, and record that."
         )
-    if "electrical_hum" in named:
-        return (
-            "Mend the earthing of the recorder, then repeat; friction, stiffness and play need telemetry with a load "
-            "encoder."
-        )
+    if ElectricalHum.heard and ElectricalHum.name in named:
+        return ElectricalHum.heard.then
     return (
         "Record motor torque and angle with the sound, best with an encoder at the load: most causes cannot be heard."
     )

@@ -14,11 +14,10 @@ from sim.description.axis import Axis
 from sim.discrepancy.acoustic.harmonic_comb import usual_height
 from sim.discrepancy.acoustic.impacts import Tail
 from sim.discrepancy.acoustic.operating_states import Course
-from sim.discrepancy.acoustic.order_spectrum import bands_of, on_orders
+from sim.discrepancy.acoustic.order_spectrum import STEP, bands_of, on_orders
 from sim.discrepancy.acoustic.spectral_lines import mesh_orders
 from sim.torsional.model import Array
 
-STEP = 0.004  # orders per revolution of the motor
 HIGHEST_ORDER = 12.0
 MULTIPLES = range(2, 24)  # runout makes the first
 LEAST_MULTIPLES = 5

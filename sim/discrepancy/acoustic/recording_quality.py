@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from sim.discrepancy.acoustic.evidence import FALSE_ALARM, AcousticFinding
 from sim.discrepancy.acoustic.operating_states import Mask
+from sim.mechanisms import Clipping, ElectricalHum, LostSamples
 from sim.torsional.model import Array
 
 MAINS_HZ = (50.0, 60.0)
@@ -43,13 +44,13 @@ def recording_hindrances(values: Array, rate_hz: float) -> dict[str, str]:
     else:
         out = {}
         if float(np.abs(values).max()) <= LEAST_STEPS * _step(values):
-            out["clipping"] = "the recording has too few steps of level"
+            out[Clipping.name] = "the recording has too few steps of level"
         if _stills(values, rate_hz)[1] > MOST_STILL:
-            out["lost_samples"] = "the recording is so coarse or so quiet that most samples do not change"
+            out[LostSamples.name] = "the recording is so coarse or so quiet that most samples do not change"
         if max(MAINS_HZ) > HIGHEST_SHARE * rate_hz:
-            out["electrical_hum"] = f"the sample rate of {rate_hz:.0f} Hz is too low"
+            out[ElectricalHum.name] = f"the sample rate of {rate_hz:.0f} Hz is too low"
         return out
-    return dict.fromkeys(("electrical_hum", "clipping", "lost_samples"), reason)
+    return dict.fromkeys((ElectricalHum.name, Clipping.name, LostSamples.name), reason)
 
 
 def _step(values: Array) -> float:
@@ -80,7 +81,7 @@ def _clipping(values: Array) -> list[AcousticFinding]:
         return []
     share = float(at.mean())
     text = f"The sound stays at its extreme in {share:.2%} of all samples: the recording is cut there; lower the gain."
-    return [AcousticFinding("clipping", None, 0.97, {"fraction": (share, share, share)}, text)]
+    return [AcousticFinding(Clipping.name, None, 0.97, {"fraction": (share, share, share)}, text)]
 
 
 def _lost(values: Array, rate_hz: float) -> list[AcousticFinding]:
@@ -91,7 +92,7 @@ def _lost(values: Array, rate_hz: float) -> list[AcousticFinding]:
         return []
     text = f"{long.size} times the sound does not change at all for 5 ms or more, {share:.2%} of the recording: "
     text += "samples are missing; check cable, driver and noise gate."
-    return [AcousticFinding("lost_samples", None, 0.97, {"fraction": (share, share, share)}, text)]
+    return [AcousticFinding(LostSamples.name, None, 0.97, {"fraction": (share, share, share)}, text)]
 
 
 def _stills(values: Array, rate_hz: float) -> tuple[NDArray[np.int64], float]:
@@ -124,7 +125,7 @@ def _hum(values: Array, rate_hz: float, moving: Mask | None) -> list[AcousticFin
             "and there at standstill as well: supply or earthing of the recording, not the gear."
         )
         numbers = {"frequency_hz": (frequency, frequency - half, frequency + half)}
-        heard = AcousticFinding("electrical_hum", None, 0.97, numbers, text)
+        heard = AcousticFinding(ElectricalHum.name, None, 0.97, numbers, text)
         if best is None or (len(found), height) > best[:2]:
             best = (len(found), height, heard)
     return [best[2]] if best else []

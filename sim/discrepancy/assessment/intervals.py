@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import math
 
-from sim import mechanisms
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.model.parameters import Owner
 from sim.discrepancy.results import Estimate
 from sim.discrepancy.search.effect_size import deviations
+from sim.mechanisms.catalogue import kind_of
 
 NINETY = 1.645
 INFLATION = 3.0  # of deviations, so that intervals hold on the calibration seeds
-FORM_SHARE = 0.08  # of a size, which the form of its law leaves open
-DENT_SHARE = 0.3  # the same of a dent: the same torques come from a hollow and from a shallower piece broken out
 NO_SIZE = ("angle_rad", "phase_rad", "second_phase_rad", "flank", "form", "order", "frequency_hz", "exponent")
-UNITS = {
-    "_rad": "rad", "_n_m": "N m", "_rad_s": "rad/s", "_per_s": "1/s", "_per_rad2": "1/rad2",
-    "_n_m_s_per_rad": "N m s/rad", "_hz": "Hz", "_s": "s", "_kg_m2": "kg m2", "_n_m_per_rad": "N m/rad",
+BESIDES = {  # units of what is said of a fault or of a sound beside the parameters of its mechanism
+    "slip_rad": "rad", "time_s": "s", "torque_n_m": "N m", "angle_from_middle_rad": "rad",
 }  # fmt: skip
 
 
@@ -27,17 +25,16 @@ def term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, .
     record is long."""
     spread = deviations(fit, term, term.report)
     limits = {p.name: (p.low, p.high) for p in term.parameters}
-    units = {p.name: p.unit for p in mechanisms.MECHANISMS[term.mechanism].parameters}
     out = []
     for name, value in term.report(fit.values).items():
         half = NINETY * inflation(fit) * spread[name]
         if name not in NO_SIZE:
-            half = max(half, (DENT_SHARE if term.mechanism == "tooth_damage" else FORM_SHARE) * abs(value))
+            half = max(half, term.traits.size_open * abs(value))
         if name == "frequency_hz":
             half = max(half, 1.0 / duration_s)
         low, high = limits.get(f"{term.key}.{name}", (-math.inf, math.inf))
         ends = float(max(value - half, low)), float(min(value + half, high))
-        out.append(Estimate(name, float(value), units[name], *ends))
+        out.append(Estimate(name, float(value), unit_of(term.mechanism, name), *ends))
     return tuple(out)
 
 
@@ -51,14 +48,14 @@ def estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
     scale = inflation(fit)
     out = []
     for p in fit.parameters:
-        if not p.name.startswith(("motor.", "load.", "stages.")) or "backlash" in p.name:
+        if p.owner is not Owner.DESCRIPTION:
             continue
         half = NINETY * deviations[p.name] * scale
         out.append(
             Estimate(
                 p.name,
                 fit.values[p.name],
-                unit_of(p.name),
+                p.unit,
                 fit.values[p.name] - half,
                 fit.values[p.name] + half,
                 None if p.name in problem.unknown else p.expected,
@@ -67,9 +64,7 @@ def estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
     return tuple(out)
 
 
-def unit_of(name: str) -> str:
-    """Unit by the ending of a name; `1` where it has none."""
-    for ending in sorted(UNITS, key=len, reverse=True):
-        if name.endswith(ending):
-            return UNITS[ending]
-    return "1"
+def unit_of(mechanism: str, name: str) -> str:
+    """Unit of a number of a finding."""
+    units = {p.name: p.unit for p in kind_of(mechanism).parameters}
+    return units[name] if name in units else BESIDES[name]

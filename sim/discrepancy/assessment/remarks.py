@@ -12,13 +12,14 @@ from sim.discrepancy.data.validation import Gate
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.identifiability import highest_order, passed_slowly, passing_hz, shown
+from sim.discrepancy.model.parameters import Owner
 from sim.discrepancy.report.formatting import named, percent
 from sim.discrepancy.results import Gain
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Need
 
 UNREACHED = 0.5  # of the torque: a model that leaves more says nothing of the axis
-SOLID = ("inertia_kg_m2", "stiffness_n_m_per_rad")  # what no data sheet is far wrong in
+SOLID = ("kg m2", "N m/rad")  # units of inertia and stiffness, in which no data sheet is far wrong
 NO_REFERENCE = (
     "Without reference_position_rad noise of the torque channel cannot be told from torque, and weaker effects may "
     "hide in it: log it as well."
@@ -38,7 +39,7 @@ def misfit_remarks(fit: Fit, gained: Sequence[Gain]) -> tuple[str, ...]:
     bent = [
         f"{p.name} {p.expected:.3g} -> {fit.values[p.name]:.3g}"
         for p, limit in zip(fit.parameters, fit.at_limit, strict=True)
-        if limit and p.name.endswith(SOLID)
+        if limit and p.owner is Owner.DESCRIPTION and p.unit in SOLID
     ]
     if bent:
         out.append(

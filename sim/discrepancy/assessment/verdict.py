@@ -20,9 +20,8 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.identifiability import ALONE, needs_of, same_over_the_turn, the_same
 from sim.discrepancy.report.wording import explain
 from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
-from sim.discrepancy.search.criterion import LEFT_OUT
 from sim.discrepancy.search.search import Selection
-from sim.mechanisms.catalogue import kind_of
+from sim.mechanisms.catalogue import kind_of, kind_or_any
 
 UNLIKELY = 0.4  # less likely than not
 AT_LOAD = 1.02  # times as much left on unseen rows
@@ -107,7 +106,7 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     return Finding(
         term.mechanism, term.location, sure, estimated, tuple(close),
         explain(term.mechanism, term.location, numbers, elsewhere, instead), seen, elsewhere,
-        as_new_too=new and term.mechanism not in LEFT_OUT,
+        as_new_too=new and not term.traits.in_every_axis,
         lacks=tuple(need.value for need in needs_of(term.mechanism) & missing),
     )  # fmt: skip
 
@@ -141,32 +140,19 @@ def drop_unidentifiable(selection: Selection) -> Selection:
 
 
 def looks_like(problem: Problem, term: Term) -> tuple[str, ...]:
-    """What no measurement of motor and load tells from `term`.
-
-    Runout of the last gear and an error of the load encoder differ by the torque of the load's inertia along the
-    error: by the square of once per turn over the natural frequency, 0.2 % on a robot's joint. Errors of teeth whose
-    number is not known are looked for nowhere, and a loop of the spring bends to them.
-    """
-    stages = problem.axis.stages
-    if term.mechanism == "hysteresis" and any(s.name == term.location and s.driven_teeth is None for s in stages):
-        return ("mesh_error",)
-    last = stages[-1].name if stages else None
-    if not problem.guided or last is None:
-        return ()
-    if term.mechanism == "encoder_error":
-        return ("eccentricity",)
-    return ("encoder_error",) if (term.mechanism, term.location) == ("eccentricity", last) else ()
+    """What no measurement of motor and load tells from `term`."""
+    return kind_or_any(term.mechanism).looks_like(problem.axis, term.location, problem.guided)
 
 
 def finding_of_fault(fault: Fault) -> Finding:
     """A fault of the measurement as a finding."""
-    estimates = tuple(Estimate(k, v, unit_of(k), v, v) for k, v in fault.parameters.items())
+    estimates = tuple(Estimate(k, v, unit_of(fault.mechanism, k), v, v) for k, v in fault.parameters.items())
     return Finding(fault.mechanism, fault.location, 0.97, estimates, (), fault.explanation)
 
 
 def finding_of_sound(h: AcousticFinding) -> Finding:
     """What was heard as a finding."""
-    estimates = tuple(Estimate(k, v, unit_of(k), low, high) for k, (v, low, high) in h.parameters.items())
+    estimates = tuple(Estimate(k, v, unit_of(h.mechanism, k), low, high) for k, (v, low, high) in h.parameters.items())
     return Finding(
         h.mechanism, h.location, h.probability, estimates, h.indistinguishable_from, h.explanation,
         elsewhere=h.elsewhere,

@@ -119,7 +119,7 @@ def with_first_inertia(axis: Axis, m: Measurement, used: Rows) -> tuple[Axis, fr
     if axis.motor.inertia_kg_m2:
         return axis, frozenset()
     (felt, *_), _ = one_body(_of_drive(axis, m), m.slow_acceleration, m.speed, used)
-    beyond = sum(value for name, value in inertias(axis).items() if not name.startswith("motor"))
+    beyond = sum(inertias(axis).values())
     least = LEAST_OF_ALL * max(float(felt), beyond, 1e-12)
     motor = replace(axis.motor, inertia_kg_m2=max(float(felt) - beyond, least))
     return replace(axis, motor=motor), frozenset({"motor.inertia_kg_m2"})

@@ -11,6 +11,7 @@ from scipy.ndimage import binary_dilation, find_objects, label, uniform_filter1d
 from sim.discrepancy.data.data_fault import Fault
 from sim.discrepancy.data.rigid_body import one_body
 from sim.discrepancy.data.sample_defects import QUANTA, Rows, bridged, jumps, quantum, spikes, stays
+from sim.mechanisms import EncoderError, LostSamples
 from sim.torsional.model import Array
 
 REACH_ROWS = 8  # beside a jump over which its size is told
@@ -340,14 +341,14 @@ def _put_back(
         f"{channel} {does}: by {times}{more}. No drive train moves so: the encoder or its coupling has slipped, it has "
         "lost counts, or a clutch, belt or hub has slipped. What it slipped by was put back."
     )
-    r.faults.append(Fault("encoder_error", location, {"slip_rad": size, "time_s": r.at(row + 1)}, text))
+    r.faults.append(Fault(EncoderError.name, location, {"slip_rad": size, "time_s": r.at(row + 1)}, text))
     return out
 
 
 def _name_lost(r: Repaired, rows: Rows, location: str | None, what: str) -> None:
     share, first = float(rows.mean()), int(np.argmax(rows))
     text = f"{what}: {share:.2%} of all; they were left out."
-    r.faults.append(Fault("lost_samples", location, {"fraction": share, "time_s": r.at(first)}, text))
+    r.faults.append(Fault(LostSamples.name, location, {"fraction": share, "time_s": r.at(first)}, text))
 
 
 def _spells(rows: Rows) -> str:

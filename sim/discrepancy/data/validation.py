@@ -24,6 +24,7 @@ from sim.discrepancy.data.preprocessing import (
 )
 from sim.discrepancy.data.repair import repair
 from sim.discrepancy.data.sample_defects import bridged, quantum
+from sim.mechanisms import Clipping, LostSamples
 from sim.torsional.model import Array
 
 __all__ = ["Fault", "Gate", "InvestigationError", "examine"]
@@ -214,12 +215,12 @@ def _lost(valid: Array, held: NDArray[np.bool_]) -> list[Fault]:
         f"{missing} rows are missing and {repeated} repeat the row before "
         f"while the motor moves: {share:.2%} of all; they were left out."
     )
-    return [Fault("lost_samples", None, {"fraction": share}, text)]
+    return [Fault(LostSamples.name, None, {"fraction": share}, text)]
 
 
 def _together(faults: list[Fault]) -> list[Fault]:
     """Rows of the motor's channels that are lost beside rows lost of all channels are of the same kind: one finding."""
-    lost = [f for f in faults if f.mechanism == "lost_samples" and f.location in (None, "motor")]
+    lost = [f for f in faults if f.mechanism == LostSamples.name and f.location in (None, "motor")]
     if len(lost) < 2 or lost[0].location is not None:
         return faults
     first, more = lost[0], lost[1:]
@@ -243,11 +244,11 @@ def _clipped(torque: Array) -> list[Fault]:
     level = max(abs(f[1]) for f in faults)
     text = f"The motor torque stays at its extreme of {level:.4g} N m in {share:.2%} of all rows: "
     text += "the channel is cut there."
-    return [Fault("clipping", "motor", {"torque_n_m": level, "fraction": share}, text)]
+    return [Fault(Clipping.name, "motor", {"torque_n_m": level, "fraction": share}, text)]
 
 
 def _unclipped(torque: Array, faults: list[Fault]) -> Array:
-    if not any(f.mechanism == "clipping" for f in faults):
+    if not any(f.mechanism == Clipping.name for f in faults):
         return np.ones(torque.size)
     inside: Array = np.asarray((torque < torque.max()) & (torque > torque.min()), dtype=np.float64)
     return inside

@@ -34,11 +34,10 @@ from sim.discrepancy.model.effects import swinging
 from sim.discrepancy.model.known_mechanisms import Described
 from sim.discrepancy.model.nominal import base_parameters, chain_of, has_links, hums, locked_mode_hz, nuisance_of
 from sim.discrepancy.model.observer import Observer
-from sim.discrepancy.model.parameters import Parameter
+from sim.discrepancy.model.parameters import Parameter, Stated
 from sim.discrepancy.parallel import each
 from sim.torsional.model import Chain, ChainError
 
-BY_CONTACT = ("backlash", "tooth_damage")  # mechanisms by which teeth leave each other
 MISTAKEN = 5.0  # standard deviations off a data sheet, beyond which it has a number wrong
 BURST = 1e6  # times the torque: what a simulation that has burst is off by
 LEAST_NOISE, LEAST_GUIDE_NOISE = 2e-3, 1.5e-4  # of the torque, and of that at the load: no drive measures better
@@ -316,7 +315,11 @@ class Problem:
             self.chain(terms, values), nuisance_of(values), has_contact_loss=self.has_contact_loss(fit.terms)
         )
         other.doubts = {}
-        far = {p.name: p.deviation(fit.values) / MISTAKEN for p in other.base() if p.stated and p.name in fit.values}
+        far = {
+            p.name: p.deviation(fit.values) / MISTAKEN
+            for p in other.base()
+            if p.stated is Stated.WELL and p.name in fit.values
+        }
         other.doubts = {name: times for name, times in far.items() if times > 1.0}
         return other.with_noise(other.noise_of(fit))
 

@@ -11,7 +11,8 @@ from sim.discrepancy.data.preprocessing import gaussian_kernel
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import LONG, Noise
-from sim.discrepancy.hypotheses.nonparametric import OVER_SPEED, apart
+from sim.discrepancy.hypotheses.nonparametric import apart
+from sim.discrepancy.hypotheses.traits import OVER_SPEED
 from sim.discrepancy.model.nominal import MOTOR_RELEASE, MOTOR_STRETCH, has_links
 
 MOTION_BAND_HZ = 40.0

@@ -6,6 +6,7 @@ import math
 
 import numpy as np
 
+from sim import mechanisms
 from sim.description.axis import Axis
 from sim.discrepancy.data.plausibility import LEAST_TURN
 from sim.discrepancy.data.preprocessing import Measurement
@@ -24,12 +25,6 @@ from sim.discrepancy.model.nominal import (
 from sim.torsional.model import Chain
 
 MOST_OF_SPEED = 0.4  # largest of the speeds at which low-speed friction has fallen
-OWN = frozenset(  # mechanisms with terms below, or seen by the gate or in the sound; all others say all of themselves
-    {"backlash", "tooth_damage", "eccentricity", "mesh_error", "coulomb_friction", "viscous_friction",
-     "stribeck_friction", "friction_asymmetry", "load_dependent_loss", "friction_drift", "gravity_imbalance",
-     "torque_ripple", "stiffness_hardening", "hysteresis", "bearing_defect", "structural_resonance", "torque_offset",
-     "encoder_error", "time_delay", "electrical_hum", "clipping", "lost_samples"}
-)  # fmt: skip
 
 
 def twist_range(axis: Axis, m: Measurement) -> float | None:
@@ -87,4 +82,5 @@ def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[
             out.append(resonance(axis))
     elif travel > LEAST_TURN:
         out.append(gravity(0.05 * level, 0))
-    return (*out, *terms_of_catalogue(axis, measurement, OWN))
+    known = (term for term in out if term.mechanism in mechanisms.MECHANISMS)
+    return (*known, *terms_of_catalogue(axis, measurement))

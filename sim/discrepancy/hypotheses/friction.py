@@ -15,6 +15,8 @@ from sim.discrepancy.model.nominal import (
     turning_over,
 )
 from sim.discrepancy.model.parameters import Parameter, Values
+from sim.mechanisms import CoulombFriction, FrictionAsymmetry, FrictionDrift, StribeckFriction, ViscousFriction
+from sim.mechanisms.mechanism import Mechanism
 from sim.torsional.model import Chain, with_shaft
 
 MOST_DRIFT = 1.0  # of friction, within a record
@@ -28,19 +30,25 @@ def friction_terms(axis: Axis, level: float, top: float, m: Measurement) -> list
     scale = axis.ratio if at_load else 1.0
     motor, load = axis.motor, axis.load
     if not (motor.coulomb_friction_n_m or load.coulomb_friction_n_m):
-        out.append(_both("coulomb_friction", "torque_n_m", "coulomb_n_m", 0.05 * level, scale, n))
+        out.append(_both(CoulombFriction, "coulomb_n_m", 0.05 * level, scale, n, (turning_over(),)))
     if not (motor.viscous_friction_n_m_s_per_rad or load.viscous_friction_n_m_s_per_rad):
         step = 0.05 * level / top
-        out.append(_both("viscous_friction", "coefficient_n_m_s_per_rad", "viscous_n_m_s", step, scale * scale, n))
+        out.append(_both(ViscousFriction, "viscous_n_m_s", step, scale * scale, n))
     out.append(_drift(n, float(m.time_s[-1])))
     return out
 
 
-def _both(mechanism: str, parameter: str, field: str, step: float, scale: float, n: int) -> Term:
+def friction_key(kind: type[Mechanism], end: str) -> str:
+    """How dry or viscous friction at one end is called where the description has none of it."""
+    return parameter_key(kind.name, None, end)
+
+
+def _both(
+    kind: type[Mechanism], field: str, step: float, scale: float, n: int, brings: tuple[Parameter, ...] = ()
+) -> Term:
     """Friction at the motor and, behind gears, at the load; reported as felt at the motor. All of it matters: a
     description without any leaves it out."""
-    prefix = f"{mechanism}@None"
-    names = [f"{prefix}.motor"] + ([f"{prefix}.load"] if n else [])
+    names = [friction_key(kind, end) for end in (("motor", "load") if n else ("motor",))]
     sizes = [step, step * scale][: len(names)]
 
     def apply(chain: Chain, values: Values) -> Chain:
@@ -50,12 +58,13 @@ def _both(mechanism: str, parameter: str, field: str, step: float, scale: float,
         return chain
 
     def report(values: Values) -> dict[str, float]:
-        return {parameter: values[names[0]] + (values[names[1]] / scale if n else 0.0)}
+        return {kind.size: values[names[0]] + (values[names[1]] / scale if n else 0.0)}
 
-    parameters = tuple(Parameter(name, 0.0, 0.05 * size, low=0.0) for name, size in zip(names, sizes, strict=True))
+    unit = kind.parameters[0].unit
+    numbers = zip(names, sizes, strict=True)
+    parameters = tuple(Parameter(name, 0.0, 0.05 * size, low=0.0, unit=unit) for name, size in numbers)
     probes = (tuple({name: size} for name, size in zip(names, sizes, strict=True)),)
-    brings = (turning_over(),) if mechanism == "coulomb_friction" else ()
-    return Term(mechanism, None if n else "motor", parameters, probes, report, apply, size=0.0, brings=brings)
+    return Term(kind.name, None if n else "motor", parameters, probes, report, apply, size=0.0, brings=brings)
 
 
 def stribeck(level: float, top: float, seen: float = 0.0) -> Term:
@@ -65,7 +74,7 @@ def stribeck(level: float, top: float, seen: float = 0.0) -> Term:
     fallen by then does not show.
     """
     names = ("torque_n_m", "speed_rad_s", "exponent")
-    torque, speed, exponent = (parameter_key("stribeck_friction", "motor", p) for p in names)
+    torque, speed, exponent = (parameter_key(StribeckFriction.name, "motor", p) for p in names)
 
     def apply(chain: Chain, values: Values) -> Chain:
         law = {"stribeck_speed_rad_s": values[speed], "stribeck_exponent": values[exponent]}
@@ -76,13 +85,13 @@ def stribeck(level: float, top: float, seen: float = 0.0) -> Term:
 
     step = 0.05 * level
     parameters = (
-        Parameter(torque, 0.0, 0.3 * step, low=0.0),
-        Parameter(speed, max(0.07 * top, seen), 0.007 * top, 0.2 * top, max(0.01 * top, seen), 0.4 * top),
+        Parameter(torque, 0.0, 0.3 * step, low=0.0, unit="N m"),
+        Parameter(speed, max(0.07 * top, seen), 0.007 * top, 0.2 * top, max(0.01 * top, seen), 0.4 * top, unit="rad/s"),
         Parameter(exponent, 1.5, 0.05, 0.5, 1.0, 2.0),
     )
     probes = tuple(({torque: step, speed: max(share * top, seen)},) for share in (0.03, 0.08, 0.2))
     return Term(
-        "stribeck_friction", "motor", parameters, probes, report, apply, positive=True, size=0.1 * step,
+        StribeckFriction.name, "motor", parameters, probes, report, apply, positive=True, size=0.1 * step,
         shape=(speed, exponent), magnitude=lambda v: v[torque] if v[speed] > 1.01 * seen else 0.0,
     )  # fmt: skip
 
@@ -101,7 +110,7 @@ def asymmetry(level: float, top: float, most: float, location: str | None) -> Te
 
     No more than `most`, all friction that there is: none pushes. What wants that limit is no asymmetry.
     """
-    coulomb, viscous = (parameter_key("friction_asymmetry", location, p) for p in ("coulomb", "viscous"))
+    coulomb, viscous = (parameter_key(FrictionAsymmetry.name, location, p) for p in ("coulomb", "viscous"))
 
     def apply(chain: Chain, values: Values) -> Chain:
         return lopsided(chain, location, values[coulomb], values[viscous])
@@ -115,14 +124,19 @@ def asymmetry(level: float, top: float, most: float, location: str | None) -> Te
         return max(abs(values[coulomb] + share * top * values[viscous]) for share in (0.3, 1.0))
 
     step = 0.03 * level
-    parameters = (Parameter(coulomb, 0.0, step, low=-most, high=most), Parameter(viscous, 0.0, step / top))
+    parameters = (
+        Parameter(coulomb, 0.0, step, low=-most, high=most, unit="N m"),
+        Parameter(viscous, 0.0, step / top, unit="N m s/rad"),
+    )
     probes = (({viscous: step / top},), ({coulomb: step}, {viscous: step / top}))
-    return Term("friction_asymmetry", location, parameters, probes, report, apply, size=0.1 * step, magnitude=magnitude)
+    return Term(
+        FrictionAsymmetry.name, location, parameters, probes, report, apply, size=0.1 * step, magnitude=magnitude
+    )
 
 
 def _drift(n: int, duration: float) -> Term:
     """Friction that changes by as much as there is of it is no oil that warms up: what wants the limit is none."""
-    rate, most = parameter_key("friction_drift", None, "rate_per_s"), MOST_DRIFT / duration
+    rate, most = parameter_key(FrictionDrift.name, None, "rate_per_s"), MOST_DRIFT / duration
 
     def apply(chain: Chain, values: Values) -> Chain:
         for index in {0, n}:
@@ -131,7 +145,7 @@ def _drift(n: int, duration: float) -> Term:
 
     step = 0.1 / duration
     return Term(
-        "friction_drift", None, (Parameter(rate, 0.0, step, low=-most, high=most),), (({rate: step},),),
+        FrictionDrift.name, None, (Parameter(rate, 0.0, step, low=-most, high=most, unit="1/s"),), (({rate: step},),),
         lambda v: {"rate_per_s": v[rate]}, apply, size=0.3 * step,
         magnitude=lambda v: v[rate] if abs(v[rate]) < 0.99 * most else 0.0,
     )  # fmt: skip

@@ -27,11 +27,22 @@ from sim.discrepancy.model.nominal import (
     is_open,
     link_stiffness,
     loss_parameters,
+    mesh_wave,
     ratio_after,
     stages_of,
     wave,
 )
 from sim.discrepancy.model.parameters import Parameter, Values
+from sim.mechanisms import (
+    Backlash,
+    Eccentricity,
+    Hysteresis,
+    LoadDependentLoss,
+    MeshError,
+    StiffnessHardening,
+    ToothDamage,
+    TorqueRippleOfMotor,
+)
 from sim.torsional.model import Chain, Dent, with_link
 
 FEWEST_TEETH = 8.0  # of a pinion
@@ -44,7 +55,7 @@ OF_TEETH = 0.5  # of the torque that erring teeth make: as much at their own ord
 
 def ripple(order: float, level: float, axis: Axis, present: Chain) -> Term:
     """Torque over the motor's angle; what teeth make as new, or err by, where it may be theirs, is none."""
-    prefix = f"torque_ripple{order:g}@motor"
+    prefix = f"{TorqueRippleOfMotor.name}{order:g}@motor"
     step = 0.01 * level
 
     def torque(m: Measurement, values: Values) -> Array:
@@ -56,9 +67,9 @@ def ripple(order: float, level: float, axis: Axis, present: Chain) -> Term:
 
     size = max(0.3 * step, AS_NEW_FACTOR * _torque_of_teeth(axis, order), OF_TEETH * _torque_of_errors(present, order))
     return Term(
-        "torque_ripple",
+        TorqueRippleOfMotor.name,
         "motor",
-        cosine_and_sine(prefix, step),
+        cosine_and_sine(prefix, step, "N m"),
         cosine_and_sine_probe(prefix, step),
         report,
         torque=torque,
@@ -110,14 +121,14 @@ def link_terms(axis: Axis, k: int, level: float, seen_twist_rad: float | None) -
         return out
     out.append(_backlash(name, k, stage.backlash_rad, twist, widest))
     new = max(stage.transmission_error_rad or 0.01 * twist, axis.load_encoder.error_rad / ratio_after(axis, k))
-    runout = _error("eccentricity", name, k, 1.0, twist, new)
+    runout = _error(Eccentricity.name, name, k, 1.0, twist, new)
     out.append(_with_encoder(runout) if load_encoder and k == len(axis.stages) - 1 else runout)
     if k == 0:
-        out.append(_error("eccentricity", MOTOR, k, 1.0, twist, stage.transmission_error_rad))
+        out.append(_error(Eccentricity.name, MOTOR, k, 1.0, twist, stage.transmission_error_rad))
     if stage.driven_teeth:
         new = stage.transmission_error_rad
-        own = tuple(f"mesh.{name}.{part}_rad" for part in PARTS) if new else ()
-        out.append(_error("mesh_error", name, k, float(stage.driven_teeth), 0.3 * twist, new, own))
+        own = tuple(mesh_wave(name, part) for part in PARTS) if new else ()
+        out.append(_error(MeshError.name, name, k, float(stage.driven_teeth), 0.3 * twist, new, own))
     if stage.mesh_efficiency >= 1.0:
         out.append(_loss(name, k))
     return out
@@ -125,7 +136,7 @@ def link_terms(axis: Axis, k: int, level: float, seen_twist_rad: float | None) -
 
 def _backlash(name: str, k: int, new: float, twist: float, seen: float) -> Term:
     """Narrower than the twist that is seen, of which springs take a part: what wants all of it is no gap."""
-    gap = parameter_key("backlash", name, "gap_rad")
+    gap = parameter_key(Backlash.name, name, "gap_rad")
 
     def apply(chain: Chain, values: Values) -> Chain:
         return with_link(chain, k, gap_rad=values[gap])
@@ -135,9 +146,11 @@ def _backlash(name: str, k: int, new: float, twist: float, seen: float) -> Term:
     probes = tuple(({gap: float(x)},) for x in np.geomspace(least, widest, 12))
     step = max(0.3 * new, 0.01 * twist)
     return Term(
-        "backlash", name, (Parameter(gap, 0.0, step, low=0.0, high=seen),), probes, lambda v: {"gap_rad": v[gap]},
-        apply, positive=True, nonlinear=True, contact=True, replaces=(f"stages.{name}.backlash_rad",),
+        Backlash.name, name, (Parameter(gap, 0.0, step, low=0.0, high=seen, unit="rad"),), probes,
+        lambda v: {"gap_rad": v[gap]}, apply, positive=True, nonlinear=True, contact=True,
+        replaces=(f"stages.{name}.backlash_rad",),
         size=max(AS_NEW_FACTOR * new, 0.01 * twist), magnitude=lambda v: v[gap] if v[gap] < ALL_OF_IT * seen else 0.0,
+        as_new_too=True,  # what is always fitted ends below where a gap begins to matter
     )  # fmt: skip
 
 
@@ -149,9 +162,9 @@ def _error(
     `replaces`: amplitudes of the same wave that the description's own model has, as new; they are set free.
     """
     prefix = f"{mechanism}@{name}"
-    own = () if replaces else cosine_and_sine(prefix, 0.1 * step)
-    first = tuple(Parameter(at, 0.0, 0.1 * step) for at in replaces) or own
-    second = cosine_and_sine(f"{prefix}.second", 0.1 * step) if order > 1.0 else ()
+    own = () if replaces else cosine_and_sine(prefix, 0.1 * step, "rad")
+    first = tuple(Parameter(at, 0.0, 0.1 * step, unit="rad") for at in replaces) or own
+    second = cosine_and_sine(f"{prefix}.second", 0.1 * step, "rad") if order > 1.0 else ()
     waves = [(pair, times) for pair, times in ((own, order), (second, 2.0 * order)) if pair]
     shaft = 0 if name == MOTOR else k + 1
 
@@ -171,6 +184,7 @@ def _error(
     probe = (*({p.name: jump} for p in first), *({p.name: p.step} for p in second))
     return Term(
         mechanism, name, (*first, *second), (probe,), report, apply, replaces=replaces, size=AS_NEW_FACTOR * new,
+        as_new_too=not replaces,  # every new axis has them, if small
     )  # fmt: skip
 
 
@@ -184,7 +198,7 @@ def _with_encoder(runout: Term) -> Term:
 
 
 def _loss(name: str, k: int) -> Term:
-    fraction = parameter_key("load_dependent_loss", name, "fraction")
+    fraction = parameter_key(LoadDependentLoss.name, name, "fraction")
 
     def apply(chain: Chain, values: Values) -> Chain:
         lost = values[fraction]
@@ -193,37 +207,37 @@ def _loss(name: str, k: int) -> Term:
     parameters = (Parameter(fraction, 0.0, 0.005, low=0.0, high=0.6),)
     probes = tuple(({fraction: 0.02, **dict(zip(LOSS_SPLITS, split, strict=True))},) for split in LOSS_SIDES)
     return Term(
-        "load_dependent_loss", name, parameters, probes, lambda v: {"fraction": v[fraction]}, apply,
+        LoadDependentLoss.name, name, parameters, probes, lambda v: {"fraction": v[fraction]}, apply,
         positive=True, size=0.003, brings=loss_parameters(),
     )  # fmt: skip
 
 
 def _hardening(name: str, k: int, twist: float) -> Term:
-    cubic = parameter_key("stiffness_hardening", name, "cubic_per_rad2")
+    cubic = parameter_key(StiffnessHardening.name, name, "cubic_per_rad2")
     step = 0.05 / (2.0 * twist) ** 2
 
     def apply(chain: Chain, values: Values) -> Chain:
         return with_link(chain, k, cubic_per_rad2=values[cubic])
 
     return Term(
-        "stiffness_hardening", name, (Parameter(cubic, 0.0, step, low=0.0),), (({cubic: step},),),
+        StiffnessHardening.name, name, (Parameter(cubic, 0.0, step, low=0.0, unit="1/rad2"),), (({cubic: step},),),
         lambda v: {"cubic_per_rad2": v[cubic]}, apply, positive=True, nonlinear=True, size=0.1 * step,
     )  # fmt: skip
 
 
 def _hysteresis(name: str, k: int, torque: float, twist: float) -> Term:
-    level, width = (parameter_key("hysteresis", name, p) for p in ("torque_n_m", "twist_rad"))
+    level, width = (parameter_key(Hysteresis.name, name, p) for p in ("torque_n_m", "twist_rad"))
 
     def apply(chain: Chain, values: Values) -> Chain:
         return with_link(chain, k, hysteresis_n_m=values[level], hysteresis_rad=values[width])
 
     parameters = (
-        Parameter(level, 0.0, 0.01 * torque, low=0.0),
-        Parameter(width, 0.1 * twist, 0.02 * twist, 0.3 * twist, 0.02 * twist, 2.0 * twist),
+        Parameter(level, 0.0, 0.01 * torque, low=0.0, unit="N m"),
+        Parameter(width, 0.1 * twist, 0.02 * twist, 0.3 * twist, 0.02 * twist, 2.0 * twist, unit="rad"),
     )
     probes = tuple(({level: 0.03 * torque, width: share * twist},) for share in (0.05, 0.2, 0.6))
     return Term(
-        "hysteresis", name, parameters, probes, lambda v: {"torque_n_m": v[level], "width_rad": v[width]},
+        Hysteresis.name, name, parameters, probes, lambda v: {"torque_n_m": v[level], "width_rad": v[width]},
         apply, positive=True, nonlinear=True, size=0.005 * torque, shape=(width,),
     )  # fmt: skip
 
@@ -245,7 +259,7 @@ def tooth_damage(
     falls back how deep. `deepest`: a dent as deep as the working twist is never touched at its bottom.
     """
     numbers = ("depth_rad", "angle_rad", "width_rad", "form")
-    depth, angle, width, form = (parameter_key("tooth_damage", name, p) for p in numbers)
+    depth, angle, width, form = (parameter_key(ToothDamage.name, name, p) for p in numbers)
     pitch = 2.0 * math.pi / teeth
 
     def apply(chain: Chain, values: Values) -> Chain:
@@ -262,12 +276,21 @@ def tooth_damage(
         }
 
     parameters = (
-        Parameter(depth, 0.0, 0.003 * deepest, low=0.0, high=deepest),
-        Parameter(angle, angle_rad, 0.02 * pitch, low=angle_rad - 6 * pitch, high=angle_rad + 6 * pitch),
-        Parameter(width, 0.6 * pitch, 0.01 * pitch, 0.15 * pitch, 0.2 * pitch, 1.5 * pitch),
+        Parameter(depth, 0.0, 0.003 * deepest, low=0.0, high=deepest, unit="rad"),
+        Parameter(angle, angle_rad, 0.02 * pitch, low=angle_rad - 6 * pitch, high=angle_rad + 6 * pitch, unit="rad"),
+        Parameter(width, 0.6 * pitch, 0.01 * pitch, 0.15 * pitch, 0.2 * pitch, 1.5 * pitch, unit="rad"),
         Parameter(form, 4.0, 0.1, 4.0, 1.2, 40.0),
     )
     probes = tuple(({angle: a, depth: d},) for a, d in starts)
     return Term(
-        "tooth_damage", name, parameters, probes, report, apply, positive=True, nonlinear=True, contact=True, size=size
+        ToothDamage.name,
+        name,
+        parameters,
+        probes,
+        report,
+        apply,
+        positive=True,
+        nonlinear=True,
+        contact=True,
+        size=size,
     )

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,8 +17,9 @@ from casebase.signals.telemetry import Telemetry
 from sim import mechanisms
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import Measurement
+from sim.discrepancy.hypotheses.harmonics import AS_NEW_FACTOR, parameter_key
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.model.known_mechanisms import BESIDE, Effect, carried_over, loosens, plain_train
+from sim.discrepancy.model.known_mechanisms import Effect, carried_over, loosens, plain_train
 from sim.discrepancy.model.parameters import Parameter, Values
 from sim.errors import SimulationError
 from sim.mechanisms.catalogue import kind_of
@@ -38,22 +39,22 @@ STEP = 0.01  # of a usual number, for sensitivities
 INVERSIONS = 4  # of a distortion of a few percent, each to a few percent of what is left
 
 
-def terms_of_catalogue(axis: Axis, m: Measurement, apart: Collection[str]) -> list[Term]:
+def terms_of_catalogue(axis: Axis, m: Measurement) -> list[Term]:
     """A term for every mechanism, place and start of its shape, but for those that are looked for otherwise."""
-    kinds = [kind for name, kind in mechanisms.MECHANISMS.items() if name not in apart]
-    return [term for kind in kinds for term in _terms(kind, axis, m)]
+    kinds = [kind for kind in mechanisms.MECHANISMS.values() if not kind.own_hypothesis]
+    return [term for kind in kinds for term in terms_of_kind(kind, axis, m)]
 
 
-def _terms(kind: type[Mechanism], axis: Axis, m: Measurement) -> Iterator[Term]:
+def terms_of_kind(kind: type[Mechanism], axis: Axis, m: Measurement) -> Iterator[Term]:
     if issubclass(kind, Mechanics):
         train = plain_train(axis)
         for place in kind.locations(axis):
-            yield from _mechanics(Effect(kind, place, train, chain_of(train)))
+            yield from _mechanics(axis, Effect(kind, place, train, chain_of(train)))
     elif issubclass(kind, Distortion) and kind.locations(axis):
         yield from _distortion(kind, axis, m)
 
 
-def _mechanics(effect: Effect) -> Iterator[Term]:
+def _mechanics(axis: Axis, effect: Effect) -> Iterator[Term]:
     try:
         usual = effect.chain({p.name: p.default for p in effect.kind.parameters})
         carried_over(effect.before, effect.before, usual)
@@ -66,7 +67,7 @@ def _mechanics(effect: Effect) -> Iterator[Term]:
         def apply(chain: Chain, values: Values, numbers: _Numbers = numbers) -> Chain:
             return carried_over(chain, effect.before, effect.chain(numbers.report(values)))
 
-        yield replace(numbers.term(contact), apply=apply)
+        yield replace(numbers.term(axis, contact), apply=apply)
 
 
 def _distortion(kind: type[Distortion], axis: Axis, m: Measurement) -> Iterator[Term]:
@@ -82,7 +83,7 @@ def _distortion(kind: type[Distortion], axis: Axis, m: Measurement) -> Iterator[
         def torque(m: Measurement, values: Values, numbers: _Numbers = numbers) -> Array:
             return m.torque - undistorted(kind(place, numbers.report(values)), m, axis)
 
-        yield replace(numbers.term(contact=False), torque=torque)
+        yield replace(numbers.term(axis, contact=False), torque=torque)
 
 
 def undistorted(distortion: Distortion, m: Measurement, axis: Axis) -> Array:
@@ -100,7 +101,7 @@ def read_too_much(axis: Axis, m: Measurement) -> Array:
     out = np.zeros(m.samples)
     for entry in axis.mechanisms:
         kind = kind_of(entry.name)
-        if entry.name not in BESIDE and issubclass(kind, Distortion):
+        if not kind.beside_the_chain and issubclass(kind, Distortion):
             out += m.torque - undistorted(kind(entry.location, entry.parameters), m, axis)
     return out
 
@@ -145,7 +146,7 @@ class _Numbers:
     shape: Mapping[str, float]
 
     def _name(self, p: Number) -> str:
-        return f"{self.kind.name}@{self.location}.{p.name}"
+        return parameter_key(self.kind.name, self.location, p.name)
 
     def _fitted(self, p: Number) -> bool:
         return p.periodic or not (p.choices or p.default == 0.0 or self.kind.signature.order == p.name)
@@ -156,22 +157,22 @@ class _Numbers:
         fitted = {p.name: values[self._name(p)] for p in others if self._fitted(p)}
         return {size.name: values[self._name(size)], **self.shape, **fitted}
 
-    def term(self, contact: bool) -> Term:
+    def term(self, axis: Axis, contact: bool) -> Term:
         size = next(p for p in self.kind.parameters if p.name == self.kind.size)
         usual = abs(size.default) or STEP * size.high
-        first = Parameter(self._name(size), 0.0, STEP * usual, low=size.low, high=size.high)
+        first = Parameter(self._name(size), 0.0, STEP * usual, low=size.low, high=size.high, unit=size.unit)
         shape = tuple(self._free(p) for p in self.kind.parameters if p is not size and self._fitted(p))
         jumps = [float(share * usual) for share in GAPS] if contact else [usual]
         return Term(
             self.kind.name, self.location, (first, *shape), tuple(({first.name: jump},) for jump in jumps),
             self.report, positive=size.low >= 0.0, contact=contact,
             nonlinear=contact or any(p.high < math.inf for p in shape),
-            shape=tuple(p.name for p in shape),
+            shape=tuple(p.name for p in shape), size=AS_NEW_FACTOR * self.kind.as_new(axis, self.location),
         )  # fmt: skip
 
     def _free(self, p: Number) -> Parameter:
         start = self.shape[p.name]
         if p.periodic:
-            return Parameter(self._name(p), start, 0.02)
+            return Parameter(self._name(p), start, 0.02, unit=p.unit)
         usual = abs(p.default)
-        return Parameter(self._name(p), start, STEP * usual, usual, p.low, p.high, p.default)
+        return Parameter(self._name(p), start, STEP * usual, usual, p.low, p.high, p.default, unit=p.unit)

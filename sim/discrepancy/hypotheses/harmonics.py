@@ -17,9 +17,9 @@ def parameter_key(mechanism: str, location: str | None, parameter: str) -> str:
     return f"{mechanism}@{location}.{parameter}"
 
 
-def cosine_and_sine(prefix: str, step: float) -> tuple[Parameter, Parameter]:
+def cosine_and_sine(prefix: str, step: float, unit: str) -> tuple[Parameter, Parameter]:
     """Both parameters of an oscillation of which neither size nor phase is known, at none of it."""
-    return Parameter(f"{prefix}.sine", 0.0, step), Parameter(f"{prefix}.cosine", 0.0, step)
+    return Parameter(f"{prefix}.sine", 0.0, step, unit=unit), Parameter(f"{prefix}.cosine", 0.0, step, unit=unit)
 
 
 def cosine_and_sine_probe(prefix: str, step: float) -> tuple[tuple[Mapping[str, float], ...], ...]:

@@ -9,7 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.discrepancy.data.preprocessing import Measurement
+from sim.discrepancy.hypotheses.traits import traits_of
 from sim.discrepancy.model.parameters import Parameter, Values
+from sim.mechanisms.traits import Traits
 from sim.torsional.model import Chain
 
 Array = NDArray[np.float64]
@@ -24,6 +26,17 @@ def unchanged(chain: Chain, values: Values) -> Chain:
 
 
 @dataclass(frozen=True)
+class Key:
+    """A mechanism, or structure without a name, at one place."""
+
+    mechanism: str
+    location: str | None
+
+    def __str__(self) -> str:
+        return f"{self.mechanism}@{self.location}"
+
+
+@dataclass(frozen=True)
 class Term:
     """`apply` changes the chain; `torque` and `load_torque` are what to add outside of it at motor and load [N m].
 
@@ -35,7 +48,8 @@ class Term:
     `probes`: starts worth trying; each is a group of columns, a column being the values to jump to. `report` turns
     the fitted numbers into the parameters of the mechanism; `positive`: the first number cannot be below 0;
     `nonlinear`: the rest of the model moves far when it comes in; `contact`: teeth leave each other by it, and no
-    linear picture reaches beyond a probe.
+    linear picture reaches beyond a probe. `as_new_too`: it is worth a place also of a size as new, as nothing that is
+    always fitted stands for it.
     """
 
     mechanism: str
@@ -58,7 +72,13 @@ class Term:
     among: int = 0  # candidates of its kind among which it was picked by the data
     frequency_hz: float | None = None  # of a term that is one line
     magnitude: Callable[[Values], float] | None = None  # what is held against `size`; default the first number reported
+    as_new_too: bool = False
+    least_share: float | None = None  # of the squared residual that it must gain; default that of its mechanism
 
     @property
-    def key(self) -> str:
-        return f"{self.mechanism}@{self.location}"
+    def key(self) -> Key:
+        return Key(self.mechanism, self.location)
+
+    @property
+    def traits(self) -> Traits:
+        return traits_of(self.mechanism)

@@ -134,13 +134,18 @@ def _can_be(axis: Axis, name: str, place: str | None) -> bool:
 def same_over_the_turn(axis: Axis, m: Measurement, mechanism: str, order: float | None) -> tuple[str, ...]:
     """What has the same torque over the angle: once per turn of one stiff body an unbalanced mass and a ripple.
 
-    `order`: of a ripple. Within less than a turn none of so low an order is looked for.
+    `order`: of one that may have any. Within less than a turn none of so low an order is looked for.
     """
     if has_links(axis) or float(np.ptp(m.angle)) < 2.0 * math.pi:
         return ()
-    if mechanism == "gravity_imbalance":
-        return ("torque_ripple",)
-    return ("gravity_imbalance",) if (mechanism, order) == ("torque_ripple", 1.0) else ()
+    kind = mechanisms.MECHANISMS.get(mechanism)
+    if kind is None or not kind.traits.torque_over_angle:
+        return ()
+    own = order if isinstance(kind.signature.order, str) else kind.signature.order
+    others = (other for other in mechanisms.MECHANISMS.values() if other.traits.torque_over_angle and other is not kind)
+    return tuple(
+        other.name for other in others if other.signature.order == own or isinstance(other.signature.order, str)
+    )
 
 
 def the_same(mechanism: str, missing: frozenset[Need]) -> tuple[str, ...]:

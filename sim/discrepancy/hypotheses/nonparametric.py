@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,15 +18,13 @@ from numpy.typing import NDArray
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.traits import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED, OVER_SPEED_AT_LOAD
 from sim.discrepancy.model.nominal import PARTS, wave
 from sim.discrepancy.model.parameters import Parameter, Values
 from sim.torsional.model import Array, Chain, with_link
 
-OVER_SPEED, OVER_ANGLE = "friction_over_speed", "friction_over_angle"
 Rows = NDArray[np.bool_]
 CURVES = (OVER_SPEED, OVER_ANGLE)
-FIXED = "fixed_frequency"
-AS_NEW = "torque_over_angle"  # as new, as errors of teeth are: it enters a model, and is not spoken of
 KNOTS = 8  # of the friction curve, per direction
 ORDERS = (1, 2, 3)  # of friction over the angle of the load
 EVEN = "even."  # in the names of a curve that is the same in both directions
@@ -63,7 +62,8 @@ def over_speed(place: str, m: Measurement, step: float, *, even: bool = False, a
         speed = {"speed_rad_s": float(knots[at % knots.size])}
         return speed if even else {**speed, "direction": 1.0 if at < knots.size else -1.0}
 
-    return _shaped(OVER_SPEED, place, shapes, step, where, EVEN if even else "")
+    curve = _shaped(OVER_SPEED, place, shapes, step, where, EVEN if even else "")
+    return replace(curve, least_share=OVER_SPEED_AT_LOAD) if place == "load" else curve
 
 
 def over_angle(place: str, m: Measurement, ratio: float, step: float, order: int) -> Term:
@@ -96,7 +96,7 @@ def _half_teeth(k: int, stage: str, order: float, new_rad: float) -> Term:
         return with_link(chain, k, errors=chain.links[k].errors + error)
 
     step = 0.3 * new_rad
-    numbers = tuple(Parameter(name, 0.0, step, new_rad, -3.0 * new_rad, 3.0 * new_rad) for name in names)
+    numbers = tuple(Parameter(name, 0.0, step, new_rad, -3.0 * new_rad, 3.0 * new_rad, unit="rad") for name in names)
     return Term(
         AS_NEW, stage, numbers, (tuple({name: step} for name in names),), lambda values: {}, apply,
         named=False, magnitude=lambda values: math.inf,
@@ -138,7 +138,8 @@ def _shaped(
         return where(np.sum((shapes * amplitudes(values)) ** 2, axis=0))
 
     return Term(
-        kind, place, tuple(Parameter(name, 0.0, step) for name in names), (tuple({name: step} for name in names),),
-        report, torque=torque if place == "motor" else None, load_torque=torque if place == "load" else None,
+        kind, place, tuple(Parameter(name, 0.0, step, unit="N m") for name in names),
+        (tuple({name: step} for name in names),), report,
+        torque=torque if place == "motor" else None, load_torque=torque if place == "load" else None,
         named=False, magnitude=lambda values: math.inf,
     )  # fmt: skip

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
@@ -16,7 +17,8 @@ from sim.discrepancy.hypotheses.harmonics import (
     cosine_and_sine_probe,
 )
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.model.parameters import Parameter, Values
+from sim.discrepancy.model.parameters import Owner, Parameter, Values
+from sim.mechanisms import ElectricalHum, EncoderError, TimeDelay, TorqueOffset
 
 HUM_HZ = (50.0, 60.0, 100.0, 120.0)
 HIGHEST_HUM = 0.4  # of the sample rate
@@ -27,22 +29,22 @@ HUM_SHARE = 0.003  # of the torque: less hum does not matter
 def offset(level: float) -> Term:
     name, step = "offset_n_m", 0.01 * level
     return Term(
-        "torque_offset", "motor", (Parameter(name, 0.0, step),), (({name: step},),), lambda v: {"torque_n_m": v[name]},
-        replaces=(name,), size=0.5 * step,
+        TorqueOffset.name, "motor", (Parameter(name, 0.0, step, unit="N m"),), (({name: step},),),
+        lambda v: {"torque_n_m": v[name]}, replaces=(name,), size=0.5 * step,
     )  # fmt: skip
 
 
 def delay(name: str, location: str, size: float) -> Term:
-    parameters = (Parameter(name, 0.0, 0.2 * size, low=-LATEST_S, high=LATEST_S),)
+    parameters = (Parameter(name, 0.0, 0.2 * size, low=-LATEST_S, high=LATEST_S, unit="s"),)
     return Term(
-        "time_delay", location, parameters, (({name: size},), ({name: -size},)), lambda v: {"delay_s": v[name]},
+        TimeDelay.name, location, parameters, (({name: size},), ({name: -size},)), lambda v: {"delay_s": v[name]},
         replaces=(name,), size=size, magnitude=lambda v: v[name] if abs(v[name]) < 0.99 * LATEST_S else 0.0,
     )  # fmt: skip
 
 
 def hum(frequency: float, level: float) -> Term:
     """Hum of the mains in the torque channel at a frequency [Hz]; `level`: rms of the torque [N m], for its step."""
-    prefix = f"electrical_hum{frequency:g}@motor"
+    prefix = f"{ElectricalHum.name}{frequency:g}@motor"
     step = 0.01 * level
 
     def torque(m: Measurement, values: Values) -> Array:
@@ -57,8 +59,9 @@ def hum(frequency: float, level: float) -> Term:
             "phase_rad": math.atan2(cosine, sine),
         }
 
+    waves = tuple(replace(p, owner=Owner.MOTION) for p in cosine_and_sine(prefix, step, "N m"))
     return Term(
-        "electrical_hum", "motor", cosine_and_sine(prefix, step), cosine_and_sine_probe(prefix, step), report,
+        ElectricalHum.name, "motor", waves, cosine_and_sine_probe(prefix, step), report,
         torque=torque, size=HUM_SHARE * level, frequency_hz=frequency,
     )  # fmt: skip
 
@@ -66,7 +69,7 @@ def hum(frequency: float, level: float) -> Term:
 def encoder_error(axis: Axis) -> Term:
     names = ENCODER_ERROR
     step = max(axis.load_encoder.error_rad, 1e-5)
-    parameters = tuple(Parameter(name, 0.0, step) for name in names)
+    parameters = tuple(Parameter(name, 0.0, step, unit="rad") for name in names)
     probes = (tuple({name: 2.0 * AS_NEW_FACTOR * step} for name in names),)
     report = amplitude(parameters, "amplitude_rad", "phase_rad")
-    return Term("encoder_error", "load", parameters, probes, report, replaces=names, size=AS_NEW_FACTOR * step)
+    return Term(EncoderError.name, "load", parameters, probes, report, replaces=names, size=AS_NEW_FACTOR * step)

@@ -15,6 +15,7 @@ from sim.discrepancy.model.nominal import (
     locked_mode_hz,
 )
 from sim.discrepancy.model.parameters import Parameter, Values
+from sim.mechanisms import GravityImbalance, StructuralResonance
 from sim.torsional.model import Chain, with_shaft
 
 SOFTEST = 0.1  # damping ratio from which nothing swings: what is late or wrong in form asks for more
@@ -24,7 +25,7 @@ HIGHEST_SWING_HZ = 0.6 * LOAD_CUT_HZ
 
 
 def gravity(step: float, shaft: int) -> Term:
-    pair = cosine_and_sine("gravity_imbalance@load", step)
+    pair = cosine_and_sine(f"{GravityImbalance.name}@load", step, "N m")
     sine, cosine = (p.name for p in pair)
 
     def apply(chain: Chain, values: Values) -> Chain:
@@ -33,12 +34,12 @@ def gravity(step: float, shaft: int) -> Term:
 
     probes = (tuple({p.name: step} for p in pair),)
     report = amplitude(pair, "torque_n_m", "phase_rad")
-    return Term("gravity_imbalance", "load", pair, probes, report, apply, size=0.05 * step)
+    return Term(GravityImbalance.name, "load", pair, probes, report, apply, size=0.05 * step)
 
 
 def resonance(axis: Axis) -> Term:
     """A part of the load that swings on a spring of its own, where the load's motion is known well enough."""
-    names = [parameter_key("structural_resonance", "load", p) for p in ("share", "frequency_hz", "damping_ratio")]
+    names = [parameter_key(StructuralResonance.name, "load", p) for p in ("share", "frequency_hz", "damping_ratio")]
     share, frequency, damping = names
     mode = locked_mode_hz(axis)
     start = min(mode, 0.8 * HIGHEST_SWING_HZ)
@@ -48,13 +49,13 @@ def resonance(axis: Axis) -> Term:
 
     parameters = (
         Parameter(share, 0.0, 0.005, low=0.0, high=1.0),
-        Parameter(frequency, start, 0.003 * start, low=0.3 * start, high=HIGHEST_SWING_HZ),
+        Parameter(frequency, start, 0.003 * start, low=0.3 * start, high=HIGHEST_SWING_HZ, unit="Hz"),
         Parameter(damping, 0.02, 0.002, 0.02, 0.002, SOFTEST),
     )
     grid = np.geomspace(0.5 * start, min(2.0 * mode, HIGHEST_SWING_HZ), 24)
     probes = tuple(({share: 0.02, frequency: float(f)},) for f in grid)
     return Term(
-        "structural_resonance", "load", parameters, probes,
+        StructuralResonance.name, "load", parameters, probes,
         lambda v: {"frequency_hz": v[frequency], "share": v[share], "damping_ratio": v[damping]},
         load_torque=torque, positive=True, nonlinear=True,
         response=lambda s, v: swing_response(s, v[share], v[frequency], v[damping]),

@@ -10,6 +10,7 @@ from sim.discrepancy.estimation.problem import MISTAKEN
 from sim.discrepancy.kinematics.transmission_error import Amplitude, is_beyond
 from sim.discrepancy.model.nominal import STATED_SPREAD
 from sim.discrepancy.search.criterion import BEYOND
+from sim.mechanisms import Backlash, Hysteresis, TimeDelay
 from sim.mechanisms.catalogue import mechanism_of
 from sim.mechanisms.mechanism import Need
 from sim.mechanisms.places import meshes
@@ -38,7 +39,7 @@ class AsNew:
         """
         springs = zip(axis.stages, axis.stiffness(), strict=False)
         compliance = sum(1.0 / c / axis.ratio_from(stage.name) ** 2 for stage, c in springs if c)
-        gaps = [mechanism_of(known) for known in axis.mechanisms if known.name == "backlash"]
+        gaps = [mechanism_of(known) for known in axis.mechanisms if known.name == Backlash.name]
         return AsNew(
             sum(stage.backlash_rad / axis.ratio_from(stage.name) for stage in axis.stages),
             sum(known["gap_rad"] / axis.ratio_from(known.location or "load") for known in gaps),
@@ -83,5 +84,5 @@ def place_of_gap(axis: Axis) -> str | None:
 
 def like_a_gap(axis: Axis, lacks: frozenset[Need] = frozenset()) -> tuple[str, ...]:
     """What two encoders alone do not tell from play, in a motion that lacks something."""
-    late = ("time_delay",) if Need.SEVERAL_SPEEDS in lacks else ()
-    return (*late, "hysteresis") if meshes(axis) else late
+    late = (TimeDelay.name,) if Need.SEVERAL_SPEEDS in lacks else ()
+    return (*late, Hysteresis.name) if meshes(axis) else late

@@ -33,6 +33,7 @@ from sim.discrepancy.kinematics.transmission_error import INSIDE, Amplitude, tra
 from sim.discrepancy.report.formatting import angle, number
 from sim.discrepancy.report.panels import Panel
 from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
+from sim.mechanisms import Backlash
 from sim.mechanisms.catalogue import kind_of
 
 Array = NDArray[np.float64]
@@ -205,7 +206,7 @@ def _of_pull(axis: Axis, test: PullTest, step: float) -> tuple[Finding, ...]:
         low, value = max(let_go.low, 0.0), 0.5 * (let_go.value + loaded.value)
         sure = WEIGHTS.cap if new.surely_has_less(let_go) else ALONE
     gap = Estimate("gap_rad", value, "rad", low, loaded.high)
-    return (Finding("backlash", place_of_gap(axis), sure, (gap,), like_a_gap(axis), text),)
+    return (Finding(Backlash.name, place_of_gap(axis), sure, (gap,), like_a_gap(axis), text),)
 
 
 def _mean(ways: Sequence[float], step: float) -> Amplitude:

@@ -26,6 +26,7 @@ from sim.discrepancy.kinematics.transmission_error import (
 )
 from sim.discrepancy.report.formatting import angle, number
 from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
+from sim.mechanisms import Backlash, Eccentricity, EncoderError, MeshError
 from sim.mechanisms.mechanism import Need
 
 Array = NDArray[np.float64]
@@ -73,7 +74,7 @@ def _lost_motion(axis: Axis, seen: TransmissionError, new: AsNew) -> Finding | N
     else:
         gap = Estimate("gap_rad", size.value, "rad", low, size.high)
     return Finding(
-        "backlash", place_of_gap(axis), sure, (gap,), like_a_gap(axis, seen.lacks), " ".join(said),
+        Backlash.name, place_of_gap(axis), sure, (gap,), like_a_gap(axis, seen.lacks), " ".join(said),
         lacks=(Need.SEVERAL_SPEEDS.value,) if one_speed else (),
     )  # fmt: skip
 
@@ -83,9 +84,9 @@ def _over_angle(axis: Axis, seen: TransmissionError, new: AsNew) -> list[Finding
     if not seen.whole:
         return []
     last = axis.stages[-1].name if axis.stages else None
-    once = ("eccentricity", last, ("encoder_error",)) if last else ("encoder_error", "load", ())
+    once = (Eccentricity.name, last, (EncoderError.name,)) if last else (EncoderError.name, "load", ())
     names: list[tuple[int, str, str | None, tuple[str, ...]]] = [(1, *once)]
-    names += [(order, "mesh_error", last, ()) for order in seen.orders if order > ORDERS]
+    names += [(order, MeshError.name, last, ()) for order in seen.orders if order > ORDERS]
     return [
         _error(seen, order, mechanism, place, alike)
         for order, mechanism, place, alike in names
@@ -96,7 +97,7 @@ def _over_angle(axis: Axis, seen: TransmissionError, new: AsNew) -> list[Finding
 def _error(seen: TransmissionError, order: int, mechanism: str, place: str | None, alike: tuple[str, ...]) -> Finding:
     size, whole = seen.amplitude(order), seen.repeatable()
     # runout holds the load back where an encoder that reads too much seems to bring it forward
-    phase = seen.phase(order) + (math.pi if mechanism == "encoder_error" else 0.0)
+    phase = seen.phase(order) + (math.pi if mechanism == EncoderError.name else 0.0)
     phase = math.atan2(math.sin(phase), math.cos(phase))
     reach = (size.high - size.low) / 2.0 / size.value
     often = "once per turn" if order == 1 else f"once per tooth ({order} per turn)"
@@ -118,9 +119,9 @@ def columns_of(seen: TransmissionError, findings: Sequence[Finding]) -> tuple[st
     """
     orders = [] if seen.whole else list(seen.orders)
     for finding in findings:
-        if finding.mechanism != "backlash":
-            orders.append(seen.orders[-1] if finding.mechanism == "mesh_error" else 1)
-    played = any(finding.mechanism == "backlash" for finding in findings)
+        if finding.mechanism != Backlash.name:
+            orders.append(seen.orders[-1] if finding.mechanism == MeshError.name else 1)
+    played = any(finding.mechanism == Backlash.name for finding in findings)
     names = [OFFSET, LAG, SLOPE, *([REVERSAL] if played else [])]
     names += [name for order in orders for name in (cosine(order), sine(order))]
     return tuple(name for name in names if name in seen.columns)

@@ -24,6 +24,7 @@ from scipy.stats import t as t_distribution
 from sim.description.axis import Axis
 from sim.discrepancy.data.excitation import lacking_at
 from sim.discrepancy.data.preprocessing import LEAST_ROWS, STANDSTILL_SHARE, Measurement, standstill_weight
+from sim.mechanisms import Eccentricity, EncoderError, MeshError
 from sim.mechanisms.catalogue import mechanism_of
 from sim.mechanisms.mechanism import Need
 
@@ -199,13 +200,13 @@ def _known(axis: Axis, angle: Array) -> Array:
     """Errors at the output that the description has as mechanisms, at angles of the load, shape (n,) [rad]."""
     out = np.zeros(angle.size)
     last = axis.stages[-1] if axis.stages else None
-    orders = {"encoder_error": 1, "eccentricity": 1, "mesh_error": (last.driven_teeth if last else None) or 0}
+    orders = {EncoderError.name: 1, Eccentricity.name: 1, MeshError.name: (last.driven_teeth if last else None) or 0}
     for entry in axis.mechanisms:
         if entry.name not in orders:
             continue
         known = mechanism_of(entry)
         if known.placed(axis) in ("load", last.name if last else ""):
-            sign = -1.0 if entry.name == "encoder_error" else 1.0
+            sign = -1.0 if entry.name == EncoderError.name else 1.0
             out += sign * known["amplitude_rad"] * np.sin(orders[entry.name] * angle + known["phase_rad"])
     return out
 

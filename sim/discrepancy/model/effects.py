@@ -11,6 +11,7 @@ from scipy.signal import bilinear, lfilter, lfilter_zi
 
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import Measurement
+from sim.mechanisms import StructuralResonance
 from sim.torsional.model import Array, Chain, with_shaft
 
 Response = NDArray[np.complex128]
@@ -76,7 +77,7 @@ def swinging(axis: Axis, m: Measurement) -> Array:
     """Torque that all that is described to swing needs at the load [N m], shape (n,)."""
     out = np.zeros(m.samples)
     for entry in axis.mechanisms:
-        if entry.name == "structural_resonance":
+        if entry.name == StructuralResonance.name:
             p = entry.parameters
             out += swing(m, axis.load.inertia_kg_m2, p["share"], p["frequency_hz"], p.get("damping_ratio", 0.02))
     return out

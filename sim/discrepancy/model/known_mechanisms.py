@@ -21,9 +21,6 @@ from sim.torsional.model import Chain, Dent, Line, Link, Shaft
 from sim.torsional.reduction import chain_of
 
 Part = TypeVar("Part", Shaft, Link)
-BESIDE = (  # of what a description has: in the load's own motion, in numbers of the measurement, or seen by the gate
-    "structural_resonance", "electrical_hum", "time_delay", "encoder_error", "clipping", "lost_samples",
-)  # fmt: skip
 WHOLE = ("gap_rad",)  # what is as new is within it
 
 
@@ -39,14 +36,14 @@ class Described:
     @staticmethod
     def by(axis: Axis) -> Described:
         """Raises SimulationError for one that cannot be had in shafts in series."""
-        entries = [e for e in axis.mechanisms if e.name not in BESIDE and issubclass(kind_of(e.name), Mechanics)]
+        described = ((e, kind_of(e.name)) for e in axis.mechanisms)
+        entries = [(e, kind) for e, kind in described if not kind.beside_the_chain and issubclass(kind, Mechanics)]
         if not entries:
             return Described()
         train = plain_train(axis)
         before = chain_of(train)
-        effects = (Effect(kind_of(e.name), e.location, train, before) for e in entries)  # type: ignore[arg-type]
         return Described(
-            tuple((before, effect.chain(e.parameters)) for e, effect in zip(entries, effects, strict=True))
+            tuple((before, Effect(kind, e.location, train, before).chain(e.parameters)) for e, kind in entries)
         )
 
     @property
@@ -62,11 +59,8 @@ class Described:
 def in_chain(axis: Axis) -> Axis:
     """The description without what it adds beside the chain and the numbers of the measurement: a part of the load that
     swings, and distortions of the torque channel, which a simulation of the chain alone does not have."""
-    kept = (
-        e
-        for e in axis.mechanisms
-        if e.name != "structural_resonance" and (e.name in BESIDE or issubclass(kind_of(e.name), Mechanics))
-    )
+    kinds = ((e, kind_of(e.name)) for e in axis.mechanisms)
+    kept = (e for e, kind in kinds if kind.beside_the_chain is not issubclass(kind, Mechanics))
     return replace(axis, mechanisms=tuple(kept))
 
 

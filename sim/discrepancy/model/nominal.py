@@ -7,7 +7,8 @@ from dataclasses import replace
 
 from sim.description.axis import Axis
 from sim.discrepancy.model.observer import NO_STRETCH_RAD, Nuisance
-from sim.discrepancy.model.parameters import Parameter, Values
+from sim.discrepancy.model.parameters import Owner, Parameter, Stated, Values
+from sim.mechanisms import ElectricalHum, EncoderError, TimeDelay
 from sim.torsional.model import Chain, Line, Link, Shaft
 
 UNKNOWN_STIFFNESS_HZ = 80.0
@@ -31,16 +32,18 @@ RUNOUT_OVER_MESH = 2.0  # of a gear as new: error once per turn over that per to
 TWICE = 0.25  # of what a load encoder errs by at most: its error twice per turn
 
 
-def _stated(name: str, value: float) -> Parameter:
-    return replace(_share(name, value, STATED_SPREAD), stated=True)
+def _stated(name: str, unit: str, value: float) -> Parameter:
+    return replace(_share(name, unit, value, STATED_SPREAD), stated=Stated.WELL)
 
 
-def _share(name: str, value: float, spread: float) -> Parameter:
-    return Parameter(name, value, 0.01 * value, spread * value, 0.4 * value, 2.5 * value)
+def _share(name: str, unit: str, value: float, spread: float) -> Parameter:
+    low, high = 0.4 * value, 2.5 * value
+    return Parameter(name, value, 0.01 * value, spread * value, low, high, unit=unit, owner=Owner.DESCRIPTION)
 
 
 def _log(name: str, value: float, spread: float) -> Parameter:
-    return Parameter(name, value, 0.1, spread, value - 2.5 * spread, value + 2.5 * spread)
+    low, high = value - 2.5 * spread, value + 2.5 * spread
+    return Parameter(name, value, 0.1, spread, low, high, owner=Owner.RECORDING)
 
 
 def turning_over() -> Parameter:
@@ -50,7 +53,7 @@ def turning_over() -> Parameter:
     six real drives, all of which are likelier so than with a jump. It begins there, since a jump has no slope that
     would lead away from it.
     """
-    return Parameter(MOTOR_RELEASE, WIDE, 0.1, WIDE / 2.0, 0.0, MOST_WIDE)
+    return Parameter(MOTOR_RELEASE, WIDE, 0.1, WIDE / 2.0, 0.0, MOST_WIDE, owner=Owner.RECORDING)
 
 
 def _at_rest(where: str, stretch_rad: float) -> list[Parameter]:
@@ -66,25 +69,28 @@ def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: boo
 
     `rests`: rows at rest count, where the load is not seen also at the load.
     """
-    out = [_stated("motor.inertia_kg_m2", axis.motor.inertia_kg_m2)]
+    out = [_stated("motor.inertia_kg_m2", "kg m2", axis.motor.inertia_kg_m2)]
     if axis.motor.coulomb_friction_n_m:
-        out.append(_stated("motor.coulomb_friction_n_m", axis.motor.coulomb_friction_n_m))
+        out.append(_stated("motor.coulomb_friction_n_m", "N m", axis.motor.coulomb_friction_n_m))
         out += [] if rests else [turning_over()]
     if axis.motor.viscous_friction_n_m_s_per_rad:
-        out.append(_stated("motor.viscous_friction_n_m_s_per_rad", axis.motor.viscous_friction_n_m_s_per_rad))
+        viscous = axis.motor.viscous_friction_n_m_s_per_rad
+        out.append(_stated("motor.viscous_friction_n_m_s_per_rad", "N m s/rad", viscous))
     if rests:
         out += _at_rest("motor", MOTOR_STRETCH_RAD)
         out += [] if load_encoder else _at_rest("load", LOAD_STRETCH_RAD)
     if has_links(axis):
         out += _link_parameters(axis)
         out += _load_parameters(axis, load_encoder, level_n_m, rests)
-    out.append(Parameter("offset_n_m", 0.0, 0.002 * level_n_m, 0.002 * level_n_m))
-    late_s = _described(axis, "time_delay", "motor", "delay_s")
-    out.append(Parameter("torque_delay_s", late_s, 1e-4, 2e-4, -0.02, 0.02))
+    little = 0.002 * level_n_m
+    out.append(Parameter("offset_n_m", 0.0, little, little, unit="N m", owner=Owner.RECORDING))
+    late_s = _described(axis, TimeDelay.name, "motor", "delay_s")
+    out.append(Parameter("torque_delay_s", late_s, 1e-4, 2e-4, -0.02, 0.02, unit="s", owner=Owner.RECORDING))
     for name, _, waves in hums(axis):  # as large as it is described, whatever its phase in this record
         spread = math.hypot(*waves)
         out += [
-            Parameter(f"{name}.{part}", wave, 0.01 * spread, spread) for part, wave in zip(PARTS, waves, strict=True)
+            Parameter(f"{name}.{part}", wave, 0.01 * spread, spread, unit="N m", owner=Owner.MOTION)
+            for part, wave in zip(PARTS, waves, strict=True)
         ]
     return tuple(out)
 
@@ -97,7 +103,7 @@ def _described(axis: Axis, mechanism: str, location: str, number: str) -> float:
 
 def hums(axis: Axis) -> list[tuple[str, float, tuple[float, float]]]:
     """Name, frequency [Hz], and sine and cosine amplitude [N m] of every hum that is described."""
-    described = [entry.parameters for entry in axis.mechanisms if entry.name == "electrical_hum"]
+    described = [entry.parameters for entry in axis.mechanisms if entry.name == ElectricalHum.name]
     return [(f"hum.{k}", p["frequency_hz"], _parts(p, "torque_n_m")) for k, p in enumerate(described)]
 
 
@@ -112,55 +118,66 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
     stiffness = axis.stiffness()
     for k, stage in enumerate(stages_of(axis)):
         where = f"stages.{stage}"
-        name, value = f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k)
+        name, unit, value = f"{where}.stiffness_n_m_per_rad", "N m/rad", link_stiffness(axis, k)
         if not stiffness[k]:
-            out.append(_share(name, value, 1.0))
+            out.append(_share(name, unit, value, 1.0))
         elif is_open(axis, k):
-            out.append(_share(name, value, SHARED_SPREAD))
+            out.append(_share(name, unit, value, SHARED_SPREAD))
         else:
-            out.append(_stated(name, value))
+            out.append(_stated(name, unit, value))
         damp = link_damping(axis, k)
         name, spread = f"{where}.damping_n_m_s_per_rad", DAMPING_SPREAD * damp
-        out.append(Parameter(name, damp, 0.1 * damp, spread, 0.02 * damp, 30 * damp))
+        rough = Parameter(name, damp, 0.1 * damp, spread, 0.02 * damp, 30 * damp, unit="N m s/rad")
+        out.append(replace(rough, owner=Owner.DESCRIPTION, stated=Stated.ROUGHLY))
         if not axis.stages:
             continue
         entry = axis.stages[k]
         if k + 1 < len(axis.stages):
-            out.append(_stated(f"{where}.inertia_kg_m2", entry.inertia_kg_m2))
+            out.append(_stated(f"{where}.inertia_kg_m2", "kg m2", entry.inertia_kg_m2))
         if entry.mesh_efficiency < 1.0:
             spread = LOSS_SPREAD * (1.0 - entry.mesh_efficiency)
-            out.append(Parameter(f"{where}.mesh_efficiency", entry.mesh_efficiency, 0.002, spread, 0.3, 1.0))
+            rough = Parameter(f"{where}.mesh_efficiency", entry.mesh_efficiency, 0.002, spread, 0.3, 1.0)
+            out.append(replace(rough, owner=Owner.DESCRIPTION, stated=Stated.ROUGHLY))
         if entry.backlash_rad:
             new = entry.backlash_rad
-            out.append(Parameter(f"{where}.backlash_rad", 0.5 * new, 0.1 * new, 0.5 * new, 0.0, 1.5 * new))
+            gap = Parameter(f"{where}.backlash_rad", 0.5 * new, 0.1 * new, 0.5 * new, 0.0, 1.5 * new, unit="rad")
+            out.append(replace(gap, owner=Owner.MACHINE))
         if entry.driven_teeth and entry.transmission_error_rad:
             new = entry.transmission_error_rad
-            out += [Parameter(f"mesh.{stage}.{part}_rad", 0.0, 0.3 * new, new, -3 * new, 3 * new) for part in PARTS]
+            waves = (Parameter(mesh_wave(stage, part), 0.0, 0.3 * new, new, -3 * new, 3 * new) for part in PARTS)
+            out += [replace(wave, unit="rad", owner=Owner.MACHINE) for wave in waves]
     if any(entry.mesh_efficiency < 1.0 for entry in axis.stages):
         out += loss_parameters()
     return out
 
 
+def mesh_wave(stage: str, part: str) -> str:
+    """How sine or cosine of the error of a gear's teeth as new is called."""
+    return f"mesh.{stage}.{part}_rad"
+
+
 def loss_parameters() -> tuple[Parameter, ...]:
     """On which side of a mesh its losses are, and over which speed they turn."""
-    splits = (Parameter(name, share, 0.1, 0.5, 0.0, 1.0) for name, share in LOSS_SPLITS.items())
+    splits = (Parameter(name, at, 0.1, 0.5, 0.0, 1.0, owner=Owner.MACHINE) for name, at in LOSS_SPLITS.items())
     return (*splits, _log(LOSS_WIDTH, math.log(LOSS_TURNS), 1.0))
 
 
 def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: bool) -> list[Parameter]:
-    out = [_share("load.inertia_kg_m2", axis.load.inertia_kg_m2, PAYLOAD_SPREAD)]
+    out = [_share("load.inertia_kg_m2", "kg m2", axis.load.inertia_kg_m2, PAYLOAD_SPREAD)]
     if axis.load.coulomb_friction_n_m:
-        out.append(_stated("load.coulomb_friction_n_m", axis.load.coulomb_friction_n_m))
+        out.append(_stated("load.coulomb_friction_n_m", "N m", axis.load.coulomb_friction_n_m))
         if load_encoder or not rests:
-            out.append(Parameter("friction_width.load", 1.5e-3, 3e-4, 1.5e-3, 2e-4, 2e-2))
+            width = Parameter("friction_width.load", 1.5e-3, 3e-4, 1.5e-3, 2e-4, 2e-2)
+            out.append(replace(width, owner=Owner.RECORDING))
     if axis.load.viscous_friction_n_m_s_per_rad:
-        out.append(_stated("load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad))
+        viscous = axis.load.viscous_friction_n_m_s_per_rad
+        out.append(_stated("load.viscous_friction_n_m_s_per_rad", "N m s/rad", viscous))
     if load_encoder:
-        out.append(Parameter("load_offset_rad", 0.0, 0.02 * compliance(axis), math.inf))
-        out.append(
-            Parameter("load_delay_s", _described(axis, "time_delay", "load", "delay_s"), 1e-6, 5e-5, -0.02, 0.02)
-        )
-        known = [_parts(e.parameters, "amplitude_rad") for e in axis.mechanisms if e.name == "encoder_error"]
+        step = 0.02 * compliance(axis)
+        out.append(Parameter("load_offset_rad", 0.0, step, math.inf, unit="rad", owner=Owner.MOTION))
+        late_s = _described(axis, TimeDelay.name, "load", "delay_s")
+        out.append(Parameter("load_delay_s", late_s, 1e-6, 5e-5, -0.02, 0.02, unit="s", owner=Owner.RECORDING))
+        known = [_parts(e.parameters, "amplitude_rad") for e in axis.mechanisms if e.name == EncoderError.name]
         errs = [sum(wave) for wave in zip((0.0, 0.0), *known, strict=True)]
         new = axis.load_encoder.error_rad or 0.1 * math.hypot(*errs)
         if new:  # what it has at most, and the runout of the last gear, which looks the same
@@ -168,13 +185,16 @@ def _load_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: bo
             spread = math.hypot(0.5 * new, RUNOUT_OVER_MESH * mesh)
             for part, err in zip(PARTS, errs, strict=True):
                 name, far = f"load_encoder.error_{part}_rad", 3.0 * new
-                out.append(Parameter(name, err, 0.3 * new, spread, err - far, err + far))
+                once = Parameter(name, err, 0.3 * new, spread, err - far, err + far, unit="rad")
+                out.append(replace(once, owner=Owner.RECORDING))
             for part in PARTS:  # a tilted or oval scale
-                out.append(Parameter(f"load_encoder.twice_{part}_rad", 0.0, 0.1 * new, TWICE * new, -new, new))
+                twice = Parameter(f"load_encoder.twice_{part}_rad", 0.0, 0.1 * new, TWICE * new, -new, new, unit="rad")
+                out.append(replace(twice, owner=Owner.RECORDING))
     else:  # it may swing when the record begins
         twist = level_n_m * axis.ratio * compliance(axis)
         rate = 2.0 * math.pi * locked_mode_hz(axis) * twist
-        out += [Parameter(name, 0.0, 0.03 * size, 2.0 * size) for name, size in zip(START, (twist, rate), strict=True)]
+        for name, unit, size in zip(START, ("rad", "rad/s"), (twist, rate), strict=True):
+            out.append(Parameter(name, 0.0, 0.03 * size, 2.0 * size, unit=unit, owner=Owner.MOTION))
     return out
 
 
@@ -267,7 +287,7 @@ def _link(axis: Axis, k: int, values: Values) -> Link:
     efficiency = values.get(f"{where}.mesh_efficiency", stage.mesh_efficiency if stage else 1.0)
     errors: tuple[Line, ...] = ()
     if stage and stage.driven_teeth:
-        mesh = (values.get(f"mesh.{stage.name}.{part}_rad", 0.0) for part in PARTS)
+        mesh = (values.get(mesh_wave(stage.name, part), 0.0) for part in PARTS)
         errors = wave(k + 1, float(stage.driven_teeth), *mesh)
     return Link(
         stage.ratio if stage else 1.0,

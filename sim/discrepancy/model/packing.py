@@ -8,7 +8,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.torsional.model import BACKLASH_NONE_RAD, Array, Chain, Line, Link, Shaft
+from sim.rotational.components.elasto_backlash import NO_GAP
+from sim.torsional.model import Array, Chain, Line, Link, Shaft
 
 Packed = tuple[Array | NDArray[np.int64], ...]
 LARGEST_PHASE = 1.0  # fastest rate times step, per Runge-Kutta step of order 4
@@ -41,7 +42,7 @@ def _shaft(s: Shaft) -> list[float]:
 
 
 def _link(k: Link) -> list[float]:
-    plain = k.gap_rad <= BACKLASH_NONE_RAD and not any(dent.depth_rad for dent in k.dents)
+    plain = k.gap_rad <= NO_GAP and not any(dent.depth_rad for dent in k.dents)
     first = k.efficiency[0] / (1.0 + k.loss_fraction)
     second = k.efficiency[1] * (1.0 - k.loss_fraction)
     lossy = (first, second, *k.bearing_n_m) != (1.0, 1.0, 0.0, 0.0)

@@ -25,6 +25,7 @@ from sim.discrepancy.model.effects import rounding
 from sim.discrepancy.model.known_mechanisms import in_chain
 from sim.discrepancy.model.nominal import compliance, has_links, locked_mode_hz, nuisance_of
 from sim.discrepancy.model.observer import delayed
+from sim.discrepancy.model.parameters import Owner
 from sim.discrepancy.next_measurement.plans import PLANS, REPEAT, Plan, Present
 from sim.discrepancy.parallel import each
 from sim.discrepancy.results import Difference, MeasurementUtility, digits
@@ -36,7 +37,6 @@ from sim.torsional.model import Array, Chain, Servo, Shaft, with_link, with_shaf
 SEPARATES = 20.0  # squares that a rival must leave beyond the truth: what any mechanism must take away to be named
 ENOUGH = 10.0 * SEPARATES
 STEPS = 2  # of a fit
-OF_THE_RECORD = ("load_offset_rad", "start_rad", "hum.", "electrical_hum")  # how their names begin
 FINER = 4  # times the rate of the recording, at which the servo works
 STIFF_RAD_S, LEAST_RAD_S, UNLIMITED = 300.0, 60.0, 1e9
 ENCODER_RAD = 2.0 * math.pi / 2**20 / math.sqrt(12.0)  # noise of an encoder of 20 bits, as one would add
@@ -102,23 +102,25 @@ class _Simulated:
     def __init__(self, problem: Problem, noise: Noise, plan: Plan, angle: Array, true: Model) -> None:
         axis = in_chain(problem.axis)
         axis = replace(axis, load=replace(axis.load, inertia_kg_m2=plan.payload * axis.load.inertia_kg_m2))
-        true, self.plan = _with_payload(plan, true), plan
+        true, self.plan, self.recorded = _with_payload(plan, true), plan, problem
         m = simulated(problem, true, angle, guided=problem.guided or plan.load_encoder)
         self.problem = Problem(axis, m, noise, problem.memory)
         chain, hits = self.problem.chain(true.terms, true.values), self.problem.has_contact_loss(true.terms)
         self.problem.observer.learn_noise(chain, nuisance_of(true.values), has_contact_loss=hits)
-        self.own = self.problem.fit(true.terms, anew(true), STEPS)
+        self.own = self.problem.fit(true.terms, anew(problem, true), STEPS)
 
     def against(self, rival: Model) -> tuple[float, Difference]:
         """What a rival leaves of it beyond what the true model leaves, in units of the latter, and where."""
-        own, other = self.own, self.problem.fit(rival.terms, anew(_with_payload(self.plan, rival)), STEPS)
+        numbers = anew(self.recorded, _with_payload(self.plan, rival))
+        own, other = self.own, self.problem.fit(rival.terms, numbers, STEPS)
         loud = max(1.0, own.misfit / own.residual.size)
         return max(0.0, other.cost - own.cost) / loud, _difference(self.problem, own, other)
 
 
-def anew(model: Model) -> dict[str, float]:
-    """Its numbers in another recording: what belongs to one alone is 0."""
-    return {name: 0.0 if name.startswith(OF_THE_RECORD) else value for name, value in model.values.items()}
+def anew(problem: Problem, model: Model) -> dict[str, float]:
+    """Numbers of a model of a problem in another recording: what belongs to one motion alone is 0."""
+    own = {p.name for p in problem.parameters(model.terms) if p.owner is Owner.MOTION}
+    return {name: 0.0 if name in own else value for name, value in model.values.items()}
 
 
 def _with_payload(plan: Plan, model: Model) -> Model:
@@ -132,7 +134,7 @@ def simulated(problem: Problem, model: Model, angle: Array, *, guided: bool) -> 
 
     Raises SimulationError where that cannot be.
     """
-    m, values, rate = problem.measurement, anew(model), problem.measurement.rate_hz
+    m, values, rate = problem.measurement, anew(problem, model), problem.measurement.rate_hz
     nuisance = nuisance_of(values)
     modelled = problem.chain(model.terms, values)
     chain = _as_simulated(modelled)

@@ -1,8 +1,8 @@
 """Several recordings of one axis together: each is investigated by itself, then they are held against each other.
 
 Every recording has clock, sensors, noise and start of its own, so that they meet at the level of evidence. Mechanisms
-of the machine exist in all of them or in none; what belongs to a recording alone (`OWN`) stays with it. What each says
-of a name:
+of the machine exist in all of them or in none; what belongs to a recording alone (`is_own`) stays with it. What each
+says of a name:
 
 - one that names it: how sure it is that the effect exists, and by how much the name beats each rival;
 - one that names a rival in its place: the same, the other way round;
@@ -42,7 +42,7 @@ from sim.discrepancy.pooling.pooled_estimates import (
     sizes,
     under_one_model,
 )
-from sim.discrepancy.pooling.recording_evidence import OWN, Weighed, called, found_at, said_by, shows, weighed
+from sim.discrepancy.pooling.recording_evidence import Weighed, called, found_at, is_own, said_by, shows, weighed
 from sim.discrepancy.report.formatting import named as in_full
 from sim.discrepancy.report.maintenance_actions import SURE
 from sim.discrepancy.report.wording import explain, next_measurement
@@ -144,8 +144,8 @@ def _combined(
     progress("numbers of one recording tried on the others", 0.97)
     parts = from_the_least_bent(parts)
     own = _own(parts, named)
-    named = {name: one for name, one in named.items() if name.mechanism not in OWN}
-    said = [name for name in said if name.mechanism not in OWN]
+    named = {name: one for name, one in named.items() if not is_own(name)}
+    said = [name for name in said if not is_own(name)]
     known = {name: sizes(parts, name, one.sayings) for name, one in named.items()}
     numbers = {name: pooled_sizes(name, by_recording) for name, by_recording in known.items()}
     told = [(name, advised(axis, _finding(results, name, one, numbers[name]))) for name, one in named.items()]
@@ -221,7 +221,7 @@ def _showing(parts: Sequence[Part], name: Name) -> tuple[str, ...]:
 def _own(parts: Sequence[Part], weighed: Iterable[Name]) -> dict[Name, Finding]:
     """What belongs to recordings and not to the axis, each once, as the surest of them says it."""
     kept = set(weighed)
-    all_of = [f for part in parts for f in part.result.findings if f.mechanism in OWN and called(f) in kept]
+    all_of = [f for part in parts for f in part.result.findings if is_own(called(f)) and called(f) in kept]
     surest = {called(f): f for f in sorted(all_of, key=lambda f: f.probability)}
     return {
         name: replace(f, explanation=f"In {', '.join(_showing(parts, name))}: {f.explanation}")

@@ -11,8 +11,6 @@ from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.discrepancy.assessment.cross_validation_gain import gains
 from sim.discrepancy.assessment.intervals import (
-    DENT_SHARE,
-    FORM_SHARE,
     NINETY,
     NO_SIZE,
     estimates,
@@ -24,14 +22,15 @@ from sim.discrepancy.assessment.verdict import left
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import BENT, all_rows, final_fit
-from sim.discrepancy.extended_axis import SIMPLE, extended_by
+from sim.discrepancy.extended_axis import extended_by
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.hypotheses.nonparametric import AS_NEW
+from sim.discrepancy.hypotheses.traits import AS_NEW, traits_of
+from sim.discrepancy.model.parameters import Owner
 from sim.discrepancy.pooling.log_odds import Known, LogOdds, Name, pooled
-from sim.discrepancy.pooling.recording_evidence import OWN, found_at, instead, said_by, term_name
+from sim.discrepancy.pooling.recording_evidence import found_at, instead, is_own, said_by, term_name
 from sim.discrepancy.results import Estimate, Finding, Gain, Investigation, Unexplained
+from sim.mechanisms.catalogue import kind_or_any
 
-OF_THE_AXIS = ("motor.", "load.", "stages.", "mesh.", "loss_split.")
 ANGLES = ("angle_rad", "phase_rad", "second_phase_rad")
 
 
@@ -71,7 +70,7 @@ def under_one_model(
     present = {term_name(t, values): t for t in weighed.fit.terms if t.named}
     wrong = {n for n, t in present.items() if t in weighed.found and n not in said}
     tried = instead(result, wrong)
-    wanted = [name for name in said if name not in present and (name.mechanism not in OWN or name in tried)]
+    wanted = [name for name in said if name not in present and (not is_own(name) or name in tried)]
     lacking = [found for name in wanted if (found := found_at(results, name))]
     common = set.intersection(*({_curve(t) for t in r.weighed.fit.terms} for r in results if r.weighed))
     kept = [
@@ -98,15 +97,16 @@ def under_one_model(
 
 def _curve(term: Term) -> tuple[str, ...]:
     """What a term without a name is told by: its place, and its numbers, as curves of several orders lie in one."""
-    return term.key, *(p.name for p in term.parameters)
+    return str(term.key), *(p.name for p in term.parameters)
 
 
 def from_the_least_bent(parts: Sequence[Part]) -> list[Part]:
     """Fits that start once more from the numbers of the recording that bends the description least, where those are
     better: with gears the way to the least squares is rough, and one recording may be caught where another is not."""
     least = min(parts, key=lambda part: part.fit.prior_penalty)
-    theirs = {p.name for t in least.fit.terms if t.mechanism not in OWN for p in t.parameters}
-    axis = {name: value for name, value in least.fit.values.items() if name.startswith(OF_THE_AXIS) or name in theirs}
+    theirs = {p.name for t in least.fit.terms if not kind_or_any(t.mechanism).of_the_recording for p in t.parameters}
+    theirs |= {p.name for p in least.fit.parameters if p.owner in (Owner.DESCRIPTION, Owner.MACHINE)}
+    axis = {name: value for name, value in least.fit.values.items() if name in theirs}
     return [part if part is least or not part.fit.prior_penalty > BENT else _restarted(part, axis) for part in parts]
 
 
@@ -135,7 +135,7 @@ def pooled_sizes(name: Name, by_recording: Mapping[str, Sequence[Estimate]]) -> 
     if len(by_recording) == 1:
         return tuple(next(iter(by_recording.values())))
     names = dict.fromkeys(e.name for numbers in by_recording.values() for e in numbers)
-    share = DENT_SHARE if name.mechanism == "tooth_damage" else FORM_SHARE
+    share = traits_of(name.mechanism).size_open
     return tuple(
         pooled_estimate([e for numbers in by_recording.values() for e in numbers if e.name == one],
                         share=0.0 if one in NO_SIZE else share)
@@ -180,7 +180,7 @@ def extension(
     """The axis with the combined numbers; of what belongs to recordings only what all of them have."""
     values = {e.name: e.value for e in calibration}
     for name in said:
-        if name.mechanism in SIMPLE:
+        if traits_of(name.mechanism).in_every_axis:
             values |= _split(parts, name.mechanism, sizes[name])
     found = {(n.mechanism, n.location): {e.name: e.value for e in numbers[n]} for n in said}
     found |= {(n.mechanism, n.location): {e.name: e.value for e in f.parameters} for n, f in own.items()}
@@ -193,7 +193,7 @@ def _split(parts: Sequence[Part], mechanism: str, sizes: Mapping[str, Sequence[E
     weight = {name: (max(e[0].high - e[0].low, 1e-300)) ** -2.0 for name, e in sizes.items()}
     for part in parts:
         share = weight.get(part.taken.name, 0.0) / sum(weight.values())
-        for name, value in part.fit.values.items():
-            if share and name.startswith(f"{mechanism}@"):
-                out[name] = out.get(name, 0.0) + share * value
+        for name in (p.name for t in part.fit.terms if t.mechanism == mechanism for p in t.parameters):
+            if share:
+                out[name] = out.get(name, 0.0) + share * part.fit.values[name]
     return out

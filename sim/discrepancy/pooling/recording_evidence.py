@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 
 from sim.discrepancy.acoustic.evidence import SILENT
 from sim.discrepancy.assessment.calibration import WEIGHTS
-from sim.discrepancy.assessment.intervals import FORM_SHARE, INFLATION
+from sim.discrepancy.assessment.intervals import INFLATION
 from sim.discrepancy.assessment.posterior import CLOSE, is_close, log_odds
 from sim.discrepancy.assessment.posterior import existence as exists_in
 from sim.discrepancy.estimation.estimate import Fit
@@ -20,12 +20,13 @@ from sim.discrepancy.results import SAID, Finding, Investigation
 from sim.discrepancy.search.blocked_cross_validation import advantage, paired
 from sim.discrepancy.search.comparison import Model, ModelComparison, in_place, named_alone, own_of
 from sim.discrepancy.search.criterion import TEMPERATURE
-
-OWN = ("torque_offset", "time_delay", "electrical_hum", "clipping", "lost_samples")  # of a recording, not of the axis
+from sim.mechanisms.catalogue import kind_or_any
+from sim.mechanisms.traits import SIZE_SHARE
 
 
 def name_of(mechanism: str, location: str | None, numbers: Mapping[str, float]) -> Name:
-    return Name(mechanism, location, numbers.get("order") if mechanism == "torque_ripple" else None)
+    told_by = kind_or_any(mechanism).told_by
+    return Name(mechanism, location, numbers.get(told_by) if told_by else None)
 
 
 def called(finding: Finding) -> Name:
@@ -33,8 +34,12 @@ def called(finding: Finding) -> Name:
 
 
 def term_name(term: Term, values: Mapping[str, float]) -> Name:
-    order = term.report(values).get("order") if term.mechanism == "torque_ripple" else None
-    return Name(term.mechanism, term.location, order)
+    return name_of(term.mechanism, term.location, term.report(values))
+
+
+def is_own(name: Name) -> bool:
+    """Whether it is of a recording and not of the axis."""
+    return kind_or_any(name.mechanism).of_the_recording
 
 
 def said_by(result: Investigation, name: Name) -> Finding | None:
@@ -78,7 +83,7 @@ class Weighed:
 def weighed(results: Sequence[Investigation]) -> dict[Name, Weighed]:
     """Every name that any recording gave; of names for one effect that nothing tells apart, the better founded."""
     named = list(dict.fromkeys(called(f) for result in results for f in result.findings))
-    names = [name for name in named if not (name.mechanism in OWN and _gives_way(name, named, results))]
+    names = [name for name in named if not (is_own(name) and _gives_way(name, named, results))]
     sayings = {name: [_saying(result, name, results) for result in results] for name in names}
     gone = set(named) - set(names)
     rivals = {name: {r: odds for r, odds in against(sayings[name]).items() if r not in gone} for name in names}
@@ -115,7 +120,7 @@ def _saying(result: Investigation, name: Name, results: Sequence[Investigation])
         given = said_by(result, other)
         if name in beaten and given is not None and given.evidence is not None:
             return LogOdds(exists_in(given.evidence) - PRIOR, {other: -beaten[name]})
-    if name.mechanism in OWN:  # another recording knows nothing of it
+    if is_own(name):  # another recording knows nothing of it
         return LogOdds(0.0)
     found = found_at(results, name)
     if found is None:  # heard only
@@ -172,7 +177,7 @@ def _gives_way(own: Name, named: Iterable[Name], results: Sequence[Investigation
     It must explain that recording as well, of the size that the others found, and be what it cannot be told from.
     """
     for name in named:
-        if name.mechanism in OWN:
+        if is_own(name):
             continue
         giving = [(r, f) for r in results if (f := said_by(r, own))]
         others = [r for r in results if said_by(r, own) is None and shows(r, name)]
@@ -198,7 +203,7 @@ def _holding(problem: Problem, own: Fit, rest: Sequence[Term], term: Term, fit: 
     """The model `rest` with `term`, its numbers held to what `fit`, that of another recording, knows of them."""
     spread = fit.deviations()
     held = tuple(
-        replace(p, start=v, centre=v, spread=max(INFLATION * spread[p.name], FORM_SHARE * abs(v), 1e-300))
+        replace(p, start=v, centre=v, spread=max(INFLATION * spread[p.name], SIZE_SHARE * abs(v), 1e-300))
         for p in term.parameters
         for v in [fit.values[p.name]]
     )

@@ -16,6 +16,8 @@ from sim.discrepancy.acoustic.operating_states import Course
 from sim.discrepancy.acoustic.spectral_lines import TRANSFORM, gamma_limit, mesh_orders
 from sim.discrepancy.acoustic.stroke_impacts import impacts, over_around
 from sim.discrepancy.report.panels import SOUND, Panel
+from sim.mechanisms import BearingDefect, StructuralResonance
+from sim.mechanisms.catalogue import kind_of
 from sim.torsional.model import Array
 
 if TYPE_CHECKING:
@@ -25,14 +27,6 @@ SHOWN_S, SHOWN_HZ = 20.0, 1500.0
 MEAN_HOPS = 4
 SHOWN_ORDER, ORDER_STEP = 32.0, 0.05
 REACHED = "what noise reaches"
-REASONS = {
-    "tooth_damage": "No impacts stand out over what good gearboxes do as well, nor lines at the turns of a gear.",
-    "backlash": "No impact where braking begins stands out over what good gearboxes do as well.",
-    "bearing_defect": "The lines that no gear explains are too few to be a bearing's.",
-    "mesh_error": "The lines of no gear's teeth have grown over those of as new and those of the other gears.",
-    "structural_resonance": "No pitch has grown over that of as new, at every speed, by more than others have fallen.",
-}
-SILENT = {"bearing_defect": "No family of impacts stands out of the sound at an order that no gear has."}
 
 
 def sound_panels(listened: Listening) -> tuple[list[Panel], list[Panel]]:
@@ -58,7 +52,8 @@ def sound_panels(listened: Listening) -> tuple[list[Panel], list[Panel]]:
 
 def sound_candidates(listened: Listening) -> list[tuple[str, str]]:
     """What was weighed and not named, and why."""
-    return [(name, REASONS[name]) for name, _ in listened.rejected]
+    weighed = ((name, kind_of(name).heard) for name, _ in listened.rejected)
+    return [(name, heard.left_out) for name, heard in weighed if heard]
 
 
 def along_path(result: Investigation) -> list[Panel]:
@@ -76,7 +71,7 @@ def along_path(result: Investigation) -> list[Panel]:
     highest = np.asarray(heard.heights[: count * per].reshape(count, per).max(axis=1), dtype=np.float64)
     centre: Array = (np.arange(count, dtype=np.float64) + 0.5) * per * heard.step
     lines = ((SOUND, 10.0 * np.log10(np.maximum(highest, 1e-3))),)
-    bearings = [e.value for f in result.findings for e in f.parameters if f.mechanism == "bearing_defect"]
+    bearings = [e.value for f in result.findings for e in f.parameters if f.mechanism == BearingDefect.name]
     teeth = tuple((k * order, "teeth") for order in mesh_orders(axis) for k in (1, 2) if k * order < SHOWN_ORDER)
     found = tuple((k * order, "bearing") for order in bearings for k in (1, 2, 3) if k * order < SHOWN_ORDER)
     labels = ("times per turn of the motor", "over its surroundings [dB]")
@@ -139,7 +134,7 @@ def _growth(listened: Listening) -> list[Panel]:
     frequency, lines = growth_curves(listened.courses[0], listened.as_new)
     if not lines:
         return []
-    pitches = [h.parameters["frequency_hz"][0] for h in listened.heard if h.mechanism == "structural_resonance"]
+    pitches = [h.parameters["frequency_hz"][0] for h in listened.heard if h.mechanism == StructuralResonance.name]
     teeth = [one for one in _teeth(listened.courses[0]) if one[0] > frequency[0]]
     marks = tuple(sorted([*((pitch, "rings") for pitch in pitches), *teeth]))
     labels = ("frequency [Hz]", "louder than as new [dB]")

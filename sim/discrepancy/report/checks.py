@@ -9,22 +9,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.discrepancy.report.formatting import angle, number, percent
+from sim.mechanisms import Clipping, ElectricalHum, LostSamples
 
 if TYPE_CHECKING:
     from sim.discrepancy.results import Investigation
 
 COUNTS = 0.5  # weight from which a row does
-FAULTS = (
-    ("lost_samples", "rows or samples missing, or held while it moves", "none found (less than 0.05 % of all)"),
-    ("clipping", "values cut at their extremes", "none found"),
-    ("electrical_hum", "hum of the mains", "none found"),
-)
+FAULTS = (LostSamples, Clipping, ElectricalHum)
 
 
 def checked(result: Investigation) -> list[tuple[str, str]]:
     """Every check and its result, also where all is well."""
     told = {f.mechanism: f.explanation for f in result.findings}
-    faults = [(words, told.get(name, well)) for name, words, well in FAULTS]
+    faults = [(words, told.get(kind.name, well)) for kind in FAULTS for words, well in [kind.checked or ("", "")]]
     return [*_of_telemetry(result), *_of_sound(result), *faults]
 
 

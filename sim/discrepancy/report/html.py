@@ -25,10 +25,11 @@ from sim.discrepancy.report.formatting import (
     unit_in_words,
     words_of,
 )
-from sim.discrepancy.report.maintenance_actions import OF_THE_MEASUREMENT, place_of
+from sim.discrepancy.report.maintenance_actions import of_the_measurement, place_of
 from sim.discrepancy.report.panels import Panel
 from sim.discrepancy.report.summary import ALIKE, Candidate, asked_for, candidates, panels
 from sim.discrepancy.report.wording import headline, not_examined, numbers_of, telling_apart, unexplained_words
+from sim.mechanisms.catalogue import kind_of
 
 if TYPE_CHECKING:
     from sim.discrepancy.results import Estimate, Finding, Investigation
@@ -56,7 +57,6 @@ STEPS = (
 )
 """Headings of the steps, in order."""
 
-HIDDEN = ("form",)  # numbers that say nothing to a reader; the explanation says what they mean
 FLANKS = {1.0: "the one that carries positive torque", -1.0: "the one that carries negative torque"}
 MOST_PLACES = 6
 BELIEVED = f"How far a described number is believed, as one standard deviation: inertias of motor and gears, stiffness and friction {percent(STATED_SPREAD)}, what a mesh loses {percent(LOSS_SPREAD)}, the load's inertia {percent(PAYLOAD_SPREAD)}, damping {percent(DAMPING_SPREAD)}. A number of a data sheet that the data put {MISTAKEN:g} of those away is taken to be wrong, and hardly held any more."
@@ -112,12 +112,12 @@ def _box(result: Investigation, files: Sequence[str]) -> str:
 
 
 def _told(result: Investigation, finding: Finding) -> list[tuple[str, str]]:
-    kind = "fault of the measurement" if finding.mechanism in OF_THE_MEASUREMENT else "missing in the model"
+    kind = "fault of the measurement" if of_the_measurement(finding.mechanism) else "missing in the model"
     at = place_of(result.axis, finding.location, numbers_of(finding))
     place = ", ".join(part for part in (finding.location or "", at) if part)
     return [
         ("What", f"{named(finding.mechanism).capitalize()} ({kind}). {finding.explanation}"),
-        ("Where", place or ("the recording" if finding.mechanism in OF_THE_MEASUREMENT else "not told by these data")),
+        ("Where", place or ("the recording" if of_the_measurement(finding.mechanism) else "not told by these data")),
         ("How sure", f"{sure(finding.probability)}, {likely(finding.probability, calibrated=finding.calibrated)}"),
         ("What to do now", finding.action),
     ]
@@ -260,7 +260,7 @@ def _extended(result: Investigation) -> list[str]:
 
 
 def _number(f: Finding, e: Estimate) -> tuple[str, str, str, str, str] | None:
-    if e.name in HIDDEN or (e.name == "phase_rad" and f.mechanism == "electrical_hum"):
+    if any(p.name == e.name and not p.shown for p in kind_of(f.mechanism).parameters):
         return None
     if e.name == "flank":
         return words_of(e.name), FLANKS.get(e.value, "not told"), "–", "", ""

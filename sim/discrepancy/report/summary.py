@@ -9,10 +9,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from sim import mechanisms
 from sim.discrepancy.assessment.posterior import is_close
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.report.acoustic_panels import SILENT, along_path, sound_candidates, sound_panels
+from sim.discrepancy.report.acoustic_panels import along_path, sound_candidates, sound_panels
 from sim.discrepancy.report.checks import checked
 from sim.discrepancy.report.panels import Panel
 from sim.discrepancy.report.residual_panels import overlay_panels, residual_panels
@@ -105,14 +106,15 @@ def candidates(result: Investigation) -> list[Candidate]:
         for t in selection.fit.terms
         if t.named and t not in selection.found
     ]
-    silent = [Candidate(name, None, SILENT[name]) for name in unheard(result)]
+    silent = [Candidate(name, None, reason) for name, reason in unheard(result)]
     return [*instead, *as_new, *(_left_out(selection, rival) for rival in rest[:MOST_CANDIDATES]), *silent]
 
 
-def unheard(result: Investigation) -> list[str]:
-    """What was listened for beside telemetry, and not heard."""
+def unheard(result: Investigation) -> list[tuple[str, str]]:
+    """What was listened for beside telemetry and not heard, and why."""
     named = {finding.mechanism for finding in result.findings}
-    return [name for name in ("bearing_defect",) if result.sounds and name not in named]
+    silent = ((name, kind.heard.silent) for name, kind in mechanisms.MECHANISMS.items() if kind.heard)
+    return [(name, why) for name, why in silent if why and result.sounds and name not in named]
 
 
 def _instead(term: Term, other: Term, behind: float) -> Candidate:
@@ -160,7 +162,6 @@ def asked_for(term: Term, fit: Fit) -> float:
 def _form_of(selection: Selection, rival: Rival) -> str | None:
     """The mechanism whose errors of form a candidate may be."""
     for key, gain in selection.gains.items():
-        other = key.split("@")[0]
-        if rival.gain < form_share(rival.term.mechanism, other) * gain:
-            return other
+        if rival.gain < form_share(rival.term.mechanism, key.mechanism) * gain:
+            return key.mechanism
     return None

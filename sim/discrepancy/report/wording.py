@@ -16,39 +16,18 @@ from sim.discrepancy.data.excitation import turns
 from sim.discrepancy.hypotheses.identifiability import HALF
 from sim.discrepancy.report.formatting import angle, named, number, percent, words_of
 from sim.discrepancy.report.maintenance_actions import (
-    BEHIND_THE_MOTOR,
-    MEASUREMENTS,
-    OF_THE_MEASUREMENT,
     SHOWN_RAD,
     measurement,
+    of_the_measurement,
 )
-from sim.discrepancy.results import Unexplained
+from sim.discrepancy.results import SAID, Unexplained
+from sim.mechanisms.catalogue import kind_of, kind_or_any
+from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Need
 
 if TYPE_CHECKING:
     from sim.discrepancy.results import Finding, Investigation
 
-SENTENCES: Mapping[str, str] = {
-    "backlash": "The {where} gear pair has play of {gap_rad:.3g} rad ({gap_rad_shown}): around every reversal of torque the load moves freely until the other flank meets.",
-    "tooth_damage": "A flank of the {where} gear lacks material near {angle_rad:.3f} rad ({angle_rad_shown}), {depth_rad:.2g} rad ({depth_rad_shown}) deep: torque breaks down there once per revolution, in one direction of torque.",
-    "eccentricity": "The {where} gear runs out of true by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution.",
-    "mesh_error": "The teeth of the {where} gear pair err by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) at tooth frequency, more than as new.",
-    "coulomb_friction": "Dry friction of {torque_n_m:.3g} N m as felt at the motor is missing from the description.",
-    "viscous_friction": "Viscous friction of {coefficient_n_m_s_per_rad:.3g} N m s/rad as felt at the motor is missing from the description.",
-    "stribeck_friction": "At low speed friction rises by {torque_n_m:.3g} N m, below about {speed_rad_s:.3g} rad/s of the motor: the lubricant film breaks down.",
-    "friction_asymmetry": "Friction differs between the two directions of motion.",
-    "load_dependent_loss": "The {where} gear pair loses {fraction:.1%} of the torque it transmits.",
-    "friction_drift": "Friction changes by {rate_per_s:.2%} per second during the record, as when the gear warms up.",
-    "gravity_imbalance": "A torque of {torque_n_m:.3g} N m pulls at the load and turns with it: weight off the axis of rotation.",
-    "torque_ripple": "The motor torque ripples by {torque_n_m:.3g} N m {order:g} times per revolution of the motor.",
-    "stiffness_hardening": "The {where} gear pair is stiffer at large twist than at small.",
-    "hysteresis": "The {where} gear pair holds back {torque_n_m:.3g} N m when the twist turns: its spring has a loop.",
-    "torque_offset": "The torque channel reads {torque_n_m:.3g} N m too much, whatever the motion.",
-    "encoder_error": "The load encoder errs by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution, more than its data sheet says.",
-    "time_delay": "A channel is late by {delay_s:.3g} s against the others.",
-    "structural_resonance": "Part of the load, {share:.0%} of its inertia, swings by itself at {frequency_hz:.3g} Hz: an arm, a tool or the stand is soft or loose.",
-    "electrical_hum": "A hum of {frequency_hz:g} Hz from the mains is on the torque channel.",
-}  # fmt: skip
 KINDS = {
     "frequency": "A fixed frequency",
     "speed": "Friction that changes with the speed",
@@ -63,8 +42,8 @@ REST = {
     "time": "Repeat the motion twice in a row with the temperature logged: heat goes on from where it was, what happened once does not come again.",
 }
 PLACED = {"angle_rad": SHOWN_RAD}  # to which a place is said
+UNITS = {"frequency_hz": "Hz", "speed_rad_s": "rad/s", "time_s": "s", "amplitude_rad": "rad"}  # of what has no name
 ALIKE = 0.25  # of what a mechanism explains, from which another looks like it
-SAID = 0.5  # probability from which a name is said
 BOTTOMS = ((3.0, "round, like a worn hollow"), (6.0, "between a worn hollow and a piece broken out"))
 BROKEN = "flat with steep edges, like a piece broken out"
 
@@ -80,8 +59,10 @@ def explain(
 
     `instead`: what looks like it but predicts unseen rows worse, to the share that it explains in its place.
     """
-    shown = {f"{name}_shown": angle(value, PLACED.get(name, 0.0)) for name, value in numbers.items() if "_rad" in name}
-    sentence = SENTENCES.get(mechanism)
+    kind = kind_of(mechanism)
+    angles = [p.name for p in kind.parameters if p.unit == "rad" and p.name in numbers]
+    shown = {f"{name}_shown": angle(numbers[name], PLACED.get(name, 0.0)) for name in angles}
+    sentence = kind.sentence
     said = [
         sentence.format(where=location or "", **numbers, **shown)
         if sentence
@@ -106,7 +87,7 @@ def of_itself(mechanism: str, location: str | None, numbers: Mapping[str, float]
     >>> of_itself("clipping", "motor", {"fraction": 0.25})
     'Clipping at motor: the motor torque and the sound stop at a level: the fraction says how much of their peak is cut off. Fraction 0.250.'
     """
-    kind = mechanisms.MECHANISMS[mechanism]
+    kind = kind_of(mechanism)
     does = " ".join((kind.__doc__ or "").split("\n")[0].split()).rstrip(".")
     units = {p.name: p.unit for p in kind.parameters}
     values = ", ".join(
@@ -121,7 +102,7 @@ def headline(result: Investigation) -> str:
     if result.verdict == "unnamed":
         return "Something is missing in the model that no catalogued mechanism explains."
     said = [f for f in result.findings if f.probability >= SAID]
-    machine = [f for f in said if f.mechanism not in OF_THE_MEASUREMENT]
+    machine = [f for f in said if not of_the_measurement(f.mechanism)]
     faults = ", ".join(dict.fromkeys(named(f.mechanism) for f in said if f not in machine))
     if not said:
         return _silent(result)
@@ -177,12 +158,12 @@ def next_measurement(axis: Axis, findings: Sequence[Finding], rest: Sequence[Une
     if not findings and rest:
         return REST.get(rest[0].kind, REST["frequency"])
     blind = not load_encoder and bool(axis.stages)
-    if blind and all(finding.mechanism in BEHIND_THE_MOTOR for finding in findings):
+    if blind and all(kind_or_any(finding.mechanism).behind_the_motor for finding in findings):
         return (
             "Add an encoder at the load and repeat the motion: play, runout and soft springs inside the gear move the "
             "load against the motor, friction and weight do not."
         )
-    for finding in sorted(findings, key=lambda f: (f.mechanism in OF_THE_MEASUREMENT, f.probability)):
+    for finding in sorted(findings, key=lambda f: (of_the_measurement(f.mechanism), f.probability)):
         return measurement(axis, finding.mechanism, finding.location, numbers_of(finding))
     return "Nothing is open; repeat the same motion after maintenance or in half a year, and compare."
 
@@ -203,32 +184,23 @@ def unexplained_words(rest: Unexplained) -> str:
 
 
 def _places(rest: Unexplained) -> list[str]:
-    units = {"_hz": "Hz", "_rad_s": "rad/s", "_rad": "rad", "_s": "s"}
     out = []
     for name, value in rest.numbers.items():
-        unit = next((unit for ending, unit in units.items() if name.endswith(ending)), "")
         if name == "order":
             out.append(f"{value:g} times per turn of the load")
         elif name.startswith("angle_"):
             out.append(f"{angle(value)} of {words_of(name).removeprefix('angle ')}")
         elif name != "direction":
-            out.append(f"{number(value)} {unit}")
+            out.append(f"{number(value)} {UNITS[name]}")
     return out
 
 
 def telling_apart(first: str, second: str, load_encoder: bool) -> str:
     """The measurement in which two mechanisms differ."""
-    pair = {first, second}
-    if "torque_offset" in pair:
-        return MEASUREMENTS["torque_offset"]
-    if pair == {"eccentricity", "encoder_error"}:
-        return "Put a dial gauge, a second encoder or a laser at the load and turn it slowly once: runout of the gear moves the load, an error of the encoder does not."
-    if pair == {"tooth_damage", "mesh_error"}:
-        return "Look by endoscope at all teeth of the gear, or turn it slowly through a whole turn under load and log the torque: one damaged tooth breaks it down at one angle, teeth that all err do so everywhere."
-    if pair & {"backlash", "stiffness_hardening", "hysteresis"}:
-        return "Block the load, let the motor push slowly to and fro up to its torque limit and log torque against angle: play shows a flat middle, hardening a bend, hysteresis a loop."
-    if pair & {"eccentricity", "encoder_error", "gravity_imbalance", "mesh_error"}:
-        return "Turn the load slowly through more than one revolution in both directions: an encoder's error needs no torque, eccentricity grows with speed squared, weight does not."
+    one, other = kind_or_any(first).differs, kind_or_any(second).differs
+    for way in Differing:
+        if way in (one & other if way.of_both else one | other):
+            return way.value
     if not load_encoder:
         return "Add an encoder at the load and repeat the motion: it separates what happens before and behind the gear."
     return "Repeat the motion at a third of the speed and at full speed, in both directions: friction laws differ in how they depend on speed."

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
-from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.hypothesis import Key, Term
 from sim.discrepancy.hypotheses.nonparametric import CURVES
 from sim.discrepancy.parallel import each
 from sim.discrepancy.search.blocked_cross_validation import advantage, paired
@@ -58,9 +58,9 @@ def standings(
     problem: Problem,
     fit: Fit,
     found: Sequence[Term],
-    gains: Mapping[str, float],
-    rivals: Mapping[str, Sequence[tuple[Term, Mapping[str, float]]]],
-) -> dict[str, ModelComparison]:
+    gains: Mapping[Key, float],
+    rivals: Mapping[Key, Sequence[tuple[Term, Mapping[str, float]]]],
+) -> dict[Key, ModelComparison]:
     """How each of the terms `found` in `fit` stands; `rivals`: terms and numbers that were tried when it came in."""
     plain = named_alone(problem, fit)
     model = Model.of(plain)

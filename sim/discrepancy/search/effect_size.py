@@ -52,7 +52,7 @@ def beyond(term: Term, fit: Fit) -> float:
     if size == 0.0 or not makes_sense(term, fit.values):
         return -math.inf
     excess = size - term.size
-    if term.mechanism == "tooth_damage":
+    if term.traits.dent:
         return math.copysign(math.inf, excess)
     deviation = deviations(fit, term, lambda values: {"size": magnitude(term, values)}, term.shape)["size"]
     return excess / max(deviation, 1e-6 * max(term.size, 1e-300))

@@ -10,7 +10,7 @@ import numpy as np
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import rewhiten
-from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.hypothesis import Key, Term
 from sim.discrepancy.search.blocked_cross_validation import advantage, paired
 from sim.discrepancy.search.comparison import Model, ModelComparison, in_place, named_alone, own_of
 from sim.discrepancy.search.criterion import BEYOND
@@ -56,7 +56,7 @@ class Either:
         return Either(max(0.5 * (by_own + by_its), by_its), anew, there)
 
 
-Nearly = Mapping[str, Sequence[Rival]]
+Nearly = Mapping[Key, Sequence[Rival]]
 
 
 def ahead(term: Term, other: Term) -> float:

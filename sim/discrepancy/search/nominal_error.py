@@ -8,9 +8,9 @@ from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import FAR_BENT
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.search.criterion import LEFT_OUT, least_gain
+from sim.discrepancy.model.parameters import Stated
+from sim.discrepancy.search.criterion import least_gain
 
-OF_LINKS = ("damping_n_m_s_per_rad", "mesh_efficiency")  # of a stage: described as well, though less well known
 SURE = 10.0  # times the least gain: so much is not explained by any number
 
 
@@ -20,10 +20,10 @@ def doubted(term: Term, gain: float, problem: Problem, less: Fit, more: Fit) -> 
     `less`: the fit without the term, `more` the one with it. That a number is known so many times less well costs twice
     the logarithm of that, and of how many numbers it was looked for among. Friction that was left out is itself one.
     """
-    if term.mechanism in LEFT_OUT or gain > SURE * least_gain(term):
+    if term.traits.in_every_axis or gain > SURE * least_gain(term):
         return None
     base = {p.name for p in problem.base()}
-    described = [p for p in less.parameters if p.name in base and (p.stated or p.name.endswith(OF_LINKS))]
+    described = [p for p in less.parameters if p.name in base and p.stated is not Stated.NO]
     far = {p.name: p.deviation(less.values) for p in described if p.name not in term.replaces}
     wrong = {name: times for name, times in far.items() if times > FAR_BENT}
     if not wrong:

@@ -16,15 +16,12 @@ from sim.discrepancy.estimation.refit import BENT
 from sim.discrepancy.hypotheses.catalogue import terms_of
 from sim.discrepancy.hypotheses.gear_mesh import tooth_damage
 from sim.discrepancy.hypotheses.harmonics import AS_NEW_FACTOR
-from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.hypothesis import Key, Term
 from sim.discrepancy.hypotheses.identifiability import missing_at
+from sim.discrepancy.hypotheses.traits import mechanisms_with
 from sim.discrepancy.model.nominal import link_stiffness, ratio_after, stages_of
 from sim.discrepancy.parallel import each
 from sim.discrepancy.search.criterion import (
-    CONSTANT,
-    LEAST_GAIN,
-    LEFT_OUT,
-    LIKE_AN_OFFSET,
     evidence,
     form_gain,
     least_gain,
@@ -35,6 +32,7 @@ from sim.discrepancy.search.residual_proposals import nameless_terms, ripples
 from sim.discrepancy.search.score_test import screen
 from sim.discrepancy.search.tooth_scan import Place, scan
 from sim.mechanisms import ToothDamage
+from sim.mechanisms.traits import LEAST_GAIN
 from sim.torsional.model import Array
 
 MOST_TRIES, FEW_TRIES = 7, 3  # starts of candidates that are fitted in one round; where time is short
@@ -55,7 +53,6 @@ LINEAR, FAR_FROM_LINEAR = 0.1, 0.03  # of the best promise: less is no rival
 HOPE = 0.5  # of what the form of a model may gain: of 15 parts that swing none gained over twice what was promised
 FAINT, FAINT_TRIES = 8.0, 4  # squares from which what noise may hide is looked at, and how many of them
 LIKE_NEW = 0.5  # of the size that matters: what the linear picture makes less of is as new
-NOISE_LIKE = ("structural_resonance", "stribeck_friction")  # by what shakes the load, and by what is left at low speed
 UNSURE = 0.5  # of what must be gained: by friction that was left out, and beside an offset by an asymmetry
 
 
@@ -87,22 +84,22 @@ def try_terms(
     """
     present = {term.key for term in fit.terms}
     candidates = list(terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values)))
-    dented = only is None or "tooth_damage" in only
+    dented = only is None or not mechanisms_with(lambda t: t.dent).isdisjoint(only)
     if dented:
         candidates += damage_terms(problem, fit.terms, fit.values)
     if only is None:
         candidates += nameless_terms(problem, fit) + ripples(problem, fit)
     candidates = [t for t in candidates if t.key not in present and (only is None or t.mechanism in only)]
     screened = screen(problem, fit, candidates)
-    begun: dict[str, int] = {}
+    begun: dict[Key, int] = {}
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
     straight.sort(key=lambda r: -evidence(r.term, r.gain, fit.residual.size))
     jobs: list[tuple[Term, Mapping[str, float]]] = []
-    shifted = any(t.mechanism in CONSTANT and gain >= least_gain(t) for gain, t, _ in screened)
-    unsure = (*LEFT_OUT, *LIKE_AN_OFFSET) if shifted else LEFT_OUT
+    shifted = any(t.traits.known_within_a_little and gain >= least_gain(t) for gain, t, _ in screened)
     for promised, term, start in screened:
         rival = (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]
-        asked = UNSURE * least_gain(term) if term.mechanism in unsure else max(rival, least_gain(term))
+        unsure = term.traits.in_every_axis or (shifted and term.traits.like_an_offset)
+        asked = UNSURE * least_gain(term) if unsure else max(rival, least_gain(term))
         if not term.contact:
             asked = max(asked, HOPE * form_gain(term, fit))
         if len(jobs) == tries or not term.named or promised < max(asked, least):
@@ -110,21 +107,21 @@ def try_terms(
         if begun.get(term.key, 0) < (2 if (term.nonlinear or term.brings) and tries == MOST_TRIES else 1):
             begun[term.key] = begun.get(term.key, 0) + 1
             jobs.append((term, start))
-    loosening = [] if fit.terms else [t for t in candidates if t.mechanism == "backlash"]
+    loosening = [] if fit.terms else [t for t in candidates if t.traits.gap]
     if dented and not fit.terms and fit.prior_penalty > BENT:
         loosening += damage_terms(problem, (), problem.numbers())
     loose = [job for t in loosening for job in as_described(problem, t)]
     refits = each(lambda job: _tried(fit, job[0], _refitted(problem, fit, *job)), jobs)
     refits += each(lambda job: _tried(fit, job[0], problem.best((job[0],), [(job[1], {})], to_end=False)), loose)
     tried = [t for t in refits if t]
-    tried.sort(key=lambda t: (-t[0].gain, t[0].term.key))
+    tried.sort(key=lambda t: (-t[0].gain, str(t[0].term.key)))
     # sensitivities change where contact is lost, where the rest moves far, and where friction comes in that may hold at
     # rest: anew for those that may be first and are not far below what matters
     far = [
         place
         for place, (r, _) in enumerate(tried[:CLOSE])
         if r.gain > 0.3 * tried[0][0].gain
-        and (r.term.nonlinear or r.term.mechanism in LEFT_OUT or r.gain > FAR_MOVED)
+        and (r.term.nonlinear or r.term.traits.in_every_axis or r.gain > FAR_MOVED)
         and wanted(r.term, r.beyond + GROWTH)
     ]
     near = [tried[place] for place in far]
@@ -132,11 +129,11 @@ def try_terms(
     rivals = [t[0] for t in tried]
     for place, anew in zip(far, finished, strict=True):
         rivals[place] = _rival(fit, rivals[place].term, anew, finished=anew)
-    rivals.sort(key=lambda r: (-r.gain, r.term.key))
-    best: dict[str, Rival] = {}
+    rivals.sort(key=lambda r: (-r.gain, str(r.term.key)))
+    best: dict[Key, Rival] = {}
     for r in [*rivals, *straight]:
         best.setdefault(r.term.key, r)
-    return sorted(best.values(), key=lambda r: (-r.gain, r.term.key))
+    return sorted(best.values(), key=lambda r: (-r.gain, str(r.term.key)))
 
 
 def faint(problem: Problem, fit: Fit) -> list[Rival]:
@@ -149,15 +146,15 @@ def faint(problem: Problem, fit: Fit) -> list[Rival]:
     candidates = [
         t
         for t in terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values))
-        if t.key not in present and not t.contact and t.mechanism not in NOISE_LIKE
+        if t.key not in present and not t.contact and not t.traits.like_noise
     ]
-    jobs: dict[str, tuple[Term, Start]] = {}
+    jobs: dict[Key, tuple[Term, Start]] = {}
     for promised, term, start in screen(problem, fit, candidates):
         if promised >= FAINT and len(jobs) < FAINT_TRIES and magnitude(term, start) > LIKE_NEW * term.size:
             jobs.setdefault(term.key, (term, ({**fit.values, **start}, fit.sensitivities)))
     fits = each(lambda job: problem.best((*fit.terms, job[0]), [job[1]]), jobs.values())
     rivals = [_rival(fit, more.terms[-1], more, finished=more) for more in fits if more]
-    return sorted((r for r in rivals if r.gain > FAINT), key=lambda r: (-r.gain, r.term.key))
+    return sorted((r for r in rivals if r.gain > FAINT), key=lambda r: (-r.gain, str(r.term.key)))
 
 
 def _rival(fit: Fit, term: Term, more: Fit, finished: Fit | None = None) -> Rival:
@@ -176,7 +173,7 @@ def as_described(problem: Problem, term: Term) -> list[tuple[Term, Mapping[str, 
     at the wrong tooth. Outliers count little: after a while it is chance when teeth hit.
     """
     jumps = [probe for (probe,) in term.probes]
-    if term.mechanism == "backlash":
+    if term.traits.gap:
         gap, *_ = term.parameters
         jumps = [{gap.name: float(x)} for x in np.geomspace(0.5 * term.size, max(j[gap.name] for j in jumps), GAPS)]
     rest = problem.numbers((term,))
@@ -203,7 +200,7 @@ def settled(
     fit = problem.fit(terms, values, held=held, to_end=True)
     starts: list[Start] = [(fit.own, {})] if fit.prior_penalty > BENT else []
     for term in terms:
-        if term.mechanism == "tooth_damage":
+        if term.traits.dent:
             starts += [({**fit.own, **other}, {}) for other in _other_dents(term, fit.own)]
     return _better(fit, problem.best(terms, starts))
 
@@ -229,7 +226,7 @@ def bottomed(problem: Problem, fit: Fit) -> Fit:
     depth to depth, all else refitted, it is less so.
     """
     for term in fit.terms:
-        if term.mechanism != "tooth_damage":
+        if not term.traits.dent:
             continue
         starts: list[Start] = [({**fit.values, **_reshaped(term, fit.values, *shape)}, {}) for shape in BOTTOMS]
         fit = _better(fit, problem.best(fit.terms, starts))
@@ -266,7 +263,7 @@ def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]
     """
     terms = (*fit.terms, term)
     values = {**fit.values, **start}
-    if term.mechanism in LEFT_OUT:
+    if term.traits.in_every_axis:
         return problem.best(terms, [(values, {}), (fit.values, {})])
     starts: list[Start] = [(values, fit.sensitivities)]
     if fit.prior_penalty > BENT:
@@ -279,7 +276,7 @@ def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]
 
 def elsewhere(problem: Problem, fit: Fit, own: Rival) -> list[Rival]:
     """Play in every other gear pair, with the same lost motion at the load."""
-    if own.term.mechanism != "backlash":
+    if not own.term.traits.gap:
         return []
     stages = stages_of(problem.axis)
     gap = magnitude(own.term, fit.values) / ratio_after(problem.axis, stages.index(own.term.location or ""))

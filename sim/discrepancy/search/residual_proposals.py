@@ -65,9 +65,10 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
             out.append(torque_over_angle(place, m, problem.axis.ratio, step))
         frequency = line_of(left, rate_hz, motion_end_hz(m), repetition_s(m))
         if frequency is not None and is_fixed(left, rate_hz, frequency, *rows):
-            shown = not kind_of("electrical_hum").shown_by & lacking(m)
-            mains = shown and place == "motor" and any(abs(frequency / f - 1.0) < MAINS for f in HUM_HZ)
-            out.append(hum(frequency, 100.0 * level) if mains else sine(place, m, frequency, step))
+            mains = place == "motor" and any(abs(frequency / f - 1.0) < MAINS for f in HUM_HZ)
+            line = hum(frequency, 100.0 * level)
+            shown = not kind_of(line.mechanism).shown_by & lacking(m)
+            out.append(line if mains and shown else sine(place, m, frequency, step))
     return out
 
 

@@ -49,7 +49,7 @@ def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[floa
 
     jobs = [(term, group) for term in terms for group in term.probes]
     out = each(promise, jobs)
-    return sorted(out, key=lambda o: (-o[0], o[1].key))
+    return sorted(out, key=lambda o: (-o[0], str(o[1].key)))
 
 
 def is_line(left: Array, power: Array, rate_hz: float, frequency_hz: float) -> bool:

@@ -10,19 +10,16 @@ from sim.description.axis import MechanismEntry
 from sim.discrepancy.data.controller_law import DriveLaw
 from sim.discrepancy.data.preprocessing import NEAR_STANDSTILL_SHARE, STANDSTILL_SHARE
 from sim.discrepancy.estimation.estimate import Fit
-from sim.discrepancy.estimation.problem import BY_CONTACT, Problem
+from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import all_rows, look_closely, multistart, quieted, rattling, rewhiten
 from sim.discrepancy.estimation.whitening import LONG
-from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.hypotheses.nonparametric import AS_NEW
+from sim.discrepancy.hypotheses.hypothesis import Key, Term
+from sim.discrepancy.hypotheses.traits import AS_NEW, mechanisms_with
 from sim.discrepancy.parallel import each
 from sim.discrepancy.search.blocked_cross_validation import advantage, paired
 from sim.discrepancy.search.comparison import ModelComparison, in_place, named_alone, own_of, standings
 from sim.discrepancy.search.criterion import (
     BEYOND,
-    CONSTANT,
-    LEFT_OUT,
-    LIKE_AN_OFFSET,
     evidence,
     holds,
     is_model_error,
@@ -52,7 +49,6 @@ SHORTLIST = 5
 MOST_TERMS = 4
 MOST_ROUNDS = 6  # with those that are as new or have no name
 MOST_ENTRIES = 3  # of one round
-AT_LOW_SPEED = ("stribeck_friction",)
 MOST_RUNS = 2400  # simulations after which of all candidates only the most promising are fitted
 LAST_RUNS = 4800  # the same after which only constants and what promised much are looked for: the rest is unnamed
 BOTTOM_RUNS = 7200  # the same after which no bottom of a dent is looked for
@@ -65,7 +61,6 @@ LARGE = 0.01  # of the squared residual: what brings less waits until slow noise
 PLENTY = 0.1  # of the squared residual: a term whose lack costs more after a few steps is not needless
 SURE, MOST_HIDDEN = 1.0, 2  # tempered nats of what noise has hidden, and how many of those
 MOST_QUIET = 3  # rounds without the noise that the drive's law tells
-SHAKEN = ("gravity_imbalance", "structural_resonance")  # by what shakes the load, which is all that is left then
 ENOUGH = 0.0  # tempered nats that a term must bring
 MORE = 4.0  # the same for what is as new or has no name: it only stands aside
 
@@ -81,11 +76,11 @@ class Selection:
     problem: Problem
     base: Fit
     fit: Fit
-    gains: Mapping[str, float]
-    rivals: Mapping[str, tuple[Rival, ...]]
+    gains: Mapping[Key, float]
+    rivals: Mapping[Key, tuple[Rival, ...]]
     rejected: tuple[Rival, ...]
     found: tuple[Term, ...]
-    standings: Mapping[str, ModelComparison]
+    standings: Mapping[Key, ModelComparison]
 
     @property
     def nameless(self) -> tuple[Term, ...]:
@@ -100,28 +95,33 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
     Where nothing came in, once more without the noise that `law` tells of the torque channel.
     """
     fit = base
-    rivals: Mapping[str, tuple[Rival, ...]] = {}
+    rivals: Mapping[Key, tuple[Rival, ...]] = {}
     rejected: tuple[Rival, ...] = ()
     entered = described(problem, base)
     promised: frozenset[str] = frozenset()
     nearly: Nearly = {}
+    constants = mechanisms_with(lambda t: t.known_within_a_little)
+    loosening = mechanisms_with(lambda t: t.loses_contact)
+    slow = mechanisms_with(lambda t: t.at_low_speed)
     for step in range(MOST_ROUNDS):
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
-        only = None if problem.runs.count <= LAST_RUNS else {*CONSTANT, *promised}
+        only = None if problem.runs.count <= LAST_RUNS else constants | promised
         tried, entry = search(problem, fit, entered, only)
         if not entry.new and problem.memory != LONG and not problem.measurement.told.all():
-            _, entry = search(*rattling(problem, fit), entered, BY_CONTACT)
+            _, entry = search(*rattling(problem, fit), entered, loosening)
         if not entry.new and problem.memory != LONG:
             problem, fit = look_closely(problem, fit)
             tried, entry = search(problem, fit, entered, only)
         last = tried if only is None else rejected  # some alone say nothing of the others
         promised = frozenset(r.term.mechanism for r in tried if is_large(r, fit))
         if not entry.new and asks_low_speed(problem, fit):
-            more, entry = search(*rewhiten(problem.down_to(NEAR_STANDSTILL_SHARE), fit), entered, AT_LOW_SPEED)
+            more, entry = search(*rewhiten(problem.down_to(NEAR_STANDSTILL_SHARE), fit), entered, slow)
             anew = {r.term.key for r in more}
-            tried = sorted([*more, *(r for r in tried if r.term.key not in anew)], key=lambda r: (-r.gain, r.term.key))
+            tried = sorted(
+                [*more, *(r for r in tried if r.term.key not in anew)], key=lambda r: (-r.gain, str(r.term.key))
+            )
         if not entry.new and only is None and not problem.measurement.told.all():
-            _, entry = search(*all_rows(problem, fit), entered, BY_CONTACT)
+            _, entry = search(*all_rows(problem, fit), entered, loosening)
         names = {r.term.key for r in entry.new}
         rejected = tuple(r for r in last if r.term.key not in names and r.term.named)
         if not entry.new:
@@ -133,7 +133,10 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
         entered |= entry.brought
         nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
         rivals = {**rivals, **{r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}}
-        if sum(beyond(t, fit) > BEYOND for t in fit.terms if t.mechanism not in (*LEFT_OUT, AS_NEW)) >= MOST_TERMS:
+        if (
+            sum(beyond(t, fit) > BEYOND for t in fit.terms if not (t.traits.in_every_axis or t.mechanism == AS_NEW))
+            >= MOST_TERMS
+        ):
             break
     if problem.memory != LONG:
         problem, fit = look_closely(problem, fit)
@@ -168,14 +171,14 @@ def is_said(term: Term, fit: Fit) -> bool:
 
 
 def quietly(
-    problem: Problem, fit: Fit, law: DriveLaw, entered: Mapping[str, float]
-) -> tuple[Mapping[str, tuple[Rival, ...]], Nearly, Entry]:
+    problem: Problem, fit: Fit, law: DriveLaw, entered: Mapping[Key, float]
+) -> tuple[Mapping[Key, tuple[Rival, ...]], Nearly, Entry]:
     """What comes in once the drive's law tells noise of the torque channel, the fit with it and what each term gains.
 
     Nothing where it tells none, and where what comes in may as well be the noise at the load, which stays.
     """
     anew, more = quieted(problem, fit, law)
-    rivals: dict[str, tuple[Rival, ...]] = {}
+    rivals: dict[Key, tuple[Rival, ...]] = {}
     nearly: Nearly = {}
     for _ in range(MOST_QUIET if anew is not problem else 0):
         tried, entry = search(anew, more, entered, None)
@@ -189,11 +192,11 @@ def quietly(
     anew, more, gains = prune(anew, bottomed(anew, more), strict=True)
     named = [t for t in more.terms if t.named and is_said(t, more)]
     new = [r for t in named for r in rivals.get(t.key, ()) if r.term.key == t.key]
-    shaken = any(t.mechanism in SHAKEN for t in named)
+    shaken = any(t.traits.shakes_load for t in named)  # which is all that is left then
     return rivals, nearly, Entry((), problem, fit) if shaken else Entry(new, anew, more, gains)
 
 
-def unmasked(problem: Problem, fit: Fit, entered: Mapping[str, float]) -> tuple[list[Rival], Entry]:
+def unmasked(problem: Problem, fit: Fit, entered: Mapping[Key, float]) -> tuple[list[Rival], Entry]:
     """What was tried, and of it what stands once noise is taken from its own fit, beside all that stands in `fit`.
 
     What each then gains is told of all of them. Where teeth hit none is looked for.
@@ -215,7 +218,7 @@ def unmasked(problem: Problem, fit: Fit, entered: Mapping[str, float]) -> tuple[
     return tried, Entry((), problem, fit)
 
 
-def described(problem: Problem, base: Fit) -> dict[str, float]:
+def described(problem: Problem, base: Fit) -> dict[Key, float]:
     """What each mechanism that the description already has gains over a description without it."""
 
     def without(entry: MechanismEntry) -> float:
@@ -227,8 +230,8 @@ def described(problem: Problem, base: Fit) -> dict[str, float]:
     return {_key(e): gain for e, gain in zip(entries, each(without, entries), strict=True)}
 
 
-def _key(entry: MechanismEntry) -> str:
-    return f"{entry.name}@{entry.location}"
+def _key(entry: MechanismEntry) -> Key:
+    return Key(entry.name, entry.location)
 
 
 def is_large(rival: Rival, fit: Fit) -> bool:
@@ -247,19 +250,22 @@ def likely(tried: Sequence[Rival]) -> list[Rival]:
     if not large:
         return []
     best = max(large, key=lambda r: r.gain)
-    alike = (*CONSTANT, *LIKE_AN_OFFSET) if best.term.mechanism in (*CONSTANT, *LIKE_AN_OFFSET) else ()
-    return [r for r in large if r.gain > RIVAL_SHARE * best.gain or r.term.mechanism in alike]
+    return [r for r in large if r.gain > RIVAL_SHARE * best.gain or (_is_shift(r.term) and _is_shift(best.term))]
+
+
+def _is_shift(term: Term) -> bool:
+    return term.traits.known_within_a_little or term.traits.like_an_offset
 
 
 def asks_low_speed(problem: Problem, fit: Fit) -> bool:
     """Whether the rows near standstill may tell more: not yet asked, and no teeth leave each other there."""
     m = problem.measurement
-    there = problem.has_contact_loss(fit.terms) or any(t.mechanism in AT_LOW_SPEED for t in fit.terms)
+    there = problem.has_contact_loss(fit.terms) or any(t.traits.at_low_speed for t in fit.terms)
     return not (there or m.rests) and m.standstill > NEAR_STANDSTILL_SHARE
 
 
 def search(
-    problem: Problem, fit: Fit, entered: Mapping[str, float], only: Collection[str] | None
+    problem: Problem, fit: Fit, entered: Mapping[Key, float], only: Collection[str] | None
 ) -> tuple[list[Rival], Entry]:
     """What was tried on top of `fit`, best first, and what of it comes in; `only`: mechanisms, default all."""
     least = 0.0 if problem.memory == LONG else LARGE * fit.misfit
@@ -279,7 +285,7 @@ class Entry:
     new: Sequence[Rival]
     problem: Problem
     fit: Fit
-    brought: Mapping[str, float] = field(default_factory=dict)
+    brought: Mapping[Key, float] = field(default_factory=dict)
 
 
 def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
@@ -328,13 +334,13 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
         clearly = 1.0 if best in as_new else CLEARLY
         if not best.term.named and worth[best.term.key] < clearly * most:
             continue
-        if best.term.mechanism == "tooth_damage" and worth[best.term.key] < CLEARLY * touching:
+        if best.term.traits.dent and worth[best.term.key] < CLEARLY * touching:
             continue
         new = [best]
         if best in as_new and best.term.named:
             new += [r for r in as_new if r is not best and r.term.named]
-        if best.term.mechanism in LEFT_OUT:
-            new += [r for r in tried if r is not best and r.term.mechanism in LEFT_OUT]
+        if best.term.traits.in_every_axis:
+            new += [r for r in tried if r is not best and r.term.traits.in_every_axis]
         start = {**best.values, **{p.name: r.values[p.name] for r in new for p in r.term.parameters}}
         held = fit.sensitivities if best.gain < FAR_MOVED else {}
         more = best.finished if len(new) == 1 else None
@@ -345,7 +351,7 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
     return [], None
 
 
-def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, dict[str, float]]:
+def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, dict[Key, float]]:
     """Take away every term that the others have made needless; gains of those that stay.
 
     `strict`, once all are in: also what does not hold on unseen rows, is only the error of another's form, or needless
@@ -365,7 +371,8 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
             return problem.fit(rest, less.values, held=less.sensitivities, to_end=True)
 
         less = dict(zip((t.key for t in fit.terms), each(without, fit.terms), strict=True))
-        gains, costs = {}, {}
+        gains: dict[Key, float] = {}
+        costs: dict[Key, float] = {}
         for term in fit.terms:
             more = plain if term.named else fit
             gain = costs[term.key] = less[term.key].cost - more.cost
@@ -381,7 +388,7 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
             or not wanted(t, beyond(t, fit))
             or (strict and not matters(t, gains[t.key], fit))
         ]
-        instead: dict[str, tuple[Problem, Fit]] = {}
+        instead: dict[Key, tuple[Problem, Fit]] = {}
         if strict and not weak:
             for term in fit.terms:
                 more = plain if term.named else fit
@@ -406,10 +413,10 @@ def beside(problem: Problem, fit: Fit, rival: Rival) -> Fit:
 def swap(
     problem: Problem,
     fit: Fit,
-    rivals: Mapping[str, tuple[Rival, ...]],
-    entered: Mapping[str, float],
+    rivals: Mapping[Key, tuple[Rival, ...]],
+    entered: Mapping[Key, float],
     most: int = MOST_TERMS,
-) -> tuple[Fit, Mapping[str, tuple[Rival, ...]]]:
+) -> tuple[Fit, Mapping[Key, tuple[Rival, ...]]]:
     """Put in place of a mechanism one that was close to it when it came in, where that is better now.
 
     What comes in first is chosen while other things are still missing. What is as new takes no place: it comes in
@@ -455,7 +462,7 @@ def swap(
             as_new = beyond(rival.term, other) <= BEYOND  # it would have come in by itself
             if other.cost < best.cost - LEAST_SWAP or (even and not as_new):
                 best = beside(problem, fit, rival) if as_new else other
-        rivals = {**rivals, term.key: tuple(sorted(tried.values(), key=lambda r: (-r.gain, r.term.key)))}
+        rivals = {**rivals, term.key: tuple(sorted(tried.values(), key=lambda r: (-r.gain, str(r.term.key))))}
         if most and best is not fit:
             rivals = {**rivals, best.terms[-1].key: rivals[term.key]}
             now = {**entered, best.terms[-1].key: entered.get(term.key, own.gain)}

@@ -19,7 +19,7 @@ from sim.discrepancy.estimation.problem import MISTAKEN, Problem
 from sim.discrepancy.estimation.refit import calibrate, look_closely
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.hypotheses.nonparametric import OVER_SPEED
+from sim.discrepancy.hypotheses.traits import OVER_SPEED
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.model.nominal import nuisance_of
 from sim.discrepancy.model.parameters import Parameter

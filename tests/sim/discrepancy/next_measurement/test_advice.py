@@ -143,7 +143,7 @@ def fitted(guided: bool) -> tuple[Problem, Fit]:
 def with_term(problem: Problem, fit: Fit, key: str, *numbers: float) -> Model:
     """The model with one term of `key` more, and its first numbers."""
     terms = terms_of(GEARED, problem.measurement, problem.chain((), fit.values))
-    term = next(t for t in terms if t.key == key)
+    term = next(t for t in terms if str(t.key) == key)
     own = {p.name: p.start for p in term.parameters}
     own |= dict(zip(own, numbers, strict=False))
     return Model((term,), {**fit.values, **own})

@@ -21,9 +21,9 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import calibrate, look_closely, rattling
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.hypotheses.catalogue import terms_of
-from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.hypotheses.nonparametric import FIXED
+from sim.discrepancy.hypotheses.hypothesis import Key, Term
 from sim.discrepancy.hypotheses.structure import SHARP, SOFTEST
+from sim.discrepancy.hypotheses.traits import FIXED
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.model.effects import swing
 from sim.discrepancy.model.nominal import base_parameters, loss_parameters, nuisance_of
@@ -31,7 +31,6 @@ from sim.discrepancy.model.parameters import Parameter
 from sim.discrepancy.results import Unexplained
 from sim.discrepancy.search import proposals as candidates
 from sim.discrepancy.search.criterion import (
-    LEAST_GAINS,
     evidence,
     holds,
     is_model_error,
@@ -46,6 +45,7 @@ from sim.discrepancy.search.proposals import Rival, faint, try_terms
 from sim.discrepancy.search.residual_proposals import line_of
 from sim.discrepancy.search.score_test import least_squares_within
 from sim.discrepancy.search.search import Selection, likely, unmasked
+from sim.mechanisms.traits import LEAST_GAIN
 from sim.torsional.model import Array, Chain, Shaft
 from tests.sim.discrepancy.telemetry_of import RATE_HZ, geared, one_body
 from tests.sim.discrepancy.telemetry_of import swing as motion
@@ -190,20 +190,20 @@ def test_a_cause_that_was_missing_bends_the_description_no_further(before: float
 
 def test_an_offset_is_no_error_of_the_form_of_what_is_larger() -> None:
     """It is known beforehand, and what it gains over that is not of the residual."""
-    entered = {"tooth_damage@output": 10_000.0}
+    entered = {Key("tooth_damage", "output"): 10_000.0}
     assert is_model_error(TERMS["hysteresis"], 40.0, entered)
     assert not is_model_error(TERMS["torque_offset"], 40.0, entered)
 
 
 def test_hum_leaves_nothing_of_its_form() -> None:
     """However loud it is, what is small beside it is something else."""
-    assert not is_model_error(TERMS["eccentricity"], 24.0, {"electrical_hum@motor": 3000.0})
-    assert is_model_error(TERMS["eccentricity"], 24.0, {"torque_ripple@motor": 3000.0})
+    assert not is_model_error(TERMS["eccentricity"], 24.0, {Key("electrical_hum", "motor"): 3000.0})
+    assert is_model_error(TERMS["eccentricity"], 24.0, {Key("torque_ripple", "motor"): 3000.0})
 
 
 def test_an_offset_beside_an_asymmetry_is_what_the_other_holds_at_rest_unless_it_is_large() -> None:
     """While anything moves they are the same torque."""
-    entered = {"friction_asymmetry@motor": 5500.0}
+    entered = {Key("friction_asymmetry", "motor"): 5500.0}
     assert is_model_error(TERMS["torque_offset"], 85.0, entered)
     assert not is_model_error(TERMS["torque_offset"], 900.0, entered)
 
@@ -219,11 +219,11 @@ def test_losses_bring_along_on_which_side_of_the_mesh_they_are_once_for_all_mesh
     assert [names.count(name) for name in splits] == [1] * len(splits)
 
 
-@pytest.mark.parametrize("mechanism", sorted(LEAST_GAINS))
+@pytest.mark.parametrize("mechanism", sorted(name for name in TERMS if TERMS[name].traits.least_gain < LEAST_GAIN))
 def test_noise_alone_promises_what_is_asked_for_less_than_once_in_five_hundred_axes(mechanism: str) -> None:
     """The squares that k numbers take away from white noise are chi-squared with k degrees of freedom."""
     numbers = 1 if mechanism.endswith(("coulomb_friction", "viscous_friction")) else len(TERMS[mechanism].parameters)
-    assert chi2.sf(LEAST_GAINS[mechanism], numbers) < 0.002
+    assert chi2.sf(TERMS[mechanism].traits.least_gain, numbers) < 0.002
 
 
 def test_what_acts_over_strokes_pays_for_the_rows_that_say_something_of_their_own() -> None:
@@ -438,14 +438,14 @@ def test_a_small_cause_under_slow_noise_is_found_once_noise_is_taken_from_its_ow
         assert not entry.new
         return
     (best,) = entry.new
-    assert [t.key for t in entry.fit.terms] == [best.term.key] == ["gravity_imbalance@load"]
+    assert [t.key for t in entry.fit.terms] == [best.term.key] == [Key("gravity_imbalance", "load")]
     assert entry.brought[best.term.key] > best.gain  # noise taken without it had held some of it
     assert best.term.report(entry.fit.values)["torque_n_m"] == pytest.approx(weight_n_m, rel=0.3)
 
 
 def test_runout_at_the_load_is_held_against_what_is_as_new_together_with_the_error_of_its_encoder() -> None:
     """Half of one error each: neither is more than new, their sum is."""
-    runout = next(t for t in ALL if t.key == "eccentricity@output")
+    runout = next(t for t in ALL if t.key == Key("eccentricity", "output"))
     sine, cosine = (p.name for p in runout.parameters)
     half = 0.8 * runout.size
     shared = {sine: half, cosine: 0.0, "load_encoder.error_sine_rad": -half, "load_encoder.error_cosine_rad": 0.0}
@@ -456,13 +456,13 @@ def test_runout_at_the_load_is_held_against_what_is_as_new_together_with_the_err
 
 def test_a_loop_or_a_loss_of_erring_teeth_is_the_damping_of_what_they_shake() -> None:
     """And a loop alone, or one that brings as much as the errors, is one."""
-    entered = {"mesh_error@output": 1000.0}
+    entered = {Key("mesh_error", "output"): 1000.0}
     assert is_model_error(TERMS["hysteresis"], 250.0, entered)
     assert is_model_error(TERMS["load_dependent_loss"], 60.0, entered)
     assert not is_model_error(TERMS["hysteresis"], 450.0, entered)
     assert not is_model_error(TERMS["hysteresis"], 250.0, {})
     mesh = replace(TERMS["eccentricity"], mechanism="mesh_error")
-    assert not is_model_error(mesh, 250.0, {"hysteresis@output": 1000.0})  # and not the other way round
+    assert not is_model_error(mesh, 250.0, {Key("hysteresis", "output"): 1000.0})  # and not the other way round
 
 
 @pytest.mark.parametrize(("teeth", "share"), [("backlash", 0.03), ("tooth_damage", 0.3)])
@@ -479,7 +479,7 @@ def test_of_runout_at_the_load_and_the_error_of_its_encoder_one_is_found() -> No
     """Both in one model share what only their sum is known of; runout elsewhere stands for itself."""
     problem = Problem(AXIS, MOVED, Noise.flat(0.1, 1.0))
     fit = Fit((), (), {}, np.zeros(1), np.zeros((1, 0)), 0.0, 1)
-    at_load, at_motor = (next(t for t in ALL if t.key == f"eccentricity@{place}") for place in ("output", "motor"))
+    at_load, at_motor = (next(t for t in ALL if t.key == Key("eccentricity", place)) for place in ("output", "motor"))
     found = (at_load, TERMS["encoder_error"], at_motor)
     gains = {at_load.key: 60.0, TERMS["encoder_error"].key: 90.0, at_motor.key: 40.0}
     told = drop_unidentifiable(Selection(problem, fit, fit, gains, {}, (), found, {}))

@@ -31,7 +31,7 @@ def test_generated_twice_is_there_once(tmp_path: Path) -> None:
     again = generate(library, CAMPAIGN, processes=1, batch="b", advance=done.append)
     assert (again.new, again.known, sum(done), _count(library)) == (0, 4, 8, 4)
     with library.reading() as session:
-        cases = library.cases(session, CaseFilter(origin="simulated")).items
+        cases = library.retrieve.cases(session, CaseFilter(origin="simulated")).items
     library.close()
     assert sorted(case.label for case in cases) == ["normal", "normal", "notch", "play"]
     for case in cases:

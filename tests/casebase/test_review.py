@@ -74,8 +74,8 @@ def _add(
     extraction = Extraction(FeatureVector(NAMES, values.astype(np.float32)), (), Motion(), (), EXTRACTOR_VERSION)
     with library.transaction("test") as session:
         description = RecordingDescription(file_name=f"{number}.wav", gearbox=gearbox, condition=condition)
-        row = library.store_recording(session, samples.tobytes(), Recording(samples, 8000.0), extraction, description)
-        return library.retain(session, row, Labelling(label, origin=origin)).id
+        row = library.retain.recording(session, samples.tobytes(), Recording(samples, 8000.0), extraction, description)
+        return library.retain.case(session, row, Labelling(label, origin=origin)).id
 
 
 @pytest.fixture
@@ -96,18 +96,18 @@ def test_review_finds_what_was_put_there_and_edits_can_be_undone(library: CaseLi
     wrong = _add(library, middle["notch"] + random.standard_normal(len(NAMES)), "normal", "measured", "g9", 100)
     away = _add(library, np.full(len(NAMES), 60.0), "notch", "simulated", "", 101)
     with library.reading() as session:
-        found = review(session, library.reasoner(session))
+        found = review(session, library.reuse.reasoner(session))
     assert wrong in {each.case_id for each in found.suspect}
     assert away in {each.case_id for each in found.far}
     assert found.plan == {"normal": 14, "notch": 13}, "twenty simulated cases of each label"
     with library.transaction("test") as session:
         version = apply(library, session, found, "far").version
-        assert "away" in str(library.case(session, away).quarantine_reason)
+        assert "away" in str(library.retrieve.case(session, away).quarantine_reason)
     with library.reading() as session:
-        assert away not in set(library.reasoner(session).table.ids.tolist())
+        assert away not in set(library.reuse.reasoner(session).table.ids.tolist())
     with library.transaction("test") as session:
         assert undo(library, session, version) >= 1
-        assert library.case(session, away).quarantine_reason is None
+        assert library.retrieve.case(session, away).quarantine_reason is None
     with library.transaction("test") as session:
         with pytest.raises(InvalidRequestError, match="nothing redundant"):
             apply(library, session, found, "redundant")
@@ -115,7 +115,7 @@ def test_review_finds_what_was_put_there_and_edits_can_be_undone(library: CaseLi
             undo(library, session, 99)
     assert quarantine_far(library, "test") == len(found.far), "what generation does by itself is the same edit"
     with library.reading() as session:
-        assert library.case(session, away).quarantine_reason is not None
+        assert library.retrieve.case(session, away).quarantine_reason is not None
     library.close()
 
 
@@ -142,7 +142,7 @@ def test_holes_become_a_plan_that_generate_fills(
     assert json.loads(capfd.readouterr().out)["new"] == 4
     again = CaseLibrary.open(tmp_path)
     with again.reading() as session:
-        assert review(session, again.reasoner(session)).uncovered == ()
+        assert review(session, again.reuse.reasoner(session)).uncovered == ()
     again.close()
 
 

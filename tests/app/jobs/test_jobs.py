@@ -40,7 +40,7 @@ class Place:
     workers: list[subprocess.Popen[bytes]] = field(default_factory=list)
 
     def work(self, name: str) -> subprocess.Popen[bytes]:
-        command = [sys.executable, "-m", "tests.jobs.worker", str(self.folder), self.url, name, str(LEASE_S)]
+        command = [sys.executable, "-m", "tests.app.jobs.worker", str(self.folder), self.url, name, str(LEASE_S)]
         worker = subprocess.Popen(command)
         self.workers.append(worker)
         return worker

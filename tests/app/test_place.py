@@ -43,8 +43,8 @@ def test_what_is_fitted_is_the_microphone_and_generation_uses_it(
         )
         audio = _wav(recording.samples, tmp_path / "n.wav")
         extraction = extract(recording, condition_of(scenario))
-        row = library.store_recording(session, audio, recording, extraction, description)
-        library.retain(session, row, Labelling("normal", origin="measured"))
+        row = library.retain.recording(session, audio, recording, extraction, description)
+        library.retain.case(session, row, Labelling("normal", origin="measured"))
     library.close()
     assert run(["--data-dir", str(tmp_path), "--json", "fit", "--axis", str(axis)]) == 0
     said = json.loads(capfd.readouterr().out)

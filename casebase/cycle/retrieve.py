@@ -1,0 +1,100 @@
+"""Retrieve: recordings and cases as they are stored, and the table of cases that is searched."""
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from sqlalchemy import func, select
+from sqlalchemy.orm import Session
+
+from casebase import audit
+from casebase.audio_store import AudioStore
+from casebase.case_filter import CaseFilter, selected
+from casebase.case_table import CaseTable, load_table
+from casebase.counter import has_changed, library_version
+from casebase.errors import ErasedError, NotFoundError
+from casebase.kept_table import read_table
+from casebase.models import AuditEntry, Case, StoredRecording
+from casebase.pages import Page, page
+from casebase.plausibility import Expected, measured
+from casebase.signals.features import EXTRACTOR_VERSION
+
+
+class Retrieve:
+    """Reads what is stored; the table of cases and what was measured of an axis are kept until cases change."""
+
+    def __init__(self, audio: AudioStore, tables: Path) -> None:
+        self.tables = tables
+        """The folder of the tables that `keep_table` wrote."""
+        self._audio = audio
+        self._tables: dict[str, CaseTable] = {}
+        self._measured: dict[str, tuple[int, Expected]] = {}
+
+    def recording(self, session: Session, recording_id: str) -> StoredRecording:
+        """Return a recording; raises NotFoundError."""
+        row = session.get(StoredRecording, recording_id)
+        if row is None:
+            raise NotFoundError(f"no recording has the id {recording_id!r}")
+        return row
+
+    def audio_path(self, row: StoredRecording) -> Path:
+        """Return the file of a recording as it came in.
+
+        Raises:
+            ErasedError: if it was erased.
+            NotFoundError: if it is missing.
+            DamagedError: if its bytes are not those that came in.
+        """
+        if row.erased_at is not None:
+            raise ErasedError(
+                f"the audio of this recording was erased on {row.erased_at:%Y-%m-%d} by {row.erased_by}; its features, "
+                "diagnoses and cases are still here"
+            )
+        return self._audio.whole(row.file_sha256)
+
+    def case(self, session: Session, case_id: str) -> Case:
+        """Return a case, retired ones too; raises NotFoundError."""
+        row = session.get(Case, case_id)
+        if row is None:
+            raise NotFoundError(f"no case has the id {case_id!r}")
+        return row
+
+    def cases(self, session: Session, wanted: CaseFilter, *, limit: int = 50, cursor: str | None = None) -> Page[Case]:
+        """Return a page of cases, newest first."""
+        return page(session, selected(wanted), Case.id, limit=limit, cursor=cursor)
+
+    def history(self, session: Session, case_id: str) -> Sequence[AuditEntry]:
+        """Return all that happened to a case, oldest first; raises NotFoundError."""
+        return audit.history(session, "case", self.case(session, case_id).id)
+
+    def counts(self, session: Session) -> Mapping[tuple[str, str], int]:
+        """Return how many searchable cases there are per label and origin."""
+        statement = select(Case.label, Case.origin, func.count()).where(
+            Case.state == "confirmed", Case.quarantine_reason.is_(None)
+        )
+        rows = session.execute(statement.group_by(Case.label, Case.origin)).all()
+        return {(label, origin): count for label, origin, count in rows}
+
+    def table(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> CaseTable:
+        """Return all cases that count as they are now, copies once; only what changed is read."""
+        return self.all_cases(session, extractor_version).voters
+
+    def all_cases(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> CaseTable:
+        """Return the same with copies and with cases whose sound is a case of another label too."""
+        known = self._tables.get(extractor_version)
+        if known is None:
+            known = read_table(session, self.tables, extractor_version)
+        table = load_table(session, extractor_version, known)
+        if not has_changed(session):
+            self._tables[extractor_version] = table
+        return table
+
+    def measured(self, session: Session, axis: str) -> Expected:
+        """Return what the measured cases of an axis say of its motion; read again when cases have changed."""
+        version = library_version(session)
+        kept = self._measured.get(axis)
+        if kept is not None and kept[0] == version:
+            return kept[1]
+        found = measured(session, axis)
+        if found != Expected() and not has_changed(session):
+            self._measured[axis] = (version, found)
+        return found

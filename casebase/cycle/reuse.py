@@ -1,0 +1,92 @@
+"""Reuse: what the cases say of a recording, and how far that can be relied on."""
+
+from dataclasses import replace
+from threading import Event
+
+from sqlalchemy.orm import Session
+
+from casebase.artifacts import active_version, similarity_for
+from casebase.counter import has_changed
+from casebase.cycle.retrieve import Retrieve
+from casebase.detection_limit import NO_LIMITS, detection_limits
+from casebase.diagnoses import store_diagnosis
+from casebase.diagnosis import Reasoner
+from casebase.evaluation import Evaluation, evaluate
+from casebase.models import Case, StoredDiagnosis, StoredRecording
+from casebase.origins import MEASURED, origin_of
+from casebase.severity import Severity, severity_of
+from casebase.signals.features import EXTRACTOR_VERSION, Extraction
+from casebase.sounds import cases_of
+
+
+class Reuse:
+    """Diagnoses with the cases as they are now.
+
+    Args:
+        outgrown: set when a diagnosis shows that the library outgrew what was learned.
+    """
+
+    def __init__(self, retrieve: Retrieve, outgrown: Event) -> None:
+        self._retrieve = retrieve
+        self._outgrown = outgrown
+        self._reasoners: dict[str, tuple[int | None, Reasoner]] = {}
+
+    def reasoner(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> Reasoner:
+        """Return what diagnoses, for the library as it is now; the same one until something changes."""
+        table = self._retrieve.table(session, extractor_version)
+        basis = active_version(session, extractor_version)
+        kept = self._reasoners.get(extractor_version)
+        if kept is not None and kept[1].table is table and kept[0] == basis:
+            return kept[1]
+        reasoner = Reasoner(table, *similarity_for(session, table))
+        if not has_changed(session):
+            self._reasoners[extractor_version] = (basis, reasoner)
+        return reasoner
+
+    def diagnose(
+        self,
+        session: Session,
+        recording: StoredRecording,
+        extraction: Extraction,
+        remarks: tuple[str, ...] = (),
+    ) -> StoredDiagnosis:
+        """Diagnose a stored recording by its features and keep the diagnosis, with what else is to be remarked.
+
+        A case of the same sound is named, and has no vote.
+        """
+        version = extraction.extractor_version
+        reasoner = self.reasoner(session, version)
+        if reasoner.outgrown:
+            self._outgrown.set()
+        values = extraction.features.values
+        diagnosis = reasoner.diagnose(extraction, reasoner.table.samples == recording.sound_id, recording.axis)
+        same = [case for case in cases_of(session, recording.sound_id) if case.state != "retired"]
+        told = (*(_told(case) for case in same), *diagnosis.remarks, *remarks, *self._contradictions(session, version))
+        diagnosis = replace(diagnosis, remarks=told)
+        axis, origin = recording.axis, origin_of(session, recording)
+        severity = self.severity(session, extraction, axis, diagnosis.label, origin) if diagnosis.label else None
+        limits = detection_limits(session, reasoner.table, axis, values, origin) if extraction.usable else NO_LIMITS
+        same_as = same[0].id if same else None
+        return store_diagnosis(session, recording, diagnosis, reasoner, severity, limits, same_as)
+
+    def severity(
+        self, session: Session, extraction: Extraction, axis: str | None, label: str, origin: str = MEASURED
+    ) -> Severity | None:
+        """Return the size of a fault, for a diagnosis as for `gearcase size`; None where the library cannot say it."""
+        table = self._retrieve.table(session, extraction.extractor_version)
+        return severity_of(session, table, axis, label, extraction.features.values, origin)
+
+    def evaluate(self, session: Session, *, group: str = "gearbox", origin: str = "both") -> Evaluation:
+        """Return the library's own cross-validation; see `casebase.evaluation.evaluate`."""
+        table = self._retrieve.table(session)
+        learned, version, _ = similarity_for(session, table)
+        return evaluate(table, group=group, origin=origin, learned=learned if version and learned.fits(table) else None)
+
+    def _contradictions(self, session: Session, extractor_version: str) -> tuple[str, ...]:
+        count = self._retrieve.all_cases(session, extractor_version).contradicting
+        words = f"{count} cases have no vote, for their sound is a case of another label too: see the review"
+        return (words,) if count else ()
+
+
+def _told(case: Case) -> str:
+    return f"this is case {case.id} ({case.label}, gearbox {case.recording.gearbox or 'not told'})"

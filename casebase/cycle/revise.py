@@ -1,0 +1,68 @@
+"""Revise: a case is corrected, retired and restored; every change is in the audit."""
+
+from collections.abc import Mapping
+
+from sqlalchemy.orm import Session
+
+from casebase import audit
+from casebase.counter import count_change
+from casebase.cycle.retrieve import Retrieve
+from casebase.description import check_choice, check_label
+from casebase.errors import ConflictError, InvalidRequestError, StaleVersionError
+from casebase.models import CASE_STATES, Case, now
+
+REVISABLE = ("label", "verified_by", "note", "mechanism", "location", "severity", "quarantine_reason", "state")
+
+
+class Revise:
+    """Changes cases that are there."""
+
+    def __init__(self, retrieve: Retrieve) -> None:
+        self._retrieve = retrieve
+
+    def case(
+        self,
+        session: Session,
+        case_id: str,
+        changes: Mapping[str, object],
+        *,
+        expected_version: int | None = None,
+    ) -> Case:
+        """Change label, verification, note, mechanism, location, severity, quarantine or state.
+
+        Raises:
+            StaleVersionError: if the case is not at the expected version.
+            InvalidRequestError: if a field cannot be changed or its value is none of its values.
+        """
+        unknown = set(changes) - set(REVISABLE)
+        if unknown:
+            raise InvalidRequestError(f"cannot change {sorted(unknown)}; changeable are {', '.join(REVISABLE)}")
+        if "label" in changes:
+            check_label(str(changes["label"]))
+        if "state" in changes:
+            check_choice("state", str(changes["state"]), CASE_STATES)
+        case = self._retrieve.case(session, case_id)
+        if expected_version is not None and case.version != expected_version:
+            raise StaleVersionError(
+                f"case {case_id} is at version {case.version}, not {expected_version}; read it again"
+            )
+        before = {name: getattr(case, name) for name in changes if getattr(case, name) != changes[name]}
+        if before:
+            case.library_version = count_change(session)
+            for name in before:
+                setattr(case, name, changes[name])
+            case.updated_at = now()
+            session.flush()
+            after = {name: changes[name] for name in before}
+            audit.record(session, "case.revised", ("case", case.id), before=before, after=after)
+        return case
+
+    def retire(self, session: Session, case_id: str, *, expected_version: int | None = None) -> Case:
+        """Take a case out of every search; it stays readable and can come back."""
+        return self.case(session, case_id, {"state": "retired"}, expected_version=expected_version)
+
+    def restore(self, session: Session, case_id: str, *, expected_version: int | None = None) -> Case:
+        """Bring a retired case back; raises ConflictError if it is not retired."""
+        if self._retrieve.case(session, case_id).state != "retired":
+            raise ConflictError(f"case {case_id} is not retired, so there is nothing to restore")
+        return self.case(session, case_id, {"state": "confirmed"}, expected_version=expected_version)
