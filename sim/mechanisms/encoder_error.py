@@ -37,6 +37,7 @@ class EncoderError(Measurement):
         "encoder's error shows between the two, runout of the gear does not."
     )
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_SECOND_ENCODER, Differing.OVER_A_TURN})
+    between_shafts: ClassVar[bool] = True
     own_hypothesis: ClassVar[bool] = True
     beside_the_chain: ClassVar[bool] = True
 

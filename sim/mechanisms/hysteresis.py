@@ -37,6 +37,7 @@ class Hysteresis(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
+    between_shafts: ClassVar[bool] = True
     own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         least_share=0.001,  # it bends to much

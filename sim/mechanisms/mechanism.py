@@ -127,6 +127,10 @@ class Mechanism(ABC):
     """Measurements in which it differs from what looks like it."""
     behind_the_motor: ClassVar[bool] = False
     """Whether an encoder at the load tells more of it."""
+    between_shafts: ClassVar[bool] = False
+    """Whether it is of what stands between shafts, of which one stiff body has nothing."""
+    in_sound_alone: ClassVar[bool] = False
+    """Whether it is looked for in sound and in no other channel."""
     own_hypothesis: ClassVar[bool] = False
     """Whether an investigation looks for it in a way of its own, and not by what this class says."""
     beside_the_chain: ClassVar[bool] = False
