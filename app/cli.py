@@ -14,14 +14,14 @@ from app.commands.exit_codes import DONE, FAILURE
 
 COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("serve", "app.commands.serve", "Serve the API and the pages."),
-    ("worker", "app.commands.worker", "Run jobs; as many workers as one likes."),
+    ("worker", "app.commands.worker", "Run jobs; start as many workers as you like."),
     ("keys", "app.commands.keys", "Make, list and revoke keys."),
     ("diagnose", "app.commands.diagnose", "Diagnose recordings against the local library."),
-    ("size", "app.commands.size", "Say how large a play or notch is."),
+    ("size", "app.commands.size", "Say how large backlash (play) or tooth damage (notch) is."),
     ("cases", "app.commands.cases", "Add, list, export and import cases."),
     ("recordings", "app.commands.recordings", "Erase the audio of recordings."),
     ("generate", "app.commands.generate", "Generate cases by simulation."),
-    ("fit", "app.commands.fit", "Fit the simulated sound to normal recordings of a place."),
+    ("fit", "app.commands.fit", "Fit the simulated sound to normal recordings of an axis."),
     ("compare", "app.commands.compare", "Say what the simulated sound of an axis gets wrong."),
     ("tendency", "app.commands.tendency", "Plot how features follow fault size, payload and frequency."),
     ("starter", "app.commands.starter", "Fill an empty library with cases of the paper's axis."),
@@ -60,7 +60,7 @@ def run(arguments: list[str]) -> int:
         code = exit_code(error)
         if code is None:
             traceback.print_exc()
-            words, code = f"{type(error).__name__}: {error}; this is a fault of ours, see stderr", FAILURE
+            words, code = f"{type(error).__name__}: {error}; this is a fault of the program, see stderr", FAILURE
         else:
             words = sentence(error)
             print(f"gearcase: {words}", file=sys.stderr)
@@ -107,6 +107,7 @@ def build(verb: str | None) -> typer.Typer:
         epilog=EPILOG,
         no_args_is_help=True,
         add_completion=False,
+        rich_markup_mode=None,  # it would take units in brackets for styles
         pretty_exceptions_enable=False,
     )
     app.callback()(options)
@@ -122,7 +123,9 @@ def options(
     context: typer.Context,
     data_dir: Annotated[
         Path | None,
-        typer.Option(envvar="GEARCASE_DATA_DIR", help="what a local installation owns [.gearcase]", show_default=False),
+        typer.Option(
+            envvar="GEARCASE_DATA_DIR", help="folder with the data of this installation [.gearcase]", show_default=False
+        ),
     ] = None,
     show_version: Annotated[bool, typer.Option("--version", help="print the version and end")] = False,
 ) -> None:

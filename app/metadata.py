@@ -98,7 +98,8 @@ class CaseMetadata(RecordingMetadata):
 
     label: Label = Field(description="normal, notch, play, or any other label of the library")
     size_rad: Positive | None = Field(
-        None, description="gap of a play or depth of a notch as measured at the driven gear [rad]"
+        None,
+        description="measured gap of backlash (play) or depth of tooth damage (notch), at the driven gear [rad]",
     )
 
     def labelling(self) -> Labelling:

@@ -43,7 +43,7 @@ def plot_measurement(result: Measurement, axis: Axis, out: Path) -> list[Path]:
     rows[3].set_xlabel("time [s]")
     rows[3].set_title(f"crest factor of the whole record: {crest:.2f}", fontsize=9)
     effects = ", ".join(f"{entry.name} at {entry.location or 'the axis'}" for entry in axis.mechanisms)
-    figure.suptitle(f"{axis.name}: {effects or 'no effect beyond the plain axis'} (simulated)")
+    figure.suptitle(f"{axis.name}: {effects or 'no added mechanism'} (simulated)")
     for row in rows:
         row.grid(alpha=0.3)
     files = [out / "run.png", out / "run.svg"]

@@ -244,7 +244,7 @@ class Reasoner:
             )
         if judgement.refused:
             remarks.append(
-                "the nearest cases are of sound gears, but the recording is unlike every one of them: it may be a "
+                "the nearest cases are of good gears, but the recording is unlike every one of them: it may be a "
                 "fault that the library does not know, or a known one smaller than its cases"
             )
         small = [label for label, enough in zip(judgement.classes, judgement.supports_level, strict=True) if not enough]

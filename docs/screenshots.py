@@ -16,13 +16,12 @@ import numpy as np
 from PIL import Image
 from playwright.sync_api import Browser, sync_playwright
 
-from app.commands.starter import DEMO_NAME
-from sim.experiment.paper_axis import PAPER_AXIS
 from tests.sim.discrepancy.telemetry_of import one_body, swing
 
 IMAGES = Path(__file__).parent / "images"
-WIDE, NARROW, HEIGHT = 1280, 360, 860
+WIDTH, HEIGHT = 1280, 860
 COLOURS = 128
+PATIENCE_MS = 300_000.0
 AXIS = """name = "wrist"
 [motor]
 inertia_kg_m2 = 0.3
@@ -35,14 +34,11 @@ inertia_kg_m2 = 0.0
 
 @dataclass(frozen=True)
 class Picture:
-    """One picture: its name, the page, the width [px], light or dark, and which part of the page comes first."""
+    """One picture: its name, the page, and which part of the page comes first."""
 
     name: str
     page: str
-    width: int = WIDE
-    scheme: str = "light"
     first: str = ""
-    height: int = HEIGHT
 
 
 def gearcase(data_dir: Path, *words: str) -> None:
@@ -82,13 +78,6 @@ def friction(client: httpx.Client) -> str:
     return investigate(client, {"axis": ("axis.toml", AXIS), "telemetry": ("telemetry.csv", target.getvalue())})
 
 
-def notch(client: httpx.Client, data_dir: Path) -> str:
-    """Ask what can be heard in the demonstration, which has a notch; return the id."""
-    return investigate(
-        client, {"axis": (None, PAPER_AXIS.name), "sound": (DEMO_NAME, (data_dir / DEMO_NAME).read_bytes())}
-    )
-
-
 def investigate(client: httpx.Client, files: Mapping[str, tuple[str | None, str | bytes]]) -> str:
     """Ask for an investigation, wait for it, and return its id."""
     job = client.post("/api/v1/investigations", files=files).raise_for_status().json()
@@ -101,33 +90,26 @@ def investigate(client: httpx.Client, files: Mapping[str, tuple[str | None, str 
     return str(job["id"])
 
 
-def pictures(diagnosis: str, investigation: str, heard: str) -> tuple[Picture, ...]:
+def pictures(diagnosis: str, investigation: str) -> tuple[Picture, ...]:
     """Return what is shown of which page."""
     story = f"/investigations/{investigation}"
     return (
         Picture("diagnosis-light", "/"),
-        Picture("diagnosis-dark", "/", scheme="dark"),
-        Picture("diagnosis-narrow", "/", NARROW, height=780),
         Picture("plots-light", f"/diagnoses/{diagnosis}", first="#plots"),
         Picture("investigation-light", story),
-        Picture("investigation-dark", story, scheme="dark", first=".part"),
-        Picture("sound-light", f"/investigations/{heard}", first=".part"),
-        Picture("map-light", "/library/map"),
-        Picture("evaluation-light", "/library/evaluation"),
-        Picture("try-light", f"/axes/{PAPER_AXIS.name}/try?notch_mrad=1.2"),
+        Picture("report-light", f"{story}/report.html"),
     )
 
 
 def take(browser: Browser, url: str, key: str, picture: Picture) -> None:
     """Take one picture as soon as every plot in sight is drawn."""
     context = browser.new_context(
-        viewport={"width": picture.width, "height": picture.height},
-        color_scheme=picture.scheme,  # type: ignore[arg-type]
-        reduced_motion="reduce",
+        viewport={"width": WIDTH, "height": HEIGHT}, color_scheme="light", reduced_motion="reduce"
     )
+    context.set_default_timeout(PATIENCE_MS)
     context.add_cookies([{"name": "gearcase_key", "value": key, "url": url}])
     page = context.new_page()
-    page.goto(url + picture.page, timeout=120_000)
+    page.goto(url + picture.page)
     if picture.first:
         page.locator(picture.first).first.evaluate("one => one.scrollIntoView({block: 'start'})")
     page.wait_for_load_state("networkidle")
@@ -158,7 +140,7 @@ def main() -> int:
         with serving(data_dir) as (url, key), httpx.Client(base_url=url, timeout=120.0) as client:
             client.headers["Authorization"] = f"Bearer {key}"
             shown = client.get("/api/v1/diagnoses").raise_for_status().json()["items"][0]["id"]
-            wanted = pictures(shown, friction(client), notch(client, data_dir))
+            wanted = pictures(shown, friction(client))
             with sync_playwright() as playwright:
                 browser = playwright.chromium.launch(executable_path=path, args=["--no-sandbox", "--disable-gpu"])
                 for picture in wanted:

@@ -46,7 +46,7 @@ BODY = {
                         "telemetry": {
                             "type": "array",
                             "items": BINARY,
-                            "description": "CSV, Parquet, MAT, TDMS or MCAP, columns told by names and units; several "
+                            "description": "CSV, Parquet, MAT, TDMS or MCAP, columns known by name and unit; several "
                             "recordings of the same axis are taken together",
                         },
                         "sound": {

@@ -44,11 +44,14 @@ def add(
     channel: Annotated[int | None, typer.Option(help="channel to use, from 0")] = None,
     verified_by: Annotated[str | None, typer.Option(help="how the label was verified")] = None,
     size: Annotated[
-        float | None, typer.Option(help="gap of a play or depth of a notch as measured at the driven gear [rad]")
+        float | None,
+        typer.Option(help="measured gap of backlash (play) or depth of tooth damage (notch), at the driven gear [rad]"),
     ] = None,
     json: Json = False,
 ) -> None:
-    """Add labelled recordings; each file that cannot be added is named with the reason.
+    """Add labelled recordings.
+
+    Each file that cannot be added is named with the reason.
 
     A sound that is a case already, in whatever container, rate or gain, is not added again.
     """
@@ -78,11 +81,11 @@ def add(
 
 
 def _known(entry: dict[str, Any]) -> str:
-    return " is this sound already; it stays as it is" if entry.get("exists") else ""
+    return " is a case with this sound already; nothing was changed" if entry.get("exists") else ""
 
 
 def _simulated(entry: dict[str, Any]) -> str:
-    return "; its sound is simulated, so the case is, too" if entry.get("origin") == "simulated" else ""
+    return "; its sound is simulated, so this is a simulated case" if entry.get("origin") == "simulated" else ""
 
 
 def _add(library: CaseLibrary, sound: Sound, metadata: CaseMetadata, axis: Axis | None) -> dict[str, Any]:
@@ -154,7 +157,10 @@ def export(
     gearbox: str | None = None,
     json: Json = False,
 ) -> None:
-    """Write cases with their recordings into a bundle that another library imports."""
+    """Write a bundle of cases.
+
+    It has their recordings, and another library can import it.
+    """
     frame = frame_of(context)
     if out.exists():
         raise FileExistsError(f"{out} exists already; choose another name")
@@ -173,7 +179,10 @@ def export(
 def import_(
     context: typer.Context, source: Annotated[Path, typer.Argument(metavar="IN.zip")], json: Json = False
 ) -> None:
-    """Take the cases of a bundle into the library; those that are here already stay as they are."""
+    """Import the cases of a bundle.
+
+    Cases that are in the library already stay as they are.
+    """
     frame = frame_of(context)
     with frame.library() as library, frame.progress() as progress:
         task = progress.add_task("importing")

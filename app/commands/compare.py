@@ -33,7 +33,7 @@ def compare_sound(
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
     """Hold the library's measured recordings of an axis against simulated ones of the same label: which features lie
-    apart, which part of the sound model is the cause, and what replacing it gains on gearboxes not looked at."""
+    apart, which part of the sound model is the cause, and what replacing it gains on gearboxes left out."""
     frame = frame_of(context)
     described = read_axis(axis)
     with frame.library() as library, library.reading() as session:
@@ -58,15 +58,17 @@ def compare_sound(
 
 
 def _print(frame: Frame, found: Comparison) -> None:
-    told = "can" if found.p_value < SURE else "cannot"
+    differ = "differ clearly" if found.p_value < SURE else "do not differ clearly"
     frame.print(
-        f"{found.simulated} simulated recordings labelled {found.label} {told} be told from {found.measured} measured "
+        f"{found.simulated} simulated recordings labelled {found.label} {differ} from {found.measured} measured "
         f"ones of {found.gearboxes} gearboxes: energy distance {found.distance:.2f} where 0 is alike, "
         f"p = {found.p_value:.3f}"
     )
     for family in found.families:
         frame.print(f"  {_line(family)}")
-    frame.print("replaced, one at a time; gain is the share of the distance that goes, on gearboxes not looked at")
+    frame.print(
+        "parts of the sound model, replaced one at a time; gain: share of the distance that goes, on gearboxes left out"
+    )
     for each in found.extensions:
         word = "helps" if each.gain.helps else "does not clearly help"
         taken = ", ".join(each.taken)
@@ -86,7 +88,7 @@ def _line(family: FamilyGap) -> str:
     gap = family.farthest[0]
     cause = "" if family.p_value >= SURE else "; cause: none of these"
     if family.gain is not None:
-        cause = f"; cause: {family.cause}, {family.gain:.0%} of the distance goes"
+        cause = f"; cause: {family.cause}, {family.gain:.0%} of the distance goes away"
     return (
         f"{family.family}: distance {family.distance:.2f}, p = {family.p_value:.3f}; farthest: "
         f"{feature_words(gap.feature)}, measured {gap.measured:.3g}, simulated {gap.simulated:.3g}, "

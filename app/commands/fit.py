@@ -51,11 +51,11 @@ def _print(frame: Frame, place: FittedPlace, version: int) -> None:
         table.add_row(name, modes, f"{heard.rubbing_n_m:.2f}", f"{heard.ambient_n_m:.2f}", f"{sound.misfit_db:.2f}")
     frame.results.print(table)
     test = place.test
-    told = "can" if test.p_value < 0.05 else "cannot"
+    differ = "differ clearly" if test.p_value < 0.05 else "do not differ clearly"
     frame.print(
-        f"version {version}: {test.simulated} simulated normal recordings {told} be told from {test.measured} "
-        f"measured ones (energy distance {test.distance:.2f}, p = {test.p_value:.3f}); the nearest neighbour tells "
-        f"{test.told_apart:.0%} apart, 50% is chance"
+        f"version {version}: {test.simulated} simulated normal recordings {differ} from {test.measured} "
+        f"measured ones (energy distance {test.distance:.2f}, p = {test.p_value:.3f}); the nearest neighbour sorts "
+        f"{test.told_apart:.0%} rightly, 50% is chance"
     )
     for each in test.unmatched[:SHOWN]:
         frame.print(

@@ -34,7 +34,7 @@ def generate_cases(
     ] = None,
     seed: Annotated[int, typer.Option(min=0, help="the same seed gives the same cases")] = 0,
     duration: Annotated[float, typer.Option(help="of each recording [s]")] = DURATION_S,
-    generic: Annotated[bool, typer.Option(help="do not use the sound fitted to the place")] = False,
+    generic: Annotated[bool, typer.Option(help="do not use the sound fitted to this axis")] = False,
     processes: Annotated[int, typer.Option(min=1, help="at once")] = os.cpu_count() or 1,
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
@@ -57,7 +57,7 @@ def generate_cases(
     if json:
         frame.print_json({"new": new, "known": known, "counts": counts, "seed": seed, "sound_version": version})
     else:
-        sound = "usual housings" if version is None else f"the sound fitted to the place (version {version})"
+        sound = "usual housings" if version is None else f"the sound fitted to this axis (version {version})"
         frame.print(f"{new} cases generated with {sound}, {known} were there already")
 
 

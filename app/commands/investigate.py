@@ -21,7 +21,7 @@ from sim.discrepancy.data.pairing import check_pairs
 from sim.discrepancy.investigation import Progress, investigate
 from sim.discrepancy.pooling.joint_investigation import investigate_together
 from sim.discrepancy.pooling.pooled_estimates import Taken
-from sim.discrepancy.report.formatting import likely
+from sim.discrepancy.report.formatting import angle, likely, named
 from sim.discrepancy.report.html import html_report
 from sim.discrepancy.report.joint_html import html_report_together
 from sim.discrepancy.report.wording import headline
@@ -39,44 +39,45 @@ def run(
     context: typer.Context,
     axis: Annotated[
         Path,
-        typer.Option(metavar="AXIS.toml", help="what the axis is believed to be; sound alone uses its motion.period_s"),
+        typer.Option(metavar="AXIS.toml", help="description of the axis; sound alone uses its motion.period_s"),
     ],
     telemetry: Annotated[
         list[Path] | None,
         typer.Option(
             metavar="T.csv",
-            help="measured channels, CSV, Parquet, MAT, TDMS or MCAP; several of the same axis",
+            help="measured channels: CSV, Parquet, MAT, TDMS or MCAP; repeat it for several of the same axis",
         ),
     ] = None,
     channels: Annotated[
         Path | None,
         typer.Option(
             metavar="MAP.toml",
-            help="which columns of the telemetry are which channels, where names and units do not tell; of all of them",
+            help="says which column is which channel, if names and units do not; for all telemetry files",
         ),
     ] = None,
     sound: Annotated[
         list[Path] | None,
         typer.Option(
             metavar="S.wav",
-            help="recording of the same motion, the k-th of the k-th telemetry; or several without telemetry",
+            help="sound of the same motion, one for each telemetry in the same order; or several without telemetry",
         ),
     ] = None,
     as_new: Annotated[
         list[Path] | None,
         typer.Option(
-            metavar="N.wav", help="sound of the same motion from when the axis was new; compared with sound alone"
+            metavar="N.wav",
+            help="sound of the same motion from when the axis was new, for sound without telemetry to be compared with",
         ),
     ] = None,
     sound_offset: Annotated[
-        float, typer.Option(metavar="S", help="start of every sound after its telemetry's, in s")
+        float, typer.Option(metavar="S", help="how long after its telemetry every sound starts [s]")
     ] = 0.0,
     report: Annotated[
         Path | None, typer.Option(metavar="OUT.html", help="one file with plots that works offline")
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
-    """Say what the simulation of an axis gets wrong, why, and what the extended model gains."""
+    """Find what the simulation of an axis gets wrong and why, and how much an extended model improves it."""
     frame = frame_of(context)
     described = read_axis(axis)
     check_pairs(len(telemetry or ()), len(sound or ()), len(as_new or ()), channel_map=channels is not None)
@@ -132,7 +133,7 @@ def _taken(
 
 def _watched(frame: Frame, work: Callable[[Progress], Done]) -> Done:
     """Run with a line on stderr for every stage."""
-    frame.say("half a minute of data takes ten seconds to a minute on two cores, the longer the more the model misses")
+    frame.say("thirty seconds of data take ten seconds to a minute on two cores, longer if the model misses much")
     last = ""
 
     def watch(stage: str, share: float) -> None:
@@ -147,12 +148,12 @@ def _watched(frame: Frame, work: Callable[[Progress], Done]) -> Done:
 def _show(frame: Frame, result: Investigation, whose: Sequence[str]) -> None:
     frame.print(headline(result))
     for f in result.findings:
-        place = f" ({f.location})" if f.location else ""
-        frame.print(f"  {f.mechanism}{place}, {likely(f.probability, calibrated=f.calibrated)}: {f.explanation}")
+        sure = likely(f.probability, calibrated=f.calibrated)
+        frame.print(f"  {named(f.mechanism, f.location)}, {sure}: {f.explanation}")
         for e in f.parameters:
             frame.print(f"    {e.name} = {_with_unit(e)} ({e.low:.5g} to {e.high:.5g})")
         if f.indistinguishable_from:
-            frame.print(f"    these data cannot tell it from {', '.join(f.indistinguishable_from)}")
+            frame.print(f"    in these data it looks the same as {' or '.join(map(named, f.indistinguishable_from))}")
         frame.print(f"    what to do now: {f.action}")
     if result.unexplained is not None:
         where = ", ".join(f"{name} {value:.4g}" for name, value in result.unexplained.numbers.items())
@@ -161,9 +162,10 @@ def _show(frame: Frame, result: Investigation, whose: Sequence[str]) -> None:
         described = "not described" if e.nominal is None else f"described {e.nominal:.5g}"
         frame.print(f"  {e.name}: {described}, found {_with_unit(e)}")
     for g, recording in zip(result.gain, whose, strict=True):
-        note = "" if g.significant else " (not distinguishable from zero)"
+        note = "" if g.significant else " (may be chance)"
         frame.print(
-            f"  {recording}{g.channel}: {g.rms_before:.4g} -> {g.rms_after:.4g} {g.unit} on held-out rows{note}"
+            f"  {recording}{g.channel}: error {g.rms_before:.4g} -> {g.rms_after:.4g} {g.unit} (rms) on rows not used "
+            f"for the fit{note}"
         )
     for remark in result.remarks:
         frame.print(f"  note: {remark}")
@@ -171,4 +173,5 @@ def _show(frame: Frame, result: Investigation, whose: Sequence[str]) -> None:
 
 
 def _with_unit(e: Estimate) -> str:
-    return f"{e.value:.5g}" + (f" {e.unit}" if e.unit != "1" else "")
+    shown = f" ({angle(e.value, 0.5 * (e.high - e.low))})" if e.unit == "rad" else ""
+    return f"{e.value:.5g}" + (f" {e.unit}{shown}" if e.unit != "1" else "")

@@ -24,7 +24,7 @@ def register(app: typer.Typer) -> None:
 
 @jobs.command("list")
 def list_jobs(context: typer.Context, json: AsJson = False) -> None:
-    """The newest jobs."""
+    """List the newest jobs."""
     frame = frame_of(context)
     with open_jobs(frame.settings) as opened:
         found = opened.list()
@@ -41,7 +41,7 @@ def list_jobs(context: typer.Context, json: AsJson = False) -> None:
 
 @jobs.command()
 def show(context: typer.Context, job: Id, json: AsJson = True) -> None:
-    """One job as JSON."""
+    """Show one job as JSON."""
     frame = frame_of(context)
     with open_jobs(frame.settings) as opened:
         frame.print_json(_document(opened.get(job)))
@@ -49,7 +49,10 @@ def show(context: typer.Context, job: Id, json: AsJson = True) -> None:
 
 @jobs.command()
 def follow(context: typer.Context, job: Id, json: AsJson = False) -> None:
-    """A progress bar until the job ends; the exit code is 0 if it is done, else 1."""
+    """Follow a job to its end.
+
+    The exit code is 0 if it is done, else 1.
+    """
     frame = frame_of(context)
     with open_jobs(frame.settings) as opened, frame.progress() as progress:
         bar = progress.add_task("queued", total=1.0)
@@ -63,7 +66,10 @@ def follow(context: typer.Context, job: Id, json: AsJson = False) -> None:
 
 @jobs.command()
 def cancel(context: typer.Context, job: Id, json: AsJson = False) -> None:
-    """Stop a job; what is done of it stays, and it can be resumed."""
+    """Stop a job.
+
+    What is done of it stays, and it can be resumed.
+    """
     frame = frame_of(context)
     with open_jobs(frame.settings) as opened:
         _tell(frame, opened.cancel(job), json)
@@ -71,7 +77,7 @@ def cancel(context: typer.Context, job: Id, json: AsJson = False) -> None:
 
 @jobs.command()
 def resume(context: typer.Context, job: Id, json: AsJson = False) -> None:
-    """Go on with a cancelled job where it was."""
+    """Go on with a cancelled job."""
     frame = frame_of(context)
     with open_jobs(frame.settings) as opened:
         _tell(frame, opened.resume(job), json)
@@ -79,7 +85,7 @@ def resume(context: typer.Context, job: Id, json: AsJson = False) -> None:
 
 @jobs.command()
 def workers(context: typer.Context, json: AsJson = False) -> None:
-    """Workers that hold jobs or tasks at the moment."""
+    """List the workers that have jobs or tasks."""
     frame = frame_of(context)
     with open_jobs(frame.settings) as opened:
         held = opened.workers()
@@ -96,7 +102,10 @@ def adopt(
     worker: Annotated[str, typer.Argument(metavar="WORKER", help="as `jobs workers` names it")],
     json: AsJson = False,
 ) -> None:
-    """End the lease of a worker that will not return: others take over what it holds at once, not after 15 s."""
+    """Give the jobs of a dead worker to others now.
+
+    Without this they take over 15 s after its last sign of life.
+    """
     frame = frame_of(context)
     with open_jobs(frame.settings) as opened:
         count = opened.adopt(worker)

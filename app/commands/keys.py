@@ -38,7 +38,10 @@ def create(
 def list_(
     context: typer.Context, json: Annotated[bool, typer.Option("--json", help="one JSON document")] = False
 ) -> None:
-    """Show all keys: whose, which role, when used; never the keys themselves."""
+    """List the keys.
+
+    Shows whose they are, their role and when they were used; never the keys themselves.
+    """
     frame = frame_of(context)
     with frame.library() as library, library.reading() as session:
         answers = [KeyAnswer.model_validate(row) for row in list_keys(session)]

@@ -26,7 +26,10 @@ def erase(
     yes: Yes = False,
     json: Json = False,
 ) -> None:
-    """Erase the audio of recordings, all of them or none; features, diagnoses, cases and the audit stay."""
+    """Erase the audio of recordings.
+
+    All of them or none. Features, diagnoses, cases and the audit log stay.
+    """
     frame = frame_of(context)
     _confirm(yes, json, f"Erase the audio of {len(ids)} recordings? {LOST}")
     with frame.library() as library, library.transaction(ACTOR) as session:
@@ -51,7 +54,10 @@ def expire(
     yes: Yes = False,
     json: Json = False,
 ) -> None:
-    """Erase the audio of recordings that are no cases and are older than so many days."""
+    """Erase old audio.
+
+    That is the audio of recordings that are no cases and are older than so many days.
+    """
     frame = frame_of(context)
     days = days or frame.settings.retain_audio_days
     if days is None:

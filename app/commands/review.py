@@ -27,7 +27,10 @@ def review(
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
-    """Redundant, contradictory, suspect and far cases, and what is missing. Changes nothing unless told to."""
+    """Show cases to look at, and what is missing.
+
+    Cases to look at are redundant, contradictory, suspect or far from all others. Only --apply and --undo change any.
+    """
     frame = frame_of(context)
     with frame.current_library() as library:
         if undo is not None:
@@ -58,8 +61,8 @@ def review(
     frame.results.print(table)
     known = found.competence
     frame.say(
-        f"{known.solved} of {known.of} cases are told by a case of another gearbox; "
-        f"{known.footprint} cases would tell as many"
+        f"{known.solved} of {known.of} cases get their right label from a case of another gearbox; "
+        f"{known.footprint} well-chosen cases would be enough for that"
     )
     if version is not None:
         frame.say(f"done; take it back with: cases review --undo {version}")

@@ -46,7 +46,7 @@ def simulate(
     out: Annotated[Path, typer.Option(metavar="DIR", help="where telemetry.csv and sound.wav are written")],
     mechanism: Annotated[
         list[str] | None,
-        typer.Option(metavar="NAME[@LOCATION]", help="an effect that the plain axis lacks; repeatable"),
+        typer.Option(metavar="NAME[@LOCATION]", help="a mechanism that is added to the axis; may be repeated"),
     ] = None,
     settings: Annotated[
         list[str] | None, typer.Option("--set", metavar="[NAME.]PARAM=VALUE", help="a parameter of a mechanism")
@@ -109,7 +109,8 @@ def _set(wanted: list[Wanted], key: str, value: str) -> None:
             return
     if not wanted:
         raise ParameterError(f"--set {key}: needs a --mechanism that it is a parameter of")
-    raise ParameterError(f"--set {key}: no mechanism given here has it open{near_match(parameter, known)}")
+    missing = "no --mechanism given here has this parameter, or it was set twice"
+    raise ParameterError(f"--set {key}: {missing}{near_match(parameter, known)}")
 
 
 def _number(key: str, value: str) -> float:
@@ -196,7 +197,7 @@ def summary(result: Measurement, axis: Axis, files: list[Path]) -> dict[str, Any
 
 
 def _show(frame: Frame, document: dict[str, Any]) -> None:
-    effects = ", ".join(str(entry["name"]) for entry in document["mechanisms"]) or "no effect beyond the plain axis"
+    effects = ", ".join(str(entry["name"]) for entry in document["mechanisms"]) or "no added mechanism"
     frame.print(f"{document['axis']}: {document['duration_s']:g} s with {effects} ({document['engine']})")
     torque, sound = document["motor_torque_nm"], document["sound"]
     frame.print(f"motor torque: rms {torque['rms']:.3g} N m, largest {torque['largest']:.3g} N m")

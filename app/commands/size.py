@@ -1,4 +1,4 @@
-"""`gearcase size FILE`: how large a play or notch is, as a diagnosis says it or simulated as it was recorded."""
+"""`gearcase size FILE`: the size of backlash or tooth damage, as in a diagnosis or simulated as it was recorded."""
 
 from __future__ import annotations
 
@@ -18,6 +18,7 @@ from casebase.severity import COVERAGE, PARAMETERS, Severity
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import extract
 from sim.description.axis_document import read_axis
+from sim.discrepancy.report.formatting import angle
 from sim.errors import ParameterError
 
 LIBRARY, SIMULATION = "measured cases of the library", "simulation of this recording"
@@ -36,7 +37,9 @@ def size(
     payload: Annotated[float | None, typer.Option(help="inertia carried by the output [kg m2]")] = None,
     period: Annotated[float | None, typer.Option(help="one full cycle of the motion [s]")] = None,
     channel: Annotated[int | None, typer.Option(help="channel to use, from 0")] = None,
-    simulate: Annotated[bool, typer.Option("--simulate", help="as it was recorded, whatever the library has")] = False,
+    simulate: Annotated[
+        bool, typer.Option("--simulate", help="simulate the recording, even if the library could say the size")
+    ] = False,
     processes: Annotated[int, typer.Option(min=1, help="at once")] = os.cpu_count() or 1,
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
@@ -83,11 +86,11 @@ def _show(frame: Frame, found: Severity, about: dict[str, object], json: bool) -
         frame.print_json({**found.to_document(), **about})
         return
     if found.at_most:
-        frame.print(f"{found.parameter}: not heard, at most {found.high:.2g} rad in {COVERAGE:.0%} of such cases")
+        frame.print(f"{found.parameter}: not heard, so at most {found.high:.2g} rad in {COVERAGE:.0%} of such cases")
     else:
         frame.print(
-            f"{found.parameter}: {found.value:.2g} rad, in {COVERAGE:.0%} of such cases between {found.low:.2g} and "
-            f"{found.high:.2g} rad"
+            f"{found.parameter}: {found.value:.2g} rad ({angle(found.value, 0.3 * found.value)}), in {COVERAGE:.0%} of "
+            f"such cases between {found.low:.2g} and {found.high:.2g} rad"
         )
     held = "" if about["by"] == LIBRARY else "; the interval holds as far as the gear sounds like its simulation"
     frame.say(f"by {about['by']}{held}")

@@ -154,7 +154,7 @@ def fold_charts(analysis: Analysis, marked_deg: float | None = None) -> tuple[Ch
     if folded is None:
         return None
     chart = Chart(
-        "Sound folded on the strokes",
+        "Strokes laid over each other",
         (
             Series("around one end of the motion", folded.offset_s, folded.forward_db),
             Series("around the other end", folded.offset_s, folded.backward_db),

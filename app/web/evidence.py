@@ -31,7 +31,7 @@ TITLES = {
     "spectrum": "Spectrum",
     "spectrogram": "Spectrogram",
     "waveform": "Waveform",
-    "fold": "Folded on the motion",
+    "fold": "Strokes laid over each other",
 }
 
 

@@ -50,7 +50,7 @@ class Projection:
     def _point(self, row: int, root: str) -> Point:
         table = self.table
         label, origin = str(table.labels[row]), str(table.origins[row])
-        text = f"{label}, {origin}, gearbox {table.gearboxes[row] or 'not told'}"
+        text = f"{label}, {origin}, gearbox {table.gearboxes[row] or 'not given'}"
         x, y = self.places[row]
         return Point(float(x), float(y), label, origin, f"{root}/cases/{table.ids[row]}", text)
 

@@ -85,11 +85,11 @@ def chart_of(
     if name == "fold":
         folded = charts.fold_charts(analysis)
         if folded is None:
-            raise NotFound("No motion was told or heard in this recording, so there is nothing to fold.")
+            raise NotFound("No period of the motion was given or heard, so strokes cannot be laid over each other.")
         return folded[0]
     speed = row.speed_rad_s
     if name == "orders" and not speed:
-        raise NotFound("Orders need the speed of the axis; it was not told with this recording.")
+        raise NotFound("Orders need the speed of the axis, and none was given with this recording.")
     return charts.spectrum(
         recording, order_markers(analysis), speed / (2 * math.pi) if name == "orders" and speed else None
     )

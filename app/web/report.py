@@ -85,10 +85,12 @@ def _first_page(view: DiagnosisView, zone: str) -> "Figure":
         (f"{near.label}   {near.origin}   gearbox {near.gearbox or '-'}   distance {near.distance:.3g}", 10, "normal")
         for near in view.neighbours
     ]
-    lines.append(("What speaks for it", 13, "bold"))
+    lines.append(("Evidence", 13, "bold"))
     lines += [(f"•  {_told(row)}", 9, "normal") for row in view.evidence.compared[:4]]
     lines += [(f"•  {item.sentence}", 9, "normal") for item in view.evidence.seen[:3]]
-    lines.append(("An aid for people who maintain gearboxes; no safety function, no remaining life.", 8, "normal"))
+    lines.append(
+        ("An aid for people who maintain gearboxes; no safety function, no claim of remaining life.", 8, "normal")
+    )
     height = 0.95
     for text, size, weight in lines:
         for piece in textwrap.wrap(text, int(900 / size)) or [""]:

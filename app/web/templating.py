@@ -19,6 +19,7 @@ from app.security import COOKIE, Principal, csrf_token
 from app.service import service_of
 from app.web.svg import shape_name, shape_path
 from casebase.signals.features import feature_words
+from sim.discrepancy.report.formatting import angle, named, words_of
 
 FOLDER = Path(__file__).parent
 STATIC = FOLDER / "static"
@@ -81,20 +82,6 @@ def sentence(text: str) -> str:
     return f"{text[:1].upper()}{text[1:]}" if "\n" in text else f"{text[:1].upper()}{text[1:].removesuffix('.')}."
 
 
-UNIT_ENDINGS = ("_n_m_s_per_rad", "_n_m_per_rad", "_kg_m2", "_rad_s", "_n_m", "_nm", "_rad", "_hz", "_s")
-
-
-def parameter_words(name: str) -> str:
-    """Return the name of a parameter as words; its unit stands beside its value.
-
-    >>> parameter_words("stages.output.stiffness_n_m_per_rad")
-    'output: stiffness'
-    """
-    ending = next((one for one in UNIT_ENDINGS if name.endswith(one)), "")
-    *place, last = name.removesuffix(ending).removeprefix("stages.").split(".")
-    return ": ".join([*place, last]).replace("_", " ")
-
-
 @lru_cache(maxsize=256)
 def shape(label: str | None) -> Markup:
     """Draw the shape that belongs to a label, so that colour never speaks alone."""
@@ -118,8 +105,10 @@ def origin_badge(origin: str) -> Markup:
 
 def changes(document: Mapping[str, object]) -> str:
     """Write what an audit entry holds as words."""
-    told = [f"{name.replace('_', ' ')}: {value}" for name, value in document.items() if value not in (None, "", {}, [])]
-    return "; ".join(told) or "–"
+    entries = [
+        f"{name.replace('_', ' ')}: {value}" for name, value in document.items() if value not in (None, "", {}, [])
+    ]
+    return "; ".join(entries) or "–"
 
 
 def _clock(zone: str) -> ZoneInfo:
@@ -144,9 +133,11 @@ def _environment() -> Environment:
     )
     environment.filters.update(
         changes=changes,
+        angle=angle,
         feature_words=feature_words,
+        named=named,
         quantity=quantity,
-        parameter_words=parameter_words,
+        parameter_words=words_of,
         percent=percent,
         label_badge=label_badge,
         origin_badge=origin_badge,

@@ -6,12 +6,13 @@ from typing import Any
 
 from markupsafe import Markup
 
-from app.web.templating import parameter_words, percent, quantity, sentence
+from app.web.templating import percent, quantity, sentence
+from sim.discrepancy.report.formatting import angle, named, words_of
 
 NAMES = {
     "normal": "no fault indicated",
-    "notch": "notch (local tooth damage)",
-    "play": "play (backlash)",
+    "notch": "tooth damage (notch)",
+    "play": "backlash (play)",
 }
 CHECKS = {
     "normal": ("Nothing to do. Record again at the next inspection, in the same motion and with the same payload.",),
@@ -19,17 +20,17 @@ CHECKS = {
         "Move the axis to where it is at the time in the cycle when the impact repeats, and look at the teeth of the "
         "output gear that mesh there.",
         "Take a grease sample and look for steel particles.",
-        "Record again with the axis moving through another range: a notch stays at its tooth, so its time in the cycle "
-        "changes.",
+        "Record again with the axis moving through another range: a damaged tooth stays where it is, so its time in "
+        "the cycle changes.",
     ),
     "play": (
-        "Lock the motor and move the arm by hand at the joint: measure the free travel.",
+        "Lock the motor and move the arm by hand at the joint: measure the free travel, which is the backlash.",
         "Check the preload and the fastening of the gear stage.",
-        "Record again with another payload: play shows where the torque reverses.",
+        "Record again with another payload: backlash is heard where the torque reverses.",
     ),
 }
 SHOWN_UNITS = {"_rad_s": "rad/s", "_rad": "rad", "_hz": "Hz", "_s": "s"}
-SIZES = {"depth_rad": ("Depth", "deep"), "gap_rad": ("Free travel", "wide")}
+SIZES = {"depth_rad": ("Depth of the damage", "deep"), "gap_rad": ("Width of the backlash", "wide")}
 """What the size of a fault is called beside the verdict, and in it."""
 CALIBRATED_FROM = 2
 """How many gearboxes must be known before a score is called a probability."""
@@ -42,16 +43,21 @@ VERDICTS = {
     "unusable": "Unusable",
 }
 """The one word of the pages for each verdict of a document."""
-NOT_COMPARED = ("no regular motion is heard", "the sound has another colour", "the nearest cases are of sound gears")
-"""Remarks that begin so say why there is no label, and stand first."""
-RECORD_AGAIN = (
-    "Record again: 20 s or more, three cycles of the motion or more, the microphone held to the gearbox, without what "
-    "is called poor above."
+NOT_COMPARED = (
+    "no regular motion is heard",
+    "the sound has another colour",
+    "the nearest cases are of good gears",
+    "the nearest cases are of sound gears",
 )
-OTHER_CHECKS = ("Compare with the nearest cases below, then open or exclude the place they name.",)
+"""Remarks that begin so say why there is no label, and stand first; the last one is of earlier versions."""
+RECORD_AGAIN = (
+    "Record again for 20 s or more and three cycles of the motion or more, with the microphone at the gearbox, and "
+    "avoid what is marked poor above."
+)
+OTHER_CHECKS = ("Compare with the nearest cases below, then inspect the place that they name.",)
 UNKNOWN_CHECKS = (
     "Record the axis again to rule out a disturbance.",
-    "If the sound stays, let a person inspect the gearbox, and add the finding as a case with its label.",
+    "If the sound is the same, have the gearbox inspected, and add what was found as a case with its label.",
 )
 
 
@@ -71,7 +77,7 @@ def name_of(label: str | None) -> str:
     """Return a label as words.
 
     >>> name_of("notch")
-    'notch (local tooth damage)'
+    'tooth damage (notch)'
     """
     return NAMES.get(label or "", (label or "unknown").replace("_", " "))
 
@@ -97,8 +103,8 @@ def certainty(document: Mapping[str, Any]) -> tuple[str, str, str] | None:
     gearboxes = document["provenance"].get("gearboxes", 0)
     if is_calibrated(document):
         return "Probability", percent(document["probability"]), f"calibrated on {gearboxes} gearboxes"
-    known = "no gearbox was" if gearboxes == 0 else "one gearbox was"
-    return "Score", score(document["probability"]), f"from 0 to 1, not a probability: {known} measured"
+    known = "no measured gearbox" if gearboxes == 0 else "only one measured gearbox"
+    return "Score", score(document["probability"]), f"from 0 to 1, not a probability: the library has {known}"
 
 
 def how_sure(document: Mapping[str, Any]) -> str:
@@ -111,14 +117,19 @@ def how_sure(document: Mapping[str, Any]) -> str:
     return "–" if sure is None else sure[1] if is_calibrated(document) else f"score {sure[1]}"
 
 
+def _milliradians(value_rad: float) -> Markup:
+    """Write a small angle in mrad, and in minutes of arc as data sheets have it."""
+    return Markup("{} ({})").format(quantity(1e3 * value_rad, "mrad", 2), angle(value_rad, 0.3 * value_rad))
+
+
 def size_of(document: Mapping[str, Any]) -> tuple[str, Markup, Markup, int] | None:
     """Return name, value, interval [mrad] and number of cases behind the size of a fault; None where it has none."""
     severity = document["severity"]
     if severity is None:
         return None
-    value, low, high = (1e3 * severity[name] for name in ("value", "low", "high"))
+    low, high = (1e3 * severity[name] for name in ("low", "high"))
     interval = Markup("{} to {}").format(quantity(low, digits=2), quantity(high, "mrad", 2))
-    return SIZES[severity["parameter"]][0], quantity(value, "mrad", 2), interval, severity["cases"]
+    return SIZES[severity["parameter"]][0], _milliradians(severity["value"]), interval, severity["cases"]
 
 
 def rejected(document: Mapping[str, Any]) -> list[str]:
@@ -181,18 +192,20 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
 def limits_of(document: Mapping[str, Any]) -> str:
     """Say which faults "no fault" cannot exclude.
 
-    >>> limits_of({"detection_limit": {"notch": {"depth_rad": 0.0008}, "play": None}})
-    'A notch below 0.8 mrad would not be heard here. How small a play would be heard cannot be said.'
+    >>> limits_of({"detection_limit": {"notch": {"depth_rad": 0.0008}}})
+    'Tooth damage (notch) below 0.8\\xa0mrad (2.8\\xa0arc min) would not be heard here.'
+    >>> limits_of({"detection_limit": {"play": None}})
+    'How small backlash (play) would be heard is not known.'
     """
     limits = document.get("detection_limit") or {}
     known = {label: next(iter(limit.values())) for label, limit in limits.items() if limit}
     unknown = [label for label, limit in limits.items() if not limit]
     said = []
     if known:
-        sizes = " and ".join(f"a {label} below {1e3 * size:.2g} mrad" for label, size in known.items())
+        sizes = " and ".join(f"{name_of(label)} below {_milliradians(size)}" for label, size in known.items())
         said.append(f"{sizes[0].upper()}{sizes[1:]} would not be heard here.")
     if unknown:
-        said.append(f"How small a {' or '.join(unknown)} would be heard cannot be said.")
+        said.append(f"How small {' or '.join(map(name_of, unknown))} would be heard is not known.")
     return " ".join(said)
 
 
@@ -216,7 +229,7 @@ def _support(document: Mapping[str, Any]) -> str:
     beginning = f"{sure[0]} {sure[1]}. " if sure else ""
     return (
         f"{beginning}Among the nearest cases, {support['measured']} measured and "
-        f"{support['simulated']} simulated speak for it."
+        f"{support['simulated']} simulated support it."
     )
 
 
@@ -224,15 +237,14 @@ def _novelty(document: Mapping[str, Any], poor: tuple[str, ...]) -> tuple[str, t
     """Return why a recording is none of the library's, and the remarks that this says."""
     novelty, remarks, why = document["novelty"], tuple(document.get("remarks", ())), not_compared(document)
     if why:
-        unforced = "It is not forced into a known class."
+        unforced = "So it gets none of the known labels."
         return " ".join((*map(sentence, why), unforced, *map(sentence, poor))), (*why, *poor)
     if novelty["distance"] is None or novelty["threshold"] is None:
         nothing = "The library has nothing to compare this recording with."
         return " ".join((nothing, *map(sentence, remarks))), remarks
     far = (
-        f"It lies outside all that the known kinds have shown by {novelty['distance']:.2f} times the spread of normal "
-        f"recordings; recordings of known kinds stay below {novelty['threshold']:.2f}. It is not forced into a known "
-        "class."
+        f"It lies outside the known kinds by {novelty['distance']:.2f} times the spread of normal recordings; "
+        f"recordings of known kinds stay below {novelty['threshold']:.2f}. So it gets none of the known labels."
     )
     return " ".join((far, *map(sentence, poor))), poor
 
@@ -241,15 +253,15 @@ def investigation_headline(document: Mapping[str, Any]) -> str:
     """Say in one line what an investigation found.
 
     >>> investigation_headline({"verdict": "nothing_missing", "findings": []})
-    'The model misses nothing that this data could show'
+    'Nothing that these data could show is missing in the model'
     """
     told = document.get("story", {}).get("headline")
     if told:
         return str(told).removesuffix(".")
     if document["verdict"] == "nothing_missing":
-        return "The model misses nothing that this data could show"
+        return "Nothing that these data could show is missing in the model"
     if document["verdict"] == "unnamed":
-        return "Something is missing that no known mechanism explains"
+        return "Something is missing in the model that no known mechanism explains"
     names = [place_words(finding) for finding in document["findings"]]
     return f"Missing in the model: {', '.join(names)}"
 
@@ -258,7 +270,7 @@ def unexplained_words(found: Mapping[str, Any]) -> str:
     """Say where in the data something is left that no mechanism explains.
 
     >>> unexplained_words({"kind": "frequency", "channel": "motor_torque_nm", "share": 0.2, "frequency_hz": 37.0})
-    'What stands out of what is left of the motor torque is a frequency of 37\\xa0Hz: 20\\xa0% of its energy.'
+    'In the residual of the motor torque a frequency of 37\\xa0Hz stands out: 20\\xa0% of its energy.'
     """
     kind, share = found["kind"], percent(found["share"])
     numbers = {name: value for name, value in found.items() if name not in ("kind", "channel", "share", "score")}
@@ -266,18 +278,17 @@ def unexplained_words(found: Mapping[str, Any]) -> str:
     name, value = next(iter(numbers.items()), ("", None))
     unit = next((unit for ending, unit in SHOWN_UNITS.items() if name.endswith(ending)), "")
     place = f" of {quantity(value, unit)}" if value is not None else ""
-    channel = parameter_words(found["channel"])
+    channel = words_of(found["channel"])
     what = f"{'an' if kind == 'angle' else 'a'} {kind}{place}{direction}"
     if name == "order":
         changes = "a transmission error that comes" if kind == "transmission error" else "friction that changes"
         what = f"{changes} {value:g} times per turn of the load"
-    return f"What stands out of what is left of the {channel} is {what}: {share} of its energy."
+    return f"In the residual of the {channel} {what} stands out: {share} of its energy."
 
 
 def place_words(finding: Mapping[str, Any]) -> str:
     """Name a mechanism and where it sits."""
-    name = str(finding["mechanism"]).replace("_", " ")
-    return f"{name} at {finding['location']}" if finding.get("location") else name
+    return named(str(finding["mechanism"]), finding.get("location"))
 
 
 def likely_words(finding: Mapping[str, Any]) -> str:
@@ -293,6 +304,6 @@ def likely_words(finding: Mapping[str, Any]) -> str:
 
 def finding_words(finding: Mapping[str, Any]) -> str:
     """Say how sure a finding is, and what else it could be."""
-    others = [str(name).replace("_", " ") for name in finding.get("indistinguishable_from", ())]
-    rest = f"; this data cannot tell it from {' or '.join(others)}" if others else ""
+    others = [named(str(name)) for name in finding.get("indistinguishable_from", ())]
+    rest = f"; in these data it looks the same as {' or '.join(others)}" if others else ""
     return f"{likely_words(finding)}{rest}"

@@ -105,7 +105,7 @@ def _existing(session: Session, recording: StoredRecording, labelling: Labelling
     box = case.recording.gearbox
     state = "" if case.state == "confirmed" else f", {case.state}"
     raise DuplicateError(
-        f"this sound is case {case.id} already ({case.label}, gearbox {box or 'not told'}{state}); "
+        f"this sound is case {case.id} already ({case.label}, gearbox {box or 'not given'}{state}); "
         "change that case if it is wrong",
         case_id=case.id,
         label=case.label,

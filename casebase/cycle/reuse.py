@@ -89,4 +89,4 @@ class Reuse:
 
 
 def _told(case: Case) -> str:
-    return f"this is case {case.id} ({case.label}, gearbox {case.recording.gearbox or 'not told'})"
+    return f"this is case {case.id} ({case.label}, gearbox {case.recording.gearbox or 'not given'})"

@@ -93,7 +93,7 @@ def investigate(
         return _encoders_alone(axis, telemetry, sounds, sound_offset_s, progress)
     gate = examine(axis, telemetry)
     axis, recorded = gate.axis, excitation_of(gate.measurement)
-    progress("calibration of what the description has", 0.08)
+    progress("calibration of the description", 0.08)
     problem = Problem(axis, gate.measurement, _first_noise(gate), unknown=gate.unknown)
     problem, base = calibrate(problem)
     weighed = selection = drop_unidentifiable(select(problem, base, progress, gate.law))
@@ -102,14 +102,14 @@ def investigate(
     heard = listen(axis, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
     strange = mismatch(sounds[0], gate.measurement, sound_offset_s) if sounds else ()
     named = [term.mechanism for term in selection.found] + [fault.mechanism for fault in gate.faults]
-    progress("gain on rows not used", 0.85)
+    progress("gain on data not used for the fit", 0.85)
     base = problem.fit((), base.values, held=base.sensitivities) if fit.terms else fit
     places = look(problem, fit)
     rest = [nameless(selection, term) for term in selection.nameless] + left(places, fit)
     _, base = final_fit(problem, base)
     problem, fit = final_fit(problem, fit)
     selection = replace(selection, problem=problem, base=base, fit=fit)
-    progress("what is left", 0.92)
+    progress("residual", 0.92)
     struck, loud = _struck(axis, [*selection.found, *heard]), _loud(axis, selection.found)
     findings = (
         *(finding_of(selection, term) for term in selection.found),

@@ -18,14 +18,15 @@ class Backlash(Mechanics):
     """Total gap of a mesh; the teeth hit each other when the torque changes its sign."""
 
     name: ClassVar[str] = "backlash"
+    workshop_name: ClassVar[str] = "play"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("gap_rad", "rad", 0.0, 0.1, 1e-3),)
     size: ClassVar[str] = "gap_rad"
     signature: ClassVar[Signature] = Signature("reversal", per_cycle=2, direction="reversal", grows_with="speed")
     equations: ClassVar[str] = "F = 0 while |x| < gap / 2, else c (|x| - gap / 2) + d x' on the flank in contact"
     source: ClassVar[str] = "Modelica.Mechanics.Rotational.Components.ElastoBacklash, Modelica Standard Library 4.1"
     sentence: ClassVar[str] = (
-        "The {where} gear pair has play of {gap_rad:.3g} rad ({gap_rad_shown}): around every reversal of torque the "
-        "load moves freely until the other flank meets."
+        "The {where} gear pair has backlash of {gap_rad:.3g} rad ({gap_rad_shown}): at every reversal of torque "
+        "the load moves freely until the opposite tooth flanks meet."
     )
     action: ClassVar[str] = (
         "Lock the motor, move the load by hand to and fro and read the free travel at the {where} gear; compare it "
@@ -33,8 +34,8 @@ class Backlash(Mechanics):
         "next stop; sooner where the axis must hold a position."
     )
     check: ClassVar[str] = (
-        "Block the load and let the motor push slowly to and fro: play shows as a flat middle of torque over angle, a "
-        "soft spring does not."
+        "Block the load and let the motor push slowly to and fro: backlash shows as a flat middle of torque over "
+        "angle, a soft spring does not."
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
@@ -44,7 +45,7 @@ class Backlash(Mechanics):
         "play",
         "Add an encoder at the load and repeat the motion: the way between the flanks is the gap, and the stage "
         "with the play shows in how fast it is crossed.",
-        left_out="No impact where braking begins stands out over what good gearboxes do as well.",
+        left_out="Impacts where braking begins are no stronger than in good gearboxes.",
     )
     traits: ClassVar[Traits] = Traits(
         needs_no_trial=0.02,

@@ -30,22 +30,25 @@ class BearingDefect(Mechanics):
     equations: ClassVar[str] = "tau on the shaft = torque sum of sin(k (order theta + phase)), k = 1 to 5"
     source: ClassVar[str] = "McFadden and Smith, J. Sound Vib. 96 (1984) 69"
     action: ClassVar[str] = (
-        "Order the bearing whose data sheet has this order (it is told per turn of the motor; for a bearing on a "
-        "slower shaft multiply it by the ratio up to there), listen to all bearings near the motor by stethoscope, "
-        "and look for flakes in the grease; measure again in a week, and change it before the level doubles."
+        "Find the bearing whose data sheet has this order (it is per turn of the motor; for a bearing on a slower"
+        " shaft multiply it by the ratio up to there) and order a new one. Listen to all bearings near the motor "
+        "with a stethoscope and look for flakes in the grease. Measure again in a week, and change the bearing "
+        "before the level doubles."
     )
     check: ClassVar[str] = (
-        "Repeat the motion at two thirds of the speed with the sound: what keeps its order is the bearing, what keeps "
-        "its pitch is not."
+        "Repeat the motion at two thirds of the speed with the sound: what keeps its order is the bearing; what "
+        "keeps its frequency is not."
     )
     in_sound_alone: ClassVar[bool] = True
     own_hypothesis: ClassVar[bool] = True
     heard: ClassVar[Heard | None] = Heard(
         "bearing defect",
-        "Repeat the motion at two thirds of the speed: what keeps its order is the bearing, what keeps its pitch "
-        "is not.",
-        left_out="The lines that no gear explains are too few to be a bearing's.",
-        silent="No family of impacts stands out of the sound at an order that no gear has.",
+        (
+            "Repeat the motion at two thirds of the speed: what keeps its order is the bearing; what keeps its "
+            "frequency is not."
+        ),
+        left_out="There are too few lines that no gear explains; a bearing makes more.",
+        silent="The sound has no impacts at an order that no gear has.",
     )
 
     @classmethod

@@ -18,11 +18,11 @@ class Differing(Enum):
     )
     BY_LOOK = (
         "Look by endoscope at all teeth of the gear, or turn it slowly through a whole turn under load and log the "
-        "torque: one damaged tooth breaks it down at one angle, teeth that all err do so everywhere."
+        "torque: one damaged tooth makes it drop at one angle, errors of all teeth change it everywhere."
     )
     BLOCKED = (
         "Block the load, let the motor push slowly to and fro up to its torque limit and log torque against angle: "
-        "play shows a flat middle, hardening a bend, hysteresis a loop."
+        "backlash shows a flat middle, hardening a bend, hysteresis a loop."
     )
     OVER_A_TURN = (
         "Turn the load slowly through more than one revolution in both directions: an encoder's error needs no torque, "

@@ -25,11 +25,11 @@ class Eccentricity(Mechanics):
     equations: ClassVar[str] = "x = theta_driver / i - theta_driven - amplitude sin(theta + phase)"
     source: ClassVar[str] = "kinematic error of first order, 2 e tan(alpha) / r_b for an eccentric wheel of offset e"
     sentence: ClassVar[str] = (
-        "The {where} gear runs out of true by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution."
+        "The {where} gear has a runout of {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution."
     )
     action: ClassVar[str] = (
-        "Put a dial gauge on the {where} gear or its shaft and turn it once: check seat, keys and bearings. At the "
-        "next stop; runout wears teeth slowly."
+        "Put a dial gauge on the {where} gear or its shaft and turn it once: check seat, keys and bearings. Do it"
+        " at the next stop; runout wears teeth slowly."
     )
     check: ClassVar[str] = (
         "Turn the load slowly through more than one revolution in both directions: runout keeps its place on the "

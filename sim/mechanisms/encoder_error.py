@@ -25,8 +25,8 @@ class EncoderError(Measurement):
     equations: ClassVar[str] = "measured = theta + amplitude sin(theta + phase)"
     source: ClassVar[str] = "eccentric disc: e / r of the grating"
     sentence: ClassVar[str] = (
-        "The load encoder errs by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution, more than its "
-        "data sheet says."
+        "The load encoder has an error of {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution, "
+        "more than its data sheet allows."
     )
     action: ClassVar[str] = (
         "Check seat, centring and coupling of the load encoder and clean its scale; nothing needs to be wrong with "

@@ -33,7 +33,7 @@ class FrictionAsymmetry(Mechanics):
     sentence: ClassVar[str] = "Friction differs between the two directions of motion."
     action: ClassVar[str] = (
         "Look for what drags one way only: a brake that rubs, a preloaded screw or seal, a cable or hose that pulls. "
-        "Zero the torque channel at standstill first, as an offset looks alike."
+        "Zero the torque channel at standstill first, because an offset looks the same."
     )
     check: ClassVar[str] = Differing.AT_REST.value
     own_hypothesis: ClassVar[bool] = True

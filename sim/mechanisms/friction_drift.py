@@ -27,8 +27,8 @@ class FrictionDrift(Mechanics):
         "the amount of grease."
     )
     check: ClassVar[str] = (
-        "Repeat the motion after half an hour of running, with the temperature logged: heat has gone by then, wear "
-        "has not."
+        "Repeat the motion after half an hour of running, with the temperature logged: a change by heat is over "
+        "by then, wear is still there."
     )
     own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(

@@ -25,9 +25,7 @@ class GravityImbalance(Mechanics):
     signature: ClassVar[Signature] = Signature("angle", order=1)
     equations: ClassVar[str] = "tau on the load = -torque sin(theta_load + phase)"
     source: ClassVar[str] = "pendulum"
-    sentence: ClassVar[str] = (
-        "A torque of {torque_n_m:.3g} N m pulls at the load and turns with it: weight off the axis of rotation."
-    )
+    sentence: ClassVar[str] = "A weight off the axis of rotation pulls at the load with up to {torque_n_m:.3g} N m."
     action: ClassVar[str] = (
         "Check payload, its centre of gravity and the balancer against what is described, and enter the weight in the "
         "axis description."

@@ -25,15 +25,16 @@ class Hysteresis(Mechanics):
     equations: ClassVar[str] = "F = c x + d x' + z, z' = x' (torque - sign(x') z) / width"
     source: ClassVar[str] = "Dahl, AIAA Journal 14 (1976) 1675"
     sentence: ClassVar[str] = (
-        "The {where} gear pair holds back {torque_n_m:.3g} N m when the twist turns: its spring has a loop."
+        "When the twist of the {where} gear pair turns back, {torque_n_m:.3g} N m are lost: torque over twist is a "
+        "loop (hysteresis)."
     )
     action: ClassVar[str] = (
-        "Check clamping and fastening of the {where} gear (slipping fits, loose screws) and its preload. At the next "
-        "stop."
+        "Check clamping and fastening of the {where} gear (slipping fits, loose screws) and its preload. Do it at"
+        " the next stop."
     )
     check: ClassVar[str] = (
-        "Block the load, let the motor push slowly to and fro up to its torque limit: hysteresis opens a loop, "
-        "hardening a bend, play a flat middle."
+        "Block the load, let the motor push slowly to and fro up to its torque limit: hysteresis shows a loop, "
+        "hardening a bend, backlash a flat middle."
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})

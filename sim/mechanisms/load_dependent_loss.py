@@ -23,7 +23,7 @@ class LoadDependentLoss(Mechanics):
     sentence: ClassVar[str] = "The {where} gear pair loses {fraction:.1%} of the torque it transmits."
     action: ClassVar[str] = (
         "Check lubrication and contact pattern of the {where} gear pair, and enter its efficiency in the axis "
-        "description. At the next service."
+        "description. Do it at the next service."
     )
     check: ClassVar[str] = (
         "Repeat the motion without payload: a loss of the teeth shrinks with the torque, friction stays."

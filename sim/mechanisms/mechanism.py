@@ -105,6 +105,8 @@ class Mechanism(ABC):
     name: ClassVar[str]
     kind: ClassVar[Literal["mechanics", "measurement"]] = "mechanics"
     parameters: ClassVar[tuple[Parameter, ...]]
+    workshop_name: ClassVar[str] = ""
+    """What a workshop calls it, where that is another word."""
     size: ClassVar[str]
     """The parameter of which 0 means that the effect is not there."""
     needs: ClassVar[frozenset[Need]] = frozenset()
@@ -116,7 +118,7 @@ class Mechanism(ABC):
     source: ClassVar[str]
     sentence: ClassVar[str] = ""
     """What a finding says, with its numbers in braces; without it, the first line of the docstring and the numbers."""
-    action: ClassVar[str] = "Look at what is described here, and change no parts on it alone."
+    action: ClassVar[str] = "Look at the place named here, but change no parts because of it alone."
     """What to do now about a finding."""
     check: ClassVar[str] = (
         "Repeat the same motion at half the speed and in both directions: what stays the same does not come from the "

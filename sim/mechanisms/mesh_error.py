@@ -31,16 +31,16 @@ class MeshError(Mechanics):
     )
     source: ClassVar[str] = "static transmission error at tooth frequency: Harris, Proc. IMechE 172 (1958) 87"
     sentence: ClassVar[str] = (
-        "The teeth of the {where} gear pair err by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) at tooth "
-        "frequency, more than as new."
+        "The teeth of the {where} gear pair have an error of {amplitude_rad:.3g} rad ({amplitude_rad_shown}) at "
+        "tooth frequency, more than a new gear."
     )
     action: ClassVar[str] = (
-        "Look at the contact pattern of the {where} gear pair and at its oil: worn, wrongly spaced or misaligned "
-        "teeth. At the next stop."
+        "Look at the contact pattern of the {where} gear pair and at its oil: the teeth may be worn, wrongly "
+        "spaced or misaligned. Do it at the next stop."
     )
     check: ClassVar[str] = (
-        "Repeat the motion at two thirds of the speed: what keeps its order is the teeth, what keeps its frequency is "
-        "a structure."
+        "Repeat the motion at two thirds of the speed: what keeps its order is the teeth; what keeps its "
+        "frequency is a structure."
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_LOOK, Differing.OVER_A_TURN})
@@ -49,7 +49,7 @@ class MeshError(Mechanics):
         "error of teeth",
         "Record motor torque and angle of motor and load of the same motion: they give how much the teeth err, "
         "and tell worn ones from one that is damaged.",
-        left_out="The lines of no gear's teeth have grown over those of as new and those of the other gears.",
+        left_out="No gear's tooth lines have grown since the axis was new by more than those of the other gears.",
     )
     traits: ClassVar[Traits] = Traits(
         laws=frozenset({Law.RIPPLE_OF_TEETH, Law.FLANKS}),

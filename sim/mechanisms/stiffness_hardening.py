@@ -23,12 +23,12 @@ class StiffnessHardening(Mechanics):
     source: ClassVar[str] = "stiffness in steps K1 < K2 < K3 of strain wave gears, as a smooth curve"
     sentence: ClassVar[str] = "The {where} gear pair is stiffer at large twist than at small."
     action: ClassVar[str] = (
-        "Nothing to repair: enter the law of the spring for the {where} gear pair. If the axis was linear before, "
-        "check preload and end stops of that stage."
+        "Nothing to repair: enter in the description that the {where} gear pair stiffens. If the axis was linear "
+        "before, check preload and end stops of that stage."
     )
     check: ClassVar[str] = (
         "Block the load, let the motor push slowly up to its torque limit both ways: hardening bends torque over "
-        "angle at its ends, play in the middle."
+        "angle at its ends, backlash in the middle."
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})

@@ -25,16 +25,16 @@ class StribeckFriction(Mechanics):
     equations: ClassVar[str] = "tau = (tau_C + torque exp(-(|w| / speed)^exponent)) sign(w)"
     source: ClassVar[str] = "Armstrong-Helouvry, Dupont and Canudas de Wit, Automatica 30 (1994) 1083"
     sentence: ClassVar[str] = (
-        "At low speed friction rises by {torque_n_m:.3g} N m, below about {speed_rad_s:.3g} rad/s of the motor: the "
-        "lubricant film breaks down."
+        "Below about {speed_rad_s:.3g} rad/s of the motor friction rises by {torque_n_m:.3g} N m (Stribeck "
+        "friction): the lubricant film breaks down."
     )
     action: ClassVar[str] = (
-        "Check lubrication (grade, amount, age) and seals: at low speed the film breaks down. At the next service; "
-        "enter the rise in the axis description if it was there from the beginning."
+        "Check lubrication (grade, amount, age) and seals: at low speed the film breaks down. Do it at the next "
+        "service. Enter it in the axis description if it was there from the beginning."
     )
     check: ClassVar[str] = (
-        "Move at five even speeds from creeping to a third of the largest: friction that rises at low speed falls "
-        "along them, stiction alone does not."
+        "Move at five even speeds from creeping to a third of the largest: with Stribeck friction the torque "
+        "falls from speed to speed, with stiction alone it does not."
     )
     own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(

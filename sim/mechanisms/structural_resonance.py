@@ -28,7 +28,7 @@ class StructuralResonance(Mechanics):
     equations: ClassVar[str] = "share J (a_s) = -c x - d x', c = share J (2 pi f)^2, d = 2 zeta share J 2 pi f"
     source: ClassVar[str] = "dynamic vibration absorber: Den Hartog, Mechanical Vibrations (1956), chapter 3"
     sentence: ClassVar[str] = (
-        "Part of the load, {share:.0%} of its inertia, swings by itself at {frequency_hz:.3g} Hz: an arm, a tool or "
+        "Part of the load, {share:.0%} of its inertia, swings on its own at {frequency_hz:.3g} Hz: an arm, a tool or "
         "the stand is soft or loose."
     )
     action: ClassVar[str] = (
@@ -47,7 +47,7 @@ class StructuralResonance(Mechanics):
         "resonance",
         "Tap covers, pipes, arm and stand at standstill and record that: the part that is loose rings at the same "
         "pitch without any motion.",
-        left_out="No pitch has grown over that of as new, at every speed, by more than others have fallen.",
+        left_out="No frequency has grown since the axis was new by more than others have fallen.",
     )
     traits: ClassVar[Traits] = Traits(
         least_share=0.003,  # it bends to much

@@ -21,7 +21,7 @@ class TimeDelay(Measurement):
     signature: ClassVar[Signature] = Signature("recording", grows_with="speed")
     equations: ClassVar[str] = "measured(t) = true(t - delay)"
     source: ClassVar[str] = "buffers between drive and recorder"
-    sentence: ClassVar[str] = "A channel is late by {delay_s:.3g} s against the others."
+    sentence: ClassVar[str] = "One channel is {delay_s:.3g} s later than the others."
     action: ClassVar[str] = (
         "Check that all channels are sampled on one clock: filters, bus cycles and time stamps of the late channel; "
         "nothing is wrong with the machine."

@@ -23,6 +23,7 @@ class ToothDamage(Mechanics):
     """
 
     name: ClassVar[str] = "tooth_damage"
+    workshop_name: ClassVar[str] = "notch"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("angle_rad", "rad", 0.0, 2 * math.pi, 1.1, periodic=True),
         Parameter("depth_rad", "rad", 0.0, 0.05, 1e-3),
@@ -41,14 +42,14 @@ class ToothDamage(Mechanics):
     )
     sentence: ClassVar[str] = (
         "A flank of the {where} gear lacks material near {angle_rad:.3f} rad ({angle_rad_shown}), {depth_rad:.2g} rad "
-        "({depth_rad_shown}) deep: torque breaks down there once per revolution, in one direction of torque."
+        "({depth_rad_shown}) deep: once per revolution the torque drops there, in one direction of torque."
     )
     action: ClassVar[str] = (
-        "Open or look by endoscope into the {where} gear {place}, and look for steel in the oil. {urgency}"
+        "Open the {where} gear or look into it with an endoscope {place}, and look for steel in the oil. {urgency}"
     )
     check: ClassVar[str] = (
-        "Turn the {where} gear slowly through {at} under load in both directions of torque: a damaged tooth breaks "
-        "the torque down at that angle and with one direction only, an error of all teeth does so everywhere."
+        "Turn the {where} gear slowly through {at} under load in both directions of torque: a damaged tooth makes"
+        " the torque drop at that angle and in one direction only, an error of all teeth changes it everywhere."
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_LOOK})
@@ -57,7 +58,7 @@ class ToothDamage(Mechanics):
         "tooth damage",
         "Record motor torque and angle of motor and load of the same motion, slowly through a whole turn in both "
         "directions: they give the tooth, its depth and its flank.",
-        left_out=("No impacts stand out over what good gearboxes do as well, nor lines at the turns of a gear."),
+        left_out=("Impacts, and lines at the turns of a gear, are no stronger than in good gearboxes."),
     )
     traits: ClassVar[Traits] = Traits(
         least_share=0.004,  # it bends to much

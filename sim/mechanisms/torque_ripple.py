@@ -25,7 +25,7 @@ class TorqueRippleOfMotor(Mechanics):
     equations: ClassVar[str] = "tau on the motor = torque sin(order theta_motor + phase)"
     source: ClassVar[str] = "cogging at multiples of lcm(slots, poles), current ripple at 6 per pole pair"
     sentence: ClassVar[str] = (
-        "The motor torque ripples by {torque_n_m:.3g} N m {order:g} times per revolution of the motor."
+        "The motor torque has a ripple of {torque_n_m:.3g} N m, {order:g} times per revolution of the motor."
     )
     action: ClassVar[str] = (
         "Check calibration of current sensors and commutation of the drive; turn the motor without current by hand "

@@ -44,6 +44,12 @@ def test_help_of_an_investigation_says_which_motion_sound_alone_uses(tmp_path: P
     assert "motion.period_s" in gearcase("investigate", "--help", data_dir=tmp_path).stdout
 
 
+def test_help_says_units(tmp_path: Path) -> None:
+    """A unit in brackets is no style of the terminal."""
+    words = gearcase("diagnose", "--help", data_dir=tmp_path).stdout
+    assert all(unit in words for unit in ("[rad/s]", "[kg m2]", "[s]"))
+
+
 def test_help_imports_nothing_heavy() -> None:
     program = "import sys; from app.cli import run; run(['--help']); print(*sys.modules, file=sys.stderr)"
     done = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True)

@@ -25,5 +25,5 @@ def test_the_page_of_two_encoders_speaks_of_no_model(tmp_path: Path) -> None:
         told = service.ask("GET", f"/api/v1{path}").json()
     assert answer.status_code == 200
     assert "Motor and load" in answer.text
-    assert "Left the two together" not in answer.text
+    assert "Left: measurement and model" not in answer.text
     assert [f["mechanism"] for f in told["findings"]] == ["backlash", "eccentricity"]

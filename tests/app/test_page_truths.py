@@ -55,7 +55,7 @@ def test_the_page_of_an_axis_lists_its_diagnoses_and_that_of_a_diagnosis_says_wh
     page = service.browse("GET", "/axes/bench").text
     assert f"/diagnoses/{described}" in page
     assert f"/diagnoses/{unknown}" not in page
-    assert "were not compared" in page
+    assert "was not investigated yet" in page
     assert "(not described)" not in service.browse("GET", f"/diagnoses/{described}").text
     assert "nobody knows (not described)" in service.browse("GET", f"/diagnoses/{unknown}").text
 

@@ -182,7 +182,7 @@ def poor(**changes: object) -> dict[str, Any]:
 def test_poor_recording_says_first_why_and_what_to_do() -> None:
     verdict = verdict_of(poor())
     assert verdict.summary.startswith("The recording is too poor for a label to be relied on")
-    assert verdict.checks[0].startswith("Record again: 20 s or more, three cycles")
+    assert verdict.checks[0].startswith("Record again for 20 s or more and three cycles")
     assert not any("teeth" in check or "motor" in check for check in verdict.checks)
     assert remarks_beside(poor()) == ["another remark"]
     assert flags_of(poor()["quality"], 20.0)[0].remedy

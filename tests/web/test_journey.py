@@ -288,10 +288,10 @@ def test_better_model_is_accepted_once(opened: Opened, site: Site) -> None:
     path = f"/investigations/{site.investigation}"
     with opened("admin", path) as page:
         expect(page.get_by_role("heading", level=1)).to_have_text("Missing in the model: friction asymmetry at motor")
-        for title in ("Motor torque: measured and simulated", "Motor torque: what is left", "Motor torque by speed"):
+        for title in ("Motor torque: measured and simulated", "Motor torque: residual", "Motor torque by speed"):
             page.get_by_role("region", name=title).scroll_into_view_if_needed()
             expect(page.get_by_role("region", name=title).locator("[data-ready] canvas")).to_be_visible()
-        expect(page.get_by_role("region", name="Motor torque: what is left").get_by_text("noise floor")).to_be_visible()
+        expect(page.get_by_role("region", name="Motor torque: residual").get_by_text("noise floor")).to_be_visible()
         expect(page.get_by_role("heading", name="Not examined")).to_be_visible()
         page.get_by_role("button", name="Accept as new revision").click()
         page.wait_for_url("**/axes/one*body")
@@ -310,9 +310,9 @@ def test_sliders_simulate_at_once(opened: Opened, site: Site) -> None:
     """Moving a slider draws the spectrum and what is left anew, and leaves the page and the slider where they are."""
     with opened("viewer", "/axes/bench/try") as page:
         before = page.locator("#result .series").first.get_attribute("d")
-        page.get_by_label("Transmission error, of a new gear").fill("6")
+        page.get_by_label("Transmission error, times that of a new gear").fill("6")
         expect(page.locator("#result .series").first).not_to_have_attribute("d", str(before))
-        expect(page.get_by_role("heading", name="What is left")).to_be_visible()
+        expect(page.get_by_role("heading", name="Difference: simulated")).to_be_visible()
         expect(page.locator('output[for="error"]')).to_have_text("6")
 
 

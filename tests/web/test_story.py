@@ -47,7 +47,7 @@ def test_friction_lives_at_its_speed_and_is_taken_away(rising: dict[str, Any]) -
 def test_measured_less_simulated_is_what_is_left(rising: dict[str, Any]) -> None:
     """Overlay and residual are two panels of the same numbers, where the axis moves."""
     _, overlay = panel(rising, "overlay", "Motor torque: measured and simulated")
-    _, left = panel(rising, "overlay", "Motor torque: what is left")
+    _, left = panel(rising, "overlay", "Motor torque: residual")
     for name, values in left.items():
         difference = overlay["measured"] - overlay[name]
         moving = np.isfinite(values)
@@ -57,7 +57,7 @@ def test_measured_less_simulated_is_what_is_left(rising: dict[str, Any]) -> None
 
 
 def test_a_right_model_leaves_its_noise_floor() -> None:
-    found, lines = panel(story(investigated(0.0, 9)), "overlay", "Motor torque: what is left")
+    found, lines = panel(story(investigated(0.0, 9)), "overlay", "Motor torque: residual")
     left = lines["description, calibrated"]
     assert found["noise"][1] / 2 == pytest.approx(np.nanstd(left), rel=0.25)
 
@@ -66,7 +66,7 @@ def test_a_line_stands_at_its_frequency_above_the_floor() -> None:
     """A torque of 0.3 N m at 37 Hz that nothing names: 10 log10(0.3² / 2 / 0.75 Hz) in the spectrum of what is left."""
     time, *_ = swing()
     told = story(investigated(0.3 * np.sin(2 * np.pi * 37.0 * time), 8))
-    found, lines = panel(told, "overlay", "Motor torque, spectrum: what is left")
+    found, lines = panel(told, "overlay", "Motor torque, spectrum: residual")
     left = lines["description, calibrated"]
     at = int(np.nanargmax(left))
     assert found["x"][at] == pytest.approx(37.0, abs=0.5)
@@ -83,7 +83,7 @@ def test_spectra_left_and_right_are_of_the_same_rows() -> None:
     time, _, speed, _ = swing()
     told = story(investigated(2.0 * np.sin(2 * np.pi * 120.0 * time) * (np.abs(speed) < 12.0), 5))
     found, overlay = panel(told, "overlay", "Motor torque, spectrum: measured and simulated")
-    _, left = panel(told, "overlay", "Motor torque, spectrum: what is left")
+    _, left = panel(told, "overlay", "Motor torque, spectrum: residual")
     near = np.abs(np.array(found["x"]) - 120.0) < 2.0
     assert np.abs(overlay["measured"] - left["description, calibrated"])[near].max() < 0.5
 

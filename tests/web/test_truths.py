@@ -96,11 +96,11 @@ def test_sliders_begin_at_what_the_revision_has(tab: Tab, site: Site) -> None:
         add_axis(session, "worn", worn)
     library.close()
     with tab("/axes/worn/try") as page:
-        play = page.get_by_label("Play of the last mesh")
+        play = page.get_by_label("Backlash (play) of the last mesh")
         assert float(play.input_value()) == pytest.approx(0.87)
         expect(page.locator("output[for=gap_mrad]")).to_have_text("0.87")
-        assert page.get_by_label("Depth of a notch").input_value() == "0"
-        expect(page.locator("form.sliders .hint")).to_contain_text("backlash at transfer (gap 0.002")
+        assert page.get_by_label("Tooth damage (notch)").input_value() == "0"
+        expect(page.locator("form.sliders .hint")).to_contain_text("backlash (play) at transfer (gap 0.002")
         expect(page.locator("form.sliders .hint")).not_to_contain_text("output")
 
 

@@ -42,8 +42,10 @@ def document(**changes: object) -> dict[str, Any]:
 
 def test_size_stands_in_the_verdict_with_its_interval() -> None:
     verdict = verdict_of(document())
-    assert verdict.headline == "Fault likely: notch (local tooth damage)"
-    assert verdict.summary.startswith("About 1.4\N{NO-BREAK SPACE}mrad deep (90 % interval 0.56 to 3.7")
+    assert verdict.headline == "Fault likely: tooth damage (notch)"
+    assert verdict.summary.startswith(
+        "About 1.4\N{NO-BREAK SPACE}mrad (4.8\N{NO-BREAK SPACE}arc min) deep (90 % interval 0.56 to 3.7"
+    )
     without = verdict_of(document(severity=None))
     assert without.summary.startswith("Probability 90")
 
@@ -60,7 +62,7 @@ def test_a_score_is_called_a_probability_only_where_gearboxes_are_known(gearboxe
 def test_what_is_rejected_is_not_also_possible() -> None:
     summary = verdict_of(document()).summary
     possible, rejected = summary.split("Rejected:")
-    assert "play" in possible
+    assert "backlash (play)" in possible
     assert "no fault" not in possible
     assert "no fault" in rejected
 

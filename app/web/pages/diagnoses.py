@@ -158,7 +158,7 @@ def shown(
     context |= {"demo": demo, "orders": orders, "curl": curl, "labels": labels, "overlay": case}
     context["kept"] = session.scalars(select(Case).where(Case.diagnosis_id == row.id).order_by(Case.id)).all()
     context["described"] = row.recording.axis is None or find_axis(session, row.recording.axis) is not None
-    notices = (Message("Taken over.", ""),) if request.query_params.get("done") else ()
+    notices = (Message("Your verdict is saved.", ""),) if request.query_params.get("done") else ()
     return render(request, "diagnosis.html", context, principal=principal, section="/diagnoses", messages=notices)
 
 

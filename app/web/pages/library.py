@@ -65,10 +65,20 @@ def cases(
     }
     messages = []
     if done:
-        messages.append(Message(f"{done} cases changed. Their history keeps what they were; restore brings them back."))
+        messages.append(Message(changed_words(done)))
     if axis and not is_axis(session, axis):
         messages.append(Message(sentence(unknown_axis(session, axis)), "warn"))
     return render(request, "library.html", context, principal=principal, section=SECTION, messages=tuple(messages))
+
+
+def changed_words(count: int) -> str:
+    """Say how many cases were changed.
+
+    >>> changed_words(1)
+    "1 case changed. Its page shows what it was; 'Restore' brings back a retired case."
+    """
+    cases, page = ("case", "Its page shows what it was") if count == 1 else ("cases", "Their pages show what they were")
+    return f"{count} {cases} changed. {page}; 'Restore' brings back a retired case."
 
 
 @router.post("/library/change", dependencies=[FromOurPage])
@@ -159,8 +169,8 @@ def covered(session: Session) -> list[tuple[str, str, int, int, int]]:
     counted: Counter[tuple[str, str, str]] = Counter()
     gearboxes: Counter[tuple[str, str]] = Counter()
     for axis, label, origin, count, units in session.execute(statement).all():
-        counted[axis or "not told", label, origin] += count
-        gearboxes[axis or "not told", label] += units if origin == MEASURED else 0
+        counted[axis or "not given", label, origin] += count
+        gearboxes[axis or "not given", label] += units if origin == MEASURED else 0
     axes = sorted({axis for axis, _, _ in counted})
     labels = sorted({label for _, label, _ in counted} | {"normal", "notch", "play"})
     return [

@@ -23,7 +23,7 @@ from app.service import Service, TheService
 from app.web.charts import Chart
 from app.web.session import PageViewer
 from app.web.svg import Band, Series
-from app.web.templating import parameter_words, quantity, render
+from app.web.templating import quantity, render
 from app.web.trial import Trial, besides, built, simulate, starts
 from casebase.axes import get_axis
 from casebase.description import condition_of
@@ -36,6 +36,7 @@ from casebase.signals.recording import Recording
 from sim.acoustics.microphone import SAMPLE_RATE_HZ
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
+from sim.discrepancy.report.formatting import named, words_of
 from sim.mechanisms.mechanism import Mechanism
 
 router = APIRouter(prefix="/axes")
@@ -58,11 +59,11 @@ class Slider:
 
 
 SLIDERS = (
-    Slider("stiffness", "Stiffness of the last mesh, of the data sheet", "1", 0.3, 3.0, 0.05, 1.0),
-    Slider("damping", "Damping of the meshes, of the data sheet", "1", 0.2, 5.0, 0.1, 1.0),
-    Slider("error", "Transmission error, of a new gear", "1", 0.0, 6.0, 0.1, 1.0),
-    Slider("gap_mrad", "Play of the last mesh", "mrad", 0.0, 3.0, None, 0.0),
-    Slider("notch_mrad", "Depth of a notch in the last gear", "mrad", 0.0, 3.0, None, 0.0),
+    Slider("stiffness", "Stiffness of the last mesh, times the data sheet", "1", 0.3, 3.0, 0.05, 1.0),
+    Slider("damping", "Damping of the meshes, times the data sheet", "1", 0.2, 5.0, 0.1, 1.0),
+    Slider("error", "Transmission error, times that of a new gear", "1", 0.0, 6.0, 0.1, 1.0),
+    Slider("gap_mrad", "Backlash (play) of the last mesh", "mrad", 0.0, 3.0, None, 0.0),
+    Slider("notch_mrad", "Tooth damage (notch) of the last gear, depth", "mrad", 0.0, 3.0, None, 0.0),
     Slider("rubbing_db", "Rubbing noise", "dB", -40.0, 20.0, 1.0, -10.0),
     Slider("ambient_db", "Ambient noise", "dB", -60.0, 0.0, 1.0, -30.0),
 )
@@ -135,12 +136,11 @@ def mechanism_words(mechanism: Mechanism) -> str:
 
     >>> from sim.mechanisms import Backlash
     >>> print(mechanism_words(Backlash("transfer", {"gap_rad": 0.001})))
-    backlash at transfer (gap 0.001\xa0rad)
+    backlash (play) at transfer (gap 0.001\xa0rad)
     """
-    at = f" at {mechanism.location}" if mechanism.location else ""
     unit = next(one.unit for one in mechanism.parameters if one.name == mechanism.size)
     size = quantity(mechanism[mechanism.size], unit)
-    return f"{mechanism.name.replace('_', ' ')}{at} ({parameter_words(mechanism.size)} {size})"
+    return f"{named(mechanism.name, mechanism.location)} ({words_of(mechanism.size)} {size})"
 
 
 def _value(request: Request, slider: Slider) -> float:

@@ -181,7 +181,7 @@ async function columns(input) {
   map.value = found.map ?? "";
   if (!answer.ok) said.textContent = found.detail;
   else if (found.open) said.textContent = `To be filled in where ... stands, or chosen: ${found.open}.`;
-  else said.textContent = found.map ? "Every channel was told by its name and unit, and is read as above." : "The channels have their own names: no map is needed.";
+  else said.textContent = found.map ? "Every column was recognised by its name and unit, and is read as shown above." : "The columns have the names of the channels: no map is needed.";
   return answer.ok && !found.open; // whether it can be read as it is
 }
 

@@ -165,7 +165,7 @@ def _hindrance_of_pitches(course: Course, as_new: Course) -> str | None:
             return f"{where}the speed changes for less than {least:.2g} s in all"
     if course.levels.resting is None:
         rest = LEAST_AT_REST * SEGMENT / ANALYSIS_RATE_HZ
-        return f"it rests for less than {rest:.2g} s in all, so that a fan is not told from the axis"
+        return f"it rests for less than {rest:.2g} s in all, so that a fan cannot be separated from the axis"
     if _searched(course, as_new).mean() < LEAST_OPEN:
         return "lines of teeth and what sounds at rest as well leave too few pitches"
     return None

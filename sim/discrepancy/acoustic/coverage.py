@@ -34,7 +34,7 @@ HEARD = (
 WORDS: Mapping[str, str] = {kind.name: kind.heard.called for kind in HEARD if kind.heard}
 
 NO_GEAR = "the axis has no gear"
-UNTOLD = "sound alone does not tell it"
+UNTOLD = "sound alone does not show it"
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ class Reach:
             if name in WORDS:
                 together.setdefault(reason, []).append(WORDS[name])
         parts = [f"{', '.join(names)}, because {reason}" for reason, names in together.items()]
-        parts.append("friction, stiffness, loads, runout, offsets and delays, because sound does not tell them")
+        parts.append("friction, stiffness, loads, runout, offsets and delays, because sound does not show them")
         return f"Examined: {examined or 'nothing'}. Not examined: {'; '.join(parts)}."
 
 

@@ -70,7 +70,7 @@ def tooth_damage(axis: Axis, courses: Sequence[Course], signs: Sequence[Sign | N
         text = (
             f"{best.times_s.size} impacts stand {best.height_db:.0f} dB and more over the sound around them, which no "
             "other does: a damaged tooth that meets the mesh, unless something beside the axis knocked. Strokes cannot "
-            "be laid over each other, so that its angle is not told."
+            "be laid over each other, so that its angle is not known."
         )
         alike = (MeshError.name,)
     else:

@@ -40,9 +40,12 @@ SAID = 0.5
 SURE = 0.9  # of what telemetry does not show, though it could
 LEAST_S = 4.0
 FIRST_TO_MEND = (Clipping, LostSamples, ToothDamage, Backlash, StructuralResonance, MeshError, BearingDefect)
-ADVICE = "How deep a notch or how wide play is cannot be heard; telemetry tells that and what was not examined."
+ADVICE = (
+    "How deep tooth damage (notch) or how wide backlash (play) is cannot be heard. "
+    "Telemetry shows that, and what was not examined."
+)
 COMPARE = (
-    "Give a recording of the same motion from when the axis was new as well, if there is one: it tells whether teeth "
+    "Give a recording of the same motion from when the axis was new as well, if there is one: it shows whether teeth "
     "are louder than as new and whether something rings."
 )
 UNEVEN, SMALL = 0.005, 5  # of a speed while cruising; small numbers
@@ -120,7 +123,7 @@ def _told_by_growth(machine: Sequence[AcousticFinding], growth: Grown) -> tuple[
     alike = replace(erring, indistinguishable_from=tuple(struck))
     remarks = tuple(
         f"Impacts as of {WORDS[name]} are heard as well; teeth of a gear that have all grown louder make such, too. "
-        "Until a look or telemetry has told, treat it as both."
+        "Until an inspection or telemetry decides, treat it as both."
         for name in struck
     )
     rest = [h for h in machine if h.mechanism not in struck]

@@ -57,7 +57,7 @@ class Family:
 def bearing_hindrance(axis: Axis, course: Course) -> str | None:
     """Why a bearing cannot be looked for; None where it can."""
     if axis.stages and not mesh_orders(axis):
-        return "the description gives no tooth numbers, by which teeth are told from bearings"
+        return "the description gives no tooth numbers, which separate teeth from bearings"
     if course.analysis.highest_hz < BANDS_HZ[0][1]:
         return f"the sample rate of {course.analysis.recording.sample_rate_hz:.0f} Hz is too low"
     if not course.analysis.motion.reversal_times_s:

@@ -21,8 +21,8 @@ from sim.mechanisms.mechanism import Mechanism, Need
 UNREACHED = 0.5  # of the torque: a model that leaves more says nothing of the axis
 SOLID = ("kg m2", "N m/rad")  # units of inertia and stiffness, in which no data sheet is far wrong
 NO_REFERENCE = (
-    "Without reference_position_rad noise of the torque channel cannot be told from torque, and weaker effects may "
-    "hide in it: log it as well."
+    "Without reference_position_rad the noise of the torque channel cannot be separated from torque, and weak effects "
+    "may hide in it: log it as well."
 )
 
 
@@ -32,9 +32,9 @@ def misfit_remarks(fit: Fit, gained: Sequence[Gain]) -> tuple[str, ...]:
     torque = gained[0]
     if torque.rms_after > UNREACHED * torque.rms_measured:
         out.append(
-            f"The model does not reach the measurement: of {torque.rms_measured:.3g} {torque.unit} effective torque it "
-            f"leaves {torque.rms_after:.3g}. Check the description, the channels' units and signs, and what happened "
-            "during the record before any of these numbers is used."
+            f"The model does not fit the measurement: of {torque.rms_measured:.3g} {torque.unit} rms torque, "
+            f"{torque.rms_after:.3g} are unexplained. Check the description, the units and signs of the channels, and "
+            "what happened during the record before you use any of these numbers."
         )
     bent = [
         f"{p.name} {p.expected:.3g} -> {fit.values[p.name]:.3g}"
@@ -57,8 +57,8 @@ def description_remarks(problem: Problem, fit: Fit) -> tuple[str, ...]:
     if not wrong:
         return ()
     return (
-        f"The data do not bear out what the description says: {', '.join(wrong)}. Either it has these numbers wrong, "
-        "or they stand for something too weak to be named. Check them before a cause is looked for.",
+        f"The data contradict the description: {', '.join(wrong)}. Either these values are wrong there, or something "
+        "is missing that is too weak to be named. Check these values first.",
     )
 
 
@@ -68,8 +68,8 @@ def controller_law_remarks(problem: Problem, gate: Gate) -> tuple[str, ...]:
         return ()
     taken = float(np.std(gate.measurement.torque - problem.measurement.torque))
     return (
-        "The drive's law, found in reference and encoder, tells noise of the torque channel; what was found is found "
-        f"without {taken:.2g} N m (effective) of it.",
+        "The drive's control law, found from reference and encoder, shows the noise of the torque channel; "
+        f"{taken:.2g} N m rms of noise were removed before the search.",
     )
 
 
@@ -128,7 +128,7 @@ def excitation_remarks(e: Excitation) -> tuple[str, ...]:
         also = f" It shows no {' and no '.join(unseen)}." if unseen else ""
         out.append(
             f"This record has no {need.value}: in it {', '.join(alike[:-1])} and {alike[-1]} are the same torque, and "
-            f"none of them can be told from the others.{also} Record {need.value}."
+            f"look the same.{also} Record {need.value}."
         )
     return tuple(out)
 
@@ -140,7 +140,7 @@ def standstill_remarks(problem: Problem) -> tuple[str, ...]:
         return ()
     slowest = m.standstill * float(np.abs(m.speed).max())
     where = " at the load" if m.rests else ""
-    told = f"Rows in which the motor turns slower than {slowest:.2g} rad/s did not count{where}"
+    told = f"Rows in which the motor turns slower than {slowest:.2g} rad/s do not count{where}"
     return (f"{told}: at rest dry friction takes any torque up to its limit.",)
 
 
@@ -150,7 +150,7 @@ def contact_loss_remarks(problem: Problem) -> tuple[str, ...]:
     if lost == 0.0:
         return ()
     return (
-        f"In {100.0 * lost:.2g} % of the rows nothing presses the teeth together, and they rattle within the play that "
-        "is as new: what torque that takes cannot be told, and these rows did not count. A load that always pulls one "
-        "way presses them together.",
+        f"In {100.0 * lost:.2g} % of the rows nothing presses the teeth together, and they rattle within the backlash "
+        "of a new gear. Their torque is not predictable there, so these rows do not count. A load that always pulls "
+        "one way presses the teeth together.",
     )

@@ -89,7 +89,7 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
     remarks += reading_remarks(telemetry)
     if load is None and axis.stages:
         remarks.append(
-            "Without a load encoder a stiffness that hardens or holds back cannot be told from friction at reversals: "
+            "Without a load encoder a stiffness that hardens or holds back looks the same as friction at reversals: "
             "neither is looked for."
         )
     law = None
@@ -149,7 +149,7 @@ def _clock(t: Telemetry, rate: float) -> tuple[Array, Array]:
 
 def reading_remarks(t: Telemetry) -> list[str]:
     """Which columns were not used, and as what the others were read where they have other names."""
-    unused = [f"column {name} is no known channel and was not used" for name in t.ignored]
+    unused = [f"column {name} is not a known channel and was not used" for name in t.ignored]
     return [*unused, *([f"The telemetry was read as:\n{t.recognised}"] if t.recognised else [])]
 
 

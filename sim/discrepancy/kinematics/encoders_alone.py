@@ -180,8 +180,8 @@ def _driven(axis: Axis, name: str, motor: Array, load: Array) -> tuple[Array, tu
     if not _as_far(motor, load) or _alike(motor, load) <= 0.0:
         return at_load, ()
     return motor, (
-        f"{name} moves as far as load_position_rad and not {axis.ratio:.6g} times as far: it is told at the output "
-        "already, and was taken so.",
+        f"{name} moves as far as load_position_rad and not {axis.ratio:.6g} times as far: it is an angle "
+        "of the output, and was read as one.",
     )
 
 

@@ -257,7 +257,9 @@ def _remarks(
         out += changed(str(name), known[name])
     unnamed = [part.taken.name for part in parts if part.unexplained]
     if unnamed:
-        out.append(f"Something without a name is left in {len(unnamed)} of {len(parts)}: {', '.join(unnamed)}.")
+        out.append(
+            f"Something that has no name is left in {len(unnamed)} of {len(parts)} recordings: {', '.join(unnamed)}."
+        )
     common = dict.fromkeys(remark for part in parts for remark in part.result.remarks)
     for remark in common:
         whose = [part.taken.name for part in parts if remark in part.result.remarks]

@@ -39,14 +39,14 @@ def _of_telemetry(result: Investigation) -> list[tuple[str, str]]:
     trusted, counts = m.valid >= COUNTS, m.weight >= COUNTS
     long = f"{number(m.samples / m.rate_hz)} s at {number(m.rate_hz)} even rows per second"
     rows = (
-        f"{_share(counts)}; {_share(~trusted)} left out at the start, as lost or cut, or beside such, "
+        f"{_share(counts)}; {_share(~trusted)} left out at the start, or because values there are lost or cut, "
         f"{_share(trusted & ~counts)} at standstill or with rattling teeth"
     )
     return [
         ("channels", f"{', '.join(channels)}; {long}"),
         ("units, signs, order of the channels", "torque, angle and ratio agree with the description"),
         ("rows that count", rows),
-        ("torque from row to row", f"{number(fast)} N m rms, whatever the model: its noise is no less"),
+        ("torque from row to row", f"{number(fast)} N m rms: the noise of the channel is at least that"),
         ("travel of the load", f"{moved}, at up to {number(top)} rad/s"),
     ]  # fmt: skip
 

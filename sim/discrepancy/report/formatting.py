@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import math
 
+from sim.mechanisms.catalogue import kind_or_any
+
 NO_BREAK, MINUS = "\N{NO-BREAK SPACE}", "\N{MINUS SIGN}"
 RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 SMALL = 1e-4  # below, powers of ten
 UNITS = {"kg m2": "kg m²", "1/rad2": "1/rad²", "1": ""}
 WORDS = {
-    "gap_rad": "width of the play",
+    "gap_rad": "gap",
     "depth_rad": "depth",
     "width_rad": "width",
     "angle_rad": "angle of the gear",
@@ -22,8 +24,8 @@ WORDS = {
     "torque_n_m": "torque",
     "share": "share of the load's inertia",
     "motor_torque_nm": "motor torque",
-    "load_torque_nm": "torque lacking at the load",
-    "load_position_rad": "load's motion",
+    "load_torque_nm": "torque at the load",
+    "load_position_rad": "load position",
 }
 ENDINGS = ("_n_m_s_per_rad", "_n_m_per_rad", "_kg_m2", "_rad_s", "_n_m", "_nm", "_rad", "_hz", "_s")
 
@@ -32,7 +34,7 @@ def words_of(name: str) -> str:
     """Name of a parameter or a channel in words; its unit stands beside its value.
 
     >>> words_of("stages.output.stiffness_n_m_per_rad"), words_of("gap_rad")
-    ('output: stiffness', 'width of the play')
+    ('output: stiffness', 'gap')
     """
     if name in WORDS:
         return WORDS[name]
@@ -129,10 +131,12 @@ def likely(probability: float, *, calibrated: bool) -> str:
 
 
 def named(mechanism: str, location: str | None = None) -> str:
-    """A mechanism and where it sits.
+    """A mechanism, with the word of the workshop where that is another, and where it sits.
 
-    >>> named("tooth_damage", "output")
-    'tooth damage at output'
+    >>> named("tooth_damage", "output"), named("encoder_error")
+    ('tooth damage (notch) at output', 'encoder error')
     """
     name = mechanism.replace("_", " ")
+    also = kind_or_any(mechanism).workshop_name
+    name = f"{name} ({also})" if also else name
     return f"{name} at {location}" if location else name

@@ -45,22 +45,22 @@ h1{font-size:1.5rem;line-height:1.25;margin:.2rem 0}h2{margin:2.2rem 0 .5rem;bor
 @media(max-width:34rem){.box dl{grid-template-columns:1fr;gap:0}.box dd{margin-bottom:.5rem}body{padding:1rem .7rem}table,tbody,td{display:block}thead{display:none}tr{display:grid;grid-template-columns:repeat(auto-fill,minmax(8rem,1fr));gap:.3rem .8rem;border-bottom:1px solid var(--edge);padding:.5rem 0}td{border:0;padding:0;text-align:left;white-space:normal}td::before{content:attr(data-label);display:block;font-size:.8rem;color:var(--quiet)}}@media print{h2,figure{break-inside:avoid}}"""
 STEPS = (
     "Condition of the recordings",
-    "Calibration of what the model already has",
-    "What is left, and where it lives",
+    "Calibration of the described values",
+    "The residual, and where it is",
     "Candidate causes, compared",
     "Verdict",
     "Extended model",
     "Gain on data not used for the fit",
     "What is still unexplained",
-    "What these data cannot tell apart",
+    "What looks the same in these data",
     "Next measurement",
 )
 """Headings of the steps, in order."""
 
 FLANKS = {1.0: "the one that carries positive torque", -1.0: "the one that carries negative torque"}
 MOST_PLACES = 6
-BELIEVED = f"How far a described number is believed, as one standard deviation: inertias of motor and gears, stiffness and friction {percent(STATED_SPREAD)}, what a mesh loses {percent(LOSS_SPREAD)}, the load's inertia {percent(PAYLOAD_SPREAD)}, damping {percent(DAMPING_SPREAD)}. A number of a data sheet that the data put {MISTAKEN:g} of those away is taken to be wrong, and hardly held any more."
-LINEAR = "Where this axis is a linear one, read N, m and kg for N m, rad and kg m²: N s/m for N m s/rad, m/s for rad/s."
+BELIEVED = f"How accurate described values are assumed to be (one standard deviation): inertias of motor and gears, stiffness and friction {percent(STATED_SPREAD)}, losses of a mesh {percent(LOSS_SPREAD)}, the load's inertia {percent(PAYLOAD_SPREAD)}, damping {percent(DAMPING_SPREAD)}. A value that the data put {MISTAKEN:g} standard deviations away is taken to be wrong, and is then fitted almost freely."
+LINEAR = "If this is a linear axis, read N, m and kg for N m, rad and kg m²: N s/m for N m s/rad, m/s for rad/s."
 
 
 def html_report(result: Investigation, files: Sequence[str] = ()) -> str:
@@ -97,12 +97,12 @@ def _box(result: Investigation, files: Sequence[str]) -> str:
     found = "".join(f"<section>{_facts(_told(result, f))}</section>" for f in result.findings)
     rest = [("Not examined", one) for one in not_examined(result)]
     if result.unexplained is not None and result.verdict == "unnamed":
-        doing = "Do not change parts on this alone: make the next measurement first."
+        doing = "Do not change parts because of this alone: make the next measurement first."
         rest = [("What", unexplained_words(result.unexplained)), ("What to do now", doing), *rest]
     elif result.unexplained is not None:
-        rest = [("Unexplained besides", unexplained_words(result.unexplained)), *rest]
+        rest = [("Also unexplained", unexplained_words(result.unexplained)), *rest]
     if not result.findings and result.verdict == "nothing_missing":
-        nothing = "Nothing to repair by what was examined; what was not examined stays open."
+        nothing = "Nothing that was examined needs repair. What was not examined stays open."
         rest = [("What to do now", nothing), *rest]
     rest.append(("Next measurement", result.next_measurement))
     return (
@@ -117,7 +117,10 @@ def _told(result: Investigation, finding: Finding) -> list[tuple[str, str]]:
     place = ", ".join(part for part in (finding.location or "", at) if part)
     return [
         ("What", f"{named(finding.mechanism).capitalize()} ({kind}). {finding.explanation}"),
-        ("Where", place or ("the recording" if of_the_measurement(finding.mechanism) else "not told by these data")),
+        (
+            "Where",
+            place or ("the recording" if of_the_measurement(finding.mechanism) else "these data do not show where"),
+        ),
         ("How sure", f"{sure(finding.probability)}, {likely(finding.probability, calibrated=finding.calibrated)}"),
         ("What to do now", finding.action),
     ]
@@ -126,7 +129,7 @@ def _told(result: Investigation, finding: Finding) -> list[tuple[str, str]]:
 def _condition(result: Investigation) -> list[str]:
     """Sensors and recordings before any physics, also where all is well."""
     return [
-        _p("Faults of sensors and recorders come before any physics: what they touch does not count."),
+        _p("Sensors and recorders are checked before any physics. Rows with such faults do not count."),
         table(("checked", "result"), checked(result)),
         *(_p(remark) for remark in (result.gate.remarks if result.gate else ())),
         *([] if result.axis.stages or result.selection is None else [_p(LINEAR)]),
@@ -136,13 +139,13 @@ def _condition(result: Investigation) -> list[str]:
 def _calibration(result: Investigation) -> list[str]:
     """Numbers of the description, fitted before anything is called missing."""
     if result.encoders:
-        return [_p("Without torque no number of the model could be fitted.")]
+        return [_p("Without the motor torque no value of the model could be fitted.")]
     if not result.parameters:
-        return [_p("A sound has no channel that numbers of the model could be fitted to.")]
+        return [_p("Sound has no channel to which values of the model could be fitted.")]
     rows = [(words_of(e.name), described(e), *estimate_cells(e), f"{_change(e)}") for e in result.parameters]
     return [
         _p(
-            "Values of the description that differ are no missing mechanism; they are fitted first, and whatever is missing is looked for beyond them."
+            "A described value that is off is no missing mechanism. So the described values are fitted first, and missing mechanisms are looked for after that."
         ),
         _p(BELIEVED),
         table(("number", "described", "found", "90 % interval", "unit", "change"), rows, numeric=(1, 2, 3, 5)),
@@ -166,23 +169,21 @@ def estimate_cells(e: Estimate) -> tuple[str, str, str]:
 
 def _left(result: Investigation, overlay: list[Panel], residual: list[Panel], sound: list[Panel]) -> list[str]:
     if result.encoders:
-        text = "What the load is behind the motor by, told at the load, in steady motion away from reversals; or where the load was pulled to while the motor held."
+        text = "The difference of the two encoders, in angle of the load: in steady motion away from reversals, or while the load was pulled by hand and the motor held."
         return [_p(text), _plots([*overlay, *residual])]
     if result.selection is None:
-        text = "The sound falls where the axis stands still and turns back; strokes are laid over each other from there on. What stands inside the band cannot be told from noise, or, held against the axis as new, from what good gearboxes differ by from day to day. The first recording is shown."
+        text = "The sound is quieter where the axis stands still and turns back; strokes are laid over each other from there on. Inside the grey band it may be noise or, compared with the axis as new, a difference that good gearboxes show from day to day. The first recording is shown."
         return [_p(text), _plots([*overlay, *residual])]
-    floor = "The noise floor is what the quieter parts of the record have, at each frequency of whichever model leaves less; what a model gets wrong all the time counts as noise. Values over time are means of 10 ms, bands over time are two standard deviations. Rows that do not count are left out."
+    floor = "The residual is measured less simulated. The noise floor is taken from the quieter parts of the record, at each frequency from the model that fits better; what both models get wrong all the time counts as noise. Values over time are means of 10 ms, bands over time are two standard deviations. Rows that do not count are left out."
     out = [_p(floor), _plots(overlay)]
     for title in ("Motor torque", "Torque at the load"):
         shown = [panel for panel in residual if panel.title.startswith(title)]
         if shown:
-            out += [f"<h3>{title}: where what is left lives</h3>", _plots(shown)]
+            out += [f"<h3>{title}: where the residual is</h3>", _plots(shown)]
     if sound:
         out += [
             "<h3>Sound</h3>",
-            _p(
-                "Impacts that come at an order of their own and its multiples, beside those of the teeth, are a rolling bearing's."
-            ),
+            _p("Impacts at an order that no gear has, and at its multiples, come from a rolling bearing."),
             _plots(sound),
         ]
     return out
@@ -203,8 +204,8 @@ def _compared(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:
         ]
     rows += [(named(c.mechanism, c.location), _explains(c), _needed(c), f"Rejected. {c.reason}") for c in weighed]
     if not rows:
-        return [_p("No candidate came near.")]
-    text = "What a candidate explains is the drop of the squared residual in units of its noise, beside what the others explain."
+        return [_p("No other mechanism explains the data nearly as well.")]
+    text = "Explains: how far the squared residual falls with this candidate, in units of its noise. Needed: how far it must fall for one more mechanism."
     return [_p(text), table(("candidate", "explains", "needed", "outcome"), rows, numeric=(1, 2))]
 
 
@@ -228,7 +229,7 @@ def _verdict(result: Investigation) -> list[str]:
     if result.findings:
         out.append(
             _p(
-                "A probability is calibrated: of findings said with 90 %, nine in ten are right. What is said of sound, of faults of the recording and of several recordings together is a score from 0 to 1 that was not calibrated."
+                "A probability is calibrated: of findings with 90 %, nine in ten are right. A score is a number from 0 to 1 that was not calibrated; findings from sound, faults of the recording and findings from several recordings have one."
             )
         )
     return out
@@ -242,19 +243,19 @@ def _extended(result: Investigation) -> list[str]:
         if rows:
             out += [
                 f"<h3>{html.escape(named(f.mechanism, f.location))}</h3>",
-                table(("number", "value", "90 % interval", "unit", "in degrees"), rows, numeric=(1, 2, 4)),
+                table(("number", "value", "90 % interval", "unit", "as an angle"), rows, numeric=(1, 2, 4)),
             ]
     entries = [named(entry.name, entry.location) for entry in result.extended.mechanisms]
     if result.encoders:
-        return [*out, _p("The extended axis can be simulated; it has what was found and no other number changed.")]
+        return [*out, _p("The extended axis can be simulated. It has what was found; no other value is changed.")]
     if result.selection is None:
-        return [*out, _p("Sound extends no model: it says what is there, not how much torque it takes.")]
+        return [*out, _p("Sound extends no model: it shows what is there, but not how much torque it takes.")]
     if not out:
-        return [_p("Nothing was added; the model is the description with the calibrated numbers.")]
+        return [_p("Nothing was added. The model is the description with the calibrated values.")]
     return [
         *out,
         _p(
-            f"The extended axis can be simulated; its added mechanisms: {', '.join(entries) or 'none, only its numbers changed'}."
+            f"The extended axis can be simulated. Added mechanisms: {', '.join(entries) or 'none, only its values are changed'}."
         ),
     ]
 
@@ -263,7 +264,7 @@ def _number(f: Finding, e: Estimate) -> tuple[str, str, str, str, str] | None:
     if any(p.name == e.name and not p.shown for p in kind_of(f.mechanism).parameters):
         return None
     if e.name == "flank":
-        return words_of(e.name), FLANKS.get(e.value, "not told"), "–", "", ""
+        return words_of(e.name), FLANKS.get(e.value, "not known"), "–", "", ""
     half = 0.5 * (e.high - e.low)
     degrees = angle(e.value, half) if e.unit == "rad" else ""
     return words_of(e.name), *estimate_cells(e), degrees
@@ -274,21 +275,21 @@ def _gain(result: Investigation) -> list[str]:
     if not result.gain and result.encoders:
         return [_p("A load that was moved by hand follows no model, so no gain was measured.")]
     if not result.gain:
-        return [_p("A sound has no channel that a model could be held against, so no gain was measured.")]
+        return [_p("Sound has no channel that a model could be compared with, so no gain was measured.")]
     rows = [
         (
             words_of(g.channel), number(g.rms_before), number(g.rms_after), g.unit,
             "–" if not g.rms_before else changed(g.rms_before, g.rms_after),
-            "distinguishable from zero" if g.significant else "not distinguishable from zero",
+            "more than chance" if g.significant else "may be chance",
         )
         for g in result.gain
     ]  # fmt: skip
-    how = "Each quarter of the record is predicted by fits to the other three, below 40 Hz; before: the description, calibrated; after: with what was named."
+    how = "Each quarter of the record is predicted by fits to the other three, below 40 Hz. Before: the calibrated description. After: with what was found."
     if result.encoders:
-        how = "Each twentieth of the rows in steady motion is predicted by fits to the others; before: the load follows the motor over the ratio; after: with what was named."
+        how = "Each twentieth of the rows in steady motion is predicted by fits to the others. Before: the load follows the motor by the ratio. After: with what was found."
     if result.selection is not None and not result.selection.found:
-        how += " Nothing was added to this model, so that the two differ by their calibration alone."
-    head = ("channel", "left before, rms", "left after, rms", "unit", "change", "gain")
+        how += " Nothing was added to this model, so the two differ only by their calibration."
+    head = ("channel", "error before, rms", "error after, rms", "unit", "change", "gain")
     return [_p(how), table(head, rows, numeric=(1, 2, 4))]
 
 
@@ -297,16 +298,20 @@ def _unexplained(result: Investigation, residual: Sequence[Panel]) -> list[str]:
     if result.encoders:
         return [_p("Nothing stands out." if result.unexplained is None else unexplained_words(result.unexplained))]
     if result.selection is None:
-        return [_p("What of a sound is left without a name is not looked for.")]
+        return [_p("In sound alone nothing without a name is looked for.")]
     fit = result.selection.fit
     white = number(fit.misfit / fit.residual.size)
     told = "Nothing stands out." if result.unexplained is None else unexplained_words(result.unexplained)
-    out = [_p(f"{told} What the last model leaves has {white} times the squares of its noise; 1 is noise alone.")]
+    out = [_p(f"{told} The squared residual of the last model is {white} times that of noise alone.")]
     if result.selection.nameless:
-        out.append(_p("The last model holds what has no name as well, so that the plots show what is beyond it."))
+        out.append(_p("The last model also contains what has no name, so the plots show only the rest."))
     rows = sorted((place for panel in residual if (place := _highest(panel))), reverse=True)[:MOST_PLACES]
     shown = [(title, f"{ratio:.1f} times", f"{number(x)} {unit}") for ratio, title, x, unit in rows]
-    return [*out, _p("Where it is highest over its noise floor:"), table(("plot", "noise floor", "at"), shown, (1, 2))]
+    return [
+        *out,
+        _p("Where the residual is highest over its noise floor:"),
+        table(("plot", "noise floor", "at"), shown, (1, 2)),
+    ]
 
 
 def _highest(panel: Panel) -> tuple[float, str, float, str] | None:
@@ -323,7 +328,7 @@ def _alike(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:
     """Classes of causes that these data hold for the same, what tells them apart, and what was out of reach."""
     guided = bool(result.encoders) or (result.selection is not None and result.selection.problem.guided)
     out = [
-        f"{named(f.mechanism, f.location)} cannot be told from {named(other)}. {telling_apart(f.mechanism, other, guided)}"
+        f"{named(f.mechanism, f.location)} looks the same as {named(other)} in these data. {telling_apart(f.mechanism, other, guided)}"
         for f in result.findings
         for other in f.indistinguishable_from
     ]
@@ -333,8 +338,8 @@ def _alike(result: Investigation, weighed: Sequence[Candidate]) -> list[str]:
         if c.reason == ALIKE and not any(c.mechanism in f.indistinguishable_from for f in result.findings)
     ]
     if not out:
-        found = "No other cause that was tried explains these data as well as what was named."
-        out = [found if result.findings else "No two causes were found to be equal here."]
+        found = "No other cause that was tried explains these data as well."
+        out = [found if result.findings else "No two causes look the same here."]
     if result.listening is not None:
         out.append(f"Listened for: {', '.join(named(name) for name in result.examined)}.")
     return [_list([*out, *not_examined(result)])]
@@ -344,11 +349,11 @@ def next_steps(result: Investigation) -> list[str]:
     """The advice, and what each measurement that was simulated would tell."""
     out = [_p(result.next_measurement)]
     if result.next_measurements:
-        how = "Each was simulated with either cause and the other fitted to it. Told apart: the squared residual that is left beyond that of the true cause, in units of its noise; effort: that of a repeat is 1."
+        how = "Each measurement was simulated with one cause, and the other cause was fitted to it. Separation: how much worse the wrong cause fits, as squared residual in units of the noise. Effort: a repeat of the same motion is 1."
         rows = [
             (t.text, " or ".join(t.between), number(t.separation), number(t.effort)) for t in result.next_measurements
         ]
-        out += [_p(how), table(("measurement", "what it is to tell", "told apart", "effort"), rows, numeric=(2, 3))]
+        out += [_p(how), table(("measurement", "decides between", "separation", "effort"), rows, numeric=(2, 3))]
     return out
 
 

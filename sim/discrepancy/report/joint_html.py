@@ -7,7 +7,7 @@ import re
 from collections.abc import Iterable, Sequence
 
 from sim.discrepancy.pooling.joint_investigation import Together
-from sim.discrepancy.report.formatting import likely, number, words_of
+from sim.discrepancy.report.formatting import likely, named, number, words_of
 from sim.discrepancy.report.html import STYLE, described, estimate_cells, html_report, next_steps, table
 from sim.discrepancy.report.wording import headline
 
@@ -40,11 +40,10 @@ def _combined(result: Together) -> list[str]:
         "<h2>Findings of all recordings</h2>",
     ]
     for finding, names in zip(one.findings, result.shown, strict=True):
-        place = f" at {html.escape(finding.location)}" if finding.location else ""
         sure = likely(finding.probability, calibrated=finding.calibrated)
-        title = f"{html.escape(finding.mechanism.replace('_', ' '))}{place}: {sure}"
+        title = f"{html.escape(named(finding.mechanism, finding.location))}: {sure}"
         shown = (
-            f"Shown by {len(names)} of {count}: {', '.join(names)}." if names else f"Shown by none of {count} clearly."
+            f"Shown by {len(names)} of {count}: {', '.join(names)}." if names else f"Shown clearly by none of {count}."
         )
         out.append(f"<h3>{title}</h3><p>{html.escape(finding.explanation)}</p><p>{html.escape(shown)}</p>")
         if finding.action:
@@ -56,11 +55,10 @@ def _combined(result: Together) -> list[str]:
             )
         )
         if finding.indistinguishable_from:
-            out.append(
-                f"<p>These data cannot tell it from {html.escape(', '.join(finding.indistinguishable_from))}.</p>"
-            )
+            alike = " or ".join(map(named, finding.indistinguishable_from))
+            out.append(f"<p>In these data it looks the same as {html.escape(alike)}.</p>")
     if not one.findings:
-        out.append("<p>No mechanism.</p>")
+        out.append("<p>None.</p>")
     if one.unexplained is not None:
         where = ", ".join(f"{key} = {value:.4g}" for key, value in one.unexplained.numbers.items())
         out.append(f"<p>Unexplained: {html.escape(where)}, in {html.escape(one.unexplained.channel)}.</p>")
@@ -74,8 +72,8 @@ def _combined(result: Together) -> list[str]:
         *out,
         "<h2>Calibration by all recordings</h2>",
         table(("number", "described", "found", "90 % interval", "unit"), rows),
-        "<h2>Gain on rows that the fit has not seen</h2>",
-        table(("recording", "channel", "before", "after", "unit"), gained),
+        "<h2>Gain on data not used for the fit</h2>",
+        table(("recording", "channel", "error before, rms", "error after, rms", "unit"), gained),
         "<h2>Next measurement</h2>",
         *next_steps(one),
     ]
@@ -86,7 +84,7 @@ def _recordings(result: Together, pages: Sequence[str]) -> Iterable[str]:
     for place, (part, page) in enumerate(zip(result.parts, pages, strict=True), start=1):
         sound = f" with {part.taken.sound_name}" if part.taken.sound_name else ""
         found = ", ".join(
-            f"{f.mechanism.replace('_', ' ')}, {likely(f.probability, calibrated=f.calibrated)}"
+            f"{named(f.mechanism, f.location)}, {likely(f.probability, calibrated=f.calibrated)}"
             for f in part.result.findings
         )
         title = f"{part.taken.name}{sound}: {found or headline(part.result)}"

@@ -23,7 +23,7 @@ def of_the_measurement(mechanism: str) -> bool:
 def action(axis: Axis, mechanism: str, location: str | None, numbers: Mapping[str, float], probability: float) -> str:
     """What to do now; of a name that is not sure, to measure first."""
     text = _filled(kind_or_any(mechanism).action, axis, location, numbers)
-    return text if probability >= SURE else f"Measure first, as it is not sure (see the next measurement). Then: {text}"
+    return text if probability >= SURE else f"It is not sure yet: make the next measurement first. Then: {text}"
 
 
 def measurement(axis: Axis, mechanism: str, location: str | None, numbers: Mapping[str, float]) -> str:

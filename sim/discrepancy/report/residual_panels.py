@@ -108,7 +108,7 @@ class Channel:
 
     def left_over_time(self) -> Panel:
         reach = 2 * self.floor()
-        return self._over_time(f"{self.name}: what is left", self._moving(), (-reach, reach))
+        return self._over_time(f"{self.name}: residual", self._moving(), (-reach, reach))
 
     def measured_spectrum(self, recorded: Array, measured: Array) -> Panel:
         """Of the rows that count, as `spectrum` of what is left: at a frequency one can be held against the other."""
@@ -128,7 +128,7 @@ class Channel:
         lines = [(name, self._level_counted(left)) for name, left in (*self.left, *beside)]
         frequency = lines[0][1][0]
         floor = 10 * np.log10(np.interp(frequency, *self._density))
-        return self._spectra(f"{self.name}, spectrum: what is left", [*lines, (FLOOR, (frequency, floor))])
+        return self._spectra(f"{self.name}, spectrum: residual", [*lines, (FLOOR, (frequency, floor))])
 
     def by_angles(self) -> list[Panel]:
         """Of every shaft; along the travel where a single body moves less than a turn, as a linear axis does."""
@@ -279,9 +279,7 @@ class Channel:
         lines = tuple((name, _levels(self._means(left), index, bins)) for name, left in self._moving())
         centres = (edges[:-1] + edges[1:]) / 2
         cursor = "-".join(by.replace("(", "").replace(")", "").split())
-        return Panel(
-            f"{self.name} {by}", x_label, "what is left, rms [N m]", cursor, centres, lines, (0.0, self.floor())
-        )
+        return Panel(f"{self.name} {by}", x_label, "residual, rms [N m]", cursor, centres, lines, (0.0, self.floor()))
 
 
 def _levels(values: Array, index: NDArray[np.int64], bins: int) -> Array:

@@ -15,6 +15,7 @@ from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.report.acoustic_panels import along_path, sound_candidates, sound_panels
 from sim.discrepancy.report.checks import checked
+from sim.discrepancy.report.formatting import named
 from sim.discrepancy.report.panels import Panel
 from sim.discrepancy.report.residual_panels import overlay_panels, residual_panels
 from sim.discrepancy.report.wording import headline, not_examined
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
     from sim.discrepancy.results import Investigation
 
 MOST_CANDIDATES = 12
-ALIKE = "These data cannot tell it from what was named."
+ALIKE = "In these data it looks the same as what was named."
 LARGEST = 1e9  # of squares that a term may be asked for
 HALVINGS = 60
 
@@ -102,7 +103,9 @@ def candidates(result: Investigation) -> list[Candidate]:
     rest = [r for r in selection.rejected if r.term.key not in present]
     rest = [r for r in rest if (r.term.mechanism, r.term.location) not in told]
     as_new = [
-        Candidate(t.mechanism, t.location, "It is in the model, of a size that a new axis has or too small to matter.")
+        Candidate(
+            t.mechanism, t.location, "It is in the model, but no larger than in a new axis or too small to matter."
+        )
         for t in selection.fit.terms
         if t.named and t not in selection.found
     ]
@@ -119,7 +122,7 @@ def unheard(result: Investigation) -> list[tuple[str, str]]:
 
 def _instead(term: Term, other: Term, behind: float) -> Candidate:
     reason = (
-        ALIKE if is_close(behind) else "In place of what was named it predicts rows that the fit had not seen worse."
+        ALIKE if is_close(behind) else "In place of what was named it predicts rows not used for the fit less well."
     )
     return Candidate(other.mechanism, other.location, reason, instead_of=term.mechanism, behind=behind)
 
@@ -130,20 +133,22 @@ def _left_out(selection: Selection, rival: Rival) -> Candidate:
     needed = asked_for(term, fit)
     other = _form_of(selection, rival)
     if rival.gain <= 0:
-        reason = "It explains nothing that the others leave."
+        reason = "It explains nothing beyond the others."
     elif rival.beyond <= 0.0:
-        reason = "The size that fits best is what a new axis has, or too small to matter."
+        reason = "Its best-fitting size is no larger than in a new axis, or too small to matter."
     elif rival.gain < needed:
-        reason = "It explains less than one more mechanism must explain."
+        reason = "It explains less than is needed for one more mechanism."
     elif rival.beyond <= BEYOND:
         reason = (
-            f"The size that fits best is {rival.beyond:.1f} standard deviations beyond what a new axis has or what "
-            f"matters; {BEYOND:g} are asked for."
+            f"Its best-fitting size is only {rival.beyond:.1f} standard deviations above that of a new axis or what "
+            f"matters; {BEYOND:g} are needed."
         )
     elif other is not None:
-        reason = f"It is so small beside {other.replace('_', ' ')} that it may be the error of that law's form."
+        reason = f"It is so small beside {named(other)} that it may only be an error in how that is modelled."
     else:
-        reason = "It did not hold on rows that the fit had not seen, or another explains the same."
+        reason = (
+            "It did not improve the prediction of rows not used for the fit, or another mechanism explains the same."
+        )
     return Candidate(term.mechanism, term.location, reason, max(rival.gain, 0.0), needed)
 
 

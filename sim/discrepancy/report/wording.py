@@ -33,13 +33,13 @@ KINDS = {
     "speed": "Friction that changes with the speed",
     "angle": "Torque that changes with the angle",
     "time": "Something that changes with time",
-    "transmission error": "A difference of motor and load that comes back",
+    "transmission error": "A difference between motor and load that repeats",
 }
 REST = {
-    "frequency": "Repeat the same motion at half the speed: what stays at its frequency is a structure or the supply, what moves with the speed is a gear, a bearing or the motor.",
+    "frequency": "Repeat the same motion at half the speed: what keeps its frequency is a structure or the supply; what follows the speed is a gear, a bearing or the motor.",
     "speed": "Move at five even speeds in both directions: friction at the motor or the load shows as a curve of torque over speed, something that swings does not.",
-    "angle": "Turn the load slowly through more than one revolution in both directions: friction keeps its angle and turns its sign with the direction, weight and runout keep theirs.",
-    "time": "Repeat the motion twice in a row with the temperature logged: heat goes on from where it was, what happened once does not come again.",
+    "angle": "Turn the load slowly through more than one revolution in both directions: friction keeps its angle and changes its sign with the direction, weight and runout keep both.",
+    "time": "Repeat the motion twice in a row with the temperature logged: heat goes on from where it was, a single event does not come again.",
 }
 PLACED = {"angle_rad": SHOWN_RAD}  # to which a place is said
 UNITS = {"frequency_hz": "Hz", "speed_rad_s": "rad/s", "time_s": "s", "amplitude_rad": "rad"}  # of what has no name
@@ -71,10 +71,10 @@ def explain(
     if "form" in numbers:
         bottom = next((text for below, text in BOTTOMS if numbers["form"] < below), BROKEN)
         said.append(f"Its bottom is {bottom} (form {numbers['form']:.1f}).")
-    said += [f"Its place is not certain: at {place} it explains the data as well." for place in elsewhere]
+    said += [f"Where it is is not certain: at {place} it explains the data as well." for place in elsewhere]
     said += [
-        f"It looks like {named(other)}, which in its place explains {percent(share)} of that but predicts rows that "
-        "the fit has not seen worse."
+        f"{named(other)} looks alike: in its place it explains {percent(share)} as much, but it predicts rows that were "
+        "not used for the fit less well."
         for other, share in instead.items()
         if share > ALIKE
     ]
@@ -100,16 +100,20 @@ def of_itself(mechanism: str, location: str | None, numbers: Mapping[str, float]
 def headline(result: Investigation) -> str:
     """The verdict in one line: what is missing, or what was examined where nothing is."""
     if result.verdict == "unnamed":
-        return "Something is missing in the model that no catalogued mechanism explains."
+        return "Something is missing in the model that no known mechanism explains."
     said = [f for f in result.findings if f.probability >= SAID]
     machine = [f for f in said if not of_the_measurement(f.mechanism)]
     faults = ", ".join(dict.fromkeys(named(f.mechanism) for f in said if f not in machine))
     if not said:
         return _silent(result)
     if not machine:
-        beyond = _silent(result) if result.listening is not None else "Beyond them nothing stands out of the data."
+        beyond = (
+            _silent(result)
+            if result.listening is not None
+            else "Otherwise nothing is missing in the model that these data could show."
+        )
         return f"The measurement has faults: {faults}. {beyond}"
-    beside = f" The measurement has faults besides: {faults}." if faults else ""
+    beside = f" The measurement also has faults: {faults}." if faults else ""
     if result.listening is not None:
         return f"Heard: {_names(machine)}.{beside}"
     return f"Missing in the model: {_names(machine)}.{beside}"
@@ -121,7 +125,7 @@ def _silent(result: Investigation) -> str:
     if not result.examined:
         return "Nothing could be examined in this sound."
     examined = ", ".join(named(name) for name in result.examined)
-    return f"Nothing stands out of the sound. Listened for: {examined}; nothing else was examined."
+    return f"No fault is heard. Listened for: {examined}; nothing else was examined."
 
 
 def _names(findings: Sequence[Finding]) -> str:
@@ -136,14 +140,16 @@ def not_examined(result: Investigation) -> list[str]:
     out = list(result.remarks)
     travel = math.degrees(float(np.ptp(m.angle)) / axis.ratio)
     if axis.stages and travel < 359.0:
-        out.append(f"The load moved through {travel:.0f}° of a turn: teeth beyond were not in mesh and not examined.")
+        out.append(
+            f"The load moved through {travel:.0f}° of a turn: teeth outside that range were not in mesh and were not examined."
+        )
     if axis.stages and turns(axis, float(np.ptp(m.angle)), None) <= HALF:
         kinds = mechanisms.MECHANISMS.items()
         unseen = " and ".join(named(name) for name, kind in kinds if Need.HALF_TURN in kind.shown_by)
         out.append(f"The load made less than half a turn: {unseen} at the load were not examined.")
     if axis.stages and m.load_angle is None:
         out.append(
-            "No encoder at the load: small play, runout and errors of teeth behind the motor stay below what shows."
+            "There is no encoder at the load: small backlash, runout and tooth errors behind the motor cannot be seen."
         )
     if not result.sounds:
         out.append("No sound was given: rolling bearings were not examined.")
@@ -160,12 +166,12 @@ def next_measurement(axis: Axis, findings: Sequence[Finding], rest: Sequence[Une
     blind = not load_encoder and bool(axis.stages)
     if blind and all(kind_or_any(finding.mechanism).behind_the_motor for finding in findings):
         return (
-            "Add an encoder at the load and repeat the motion: play, runout and soft springs inside the gear move the "
+            "Add an encoder at the load and repeat the motion: backlash, runout and soft springs in the gear move the "
             "load against the motor, friction and weight do not."
         )
     for finding in sorted(findings, key=lambda f: (of_the_measurement(f.mechanism), f.probability)):
         return measurement(axis, finding.mechanism, finding.location, numbers_of(finding))
-    return "Nothing is open; repeat the same motion after maintenance or in half a year, and compare."
+    return "Nothing is open. Repeat the same motion after maintenance or in half a year, and compare."
 
 
 def numbers_of(finding: Finding) -> dict[str, float]:
@@ -179,7 +185,7 @@ def unexplained_words(rest: Unexplained) -> str:
     way = {1.0: ", while turning forward", -1.0: ", while turning backward"}.get(rest.numbers.get("direction", 0.0), "")
     return (
         f"{KINDS.get(rest.kind, rest.kind)} in the {words_of(rest.channel)}: {place}{way}. It makes up "
-        f"{percent(min(max(rest.share, 0.0), 1.0))} of what the named mechanisms leave (squared, in units of noise)."
+        f"{percent(min(max(rest.share, 0.0), 1.0))} of the residual (squared, in units of the noise)."
     )
 
 

@@ -162,9 +162,9 @@ def test_noise_that_was_taken_away_is_drawn_beside_what_is_left(good: Investigat
 def test_a_bad_model_does_not_widen_the_noise_floor(rising: Investigation) -> None:
     """The description leaves friction, the extended model does not: the floor is that of the better one."""
     assert rising.selection is not None
-    left = next(panel for panel in panels(rising)[0] if panel.title == "Motor torque: what is left")
+    left = next(panel for panel in panels(rising)[0] if panel.title == "Motor torque: residual")
     worse = replace(rising, selection=replace(rising.selection, fit=rising.selection.base))
-    floor = next(panel for panel in panels(worse)[0] if panel.title == "Motor torque: what is left")
+    floor = next(panel for panel in panels(worse)[0] if panel.title == "Motor torque: residual")
     assert left.noise is not None
     assert floor.noise is not None
     assert left.noise[1] <= floor.noise[1] * 1.001
@@ -217,7 +217,7 @@ def test_there_is_something_to_do_and_to_measure_about_every_mechanism(mechanism
         assert text.endswith(".")
         assert "{" not in text
         assert "nan" not in text or mechanism == "structural_resonance"
-    assert action(AXIS, mechanism, "output", numbers, 0.6).startswith("Measure first")
+    assert action(AXIS, mechanism, "output", numbers, 0.6).startswith("It is not sure yet")
 
 
 @pytest.mark.parametrize("kind", MECHANISMS.values(), ids=MECHANISMS.keys())
@@ -245,12 +245,13 @@ def test_a_fault_of_the_measurement_is_not_missing_in_the_model(good: Investigat
     assert headline(lost).startswith("The measurement has faults: lost samples.")
     both = replace(good, verdict="named", findings=(finding("backlash"), finding("lost_samples")))
     assert (
-        headline(both) == "Missing in the model: backlash at output. The measurement has faults besides: lost samples."
+        headline(both)
+        == "Missing in the model: backlash (play) at output. The measurement also has faults: lost samples."
     )
 
 
 def test_a_sound_says_what_was_listened_for_and_what_was_not(heard: Investigation) -> None:
-    assert headline(heard).startswith("Nothing stands out of the sound. Listened for:")
+    assert headline(heard).startswith("No fault is heard. Listened for:")
     assert "nothing else was examined" in headline(heard)
     box = words(page_of(heard).split("</header>")[0])
     assert "Not examined" in box
