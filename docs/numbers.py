@@ -1,4 +1,6 @@
-"""Where the numbers come from: every module-level number of `sim` and `casebase` has its class in docs/numbers.toml.
+"""Where the numbers come from: every constant of `sim` and `casebase` has its class in docs/numbers.toml.
+
+A constant stands at the level of a module, or in a class as a `ClassVar` or a member of an enumeration.
 
 python -m docs.numbers > docs/tuned.md
 """
@@ -34,7 +36,7 @@ LONGEST_VALUE = 120
 
 @dataclass(frozen=True)
 class Number:
-    """One statement at the level of a module that gives numbers their names.
+    """One statement at the level of a module, or a constant of a class, that gives numbers their names.
 
     Args:
         module: path of the file below the root, with slashes.
@@ -58,7 +60,7 @@ class Origin:
 
 
 def numbers() -> Iterator[Number]:
-    """Yield every module-level number of the packages, in the order of the files."""
+    """Yield every such number of the packages, in the order of the files."""
     for package in PACKAGES:
         for path in sorted((ROOT / package).rglob("*.py")):
             yield from _of_module(path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8"))
@@ -67,8 +69,19 @@ def numbers() -> Iterator[Number]:
 @cache
 def _of_module(module: str, text: str) -> tuple[Number, ...]:
     body = ast.parse(text).body
-    comments: dict[int, str] | None = None
-    found = []
+    found = list(_of_body(module, text, body, ""))
+    for kind in body:
+        if isinstance(kind, ast.ClassDef):
+            constants = [each for each in kind.body if not isinstance(each, ast.AnnAssign) or _is_constant(each)]
+            found += _of_body(module, text, constants, f"{kind.name}.")
+    return tuple(found)
+
+
+def _is_constant(statement: ast.AnnAssign) -> bool:
+    return ast.unparse(statement.annotation).startswith("ClassVar")
+
+
+def _of_body(module: str, text: str, body: list[ast.stmt], prefix: str) -> Iterator[Number]:
     for statement, after in zip_longest(body, body[1:]):
         if isinstance(statement, ast.Assign):
             targets = statement.targets
@@ -78,19 +91,20 @@ def _of_module(module: str, text: str) -> tuple[Number, ...]:
             continue
         if statement.value is None or not _has_number(statement.value):
             continue
-        names = ", ".join(node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name))
-        comments = _comments(text) if comments is None else comments
+        names = [node.id for target in targets for node in ast.walk(target) if isinstance(node, ast.Name)]
+        comments = _comments(text)
         lines = range(statement.lineno, (statement.end_lineno or statement.lineno) + 1)
         said = [comments[line] for line in lines if line in comments]
         if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant) and isinstance(after.value.value, str):
             said.append(" ".join(after.value.value.split()))
         above = statement.lineno - 1
-        if not said and above in comments and text.splitlines()[above - 1].startswith("#"):
+        if not said and above in comments and text.splitlines()[above - 1].lstrip().startswith("#"):
             said.append(comments[above])
-        found.append(Number(module, names, ast.unparse(statement.value), "; ".join(said)))
-    return tuple(found)
+        value = ast.unparse(statement.value)
+        yield Number(module, ", ".join(prefix + name for name in names), value, "; ".join(said))
 
 
+@cache
 def _comments(text: str) -> dict[int, str]:
     tokens = tokenize.generate_tokens(io.StringIO(text).readline)
     found = {token.start[0]: token.string.lstrip("# ") for token in tokens if token.type == tokenize.COMMENT}
@@ -153,7 +167,7 @@ def tuned_page() -> str:
     lines = [
         "# Where the numbers come from",
         "",
-        "Printed by `python -m docs.numbers` from `docs/numbers.toml`, where every number at the level of a module of",
+        "Printed by `python -m docs.numbers` from `docs/numbers.toml`, where every constant of a module or a class of",
         "`sim` and `casebase` has a class. This page lists those that no law, standard, distribution or budget gives:",
         "they were set by hand, or on data. A figure taken on the data of a number says less than one on other data.",
         "",

@@ -30,6 +30,12 @@ FOURTH = 4  # noqa: S101
 
 def inside() -> int:
     return 5
+
+
+class Kind:
+    share: ClassVar[float] = 0.5  # of it
+    field: float = 0.7
+    CODE = 3
 '''
 
 
@@ -50,12 +56,14 @@ def test_numbers_are_found_with_what_stands_beside_them(house: Path) -> None:
         ("BARE", ""),
         ("THIRD", "What the third is."),
         ("FOURTH", "what the fourth is"),
+        ("Kind.share", "of it"),
+        ("Kind.CODE", ""),
     ]
 
 
 def test_a_number_without_a_class_and_a_class_without_a_number_are_named(house: Path) -> None:
-    bare, first, fourth, gone, third = numbers.faults()
-    assert all("has no class" in each for each in (bare, first, fourth, third))
+    bare, first, fourth, gone, code, share, third = numbers.faults()
+    assert all("has no class" in each for each in (bare, first, fourth, code, share, third))
     assert gone == '["sim/module.py"] "GONE" is no number any more'
 
 
