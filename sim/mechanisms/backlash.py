@@ -39,6 +39,7 @@ class Backlash(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
+    of_links: ClassVar[bool] = True
     own_hypothesis: ClassVar[bool] = True
     heard: ClassVar[Heard | None] = Heard(
         "play",

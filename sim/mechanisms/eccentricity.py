@@ -37,6 +37,7 @@ class Eccentricity(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_SECOND_ENCODER, Differing.OVER_A_TURN})
+    of_links: ClassVar[bool] = True
     own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         laws=frozenset({Law.RUNOUT_OR_DENT, Law.RUNOUT_OR_RIPPLE}),

@@ -37,6 +37,8 @@ class EncoderError(Measurement):
         "encoder's error shows between the two, runout of the gear does not."
     )
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_SECOND_ENCODER, Differing.OVER_A_TURN})
+    of_links: ClassVar[bool] = True
+    unseen_at: ClassVar[frozenset[str]] = frozenset({"motor"})  # by the motor's angle all others are told
     own_hypothesis: ClassVar[bool] = True
     beside_the_chain: ClassVar[bool] = True
 

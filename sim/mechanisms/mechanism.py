@@ -129,6 +129,10 @@ class Mechanism(ABC):
     """Measurements in which it differs from what looks like it."""
     behind_the_motor: ClassVar[bool] = False
     """Whether an encoder at the load tells more of it."""
+    of_links: ClassVar[bool] = False
+    """Whether an axis that moves as one body has none of it."""
+    unseen_at: ClassVar[frozenset[str]] = frozenset()
+    """Places where telemetry does not show it."""
     own_hypothesis: ClassVar[bool] = False
     """Whether an investigation looks for it in a way of its own, and not by what this class says."""
     beside_the_chain: ClassVar[bool] = False

@@ -32,6 +32,7 @@ class StiffnessHardening(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BLOCKED})
+    of_links: ClassVar[bool] = True
     own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         least_share=0.0007,  # it bends to much

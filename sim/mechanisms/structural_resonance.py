@@ -40,6 +40,7 @@ class StructuralResonance(Mechanics):
         "without any motion."
     )
     behind_the_motor: ClassVar[bool] = True
+    of_links: ClassVar[bool] = True
     own_hypothesis: ClassVar[bool] = True
     beside_the_chain: ClassVar[bool] = True
     heard: ClassVar[Heard | None] = Heard(

@@ -53,6 +53,7 @@ class ToothDamage(Mechanics):
     )
     behind_the_motor: ClassVar[bool] = True
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.BY_LOOK})
+    unseen_at: ClassVar[frozenset[str]] = frozenset({"motor"})
     own_hypothesis: ClassVar[bool] = True
     heard: ClassVar[Heard | None] = Heard(
         "tooth damage",

@@ -77,8 +77,9 @@ def shown_remark(axis: Axis, e: Excitation) -> str:
     """What can be found in such a record and what cannot, said before anything is looked for."""
     said = shown(axis, e)
     fastest = highest_order(e)
-    ripple = {"torque_ripple": f" (at the usual speed up to {fastest} times per turn of the motor)"} if fastest else {}
-    found = [named(name) + _at(places) + ripple.get(name, "") for name, places in said.found.items()]
+    reach = f" (at the usual speed up to {fastest} times per turn of the motor)" if fastest else ""
+    of_any_order = {name for name, kind in MECHANISMS.items() if kind.told_by == "order"}
+    found = [named(name) + _at(places) + reach * (name in of_any_order) for name, places in said.found.items()]
     encoder = "with" if e.at_load else "without"
     out = [
         f"{e.rate_hz:.4g} rows per second for {e.seconds:.3g} s, {encoder} an encoder at the load, can show: "

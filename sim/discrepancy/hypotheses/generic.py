@@ -17,7 +17,7 @@ from casebase.signals.telemetry import Telemetry
 from sim import mechanisms
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import Measurement
-from sim.discrepancy.hypotheses.harmonics import AS_NEW_FACTOR, parameter_key
+from sim.discrepancy.hypotheses.harmonics import AS_NEW_FACTOR, amplitude, cosine_and_sine, parameter_key
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.model.known_mechanisms import Effect, carried_over, loosens, plain_train
 from sim.discrepancy.model.parameters import Parameter, Values
@@ -117,12 +117,23 @@ def _told(m: Measurement) -> Telemetry:
 # --- the numbers of a mechanism as those of a fit -------------------------------------------------------------------
 
 
+def _phase_of(kind: type[Mechanism]) -> str | None:
+    """The phase of the wave of which the mechanism's size is the amplitude; None where it is none.
+
+    Both are then fitted as its sine and cosine, on which what is measured depends nearly in a straight line.
+    """
+    way = kind.signature
+    is_wave = way.domain in ("angle", "frequency") and way.flank == "both" and way.per_cycle is None
+    return next((p.name for p in kind.parameters if p.periodic), None) if is_wave else None
+
+
 def _shapes(kind: type[Mechanism]) -> list[dict[str, float]]:
     """Where the numbers that are no size may begin: all together, or one at a time where that would be too many."""
-    starts = {p.name: _starts(p, kind) for p in kind.parameters if p.name != kind.size}
+    others = [p for p in kind.parameters if p.name not in (kind.size, _phase_of(kind))]
+    starts = {p.name: _starts(p, kind) for p in others}
     if math.prod(len(values) for values in starts.values()) <= MOST_STARTS:
         return [dict(zip(starts, values, strict=True)) for values in itertools.product(*starts.values())]
-    usual = {p.name: p.default for p in kind.parameters if p.name != kind.size}
+    usual = {p.name: p.default for p in others}
     alone = [{**usual, name: value} for name, values in starts.items() for value in values if value != usual[name]]
     return [usual, *alone]
 
@@ -151,21 +162,34 @@ class _Numbers:
     def _fitted(self, p: Number) -> bool:
         return p.periodic or not (p.choices or p.default == 0.0 or self.kind.signature.order == p.name)
 
+    def _wave(self, step: float, unit: str) -> tuple[Parameter, Parameter]:
+        return cosine_and_sine(f"{self.kind.name}@{self.location}", step, unit)
+
     def report(self, values: Values) -> dict[str, float]:
         """All numbers, the size first."""
+        phase = _phase_of(self.kind)
         size, *others = sorted(self.kind.parameters, key=lambda p: p.name != self.kind.size)
-        fitted = {p.name: values[self._name(p)] for p in others if self._fitted(p)}
-        return {size.name: values[self._name(size)], **self.shape, **fitted}
+        wave = amplitude(self._wave(0.0, size.unit), size.name, phase)(values) if phase else {}
+        fitted = {
+            p.name: values[self._name(p)]
+            for p in (size, *others)
+            if p.name not in wave and (p is size or self._fitted(p))
+        }
+        numbers = {**self.shape, **fitted, **wave}
+        return {p.name: numbers[p.name] for p in (size, *others)}
 
     def term(self, axis: Axis, contact: bool) -> Term:
-        size = next(p for p in self.kind.parameters if p.name == self.kind.size)
+        phase = _phase_of(self.kind)
+        size, *others = sorted(self.kind.parameters, key=lambda p: p.name != self.kind.size)
         usual = abs(size.default) or STEP * size.high
-        first = Parameter(self._name(size), 0.0, STEP * usual, low=size.low, high=size.high, unit=size.unit)
-        shape = tuple(self._free(p) for p in self.kind.parameters if p is not size and self._fitted(p))
+        step = STEP * usual
+        alone = Parameter(self._name(size), 0.0, step, low=size.low, high=size.high, unit=size.unit)
+        own = self._wave(step, size.unit) if phase else (alone,)
+        shape = tuple(self._free(p) for p in others if p.name != phase and self._fitted(p))
         jumps = [float(share * usual) for share in GAPS] if contact else [usual]
         return Term(
-            self.kind.name, self.location, (first, *shape), tuple(({first.name: jump},) for jump in jumps),
-            self.report, positive=size.low >= 0.0, contact=contact,
+            self.kind.name, self.location, (*own, *shape), tuple(tuple({p.name: jump} for p in own) for jump in jumps),
+            self.report, positive=not phase and size.low >= 0.0, contact=contact,
             nonlinear=contact or any(p.high < math.inf for p in shape),
             shape=tuple(p.name for p in shape), size=AS_NEW_FACTOR * self.kind.as_new(axis, self.location),
         )  # fmt: skip

@@ -17,14 +17,9 @@ from sim.discrepancy.data.preprocessing import LEAST_ROWS, Measurement
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.sensors import HIGHEST_HUM, HUM_HZ
 from sim.discrepancy.model.nominal import has_links
-from sim.mechanisms.mechanism import Need
+from sim.mechanisms.mechanism import Mechanism, Need
 
 MOTOR = "motor"
-IN_SOUND = frozenset({"bearing_defect"})
-OF_TEETH = frozenset({"tooth_damage", "mesh_error"})
-OF_LINKS = frozenset(
-    {"backlash", "eccentricity", "stiffness_hardening", "hysteresis", "structural_resonance", "encoder_error"}
-)
 HALF = 0.5  # of a turn, in which a wave of one per turn goes from end to end: less is a slope or a bend
 MOST_ORDERS = 400  # of a ripple: slots times pole pairs of the finest motors
 ALONE = 0.5  # the most that a name can have which another fits as well
@@ -111,7 +106,7 @@ def shown(axis: Axis, e: Excitation) -> Shown:
         lacks = {
             place: kind.shown_by & missing_at(axis, e, place)
             for place in kind.locations(axis)
-            if _can_be(axis, name, place)
+            if _can_be(axis, kind, place)
         }
         seen = [place for place, missing in lacks.items() if not missing]
         if seen:
@@ -122,13 +117,13 @@ def shown(axis: Axis, e: Excitation) -> Shown:
     return Shown(found, {need: those for need, those in hidden.items() if those})
 
 
-def _can_be(axis: Axis, name: str, place: str | None) -> bool:
+def _can_be(axis: Axis, kind: type[Mechanism], place: str | None) -> bool:
     """Whether it is looked for there by telemetry: of teeth whose number is known, of springs that are there."""
-    if name in OF_TEETH:
-        return place != MOTOR and bool(_teeth(axis).get(place or ""))
-    if name == "encoder_error" and place == MOTOR:  # by the motor's angle all others are told
+    if place in kind.unseen_at or (kind.heard and kind.heard.silent):
         return False
-    return name not in IN_SOUND and (has_links(axis) or name not in OF_LINKS)
+    if kind.traits.dent or kind.signature.order == "mesh":
+        return bool(_teeth(axis).get(place or ""))
+    return has_links(axis) or not kind.of_links
 
 
 def same_over_the_turn(axis: Axis, m: Measurement, mechanism: str, order: float | None) -> tuple[str, ...]:

@@ -15,11 +15,7 @@ from sim.description.axis import Axis
 from sim.discrepancy.data.excitation import turns
 from sim.discrepancy.hypotheses.identifiability import HALF
 from sim.discrepancy.report.formatting import angle, named, number, percent, words_of
-from sim.discrepancy.report.maintenance_actions import (
-    SHOWN_RAD,
-    measurement,
-    of_the_measurement,
-)
+from sim.discrepancy.report.maintenance_actions import SHOWN_RAD, measurement, of_the_measurement
 from sim.discrepancy.results import SAID, Unexplained
 from sim.mechanisms.catalogue import kind_of, kind_or_any
 from sim.mechanisms.differing import Differing

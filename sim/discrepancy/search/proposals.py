@@ -31,7 +31,8 @@ from sim.discrepancy.search.effect_size import beyond, magnitude
 from sim.discrepancy.search.residual_proposals import nameless_terms, ripples
 from sim.discrepancy.search.score_test import screen
 from sim.discrepancy.search.tooth_scan import Place, scan
-from sim.mechanisms import ToothDamage
+from sim.mechanisms import MECHANISMS
+from sim.mechanisms.mechanism import Need
 from sim.mechanisms.traits import LEAST_GAIN
 from sim.torsional.model import Array
 
@@ -292,7 +293,8 @@ def elsewhere(problem: Problem, fit: Fit, own: Rival) -> list[Rival]:
 
 def damage_terms(problem: Problem, terms: Sequence[Term], values: Mapping[str, float]) -> list[Term]:
     """Tooth damage where the scan along the wheels proposes it on top of a model, one place of each gear pair."""
-    seen, blind = excitation_of(problem.measurement), ToothDamage.shown_by
+    seen = excitation_of(problem.measurement)
+    blind = frozenset[Need]().union(*(kind.shown_by for kind in MECHANISMS.values() if kind.traits.dent))
     stages = enumerate(problem.axis.stages)
     teeth = {
         k: s.driven_teeth for k, s in stages if s.driven_teeth and not blind & missing_at(problem.axis, seen, s.name)

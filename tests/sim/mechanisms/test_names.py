@@ -13,6 +13,7 @@ from sim.mechanisms import MECHANISMS
 
 ROOT = Path(__file__).parents[3]
 NAMED = re.compile(rf"({'|'.join(MECHANISMS)})(@.*)?")
+QUOTED = re.compile(rf"[\"'](?:{'|'.join(MECHANISMS)})")
 KINDS_OF_THE_DIAGNOSIS = {"casebase/signals/quality.py": {"clipping"}}  # disturbances, by the words of its document
 STATES = {"sim/torsional/model.py": {"hysteresis"}}  # what a link remembers
 FREE_OF_KINDS = ("search", "estimation", "assessment", "pooling", "next_measurement")
@@ -25,6 +26,8 @@ def modules(*folders: str) -> Iterator[Path]:
 
 def names_in(source: str) -> set[str]:
     """Names of mechanisms among the strings of a module."""
+    if not QUOTED.search(source):
+        return set()
     texts = (node.value for node in ast.walk(ast.parse(source)) if isinstance(node, ast.Constant))
     return {found[1] for text in texts if isinstance(text, str) and (found := NAMED.fullmatch(text))}
 
