@@ -1,8 +1,8 @@
 """The drive of a joint: rotor, gear and friction, all felt at the joint, and what may be wrong with it.
 
-The load follows the program exactly; the motor does what that takes. A gear twists with the torque it carries, so the
-motor's angle is the load's plus the twist, and everything else follows by differentiation (the drive is flat, M. Fliess
-et al., 1995): exact for whatever spring and play the gear has, and nothing is integrated.
+The load follows the program exactly; the motor does what that takes. Gears are rigid. Where one has play, the motor's
+angle is the load's and that of the play, which hangs on the torque that the gear carries; everything else follows by
+differentiation (the drive is flat, M. Fliess et al., 1995): exact, and nothing is integrated.
 
 Dry friction builds up over a small way as teeth and bearings give (P. R. Dahl, 1968); with the motion known it is an
 exponential of the way gone since the last reversal.
@@ -23,7 +23,7 @@ CONTACT_SHARE = 0.004
 
 @dataclass(frozen=True)
 class Drive:
-    """Numbers at the joint: rotor [kg m2], dry [N m], viscous [N m s/rad], stiffness [N m/rad], rated torque [N m].
+    """Numbers at the joint: rotor [kg m2], dry [N m] and viscous friction [N m s/rad], rated torque [N m].
 
     gear: motor turns per joint turn. way: over which dry friction builds up [rad]. Of what is wrong: `raised` is a
     factor of dry friction; stribeck is dry friction [N m] that is gone above `stribeck_speed` [rad/s]; asymmetry is the
@@ -35,7 +35,6 @@ class Drive:
     rotor: float
     dry: float
     viscous: float
-    stiffness: float
     rated: float
     gear: float
     way: float
@@ -81,7 +80,7 @@ def friction(drive: Drive, time: Array, angle: Array, speed: Array) -> Array:
 def motor_angle(drive: Drive, angle: Array, carried: Array) -> Array:
     """Return the motor's angle over the gear's ratio (n,) [rad] for the load's angle and the torque carried [N m]."""
     contact = np.tanh(carried / (CONTACT_SHARE * drive.rated))
-    return angle + carried / drive.stiffness + drive.gap / 2 * contact
+    return angle + drive.gap / 2 * contact
 
 
 def motor_torque(drive: Drive, time: Array, angle: Array, carried: Array) -> tuple[Array, Array, Array]:

@@ -198,7 +198,6 @@ def _draw_drive(rng: np.random.Generator, arm: Arm, joint: int) -> Drive:
         rotor=rated * rng.uniform(0.004, 0.009),
         dry=rated * rng.uniform(0.025, 0.055),
         viscous=rated * rng.uniform(0.035, 0.075),
-        stiffness=rated * rng.uniform(80, 200),
         rated=rated,
         gear=float(rng.choice([50, 80, 100])),
         way=float(np.exp(rng.uniform(np.log(2e-4), np.log(2e-3)))),

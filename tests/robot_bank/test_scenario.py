@@ -61,8 +61,9 @@ def test_the_equations_of_the_truth_leave_the_noise_of_the_written_log(kind: str
         since = time - time[0]
         position = read["motor_position_rad"][:, place] / gears[j]
         at = [np.interp(since, motion.time, course[:, j]) for course in (motion.angles, motion.accelerations)]
-        # the motor leads by the twist
-        np.testing.assert_allclose(position, at[0], atol=0.02)
+        # as far off as a rounded time stamp makes it
+        slack = 8 * scenario.recorder.step + scenario.recorder.stamp * np.max(np.abs(motion.speeds[:, j]))
+        np.testing.assert_allclose(position, at[0], atol=slack)
         drive = robot.drives[j]
         friction = (
             drive.dry * bristles(motion.angles[:, j], drive.way, drive.start) + drive.viscous * motion.speeds[:, j]
@@ -73,8 +74,7 @@ def test_the_equations_of_the_truth_leave_the_noise_of_the_written_log(kind: str
         if kind == "torque_offset" and hidden:
             model += hidden[0]["sizes"]["torque_n_m"] * gears[j]
         left = read["motor_torque_nm"][:, place] * gears[j] - model
-        # the twist of the gear and the rounding of the time stamps are of the same order as the rest
-        assert np.sqrt(np.mean(left**2)) < 1.5 * scenario.recorder.torque_noise[j] + 0.002 * drive.rated
+        assert np.sqrt(np.mean(left**2)) == pytest.approx(scenario.recorder.torque_noise[j], rel=0.25)
 
 
 def test_a_description_is_off_by_5_percent_and_5_millimetres() -> None:
