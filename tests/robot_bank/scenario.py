@@ -89,6 +89,10 @@ class Scenario:
             self.written.names[j]: {"dry": drive.dry * drive.raised, "viscous": drive.viscous}
             for j, drive in enumerate(self.robot.drives)
         }
+        noise = {
+            name: float(rms / gear)
+            for name, rms, gear in zip(self.written.names, self.recorder.torque_noise, self.signals.gears, strict=True)
+        }
         return {
             "seed": self.seed,
             "kind": self.kind,
@@ -96,6 +100,7 @@ class Scenario:
             "hidden": list(self.hidden),
             "strength": self.strength,
             "friction": {} if described else friction,
+            "noise": noise,
             "joints": [self.written.names[j] for j in order],
             "build": self.robot.arm.build,
             "class_kg": round(self.robot.arm.class_kg, 1),

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from statistics import median
 from typing import Any
 
@@ -37,7 +37,8 @@ class Judgement:
     outcome: `right`; `and more` (found, but something invented besides); `wrong name` at the right joint; `wrong
     joint`; `missed`; for nothing hidden right, `unnamed` or `invented`; `failed`. claims: probability of each finding
     and whether it was right. invented: what was said besides, as mechanism@joint. friction: of what is real and not
-    described, by dry and viscous, the sizes said and None for each that was not.
+    described, by dry and viscous, the sizes said and None for each that was not. unexplained: whether something is said
+    to be left. left: torque error on unseen data over the rms of the noise, joint by joint.
     """
 
     outcome: str
@@ -45,6 +46,8 @@ class Judgement:
     invented: tuple[str, ...] = ()
     sizes: tuple[Size, ...] = ()
     friction: tuple[Size | None, ...] = ()
+    unexplained: bool = False
+    left: tuple[float, ...] = ()
 
 
 def joint_of(finding: JSON) -> str | None:
@@ -76,6 +79,16 @@ def judge(answer: JSON, document: JSON | None) -> Judgement:
     """Judge a document; None is a run that failed."""
     if document is None:
         return Judgement("failed")
+    judged = _judge(answer, document)
+    return replace(judged, unexplained=bool(document.get("unexplained")), left=_left(answer, document))
+
+
+def _left(answer: JSON, document: JSON) -> tuple[float, ...]:
+    errors = [g for g in document.get("gain") or [] if g["channel"] == "motor_torque_nm" and g.get("held_out")]
+    return tuple(g["rms_after"] / answer["noise"][g["joint"]] for g in errors if g.get("joint") in answer["noise"])
+
+
+def _judge(answer: JSON, document: JSON) -> Judgement:
     findings = list(document["findings"])
     hidden = answer["hidden"][0] if answer["hidden"] else None
     right = [bool(hidden and _is(f, hidden)) or _is_friction(answer, f) for f in findings]
@@ -178,6 +191,7 @@ def tables(scored: Sequence[tuple[JSON, Judgement]], seconds: Sequence[float], p
         _share("  and nothing invented", sum(j.outcome == "right" for j in found), len(hidden), ">= 0.90"),
         _share("something hidden: something invented", sum(bool(j.invented) for _, j in hidden), len(hidden), "0"),
         _share("nothing hidden: something invented", sum(bool(j.invented) for j in nulls), len(nulls), "0"),
+        _share("nothing hidden: something unexplained", sum(j.unexplained for j in nulls), len(nulls)),
         _share("said with 0.9 or more: right", sum(sure), len(sure), ">= 0.90"),
         _share("failed", sum(j.outcome == "failed" for _, j in scored), len(scored), "0"),
         "",
@@ -187,6 +201,10 @@ def tables(scored: Sequence[tuple[JSON, Judgement]], seconds: Sequence[float], p
         "",
         *_size_lines(scored),
     ]
+    left = sorted(x for _, j in scored for x in j.left)
+    if left:
+        high = left[int(0.95 * (len(left) - 1))]
+        lines.append(f"torque error on unseen data over the noise: median {median(left):.2f}, 95 % below {high:.2f}")
     if seconds:
         lines += ["", f"seconds per run: median {median(seconds):.1f}, longest {max(seconds):.1f}; {peak_mib:.0f} MiB"]
     return "\n".join(lines)

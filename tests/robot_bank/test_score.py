@@ -18,7 +18,7 @@ def _answer(mechanism: str | None = None, place: str = "elbow", **more: Any) -> 
         ]
         hidden[0] |= more
     words = {"kind": mechanism or "null", "drives": "described", "motion": "fourier", "build": "elbow", "level": "full"}
-    return {"hidden": hidden, "friction": {}, **words}
+    return {"hidden": hidden, "friction": {}, "noise": {"elbow": 0.5}, **words}
 
 
 def _finding(mechanism: str, place: str, p: float = 0.95, *alike: str, **parameters: float) -> dict[str, Any]:
@@ -97,6 +97,12 @@ def test_play_that_a_motor_encoder_hardly_shows_may_be_missed_but_not_called_oth
     answer = _answer("backlash", may_be_missed=True)
     assert judge(answer, _document(verdict="nothing_missing")).outcome == "right"
     assert judge(answer, _document(_finding("hysteresis", "elbow"))).outcome == "wrong name"
+
+
+def test_what_is_left_of_the_torque_is_compared_with_its_noise() -> None:
+    gain = {"channel": "motor_torque_nm", "joint": "elbow", "rms_before": 3.0, "rms_after": 0.6, "held_out": True}
+    assert judge(_answer(), _document(gain=[gain])).left == (pytest.approx(1.2),)
+    assert judge(_answer(), _document(gain=[gain | {"held_out": False}])).left == ()
 
 
 def test_the_tables_count_what_was_judged() -> None:
