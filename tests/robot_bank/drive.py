@@ -55,6 +55,8 @@ class Drive:
 def bristles(angle: Array, way: float, start: float) -> Array:
     """Return dry friction over its full value (n,) for the course of an angle (n,) [rad]: Dahl's, between -1 and 1."""
     step = np.diff(angle, prepend=angle[0])
+    # a motion at rest was smoothed: what rounding leaves of it is no way
+    step[np.abs(step) < 1e-12] = 0.0
     moving = np.sign(step)
     gone = np.cumsum(np.abs(step)) / way
     out = np.empty_like(angle)
