@@ -29,7 +29,7 @@ class Effect:
     `act` puts it into a drive with an amplitude; `sizes` gives its parameters as felt at the joint. `as_parameter`: by
     the contract no finding but another value of a number that the description has. `rivals`: columns that may stand for
     it besides the rotor's; `described_without` are the numbers that the description has as 0. amplitude: of an effect
-    whose size is that of nature, not a level.
+    whose size is that of nature, not a level. beyond_masses: links of other masses make torques of its kind.
     """
 
     kind: str
@@ -42,7 +42,7 @@ class Effect:
     rivals: tuple[str, ...] = ("dry", "viscous")
     described_without: tuple[str, ...] = ()
     as_parameter: bool = False
-    like_a_weight: bool = False
+    beyond_masses: bool = False
     may_be_missed: bool = False
     offset: bool = False
     delay: bool = False
@@ -123,7 +123,7 @@ def gravity_imbalance(draw: Draw) -> Effect:
     return Effect(
         "gravity_imbalance", "gravity_imbalance", lambda d, a: replace(d, imbalance=a, imbalance_phase=phase),
         lambda a: {"torque_n_m": a, "phase_rad": phase}, cap=0.5 * draw.drive.rated,
-        rivals=("dry", "viscous", "offset"), like_a_weight=True,
+        rivals=("dry", "viscous", "offset"), beyond_masses=True,
     )  # fmt: skip
 
 
@@ -147,7 +147,7 @@ def torque_offset(draw: Draw) -> Effect:
     sign = float(draw.rng.choice([-1, 1]))
     return Effect(
         "torque_offset", "torque_offset", lambda d, a: d, lambda a: {"torque_n_m": sign * a},
-        cap=0.2 * draw.drive.rated, offset=True,
+        cap=0.2 * draw.drive.rated, offset=True, beyond_masses=True,
     )  # fmt: skip
 
 

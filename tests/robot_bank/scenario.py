@@ -294,7 +294,7 @@ def _sized(
     drive, noise = robot.drives[joint], float(recorder.torque_noise[joint])
     columns = _own_columns(drive, motion, joint, effect.rivals)
     least = effect.least
-    if effect.like_a_weight:
+    if effect.beyond_masses:
         least = BEYOND * float(_tolerance(rng, robot, motion, _sparse(motion))[joint])
     change = _changes(drive, effect, joint, motion, carried)
 
@@ -312,7 +312,7 @@ def _sized(
         if felt <= 0:
             return None
         amplitude = min(effect.cap, amplitude * level / felt)
-    if effect.like_a_weight:
+    if effect.beyond_masses:
         rms = float(np.sqrt(np.mean(change(amplitude) ** 2)))
         amplitude = min(effect.cap, amplitude * max(1.0, least / rms))
     else:
