@@ -39,6 +39,7 @@ class BearingDefect(Mechanics):
         "Repeat the motion at two thirds of the speed with the sound: what keeps its order is the bearing; what "
         "keeps its frequency is not."
     )
+    in_sound_alone: ClassVar[bool] = True
     own_hypothesis: ClassVar[bool] = True
     heard: ClassVar[Heard | None] = Heard(
         "bearing defect",

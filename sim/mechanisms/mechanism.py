@@ -133,6 +133,8 @@ class Mechanism(ABC):
     """Whether an axis that moves as one body has none of it."""
     unseen_at: ClassVar[frozenset[str]] = frozenset()
     """Places where telemetry does not show it."""
+    in_sound_alone: ClassVar[bool] = False
+    """Whether it is looked for in sound and in no other channel."""
     own_hypothesis: ClassVar[bool] = False
     """Whether an investigation looks for it in a way of its own, and not by what this class says."""
     beside_the_chain: ClassVar[bool] = False

@@ -16,7 +16,7 @@ from sim.discrepancy.model.parameters import Owner
 from sim.discrepancy.report.formatting import named, percent
 from sim.discrepancy.results import Gain
 from sim.mechanisms import MECHANISMS
-from sim.mechanisms.mechanism import Need
+from sim.mechanisms.mechanism import Mechanism, Need
 
 UNREACHED = 0.5  # of the torque: a model that leaves more says nothing of the axis
 SOLID = ("kg m2", "N m/rad")  # units of inertia and stiffness, in which no data sheet is far wrong
@@ -77,9 +77,7 @@ def shown_remark(axis: Axis, e: Excitation) -> str:
     """What can be found in such a record and what cannot, said before anything is looked for."""
     said = shown(axis, e)
     fastest = highest_order(e)
-    reach = f" (at the usual speed up to {fastest} times per turn of the motor)" if fastest else ""
-    of_any_order = {name for name, kind in MECHANISMS.items() if kind.told_by == "order"}
-    found = [named(name) + _at(places) + reach * (name in of_any_order) for name, places in said.found.items()]
+    found = [named(name) + _at(places) + _up_to(MECHANISMS[name], fastest) for name, places in said.found.items()]
     encoder = "with" if e.at_load else "without"
     out = [
         f"{e.rate_hz:.4g} rows per second for {e.seconds:.3g} s, {encoder} an encoder at the load, can show: "
@@ -92,6 +90,13 @@ def shown_remark(axis: Axis, e: Excitation) -> str:
     if hidden:
         out.append(f"They cannot show: {'; '.join(hidden)}.")
     return " ".join([*out, *_passing_teeth(axis, e)])
+
+
+def _up_to(kind: type[Mechanism], fastest: int) -> str:
+    """Of a mechanism that may have any order, up to which."""
+    if not fastest or kind.signature.order not in {p.name for p in kind.parameters}:
+        return ""
+    return f" (at the usual speed up to {fastest} times per turn of the motor)"
 
 
 def _at(places: Sequence[str]) -> str:

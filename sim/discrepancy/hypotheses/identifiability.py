@@ -119,7 +119,7 @@ def shown(axis: Axis, e: Excitation) -> Shown:
 
 def _can_be(axis: Axis, kind: type[Mechanism], place: str | None) -> bool:
     """Whether it is looked for there by telemetry: of teeth whose number is known, of springs that are there."""
-    if place in kind.unseen_at or (kind.heard and kind.heard.silent):
+    if kind.in_sound_alone or place in kind.unseen_at:
         return False
     if kind.traits.dent or kind.signature.order == "mesh":
         return bool(_teeth(axis).get(place or ""))
