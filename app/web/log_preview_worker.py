@@ -17,7 +17,7 @@ from sim.discrepancy.assessment.remarks import excitation_remarks, shown_remark
 from sim.discrepancy.data.excitation import excitation_in
 from sim.discrepancy.kinematics.encoders_alone import NOT_TOLD
 
-NO_AXIS = "Choose the axis above, and what its gears can show is said as well."
+NO_AXIS = "Choose the axis above to see what its gears can show."
 BODY: Mapping[str, Any] = {"motor": {}, "load": {"inertia_kg_m2": 0.0}}
 """What is known of an axis that was not chosen."""
 
@@ -39,7 +39,7 @@ def remarks(axis: Axis, telemetry: Telemetry) -> list[str]:
         return [NOT_TOLD]
     e = excitation_in(telemetry)
     if e is None:
-        return ["Without motor_position_rad or motor_speed_rad_s nothing can be told of the torque: name one of them."]
+        return ["Without motor_position_rad or motor_speed_rad_s the torque shows nothing: name one of them."]
     return [shown_remark(axis, e), *excitation_remarks(e)]
 
 

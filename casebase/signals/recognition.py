@@ -159,8 +159,8 @@ def _axis(columns: Sequence[Column]) -> tuple[list[Column], list[str], list[str]
     called = _called(label, first)
     names = [_called(name, group) for name, group in groups.items()]
     doubt = (
-        f"there are columns of {len(groups) + 1} axes ({_listed([called, *names])}), and which is meant "
-        f"cannot be told (the lines are of {called}, those of the others stand behind #)"
+        f"there are columns of {len(groups) + 1} axes ({_listed([called, *names])}), and nothing shows "
+        f"which is meant (the lines are of {called}, those of the others stand behind #)"
     )
     others = [line for name, group in zip(names, groups.values(), strict=True) for line in _lines_of(name, group)]
     return first + temperatures, others[:MOST_LINES], [doubt]

@@ -219,7 +219,7 @@ def test_what_was_not_examined_is_said_first_with_its_reason() -> None:
     result = investigate(AXIS, None, recording(steady))
     assert result.examined == ("electrical_hum", "clipping", "lost_samples")
     assert {result.not_examined[name] for name in ALL[3:]} == {"no standstill is heard"}
-    said = "Examined: hum, clipping, lost samples. Not examined: tooth damage, play, bearing defect, because no standst"
+    said = "Examined: hum, clipping, lost samples. Not examined: tooth damage, backlash, bearing defect, because no st"
     assert result.remarks[0].startswith(said)
 
 
@@ -275,7 +275,7 @@ def test_where_the_sound_does_not_tell_the_stage_text_and_document_say_so() -> N
     starts = np.flatnonzero(np.diff((np.abs(LOAD_SPEED) >= 0.999 * SPEED_RAD_S).astype(int)) < 0)
     (found,) = investigate(AXIS, None, recording(with_impacts(running(7), TIME[starts]))).findings
     assert (found.location, found.elsewhere) == ("output", ("transfer",))
-    assert "this sound does not tell output from transfer" in found.explanation
+    assert "output and transfer sound the same" in found.explanation
     (told,) = investigate(AXIS, None, recording(with_impacts(running(5), passes(0.4, True)))).findings
     assert (told.location, told.elsewhere) == ("output", ())
     assert "not certain" not in told.explanation
