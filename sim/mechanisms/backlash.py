@@ -42,9 +42,9 @@ class Backlash(Mechanics):
     of_links: ClassVar[bool] = True
     own_hypothesis: ClassVar[bool] = True
     heard: ClassVar[Heard | None] = Heard(
-        "play",
+        "backlash",
         "Add an encoder at the load and repeat the motion: the way between the flanks is the gap, and the stage "
-        "with the play shows in how fast it is crossed.",
+        "with the backlash shows in how fast it is crossed.",
         left_out="Impacts where braking begins are no stronger than in good gearboxes.",
     )
     traits: ClassVar[Traits] = Traits(

@@ -42,7 +42,7 @@ class ElectricalHum(Measurement):
     checked: ClassVar[tuple[str, str] | None] = ("hum of the mains", "none found")
     heard: ClassVar[Heard | None] = Heard(
         "hum",
-        "Mend the earthing of the recorder, then repeat; friction, stiffness and play need telemetry with a load "
+        "Mend the earthing of the recorder, then repeat; friction, stiffness and backlash need telemetry with a load "
         "encoder.",
     )
     traits: ClassVar[Traits] = Traits(

@@ -50,7 +50,7 @@ class Reach:
         """Both in words, as the first remark.
 
         >>> Reach(("clipping",), {"backlash": "no standstill is heard"}, {}, 1).sentence()[:67]
-        'Examined: clipping. Not examined: play, because no standstill is he'
+        'Examined: clipping. Not examined: backlash, because no standstill i'
         """
         partly = {name: f" (in {count} of {self.recordings} recordings)" for name, count in self.partly.items()}
         examined = ", ".join(f"{WORDS[name]}{partly.get(name, '')}" for name in self.examined)

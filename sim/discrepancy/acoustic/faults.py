@@ -188,7 +188,7 @@ def play(axis: Axis, courses: Sequence[Course], teeth: Sequence[Sign | None]) ->
     text = (
         f"{where}, {-bump.offset_s:.2f} s before the standstill, where braking begins and the torque changes its sign, "
         f"an impact stands {bump.height_db:.0f} dB over {'what noise would reach' if course.repeats else OF_AROUND}: "
-        "flanks meet after crossing play; how much, sound alone does not tell."
+        "tooth flanks meet after crossing the backlash. How wide it is cannot be heard."
     )
     stage = axis.stages[-1].name
     elsewhere = tuple(one.name for one in axis.stages[:-1])
@@ -205,7 +205,7 @@ def _not_told(stage: str, elsewhere: tuple[str, ...]) -> str:
     if not elsewhere:
         return ""
     return (
-        f" Its place is not certain: this sound does not tell {stage} from {' or '.join(elsewhere)}; {stage} is named "
+        f" Where it is is not certain: {stage} and {' and '.join(elsewhere)} sound the same; {stage} is named "
         "because the last gear carries the largest torque."
     )
 

@@ -86,7 +86,7 @@ def shown_remark(axis: Axis, e: Excitation) -> str:
         f"{', '.join(found)}."
     ]
     hidden = [
-        f"{', '.join(named(name) + _at(places) for name, places in those.items())} (for want of {need.value})"
+        f"{', '.join(named(name) + _at(places) for name, places in those.items())} (needs {need.value})"
         for need, those in said.hidden.items()
     ]
     if hidden:

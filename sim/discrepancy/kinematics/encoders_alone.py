@@ -43,7 +43,7 @@ FOLLOWS = 0.99  # correlation of two angles of the same motion
 SLOWEST_HZ = 2.0  # of a load that is held or comes to rest for a second and more
 NEXT = (
     "Log the motor torque as well (motor_torque_nm; a current will do with its torque constant) and repeat the motion "
-    "in both directions at several speeds: play, and friction that winds the gear up, differ in the torque at a "
+    "in both directions at several speeds: backlash, and friction that winds the gear up, differ in the torque at a "
     "reversal."
 )
 NOT_TOLD = (

@@ -60,8 +60,8 @@ def _lost_motion(axis: Axis, seen: TransmissionError, new: AsNew) -> Finding | N
     sure = WEIGHTS.cap if more and not one_speed else ALONE
     said = [
         f"At the same angle the load is {number(size.value, size.error)} rad ({angle(size.value, size.error)}) further "
-        "behind the motor in one direction of motion than in the other. That is lost motion: play, or friction that "
-        "winds the gear up; without the torque nothing tells the two apart."
+        "behind the motor in one direction of motion than in the other. That is lost motion: backlash, or friction "
+        "that winds the gear up; only the torque can separate the two."
     ]
     if new.windup > 0.0:
         kept = "were taken off" if more else "may be all of it"

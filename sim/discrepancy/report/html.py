@@ -284,9 +284,9 @@ def _gain(result: Investigation) -> list[str]:
         )
         for g in result.gain
     ]  # fmt: skip
-    how = "Each quarter of the record is predicted by fits to the other three, below 40 Hz. Before: the calibrated description. After: with what was found."
+    how = "Each quarter of the record is predicted by fits to the other three, below 40 Hz. Before: the calibrated description. After: the extended model."
     if result.encoders:
-        how = "Each twentieth of the rows in steady motion is predicted by fits to the others. Before: the load follows the motor by the ratio. After: with what was found."
+        how = "Each twentieth of the rows in steady motion is predicted by fits to the others. Before: the load follows the motor by the ratio. After: the extended model."
     if result.selection is not None and not result.selection.found:
         how += " Nothing was added to this model, so the two differ only by their calibration."
     head = ("channel", "error before, rms", "error after, rms", "unit", "change", "gain")

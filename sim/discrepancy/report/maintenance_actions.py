@@ -34,7 +34,7 @@ def measurement(axis: Axis, mechanism: str, location: str | None, numbers: Mappi
 def tooth(axis: Axis, location: str | None, angle_rad: float) -> str:
     """Which tooth of a driven gear is in mesh at an angle, where its teeth are known.
 
-    >>> from sim.description.axis import read_axis
+    >>> from sim.description.axis_document import read_axis
     >>> gear = {"name": "output", "driver_teeth": 12, "driven_teeth": 150, "inertia_kg_m2": 1}
     >>> axis = read_axis({"motor": {"inertia_kg_m2": 1}, "load": {"inertia_kg_m2": 1}, "stages": [gear]})
     >>> tooth(axis, "output", 2.7)

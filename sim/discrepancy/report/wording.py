@@ -81,7 +81,7 @@ def of_itself(mechanism: str, location: str | None, numbers: Mapping[str, float]
     """What a mechanism that has no sentence here says of itself, and its numbers.
 
     >>> of_itself("clipping", "motor", {"fraction": 0.25})
-    'Clipping at motor: the motor torque and the sound stop at a level: the fraction says how much of their peak is cut off. Fraction 0.250.'
+    'Clipping at motor: the motor torque and the sound stop at a level: the fraction says how much of their peak is cut off. Share 0.250.'
     """
     kind = kind_of(mechanism)
     does = " ".join((kind.__doc__ or "").split("\n")[0].split()).rstrip(".")
