@@ -7,7 +7,7 @@ inertia about its own frame.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -93,9 +93,17 @@ class RigidBody:
         """Torques of the rigid robot as described, shape (rows, joints) [N m]."""
         return np.asarray(np.einsum("njbp,bp->nj", self.regressor(position, speed, acceleration), self.parameters))
 
-    def with_parameters(self, parameters: Array) -> RigidBody:
-        """The same joints with other links, shape (links, 10)."""
-        return replace(self, parameters=parameters)
+    def torque_of(self, position: Array, speed: Array, acceleration: Array) -> Array:
+        """The same by MuJoCo's inverse dynamics in one piece, without a described payload; for many motions of few rows."""
+        import mujoco
+
+        data, columns = mujoco.MjData(self.model), list(self.columns)
+        out = np.empty(position.shape)
+        for row in range(len(position)):
+            data.qpos[columns], data.qvel[columns], data.qacc[columns] = position[row], speed[row], acceleration[row]
+            mujoco.mj_inverse(self.model, data)
+            out[row] = data.qfrc_inverse[columns]
+        return out
 
 
 def point_mass(mass_kg: float, center_m: Array) -> Array:
