@@ -38,9 +38,13 @@ def register(app: typer.Typer) -> None:
 def run(
     context: typer.Context,
     axis: Annotated[
-        Path,
+        Path | None,
         typer.Option(metavar="AXIS.toml", help="what the axis is believed to be; sound alone uses its motion.period_s"),
-    ],
+    ] = None,
+    robot: Annotated[
+        Path | None,
+        typer.Option(metavar="ROBOT.toml", help="instead of an axis: a robot with its URDF, of all its logged joints"),
+    ] = None,
     telemetry: Annotated[
         list[Path] | None,
         typer.Option(metavar="T.csv", help="measured channels, CSV or Parquet; several recordings of the same axis"),
@@ -75,6 +79,16 @@ def run(
 ) -> None:
     """Say what the simulation of an axis gets wrong, why, and what the extended model gains."""
     frame = frame_of(context)
+    if (axis is None) == (robot is None):
+        raise typer.BadParameter("give --axis AXIS.toml for one axis, or --robot ROBOT.toml for a whole robot")
+    if axis is None:
+        assert robot is not None
+        if sound or as_new:
+            raise typer.BadParameter(
+                "sound is investigated with an axis; give --axis AXIS.toml of the joint that is heard"
+            )
+        _of_robot(frame, robot, telemetry or [], channels, report, json=json)
+        return
     described = read_axis(axis)
     check_pairs(len(telemetry or ()), len(sound or ()), len(as_new or ()), channel_map=channels is not None)
     heard, before = (
@@ -99,6 +113,29 @@ def run(
         frame.print_json(document())
     else:
         _show(frame, result, whose)
+
+
+def _of_robot(
+    frame: Frame, robot: Path, telemetry: Sequence[Path], channels: Path | None, report: Path | None, *, json: bool
+) -> None:
+    """Investigate all joints of a robot."""
+    from sim.robot.investigation import investigate_robot
+    from sim.robot.log import read_log
+    from sim.robot.report import lines, robot_report
+    from sim.robot.robot import read_robot
+
+    described = read_robot(robot)
+    map_ = None if channels is None else _read(channels, lambda path: text_of(path.read_bytes()))
+    logs = [_read(path, lambda one: read_log(described, one, map_)) for path in telemetry]
+    result = _watched(frame, lambda watch: investigate_robot(described, logs, watch))
+    if report is not None:
+        report.write_text(robot_report(result), encoding="utf-8")
+        frame.say(f"report: {report}")
+    if json:
+        frame.print_json(result.document())
+        return
+    for line in lines(result):
+        frame.print(line)
 
 
 def _read(path: Path, read: Callable[[Path], Read]) -> Read:

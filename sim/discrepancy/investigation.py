@@ -63,13 +63,13 @@ def investigate(
     progress: Progress = lambda stage, share: None,
     sound_offset_s: float = 0.0,
     as_new: Sequence[Recording] = (),
-    doubts: Array | None = None,
+    known_doubts: Array | None = None,
 ) -> Investigation:
     """Hold measured data of an axis against its description.
 
     Several recordings of the same axis can be given without telemetry; their evidence is taken together. `as_new` are
     recordings of the same motion from when the axis was in good order: sound without telemetry is compared with them.
-    `doubts`: ways in which `known_torque_nm` may be wrong as a whole, each by a standard deviation, shape (rows, p).
+    `known_doubts`: ways in which `known_torque_nm` may be wrong as a whole, each by a standard deviation, shape (rows, p).
 
     Raises
     ------
@@ -90,7 +90,7 @@ def investigate(
     progress("condition of the channels", 0.02)
     if "motor_torque_nm" not in telemetry:
         return _encoders_alone(axis, telemetry, sounds, sound_offset_s, progress)
-    gate = examine(axis, telemetry, doubts)
+    gate = examine(axis, telemetry, known_doubts)
     axis = gate.axis
     progress("calibration of what the description has", 0.08)
     problem = Problem(axis, gate.measurement, _first_noise(gate), unknown=gate.unknown)

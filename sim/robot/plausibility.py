@@ -86,7 +86,7 @@ def _left(torque: Array, frictions: list[Array]) -> Array:
     for values, columns in zip(torque.T, frictions, strict=True):
         left = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
         out.append(float(np.mean(left**2)))
-    return np.maximum(np.array(out), 1e-300)
+    return np.asarray(np.maximum(out, 1e-300), dtype=np.float64)
 
 
 def _direction(

@@ -110,7 +110,9 @@ def robot_of(document: Mapping[str, object], urdf: bytes, axis_of: Any) -> Robot
 
 def _joints(value: object, links: Urdf, axis_of: Any) -> tuple[Joint, ...]:
     if not isinstance(value, list | tuple) or not value:
-        raise RobotError('joints: missing; write [[joints]] with name = "..." for each logged joint, in the log\'s order')
+        raise RobotError(
+            'joints: missing; write [[joints]] with name = "..." for each logged joint, in the log\'s order'
+        )
     if len(value) > MOST_JOINTS:
         raise RobotError(f"joints: {len(value)} tables; a robot has {MOST_JOINTS} at most")
     out: list[Joint] = []
@@ -123,7 +125,9 @@ def _joints(value: object, links: Urdf, axis_of: Any) -> tuple[Joint, ...]:
             moving = ", ".join(links.moving)
             raise RobotError(f"joints[{k}].name: {shown(name)} is no joint that moves in the URDF; there are {moving}")
         if any(name == joint.name for joint in out):
-            raise RobotError(f"joints[{k}].name: {shown(name)} stands twice; each logged joint once, in the log's order")
+            raise RobotError(
+                f"joints[{k}].name: {shown(name)} stands twice; each logged joint once, in the log's order"
+            )
         out.append(_joint(str(name), table.get("axis"), f"joints[{k}].axis", axis_of))
     return tuple(out)
 

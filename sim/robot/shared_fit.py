@@ -1,8 +1,8 @@
 """What the joints of a robot share, fitted over all of them together: payload, errors of masses, tilt of the base.
 
-Torques are linear in all of it, so the posterior is a Gaussian. Friction of each joint is any curve over its speed here,
-and what its load adds to it: its form is asked for joint by joint, later. For that, each joint is given the rigid torque
-as the *other* joints correct it, and what is left uncertain of it as directions in which the model may be wrong.
+Torques are linear in all of it, so the posterior is a Gaussian. Friction of each joint is any curve over its speed
+here, and what its load adds to it: its form is asked for joint by joint, later. For that, each joint is given the rigid
+torque as the *other* joints correct it, and what is left uncertain of it as directions in which the model may be wrong.
 """
 
 from __future__ import annotations
@@ -10,13 +10,14 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.discrepancy.estimation.whitening import SHORT, Noise, whitener
 from sim.robot.motion import Motion
-from sim.robot.rigid_body import PARAMETERS, RigidBody
+from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Robot
 
 Array = NDArray[np.float64]
@@ -81,34 +82,124 @@ class _Columns:
     scale: Array  # of the payload's ten numbers
 
 
-def shared_fit(robot: Robot, body: RigidBody, motion: Motion) -> SharedFit:
-    """Fit what the joints share."""
-    regressor = body.regressor(motion.position, motion.speed, motion.acceleration)
-    rigid = np.asarray(np.einsum("njbp,bp->nj", regressor, body.parameters))
-    columns = _columns(robot, body, motion, regressor, rigid)
-    frictions = [_friction(motion.speed[:, j], motion.acceleration[:, j], rigid[:, j]) for j in range(rigid.shape[1])]
-    resting = np.abs(motion.speed) < RESTING * np.abs(motion.speed).max(axis=0)
-    left = motion.torque - rigid
-    grams, moments, rows = _whitened(columns.values, left, frictions, resting, motion.rate_hz)
-    mean, covariance, robust = _posterior(grams, moments, rows, slice(None), motion.rate_hz)
-    payload = _payload(columns, mean, covariance, robust)
-    hangs = payload.probability > 0.5
-    used = slice(None) if hangs else slice(0, columns.payload.start)
+def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tuple[SharedFit, ...]:
+    """Fit what the joints share over all logs, in which links, drives and base are the same, and payloads may not be."""
+    parts = [_Log.of(robot, body, motion) for motion in motions]
+    common = parts[0].common
+    size = common + sum(part.own for part in parts)
+    places = [np.r_[0:common, common + k * part.own : common + (k + 1) * part.own] for k, part in enumerate(parts)]
+    precision, right = np.eye(size), np.zeros(size)
+    for part, place in zip(parts, places, strict=True):
+        precision[np.ix_(place, place)] += sum(part.grams)
+        right[place] += sum(part.moments)
+    every = np.arange(size)
+    payloads = [
+        _payload(p.columns, *_solved(precision, right, parts, places, every), place)
+        for p, place in zip(parts, places, strict=True)
+    ]
+    empty = [
+        place[p.columns.payload]
+        for p, place, found in zip(parts, places, payloads, strict=True)
+        if found.probability < 0.5
+    ]
+    kept = np.setdiff1d(every, np.concatenate(empty)) if empty else every
+    solved = _solved(precision, right, parts, places, kept)
+    return tuple(
+        _shared(
+            part,
+            place,
+            found if found.probability < 0.5 else _payload(part.columns, *solved, place),
+            solved,
+            kept,
+            (precision, right),
+        )
+        for part, place, found in zip(parts, places, payloads, strict=True)
+    )
+
+
+def _solved(
+    precision: Array, right: Array, parts: Sequence[_Log], places: Sequence[NDArray[np.int64]], kept: NDArray[np.int64]
+) -> tuple[Array, Array, Array]:
+    """Mean, covariance, and covariance by blocks of rows, of all numbers, those that are not `kept` at 0."""
+    mean, covariance, middle = np.zeros(right.size), np.zeros_like(precision), np.eye(right.size)
+    inside = np.ix_(kept, kept)
+    covariance[inside] = np.linalg.inv(precision[inside])
+    mean[kept] = covariance[inside] @ right[kept]
+    for part, place in zip(parts, places, strict=True):
+        middle[np.ix_(place, place)] += part.scores(mean[place])
+    return mean, covariance, covariance @ middle @ covariance
+
+
+@dataclass(frozen=True)
+class _Log:
+    """One log's share of the normal equations. The first `common` columns are the same quantities in every log."""
+
+    motion: Motion
+    rigid: Array
+    columns: _Columns
+    grams: list[Array]
+    moments: list[Array]
+    rows: list[tuple[Array, Array]]
+
+    @staticmethod
+    def of(robot: Robot, body: RigidBody, motion: Motion) -> _Log:
+        regressor = body.regressor(motion.position, motion.speed, motion.acceleration)
+        rigid = np.asarray(np.einsum("njbp,bp->nj", regressor, body.parameters))
+        columns = _columns(robot, body, motion, regressor, rigid)
+        joints = range(rigid.shape[1])
+        frictions = [_friction(motion.speed[:, j], motion.acceleration[:, j], rigid[:, j]) for j in joints]
+        resting = np.abs(motion.speed) < RESTING * np.abs(motion.speed).max(axis=0)
+        whitened = _whitened(columns.values, motion.torque - rigid, frictions, resting, motion.rate_hz)
+        return _Log(motion, rigid, columns, *whitened)
+
+    @property
+    def common(self) -> int:
+        return int(self.columns.late.start)
+
+    @property
+    def own(self) -> int:
+        return int(self.columns.values.shape[-1]) - self.common
+
+    def scores(self, mean: Array) -> Array:
+        """Sum of squares of what blocks of rows pull each number by (Huber's sandwich holds for noise of any kind)."""
+        block = max(1, int(BLOCK_S * self.motion.rate_hz))
+        out = np.zeros((mean.size, mean.size))
+        for columns, torque in self.rows:
+            left = torque - columns @ mean
+            pulls = [columns[k : k + block].T @ left[k : k + block] for k in range(0, left.size, block)]
+            out += sum(np.outer(pull, pull) for pull in pulls)
+        return out
+
+
+def _shared(
+    log: _Log,
+    place: NDArray[np.int64],
+    payload: PayloadEstimate,
+    solved: tuple[Array, Array, Array],
+    kept: NDArray[np.int64],
+    normal: tuple[Array, Array],
+) -> SharedFit:
+    """What all logs and the other joints say of each joint of `log`."""
+    columns, motion, rigid = log.columns, log.motion, log.rigid
+    used = np.flatnonzero(np.isin(place, kept))
+    inside = np.searchsorted(kept, place[used])
     known, errors = rigid.copy(), []
     for joint in range(rigid.shape[1]):
-        others = [k for k in range(rigid.shape[1]) if k != joint]
-        precision = np.eye(grams[0].shape[0])[used, used] + sum(grams[k][used, used] for k in others)
-        factor = np.linalg.cholesky(precision)
-        guess = np.linalg.solve(precision, sum(moments[k][used] for k in others))
+        precision, right = normal[0].copy(), normal[1].copy()
+        precision[np.ix_(place, place)] -= log.grams[joint]
+        right[place] -= log.moments[joint]
+        without = np.linalg.inv(precision[np.ix_(kept, kept)])
         own = columns.values[:, joint, used]
-        known[:, joint] += own @ guess
-        losses = LOAD_LOSS * np.tanh(motion.speed[:, joint] / (TURNS[1] * np.abs(motion.speed[:, joint]).max()))
-        doubts = np.linalg.solve(factor, own.T).T
-        errors.append(np.column_stack([_few(doubts), losses * np.abs(rigid[:, joint])]))
-    tilted = np.sqrt(np.diag(robust))[columns.tilt] * TILT_RAD
+        known[:, joint] += own @ (without @ right[kept])[inside]
+        factor = np.linalg.cholesky(without[np.ix_(inside, inside)])
+        speed = motion.speed[:, joint]
+        losses = LOAD_LOSS * np.tanh(speed / max(TURNS[1] * float(np.abs(speed).max()), 1e-12))
+        errors.append(np.column_stack([_few(own @ factor), losses * np.abs(rigid[:, joint])]))
+    mean, _, robust = solved
+    deviation = np.sqrt(np.diag(robust))[place][columns.tilt] * TILT_RAD
     return SharedFit(
-        motion, rigid, known, tuple(errors), payload, mean[columns.tilt] * TILT_RAD, tilted,
-        float(mean[columns.late][0]) * LATE_S,
+        motion, rigid, known, tuple(errors), payload, mean[place][columns.tilt] * TILT_RAD, deviation,
+        float(mean[place][columns.late][0]) * LATE_S,
     )  # fmt: skip
 
 
@@ -124,10 +215,9 @@ def _columns(robot: Robot, body: RigidBody, motion: Motion, regressor: Array, ri
     late = -LATE_S * np.gradient(rigid, axis=0)[..., None] * motion.rate_hz
     scale = mean_mass * np.r_[1.0, np.full(3, reach), np.full(6, reach**2)]
     parts = [*wrong, gains, tilt, late, regressor[:, :, body.tool] * scale]
-    ends = np.cumsum([part.shape[-1] for part in parts])
-    return _Columns(
-        np.concatenate(parts, axis=-1), *(slice(int(ends[k - 1]), int(ends[k])) for k in (-3, -2, -1)), scale
-    )
+    ends = [int(end) for end in np.cumsum([part.shape[-1] for part in parts])]
+    tilted, delayed, hung = (slice(*pair) for pair in pairwise(ends[-4:]))
+    return _Columns(np.concatenate(parts, axis=-1), tilted, delayed, hung, scale)
 
 
 def _reach(parameters: Array) -> float:
@@ -199,39 +289,27 @@ def _whitened(
     return grams, moments, rows
 
 
-def _projected(noise: Noise, columns: Array, torque: Array, friction: Array, used: Array) -> tuple[Array, Array]:
+def _projected(
+    noise: Noise, columns: Array, torque: Array, friction: Array, used: NDArray[np.bool_]
+) -> tuple[Array, Array]:
     white = [noise.whiten(np.ascontiguousarray(c), np.zeros(0)) for c in (*columns.T, torque, *friction.T)]
     table = np.stack(white, axis=1)[used]
     n = columns.shape[1]
-    q, _ = np.linalg.qr(table[:, n + 1 :])
-    table = table[:, : n + 1] - q @ (q.T @ table[:, : n + 1])
-    return table[:, :n], table[:, n]
+    q = np.linalg.qr(table[:, n + 1 :])[0]
+    rest: Array = np.asarray(table[:, : n + 1] - q @ (q.T @ table[:, : n + 1]), dtype=np.float64)
+    return rest[:, :n], rest[:, n]
 
 
-def _posterior(
-    grams: list[Array], moments: list[Array], rows: list[tuple[Array, Array]], used: slice, rate_hz: float
-) -> tuple[Array, Array, Array]:
-    """Mean, covariance, and the covariance by blocks of rows (Huber's sandwich), which holds for noise of any kind."""
-    size = grams[0].shape[0]
-    covariance = np.linalg.inv(np.eye(size)[used, used] + sum(g[used, used] for g in grams))
-    mean = covariance @ sum(m[used] for m in moments)
-    middle = np.eye(size)[used, used]
-    block = max(1, int(BLOCK_S * rate_hz))
-    for columns, torque in rows:
-        left = torque - columns[:, used] @ mean
-        scores = [columns[k : k + block, used].T @ left[k : k + block] for k in range(0, left.size, block)]
-        middle = middle + sum(np.outer(s, s) for s in scores)
-    return mean, covariance, covariance @ middle @ covariance
-
-
-def _payload(columns: _Columns, mean: Array, covariance: Array, robust: Array) -> PayloadEstimate:
+def _payload(
+    columns: _Columns, mean: Array, covariance: Array, robust: Array, place: NDArray[np.int64]
+) -> PayloadEstimate:
     """The payload's mass against none, by the ratio of its densities at 0 (Dickey 1971)."""
-    own = slice(columns.payload.start, columns.payload.start + 4)
+    own = place[columns.payload][:4]
     scale = columns.scale[:4]
-    numbers = mean[own] * scale
-    spread = np.where(np.diag(robust)[own] > np.diag(covariance)[own], 1.0, 0.0)
-    spread = spread[:, None] * robust[own, own] + (1.0 - spread[:, None]) * covariance[own, own]
-    spread = 0.5 * (spread + spread.T) * np.outer(scale, scale)
+    pair = np.ix_(own, own)
+    spread = robust[pair] if robust[own[0], own[0]] > covariance[own[0], own[0]] else covariance[pair]
+    numbers, spread = mean[own] * scale, 0.5 * (spread + spread.T) * np.outer(scale, scale)
+    spread += np.outer(numbers, numbers) * GAIN_ERROR**2  # what drives tell of torque, they tell of weights
     deviation = math.sqrt(float(spread[0, 0]))
     z = float(numbers[0]) / deviation
     log_odds = math.log(PRIOR / (1.0 - PRIOR)) + math.log(deviation / float(scale[0])) + 0.5 * z * z

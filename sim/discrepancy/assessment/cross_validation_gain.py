@@ -70,7 +70,8 @@ def _held_out(problem: Problem, fit: Fit, terms: Sequence[Term]) -> tuple[Array,
         first, last = fold * m.samples // FOLDS, (fold + 1) * m.samples // FOLDS
         values = without(fit, refits, (rows >= first) & (rows < last))
         a, b = problem.raw_residuals(terms, values, weighted=False)
-        torque[first:last] = (a - _by_doubts(problem, a, first, last))[first:last]
+        expected = _by_doubts(problem, a, first, last) if terms else np.zeros(m.samples)
+        torque[first:last] = (a - expected)[first:last]
         inside = (np.arange(guide.size) * stride >= first) & (np.arange(guide.size) * stride < last)
         guide[inside] = b[inside]
     return torque, guide
