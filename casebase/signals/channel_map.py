@@ -104,8 +104,8 @@ def _of_joint(channel: str, table: Mapping[str, object], joint: int, joints: Seq
         out[key] = value[joint] if isinstance(value, list) else value
     if len(joints) > 1 and not isinstance(table.get("column"), list):
         raise TelemetryError(
-            f"channel map: [{channel}] column = {table.get('column')!r} is one column for {len(joints)} joints; write a "
-            f"list, one entry a joint: column = [{', '.join(str(k + 1) for k in range(len(joints)))}]"
+            f"channel map: [{channel}] column = {table.get('column')!r} is one column for {len(joints)} joints; write "
+            f"a list, one entry a joint: column = [{', '.join(str(k + 1) for k in range(len(joints)))}]"
         )
     return out
 

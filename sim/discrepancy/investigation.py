@@ -69,7 +69,8 @@ def investigate(
 
     Several recordings of the same axis can be given without telemetry; their evidence is taken together. `as_new` are
     recordings of the same motion from when the axis was in good order: sound without telemetry is compared with them.
-    `known_doubts`: ways in which `known_torque_nm` may be wrong as a whole, each by a standard deviation, shape (rows, p).
+    `known_doubts`: ways in which `known_torque_nm` may be wrong as a whole, each by a standard deviation [N m], shape
+    (rows, p).
 
     Raises
     ------

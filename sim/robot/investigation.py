@@ -135,7 +135,7 @@ def _payload_finding(robot: Robot, logs: Sequence[RobotLog], fits: Sequence[Shar
         return Finding(
             PAYLOAD, PAYLOAD, payload.probability, numbers, (),
             f"{payload.mass_kg:.3g} kg hang at the last link{whose} that the description does not have.",
-            action="Describe it under [payload] of the robot, and at the controller; what hangs there wears what carries it.",
+            action="Describe it under [payload] of the robot, and at its controller.",
         )  # fmt: skip
     return None
 

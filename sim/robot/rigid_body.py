@@ -94,7 +94,7 @@ class RigidBody:
         return np.asarray(np.einsum("njbp,bp->nj", self.regressor(position, speed, acceleration), self.parameters))
 
     def places(self, position: Array) -> Array:
-        """Base, logged joints and centre of the last link in space [m], shape (joints + 2, 3); `position`: shape (joints,)."""
+        """Base, logged joints, centre of the last link [m], shape (joints + 2, 3), at a `position` of shape (joints,)."""
         import mujoco
 
         data = mujoco.MjData(self.model)
@@ -104,7 +104,7 @@ class RigidBody:
         return np.array([np.zeros(3), *(data.xanchor[k] for k in joints), data.xipos[self.tool + 1]])
 
     def torque_of(self, position: Array, speed: Array, acceleration: Array) -> Array:
-        """The same by MuJoCo's inverse dynamics in one piece, without a described payload; for many motions of few rows."""
+        """The same by MuJoCo's inverse dynamics in one piece, without a described payload: for many short motions."""
         import mujoco
 
         data, columns = mujoco.MjData(self.model), list(self.columns)

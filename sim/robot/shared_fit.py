@@ -83,7 +83,7 @@ class _Columns:
 
 
 def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tuple[SharedFit, ...]:
-    """Fit what the joints share over all logs, in which links, drives and base are the same, and payloads may not be."""
+    """Fit what the joints share over all logs: links, drives and base are the same in them, payloads may not be."""
     parts = [_Log.of(robot, body, motion) for motion in motions]
     common = parts[0].common
     size = common + sum(part.own for part in parts)
@@ -271,7 +271,7 @@ def _whitened(
 ) -> tuple[list[Array], list[Array], list[tuple[Array, Array]]]:
     """Gram matrices and moments of each joint once its friction is projected out, and the whitened rows."""
     joints = torque.shape[1]
-    mean = np.zeros(columns.shape[-1])
+    mean: Array = np.zeros(columns.shape[-1])
     for _ in range(ROUNDS):
         rows = []
         for j in range(joints):
@@ -285,7 +285,7 @@ def _whitened(
             rows.append(_projected(Noise(taps, np.ones(1), level), columns[:, j], torque[:, j], frictions[j], used))
         grams = [c.T @ c for c, _ in rows]
         moments = [c.T @ y for c, y in rows]
-        mean = np.linalg.solve(np.eye(mean.size) + sum(grams), sum(moments))
+        mean = np.asarray(np.linalg.solve(np.eye(mean.size) + sum(grams), sum(moments)), dtype=np.float64)
     return grams, moments, rows
 
 
