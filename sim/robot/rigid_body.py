@@ -94,7 +94,7 @@ class RigidBody:
         return np.asarray(np.einsum("njbp,bp->nj", self.regressor(position, speed, acceleration), self.parameters))
 
     def places(self, position: Array) -> Array:
-        """Base, logged joints, centre of the last link [m], shape (joints + 2, 3), at a `position` of shape (joints,)."""
+        """Base, logged joints, centre of the last link [m], shape (joints + 2, 3); `position`: shape (joints,)."""
         import mujoco
 
         data = mujoco.MjData(self.model)
