@@ -12,7 +12,7 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # the tests start the program some hundred times: it is compiled once, also where the environment says otherwise
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup run test suite check bench challenge chaos compositions field bombs screenshots lock clean
+.PHONY: setup run test suite check bench challenge chaos compositions field robots bombs screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)
 
@@ -83,6 +83,11 @@ field: setup
 	$(FIELD) --library measured --gearboxes 5
 	$(FIELD) --library starter
 	$(FIELD) --source axis
+
+# a hundred robots with one effect hidden in a joint, fifty without, and descriptions that do not fit their log
+robots: setup
+	$(BIN)/python -m tests.robot_bank --count 150 --seed 1
+	$(BIN)/python -m tests.robot_bank --wrong-input
 
 # kill -9 at every write, at random under load, and two machines of which one is cut off: an hour at most
 chaos: setup

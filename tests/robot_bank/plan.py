@@ -1,0 +1,53 @@
+"""Which cases a bank consists of: of 150 a hundred hide something, fifty nothing."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from tests.robot_bank.effects import LEVELS
+from tests.robot_bank.scenario import Scenario, generate
+
+SHARES = {
+    "null": 50,
+    "payload": 13,
+    "payload_wrong": 4,
+    "coulomb_friction": 8,
+    "viscous_friction": 8,
+    "friction_raised": 8,
+    "stribeck_friction": 9,
+    "friction_asymmetry": 8,
+    "friction_drift": 6,
+    "gravity_imbalance": 9,
+    "torque_ripple": 11,
+    "torque_offset": 8,
+    "time_delay": 5,
+    "backlash": 3,
+}
+"""Cases of a kind among 150."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One case of a bank; the seed says all of it."""
+
+    seed: int
+    kind: str
+    level: str
+
+    def scenario(self) -> Scenario:
+        """Generate it. Raises ValueError where no robot of this seed can show the effect at this level."""
+        return generate(self.seed, self.kind, self.level)
+
+
+def plan(count: int, seed: int, kinds: tuple[str, ...] = ()) -> list[Entry]:
+    """Return the first `count` cases of a bank, of these kinds; every beginning holds a fair share of each."""
+    once = [kind for kind, share in SHARES.items() for _ in range(share) if not kinds or kind in kinds]
+    rng = np.random.default_rng([seed, 150])
+    entries: list[Entry] = []
+    while len(entries) < count:
+        for k in rng.permutation(len(once)):
+            level = str(rng.choice(list(LEVELS), p=[0.25, 0.5, 0.25]))
+            entries.append(Entry(seed * 1_000_000 + len(entries), once[k], level))
+    return entries[:count]
