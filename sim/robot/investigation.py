@@ -19,10 +19,11 @@ from sim.robot.plausibility import check_robot
 from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Joint, Robot
-from sim.robot.shared_fit import NINETY, PayloadEstimate, SharedFit, shared_fits
+from sim.robot.shared_fit import NINETY, TILT_RAD, PayloadEstimate, SharedFit, shared_fits
 
 Progress = Callable[[str, float], None]
 TILTED = 3.0  # standard deviations from which the base is said to stand askew
+HELD = "The joint was held still: nothing is told of its friction and its drive."
 OF_THE_LOG = ("lost_samples",)  # what one logger does to all joints alike is the log's
 
 
@@ -79,6 +80,9 @@ def investigate_robot(
 def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int) -> Investigation:
     """One joint, whose load asks for what the rigid body does besides the inertia that its description has."""
     motion, load = shared.motion, joint.axis.load.inertia_kg_m2
+    if not motion.moves[place]:
+        return _held(joint)
+    telemetry = _counting(telemetry, motion)
     known = shared.known[:, place] - load * motion.acceleration[:, place]
     channels = {**telemetry.channels, "known_torque_nm": motion.on(known, telemetry.time_s)}
     if "motor_position_rad" not in channels:
@@ -90,11 +94,36 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int)
         raise InvestigationError(f"{joint.name}: {error}") from None
 
 
+def _held(joint: Joint) -> Investigation:
+    """A joint that stood still: it counts in the torques of the others, and nothing is told of its own."""
+    return Investigation(
+        joint.axis, "nothing_missing", (), None, (), (), "Move this joint, too.", joint.axis, {}, remarks=(HELD,)
+    )
+
+
+def _counting(telemetry: Telemetry, motion: Motion) -> Telemetry:
+    """From the first to the last row that counts; those between that do not are lost."""
+    counting = motion.time_s[motion.counts]
+    kept = (telemetry.time_s >= counting[0]) & (telemetry.time_s <= counting[-1])
+    time_s = telemetry.time_s[kept]
+    unknown = np.interp(time_s, motion.time_s, motion.counts.astype(float)) < 0.5
+    lost = {name: gone[kept] for name, gone in telemetry.lost.items()}
+    if unknown.any():
+        lost["motor_torque_nm"] = unknown | lost.get("motor_torque_nm", False)
+    return replace(
+        telemetry, time_s=time_s, channels={name: v[kept] for name, v in telemetry.channels.items()}, lost=lost
+    )
+
+
 def _of_log(joints: Sequence[JointInvestigation]) -> tuple[list[JointInvestigation], list[str]]:
     """Joints without faults that all of them have alike, and a remark for each."""
     common = []
     for name in OF_THE_LOG:
-        told = [[f for f in joint.investigation.findings if f.mechanism == name] for joint in joints]
+        told = [
+            [f for f in joint.investigation.findings if f.mechanism == name]
+            for joint in joints
+            if HELD not in joint.investigation.remarks
+        ]
         if len(joints) > 1 and all(told):
             common.append((name, f"All joints alike, so of the log: {told[0][0].explanation}"))
     out = []
@@ -160,9 +189,10 @@ def _earlier_payloads(logs: Sequence[RobotLog], fits: Sequence[SharedFit]) -> li
 
 
 def _tilt_remarks(shared: SharedFit) -> list[str]:
-    if not np.any(np.abs(shared.tilt_rad) > TILTED * shared.tilt_deviation_rad):
+    tilt = float(np.linalg.norm(shared.tilt_rad))
+    if tilt < TILT_RAD or not np.any(np.abs(shared.tilt_rad) > TILTED * shared.tilt_deviation_rad):
         return []
-    degrees = math.degrees(float(np.linalg.norm(shared.tilt_rad)))
+    degrees = math.degrees(tilt)
     return [
         f"Gravity seems to pull {degrees:.2g} degrees off the direction described: the base may stand askew, or masses "
         "of the links are off in a way that looks like it."

@@ -32,7 +32,8 @@ def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> None:
         naming the joints whose torques the rigid body makes worse, and an order, a sign or a direction of gravity that
         explains them, where there is one.
     """
-    few = np.linspace(0, len(motion.time_s) - 1, min(len(motion.time_s), 10 * ROWS)).astype(int)
+    counting = np.flatnonzero(motion.counts)
+    few = counting[np.linspace(0, counting.size - 1, min(counting.size, 10 * ROWS)).astype(int)]
     ways = (motion.position[few], motion.speed[few], motion.acceleration[few])
     frictions, torque = _frictions(motion, few), motion.torque[few]
     rigid = body.torque(*ways)

@@ -17,6 +17,7 @@ from sim.robot.robot import Robot, RobotError
 
 Array = NDArray[np.float64]
 
+WEIGHTLESS = 1e-9  # kg and kg m2, of links that move and have none: frames between two joints at one place
 PARAMETERS = 10  # m; m c (x, y, z); inertia about the frame's origin (xx, yy, zz, xy, xz, yz)
 
 
@@ -24,7 +25,8 @@ PARAMETERS = 10  # m; m c (x, y, z); inertia about the frame's origin (xx, yy, z
 class RigidBody:
     """Links that move, and the joints that move them.
 
-    `parameters`: of each moving link, shape (links, 10); `tool`: index of the link that the last logged joint moves.
+    `parameters`: of each moving link, with a described payload, shape (links, 10); `tool`: index of the link that the
+    logged joint farthest from the base moves (of several, the last in the log).
     """
 
     parameters: Array
@@ -47,16 +49,22 @@ class RigidBody:
         try:
             spec = mujoco.MjSpec.from_string(robot.urdf.text)
             spec.compiler.balanceinertia = True  # makers round; a body whose moments break the triangle is a thin one
+            spec.compiler.boundmass = spec.compiler.boundinertia = WEIGHTLESS
+            last = max((spec.joint(joint.name) for joint in reversed(robot.joints)), key=_depth)
+            if robot.payload.mass_kg:
+                last.parent.add_body(
+                    mass=robot.payload.mass_kg, ipos=robot.payload.center_m, inertia=np.zeros(3), explicitinertial=True
+                )  # fixed to its link, and counted into it as every link is that no joint moves
             model = spec.compile()
         except ValueError as error:
             raise RobotError(f"urdf: {' '.join(str(error).split())}") from None
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONSTRAINT  # stops at the ends of joints are not asked
         model.opt.gravity[:] = robot.gravity_m_s2
         joint_ids = [mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_JOINT, joint.name) for joint in robot.joints]
         columns = tuple(int(model.jnt_dofadr[k]) for k in joint_ids)
-        tool = int(model.jnt_bodyid[joint_ids[-1]]) - 1
+        tool = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, last.parent.name) - 1
         names = tuple(mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, k) for k in range(1, model.nbody))
         parameters = np.array([_parameters(model, k) for k in range(1, model.nbody)])
-        parameters[tool] += point_mass(robot.payload.mass_kg, np.array(robot.payload.center_m))
         return RigidBody(parameters, names, tool, model, columns)
 
     def regressor(self, position: Array, speed: Array, acceleration: Array) -> Array:
@@ -104,7 +112,7 @@ class RigidBody:
         return np.array([np.zeros(3), *(data.xanchor[k] for k in joints), data.xipos[self.tool + 1]])
 
     def torque_of(self, position: Array, speed: Array, acceleration: Array) -> Array:
-        """The same by MuJoCo's inverse dynamics in one piece, without a described payload: for many short motions."""
+        """The same by MuJoCo's inverse dynamics in one piece: for many short motions."""
         import mujoco
 
         data, columns = mujoco.MjData(self.model), list(self.columns)
@@ -116,12 +124,12 @@ class RigidBody:
         return out
 
 
-def point_mass(mass_kg: float, center_m: Array) -> Array:
-    """Parameters of a point, shape (10,)."""
-    x, y, z = center_m
-    return np.asarray(
-        mass_kg * np.array([1.0, x, y, z, y * y + z * z, x * x + z * z, x * x + y * y, -x * y, -x * z, -y * z])
-    )
+def _depth(joint: Any) -> int:
+    """Links from the base to what a joint moves."""
+    body, depth = joint.parent, 0
+    while body.parent is not None:
+        body, depth = body.parent, depth + 1
+    return depth
 
 
 def _parameters(model: Any, body: int) -> Array:
@@ -129,6 +137,8 @@ def _parameters(model: Any, body: int) -> Array:
     import mujoco
 
     mass, center, turn = float(model.body_mass[body]), model.body_ipos[body], np.zeros(9)
+    if mass <= WEIGHTLESS:
+        return np.zeros(PARAMETERS)
     mujoco.mju_quat2Mat(turn, model.body_iquat[body])
     axes = turn.reshape(3, 3)
     inertia = axes @ np.diag(model.body_inertia[body]) @ axes.T

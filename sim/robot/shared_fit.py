@@ -149,7 +149,8 @@ class _Log:
         joints = range(rigid.shape[1])
         frictions = [_friction(motion.speed[:, j], motion.acceleration[:, j], rigid[:, j]) for j in joints]
         resting = np.abs(motion.speed) < RESTING * np.abs(motion.speed).max(axis=0)
-        whitened = _whitened(columns.values, motion.torque - rigid, frictions, resting, motion.rate_hz)
+        used = ~resting & motion.counts[:, None]
+        whitened = _whitened(columns.values, motion.torque - rigid, frictions, used, motion.rate_hz)
         return _Log(motion, rigid, columns, *whitened)
 
     @property
@@ -267,7 +268,7 @@ def _friction(speed: Array, acceleration: Array, load: Array) -> Array:
 
 
 def _whitened(
-    columns: Array, torque: Array, frictions: Sequence[Array], resting: NDArray[np.bool_], rate_hz: float
+    columns: Array, torque: Array, frictions: Sequence[Array], counting: NDArray[np.bool_], rate_hz: float
 ) -> tuple[list[Array], list[Array], list[tuple[Array, Array]]]:
     """Gram matrices and moments of each joint once its friction is projected out, and the whitened rows."""
     joints = torque.shape[1]
@@ -276,8 +277,8 @@ def _whitened(
         rows = []
         for j in range(joints):
             beyond = torque[:, j] - columns[:, j] @ mean
-            weight = (~resting[:, j]).astype(float)
-            used = weight > 0.5
+            used = counting[:, j]
+            weight = used.astype(float)
             shape = np.linalg.lstsq(frictions[j][used], beyond[used], rcond=None)[0]
             left = (beyond - frictions[j] @ shape) * weight
             least = LEAST_NOISE * float(np.std(torque[:, j]))
