@@ -38,9 +38,13 @@ def register(app: typer.Typer) -> None:
 def run(
     context: typer.Context,
     axis: Annotated[
-        Path,
+        Path | None,
         typer.Option(metavar="AXIS.toml", help="description of the axis; sound alone uses its motion.period_s"),
-    ],
+    ] = None,
+    robot: Annotated[
+        Path | None,
+        typer.Option(metavar="ROBOT.toml", help="instead of an axis: a robot with its URDF, of all its logged joints"),
+    ] = None,
     telemetry: Annotated[
         list[Path] | None,
         typer.Option(
@@ -79,6 +83,16 @@ def run(
 ) -> None:
     """Find what the simulation of an axis gets wrong and why, and how much an extended model improves it."""
     frame = frame_of(context)
+    if (axis is None) == (robot is None):
+        raise typer.BadParameter("give --axis AXIS.toml for one axis, or --robot ROBOT.toml for a whole robot")
+    if axis is None:
+        assert robot is not None
+        if sound or as_new:
+            raise typer.BadParameter(
+                "sound is investigated with an axis; give --axis AXIS.toml of the joint that is heard"
+            )
+        _of_robot(frame, robot, telemetry or [], channels, report, json=json)
+        return
     described = read_axis(axis)
     check_pairs(len(telemetry or ()), len(sound or ()), len(as_new or ()), channel_map=channels is not None)
     heard, before = _sounds(sound or ()), _sounds(as_new or ())
@@ -109,6 +123,29 @@ def _sounds(files: Sequence[Path]) -> list[Recording]:
 def _measured(telemetry: Sequence[Path], channels: Path | None) -> list[Telemetry]:
     map_ = None if channels is None else _read(channels, lambda path: text_of(path.read_bytes()))
     return [_read(one, partial(read_telemetry, channels=map_)) for one in telemetry]
+
+
+def _of_robot(
+    frame: Frame, robot: Path, telemetry: Sequence[Path], channels: Path | None, report: Path | None, *, json: bool
+) -> None:
+    """Investigate all joints of a robot."""
+    from sim.robot.investigation import investigate_robot
+    from sim.robot.log import read_log
+    from sim.robot.report import lines, robot_report
+    from sim.robot.robot import read_robot
+
+    described = read_robot(robot)
+    map_ = None if channels is None else _read(channels, lambda path: text_of(path.read_bytes()))
+    logs = [_read(path, lambda one: read_log(described, one, map_)) for path in telemetry]
+    result = _watched(frame, lambda watch: investigate_robot(described, logs, watch))
+    if report is not None:
+        report.write_text(robot_report(result), encoding="utf-8")
+        frame.say(f"report: {report}")
+    if json:
+        frame.print_json(result.document())
+        return
+    for line in lines(result):
+        frame.print(line)
 
 
 def _read(path: Path, read: Callable[[Path], Read]) -> Read:

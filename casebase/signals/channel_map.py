@@ -1,7 +1,8 @@
 """Channel maps: which column of a log is which channel, in what unit (`gearcase-channels/1`)."""
 
+import json
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -71,6 +72,42 @@ def channel_map_of(text: str) -> ChannelMap:
     if len(sources) == 1:
         raise TelemetryError(f"channel map: no channel is named beside time_s; there are {', '.join(CHANNELS)}")
     return ChannelMap(MappingProxyType(sources), Wanted(**layout))
+
+
+def joint_maps(text: str, joints: Sequence[str]) -> tuple[str, ...]:
+    """Take a robot's channel map apart into one of each joint, as JSON that `channel_map_of` reads.
+
+    In a robot's map `column`, `unit`, `factor`, `counts_per_rev` may be lists, one entry a joint, in the joints' order.
+
+    Raises:
+        TelemetryError: for a list of another length, a list where none can be, or a column for all joints.
+    """
+    try:
+        document = parse_document(text)
+    except TextError as error:
+        raise TelemetryError(f"channel map: {error}") from None
+    maps: list[dict[str, object]] = [{} for _ in joints]
+    for name, value in document.items():
+        for k, one in enumerate(maps):
+            one[name] = _of_joint(name, value, k, joints) if isinstance(value, Mapping) and name != TIME else value
+    return tuple(json.dumps(one) for one in maps)
+
+
+def _of_joint(channel: str, table: Mapping[str, object], joint: int, joints: Sequence[str]) -> dict[str, object]:
+    out = {}
+    for key, value in table.items():
+        if isinstance(value, list) and len(value) != len(joints):
+            raise TelemetryError(
+                f"channel map: [{channel}] {key} has {len(value)} entries; the robot has {len(joints)} logged joints, "
+                f"in this order: {', '.join(joints)}"
+            )
+        out[key] = value[joint] if isinstance(value, list) else value
+    if len(joints) > 1 and not isinstance(table.get("column"), list):
+        raise TelemetryError(
+            f"channel map: [{channel}] column = {table.get('column')!r} is one column for {len(joints)} joints; write "
+            f"a list, one entry a joint: column = [{', '.join(str(k + 1) for k in range(len(joints)))}]"
+        )
+    return out
 
 
 def _layout(name: str, value: object) -> object:

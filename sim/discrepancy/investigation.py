@@ -40,7 +40,7 @@ from sim.discrepancy.assessment.verdict import (
 )
 from sim.discrepancy.data.excitation import excitation_of
 from sim.discrepancy.data.pairing import NOT_COMPARED, check_as_new
-from sim.discrepancy.data.preprocessing import Measurement
+from sim.discrepancy.data.preprocessing import Array, Measurement
 from sim.discrepancy.data.validation import Gate, InvestigationError, examine
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import calibrate, final_fit
@@ -66,11 +66,14 @@ def investigate(
     progress: Progress = lambda stage, share: None,
     sound_offset_s: float = 0.0,
     as_new: Sequence[Recording] = (),
+    known_doubts: Array | None = None,
 ) -> Investigation:
     """Hold measured data of an axis against its description.
 
     Several recordings of the same axis can be given without telemetry; their evidence is taken together. `as_new` are
     recordings of the same motion from when the axis was in good order: sound without telemetry is compared with them.
+    `known_doubts`: ways in which `known_torque_nm` may be wrong as a whole, each by a standard deviation [N m], shape
+    (rows, p).
 
     Raises
     ------
@@ -91,7 +94,7 @@ def investigate(
     progress("condition of the channels", 0.02)
     if "motor_torque_nm" not in telemetry:
         return _encoders_alone(axis, telemetry, sounds, sound_offset_s, progress)
-    gate = examine(axis, telemetry)
+    gate = examine(axis, telemetry, known_doubts)
     axis, recorded = gate.axis, excitation_of(gate.measurement)
     progress("calibration of the description", 0.08)
     problem = Problem(axis, gate.measurement, _first_noise(gate), unknown=gate.unknown)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -67,11 +68,26 @@ def _held_out(problem: Problem, fit: Fit, terms: Sequence[Term]) -> tuple[Array,
     refits = Refits.of(fit, (*START, MOTOR_RELEASE))
     for fold in range(FOLDS):
         first, last = fold * m.samples // FOLDS, (fold + 1) * m.samples // FOLDS
-        a, b = problem.raw_residuals(terms, without(fit, refits, (rows >= first) & (rows < last)), weighted=False)
-        torque[first:last] = a[first:last]
+        values = without(fit, refits, (rows >= first) & (rows < last))
+        a, b = problem.raw_residuals(terms, values, weighted=False)
+        expected = _by_doubts(problem, a, first, last) if terms else np.zeros(m.samples)
+        torque[first:last] = (a - expected)[first:last]
         inside = (np.arange(guide.size) * stride >= first) & (np.arange(guide.size) * stride < last)
         guide[inside] = b[inside]
     return torque, guide
+
+
+def _by_doubts(problem: Problem, left: Array, first: int, last: int) -> Array:
+    """What of `left` the other rows expect along the ways in which the known torque may be wrong, shape (n,)."""
+    m = problem.measurement
+    if not m.doubts.size:
+        return np.zeros(m.samples)
+    noise = replace(problem.noise, ways=np.zeros((0, 0)), less=np.zeros(0))
+    rows = (*m.known_wrong_ways.T, m.bridge.across(left) * m.counts)
+    table = np.stack([noise.whiten(np.ascontiguousarray(row), np.zeros(0)) for row in rows], axis=1)
+    table[first:last] = 0.0
+    ways, seen = table[:, :-1], table[:, -1]
+    return np.asarray(m.doubts @ np.linalg.solve(np.eye(ways.shape[1]) + ways.T @ ways, ways.T @ seen))
 
 
 def without(fit: Fit, refits: Refits, left_out: NDArray[np.bool_]) -> dict[str, float]:

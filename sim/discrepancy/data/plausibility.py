@@ -120,7 +120,10 @@ def with_first_inertia(axis: Axis, m: Measurement, used: Rows) -> tuple[Axis, fr
         return axis, frozenset()
     (felt, *_), _ = one_body(_of_drive(axis, m), m.slow_acceleration, m.speed, used)
     beyond = sum(inertias(axis).values())
-    least = LEAST_OF_ALL * max(float(felt), beyond, 1e-12)
+    carried = 0.0
+    if m.known_torque is not None:
+        (carried, *_), _ = one_body(m.known_torque / axis.ratio, m.slow_acceleration, m.speed, used)
+    least = LEAST_OF_ALL * max(float(felt), beyond, abs(float(carried)), 1e-12)
     motor = replace(axis.motor, inertia_kg_m2=max(float(felt) - beyond, least))
     return replace(axis, motor=motor), frozenset({"motor.inertia_kg_m2"})
 

@@ -40,7 +40,8 @@ class Measurement:
     the largest speed below which it does not count; `rests`: it counts at the motor, from the first motion on;
     `known_torque`: what the load is known to ask for besides [N m], None where nothing is known;
     `told`: 1 where a model can tell what the motor's torque must have been, 0 where teeth rattle; `unsure`, shape
-    (n, p): ways in which the torque may be wrong as a whole, each by a standard deviation [N m].
+    (n, p): ways in which the torque may be wrong as a whole, each by a standard deviation [N m]; `doubts`: the same of
+    the known torque, felt at the motor.
     """
 
     rate_hz: float
@@ -63,6 +64,20 @@ class Measurement:
     told: Array = field(default_factory=lambda: np.ones(1))
     unsure: Array = field(default_factory=lambda: np.zeros((0, 0)))
     known_torque: Array | None = None
+    doubts: Array = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @cached_property
+    def wrong_ways(self) -> Array:
+        """Ways in which torque or known torque may be wrong, shape (n, p), with no lost rows [N m]."""
+        return self._counting([column for each in (self.unsure, self.doubts) if each.size for column in each.T])
+
+    @cached_property
+    def known_wrong_ways(self) -> Array:
+        """The same of the known torque alone."""
+        return self._counting(list(self.doubts.T) if self.doubts.size else [])
+
+    def _counting(self, ways: list[Array]) -> Array:
+        return np.stack([self.bridge.across(w) * self.counts for w in ways], axis=1) if ways else np.zeros((0, 0))
 
     @cached_property
     def moving(self) -> Array:

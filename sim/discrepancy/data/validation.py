@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -51,14 +51,18 @@ class Gate:
     unknown: frozenset[str] = frozenset()
 
 
-def examine(axis: Axis, telemetry: Telemetry) -> Gate:
+def examine(axis: Axis, telemetry: Telemetry, doubts: Array | None = None) -> Gate:
     """Check, repair what can be repaired (saying so), refuse what cannot.
+
+    `doubts`: ways in which the known torque may be wrong as a whole, each by a standard deviation, shape (rows, p)
+    [N m at the load].
 
     Raises
     ------
     InvestigationError
         for missing channels, a standing axis, units that are wrong by a factor, channels swapped or turned.
     """
+    times = telemetry.time_s
     telemetry, uneven = evened(telemetry)
     rate, torque, angle, load = _channels(telemetry)
     valid, grid = _clock(telemetry, rate)
@@ -83,6 +87,8 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
         load_valid *= np.interp(grid, telemetry.time_s, (~load_lost).astype(float))
     cut = SLOW_ANGLE_CUT_HZ if axis.stages else SLOW_DIRECT_ANGLE_CUT_HZ
     measurement = prepare(rate, even["torque"], even["angle"], even.get("load"), valid, load_valid, cut, known)
+    if doubts is not None:
+        measurement = _doubted(measurement, grid[0], times, doubts / axis.ratio)
     used = _used(measurement)
     axis, unknown = with_first_inertia(axis, measurement, used)
     remarks = [*uneven, *check_description(axis, measurement, used)]
@@ -97,6 +103,11 @@ def examine(axis: Axis, telemetry: Telemetry) -> Gate:
         course = bridged(beside["reference"], ~lost)
         law = drive_law(measurement, rate, even["torque"], even["angle"], course)
     return Gate(measurement, tuple(faults), law, tuple(remarks), axis, unknown)
+
+
+def _doubted(m: Measurement, first_s: float, times: Array, doubts: Array) -> Measurement:
+    ways = [np.interp(first_s + m.time_s, times, way) for way in doubts.T]
+    return replace(m, doubts=np.stack(ways, axis=1)) if ways else m
 
 
 def _channels(t: Telemetry) -> tuple[float, Array, Array, Array | None]:

@@ -336,9 +336,7 @@ class Problem:
         mode_hz = locked_mode_hz(self.axis) if unseen else None
         least = LEAST_NOISE * m.torque_rms
         first, level = whitener(torque, m.weight, m.rate_hz, self.memory, mode_hz, teeth=teeth, least=least)
-        unsure = m.unsure
-        if unsure.size:
-            unsure = np.stack([m.bridge.across(column) * m.counts for column in unsure.T], axis=1)
+        unsure = m.wrong_ways
         if not guide.size:
             return Noise(first, np.ones(1), level).with_inflated_prior(unsure)
         stride = m.load_stride

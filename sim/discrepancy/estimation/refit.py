@@ -118,7 +118,8 @@ def final_fit(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     torque, _ = problem.raw_residuals(terms, plain.values)
     kernel = gaussian_kernel(MOTION_BAND_HZ, problem.measurement.rate_hz, 0)
     left = float(np.std(np.convolve(torque, kernel, "same")))
-    in_band = problem.with_noise(Noise(kernel / max(left, 1e-300), np.ones(1)))
+    noise = Noise(kernel / max(left, 1e-300), np.ones(1)).with_inflated_prior(problem.measurement.known_wrong_ways)
+    in_band = problem.with_noise(noise)
     return in_band, in_band.fit(terms, plain.values, held=plain.sensitivities)
 
 

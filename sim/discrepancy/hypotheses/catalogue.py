@@ -70,7 +70,8 @@ def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[
     out += [ripple(order, level, axis, present) for order in RIPPLE_ORDERS if travel * order > 2.0 * math.pi]
     out += [hum(frequency, level) for frequency in HUM_HZ if frequency < HIGHEST_HUM * measurement.rate_hz]
     half = 0.5 / measurement.rate_hz  # channels of a log are read one after the other
-    out.append(delay("torque_delay_s", "motor", max(6e-4, half)))
+    if not measurement.doubts.size:  # the joints of a robot have one clock, which is asked of all of them together
+        out.append(delay("torque_delay_s", "motor", max(6e-4, half)))
     if has_links(axis):
         twist = twist_range(axis, measurement)
         out += [term for k in range(len(stages_of(axis))) for term in link_terms(axis, k, level, twist)]

@@ -88,10 +88,10 @@ def _recordings(result: Together, pages: Sequence[str]) -> Iterable[str]:
             for f in part.result.findings
         )
         title = f"{part.taken.name}{sound}: {found or headline(part.result)}"
-        yield f'<details id="recording-{place}"><summary>{html.escape(title)}</summary>{_body(page, place)}</details>'
+        yield f'<details id="recording-{place}"><summary>{html.escape(title)}</summary>{body_of(page, place)}</details>'
 
 
-def _body(page: str, place: int) -> str:
+def body_of(page: str, place: int) -> str:
     """What stands in the body of a page; its names within the file made its own."""
     match = BODY.search(page)
     return IDS.sub(rf"\g<1>r{place}-", match.group(1)) if match else ""

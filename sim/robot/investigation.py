@@ -1,0 +1,232 @@
+"""What the rigid-body model of a robot misses: all joints together first, then each with what the others know."""
+
+from __future__ import annotations
+
+import hashlib
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from importlib.metadata import version
+
+import numpy as np
+
+from casebase.signals.telemetry import Telemetry
+from sim.discrepancy.data.data_fault import InvestigationError
+from sim.discrepancy.investigation import investigate
+from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, rounded
+from sim.robot.motion import Motion
+from sim.robot.plausibility import check_robot
+from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
+from sim.robot.rigid_body import RigidBody
+from sim.robot.robot import Joint, Robot
+from sim.robot.shared_fit import NINETY, TILT_RAD, PayloadEstimate, SharedFit, shared_fits
+
+Progress = Callable[[str, float], None]
+TILTED = 3.0  # standard deviations from which the base is said to stand askew
+HELD = "The joint was held still: nothing is told of its friction and its drive."
+OF_THE_LOG = ("lost_samples",)  # what one logger does to all joints alike is the log's
+
+
+@dataclass(frozen=True)
+class RobotLog:
+    """One log of a robot: telemetry of each joint, in the joints' order, over one clock."""
+
+    name: str
+    joints: tuple[Telemetry, ...]
+
+
+def investigate_robot(
+    robot: Robot, logs: Sequence[RobotLog], progress: Progress = lambda stage, share: None
+) -> RobotInvestigation:
+    """Hold a log of all joints against the robot's description.
+
+    Of several logs of the same robot the last is investigated; what the joints share is fitted over all of them, the
+    payload for each of its own, and what has changed since the earlier ones is said.
+
+    Raises
+    ------
+    InvestigationError
+        for data that cannot be what they claim; the text says what would be right.
+    RobotError
+        for a description of which no rigid body can be made.
+    """
+    if not logs:
+        raise InvestigationError("nothing to investigate: a robot needs telemetry of its joints")
+    progress("rigid body", 0.02)
+    body = RigidBody.of(robot)
+    motions = [Motion.of(robot, log.joints) for log in logs]
+    for motion in motions:
+        check_robot(robot, body, motion)
+    progress("what the joints share", 0.08)
+    fits = shared_fits(robot, body, motions)
+    last, shared = logs[-1], fits[-1]
+    joints = []
+    for k, (joint, telemetry) in enumerate(zip(robot.joints, last.joints, strict=True)):
+        progress(joint.name, 0.15 + 0.8 * k / len(robot.joints))
+        joints.append(JointInvestigation(joint.name, _of_joint(joint, telemetry, shared, k)))
+    joints, remarks = _of_log(joints)
+    payload = _payload_finding(robot, logs, fits)
+    found = [f for joint in joints for f in joint.investigation.findings] + ([] if payload is None else [payload])
+    rest = any(joint.investigation.unexplained is not None for joint in joints)
+    verdict = "named" if any(f.probability >= SAID for f in found) else "unnamed" if rest else "nothing_missing"
+    progress("done", 1.0)
+    return RobotInvestigation(
+        robot, verdict, payload, tuple(joints), shared, _payload_parameters(robot, shared),
+        _next_measurement(joints, shared), _provenance(robot, logs, shared),
+        (*_tilt_remarks(shared), *_earlier_payloads(logs, fits), *remarks),
+    )  # fmt: skip
+
+
+def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int) -> Investigation:
+    """One joint, whose load asks for what the rigid body does besides the inertia that its description has."""
+    motion, load = shared.motion, joint.axis.load.inertia_kg_m2
+    if not motion.moves[place]:
+        return _held(joint)
+    telemetry = _counting(telemetry, motion)
+    known = shared.known[:, place] - load * motion.acceleration[:, place]
+    channels = {**telemetry.channels, "known_torque_nm": motion.on(known, telemetry.time_s)}
+    if "motor_position_rad" not in channels:
+        channels["motor_position_rad"] = channels["load_position_rad"] * joint.axis.ratio
+    doubts = motion.on(shared.errors[place], telemetry.time_s)
+    try:
+        return investigate(joint.axis, replace(telemetry, channels=channels), known_doubts=doubts)
+    except InvestigationError as error:
+        raise InvestigationError(f"{joint.name}: {error}") from None
+
+
+def _held(joint: Joint) -> Investigation:
+    """A joint that stood still: it counts in the torques of the others, and nothing is told of its own."""
+    return Investigation(
+        joint.axis, "nothing_missing", (), None, (), (), "Move this joint, too.", joint.axis, {}, remarks=(HELD,)
+    )
+
+
+def _counting(telemetry: Telemetry, motion: Motion) -> Telemetry:
+    """From the first to the last row that counts; those between that do not are lost."""
+    counting = motion.time_s[motion.counts]
+    kept = (telemetry.time_s >= counting[0]) & (telemetry.time_s <= counting[-1])
+    time_s = telemetry.time_s[kept]
+    unknown = np.interp(time_s, motion.time_s, motion.counts.astype(float)) < 0.5
+    lost = {name: gone[kept] for name, gone in telemetry.lost.items()}
+    if unknown.any():
+        lost["motor_torque_nm"] = unknown | lost.get("motor_torque_nm", False)
+    return replace(
+        telemetry, time_s=time_s, channels={name: v[kept] for name, v in telemetry.channels.items()}, lost=lost
+    )
+
+
+def _of_log(joints: Sequence[JointInvestigation]) -> tuple[list[JointInvestigation], list[str]]:
+    """Joints without faults that all of them have alike, and a remark for each."""
+    common = []
+    for name in OF_THE_LOG:
+        told = [
+            [f for f in joint.investigation.findings if f.mechanism == name]
+            for joint in joints
+            if HELD not in joint.investigation.remarks
+        ]
+        if len(joints) > 1 and all(told):
+            common.append((name, f"All joints alike, so of the log: {told[0][0].explanation}"))
+    out = []
+    for joint in joints:
+        kept = tuple(f for f in joint.investigation.findings if f.mechanism not in {name for name, _ in common})
+        verdict = joint.investigation.verdict
+        if verdict == "named" and not any(f.probability >= SAID for f in kept):
+            verdict = "unnamed" if joint.investigation.unexplained is not None else "nothing_missing"
+        out.append(replace(joint, investigation=replace(joint.investigation, findings=kept, verdict=verdict)))
+    return out, [remark for _, remark in common]
+
+
+def _payload_numbers(robot: Robot, payload: PayloadEstimate) -> tuple[Estimate, ...]:
+    """Mass and centre of all that hangs, with intervals of 90 %."""
+    described, at = robot.payload.mass_kg, np.array(robot.payload.center_m)
+    mass = payload.mass_kg + described
+    first = payload.numbers[1:] + described * at
+    half = NINETY * payload.mass_deviation_kg
+    out = [Estimate("mass_kg", mass, "kg", mass - half, mass + half, described or None)]
+    for k, way in enumerate("xyz"):
+        center = float(first[k]) / mass if mass else 0.0
+        slope = np.array([-center, *np.eye(3)[k]]) / (mass or 1.0)
+        half = NINETY * math.sqrt(max(float(slope @ payload.covariance @ slope), 0.0))
+        out.append(Estimate(f"center_{way}_m", center, "m", center - half, center + half))
+    return tuple(out)
+
+
+def _payload_finding(robot: Robot, logs: Sequence[RobotLog], fits: Sequence[SharedFit]) -> Finding | None:
+    """A payload that the description lacks, in the last log that has one."""
+    if robot.payload.mass_kg:
+        return None
+    for log, shared in reversed(list(zip(logs, fits, strict=True))):
+        payload = shared.payload
+        if payload.probability < SAID or payload.mass_kg <= 0.0:
+            continue
+        numbers = _payload_numbers(robot, payload)
+        whose = f" in {log.name}" if len(logs) > 1 else ""
+        return Finding(
+            PAYLOAD, PAYLOAD, payload.probability, numbers, (),
+            f"{payload.mass_kg:.3g} kg hang at the last link{whose} that the description does not have.",
+            action="Describe it under [payload] of the robot, and at its controller.",
+        )  # fmt: skip
+    return None
+
+
+def _payload_parameters(robot: Robot, shared: SharedFit) -> tuple[Estimate, ...]:
+    """Of a payload that is described, as it was found."""
+    if not robot.payload.mass_kg:
+        return ()
+    numbers = _payload_numbers(robot, shared.payload)
+    nominal = (robot.payload.mass_kg, *robot.payload.center_m)
+    return tuple(replace(e, name=f"payload.{e.name}", nominal=n) for e, n in zip(numbers, nominal, strict=True))
+
+
+def _earlier_payloads(logs: Sequence[RobotLog], fits: Sequence[SharedFit]) -> list[str]:
+    if len(logs) < 2:
+        return []
+    return [
+        f"{log.name}: {fit.payload.mass_kg:.3g} kg beyond the description hang at the last link, "
+        f"give or take {NINETY * fit.payload.mass_deviation_kg:.2g} kg (90 %)."
+        for log, fit in zip(logs, fits, strict=True)
+    ]
+
+
+def _tilt_remarks(shared: SharedFit) -> list[str]:
+    tilt = float(np.linalg.norm(shared.tilt_rad))
+    if tilt < TILT_RAD or not np.any(np.abs(shared.tilt_rad) > TILTED * shared.tilt_deviation_rad):
+        return []
+    degrees = math.degrees(tilt)
+    return [
+        f"Gravity seems to pull {degrees:.2g} degrees off the direction described: the base may stand askew, or masses "
+        "of the links are off in a way that looks like it."
+    ]
+
+
+def _next_measurement(joints: Sequence[JointInvestigation], shared: SharedFit) -> str:
+    """What the joint that is least understood asks for."""
+    unsure = [j for j in joints if j.investigation.verdict == "unnamed"] or [
+        j for j in joints if any(f.probability < 0.9 for f in j.investigation.findings)
+    ]
+    if not unsure and 0.05 < shared.payload.probability < 0.9:
+        return (
+            "Record the same motion once with nothing at the flange: then what hangs there is told by the difference."
+        )
+    if not unsure:
+        return "No further measurement is needed for what was found; record the same motion again to see what changes."
+    return f"{unsure[0].name}: {unsure[0].investigation.next_measurement}"
+
+
+def _provenance(robot: Robot, logs: Sequence[RobotLog], shared: SharedFit) -> dict[str, object]:
+    digest = hashlib.sha256()
+    for log in logs:
+        for telemetry in log.joints:
+            for name in sorted(telemetry.channels):
+                digest.update(name.encode() + telemetry.channels[name].tobytes())
+    return {
+        "gearcase": version("gearcase"),
+        "method": "rigid body, shared fit, guided chain 1",
+        "robot": robot.name,
+        "urdf_sha256": hashlib.sha256(robot.urdf.text.encode()).hexdigest(),
+        "telemetry_sha256": digest.hexdigest(),
+        "logs": [log.name for log in logs],
+        "rows": int(logs[-1].joints[0].rows),
+        "rate_hz": rounded(logs[-1].joints[0].sample_rate_hz),
+        "payload_probability": round(shared.payload.probability, 4),
+    }

@@ -1,0 +1,139 @@
+"""One log of a robot made ready: all joints over one even clock, smoothed alike, with speeds and accelerations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from casebase.signals.telemetry import Telemetry
+from sim.discrepancy.data.data_fault import InvestigationError
+from sim.discrepancy.data.preprocessing import LEAST_ROWS, MOTION_CUT_HZ, gaussian_kernel
+from sim.discrepancy.data.validation import check_clock
+from sim.robot.robot import Robot
+
+Array = NDArray[np.float64]
+
+ROWS_PER_CUT = 4.0  # rows per period of the cut-off frequency: what is faster is below 1 %
+HELD_RAD, HELD_M = 1e-3, 1e-5  # less is the twist of a gear that friction holds: the joint does not slide
+OUTSIDE = 1.05  # of a joint's range in the URDF: soft limits and zeros are set by hand
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Positions, speeds, accelerations and torques of the logged joints, each of shape (rows, joints), in the joints'
+    own coordinates [rad], [rad/s], [rad/s2], [N m]; `time_s` on the log's clock, shape (rows,).
+
+    `counts`: rows that rest on measured values of all joints alone, shape (rows,): what one joint asks for depends on
+    how all of them move. `moves`: joints that do, shape (joints,).
+    """
+
+    time_s: Array
+    rate_hz: float
+    position: Array
+    speed: Array
+    acceleration: Array
+    torque: Array
+    counts: NDArray[np.bool_]
+    moves: NDArray[np.bool_]
+
+    @staticmethod
+    def of(robot: Robot, log: Sequence[Telemetry]) -> Motion:
+        """`log`: of each joint, over one clock.
+
+        Raises
+        ------
+        InvestigationError
+            for a joint without torque or position, positions far outside the joint's range, a robot that stands
+            still, and too little that counts.
+        """
+        clock = log[0]
+        rate = check_clock(clock)
+        grid = clock.time_s[0] + np.arange(int(clock.duration_s * rate) + 1) / rate
+        cut = min(MOTION_CUT_HZ, 0.1 * rate)
+        stride = max(1, int(rate / (ROWS_PER_CUT * cut)))
+        out: list[list[Array]] = []
+        for joint, telemetry in zip(robot.joints, log, strict=True):
+            torque, position = _channels(robot, joint.name, telemetry, joint.axis.ratio)
+            _check_range(robot, joint.name, position)
+            even = np.interp(grid, telemetry.time_s, position)
+            ways = [_smoothed(even, cut, rate, order)[::stride] for order in range(3)]
+            felt = _smoothed(np.interp(grid, telemetry.time_s, torque * joint.axis.ratio), cut, rate, 0)[::stride]
+            out.append([*ways, felt])
+        position, speed, acceleration, torque = (np.stack(each, axis=1) for each in zip(*out, strict=True))
+        counts = _measured(log, grid, stride / rate, gaussian_kernel(cut, rate, 0).size)[::stride]
+        if counts.sum() < LEAST_ROWS:
+            least = LEAST_ROWS * stride / rate + gaussian_kernel(cut, rate, 0).size / rate
+            raise InvestigationError(
+                f"telemetry: {counts.sum() * stride / rate:.2g} s count, away from its ends and from lost rows; at "
+                f"{rate:.4g} rows per second {least:.2g} s are needed in which all joints are measured"
+            )
+        held = [HELD_M if joint.name in robot.urdf.prismatic else HELD_RAD for joint in robot.joints]
+        moves = np.ptp(position[counts], axis=0) > np.array(held)
+        if not moves.any():
+            raise InvestigationError("motor_position_rad: no joint moves; a log of the robot in motion is needed")
+        return Motion(grid[::stride], rate / stride, position, speed, acceleration, torque, counts, moves)
+
+    def on(self, values: Array, time_s: Array) -> Array:
+        """`values` along the rows, at other times, by cubic splines; shape (len(time_s), ...)."""
+        from scipy.interpolate import CubicSpline
+
+        return np.asarray(CubicSpline(self.time_s, values)(np.clip(time_s, self.time_s[0], self.time_s[-1])))
+
+
+def _measured(log: Sequence[Telemetry], grid: Array, short_s: float, kernel: int) -> NDArray[np.bool_]:
+    """Rows of the grid whose kernel of so many rows meets neither an end of the log nor a gap longer than `short_s`."""
+    from scipy.ndimage import minimum_filter1d
+
+    out = np.ones(grid.size, dtype=np.bool_)
+    for telemetry in log:
+        there = np.ones(telemetry.rows, dtype=np.bool_)
+        for lost in telemetry.lost.values():
+            there &= ~lost
+        times = telemetry.time_s[there]
+        after = np.searchsorted(times, grid - 1e-9)
+        inside = (after > 0) & (after < times.size)
+        near = np.clip(after, 1, times.size - 1)
+        at = np.abs(grid - times[np.clip(after, 0, times.size - 1)]) < 1e-6
+        out &= at | (inside & (times[near] - times[near - 1] <= 1.5 * short_s))
+    return np.asarray(minimum_filter1d(out, kernel, mode="constant", cval=0), dtype=np.bool_)
+
+
+def _channels(robot: Robot, name: str, telemetry: Telemetry, ratio: float) -> tuple[Array, Array]:
+    if "motor_torque_nm" not in telemetry:
+        raise InvestigationError(f"{name}: needs motor_torque_nm; a robot is investigated by the torques of its joints")
+    if "load_position_rad" in telemetry:
+        return telemetry["motor_torque_nm"], telemetry["load_position_rad"]
+    if "motor_position_rad" not in telemetry:
+        raise InvestigationError(
+            f"{name}: needs motor_position_rad (or load_position_rad): gravity depends on where the joints are"
+        )
+    return telemetry["motor_torque_nm"], telemetry["motor_position_rad"] / ratio
+
+
+def _check_range(robot: Robot, name: str, position: Array) -> None:
+    low, high, _ = robot.urdf.limits.get(name, (0.0, 0.0, 0.0))
+    reach = OUTSIDE * max(abs(low), abs(high))
+    seen = float(np.abs(position).max())
+    if low >= high or seen <= reach:
+        return
+    unit = "m" if name in robot.urdf.prismatic else "rad"
+    degrees = unit == "rad" and seen <= np.degrees(reach)
+    hint = 'if it is in degrees, write unit = "deg" in the map' if degrees else "is the column right, and its unit?"
+    raise InvestigationError(
+        f"{name}: the position reaches {seen:.4g} {unit}; in the URDF the joint moves from {low:.4g} to {high:.4g} "
+        f"{unit}; {hint}"
+    )
+
+
+def _smoothed(values: Array, cut_hz: float, rate_hz: float, derivative: int) -> Array:
+    """Smoothed over all rows; those at the ends, by odd reflection, do not count."""
+    from scipy.signal import fftconvolve
+
+    kernel = gaussian_kernel(cut_hz, rate_hz, derivative)
+    half = min(kernel.size // 2, values.size - 1)
+    padded = np.pad(values, half, "reflect", reflect_type="odd")
+    short = kernel[kernel.size // 2 - half : kernel.size // 2 + half + 1]
+    return np.asarray(fftconvolve(padded - values[0], short[::-1], "valid")) + (values[0] if derivative == 0 else 0.0)

@@ -1,0 +1,152 @@
+"""Can a log be of the robot that is described? Order of the joints, signs, the way down, another robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from itertools import combinations, permutations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.discrepancy.data.data_fault import InvestigationError
+from sim.robot.motion import Motion
+from sim.robot.rigid_body import RigidBody
+from sim.robot.robot import Robot
+
+Array = NDArray[np.float64]
+
+ROWS = 60  # for each order of the joints that is tried
+MOST_ORDERS = 6  # joints, of which all orders are tried
+WORSE = 1.5  # times the squares without any rigid body: masses that are off by several percent do not get there
+FAR_BETTER = 0.25  # of the squares of all joints, multiplied: what else would be right explains the torques
+CHECKED = 0.05  # of a joint's torque, from which the rigid body's counts
+
+
+def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> None:
+    """Refuse a log whose torques this robot cannot have asked for, saying what would fit.
+
+    Raises
+    ------
+    InvestigationError
+        naming the joints whose torques the rigid body makes worse, and an order, a sign or a direction of gravity that
+        explains them, where there is one.
+    """
+    counting = np.flatnonzero(motion.counts)
+    few = counting[np.linspace(0, counting.size - 1, min(counting.size, 10 * ROWS)).astype(int)]
+    ways = (motion.position[few], motion.speed[few], motion.acceleration[few])
+    frictions, torque = _frictions(motion, few), motion.torque[few]
+    rigid = body.torque(*ways)
+    without, with_ = _left(torque, frictions), _left(torque - rigid, frictions)
+    asked = rigid.std(axis=0) > CHECKED * np.maximum(torque.std(axis=0), 1e-12)
+    wrong = asked & (with_ > WORSE * without)
+    names = [joint.name for joint in robot.joints]
+    joints = len(names)
+    order = _order(body, motion, frictions, few, every=wrong.any() and joints <= MOST_ORDERS)
+    swapped = order is not None and _explains(order[1], with_)
+    if not wrong.any() and not swapped:
+        return
+    said = ", ".join(name for name, bad in zip(names, wrong, strict=True) if bad) or "the joints"
+    start = f"the torques of {said} are not those that this robot asks for along this motion"
+    down = _direction(robot, body, motion, few, rigid, frictions)
+    if down is not None and _explains(down[1], with_):
+        x, y, z = (round(float(v), 2) for v in down[0])
+        raise InvestigationError(
+            f"{start}; with gravity along another direction of the base they are: gravity_m_s2 = [{x}, {y}, {z}]"
+        )
+    turned = np.where(wrong, _left(-torque - rigid, frictions), with_)
+    if wrong.any() and _explains(turned, with_):
+        which = ", ".join(name for name, bad in zip(names, wrong, strict=True) if bad)
+        raise InvestigationError(f"{start}; with the other sign they are: turn the factor of {which} in the map")
+    if order is not None and swapped:
+        right = ", ".join(names[k] for k in order[0])
+        raise InvestigationError(f"{start}; with the columns of the log in another order they are: {right}")
+    raise InvestigationError(
+        f"{start}, and no other order of the joints, sign or direction of gravity explains them. "
+        "Is the URDF of this robot, are the torques at the joints (N m), and do the positions count from its zeros?"
+    )
+
+
+def _explains(left: Array, before: Array) -> bool:
+    """Whether the joints together leave far less: by the product of what each leaves, as likelihoods multiply."""
+    return float(np.sum(np.log(left / before))) < math.log(FAR_BETTER)
+
+
+def _frictions(motion: Motion, few: NDArray[np.int64]) -> list[Array]:
+    """Dry and viscous friction, offset and rotor of each joint, shape (rows, 4)."""
+    out = []
+    for speed, acceleration in zip(motion.speed[few].T, motion.acceleration[few].T, strict=True):
+        way = np.tanh(speed / max(0.03 * float(np.abs(speed).max()), 1e-12))
+        out.append(np.stack([way, speed, np.ones_like(speed), acceleration], axis=1))
+    return out
+
+
+def _left(torque: Array, frictions: list[Array]) -> Array:
+    """Mean squares that friction and rotor leave of each joint's torque, shape (joints,)."""
+    out = []
+    for values, columns in zip(torque.T, frictions, strict=True):
+        left = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
+        out.append(float(np.mean(left**2)))
+    return np.asarray(np.maximum(out, 1e-300), dtype=np.float64)
+
+
+def _direction(
+    robot: Robot, body: RigidBody, motion: Motion, few: NDArray[np.int64], rigid: Array, frictions: list[Array]
+) -> tuple[Array, Array] | None:
+    """Gravity that fits best, of the described size, and what it leaves; None without gravity."""
+    g = np.array(robot.gravity_m_s2)
+    size = float(np.linalg.norm(g))
+    if size == 0.0:
+        return None
+    rest = np.zeros_like(motion.speed[few])
+    weights = np.stack([_with_gravity(body, way, motion.position[few], rest) for way in np.eye(3)], axis=-1)
+    dynamic = rigid - weights @ g
+    rows, right = [], []
+    for j, columns in enumerate(frictions):
+        table = np.column_stack([weights[:, j], motion.torque[few, j] - dynamic[:, j]])
+        table = table - columns @ np.linalg.lstsq(columns, table, rcond=None)[0]
+        scale = max(float(motion.torque[few, j].std()), 1e-12)
+        rows.append(table[:, :3] / scale)
+        right.append(table[:, 3] / scale)
+    found = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
+    found *= size / max(float(np.linalg.norm(found)), 1e-12)
+    return found, _left(motion.torque[few] - dynamic - weights @ found, frictions)
+
+
+def _with_gravity(body: RigidBody, gravity: Array, position: Array, rest: Array) -> Array:
+    kept = body.model.opt.gravity.copy()
+    try:
+        body.model.opt.gravity[:] = gravity
+        return body.torque(position, rest, rest)
+    finally:
+        body.model.opt.gravity[:] = kept
+
+
+def _order(
+    body: RigidBody, motion: Motion, frictions: list[Array], few: NDArray[np.int64], *, every: bool
+) -> tuple[tuple[int, ...], Array] | None:
+    """Joints to which the log's columns belong if not to those described, and what is left then of each column.
+
+    Two that change places are always tried, `every` order where something is wrong.
+    """
+    joints = motion.position.shape[1]
+    rows = few[:: max(1, few.size // ROWS)]
+    columns = [each[np.searchsorted(few, rows)] for each in frictions]
+    given = tuple(range(joints))
+    best: tuple[tuple[int, ...], Array] | None = None
+    for order in permutations(given) if every else _swaps(given):
+        if order == given:
+            continue
+        back = np.argsort(order)  # column of the log that moves each joint
+        ways = (motion.position[rows][:, back], motion.speed[rows][:, back], motion.acceleration[rows][:, back])
+        left = _left(motion.torque[rows] - body.torque_of(*ways)[:, list(order)], columns)
+        if best is None or np.sum(np.log(left)) < np.sum(np.log(best[1])):
+            best = (order, left)
+    return best
+
+
+def _swaps(given: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+    for a, b in combinations(given, 2):
+        order = list(given)
+        order[a], order[b] = b, a
+        yield tuple(order)

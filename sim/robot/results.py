@@ -1,0 +1,116 @@
+"""What an investigation of a robot finds; its document is that of one axis, with joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from sim.discrepancy.results import (
+    Estimate,
+    Finding,
+    Investigation,
+    finding_document,
+    rounded,
+    unexplained_document,
+)
+from sim.robot.robot import Robot
+from sim.robot.shared_fit import SharedFit
+
+PAYLOAD = "payload"
+
+
+@dataclass(frozen=True)
+class JointInvestigation:
+    """One joint: its own investigation, with the torque that the rigid body asks for as known."""
+
+    name: str
+    investigation: Investigation
+
+    def located(self, location: str | None) -> str:
+        """Where a finding of this joint is, as the robot's document says it."""
+        axis = self.investigation.axis
+        return f"{self.name}/{location}" if location in {stage.name for stage in axis.stages} else self.name
+
+
+@dataclass(frozen=True)
+class RobotInvestigation:
+    """What the rigid-body model of a robot misses, joint by joint; `document()` is the contract's JSON.
+
+    `earlier`: of logs given before the last one, by name: what their joints have of each finding's first number.
+    """
+
+    robot: Robot
+    verdict: str
+    payload: Finding | None
+    joints: tuple[JointInvestigation, ...]
+    shared: SharedFit
+    parameters: tuple[Estimate, ...]
+    next_measurement: str
+    provenance: Mapping[str, object]
+    remarks: tuple[str, ...] = ()
+    reports: Mapping[str, object] = field(default_factory=dict, repr=False, compare=False)
+
+    def document(self) -> dict[str, object]:
+        """JSON of the contract: finite numbers only, the same for the same bytes."""
+        findings = [] if self.payload is None else [finding_document(self.payload)]
+        rests: list[tuple[float, dict[str, object]]] = []
+        parameters, gains = [], []
+        for joint in self.joints:
+            one = joint.investigation
+            findings += [{**finding_document(f), "location": joint.located(f.location)} for f in one.findings]
+            if one.unexplained is not None:
+                rest = {**unexplained_document(one.unexplained), "joint": joint.name}
+                rests.append((one.unexplained.score, rest))
+            document = one.document()
+            parameters += [{**p, "name": f"{joint.name}.{p['name']}"} for p in document["parameters"]]  # type: ignore[attr-defined]
+            gains += [{**g, "joint": joint.name} for g in document["gain"]]  # type: ignore[attr-defined]
+        findings.sort(key=lambda f: -float(str(f["probability"])))
+        return {
+            "verdict": self.verdict,
+            "findings": findings,
+            "unexplained": max(rests, key=lambda one: one[0])[1] if rests else None,
+            "parameters": [*map(_estimate_document, self.parameters), *parameters],
+            "gain": gains,
+            "next_measurement": self.next_measurement,
+            "extended_axis": self.extended(),
+            "joints": [
+                {
+                    "name": joint.name,
+                    "verdict": joint.investigation.verdict,
+                    "unexplained": None
+                    if joint.investigation.unexplained is None
+                    else unexplained_document(joint.investigation.unexplained),
+                    "remarks": list(joint.investigation.remarks),
+                }
+                for joint in self.joints
+            ],
+            "remarks": list(self.remarks),
+            "provenance": dict(self.provenance),
+        }
+
+    def extended(self) -> dict[str, object]:
+        """The robot's description with what was found: an axis for each joint, and the payload."""
+        payload = self.robot.payload
+        mass, center = payload.mass_kg, list(payload.center_m)
+        if self.payload is not None and self.payload.probability > 0.5:
+            numbers = {e.name: e.value for e in self.payload.parameters}
+            mass, center = numbers["mass_kg"], [numbers[f"center_{way}_m"] for way in "xyz"]
+        return {
+            "schema": "gearcase-robot/1",
+            "name": self.robot.name,
+            "urdf": self.robot.document.get("urdf", f"{self.robot.name}.urdf"),
+            "gravity_m_s2": list(self.robot.gravity_m_s2),
+            "payload": {"mass_kg": rounded(mass), "center_m": [rounded(x) for x in center]},
+            "joints": [{"name": j.name, "axis": j.investigation.extended.to_mapping()} for j in self.joints],
+        }
+
+
+def _estimate_document(e: Estimate) -> dict[str, object]:
+    return {
+        "name": e.name,
+        "nominal": None if e.nominal is None else rounded(e.nominal),
+        "estimate": rounded(e.value),
+        "low": rounded(e.low),
+        "high": rounded(e.high),
+        "unit": e.unit,
+    }

@@ -1,0 +1,187 @@
+"""A robot as its maker describes it: links and joints (URDF), which joints are logged, and what hangs at the flange."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields
+from pathlib import Path
+from typing import Any
+
+from casebase.signals.documents import parse_document
+from casebase.signals.errors import TextError
+from sim.description.axis import Axis, Load, Motor
+from sim.description.axis_document import read_axis
+from sim.errors import AxisError, ParameterError, number, shown
+from sim.robot.urdf import Urdf, UrdfError, read_urdf
+
+SCHEMA = "gearcase-robot/1"
+GRAVITY_M_S2 = (0.0, 0.0, -9.81)
+MOST_JOINTS = 64
+LARGEST_URDF_BYTES = 4 << 20
+Vector = tuple[float, float, float]
+
+
+class RobotError(AxisError):
+    """A robot description is wrong; the message starts with the path of the key."""
+
+
+@dataclass(frozen=True)
+class Payload:
+    """What hangs at the link that the last logged joint moves.
+
+    `center_m`: centre of mass in the frame of that link [m]. It counts as a point.
+    """
+
+    mass_kg: float = 0.0
+    center_m: Vector = (0.0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Joint:
+    """A logged joint: its name in the URDF, and its drive train where that is described (`described`)."""
+
+    name: str
+    axis: Axis
+    described: bool = False
+
+
+@dataclass(frozen=True)
+class Robot:
+    """A robot. `joints`: those that are logged, in the log's order; the others stand at 0.
+
+    `gravity_m_s2`: in the frame of the robot's base, shape (3,) [m/s2].
+    """
+
+    name: str
+    urdf: Urdf
+    joints: tuple[Joint, ...]
+    gravity_m_s2: Vector = GRAVITY_M_S2
+    payload: Payload = field(default_factory=Payload)
+    document: Mapping[str, object] = field(default_factory=dict, repr=False, compare=False)
+
+
+def rigid_joint(name: str) -> Joint:
+    """A joint of which nothing is known but its name: a rigid drive without friction, its rotor's inertia unknown."""
+    return Joint(name, Axis(name, Motor(), Load(0.0)))
+
+
+def read_robot(path: Path) -> Robot:
+    """Read a robot from its file; URDF and axes are read from beside it.
+
+    Raises
+    ------
+    RobotError
+        naming the key, what is wrong with it and what would be right; unknown keys are refused.
+    """
+    document = _parsed(path.name, _bytes(path, path.name))
+    here = path.parent
+    name = document.get("urdf")
+    if not isinstance(name, str):
+        raise RobotError(f'urdf: must be the name of a file beside this one, such as "robot.urdf", got {shown(name)}')
+    return robot_of(
+        document,
+        _bytes(here / name, f"urdf: {name}", LARGEST_URDF_BYTES),
+        lambda axis: _parsed(axis, _bytes(here / axis, axis)),
+    )
+
+
+def robot_of(document: Mapping[str, object], urdf: bytes, axis_of: Any) -> Robot:
+    """The robot of a parsed document, the text of its URDF, and the axes that it names (`axis_of`: name -> mapping).
+
+    Raises
+    ------
+    RobotError
+        as `read_robot`.
+    """
+    _refuse_unknown("", document, ("schema", "name", "urdf", "gravity_m_s2", "payload", "joints"))
+    if document.get("schema", SCHEMA) != SCHEMA:
+        raise RobotError(f"schema: must be {SCHEMA!r}, got {shown(document['schema'])}")
+    try:
+        links = read_urdf(urdf)
+    except UrdfError as error:
+        raise RobotError(f"urdf: {error}") from None
+    joints = _joints(document.get("joints"), links, axis_of)
+    name = document.get("name", links.name)
+    if not isinstance(name, str) or not name.strip() or len(name) > 200:
+        raise RobotError(f"name: must be a text of 1 to 200 characters, got {shown(name)}")
+    gravity = _vector("gravity_m_s2", document.get("gravity_m_s2", GRAVITY_M_S2), 100.0, "m/s2")
+    return Robot(name, links, joints, gravity, _payload(document.get("payload", {})), dict(document))
+
+
+def _joints(value: object, links: Urdf, axis_of: Any) -> tuple[Joint, ...]:
+    if not isinstance(value, list | tuple) or not value:
+        raise RobotError(
+            'joints: missing; write [[joints]] with name = "..." for each logged joint, in the log\'s order'
+        )
+    if len(value) > MOST_JOINTS:
+        raise RobotError(f"joints: {len(value)} tables; a robot has {MOST_JOINTS} at most")
+    out: list[Joint] = []
+    for k, table in enumerate(value):
+        if not isinstance(table, Mapping):
+            raise RobotError(f"joints[{k}]: must be a table, got {shown(table)}")
+        _refuse_unknown(f"joints[{k}].", table, ("name", "axis"))
+        name = table.get("name")
+        if name not in links.moving:
+            moving = ", ".join(links.moving)
+            raise RobotError(f"joints[{k}].name: {shown(name)} is no joint that moves in the URDF; there are {moving}")
+        if any(name == joint.name for joint in out):
+            raise RobotError(
+                f"joints[{k}].name: {shown(name)} stands twice; each logged joint once, in the log's order"
+            )
+        out.append(_joint(str(name), table.get("axis"), f"joints[{k}].axis", axis_of))
+    return tuple(out)
+
+
+def _joint(name: str, source: object, path: str, axis_of: Any) -> Joint:
+    if source is None:
+        return rigid_joint(name)
+    try:
+        mapping = source if isinstance(source, Mapping) else axis_of(source) if isinstance(source, str) else None
+        if mapping is None:
+            raise RobotError(f"must be the name of a file beside this one, or the axis itself, got {shown(source)}")
+        return Joint(name, read_axis(mapping), described=True)
+    except AxisError as error:
+        raise RobotError(f"{path}: {error}") from None
+
+
+def _payload(value: object) -> Payload:
+    if not isinstance(value, Mapping):
+        raise RobotError(f"payload: must be a table, got {shown(value)}")
+    _refuse_unknown("payload.", value, tuple(f.name for f in fields(Payload)))
+    try:
+        mass = number("mass_kg", value.get("mass_kg", 0.0), "kg", at_least=0.0, at_most=1e5)
+    except ParameterError as error:
+        raise RobotError(f"payload.{error}") from None
+    return Payload(mass, _vector("payload.center_m", value.get("center_m", (0.0, 0.0, 0.0)), 100.0, "m"))
+
+
+def _vector(path: str, value: object, most: float, unit: str) -> Vector:
+    if not isinstance(value, list | tuple) or len(value) != 3:
+        raise RobotError(f"{path}: must be three numbers in {unit}, such as [0.0, 0.0, 0.0], got {shown(value)}")
+    try:
+        x, y, z = (number(f"{path}[{k}]", v, unit, at_least=-most, at_most=most) for k, v in enumerate(value))
+    except ParameterError as error:
+        raise RobotError(str(error)) from None
+    return x, y, z
+
+
+def _refuse_unknown(path: str, table: Mapping[str, object], known: tuple[str, ...]) -> None:
+    for key in table:
+        if key not in known:
+            raise RobotError(f"{path}{key}: unknown key; known: {', '.join(known)}")
+
+
+def _bytes(path: Path, name: str, most: int = 1 << 20) -> bytes:
+    try:
+        if path.stat().st_size > most:
+            raise RobotError(f"{name}: has {path.stat().st_size} bytes; it may have {most}")
+        return path.read_bytes()
+    except OSError as error:
+        raise RobotError(f"{name}: {'no such file' if isinstance(error, FileNotFoundError) else error}") from None
+
+
+def _parsed(name: str, text: bytes) -> dict[str, object]:
+    try:
+        return dict(parse_document(text))
+    except TextError as error:
+        raise RobotError(f"{name}: {error}") from None

@@ -1,0 +1,323 @@
+"""What the joints of a robot share, fitted over all of them together: payload, errors of masses, tilt of the base.
+
+Torques are linear in all of it, so the posterior is a Gaussian. Friction of each joint is any curve over its speed
+here, and what its load adds to it: its form is asked for joint by joint, later. For that, each joint is given the rigid
+torque as the *other* joints correct it, and what is left uncertain of it as directions in which the model may be wrong.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sim.discrepancy.estimation.whitening import SHORT, Noise, whitener
+from sim.robot.motion import Motion
+from sim.robot.rigid_body import RigidBody
+from sim.robot.robot import Robot
+
+Array = NDArray[np.float64]
+
+LINK_ERROR = 0.05  # of a link's mass and of the mean link's: two editions of a maker's data differ by 5.4 % of the mean
+GAIN_ERROR = 0.05  # of the N m per ampere of a drive: what data sheets of motors allow, gears included
+TILT_RAD = 0.02  # of the base: what feet are levelled to without an instrument
+LATE_S = 0.005  # torque against position: half a period of a log of 100 Hz
+LOAD_LOSS = 0.1  # of what a joint carries, lost in its gears: a harmonic drive or a cycloid passes on 70 to 95 %
+ROUNDS = 4  # of noise taken anew
+BLOCK_S = 2.0  # rows apart by more are independent; for intervals that hold where noise is not white
+TURNS = (0.01, 0.03, 0.1)  # of the largest speed, over which friction may turn its sign
+RESTING = 0.005  # of the largest speed, below which friction is whatever holds
+PRIOR = 0.1  # that something hangs at the flange that nobody described
+NINETY = 1.645  # standard deviations to either side of which 90 % lie
+LEAST_NOISE = 2e-3  # of the torque: no drive measures better
+
+
+@dataclass(frozen=True)
+class PayloadEstimate:
+    """A body at the tool beside the described one: mass [kg], first moments [kg m], with their covariance (4, 4)."""
+
+    numbers: Array
+    covariance: Array
+    probability: float
+
+    @property
+    def mass_kg(self) -> float:
+        return float(self.numbers[0])
+
+    @property
+    def mass_deviation_kg(self) -> float:
+        return math.sqrt(float(self.covariance[0, 0]))
+
+
+@dataclass(frozen=True)
+class SharedFit:
+    """What all joints say together, of one log.
+
+    `known`: torque that the rigid body asks for of each joint, corrected by the others, shape (rows, joints) [N m];
+    `rigid`: the same as described; `errors`: of each joint, directions in which `known` may be wrong, shape (rows, p).
+    """
+
+    motion: Motion
+    rigid: Array
+    known: Array
+    errors: tuple[Array, ...]
+    payload: PayloadEstimate
+    tilt_rad: Array
+    tilt_deviation_rad: Array
+    late_s: float
+
+
+@dataclass(frozen=True)
+class _Columns:
+    """All that is linear in the torque of all joints, per standard deviation of its prior, shape (rows, joints, n)."""
+
+    values: Array
+    tilt: slice
+    late: slice
+    payload: slice
+    scale: Array  # of the payload's ten numbers
+
+
+def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tuple[SharedFit, ...]:
+    """Fit what the joints share over all logs: links, drives and base are the same in them, payloads may not be."""
+    parts = [_Log.of(robot, body, motion) for motion in motions]
+    common = parts[0].common
+    size = common + sum(part.own for part in parts)
+    places = [np.r_[0:common, common + k * part.own : common + (k + 1) * part.own] for k, part in enumerate(parts)]
+    precision, right = np.eye(size), np.zeros(size)
+    for part, place in zip(parts, places, strict=True):
+        precision[np.ix_(place, place)] += sum(part.grams)
+        right[place] += sum(part.moments)
+    every = np.arange(size)
+    payloads = [
+        _payload(p.columns, *_solved(precision, right, parts, places, every), place)
+        for p, place in zip(parts, places, strict=True)
+    ]
+    empty = [
+        place[p.columns.payload]
+        for p, place, found in zip(parts, places, payloads, strict=True)
+        if found.probability < 0.5
+    ]
+    kept = np.setdiff1d(every, np.concatenate(empty)) if empty else every
+    solved = _solved(precision, right, parts, places, kept)
+    return tuple(
+        _shared(
+            part,
+            place,
+            found if found.probability < 0.5 else _payload(part.columns, *solved, place),
+            solved,
+            kept,
+            (precision, right),
+        )
+        for part, place, found in zip(parts, places, payloads, strict=True)
+    )
+
+
+def _solved(
+    precision: Array, right: Array, parts: Sequence[_Log], places: Sequence[NDArray[np.int64]], kept: NDArray[np.int64]
+) -> tuple[Array, Array, Array]:
+    """Mean, covariance, and covariance by blocks of rows, of all numbers, those that are not `kept` at 0."""
+    mean, covariance, middle = np.zeros(right.size), np.zeros_like(precision), np.eye(right.size)
+    inside = np.ix_(kept, kept)
+    covariance[inside] = np.linalg.inv(precision[inside])
+    mean[kept] = covariance[inside] @ right[kept]
+    for part, place in zip(parts, places, strict=True):
+        middle[np.ix_(place, place)] += part.scores(mean[place])
+    return mean, covariance, covariance @ middle @ covariance
+
+
+@dataclass(frozen=True)
+class _Log:
+    """One log's share of the normal equations. The first `common` columns are the same quantities in every log."""
+
+    motion: Motion
+    rigid: Array
+    columns: _Columns
+    grams: list[Array]
+    moments: list[Array]
+    rows: list[tuple[Array, Array]]
+
+    @staticmethod
+    def of(robot: Robot, body: RigidBody, motion: Motion) -> _Log:
+        regressor = body.regressor(motion.position, motion.speed, motion.acceleration)
+        rigid = np.asarray(np.einsum("njbp,bp->nj", regressor, body.parameters))
+        columns = _columns(robot, body, motion, regressor, rigid)
+        joints = range(rigid.shape[1])
+        frictions = [_friction(motion.speed[:, j], motion.acceleration[:, j], rigid[:, j]) for j in joints]
+        resting = np.abs(motion.speed) < RESTING * np.abs(motion.speed).max(axis=0)
+        used = ~resting & motion.counts[:, None]
+        whitened = _whitened(columns.values, motion.torque - rigid, frictions, used, motion.rate_hz)
+        return _Log(motion, rigid, columns, *whitened)
+
+    @property
+    def common(self) -> int:
+        return int(self.columns.late.start)
+
+    @property
+    def own(self) -> int:
+        return int(self.columns.values.shape[-1]) - self.common
+
+    def scores(self, mean: Array) -> Array:
+        """Sum of squares of what blocks of rows pull each number by (Huber's sandwich holds for noise of any kind)."""
+        block = max(1, int(BLOCK_S * self.motion.rate_hz))
+        out = np.zeros((mean.size, mean.size))
+        for columns, torque in self.rows:
+            left = torque - columns @ mean
+            pulls = [columns[k : k + block].T @ left[k : k + block] for k in range(0, left.size, block)]
+            out += sum(np.outer(pull, pull) for pull in pulls)
+        return out
+
+
+def _shared(
+    log: _Log,
+    place: NDArray[np.int64],
+    payload: PayloadEstimate,
+    solved: tuple[Array, Array, Array],
+    kept: NDArray[np.int64],
+    normal: tuple[Array, Array],
+) -> SharedFit:
+    """What all logs and the other joints say of each joint of `log`."""
+    columns, motion, rigid = log.columns, log.motion, log.rigid
+    used = np.flatnonzero(np.isin(place, kept))
+    inside = np.searchsorted(kept, place[used])
+    known, errors = rigid.copy(), []
+    for joint in range(rigid.shape[1]):
+        precision, right = normal[0].copy(), normal[1].copy()
+        precision[np.ix_(place, place)] -= log.grams[joint]
+        right[place] -= log.moments[joint]
+        without = np.linalg.inv(precision[np.ix_(kept, kept)])
+        own = columns.values[:, joint, used]
+        known[:, joint] += own @ (without @ right[kept])[inside]
+        factor = np.linalg.cholesky(without[np.ix_(inside, inside)])
+        speed = motion.speed[:, joint]
+        losses = LOAD_LOSS * np.tanh(speed / max(TURNS[1] * float(np.abs(speed).max()), 1e-12))
+        errors.append(np.column_stack([_few(own @ factor), losses * np.abs(rigid[:, joint])]))
+    mean, _, robust = solved
+    deviation = np.sqrt(np.diag(robust))[place][columns.tilt] * TILT_RAD
+    return SharedFit(
+        motion, rigid, known, tuple(errors), payload, mean[place][columns.tilt] * TILT_RAD, deviation,
+        float(mean[place][columns.late][0]) * LATE_S,
+    )  # fmt: skip
+
+
+def _columns(robot: Robot, body: RigidBody, motion: Motion, regressor: Array, rigid: Array) -> _Columns:
+    rows, joints, links, _ = regressor.shape
+    masses = np.maximum(body.parameters[:, 0], 0.0)
+    mean_mass = float(masses.mean())
+    reach = math.sqrt(float(np.mean([_reach(p) ** 2 for p in body.parameters if p[0] > 0.0])))
+    wrong = [regressor[:, :, k] @ _link_errors(body.parameters[k], mean_mass, reach) for k in range(links)]
+    gains = np.zeros((rows, joints, joints))
+    gains[:, range(joints), range(joints)] = GAIN_ERROR * rigid
+    tilt = np.stack([_tilted(body, motion, direction) for direction in _level(robot)], axis=-1)
+    late = -LATE_S * np.gradient(rigid, axis=0)[..., None] * motion.rate_hz
+    scale = mean_mass * np.r_[1.0, np.full(3, reach), np.full(6, reach**2)]
+    parts = [*wrong, gains, tilt, late, regressor[:, :, body.tool] * scale]
+    ends = [int(end) for end in np.cumsum([part.shape[-1] for part in parts])]
+    tilted, delayed, hung = (slice(*pair) for pair in pairwise(ends[-4:]))
+    return _Columns(np.concatenate(parts, axis=-1), tilted, delayed, hung, scale)
+
+
+def _reach(parameters: Array) -> float:
+    """Root mean square distance of a link's mass from its frame [m]."""
+    return math.sqrt(max(float(parameters[4:7].sum()) / 2.0 / max(float(parameters[0]), 1e-9), 0.0))
+
+
+def _link_errors(parameters: Array, mean_mass: float, mean_reach: float) -> Array:
+    """Directions in which a link's parameters may be wrong, each by a standard deviation, shape (10, 10)."""
+    mass = float(parameters[0])
+    much = LINK_ERROR * math.hypot(mass, mean_mass)
+    far = _reach(parameters) if mass > 0.0 else mean_reach
+    out = np.diag(much * np.r_[1.0, np.full(3, far), np.full(6, far**2)])
+    if mass > 0.0:
+        out[:, 0] = much * parameters / mass
+    return out
+
+
+def _level(robot: Robot) -> list[Array]:
+    """Two changes of gravity by a tilt of a radian, about axes across it [m/s2]."""
+    g = np.array(robot.gravity_m_s2)
+    size = float(np.linalg.norm(g))
+    if size == 0.0:
+        return [np.zeros(3), np.zeros(3)]
+    across = np.linalg.svd(g[None] / size)[2][1:]
+    return [size * axis for axis in across]
+
+
+def _tilted(body: RigidBody, motion: Motion, change: Array) -> Array:
+    """Torque by a change of gravity, per `TILT_RAD`, shape (rows, joints): that of the robot at rest."""
+    g = body.model.opt.gravity.copy()
+    rest = np.zeros_like(motion.speed)
+    try:
+        body.model.opt.gravity[:] = change
+        return TILT_RAD * body.torque(motion.position, rest, rest)
+    finally:
+        body.model.opt.gravity[:] = g
+
+
+def _friction(speed: Array, acceleration: Array, load: Array) -> Array:
+    """Friction as any curve over the speed, with what the load adds to it, and the rotor; shape (rows, p)."""
+    top = max(float(np.abs(speed).max()), 1e-12)
+    u = speed / top
+    turns = [np.tanh(u / width) for width in TURNS]
+    columns = [*turns, u, u * np.abs(u), np.abs(u), np.ones_like(u), turns[1] * np.abs(load), acceleration]
+    return np.stack(columns, axis=1)
+
+
+def _whitened(
+    columns: Array, torque: Array, frictions: Sequence[Array], counting: NDArray[np.bool_], rate_hz: float
+) -> tuple[list[Array], list[Array], list[tuple[Array, Array]]]:
+    """Gram matrices and moments of each joint once its friction is projected out, and the whitened rows."""
+    joints = torque.shape[1]
+    mean: Array = np.zeros(columns.shape[-1])
+    for _ in range(ROUNDS):
+        rows = []
+        for j in range(joints):
+            beyond = torque[:, j] - columns[:, j] @ mean
+            used = counting[:, j]
+            weight = used.astype(float)
+            shape = np.linalg.lstsq(frictions[j][used], beyond[used], rcond=None)[0]
+            left = (beyond - frictions[j] @ shape) * weight
+            least = LEAST_NOISE * float(np.std(torque[:, j]))
+            taps, level = whitener(left, weight, rate_hz, SHORT, teeth=False, least=least)
+            rows.append(_projected(Noise(taps, np.ones(1), level), columns[:, j], torque[:, j], frictions[j], used))
+        grams = [c.T @ c for c, _ in rows]
+        moments = [c.T @ y for c, y in rows]
+        mean = np.asarray(np.linalg.solve(np.eye(mean.size) + sum(grams), sum(moments)), dtype=np.float64)
+    return grams, moments, rows
+
+
+def _projected(
+    noise: Noise, columns: Array, torque: Array, friction: Array, used: NDArray[np.bool_]
+) -> tuple[Array, Array]:
+    white = [noise.whiten(np.ascontiguousarray(c), np.zeros(0)) for c in (*columns.T, torque, *friction.T)]
+    table = np.stack(white, axis=1)[used]
+    n = columns.shape[1]
+    q = np.linalg.qr(table[:, n + 1 :])[0]
+    rest: Array = np.asarray(table[:, : n + 1] - q @ (q.T @ table[:, : n + 1]), dtype=np.float64)
+    return rest[:, :n], rest[:, n]
+
+
+def _payload(
+    columns: _Columns, mean: Array, covariance: Array, robust: Array, place: NDArray[np.int64]
+) -> PayloadEstimate:
+    """The payload's mass against none, by the ratio of its densities at 0 (Dickey 1971)."""
+    own = place[columns.payload][:4]
+    scale = columns.scale[:4]
+    pair = np.ix_(own, own)
+    spread = robust[pair] if robust[own[0], own[0]] > covariance[own[0], own[0]] else covariance[pair]
+    numbers, spread = mean[own] * scale, 0.5 * (spread + spread.T) * np.outer(scale, scale)
+    spread += np.outer(numbers, numbers) * GAIN_ERROR**2  # what drives tell of torque, they tell of weights
+    deviation = math.sqrt(float(spread[0, 0]))
+    z = float(numbers[0]) / deviation
+    log_odds = math.log(PRIOR / (1.0 - PRIOR)) + math.log(deviation / float(scale[0])) + 0.5 * z * z
+    return PayloadEstimate(numbers, spread, 1.0 / (1.0 + math.exp(-min(max(log_odds, -50.0), 50.0))))
+
+
+def _few(errors: Array, least: float = 1e-3) -> Array:
+    """The same covariance of rows by as few directions as hold all but a thousandth of it, shape (rows, p)."""
+    power, ways = np.linalg.eigh(errors.T @ errors)
+    return np.asarray(errors @ ways[:, power > least * float(power.sum())])

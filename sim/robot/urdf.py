@@ -1,0 +1,158 @@
+"""Robot descriptions in URDF: links with mass, joints between them; pictures and shapes are left out."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from xml.etree import ElementTree
+from xml.parsers import expat
+
+MOVING = ("revolute", "continuous", "prismatic")
+KNOWN = (*MOVING, "fixed")
+KEPT = ("link", "joint")
+KEPT_IN = {"link": ("inertial",), "joint": ("parent", "child", "origin", "axis", "limit")}
+NUMBERS = {
+    "origin": ("xyz", "rpy"), "axis": ("xyz",), "mass": ("value",),
+    "inertia": ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), "limit": ("lower", "upper", "velocity"),
+}  # fmt: skip
+MOST_ELEMENTS, DEEPEST = 20_000, 50
+
+
+class UrdfError(ValueError):
+    """The text is no URDF that can be used; it says why."""
+
+
+@dataclass(frozen=True)
+class Urdf:
+    """A robot of links and joints.
+
+    `text`: the URDF with its links and joints alone; `moving`: names of the joints that move, in the file's order;
+    `prismatic`: those of them that slide; `limits`: lower and upper end of the joints that have them [rad] or [m],
+    and the largest speed [rad/s] or [m/s].
+    """
+
+    name: str
+    text: str
+    moving: tuple[str, ...]
+    prismatic: frozenset[str]
+    limits: dict[str, tuple[float, float, float]]
+
+
+def read_urdf(text: bytes) -> Urdf:
+    """Read a URDF; meshes, colours, controllers and the like are not looked at.
+
+    Raises
+    ------
+    UrdfError
+        saying what is wrong and what would be right.
+    """
+    root = _parsed(text)
+    if root.tag != "robot":
+        raise UrdfError(f"the document is <{root.tag[:60]}>, a URDF is <robot>; expand a xacro file first")
+    kept = ElementTree.Element("robot", {"name": root.get("name", "robot")})
+    moving, prismatic, limits = [], [], {}
+    names: dict[str, set[str]] = {kind: set() for kind in KEPT}
+    for part in root:
+        if part.tag not in KEPT:
+            continue
+        name = part.get("name", "")
+        if not name or name in names[part.tag]:
+            raise UrdfError(f"<{part.tag}> {name!r}: a name that no other {part.tag} has is missing")
+        names[part.tag].add(name)
+        copy = ElementTree.SubElement(kept, part.tag, dict(part.attrib))
+        copy.extend([child for child in part if child.tag in KEPT_IN[part.tag]])
+        for child in copy.iter():
+            _check_numbers(f"{part.tag} {name!r}", child)
+        if part.tag == "link":
+            continue
+        kind = part.get("type", "")
+        if kind not in KNOWN:
+            raise UrdfError(f"joint {name!r}: type {kind!r} is not known here; there are {', '.join(KNOWN)}")
+        if kind in MOVING:
+            moving.append(name)
+        if kind in ("revolute", "prismatic"):
+            limits.update(_limit(name, part))
+        if kind == "prismatic":
+            prismatic.append(name)
+    if not moving:
+        raise UrdfError("no joint moves")
+    _check_tree(kept, names["link"])
+    if not any(float(mass.get("value", "0")) > 0.0 for mass in kept.iter("mass")):
+        raise UrdfError("no link has a mass; a description with <inertial> in its links is needed")
+    text_kept = ElementTree.tostring(kept, encoding="unicode")
+    return Urdf(root.get("name", "robot"), text_kept, tuple(moving), frozenset(prismatic), limits)
+
+
+def _parsed(text: bytes) -> ElementTree.Element:
+    """Without a document type: entities are what makes small files large."""
+    count = depth = 0
+    builder = ElementTree.TreeBuilder()
+    parser = expat.ParserCreate()
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal count, depth
+        count, depth = count + 1, depth + 1
+        if count > MOST_ELEMENTS:
+            raise UrdfError(f"it has more than {MOST_ELEMENTS} elements")
+        if depth > DEEPEST:
+            raise UrdfError(f"its elements nest more than {DEEPEST} deep")
+        builder.start(tag, attributes)
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(tag)
+
+    def refuse(*_: object) -> None:
+        raise UrdfError("it declares a document type, which no URDF needs; take <!DOCTYPE ...> out")
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.StartDoctypeDeclHandler = refuse
+    try:
+        parser.Parse(text, True)
+        return builder.close()
+    except expat.ExpatError as error:
+        raise UrdfError(f"this is no XML: {error}") from None
+
+
+def _check_numbers(where: str, element: ElementTree.Element) -> None:
+    for key in NUMBERS.get(element.tag, ()):
+        text = element.get(key)
+        try:
+            values = [] if text is None else [float(value) for value in text.split()]
+        except ValueError:
+            values = [math.nan]
+        if not all(math.isfinite(value) for value in values) or (text is not None and not values):
+            raise UrdfError(f"{where}: {key} of its {element.tag} must be finite numbers, got {str(text)[:60]!r}")
+        if element.tag == "mass" and values and values[0] < 0.0:
+            raise UrdfError(f"{where}: its mass of {values[0]:g} kg is below 0")
+
+
+def _limit(name: str, joint: ElementTree.Element) -> dict[str, tuple[float, float, float]]:
+    limit = joint.find("limit")
+    if limit is None:
+        return {}
+    low, high, speed = (float(limit.get(key, "0")) for key in ("lower", "upper", "velocity"))
+    return {name: (low, high, speed)}
+
+
+def _check_tree(root: ElementTree.Element, links: set[str]) -> None:
+    above: dict[str, str] = {}
+    for joint in root.iter("joint"):
+        ends = {role: joint.find(role) for role in ("parent", "child")}
+        parent, child = ("" if end is None else end.get("link", "") for end in ends.values())
+        for role, link in (("parent", parent), ("child", child)):
+            if link not in links:
+                raise UrdfError(f"joint {joint.get('name')!r}: its {role} link {link!r} is not in the file")
+        if child in above:
+            raise UrdfError(f"link {child!r} is the child of two joints; a URDF is a tree")
+        above[child] = parent
+    bases = sorted(links - set(above))
+    if len(bases) != 1:
+        raise UrdfError(f"{len(bases)} links are no joint's child; the base alone should be")
+    hanging, level = set(bases), set(bases)
+    while level:
+        level = {child for child, parent in above.items() if parent in level}
+        hanging |= level
+    if hanging != links:
+        raise UrdfError(f"link {min(links - hanging)!r} does not hang at the base {bases[0]!r}: its joints make a ring")
