@@ -1,9 +1,9 @@
 """What the joints of a robot share, fitted over all of them together: payload, errors of masses, tilt of the base.
 
-Torques are linear in all of it, so the posterior is a Gaussian; products of two (the gain of a drive, tilt or delay times
-what a payload weighs) are taken at what was found the round before. Friction of each joint is any curve over its speed
-here, and what its load adds to it: its form is asked for joint by joint, later. For that, each joint is given the rigid
-torque as the *other* joints correct it, and what is left uncertain of it as directions in which the model may be wrong.
+Torques are linear in all of it, so the posterior is a Gaussian; products of two (the gain of a drive, tilt or delay
+times what a payload weighs) are taken at what was found the round before. Friction of each joint is any curve over its
+speed here, and what its load adds to it: its form is asked for joint by joint, later. For that, each joint is given the
+rigid torque as the *other* joints correct it, and what is left uncertain of it as directions in which it may be wrong.
 """
 
 from __future__ import annotations
