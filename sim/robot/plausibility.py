@@ -38,29 +38,37 @@ def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> None:
     frictions, torque = _frictions(motion, few), motion.torque[few]
     rigid = body.torque(*ways)
     without, with_ = _left(torque, frictions), _left(torque - rigid, frictions)
+    if np.any(with_ > WORSE * without):
+        hung = body.regressor(*ways)[:, :, body.tool, :4]
+        numbers = _fitted(hung, torque - rigid, torque, frictions)
+        if numbers[0] > -body.parameters[body.tool, 0]:  # with it, what the last joint moves weighs more than nothing
+            with_ = _left(torque - rigid - hung @ numbers, frictions)
     asked = rigid.std(axis=0) > CHECKED * np.maximum(torque.std(axis=0), 1e-12)
     wrong = asked & (with_ > WORSE * without)
     names = [joint.name for joint in robot.joints]
     joints = len(names)
     order = _order(body, motion, frictions, few, every=wrong.any() and joints <= MOST_ORDERS)
-    swapped = order is not None and _explains(order[1], with_)
+    least = np.minimum(with_, without)  # what would be right is better than no rigid body at all
+    swapped = order is not None and _explains(order[1], least)
     if not wrong.any() and not swapped:
         return
     said = ", ".join(name for name, bad in zip(names, wrong, strict=True) if bad) or "the joints"
-    start = f"the torques of {said} are not those that this robot asks for along this motion"
+    would_fit: list[tuple[Array, str]] = []
     down = _direction(robot, body, motion, few, rigid, frictions)
-    if down is not None and _explains(down[1], with_):
+    if down is not None:
         x, y, z = (round(float(v), 2) for v in down[0])
-        raise InvestigationError(
-            f"{start}; with gravity along another direction of the base they are: gravity_m_s2 = [{x}, {y}, {z}]"
-        )
-    turned = np.where(wrong, _left(-torque - rigid, frictions), with_)
-    if wrong.any() and _explains(turned, with_):
-        which = ", ".join(name for name, bad in zip(names, wrong, strict=True) if bad)
-        raise InvestigationError(f"{start}; with the other sign they are: turn the factor of {which} in the map")
-    if order is not None and swapped:
+        text = f"with gravity along another direction of the base they are: gravity_m_s2 = [{x}, {y}, {z}]"
+        would_fit.append((down[1], text))
+    if wrong.any():
+        turned = np.where(wrong, _left(-torque - rigid, frictions), with_)
+        would_fit.append((turned, f"with the other sign they are: turn the factor of {said} in the map"))
+    if order is not None:
         right = ", ".join(names[k] for k in order[0])
-        raise InvestigationError(f"{start}; with the columns of the log in another order they are: {right}")
+        would_fit.append((order[1], f"with the columns of the log in another order they are: {right}"))
+    left, text = min(would_fit, key=lambda one: float(np.sum(np.log(one[0]))), default=(with_, ""))
+    start = f"the torques of {said} are not those that this robot asks for along this motion"
+    if _explains(left, least):
+        raise InvestigationError(f"{start}; {text}")
     raise InvestigationError(
         f"{start}, and no other order of the joints, sign or direction of gravity explains them. "
         "Is the URDF of this robot, are the torques at the joints (N m), and do the positions count from its zeros?"
@@ -101,16 +109,25 @@ def _direction(
     rest = np.zeros_like(motion.speed[few])
     weights = np.stack([_with_gravity(body, way, motion.position[few], rest) for way in np.eye(3)], axis=-1)
     dynamic = rigid - weights @ g
-    rows, right = [], []
-    for j, columns in enumerate(frictions):
-        table = np.column_stack([weights[:, j], motion.torque[few, j] - dynamic[:, j]])
-        table = table - columns @ np.linalg.lstsq(columns, table, rcond=None)[0]
-        scale = max(float(motion.torque[few, j].std()), 1e-12)
-        rows.append(table[:, :3] / scale)
-        right.append(table[:, 3] / scale)
-    found = np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0]
+    found = _fitted(weights, motion.torque[few] - dynamic, motion.torque[few], frictions)
     found *= size / max(float(np.linalg.norm(found)), 1e-12)
     return found, _left(motion.torque[few] - dynamic - weights @ found, frictions)
+
+
+def _fitted(columns: Array, left: Array, torque: Array, frictions: list[Array]) -> Array:
+    """Numbers that explain what is left of all joints, each by its torque, beside any friction; shape (p,).
+
+    `columns`: per number, shape (rows, joints, p).
+    """
+    rows, right = [], []
+    count = columns.shape[-1]
+    for j, friction in enumerate(frictions):
+        table = np.column_stack([columns[:, j], left[:, j]])
+        table = table - friction @ np.linalg.lstsq(friction, table, rcond=None)[0]
+        table /= max(float(torque[:, j].std()), 1e-12)
+        rows.append(table[:, :count])
+        right.append(table[:, count])
+    return np.asarray(np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0])
 
 
 def _with_gravity(body: RigidBody, gravity: Array, position: Array, rest: Array) -> Array:

@@ -1,15 +1,16 @@
 """What the joints of a robot share, fitted over all of them together: payload, errors of masses, tilt of the base.
 
-Torques are linear in all of it, so the posterior is a Gaussian. Friction of each joint is any curve over its speed
-here, and what its load adds to it: its form is asked for joint by joint, later. For that, each joint is given the rigid
-torque as the *other* joints correct it, and what is left uncertain of it as directions in which the model may be wrong.
+Torques are linear in all of it, so the posterior is a Gaussian; products of two (the gain of a drive, tilt or delay
+times what a payload weighs) are taken at what was found the round before. Friction of each joint is any curve over its
+speed here, and what its load adds to it: its form is asked for joint by joint, later. For that, each joint is given the
+rigid torque as the *other* joints correct it, and what is left uncertain of it as directions in which it may be wrong.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
@@ -31,6 +32,7 @@ ROUNDS = 4  # of noise taken anew
 BLOCK_S = 2.0  # rows apart by more are independent; for intervals that hold where noise is not white
 TURNS = (0.01, 0.03, 0.1)  # of the largest speed, over which friction may turn its sign
 RESTING = 0.005  # of the largest speed, below which friction is whatever holds
+AGAINST = 0.5  # of the prior: a payload of which data say no more than this stays among what may be wrong
 PRIOR = 0.1  # that something hangs at the flange that nobody described
 NINETY = 1.645  # standard deviations to either side of which 90 % lie
 LEAST_NOISE = 2e-3  # of the torque: no drive measures better
@@ -76,10 +78,28 @@ class _Columns:
     """All that is linear in the torque of all joints, per standard deviation of its prior, shape (rows, joints, n)."""
 
     values: Array
+    gains: slice
     tilt: slice
     late: slice
     payload: slice
     scale: Array  # of the payload's ten numbers
+    links: Array  # ways in which links may be wrong, shape (links, 10, 10)
+    regressor: Array
+    level: Array  # the regressor of two changes of gravity, at rest, shape (2, rows, joints, links, 10)
+    rate_hz: float
+
+    def around(self, body: RigidBody, mean: Array) -> _Columns:
+        """The same with gains, tilt and delay of the links and the payload that `mean` makes of the body's."""
+        links = len(body.links)
+        found = body.parameters + np.einsum("bpq,bq->bp", self.links, mean[: links * 10].reshape(links, 10))
+        found[body.tool] += self.scale * mean[self.payload]
+        rigid = np.einsum("njbp,bp->nj", self.regressor, found)
+        joints = range(rigid.shape[1])
+        values = self.values.copy()
+        values[:, joints, [self.gains.start + j for j in joints]] = GAIN_ERROR * rigid
+        values[..., self.tilt] = TILT_RAD * np.einsum("tnjbp,bp->njt", self.level, found)
+        values[..., self.late] = -LATE_S * np.gradient(rigid, axis=0)[..., None] * self.rate_hz
+        return replace(self, values=values)
 
 
 def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tuple[SharedFit, ...]:
@@ -100,7 +120,7 @@ def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tup
     empty = [
         place[p.columns.payload]
         for p, place, found in zip(parts, places, payloads, strict=True)
-        if found.probability < 0.5
+        if found.probability < AGAINST * PRIOR
     ]
     kept = np.setdiff1d(every, np.concatenate(empty)) if empty else every
     solved = _solved(precision, right, parts, places, kept)
@@ -108,7 +128,7 @@ def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tup
         _shared(
             part,
             place,
-            found if found.probability < 0.5 else _payload(part.columns, *solved, place),
+            found if found.probability < AGAINST * PRIOR else _payload(part.columns, *solved, place),
             solved,
             kept,
             (precision, right),
@@ -145,13 +165,18 @@ class _Log:
     def of(robot: Robot, body: RigidBody, motion: Motion) -> _Log:
         regressor = body.regressor(motion.position, motion.speed, motion.acceleration)
         rigid = np.asarray(np.einsum("njbp,bp->nj", regressor, body.parameters))
-        columns = _columns(robot, body, motion, regressor, rigid)
+        columns = _columns(robot, body, motion, regressor)
         joints = range(rigid.shape[1])
         frictions = [_friction(motion.speed[:, j], motion.acceleration[:, j], rigid[:, j]) for j in joints]
         resting = np.abs(motion.speed) < RESTING * np.abs(motion.speed).max(axis=0)
         used = ~resting & motion.counts[:, None]
-        whitened = _whitened(columns.values, motion.torque - rigid, frictions, used, motion.rate_hz)
-        return _Log(motion, rigid, columns, *whitened)
+        mean: Array = np.zeros(columns.values.shape[-1])
+        for _ in range(ROUNDS):
+            columns = columns.around(body, mean)
+            rows = _whitened(columns.values, motion.torque - rigid, frictions, used, motion.rate_hz, mean)
+            grams, moments = [c.T @ c for c, _ in rows], [c.T @ y for c, y in rows]
+            mean = np.asarray(np.linalg.solve(np.eye(mean.size) + sum(grams), sum(moments)), dtype=np.float64)
+        return _Log(motion, rigid, columns, grams, moments, rows)
 
     @property
     def common(self) -> int:
@@ -204,21 +229,21 @@ def _shared(
     )  # fmt: skip
 
 
-def _columns(robot: Robot, body: RigidBody, motion: Motion, regressor: Array, rigid: Array) -> _Columns:
+def _columns(robot: Robot, body: RigidBody, motion: Motion, regressor: Array) -> _Columns:
+    """Ways in which links may be wrong and what may hang; gains, tilt and delay are filled in by `around`."""
     rows, joints, links, _ = regressor.shape
     masses = np.maximum(body.parameters[:, 0], 0.0)
     mean_mass = float(masses.mean())
     reach = math.sqrt(float(np.mean([_reach(p) ** 2 for p in body.parameters if p[0] > 0.0])))
-    wrong = [regressor[:, :, k] @ _link_errors(body.parameters[k], mean_mass, reach) for k in range(links)]
-    gains = np.zeros((rows, joints, joints))
-    gains[:, range(joints), range(joints)] = GAIN_ERROR * rigid
-    tilt = np.stack([_tilted(body, motion, direction) for direction in _level(robot)], axis=-1)
-    late = -LATE_S * np.gradient(rigid, axis=0)[..., None] * motion.rate_hz
+    ways = np.array([_link_errors(p, mean_mass, reach) for p in body.parameters])
     scale = mean_mass * np.r_[1.0, np.full(3, reach), np.full(6, reach**2)]
-    parts = [*wrong, gains, tilt, late, regressor[:, :, body.tool] * scale]
-    ends = [int(end) for end in np.cumsum([part.shape[-1] for part in parts])]
-    tilted, delayed, hung = (slice(*pair) for pair in pairwise(ends[-4:]))
-    return _Columns(np.concatenate(parts, axis=-1), tilted, delayed, hung, scale)
+    wrong = [regressor[:, :, k] @ ways[k] for k in range(links)]
+    later = np.zeros((rows, joints, joints + 3))
+    values = np.concatenate([*wrong, later, regressor[:, :, body.tool] * scale], axis=-1)
+    ends = [int(end) for end in np.cumsum([links * 10, joints, 2, 1, 10])]
+    gains, tilted, delayed, hung = (slice(*pair) for pair in pairwise(ends))
+    level = np.stack([_at_rest(body, motion, direction) for direction in _level(robot)])
+    return _Columns(values, gains, tilted, delayed, hung, scale, ways, regressor, level, motion.rate_hz)
 
 
 def _reach(parameters: Array) -> float:
@@ -247,13 +272,13 @@ def _level(robot: Robot) -> list[Array]:
     return [size * axis for axis in across]
 
 
-def _tilted(body: RigidBody, motion: Motion, change: Array) -> Array:
-    """Torque by a change of gravity, per `TILT_RAD`, shape (rows, joints): that of the robot at rest."""
+def _at_rest(body: RigidBody, motion: Motion, gravity: Array) -> Array:
+    """The regressor of a robot at rest under another gravity, shape (rows, joints, links, 10)."""
     g = body.model.opt.gravity.copy()
     rest = np.zeros_like(motion.speed)
     try:
-        body.model.opt.gravity[:] = change
-        return TILT_RAD * body.torque(motion.position, rest, rest)
+        body.model.opt.gravity[:] = gravity
+        return body.regressor(motion.position, rest, rest)
     finally:
         body.model.opt.gravity[:] = g
 
@@ -268,26 +293,24 @@ def _friction(speed: Array, acceleration: Array, load: Array) -> Array:
 
 
 def _whitened(
-    columns: Array, torque: Array, frictions: Sequence[Array], counting: NDArray[np.bool_], rate_hz: float
-) -> tuple[list[Array], list[Array], list[tuple[Array, Array]]]:
-    """Gram matrices and moments of each joint once its friction is projected out, and the whitened rows."""
-    joints = torque.shape[1]
-    mean: Array = np.zeros(columns.shape[-1])
-    for _ in range(ROUNDS):
-        rows = []
-        for j in range(joints):
-            beyond = torque[:, j] - columns[:, j] @ mean
-            used = counting[:, j]
-            weight = used.astype(float)
-            shape = np.linalg.lstsq(frictions[j][used], beyond[used], rcond=None)[0]
-            left = (beyond - frictions[j] @ shape) * weight
-            least = LEAST_NOISE * float(np.std(torque[:, j]))
-            taps, level = whitener(left, weight, rate_hz, SHORT, teeth=False, least=least)
-            rows.append(_projected(Noise(taps, np.ones(1), level), columns[:, j], torque[:, j], frictions[j], used))
-        grams = [c.T @ c for c, _ in rows]
-        moments = [c.T @ y for c, y in rows]
-        mean = np.asarray(np.linalg.solve(np.eye(mean.size) + sum(grams), sum(moments)), dtype=np.float64)
-    return grams, moments, rows
+    columns: Array,
+    torque: Array,
+    frictions: Sequence[Array],
+    counting: NDArray[np.bool_],
+    rate_hz: float,
+    mean: Array,
+) -> list[tuple[Array, Array]]:
+    """Rows of each joint once its friction is projected out, white by the noise that `mean` leaves."""
+    rows = []
+    for j in range(torque.shape[1]):
+        beyond = torque[:, j] - columns[:, j] @ mean
+        used = counting[:, j]
+        shape = np.linalg.lstsq(frictions[j][used], beyond[used], rcond=None)[0]
+        left = (beyond - frictions[j] @ shape) * used
+        least = LEAST_NOISE * float(np.std(torque[:, j]))
+        taps, level = whitener(left, used.astype(float), rate_hz, SHORT, teeth=False, least=least)
+        rows.append(_projected(Noise(taps, np.ones(1), level), columns[:, j], torque[:, j], frictions[j], used))
+    return rows
 
 
 def _projected(

@@ -197,6 +197,7 @@ def floor_filter(
 
 def running_median(values: Array, most: int) -> Array:
     """Of half its place to either side, between SMOOTH_BINS and `most`: slow noise is steep over frequency."""
+    most = min(most, values.size - 2)
     padded = np.concatenate([values[most:0:-1], values, values[-2 : -2 - most : -1]])
     places = np.arange(values.size)
     reach = np.clip(places // 2, SMOOTH_BINS, most)

@@ -1,0 +1,145 @@
+"""A robot's log from the command line to the document, the report, and the description that explains it."""
+
+import json
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from sim.discrepancy.data.data_fault import InvestigationError
+from sim.robot.investigation import investigate_robot
+from sim.robot.robot import read_robot
+from tests.live import gearcase
+from tests.shared_data import shared
+from tests.sim.robot.arms import channel_map, swings, torque, two_links, with_mass, write_log, write_robot
+
+KEYS = {
+    "verdict", "findings", "unexplained", "parameters", "gain", "next_measurement", "extended_axis", "joints",
+    "remarks", "provenance",
+}  # fmt: skip
+FRICTION = {"coulomb_friction": 2.0, "viscous_friction": 1.5}
+
+
+def make(folder: Path, payload_kg: float = 0.0) -> list[str]:
+    """Two joints with friction and rotors, and what hangs there, that no description has; arguments to investigate."""
+    rng = np.random.default_rng(3)
+    time, q, qd, qdd = swings(rng, 2, 15.0, 100.0)
+    links = with_mass(two_links(), payload_kg, np.array([0.3, 0.0, 0.0])) if payload_kg else two_links()
+    felt = torque(links, q, qd, qdd) + 2.0 * np.tanh(qd / 0.03) + 1.5 * qd + 0.5 * qdd
+    write_log(folder / "log.csv", time, q, felt + 0.05 * rng.normal(size=q.shape))
+    (folder / "map.toml").write_text(channel_map(2))
+    robot = write_robot(folder, two_links(), ("base/shoulder", "base/elbow"))
+    return ["--robot", str(robot), "--telemetry", str(folder / "log.csv"), "--channels", str(folder / "map.toml")]
+
+
+def test_friction_and_payload_of_a_simulated_arm(tmp_path: Path) -> None:
+    words = make(tmp_path, payload_kg=1.5)
+    done = gearcase("investigate", *words, "--json", "--report", str(tmp_path / "out.html"), data_dir=tmp_path / "data")
+    assert done.code == 0, done.stderr
+    document = json.loads(done.stdout, parse_constant=lambda word: pytest.fail(f"{word} is no JSON"))
+    assert set(document) == KEYS
+    assert document["verdict"] == "named"
+    found = {(f["mechanism"], f["location"]): f for f in document["findings"]}
+    named = {place for place, f in found.items() if f["probability"] >= 0.9}
+    assert named == {("payload", "payload")} | {(m, j) for m in FRICTION for j in ("base/shoulder", "base/elbow")}
+    numbers = {p["name"]: p for p in found["payload", "payload"]["parameters"]}
+    assert list(numbers) == ["mass_kg", "center_x_m", "center_y_m", "center_z_m"]
+    assert numbers["mass_kg"]["low"] < 1.5 < numbers["mass_kg"]["high"]
+    for mechanism, true in FRICTION.items():
+        for joint in ("base/shoulder", "base/elbow"):
+            size = found[mechanism, joint]["parameters"][0]
+            assert size["value"] == pytest.approx(true, rel=0.1)
+    assert {p["name"] for p in document["parameters"]} >= {
+        "base/shoulder.motor.inertia_kg_m2",
+        "base/elbow.motor.inertia_kg_m2",
+    }
+    assert all(g["joint"] in ("base/shoulder", "base/elbow") and g["rms_after"] < 0.2 for g in document["gain"])
+    assert [j["name"] for j in document["joints"]] == ["base/shoulder", "base/elbow"]
+
+    page = (tmp_path / "out.html").read_text()
+    HTMLParser().feed(page)
+    assert "base/elbow" in page
+    assert "http://" not in page.replace("http://www.w3.org", "")
+    assert "nan" not in page.lower().replace("nanometre", "")
+
+    (tmp_path / "extended.toml").write_text(json.dumps(document["extended_axis"]))
+    extended = read_robot(tmp_path / "extended.toml")
+    assert extended.payload.mass_kg == pytest.approx(1.5, rel=0.2)
+    assert extended.joints[0].axis.motor.coulomb_friction_n_m == pytest.approx(2.0, rel=0.1)
+    assert all(joint.described for joint in extended.joints)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--axis", "axis.toml"], "give --axis AXIS.toml for one axis, or --robot ROBOT.toml"),
+        (["--sound", "s.wav"], "sound is investigated with an axis"),
+    ],
+)
+def test_a_robot_with_what_belongs_to_an_axis_is_wrong_usage(tmp_path: Path, words: list[str], said: str) -> None:
+    done = gearcase("investigate", *make(tmp_path), *words, data_dir=tmp_path / "data")
+    assert done.code == 2
+    assert said in " ".join(done.stderr.replace("│", " ").split())
+
+
+def test_without_a_map_the_refusal_has_one(tmp_path: Path) -> None:
+    done = gearcase("investigate", *make(tmp_path)[:4], data_dir=tmp_path / "data")
+    assert done.code == 2
+    for line in ('schema = "gearcase-channels/1"', "[motor_position_rad]", "column = [2, 3]", "column = [4, 5]"):
+        assert line in done.stderr
+
+
+def test_nothing_measured_is_refused(tmp_path: Path) -> None:
+    make(tmp_path)
+    with pytest.raises(InvestigationError, match="a robot needs telemetry of its joints"):
+        investigate_robot(read_robot(tmp_path / "robot.toml"), [])
+
+
+UR10E_MAP = """schema = "gearcase-channels/1"
+header = false
+[time_s]
+column = 1
+[motor_position_rad]
+column = [2, 3, 4, 5, 6, 7]
+[motor_torque_nm]
+column = [14, 15, 16, 17, 18, 19]
+unit = "A"
+factor = [10.0, 10.6956, 8.4566, 9.0029, 9.48, 10.1232]
+"""
+UR10E = [f"{name}_joint" for name in ("shoulder_pan", "shoulder_lift", "elbow", "wrist_1", "wrist_2", "wrist_3")]
+
+
+def ur10e(folder: Path, *logs: str) -> dict[str, object]:
+    (folder / "map.toml").write_text(UR10E_MAP)
+    urdf = shared("data", "robots", "ur10e", "ur10e.urdf")
+    (folder / "ur10e.urdf").write_bytes(urdf.read_bytes())
+    joints = "".join(f'[[joints]]\nname = "{name}"\n' for name in UR10E)
+    (folder / "robot.toml").write_text(f'schema = "gearcase-robot/1"\nurdf = "ur10e.urdf"\n{joints}')
+    files = [word for log in logs for word in ("--telemetry", str(urdf.parent / log))]
+    words = ["--robot", str(folder / "robot.toml"), "--channels", str(folder / "map.toml"), *files]
+    done = gearcase("investigate", *words, "--json", data_dir=folder / "data")
+    assert done.code == 0, done.stderr
+    document: dict[str, object] = json.loads(done.stdout)
+    return document
+
+
+def said(document: dict[str, object]) -> dict[tuple[str, str], dict[str, object]]:
+    findings = document["findings"]
+    assert isinstance(findings, list)
+    return {(f["mechanism"], f["location"]): f for f in findings if f["probability"] >= 0.9}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("log", "holds"), [("harmonics_20s.csv", 0.0), ("without_payload.csv", 0.0), ("with_payload.csv", 2.6)]
+)
+def test_friction_and_payload_of_a_real_arm(tmp_path: Path, log: str, holds: float) -> None:
+    found = said(ur10e(tmp_path, log))
+    assert {(m, joint) for m in FRICTION for joint in UR10E} <= set(found)
+    assert (("payload", "payload") in found) == bool(holds)
+    if holds:
+        parameters = found["payload", "payload"]["parameters"]
+        assert isinstance(parameters, list)
+        assert 2.4 <= parameters[0]["value"] <= 2.8
+        assert parameters[0]["low"] < holds < parameters[0]["high"]
