@@ -6,6 +6,7 @@ import hashlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import version
 
 import numpy as np
@@ -61,8 +62,8 @@ def investigate_robot(
     last, shared = logs[-1], fits[-1]
     joints = []
     for k, (joint, telemetry) in enumerate(zip(robot.joints, last.joints, strict=True)):
-        progress(joint.name, 0.15 + 0.8 * k / len(robot.joints))
-        joints.append(JointInvestigation(joint.name, _of_joint(joint, telemetry, shared, k)))
+        watch = partial(_within, progress, f"joint {k + 1} of {len(robot.joints)}, {joint.name}", k, len(robot.joints))
+        joints.append(JointInvestigation(joint.name, _of_joint(joint, telemetry, shared, k, watch)))
     joints, remarks = _of_log(joints)
     payload = _payload_finding(robot, logs, fits)
     found = [f for joint in joints for f in joint.investigation.findings] + ([] if payload is None else [payload])
@@ -76,7 +77,12 @@ def investigate_robot(
     )  # fmt: skip
 
 
-def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int) -> Investigation:
+def _within(progress: Progress, name: str, place: int, joints: int, stage: str, share: float) -> None:
+    """How far the whole is, by how far one joint is."""
+    progress(name, 0.15 + 0.8 * (place + share) / joints)
+
+
+def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int, progress: Progress) -> Investigation:
     """One joint, whose load asks for what the rigid body does besides the inertia that its description has."""
     motion, load = shared.motion, joint.axis.load.inertia_kg_m2
     known = shared.known[:, place] - load * motion.acceleration[:, place]
@@ -85,7 +91,7 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int)
         channels["motor_position_rad"] = channels["load_position_rad"] * joint.axis.ratio
     doubts = motion.on(shared.errors[place], telemetry.time_s)
     try:
-        return investigate(joint.axis, replace(telemetry, channels=channels), known_doubts=doubts)
+        return investigate(joint.axis, replace(telemetry, channels=channels), progress=progress, known_doubts=doubts)
     except InvestigationError as error:
         raise InvestigationError(f"{joint.name}: {error}") from None
 

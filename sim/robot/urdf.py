@@ -9,8 +9,14 @@ from xml.parsers import expat
 MOVING = ("revolute", "continuous", "prismatic")
 KNOWN = (*MOVING, "fixed")
 KEPT = ("link", "joint")
-KEPT_IN = {"link": ("inertial",), "joint": ("parent", "child", "origin", "axis", "limit")}
+KEPT_IN = {
+    "link": ("inertial",),
+    "joint": ("parent", "child", "origin", "axis", "limit"),
+    "inertial": ("origin", "mass", "inertia"),
+}
 MOST_ELEMENTS = 20_000
+MOST_MOVING = 128
+"""Joints that move: a humanoid with its fingers has about 60; the regressor grows with their square."""
 
 
 class UrdfError(ValueError):
@@ -54,8 +60,7 @@ def read_urdf(text: bytes) -> Urdf:
         if not name or name in names[part.tag]:
             raise UrdfError(f"<{part.tag}> {name!r}: a name that no other {part.tag} has is missing")
         names[part.tag].add(name)
-        copy = ElementTree.SubElement(kept, part.tag, dict(part.attrib))
-        copy.extend([child for child in part if child.tag in KEPT_IN[part.tag]])
+        _keep(kept, part)
         if part.tag == "link":
             continue
         kind = part.get("type", "")
@@ -69,8 +74,18 @@ def read_urdf(text: bytes) -> Urdf:
     _check_tree(kept, names["link"])
     if not moving:
         raise UrdfError("no joint moves")
+    if len(moving) > MOST_MOVING:
+        raise UrdfError(f"{len(moving)} joints move; there may be {MOST_MOVING}: take out what was not moved")
     text_kept = ElementTree.tostring(kept, encoding="unicode")
     return Urdf(root.get("name", "robot"), text_kept, tuple(moving), frozenset(prismatic), limits)
+
+
+def _keep(parent: ElementTree.Element, part: ElementTree.Element) -> None:
+    """Copy an element with those of its children alone that are looked at."""
+    copy = ElementTree.SubElement(parent, part.tag, dict(part.attrib))
+    for child in part:
+        if child.tag in KEPT_IN.get(part.tag, ()):
+            _keep(copy, child)
 
 
 def _parsed(text: bytes) -> ElementTree.Element:
