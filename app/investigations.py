@@ -1,4 +1,4 @@
-"""Investigations: measured data of an axis come in, a job looks for what the model misses, its document is kept.
+"""Investigations: measured data of an axis or a robot come in, a job looks for what the model misses.
 
 An investigation and its job have the same id. Files are kept by their content like recordings, so that a worker on
 another process finds them, and so that an investigation can be done again.
@@ -24,17 +24,21 @@ from casebase.description import check_name
 from casebase.errors import ConflictError, NotFoundError
 from casebase.library import CaseLibrary
 from casebase.models import AxisRevision, StoredInvestigation, new_id, now
+from casebase.signals.channel_map import joint_maps
 from casebase.signals.decode import read_recording
+from casebase.signals.documents import parse_foreign
 from casebase.signals.errors import SignalError
 from casebase.signals.telemetry import check_telemetry, read_telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.pairing import check_as_new, check_pairs
 from sim.errors import AxisError, SimulationError
+from sim.robot.foreign import ForeignRobot, kept_robot
 
 KIND = "investigations"
 ACTOR = "investigator"
-PARTS = ("telemetry", "sound", "as_new")
+PARTS = ("telemetry", "sound", "as_new", "urdf")
+"""What an investigation keeps files of; one with a URDF is of a robot."""
 
 
 @dataclass(frozen=True)
@@ -47,9 +51,10 @@ class Measured:
 
 @dataclass(frozen=True)
 class Question:
-    """What is to be investigated: an axis, and measured data that was read and is kept."""
+    """What is to be investigated: an axis (`axis`: its name) or a robot (None), and measured data that is kept."""
 
-    axis: Axis
+    axis: str | None
+    description: Mapping[str, object]
     inputs: Mapping[str, object]
 
 
@@ -88,22 +93,52 @@ def take_in(
         if files:
             inputs[part] = [_kept(library, file) for file in files]
     check_as_new(*([str(one["sha256"]) for one in files_of(inputs, part)] for part in ("sound", "as_new")))
-    return Question(axis, inputs)
+    return Question(axis.name, axis.to_mapping(), inputs)
+
+
+def take_in_robot(
+    library: CaseLibrary, robot: ForeignRobot, urdf: Measured, telemetries: Sequence[Measured], channels: str = ""
+) -> Question:
+    """Check and keep what was measured of a robot's joints; as `take_in` for an axis.
+
+    Raises:
+        AxisError: if there is no telemetry, or the same twice.
+        SignalError: if the channel map does not fit the joints, or telemetry cannot be read; with the joint's name.
+    """
+    if not telemetries:
+        raise AxisError("nothing to investigate: a robot needs telemetry of its joints")
+    check_name("robot.name", robot.name)
+    maps = joint_maps(channels or None, robot.joints, parse_foreign)
+    for measured in telemetries:
+        for joint, map_ in zip(robot.joints, maps, strict=True):
+            read = partial(_checked_joint, joint=joint, channels=map_)
+            _readable(measured, read, several=len(telemetries) > 1)
+    kept = [_kept(library, measured) for measured in telemetries]
+    _refuse_twice(kept)
+    inputs: dict[str, object] = {"urdf": _kept(library, urdf), "telemetry": kept if len(kept) > 1 else kept[0]}
+    return Question(None, robot.document, inputs | ({"channels": channels} if channels else {}))
+
+
+def _checked_joint(path: Path, joint: str, channels: str | None) -> None:
+    try:
+        check_telemetry(path, channels=channels)
+    except SignalError as error:
+        raise type(error)(f"{joint}: {error}") from error
 
 
 def submit(session: Session, question: Question) -> StoredInvestigation:
     """Store what is asked; the caller orders the job, under the investigation's id, in this transaction."""
     row = StoredInvestigation(
         id=new_id(),
-        axis=question.axis.name,
-        axis_document=question.axis.to_mapping(),
+        axis=question.axis,
+        axis_document=dict(question.description),
         inputs=dict(question.inputs),
         created_by=audit.actor_of(session),
     )
     row.job_id = row.id
     session.add(row)
     session.flush()
-    asked = {"axis": question.axis.name, **question.inputs}
+    asked = {("robot" if row.robot else "axis"): row.subject, **question.inputs}
     audit.record(session, "investigation.asked", ("investigation", row.id), after=asked)
     return row
 
@@ -176,9 +211,14 @@ def accept(session: Session, row: StoredInvestigation) -> AxisRevision:
     The first revision of an axis that is new here is the description as it was given.
 
     Raises:
-        ConflictError: if it is not finished or found nothing that would extend the model.
+        ConflictError: if it is not finished, is of a robot, or found nothing that would extend the model.
     """
     document = document_of(row)
+    if row.robot:
+        raise ConflictError(
+            f"investigation {row.id} is of a robot, of which no revisions are kept here: take extended_axis of its "
+            "document as the next robot.toml"
+        )
     extended = document.get("extended_axis")
     if document.get("verdict") != "named" or not isinstance(extended, dict) or not extended:
         raise ConflictError(
@@ -230,6 +270,8 @@ def perform(library: CaseLibrary, investigation_id: str, report: Report) -> Json
 
 
 def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report) -> tuple[dict[str, object], str]:
+    if row.robot:
+        return _investigated_robot(library, row, report)
     if len(_paths(library, row, "telemetry")) > 1:
         return _investigated_together(library, row, report)
     # only a worker pays for importing what investigates
@@ -270,6 +312,24 @@ def _investigated_together(
         recordings[place] = replace(recordings[place], sound=read_recording(path), sound_name=name)
     found = investigate_together(read_axis(row.axis_document), recordings, report, _offset(row))
     return _plain(found.document()), html_report_together(found)
+
+
+def _investigated_robot(
+    library: CaseLibrary, row: StoredInvestigation, report: Report
+) -> tuple[dict[str, object], str]:
+    from sim.robot.investigation import investigate_robot
+    from sim.robot.log import read_log
+    from sim.robot.report import robot_report, robot_story
+
+    (urdf,) = _paths(library, row, "urdf")
+    robot = kept_robot(row.axis_document, urdf.read_bytes())
+    logs = [
+        replace(read_log(robot, path, _channels(row)), name=name)
+        for path, name in zip(_paths(library, row, "telemetry"), names_of(row, "telemetry"), strict=True)
+    ]
+    found = investigate_robot(robot, logs, report)
+    files = [name for part in ("urdf", "telemetry") for name in names_of(row, part)]
+    return _plain({**found.document(), "story": robot_story(found)}), robot_report(found, files)
 
 
 def _plain(document: Mapping[str, object]) -> dict[str, object]:

@@ -39,7 +39,7 @@ class Settings(BaseSettings):
     document_bytes: PositiveInt = Field(1 * MEBIBYTE, description="any other request with a key, whole")
     anonymous_bytes: PositiveInt = Field(8 * 1024, description="a request to what needs no key, such as the sign-in")
     metadata_bytes: PositiveInt = Field(64 * 1024, description="one form field of a multipart request")
-    form_parts: PositiveInt = Field(8, description="form fields of a multipart request; as many files")
+    form_parts: PositiveInt = Field(16, description="form fields of a multipart request; as many files")
     header_timeout_s: PositiveFloat = Field(10.0, description="until a request's headers must have arrived")
     body_timeout_s: PositiveFloat = Field(20.0, description="until the body of what is no upload must have arrived")
     upload_timeout_s: PositiveFloat = Field(300.0, description="until an upload must have arrived")

@@ -25,8 +25,8 @@ from casebase.signals.text import is_whole, text_of
 
 BLOCK = 1024 * 1024
 NAME_CHARACTERS = 255
-SEVERAL = ("sound", "telemetry", "as_new")
-"""Parts that may come more than once: recordings of one axis."""
+SEVERAL = ("sound", "telemetry", "as_new", "axis")
+"""Parts that may come more than once: recordings of one axis, axes of a robot's joints."""
 
 
 @dataclass(frozen=True)
@@ -67,13 +67,28 @@ class Upload:
         """Return the text of this part, whether sent as a field or as a file; empty where it is missing."""
         if name not in self.files:
             return text_of(self.fields.get(name, ""))
-        file = self.files[name]
-        if file.size > limit:
-            raise TooLarge(f"The part {name!r} has {file.size} bytes; it may have {limit}.")
-        try:
-            return text_of(file.path.read_bytes())
-        except TextError:
-            raise Unprocessable(f"The part {name!r} is not UTF-8 text.") from None
+        return _text(name, self.files[name], limit)
+
+    def texts(self, name: str, limit: int) -> dict[str, str]:
+        """Return the texts of all files of this part, by the names of the files.
+
+        Raises:
+            Unprocessable: if two have the same name, or one is not UTF-8 text.
+            TooLarge: if one is longer than the limit.
+        """
+        found: dict[str, str] = {}
+        for file in self.all_of(name):
+            if file.name in found:
+                raise Unprocessable(f"The form has two files {file.name!r} in the parts {name!r}; give each its name.")
+            found[file.name] = _text(name, file, limit)
+        return found
+
+    def filled(self) -> "Upload":
+        """Return it without files of no bytes: a browser sends one for each field that was left alone."""
+        kept = [(name, file) for name, file in (*self.files.items(), *self.more) if file.size]
+        first = dict(reversed(kept))
+        more = tuple(each for each in kept if first[each[0]] is not each[1])
+        return Upload(first, self.fields, more)
 
     def only(self, *known: str) -> None:
         """Refuse parts that nobody asked for.
@@ -84,6 +99,15 @@ class Upload:
         unknown = sorted({*self.files, *self.fields} - set(known))
         if unknown:
             raise Unprocessable(f"The form has unknown parts: {', '.join(unknown)}. Known: {', '.join(known)}.")
+
+
+def _text(part: str, file: UploadedFile, limit: int) -> str:
+    if file.size > limit:
+        raise TooLarge(f"The part {part!r} has {file.size} bytes; it may have {limit}.")
+    try:
+        return text_of(file.path.read_bytes())
+    except TextError:
+        raise Unprocessable(f"The part {part!r} is not UTF-8 text.") from None
 
 
 def _store(part: UploadFile, folder: Path, number: int) -> UploadedFile:

@@ -262,6 +262,16 @@ class StoredInvestigation(Base):
     def document(self, given: dict[str, Any] | None) -> None:
         self.written = given
 
+    @property
+    def robot(self) -> str | None:
+        """Name of the robot whose joints are investigated; None where it is a single axis."""
+        return str(self.axis_document["name"]) if "urdf" in self.inputs else None
+
+    @property
+    def subject(self) -> str | None:
+        """Name of the axis or robot."""
+        return self.robot or self.axis
+
 
 class StoredJob(Base):
     """A job as it was ordered and how it ended; how far it is in between, the job engine knows.

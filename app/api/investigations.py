@@ -1,7 +1,9 @@
-"""Investigations: what the simulation of an axis gets wrong, by measured data."""
+"""Investigations: what the model of an axis or a robot gets wrong, by measured data."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import partial
 
 from fastapi import APIRouter, Request, Response, status
 from pydantic import AwareDatetime, BaseModel, Field
@@ -11,9 +13,20 @@ from sqlalchemy.orm import Session
 from app.accept import chosen
 from app.api.jobs import JobDocument
 from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf, page_of
-from app.errors import Unprocessable
+from app.errors import TooLarge, Unprocessable
 from app.idempotency import Made, OnlyOnce
-from app.investigations import KIND, Measured, accept, document_of, get_investigation, state_of, submit, take_in
+from app.investigations import (
+    KIND,
+    Measured,
+    Question,
+    accept,
+    document_of,
+    get_investigation,
+    state_of,
+    submit,
+    take_in,
+    take_in_robot,
+)
 from app.location import location
 from app.security import Admin, Operator, Viewer
 from app.service import Reading, Service, TheService
@@ -24,9 +37,13 @@ from casebase.models import StoredInvestigation
 from casebase.pages import page
 from sim.description.axis import Axis
 from sim.description.axis_document import parse_axis, read_axis
+from sim.robot.foreign import ForeignRobot, check_foreign
+from sim.robot.robot import LARGEST_URDF_BYTES
 
 router = APIRouter(tags=["investigations"])
-PARTS = ("axis", "telemetry", "sound", "as_new", "sound_offset_s", "channels")
+OF_AXIS = ("axis", "telemetry", "sound", "as_new", "sound_offset_s", "channels")
+OF_ROBOT = ("robot", "urdf", "axis", "telemetry", "channels")
+PARTS = tuple(dict.fromkeys((*OF_AXIS, *OF_ROBOT)))
 HTML, JSON = "text/html", "application/json"
 BINARY = {"type": "string", "format": "binary"}
 BODY = {
@@ -36,18 +53,25 @@ BODY = {
             "multipart/form-data": {
                 "schema": {
                     "type": "object",
-                    "required": ["axis"],
+                    "anyOf": [{"required": ["axis"]}, {"required": ["robot", "urdf", "telemetry"]}],
                     "additionalProperties": False,
                     "properties": {
                         "axis": {
                             "type": "string",
-                            "description": "axis.toml, the same as JSON, or a stored axis' name",
+                            "description": "axis.toml, the same as JSON, or a stored axis' name; with a robot a file "
+                            "for each that its joints name",
                         },
+                        "robot": {
+                            "type": "string",
+                            "description": "instead of an axis: robot.toml or the same as JSON, of all logged joints",
+                        },
+                        "urdf": {**BINARY, "description": "the robot's links and joints, as URDF"},
                         "telemetry": {
                             "type": "array",
                             "items": BINARY,
                             "description": "CSV, Parquet, MAT, TDMS or MCAP, columns known by name and unit; several "
-                            "recordings of the same axis are taken together",
+                            "recordings of the same axis are taken together, of several logs of a robot the last is "
+                            "investigated",
                         },
                         "sound": {
                             "type": "array",
@@ -64,7 +88,7 @@ BODY = {
                         "channels": {
                             "type": "string",
                             "description": "channel map, TOML or the same as JSON: which columns of the telemetry are "
-                            "which channels, in what units",
+                            "which channels, in what units; of a robot with lists, one entry a joint",
                         },
                         "sound_offset_s": {
                             "type": "number",
@@ -90,6 +114,7 @@ class InvestigationAnswer(Answer):
     id: str
     state: str
     axis: str | None
+    robot: str | None = Field(None, description="instead of an axis, where all joints of a robot are investigated")
     error: str | None
     created_at: AwareDatetime
     finished_at: AwareDatetime | None
@@ -117,7 +142,10 @@ class InvestigationDocument(BaseModel):
     "/investigations", status_code=status.HTTP_202_ACCEPTED, response_model=InvestigationJob, openapi_extra=BODY
 )
 def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request) -> Response:
-    """Ask what the model of an axis misses: parts `axis`, and `telemetry`, `sound` or both. Answers the job.
+    """Ask what the model of an axis or a robot misses. Answers the job.
+
+    Of an axis: parts `axis`, and `telemetry`, `sound` or both. Of a robot: `robot`, `urdf`, `telemetry` and `channels`,
+    which has a column for each logged joint; an `axis` file for each that a joint names.
 
     `telemetry` and `sound` may come several times: recordings of one axis, whose evidence is taken together. The k-th
     sound belongs to the k-th telemetry; the document then has `recordings`, each with what it says by itself. Sound
@@ -126,18 +154,11 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
     """
     upload.only(*PARTS)
     service = once.service
-    axis = axis_of(service, upload)
-    offset = offset_of(upload)
-    telemetry, sounds, as_new = (
-        tuple(Measured(file.path, file.name) for file in upload.all_of(name)) for name in PARTS[1:4]
-    )
-    hashes = [(name, file.sha256) for name in PARTS for file in upload.all_of(name)]
-    channels = upload.text("channels", service.settings.document_bytes).strip()
-    content = (axis.to_mapping(), hashes, offset, *([channels] if channels else []))
-    kept = once.replay(*content)
+    asked = asked_of(service, upload)
+    kept = once.replay(*asked.content)
     if kept is not None:
         return kept
-    question = take_in(service.library, axis, telemetry, sounds, offset, as_new, channels)
+    question = asked.take_in()
 
     def work(session: Session) -> Made:
         row = submit(session, question)
@@ -148,7 +169,68 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
         answer = InvestigationJob(**document, investigation_id=row.id)
         return Made(answer, location, status=status.HTTP_202_ACCEPTED)
 
-    return once.run(work, *content)
+    return once.run(work, *asked.content)
+
+
+@dataclass(frozen=True)
+class Asked:
+    """A request whose description was read: `content` is all that makes it the same as another."""
+
+    content: tuple[object, ...]
+    take_in: Callable[[], Question]
+
+
+def asked_of(service: Service, upload: Upload) -> Asked:
+    """Return what a form asks for: an investigation of an axis, or of a robot.
+
+    Raises:
+        Unprocessable: if parts are missing or do not go together.
+        AxisError: if the description of the axis or robot is wrong.
+    """
+    hashes = [(name, file.sha256) for name in PARTS for file in upload.all_of(name)]
+    telemetry, sounds, as_new = (
+        tuple(Measured(file.path, file.name) for file in upload.all_of(name))
+        for name in ("telemetry", "sound", "as_new")
+    )
+    channels = upload.text("channels", service.settings.document_bytes).strip()
+    mapped = [channels] if channels else []
+    if {"robot", "urdf"} & {*upload.files, *upload.fields}:
+        robot = robot_of(service, upload)
+        urdf = Measured(upload.file("urdf").path, upload.file("urdf").name)
+        take = partial(take_in_robot, service.library, robot, urdf, telemetry, channels)
+        return Asked((robot.document, hashes, *mapped), take)
+    axis = axis_of(service, upload)
+    offset = offset_of(upload)
+    take = partial(take_in, service.library, axis, telemetry, sounds, offset, as_new, channels)
+    return Asked((axis.to_mapping(), hashes, offset, *mapped), take)
+
+
+def robot_of(service: Service, upload: Upload) -> ForeignRobot:
+    """Return the robot of a request.
+
+    Raises:
+        Unprocessable: if a part is missing, or does not go with a robot.
+        RobotError: if the description is wrong.
+    """
+    limit = service.settings.document_bytes
+    text = upload.text("robot", limit).strip()
+    if not text:
+        raise Unprocessable("The part 'urdf' belongs to a robot: send its robot.toml, or the same as JSON, as 'robot'.")
+    besides = sorted({*upload.files, *upload.fields} - {*OF_ROBOT, "csrf"})
+    if {"sound", "as_new", "sound_offset_s"} & {*besides}:
+        raise Unprocessable(
+            f"The part {besides[0]!r} does not go with a robot: sound is investigated with the axis of the joint that "
+            "is heard; leave it out, or send 'axis' instead of 'robot'."
+        )
+    if upload.fields.get("axis", "").strip():
+        raise Unprocessable(
+            "The parts 'axis' and 'robot' are one too many: send the axis alone, or the robot. An axis of one of its "
+            "joints comes as a file, under the name that the joint gives, or as a table in the robot's description."
+        )
+    urdf = upload.file("urdf")
+    if urdf.size > LARGEST_URDF_BYTES:
+        raise TooLarge(f"The part 'urdf' has {urdf.size} bytes; it may have {LARGEST_URDF_BYTES}.")
+    return check_foreign(text, urdf.path.read_bytes(), upload.texts("axis", limit))
 
 
 def axis_of(service: Service, upload: Upload) -> Axis:
@@ -158,9 +240,14 @@ def axis_of(service: Service, upload: Upload) -> Axis:
         Unprocessable: if it is missing.
         AxisError: if the description is wrong or none of these.
     """
+    if len(upload.all_of("axis")) > 1:
+        raise Unprocessable("The form has the part 'axis' twice; one axis is investigated at a time, or a robot.")
     text = upload.text("axis", service.settings.document_bytes).strip()
     if not text:
-        raise Unprocessable("The form needs the part 'axis': an axis.toml, the same as JSON, or a stored axis' name.")
+        raise Unprocessable(
+            "The form needs the part 'axis': an axis.toml, the same as JSON, or a stored axis' name; or, of a whole "
+            "robot, the parts 'robot', 'urdf', 'telemetry' and 'channels'."
+        )
     if not any(mark in text for mark in "{=\n"):
         with service.library.reading() as session:
             return read_axis(get_axis(session, text).document)

@@ -6,6 +6,7 @@ import hashlib
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from importlib.metadata import version
 
 import numpy as np
@@ -15,6 +16,7 @@ from sim.discrepancy.data.data_fault import InvestigationError
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, rounded
 from sim.robot.motion import Motion
+from sim.robot.one_body import as_described, at_the_motor, is_one_body
 from sim.robot.plausibility import check_robot
 from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
@@ -62,8 +64,8 @@ def investigate_robot(
     last, shared = logs[-1], fits[-1]
     joints = []
     for k, (joint, telemetry) in enumerate(zip(robot.joints, last.joints, strict=True)):
-        progress(joint.name, 0.15 + 0.8 * k / len(robot.joints))
-        joints.append(JointInvestigation(joint.name, _of_joint(joint, telemetry, shared, k)))
+        watch = partial(_within, progress, f"joint {k + 1} of {len(robot.joints)}, {joint.name}", k, len(robot.joints))
+        joints.append(JointInvestigation(joint.name, _of_joint(joint, telemetry, shared, k, watch)))
     joints, remarks = _of_log(joints)
     payload = _payload_finding(robot, logs, fits)
     found = [f for joint in joints for f in joint.investigation.findings] + ([] if payload is None else [payload])
@@ -77,21 +79,35 @@ def investigate_robot(
     )  # fmt: skip
 
 
-def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int) -> Investigation:
+def _within(progress: Progress, name: str, place: int, joints: int, stage: str, share: float) -> None:
+    """How far the whole is, by how far one joint is."""
+    progress(name, 0.15 + 0.8 * (place + share) / joints)
+
+
+def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int, progress: Progress) -> Investigation:
     """One joint, whose load asks for what the rigid body does besides the inertia that its description has."""
-    motion, load = shared.motion, joint.axis.load.inertia_kg_m2
+    motion, axis = shared.motion, joint.axis
     if not motion.moves[place]:
         return _held(joint)
+    load, ratio, told = axis.load.inertia_kg_m2, axis.ratio, axis
+    if as_one_body := is_one_body(axis, telemetry):
+        axis, load = at_the_motor(axis), 0.0
     telemetry = _counting(telemetry, motion)
     known = shared.known[:, place] - load * motion.acceleration[:, place]
-    channels = {**telemetry.channels, "known_torque_nm": motion.on(known, telemetry.time_s)}
-    if "motor_position_rad" not in channels:
-        channels["motor_position_rad"] = channels["load_position_rad"] * joint.axis.ratio
     doubts = motion.on(shared.errors[place], telemetry.time_s)
+    known = motion.on(known, telemetry.time_s)
+    channels = {**telemetry.channels}
+    if "motor_position_rad" not in channels:
+        channels["motor_position_rad"] = channels["load_position_rad"] * ratio
+    if as_one_body:
+        channels.pop("load_position_rad", None)
+        known, doubts = known / ratio, doubts / ratio
+    channels["known_torque_nm"] = known
     try:
-        return investigate(joint.axis, replace(telemetry, channels=channels), known_doubts=doubts)
+        one = investigate(axis, replace(telemetry, channels=channels), known_doubts=doubts)
     except InvestigationError as error:
         raise InvestigationError(f"{joint.name}: {error}") from None
+    return replace(one, extended=as_described(told, one.extended)) if as_one_body else one
 
 
 def _held(joint: Joint) -> Investigation:

@@ -10,15 +10,6 @@ from casebase.signals.telemetry import Telemetry, read_telemetry
 from sim.robot.investigation import RobotLog
 from sim.robot.robot import Robot
 
-WITHOUT_MAP = """a robot's log needs a channel map (--channels MAP.toml) with one column a joint, in the joints' order:
-schema = "gearcase-channels/1"
-[time_s]
-column = 1
-[motor_position_rad]
-column = [{position}]
-[motor_torque_nm]
-column = [{torque}]"""
-
 
 def read_log(robot: Robot, path: Path, channels: str | None) -> RobotLog:
     """Read each joint's telemetry.
@@ -29,11 +20,7 @@ def read_log(robot: Robot, path: Path, channels: str | None) -> RobotLog:
         as `read_telemetry`, beginning with the joint; and where there is no map for several joints.
     """
     names = [joint.name for joint in robot.joints]
-    if channels is None and len(names) > 1:
-        raise TelemetryError(
-            WITHOUT_MAP.format(position=_columns(2, len(names)), torque=_columns(2 + len(names), len(names)))
-        )
-    maps = (None,) if channels is None else joint_maps(channels, names)
+    maps = joint_maps(channels, names)
     return RobotLog(path.name, tuple(_read(path, name, map_) for name, map_ in zip(names, maps, strict=True)))
 
 
@@ -42,7 +29,3 @@ def _read(path: Path, joint: str, channels: str | None) -> Telemetry:
         return read_telemetry(path, channels=channels)
     except TelemetryError as error:
         raise TelemetryError(f"{joint}: {error}") from None
-
-
-def _columns(first: int, count: int) -> str:
-    return ", ".join(str(first + k) for k in range(count))

@@ -1,27 +1,32 @@
 # ruff: noqa: E501
-"""One HTML file of a robot: the arm with what was found at its joints, a table of all joints, then each joint's story."""
+"""One HTML file of a robot: the arm with what was found at its joints, a table of all joints, then each joint's story.
+
+`robot_story` is the same for a page that draws by itself.
+"""
 
 from __future__ import annotations
 
 import html
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.discrepancy.report.drawing import svg
-from sim.discrepancy.report.formatting import likely, number
+from sim.discrepancy.report.formatting import likely, number, words_of
 from sim.discrepancy.report.html import STYLE, estimate_cells, html_report, table
 from sim.discrepancy.report.joint_html import FOLD, STYLES, WIDTH, body_of
-from sim.discrepancy.report.panels import MEASURED, Panel
+from sim.discrepancy.report.panels import EXTENDED, MEASURED, Panel
+from sim.discrepancy.report.residual_panels import channels
 from sim.discrepancy.results import SAID, Finding
+from sim.robot import picture
+from sim.robot.picture import SAYS
 from sim.robot.results import JointInvestigation, RobotInvestigation
+from sim.robot.rigid_body import RigidBody
 
-SIZE = 520  # of the picture [px]
-MARKS = {"nothing_missing": ("●", "var(--first)"), "named": ("▲", "var(--second)"), "unnamed": ("?", "var(--third)")}
-SAYS = {"nothing_missing": "nothing is missing", "named": "something was named", "unnamed": "something without a name"}
+RIGID, REST = "rigid body, as described", "left by the last"
 USUAL = ("coulomb_friction", "viscous_friction")
-MOST_ROWS = 1500  # of a plot
+MOST_ROWS = 1000  # of a plot
 Array = NDArray[np.float64]
 
 
@@ -59,44 +64,74 @@ def lines(result: RobotInvestigation) -> Iterable[str]:
     yield result.next_measurement
 
 
-def robot_report(result: RobotInvestigation) -> str:
-    """The investigation of a robot as one HTML page that loads nothing."""
+def robot_story(result: RobotInvestigation) -> dict[str, object]:
+    """Headline, the arm as it is seen, and the torques of all joints, as JSON."""
+    return {
+        "headline": headline(result),
+        "arm": [[round(float(x), 4) for x in place] for place in picture.seen(_places(result))],
+        "overlay": [panel.document() for panel in torque_panels(result)],
+    }
+
+
+def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
+    """The investigation of a robot as one HTML page that loads nothing; `files`: names of what it was made of."""
     pages = [html_report(joint.investigation) for joint in result.joints]
     head = "".join(dict.fromkeys(style for page in pages for style in STYLES.findall(page.split("<body")[0])))
     name = html.escape(result.robot.name)
+    from_files = f" · {html.escape(', '.join(files))}" if files else ""
     stories = [
-        f'<details id="{html.escape(joint.name)}"><summary>{html.escape(joint.name)}: {SAYS[joint.investigation.verdict]}'
-        f"</summary>{body_of(page, place)}</details>"
+        f"<details><summary>{html.escape(joint.name)}: {SAYS[joint.investigation.verdict]}</summary>"
+        f'<div id="joint-{place}">{body_of(page, place)}</div></details>'
         for place, (joint, page) in enumerate(zip(result.joints, pages, strict=True), start=1)
     ]
     body = "\n".join(
         [
-            f'<header class="box"><p class="quiet">Model against measurement: {name}</p><h1>{html.escape(headline(result))}</h1>'
+            f'<header class="box"><p class="quiet">Model against measurement: {name}{from_files}</p><h1>{html.escape(headline(result))}</h1>'
             f"<p>Next measurement: {html.escape(result.next_measurement)}</p></header>",
             *(f"<p>{html.escape(remark)}</p>" for remark in result.remarks),
-            "<h2>The arm</h2>", _picture(result),
-            "<h2>All joints</h2>", _joints(result),
+            "<h2>The arm and its joints</h2>", _picture(result), _joints(result),
             "<h2>Findings</h2>", *_told(result),
-            "<h2>Torque of each joint</h2>", '<div class="plots">', *(svg(p) for p in torque_panels(result)), "</div>",
+            "<h2>Torque of each joint</h2>", f'<p class="quiet">{TORQUES}</p>',
+            '<div class="plots">', *(svg(p) for p in torque_panels(result)), "</div>",
             "<h2>Each joint by itself</h2>", *stories,
         ]
     )  # fmt: skip
     return (
         f'<!doctype html><html lang="en"><head><meta charset="utf-8">{WIDTH}<title>Investigation of {name}</title>'
-        f"<style>{STYLE}</style>{head}<style>{FOLD}</style></head><body>{body}</body></html>"
+        f"<style>{STYLE}</style>{head}<style>{FOLD}{picture.STYLE}</style></head><body>{body}</body></html>"
     )
 
 
+TORQUES = (
+    "Measured, as the rigid body of the description asks for, and with all that was found; and what the last leaves. "
+    "At the joint, smoothed alike."
+)
+
+
 def torque_panels(result: RobotInvestigation) -> list[Panel]:
-    """Of each joint over time: measured torque, what the rigid body asks for, what it leaves."""
+    """Of each joint over time: measured torque, what the rigid body asks for, with what was found, what that leaves."""
     shared, out = result.shared, []
-    step = max(1, len(shared.motion.time_s) // MOST_ROWS)
-    time_s = shared.motion.time_s[::step] - shared.motion.time_s[0]
+    step = -(-len(shared.motion.time_s) // MOST_ROWS)
+    clock = shared.motion.time_s[::step]
     for k, joint in enumerate(result.joints):
         measured, rigid = shared.motion.torque[::step, k], shared.rigid[::step, k]
-        rows = ((MEASURED, measured), ("rigid body, as described", rigid), ("left by it", measured - rigid))
-        out.append(Panel(joint.name, "time [s]", "torque at the joint [N m]", "time", time_s, rows))
+        extended = _extended(joint, clock)
+        rows = [(MEASURED, measured), (RIGID, rigid)] + ([] if extended is None else [(EXTENDED, extended)])
+        rows.append((REST, measured - rows[-1][1]))
+        title = f"{k + 1}. {joint.name}"
+        out.append(Panel(title, "time [s]", "torque at the joint [N m]", "time", clock - clock[0], tuple(rows)))
     return out
+
+
+def _extended(joint: JointInvestigation, clock: Array) -> Array | None:
+    """Torque at the joint by the extended model, on the log's clock, shape (n,) [N m]; None without a model."""
+    one = joint.investigation
+    if one.selection is None:
+        return None
+    m = one.selection.problem.measurement
+    _, left = channels(one.selection)[0].left[-1]
+    time_s = m.time_s - m.time_s[0] + clock[0]
+    return np.asarray(np.interp(clock, time_s, (m.torque - left) * one.axis.ratio), dtype=np.float64)
 
 
 def _findings(result: RobotInvestigation) -> list[tuple[str, Finding]]:
@@ -111,33 +146,43 @@ def _told(result: RobotInvestigation) -> Iterable[str]:
     if not found:
         yield "<p>None.</p>"
     for place, f in found:
-        title = f"{f.mechanism.replace('_', ' ')} at {place}: {likely(f.probability, calibrated=f.calibrated)}"
-        yield f"<h3>{html.escape(title)}</h3><p>{html.escape(f.explanation)}</p>"
-        yield table(
-            ("parameter", "value", "90 % interval", "unit"), [(e.name, *estimate_cells(e)) for e in f.parameters]
+        if f.mechanism in USUAL:
+            continue
+        title = (
+            f"{f.mechanism.replace('_', ' ').capitalize()} at {place}: {likely(f.probability, calibrated=f.calibrated)}"
         )
-        if f.action and f.mechanism not in USUAL:
+        yield f"<h3>{html.escape(title)}</h3><p>{html.escape(f.explanation)}</p>"
+        rows = [(words_of(e.name), *estimate_cells(e)) for e in f.parameters]
+        yield table(("parameter", "value", "90 % interval", "unit"), rows, (1, 2))
+        if f.indistinguishable_from:
+            yield f"<p>These data cannot tell it from {html.escape(', '.join(f.indistinguishable_from))}.</p>"
+        if f.action:
             yield f"<p>What to do now: {html.escape(f.action)}</p>"
+    usual = [(place, f) for place, f in found if f.mechanism in USUAL]
+    if usual:
+        order = {joint.name: k for k, joint in enumerate(result.joints)}
+        usual.sort(key=lambda one: order.get(one[0], len(order)))
+        rows = [
+            (
+                place,
+                words_of(f.mechanism),
+                *estimate_cells(f.parameters[0]),
+                likely(f.probability, calibrated=f.calibrated),
+            )
+            for place, f in usual
+        ]
+        yield "<h3>Friction that the description lacks</h3><p>As felt at the motor of each joint. Nearly every description lacks it.</p>"
+        yield table(("joint", "friction", "value", "90 % interval", "unit", "how sure"), rows, (2, 3))
 
 
 def _joints(result: RobotInvestigation) -> str:
     rows = []
-    for k, joint in enumerate(result.joints):
-        one, shared = joint.investigation, result.shared
-        gain = next((g for g in one.gain if g.channel == "motor_torque_nm"), None)
-        said = ", ".join(f.mechanism.replace("_", " ") for f in one.findings if f.probability >= SAID) or "nothing"
-        left = float(np.sqrt(np.mean((shared.motion.torque[:, k] - shared.rigid[:, k]) ** 2)))
-        ratio = one.axis.ratio
-        rows.append(
-            (
-                f"{MARKS[one.verdict][0]} {joint.name}",
-                number(float(np.sqrt(np.mean(shared.motion.torque[:, k] ** 2)))),
-                number(left),
-                "" if gain is None else number(gain.rms_after * ratio),
-                said,
-                "" if one.unexplained is None else "something without a name",
-            )
-        )
+    for k, joint in enumerate(result.joints, start=1):
+        one, torque = joint.investigation, result.torque_rms_nm(k - 1)
+        said = ", ".join(f.mechanism.replace("_", " ") for f in one.findings if f.probability >= SAID)
+        rest = "" if one.unexplained is None else "something without a name"
+        left = [number(torque[name]) if name in torque else "" for name in ("measured", "rigid", "extended")]
+        rows.append((f"{k}. {joint.name}", *left, said or "nothing", rest))
     heads = (
         "joint",
         "torque measured [N m]",
@@ -146,53 +191,19 @@ def _joints(result: RobotInvestigation) -> str:
         "found",
         "left over",
     )
-    return (
-        table(heads, rows)
-        + "<p class='quiet'>Effective values at the joint; of the extended model on rows that its fit has not seen.</p>"
-    )
+    note = "Effective values at the joint; of the extended model on rows that its fit has not seen."
+    return f'{table(heads, rows, (1, 2, 3))}<p class="quiet">{note}</p>'
 
 
 def _picture(result: RobotInvestigation) -> str:
-    """The arm in the middle of its motion, seen from the front and above; joints marked by shape and colour."""
-    points = _places(result)
-    flat = _projected(points)
-    span = max(float(np.ptp(flat, axis=0).max()), 1e-9)
-    margin = 70.0
-    at = (flat - flat.min(axis=0)) / span * (SIZE - 2 * margin) + margin
-    at[:, 1] = SIZE - at[:, 1]
-    way = " ".join(f"{x:.1f},{y:.1f}" for x, y in at)
-    marks = [_mark(joint, *at[k + 1]) for k, joint in enumerate(result.joints)]
-    legend = ", ".join(f"{mark} {SAYS[verdict]}" for verdict, (mark, _) in MARKS.items())
-    title = f"The arm of {html.escape(result.robot.name)} with its joints"
-    return (
-        f'<figure style="max-width:36rem"><svg viewBox="0 0 {SIZE} {SIZE}" role="img" aria-label="{title}">'
-        f'<polyline points="{way}" fill="none" stroke="var(--quiet)" stroke-width="12" stroke-linejoin="round" stroke-linecap="round" opacity=".5"/>'
-        f"{''.join(marks)}</svg><figcaption class='quiet'>{legend}</figcaption></figure>"
-    )
-
-
-def _mark(joint: JointInvestigation, x: float, y: float) -> str:
-    mark, ink = MARKS[joint.investigation.verdict]
-    name = html.escape(joint.name)
-    return (
-        f'<circle cx="{x:.1f}" cy="{y:.1f}" r="13" fill="var(--paper)" stroke="{ink}" stroke-width="3"/>'
-        f'<text x="{x:.1f}" y="{y + 6:.1f}" text-anchor="middle" font-size="17" fill="{ink}">{mark}</text>'
-        f'<text x="{x + 20:.1f}" y="{y + 5:.1f}" font-size="14" fill="currentColor">{name}</text>'
-    )
+    """The arm far from the middle of its motion, its joints marked by shape and colour."""
+    joints = [(joint.name, joint.investigation.verdict) for joint in result.joints]
+    drawn = picture.picture(result.robot.name, picture.seen(_places(result)).tolist(), joints)
+    return f'<figure>{drawn}<p class="quiet">{picture.legend()}</p></figure>'
 
 
 def _places(result: RobotInvestigation) -> Array:
     """Base, joints and flange in space [m], shape (joints + 2, 3)."""
-    from sim.robot.rigid_body import RigidBody
-
     motion = result.shared.motion
     middle = motion.position[int(np.argmax(np.abs(motion.position - motion.position.mean(axis=0)).sum(axis=1)))]
     return RigidBody.of(result.robot).places(middle)
-
-
-def _projected(points: Array) -> Array:
-    """Seen from 30 degrees to the side and 20 above, shape (n, 2)."""
-    side, above = np.radians(30.0), np.radians(20.0)
-    x, y, z = points.T
-    depth = x * np.cos(side) + y * np.sin(side)
-    return np.stack([-x * np.sin(side) + y * np.cos(side), z * np.cos(above) - depth * np.sin(above)], axis=1)

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 
+import numpy as np
+
 from sim.discrepancy.results import (
     Estimate,
     Finding,
@@ -50,6 +52,17 @@ class RobotInvestigation:
     remarks: tuple[str, ...] = ()
     reports: Mapping[str, object] = field(default_factory=dict, repr=False, compare=False)
 
+    def torque_rms_nm(self, place: int) -> dict[str, float]:
+        """Effective torque at a joint [N m]: `measured`, left by the `rigid` body, and by the `extended` model.
+
+        The last on rows that its fit has not seen, and missing where no model could be fitted.
+        """
+        measured, one = self.shared.motion.torque[:, place], self.joints[place].investigation
+        left = measured - self.shared.rigid[:, place]
+        out = {name: float(np.sqrt(np.mean(each**2))) for name, each in (("measured", measured), ("rigid", left))}
+        gains = [g.rms_after * one.axis.ratio for g in one.gain if g.channel == "motor_torque_nm"]
+        return out | ({"extended": gains[0]} if gains else {})
+
     def document(self) -> dict[str, object]:
         """JSON of the contract: finite numbers only, the same for the same bytes."""
         findings = [] if self.payload is None else [finding_document(self.payload)]
@@ -80,9 +93,10 @@ class RobotInvestigation:
                     "unexplained": None
                     if joint.investigation.unexplained is None
                     else unexplained_document(joint.investigation.unexplained),
+                    "torque_rms_nm": {name: rounded(value) for name, value in self.torque_rms_nm(k).items()},
                     "remarks": list(joint.investigation.remarks),
                 }
-                for joint in self.joints
+                for k, joint in enumerate(self.joints)
             ],
             "remarks": list(self.remarks),
             "provenance": dict(self.provenance),

@@ -9,13 +9,20 @@ from xml.parsers import expat
 
 MOVING = ("revolute", "continuous", "prismatic")
 KNOWN = (*MOVING, "fixed")
+LIMITED = ("revolute", "prismatic")
 KEPT = ("link", "joint")
-KEPT_IN = {"link": ("inertial",), "joint": ("parent", "child", "origin", "axis", "limit")}
+KEPT_IN = {
+    "link": ("inertial",),
+    "joint": ("parent", "child", "origin", "axis", "limit"),
+    "inertial": ("origin", "mass", "inertia"),
+}
 NUMBERS = {
     "origin": ("xyz", "rpy"), "axis": ("xyz",), "mass": ("value",),
     "inertia": ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), "limit": ("lower", "upper", "velocity"),
 }  # fmt: skip
 MOST_ELEMENTS, DEEPEST = 20_000, 50
+MOST_MOVING = 128
+"""Joints that move: a humanoid with its fingers has about 60; the regressor grows with their square."""
 
 
 class UrdfError(ValueError):
@@ -50,7 +57,6 @@ def read_urdf(text: bytes) -> Urdf:
     if root.tag != "robot":
         raise UrdfError(f"the document is <{root.tag[:60]}>, a URDF is <robot>; expand a xacro file first")
     kept = ElementTree.Element("robot", {"name": root.get("name", "robot")})
-    moving, prismatic, limits = [], [], {}
     names: dict[str, set[str]] = {kind: set() for kind in KEPT}
     for part in root:
         if part.tag not in KEPT:
@@ -59,28 +65,42 @@ def read_urdf(text: bytes) -> Urdf:
         if not name or name in names[part.tag]:
             raise UrdfError(f"<{part.tag}> {name!r}: a name that no other {part.tag} has is missing")
         names[part.tag].add(name)
-        copy = ElementTree.SubElement(kept, part.tag, dict(part.attrib))
-        copy.extend([child for child in part if child.tag in KEPT_IN[part.tag]])
-        for child in copy.iter():
+        for child in _keep(kept, part).iter():
             _check_numbers(f"{part.tag} {name!r}", child)
-        if part.tag == "link":
-            continue
-        kind = part.get("type", "")
-        if kind not in KNOWN:
-            raise UrdfError(f"joint {name!r}: type {kind!r} is not known here; there are {', '.join(KNOWN)}")
-        if kind in MOVING:
-            moving.append(name)
-        if kind in ("revolute", "prismatic"):
-            limits.update(_limit(name, part))
-        if kind == "prismatic":
-            prismatic.append(name)
+    kinds = _kinds(kept)
+    moving = tuple(name for name, kind in kinds.items() if kind in MOVING)
     if not moving:
         raise UrdfError("no joint moves")
+    if len(moving) > MOST_MOVING:
+        raise UrdfError(f"{len(moving)} joints move; there may be {MOST_MOVING}: take out what was not moved")
     _check_tree(kept, names["link"])
     if not any(float(mass.get("value", "0")) > 0.0 for mass in kept.iter("mass")):
         raise UrdfError("no link has a mass; a description with <inertial> in its links is needed")
+    limits: dict[str, tuple[float, float, float]] = {}
+    for joint in kept.iter("joint"):
+        if kinds[joint.get("name", "")] in LIMITED:
+            limits.update(_limit(joint.get("name", ""), joint))
+    prismatic = frozenset(name for name, kind in kinds.items() if kind == "prismatic")
     text_kept = ElementTree.tostring(kept, encoding="unicode")
-    return Urdf(root.get("name", "robot"), text_kept, tuple(moving), frozenset(prismatic), limits)
+    return Urdf(root.get("name", "robot"), text_kept, moving, prismatic, limits)
+
+
+def _kinds(kept: ElementTree.Element) -> dict[str, str]:
+    """How each joint moves, by its name."""
+    kinds = {joint.get("name", ""): joint.get("type", "") for joint in kept.iter("joint")}
+    for name, kind in kinds.items():
+        if kind not in KNOWN:
+            raise UrdfError(f"joint {name!r}: type {kind!r} is not known here; there are {', '.join(KNOWN)}")
+    return kinds
+
+
+def _keep(parent: ElementTree.Element, part: ElementTree.Element) -> ElementTree.Element:
+    """Copy an element with those of its children alone that are looked at."""
+    copy = ElementTree.SubElement(parent, part.tag, dict(part.attrib))
+    for child in part:
+        if child.tag in KEPT_IN.get(part.tag, ()):
+            _keep(copy, child)
+    return copy
 
 
 def _parsed(text: bytes) -> ElementTree.Element:

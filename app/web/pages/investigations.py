@@ -1,5 +1,6 @@
 """Model versus measurement: ask, follow, read the story, accept a better model."""
 
+from collections.abc import Mapping
 from dataclasses import asdict
 from typing import Any
 from urllib.parse import quote
@@ -8,14 +9,15 @@ from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, RedirectResponse, Response
 from sqlalchemy import select
 
-from app.api.investigations import axis_of, offset_of
+from app.api.investigations import asked_of, axis_of
 from app.api.recordings import UNCHANGING
 from app.errors import Unprocessable
-from app.investigations import KIND, Measured, accept, document_of, get_investigation, submit, take_in
-from app.security import check_csrf
+from app.investigations import KIND, accept, document_of, get_investigation, submit
+from app.security import Principal, check_csrf
 from app.service import Reading, TheJobs, TheService
 from app.uploads import TheUpload, Upload
 from app.web.log_preview import log_preview, sound_preview
+from app.web.robot import arm_of, beyond_usual, joints_of, of_robot
 from app.web.self_contained import self_contained
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
 from app.web.story import Part, candidates_of, panel_of, panels_of
@@ -24,7 +26,9 @@ from app.web.words import finding_words, investigation_headline, likely_words, u
 from casebase.axes import list_axes
 from casebase.models import AxisRevision, StoredInvestigation
 from casebase.pages import page
+from casebase.signals.channel_map import joint_map_template
 from casebase.signals.telemetry import recognise_columns
+from sim.robot.picture import legend
 
 router = APIRouter(prefix="/investigations")
 SECTION = "/investigations"
@@ -44,7 +48,11 @@ def investigation_list(
 @router.get("/new")
 def ask_page(request: Request, session: Reading, principal: PageOperator) -> Response:
     """The form."""
-    context = {"axes": [row.name for row in list_axes(session)], "base_url": str(request.base_url).rstrip("/")}
+    context = {
+        "axes": [row.name for row in list_axes(session)],
+        "base_url": str(request.base_url).rstrip("/"),
+        "robot_map": joint_map_template(6),
+    }
     return render(request, "investigate.html", context, principal=principal, section=SECTION)
 
 
@@ -52,16 +60,13 @@ def ask_page(request: Request, session: Reading, principal: PageOperator) -> Res
 def ask(request: Request, principal: PageOperator, upload: TheUpload, service: TheService, jobs: TheJobs) -> Response:
     """Queue an investigation and lead to its job."""
     check_csrf(request, upload.fields.get("csrf", ""))
-    if not _has_axis(upload):
-        raise Unprocessable("Choose a stored axis, or send its axis.toml.")
-    axis = axis_of(service, upload)
-    offset_s = offset_of(upload)
-    telemetry, sounds, as_new = (
-        tuple(Measured(file.path, file.name) for file in upload.all_of(name) if file.size)
-        for name in ("telemetry", "sound", "as_new")
-    )
-    channels = upload.text("channels", service.settings.document_bytes).strip()
-    question = take_in(service.library, axis, telemetry, sounds, offset_s, as_new, channels)
+    upload = upload.filled()
+    name = upload.fields.get("axis_name", "").strip()
+    if not {"axis", "robot", "urdf"} & {*upload.files}:
+        if not name:
+            raise Unprocessable("Choose a stored axis, or send its axis.toml, or a whole robot.")
+        upload.fields["axis"] = name
+    question = asked_of(service, upload).take_in()
     with service.library.transaction(principal.actor) as session:
         row = submit(session, question)
         identity = row.id
@@ -101,6 +106,8 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
     """What was found, told in order."""
     row = get_investigation(session, investigation_id)
     document: dict[str, Any] = dict(row.document or {})
+    if row.robot:
+        return _robot_page(request, row, document, principal)
     heard = "telemetry" not in row.inputs  # whose probabilities were never calibrated, nor said so by older versions
     findings = [{"calibrated": not heard, **finding} for finding in document.get("findings", ())]
     context = {
@@ -119,6 +126,25 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "accepted": session.scalars(select(AxisRevision).where(AxisRevision.investigation_id == row.id)).first(),
     }
     return render(request, "investigation.html", context, principal=principal, section=SECTION)
+
+
+def _robot_page(
+    request: Request, row: StoredInvestigation, document: Mapping[str, Any], principal: Principal
+) -> Response:
+    context: dict[str, Any] = {"row": row, "document": document}
+    if document:
+        context |= {
+            "headline": investigation_headline(document),
+            "findings": beyond_usual(document),
+            "finding_words": finding_words,
+            "unexplained_words": unexplained_words,
+            "arm": arm_of(document, row.robot or ""),
+            "legend": legend(),
+            "joints": joints_of(document),
+            "robot_values": of_robot(document),
+            "torques": panels_of(document, "overlay"),
+        }
+    return render(request, "robot.html", context, principal=principal, section=SECTION)
 
 
 @router.get("/{investigation_id}/panels/{part}/{number}")

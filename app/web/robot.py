@@ -1,0 +1,75 @@
+"""An investigation of a robot as its page shows it: joint by joint, what belongs to each."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from markupsafe import Markup
+
+from sim.robot import picture
+
+USUAL = ("coulomb_friction", "viscous_friction")
+"""Friction that nearly every description of a robot lacks: it stands with its joint."""
+Document = Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class JointView:
+    """A joint: what was found there, its values without its name before them, and its torques."""
+
+    name: str
+    verdict: str
+    says: str
+    torque: Mapping[str, float]
+    findings: Sequence[Document]
+    unexplained: Document | None
+    parameters: Sequence[Document]
+    gain: Sequence[Document]
+    remarks: Sequence[str]
+
+
+def joints_of(document: Document) -> list[JointView]:
+    """Return the joints of a document, in the log's order."""
+    return [_joint(document, joint) for joint in document["joints"]]
+
+
+def beyond_usual(document: Document) -> list[Document]:
+    """Return the findings that stand at the top: all but usual friction."""
+    return [finding for finding in document["findings"] if finding["mechanism"] not in USUAL]
+
+
+def of_robot(document: Document) -> list[Document]:
+    """Return the values of the description that belong to no joint, such as the payload's."""
+    names = [joint["name"] for joint in document["joints"]]
+    return [one for one in document["parameters"] if not any(one["name"].startswith(f"{name}.") for name in names)]
+
+
+def arm_of(document: Document, robot: str) -> Markup:
+    """Return the picture of the arm; nothing where the story has none."""
+    places = document["story"].get("arm")
+    if not places:
+        return Markup()
+    joints = [(joint["name"], joint["verdict"]) for joint in document["joints"]]
+    return Markup(picture.picture(robot, places, joints))  # noqa: S704 - names are escaped there
+
+
+def _joint(document: Document, joint: Document) -> JointView:
+    name = joint["name"]
+    parameters = [
+        {**one, "name": one["name"].removeprefix(f"{name}.")}
+        for one in document["parameters"]
+        if one["name"].startswith(f"{name}.")
+    ]
+    findings = [f for f in document["findings"] if f["location"] == name or str(f["location"]).startswith(f"{name}/")]
+    gain = [one for one in document["gain"] if one.get("joint") == name]
+    return JointView(
+        name,
+        joint["verdict"],
+        picture.SAYS[joint["verdict"]],
+        joint.get("torque_rms_nm", {}),
+        findings,
+        joint.get("unexplained"),
+        parameters,
+        gain,
+        joint.get("remarks", ()),
+    )

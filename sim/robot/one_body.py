@@ -1,0 +1,45 @@
+"""Gears of which nothing elastic is known and whose output nobody sees: the drive moves as one body, at the motor."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from casebase.signals.telemetry import Telemetry
+from sim.description.axis import Axis, Load, LoadEncoder, Transmission
+
+
+def is_one_body(axis: Axis, telemetry: Telemetry) -> bool:
+    """Whether gears are rigid for all that is described and logged: no stiffness, no backlash, no encoder at the load.
+
+    A stiffness that is unknown shows between two encoders; at the motor alone it is what acceleration and weight are.
+    """
+    elastic = any(stiffness is not None for stiffness in axis.stiffness())
+    loose = any(stage.backlash_rad for stage in axis.stages)
+    return bool(axis.stages) and not (elastic or loose or "load_position_rad" in telemetry.channels)
+
+
+def at_the_motor(axis: Axis) -> Axis:
+    """The axis as one body that turns with the motor; what moves behind a gear counts by its ratio (squared)."""
+    n, motor, load = axis.ratio, axis.motor, axis.load
+    inertias = sum(stage.inertia_kg_m2 * (axis.ratio_from(stage.name) / n) ** 2 for stage in axis.stages[:-1]) + sum(
+        stage.inertia_kg_m2 / n**2 for stage in axis.stages[-1:]
+    )
+    return replace(
+        axis,
+        stages=(),
+        transmission=Transmission(),
+        load_encoder=LoadEncoder(),
+        load=Load(inertias if motor.inertia_kg_m2 else 0.0),
+        motor=replace(
+            motor,
+            coulomb_friction_n_m=motor.coulomb_friction_n_m + load.coulomb_friction_n_m / n,
+            viscous_friction_n_m_s_per_rad=motor.viscous_friction_n_m_s_per_rad
+            + load.viscous_friction_n_m_s_per_rad / n**2,
+        ),
+    )
+
+
+def as_described(axis: Axis, found: Axis) -> Axis:
+    """The described gears with what was found at the motor."""
+    load = replace(axis.load, coulomb_friction_n_m=0.0, viscous_friction_n_m_s_per_rad=0.0)
+    return replace(axis, motor=found.motor, load=load, mechanisms=(*axis.mechanisms, *found.mechanisms))

@@ -1,0 +1,85 @@
+"""A picture of the arm: its joints numbered, marked by shape and colour for what was found, their names beside it."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+SAYS = {"nothing_missing": "nothing is missing", "named": "something was named", "unnamed": "something without a name"}
+WIDTH, ARM, LINE, EDGE = 500.0, 280.0, 34.0, 26.0  # of the picture [px]; names stand to the right of the arm
+LONGEST = 22  # characters of a name
+SHAPES = {
+    "nothing_missing": '<circle r="12"/>',
+    "named": '<path d="M0-16L15 11H-15Z"/>',
+    "unnamed": '<path d="M0-15L15 0L0 15L-15 0Z"/>',
+}
+STYLE = """.arm{font:15px system-ui,sans-serif;max-width:34rem}.arm text{fill:currentColor}
+.arm .number{font-size:12px;font-weight:600;text-anchor:middle}.arm .lead{stroke:var(--edge)}
+.arm .links{fill:none;stroke:var(--edge);stroke-width:9;stroke-linejoin:round;stroke-linecap:round}
+.arm .joint>:first-child{fill:var(--paper);stroke:var(--first);stroke-width:2.5}
+.arm .named>:first-child{stroke:var(--second)}.arm .unnamed>:first-child{stroke:var(--third)}"""
+"""Of the report; the sheet of the pages has the same in their colours."""
+
+
+def seen(points: Array) -> Array:
+    """Points in space, shape (n, 3), as seen from 30 degrees to the side and 20 above, shape (n, 2)."""
+    side, above = np.radians(30.0), np.radians(20.0)
+    x, y, z = points.T
+    depth = x * np.cos(side) + y * np.sin(side)
+    return np.stack([-x * np.sin(side) + y * np.cos(side), z * np.cos(above) - depth * np.sin(above)], axis=1)
+
+
+def picture(robot: str, places: Sequence[Sequence[float]], joints: Sequence[tuple[str, str]]) -> str:
+    """The arm as inline SVG.
+
+    `places`: base, joints and flange as seen, shape (joints + 2, 2) [m]; `joints`: name and verdict of each.
+    """
+    flat = np.array(places)
+    flat = (flat - flat.min(axis=0)) / max(float(np.ptp(flat, axis=0).max()), 1e-9) * (ARM - 2 * EDGE)
+    tall = max(float(np.ptp(flat[:, 1])) + 2 * EDGE, LINE * len(joints) + EDGE)
+    across = EDGE + flat[:, 0] + (ARM - 2 * EDGE - float(np.ptp(flat[:, 0]))) / 2
+    down = tall / 2 + float(np.ptp(flat[:, 1])) / 2 - flat[:, 1]
+    way = " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, down, strict=True))
+    own = list(zip(across[1:-1], down[1:-1], strict=True))
+    rows = _rows([y for _, y in own], tall)
+    leads, marks = [], []
+    for k, ((name, verdict), (x, y), row) in enumerate(zip(joints, own, rows, strict=True), start=1):
+        short = name if len(name) <= LONGEST else f"{name[: LONGEST - 1]}…"
+        leads.append(f'<path class="lead" d="M{x:.1f} {y:.1f}L{ARM:.1f} {row:.1f}"/>')
+        marks.append(_mark(k, verdict, x, y, 0.75))
+        marks.append(_mark(k, verdict, ARM + 16, row))
+        marks.append(f'<text x="{ARM + 38:.0f}" y="{row + 5:.1f}">{html.escape(short)}</text>')
+    title = html.escape(f"The arm of {robot} with its joints")
+    return (
+        f'<svg class="arm" viewBox="0 0 {WIDTH:.0f} {tall:.0f}" role="img" aria-label="{title}">'
+        f'<polyline class="links" points="{way}"/>{"".join(leads)}{"".join(marks)}</svg>'
+    )
+
+
+def legend() -> str:
+    """What the shapes mean."""
+    return "Circle: nothing is missing. Triangle: something was named. Diamond: something is left without a name."
+
+
+def _rows(wanted: Sequence[float], tall: float) -> list[float]:
+    """Heights of the names: in the order of the joints' own, `LINE` apart, as near to them as that allows."""
+    order = np.argsort(wanted, kind="stable")
+    first = (tall - LINE * (len(wanted) - 1)) / 2
+    rows = [0.0] * len(wanted)
+    for place, k in enumerate(order):
+        rows[k] = first + LINE * place
+    return rows
+
+
+def _mark(number: int, verdict: str, x: float, y: float, size: float = 1.0) -> str:
+    shape = SHAPES.get(verdict, SHAPES["unnamed"])
+    kind = verdict if verdict in SHAPES else "unnamed"
+    return (
+        f'<g class="joint {kind}" transform="translate({x:.1f} {y:.1f}) scale({size})">{shape}'
+        f'<text class="number" y="{6 if kind == "named" else 4}">{number}</text></g>'
+    )
