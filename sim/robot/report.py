@@ -19,13 +19,14 @@ from sim.discrepancy.report.joint_html import FOLD, STYLES, WIDTH, body_of
 from sim.discrepancy.report.panels import EXTENDED, MEASURED, Panel
 from sim.discrepancy.report.residual_panels import channels
 from sim.discrepancy.results import SAID, Finding
+from sim.mechanisms import MECHANISMS
 from sim.robot import picture
 from sim.robot.picture import SAYS
 from sim.robot.results import JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
 
 RIGID, REST = "rigid body, as described", "left by the last"
-USUAL = ("coulomb_friction", "viscous_friction")
+USUAL = tuple(name for name, kind in MECHANISMS.items() if kind.traits.in_every_axis)
 MOST_ROWS = 1000  # of a plot
 Array = NDArray[np.float64]
 
