@@ -153,7 +153,7 @@ def _joints(result: RobotInvestigation) -> str:
 
 
 def _picture(result: RobotInvestigation) -> str:
-    """The arm in the middle of its motion, seen from the front and above; joints marked by shape and colour."""
+    """The arm where its joints are farthest from their mean, seen from the front and above; joints marked by shape and colour."""
     points = _places(result)
     flat = _projected(points)
     span = max(float(np.ptp(flat, axis=0).max()), 1e-9)
@@ -186,8 +186,8 @@ def _places(result: RobotInvestigation) -> Array:
     from sim.robot.rigid_body import RigidBody
 
     motion = result.shared.motion
-    middle = motion.position[int(np.argmax(np.abs(motion.position - motion.position.mean(axis=0)).sum(axis=1)))]
-    return RigidBody.of(result.robot).places(middle)
+    far = motion.position[int(np.argmax(np.abs(motion.position - motion.position.mean(axis=0)).sum(axis=1)))]
+    return RigidBody.of(result.robot).places(far)
 
 
 def _projected(points: Array) -> Array:

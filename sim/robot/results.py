@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from sim.discrepancy.results import (
     Estimate,
@@ -34,10 +34,7 @@ class JointInvestigation:
 
 @dataclass(frozen=True)
 class RobotInvestigation:
-    """What the rigid-body model of a robot misses, joint by joint; `document()` is the contract's JSON.
-
-    `earlier`: of logs given before the last one, by name: what their joints have of each finding's first number.
-    """
+    """What the rigid-body model of a robot misses, joint by joint; `document()` is the contract's JSON."""
 
     robot: Robot
     verdict: str
@@ -48,7 +45,6 @@ class RobotInvestigation:
     next_measurement: str
     provenance: Mapping[str, object]
     remarks: tuple[str, ...] = ()
-    reports: Mapping[str, object] = field(default_factory=dict, repr=False, compare=False)
 
     def document(self) -> dict[str, object]:
         """JSON of the contract: finite numbers only, the same for the same bytes."""
