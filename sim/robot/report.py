@@ -206,5 +206,5 @@ def _picture(result: RobotInvestigation) -> str:
 def _places(result: RobotInvestigation) -> Array:
     """Base, joints and flange in space [m], shape (joints + 2, 3)."""
     motion = result.shared.motion
-    middle = motion.position[int(np.argmax(np.abs(motion.position - motion.position.mean(axis=0)).sum(axis=1)))]
-    return RigidBody.of(result.robot).places(middle)
+    far = motion.position[int(np.argmax(np.abs(motion.position - motion.position.mean(axis=0)).sum(axis=1)))]
+    return RigidBody.of(result.robot).places(far)

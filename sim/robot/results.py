@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -36,10 +36,7 @@ class JointInvestigation:
 
 @dataclass(frozen=True)
 class RobotInvestigation:
-    """What the rigid-body model of a robot misses, joint by joint; `document()` is the contract's JSON.
-
-    `earlier`: of logs given before the last one, by name: what their joints have of each finding's first number.
-    """
+    """What the rigid-body model of a robot misses, joint by joint; `document()` is the contract's JSON."""
 
     robot: Robot
     verdict: str
@@ -50,7 +47,6 @@ class RobotInvestigation:
     next_measurement: str
     provenance: Mapping[str, object]
     remarks: tuple[str, ...] = ()
-    reports: Mapping[str, object] = field(default_factory=dict, repr=False, compare=False)
 
     def torque_rms_nm(self, place: int) -> dict[str, float]:
         """Effective torque at a joint [N m]: `measured`, left by the `rigid` body, and by the `extended` model.
