@@ -163,7 +163,7 @@ def _told(result: RobotInvestigation) -> Iterable[str]:
     if usual:
         order = {joint.name: k for k, joint in enumerate(result.joints)}
         usual.sort(key=lambda one: order.get(one[0], len(order)))
-        rows = [
+        frictions = [
             (
                 place,
                 words_of(f.mechanism),
@@ -173,7 +173,7 @@ def _told(result: RobotInvestigation) -> Iterable[str]:
             for place, f in usual
         ]
         yield "<h3>Friction that the description lacks</h3><p>As felt at the motor of each joint. Nearly every description lacks it.</p>"
-        yield table(("joint", "friction", "value", "90 % interval", "unit", "how sure"), rows, (2, 3))
+        yield table(("joint", "friction", "value", "90 % interval", "unit", "how sure"), frictions, (2, 3))
 
 
 def _joints(result: RobotInvestigation) -> str:
