@@ -131,7 +131,7 @@ def test_a_robot_becomes_one_document_page_and_report(
     assert "plane arm" in index
 
 
-AXIS = b"""{"name": "elbow drive", "motor": {"inertia_kg_m2": 1e-4}, "load": {"inertia_kg_m2": 0.0},
+AXIS = b"""{"name": "elbow drive", "motor": {"inertia_kg_m2": 1e-4}, "load": {"inertia_kg_m2": 0.05},
     "stages": [{"name": "gear", "ratio": 100.0}]}"""
 NAMING = (ROBOT + 'axis = "axis2.toml"\n').encode()
 
