@@ -104,7 +104,7 @@ def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
 
 TORQUES = (
     "Measured, as the rigid body of the description asks for, and with all that was found; and what the last leaves. "
-    "At the joint, smoothed alike."
+    "At the joint."
 )
 
 
