@@ -7,9 +7,8 @@ from typing import Any
 from markupsafe import Markup
 
 from sim.robot import picture
+from sim.robot.results import USUAL
 
-USUAL = ("coulomb_friction", "viscous_friction")
-"""Friction that nearly every description of a robot lacks: it stands with its joint."""
 Document = Mapping[str, Any]
 
 

@@ -15,6 +15,7 @@ from casebase.signals.telemetry import Telemetry
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, rounded
+from sim.mechanisms import LostSamples
 from sim.robot.motion import Motion
 from sim.robot.one_body import as_described, at_the_motor, is_one_body
 from sim.robot.plausibility import check_robot
@@ -26,7 +27,7 @@ from sim.robot.shared_fit import NINETY, TILT_RAD, PayloadEstimate, SharedFit, s
 Progress = Callable[[str, float], None]
 TILTED = 3.0  # standard deviations from which the base is said to stand askew
 HELD = "The joint was held still: nothing is told of its friction and its drive."
-OF_THE_LOG = ("lost_samples",)  # what one logger does to all joints alike is the log's
+OF_THE_LOG = (LostSamples.name,)  # what one logger does to all joints alike is the log's
 
 
 @dataclass(frozen=True)

@@ -16,16 +16,15 @@ from sim.discrepancy.report.drawing import svg
 from sim.discrepancy.report.formatting import likely, number, words_of
 from sim.discrepancy.report.html import STYLE, estimate_cells, html_report, table
 from sim.discrepancy.report.joint_html import FOLD, STYLES, WIDTH, body_of
-from sim.discrepancy.report.panels import EXTENDED, MEASURED, Panel
+from sim.discrepancy.report.panels import EXTENDED, MEASURED, RIGID, Panel
 from sim.discrepancy.report.residual_panels import channels
 from sim.discrepancy.results import SAID, Finding
 from sim.robot import picture
 from sim.robot.picture import SAYS
-from sim.robot.results import JointInvestigation, RobotInvestigation
+from sim.robot.results import USUAL, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
 
-RIGID, REST = "rigid body, as described", "left by the last"
-USUAL = ("coulomb_friction", "viscous_friction")
+REST = "left by the last"
 MOST_ROWS = 1000  # of a plot
 Array = NDArray[np.float64]
 
@@ -104,7 +103,7 @@ def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
 
 TORQUES = (
     "Measured, as the rigid body of the description asks for, and with all that was found; and what the last leaves. "
-    "At the joint, smoothed alike."
+    "At the joint."
 )
 
 
@@ -162,7 +161,7 @@ def _told(result: RobotInvestigation) -> Iterable[str]:
     if usual:
         order = {joint.name: k for k, joint in enumerate(result.joints)}
         usual.sort(key=lambda one: order.get(one[0], len(order)))
-        rows = [
+        frictions: list[Sequence[str]] = [
             (
                 place,
                 words_of(f.mechanism),
@@ -172,7 +171,7 @@ def _told(result: RobotInvestigation) -> Iterable[str]:
             for place, f in usual
         ]
         yield "<h3>Friction that the description lacks</h3><p>As felt at the motor of each joint. Nearly every description lacks it.</p>"
-        yield table(("joint", "friction", "value", "90 % interval", "unit", "how sure"), rows, (2, 3))
+        yield table(("joint", "friction", "value", "90 % interval", "unit", "how sure"), frictions, (2, 3))
 
 
 def _joints(result: RobotInvestigation) -> str:
