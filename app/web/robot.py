@@ -6,11 +6,9 @@ from typing import Any
 
 from markupsafe import Markup
 
-from sim.mechanisms import MECHANISMS
 from sim.robot import picture
+from sim.robot.results import USUAL
 
-USUAL = tuple(name for name, kind in MECHANISMS.items() if kind.traits.in_every_axis)
-"""Friction that nearly every description of a robot lacks: it stands with its joint."""
 Document = Mapping[str, Any]
 
 

@@ -11,15 +11,15 @@ from numpy.typing import NDArray
 Array = NDArray[np.float64]
 
 SAYS = {"nothing_missing": "nothing is missing", "named": "something was named", "unnamed": "something without a name"}
-WIDTH, ARM, LINE, EDGE = 500.0, 280.0, 34.0, 26.0  # of the picture [px]; names stand to the right of the arm
+WIDTH, ARM, LINE, EDGE = 480.0, 240.0, 34.0, 22.0  # of the picture [px]; names stand to the right of the arm
 LONGEST = 22  # characters of a name
 SHAPES = {
     "nothing_missing": '<circle r="12"/>',
     "named": '<path d="M0-16L15 11H-15Z"/>',
     "unnamed": '<path d="M0-15L15 0L0 15L-15 0Z"/>',
 }
-STYLE = """.arm{font:15px system-ui,sans-serif;max-width:34rem}.arm text{fill:currentColor}
-.arm .number{font-size:12px;font-weight:600;text-anchor:middle}.arm .lead{stroke:var(--edge)}
+STYLE = """.arm{font:17px system-ui,sans-serif;max-width:34rem}.arm text{fill:currentColor}
+.arm .number{font-size:13px;font-weight:600;text-anchor:middle}
 .arm .links{fill:none;stroke:var(--edge);stroke-width:9;stroke-linejoin:round;stroke-linecap:round}
 .arm .joint>:first-child{fill:var(--paper);stroke:var(--first);stroke-width:2.5}
 .arm .named>:first-child{stroke:var(--second)}.arm .unnamed>:first-child{stroke:var(--third)}"""
@@ -46,34 +46,24 @@ def picture(robot: str, places: Sequence[Sequence[float]], joints: Sequence[tupl
     down = tall / 2 + float(np.ptp(flat[:, 1])) / 2 - flat[:, 1]
     way = " ".join(f"{x:.1f},{y:.1f}" for x, y in zip(across, down, strict=True))
     own = list(zip(across[1:-1], down[1:-1], strict=True))
-    rows = _rows([y for _, y in own], tall)
-    leads, marks = [], []
-    for k, ((name, verdict), (x, y), row) in enumerate(zip(joints, own, rows, strict=True), start=1):
+    first = (tall - LINE * (len(joints) - 1)) / 2
+    marks = []
+    for k, ((name, verdict), (x, y)) in enumerate(zip(joints, own, strict=True), start=1):
+        row = first + LINE * (k - 1)
         short = name if len(name) <= LONGEST else f"{name[: LONGEST - 1]}…"
-        leads.append(f'<path class="lead" d="M{x:.1f} {y:.1f}L{ARM:.1f} {row:.1f}"/>')
-        marks.append(_mark(k, verdict, x, y, 0.75))
+        marks.append(_mark(k, verdict, x, y, 0.8))
         marks.append(_mark(k, verdict, ARM + 16, row))
         marks.append(f'<text x="{ARM + 38:.0f}" y="{row + 5:.1f}">{html.escape(short)}</text>')
     title = html.escape(f"The arm of {robot} with its joints")
     return (
         f'<svg class="arm" viewBox="0 0 {WIDTH:.0f} {tall:.0f}" role="img" aria-label="{title}">'
-        f'<polyline class="links" points="{way}"/>{"".join(leads)}{"".join(marks)}</svg>'
+        f'<polyline class="links" points="{way}"/>{"".join(marks)}</svg>'
     )
 
 
 def legend() -> str:
     """What the shapes mean."""
     return "Circle: nothing is missing. Triangle: something was named. Diamond: something is left without a name."
-
-
-def _rows(wanted: Sequence[float], tall: float) -> list[float]:
-    """Heights of the names: in the order of the joints' own, `LINE` apart, as near to them as that allows."""
-    order = np.argsort(wanted, kind="stable")
-    first = (tall - LINE * (len(wanted) - 1)) / 2
-    rows = [0.0] * len(wanted)
-    for place, k in enumerate(order):
-        rows[k] = first + LINE * place
-    return rows
 
 
 def _mark(number: int, verdict: str, x: float, y: float, size: float = 1.0) -> str:

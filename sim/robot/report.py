@@ -16,17 +16,15 @@ from sim.discrepancy.report.drawing import svg
 from sim.discrepancy.report.formatting import likely, number, words_of
 from sim.discrepancy.report.html import STYLE, estimate_cells, html_report, table
 from sim.discrepancy.report.joint_html import FOLD, STYLES, WIDTH, body_of
-from sim.discrepancy.report.panels import EXTENDED, MEASURED, Panel
+from sim.discrepancy.report.panels import EXTENDED, MEASURED, RIGID, Panel
 from sim.discrepancy.report.residual_panels import channels
 from sim.discrepancy.results import SAID, Finding
-from sim.mechanisms import MECHANISMS
 from sim.robot import picture
 from sim.robot.picture import SAYS
-from sim.robot.results import JointInvestigation, RobotInvestigation
+from sim.robot.results import USUAL, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
 
-RIGID, REST = "rigid body, as described", "left by the last"
-USUAL = tuple(name for name, kind in MECHANISMS.items() if kind.traits.in_every_axis)
+REST = "left by the last"
 MOST_ROWS = 1000  # of a plot
 Array = NDArray[np.float64]
 
@@ -105,7 +103,7 @@ def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
 
 TORQUES = (
     "Measured, as the rigid body of the description asks for, and with all that was found; and what the last leaves. "
-    "At the joint, smoothed alike."
+    "At the joint."
 )
 
 
@@ -163,7 +161,7 @@ def _told(result: RobotInvestigation) -> Iterable[str]:
     if usual:
         order = {joint.name: k for k, joint in enumerate(result.joints)}
         usual.sort(key=lambda one: order.get(one[0], len(order)))
-        frictions = [
+        frictions: list[Sequence[str]] = [
             (
                 place,
                 words_of(f.mechanism),

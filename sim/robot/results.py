@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from sim.discrepancy.hypotheses.traits import mechanisms_with
 from sim.discrepancy.results import (
     Estimate,
     Finding,
@@ -19,6 +20,8 @@ from sim.robot.robot import Robot
 from sim.robot.shared_fit import SharedFit
 
 PAYLOAD = "payload"
+USUAL = mechanisms_with(lambda traits: traits.in_every_axis)
+"""Friction that nearly every description of a robot lacks: it stands with its joint."""
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,10 @@ from sim.torsional.model import Array
 DIGITS = 4
 MEASURED, FLOOR = "measured", "noise floor"
 DESCRIBED, EXTENDED = "description, calibrated", "with what was found"
+RIGID = "rigid body, as described"
 TAKEN = "taken away: noise of the channel"
 SOUND = "sound"
-STYLES = {DESCRIBED: 1, EXTENDED: 2, TAKEN: 3, MEASURED: 5, FLOOR: 6, SOUND: 7}
+STYLES = {DESCRIBED: 1, RIGID: 1, EXTENDED: 2, TAKEN: 3, MEASURED: 5, FLOOR: 6, SOUND: 7}
 """Colour and stroke of a thing, by number, in every panel of page and report; others are 1 to 4 as they come."""
 
 

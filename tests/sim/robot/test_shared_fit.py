@@ -11,7 +11,7 @@ from sim.robot.rigid_body import RigidBody
 from sim.robot.shared_fit import NINETY, SharedFit, shared_fits
 from tests.sim.robot.arms import Array, Link, random_arm, robot, swings, torque, with_mass
 
-DRAWS = 12
+DRAWS = 8
 RATE = 25.0
 
 
@@ -70,7 +70,7 @@ def share(inside: Sequence[bool]) -> float:
     return float(np.mean(inside))
 
 
-LEAST = 0.75  # of 12 intervals of 90 %: fewer have a chance of 3 %
+LEAST = 0.75  # of 8 intervals of 90 %: fewer have a chance of 4 %
 
 
 def test_intervals_of_the_payload_hold() -> None:

@@ -1,0 +1,200 @@
+"""A whole robot over HTTP: two links in a plane, whose torques stand in every textbook."""
+
+import csv
+import io
+import json
+
+import httpx
+import numpy as np
+import pytest
+
+from app.investigations import get_investigation, names_of, perform
+from casebase.library import CaseLibrary
+from tests.live import LiveServer
+
+URL = "/api/v1/investigations"
+URDF = """<robot name="arm"><link name="base"/>{links}
+<joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 -1 0"/>
+<limit lower="-6.3" upper="6.3" velocity="9" effort="99"/></joint>
+<joint name="elbow" type="revolute"><parent link="upper"/><child link="lower"/><axis xyz="0 -1 0"/>
+<origin xyz="0.5 0 0"/><limit lower="-6.3" upper="6.3" velocity="9" effort="99"/></joint></robot>"""
+LINK = (
+    '<link name="{}"><inertial><origin xyz="0.25 0 0"/><mass value="{}"/>'
+    '<inertia ixx="0.01" iyy="{}" izz="{}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+)
+MASSES, INERTIAS, LENGTH, CENTER, GRAVITY = (8.0, 4.0), (0.2, 0.1), 0.5, 0.25, 9.81
+DRY, VISCOUS, ROTOR = (6.0, 2.0), (3.0, 0.8), (0.5, 0.1)
+ROBOT = 'name = "plane arm"\n[[joints]]\nname = "shoulder"\n[[joints]]\nname = "elbow"\n'
+MAP = """
+[time_s]
+column = "t"
+unit = "s"
+[motor_position_rad]
+column = ["q1", "q2"]
+unit = "rad"
+[motor_torque_nm]
+column = ["tau1", "tau2"]
+unit = "N.m"
+"""
+
+
+def urdf() -> bytes:
+    links = (LINK.format(n, m, i, i) for n, m, i in zip(("upper", "lower"), MASSES, INERTIAS, strict=True))
+    return URDF.format(links="".join(links)).encode()
+
+
+def log(seconds: float = 8.0, rate_hz: float = 100.0) -> bytes:
+    """Return a log of both joints: Lagrange's equations of two links in a plane, rotors, friction, white noise."""
+    t = np.arange(int(seconds * rate_hz)) / rate_hz
+    q, v, a = np.zeros((3, 2, t.size))
+    for joint, waves in enumerate((((0.8, 0.31), (0.3, 0.83)), ((0.7, 0.43), (0.35, 1.07)))):
+        for size, hertz in waves:
+            w = 2 * np.pi * hertz
+            q[joint] += size * np.sin(w * t)
+            v[joint] += size * w * np.cos(w * t)
+            a[joint] -= size * w**2 * np.sin(w * t)
+    (m1, m2), (i1, i2), c2, s2 = MASSES, INERTIAS, np.cos(q[1]), np.sin(q[1])
+    own = i2 + m2 * CENTER**2
+    coupled = own + m2 * LENGTH * CENTER * c2
+    first = i1 + m1 * CENTER**2 + own + m2 * (LENGTH**2 + 2 * LENGTH * CENTER * c2)
+    turn = m2 * LENGTH * CENTER * s2
+    weight = GRAVITY * m2 * CENTER * np.cos(q[0] + q[1])
+    torque = np.stack(
+        [
+            first * a[0] + coupled * a[1] - turn * (2 * v[0] * v[1] + v[1] ** 2)
+            + GRAVITY * (m1 * CENTER + m2 * LENGTH) * np.cos(q[0]) + weight,
+            coupled * a[0] + own * a[1] + turn * v[0] ** 2 + weight,
+        ]
+    )  # fmt: skip
+    torque += np.array(ROTOR)[:, None] * a + np.array(DRY)[:, None] * np.tanh(v / 0.01) + np.array(VISCOUS)[:, None] * v
+    torque += 0.1 * np.random.default_rng(1).standard_normal(torque.shape)
+    out = io.StringIO()
+    csv.writer(out).writerow(("t", "q1", "q2", "tau1", "tau2"))
+    csv.writer(out).writerows(np.column_stack([t, *q, *torque]).tolist())
+    return out.getvalue().encode()
+
+
+Parts = dict[str, tuple[str, bytes]]
+
+
+def parts(**other: tuple[str, bytes]) -> Parts:
+    """Return all that belongs to a robot; others in their place, and without what has no bytes."""
+    whole = {
+        "robot": ("robot.toml", ROBOT.encode()),
+        "urdf": ("arm.urdf", urdf()),
+        "telemetry": ("log.csv", log(2.0)),
+        "channels": ("map.toml", MAP.encode()),
+        **other,
+    }
+    return {name: one for name, one in whole.items() if one[1]}
+
+
+def test_a_robot_becomes_one_document_page_and_report(
+    operator: httpx.Client, viewer: httpx.Client, admin: httpx.Client, live_server: LiveServer
+) -> None:
+    """The friction that was put in is found at its joint, and nothing hangs at the last link where nothing does."""
+    given = parts(telemetry=("log.csv", log()))
+    once = {"Idempotency-Key": "one robot"}
+    asked = operator.post(URL, files=given, headers=once).raise_for_status()
+    again = operator.post(URL, files=given, headers=once).raise_for_status()
+    assert (asked.status_code, again.json()["id"]) == (202, asked.json()["id"])
+    identity = asked.json()["investigation_id"]
+    assert asked.headers["location"].endswith(f"/jobs/{identity}")
+    stages: list[str] = []
+    library = CaseLibrary.open(live_server.data_dir)
+    perform(library, identity, lambda stage, _: stages.append(stage))
+    with library.reading() as session:
+        row = get_investigation(session, identity)
+    library.close()
+    assert (row.axis, row.robot, names_of(row, "urdf")) == (None, "plane arm", ["arm.urdf"])
+    assert list(dict.fromkeys(stages))[2:-1] == ["joint 1 of 2, shoulder", "joint 2 of 2, elbow"]
+
+    document = viewer.get(f"{URL}/{identity}").raise_for_status().json()
+    found = {(f["mechanism"], f["location"]): f for f in document["findings"] if f["probability"] >= 0.9}
+    assert {place for _, place in found} == {"shoulder", "elbow"}
+    for joint, dry in zip(("shoulder", "elbow"), DRY, strict=True):
+        torque = found["coulomb_friction", joint]["parameters"][0]
+        assert torque["low"] <= dry <= torque["high"]
+    assert [one["name"] for one in document["joints"]] == ["shoulder", "elbow"]
+    assert {one["joint"] for one in document["gain"]} == {"shoulder", "elbow"}
+    listed = viewer.get(URL, params={"limit": 1}).json()["items"][0]
+    assert (listed["axis"], listed["robot"], listed["state"]) == (None, "plane arm", "done")
+    assert admin.post(f"{URL}/{identity}/accept").status_code == 409
+
+    report = viewer.get(f"{URL}/{identity}/report", headers={"Accept": "text/html"}).text
+    cookies = {"gearcase_key": live_server.keys["viewer"]}
+    page = httpx.get(f"{live_server.url}/investigations/{identity}", cookies=cookies).raise_for_status().text
+    for shown in (report, page):
+        assert shown.count('<svg class="arm"') == 1
+        assert [f'id="joint-{k}"' in shown for k in (1, 2, 3)] == [True, True, False]
+    index = httpx.get(f"{live_server.url}/investigations", cookies=cookies).raise_for_status().text
+    assert "plane arm" in index
+
+
+AXIS = b"""{"name": "elbow drive", "motor": {"inertia_kg_m2": 1e-4}, "load": {"inertia_kg_m2": 0.05},
+    "stages": [{"name": "gear", "ratio": 100.0}]}"""
+NAMING = (ROBOT + 'axis = "axis2.toml"\n').encode()
+
+
+def test_the_axis_of_a_joint_comes_as_a_file_or_as_a_table(operator: httpx.Client, live_server: LiveServer) -> None:
+    as_file = parts(robot=("r.toml", NAMING), axis=("axis2.toml", AXIS))
+    inline = {"name": "plane arm", "joints": [{"name": "shoulder"}, {"name": "elbow", "axis": json.loads(AXIS)}]}
+    kept = []
+    for given in (as_file, parts(robot=("r.json", json.dumps(inline).encode()))):
+        asked = operator.post(URL, files=given).raise_for_status().json()
+        library = CaseLibrary.open(live_server.data_dir)
+        with library.reading() as session:
+            kept.append(get_investigation(session, asked["investigation_id"]).axis_document)
+        library.close()
+        operator.delete(f"/api/v1/jobs/{asked['id']}").raise_for_status()
+        url = f"{URL}/{asked['investigation_id']}"
+        assert "cancelled" in operator.get(url).json()["detail"]
+    assert kept[0] == kept[1] == inline
+
+
+DEEP = b"<robot>" + b"<link>" * 30_000
+BOMB = b'<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]><robot name="&b;"/>'
+MASSLESS = urdf().replace(b'<mass value="4.0"/>', b'<mass value="0"/>')
+MANY = b"<robot><link name='l0'/>" + b"".join(
+    f"<link name='l{k}'/><joint name='j{k}' type='continuous'><parent link='l0'/><child link='l{k}'/></joint>".encode()
+    for k in range(1, 200)
+) + b"</robot>"  # fmt: skip
+SLOW = ("x" + ".x" * 100_000 + " = 1").encode()
+
+
+@pytest.mark.parametrize(
+    ("other", "status", "told"),
+    [
+        ({"axis": ("axis9.toml", AXIS)}, 422, "no joint of the robot names the file"),
+        ({"sound": ("s.wav", b"RIFF")}, 422, "'sound' does not go with a robot"),
+        ({"robot": ("", b"")}, 422, "'urdf' belongs to a robot"),
+        ({"urdf": ("", b"")}, 422, "'urdf'"),
+        ({"urdf": ("u", b" " * (5 << 20))}, 413, "it may have 4194304"),
+        ({"telemetry": ("", b"")}, 422, "needs telemetry of its joints"),
+        ({"channels": ("", b"")}, 422, "column = [2, 3]"),
+        ({"channels": ("m", MAP.replace(', "q2"', "").encode())}, 422, "[motor_position_rad] column has 1 entries"),
+        ({"channels": ("m", MAP.replace('"tau2"', '"tau3"').encode())}, 422, "elbow: "),
+        ({"channels": ("m", SLOW)}, 422, "channel map: "),
+        ({"robot": ("r", b"joints = 1 = 2")}, 422, "robot: "),
+        ({"robot": ("r", NAMING)}, 422, "joints[1].axis: names the file 'axis2.toml'"),
+        ({"robot": ("r", NAMING), "axis": ("axis2.toml", b"motor = 1")}, 422, "joints[1].axis: "),
+        ({"robot": ("r", ROBOT.replace("elbow", "wrist").encode())}, 422, "'wrist' is no joint that moves in the URDF"),
+        ({"urdf": ("u", b"<xacro/>")}, 422, "a URDF is <robot>"),
+        ({"urdf": ("u", BOMB)}, 422, "declares a document type"),
+        ({"urdf": ("u", DEEP)}, 422, "more than 20000 elements"),
+        ({"urdf": ("u", MANY)}, 422, "199 joints move; there may be 128"),
+        ({"urdf": ("u", MASSLESS)}, 422, "mass and inertia of moving bodies must be larger"),
+    ],
+)
+def test_what_is_no_robot_is_refused_in_words(
+    operator: httpx.Client, other: dict[str, tuple[str, bytes]], status: int, told: str
+) -> None:
+    refused = operator.post(URL, files=parts(**other))
+    assert (refused.status_code, refused.headers["content-type"]) == (status, "application/problem+json")
+    assert told in refused.json()["detail"]
+    assert operator.get("/readyz").status_code == 200
+
+
+def test_axis_and_robot_are_one_too_many(operator: httpx.Client) -> None:
+    refused = operator.post(URL, files=parts(), data={"axis": AXIS.decode()})
+    assert (refused.status_code, "'axis' and 'robot' are one too many" in refused.json()["detail"]) == (422, True)
