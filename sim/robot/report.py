@@ -38,9 +38,8 @@ def headline(result: RobotInvestigation) -> str:
     usual = sum(f.mechanism in USUAL for _, f in said)
     words = [f"{f.mechanism.replace('_', ' ')} at {place}" for place, f in beyond[:3]]
     if usual:
-        words.append(
-            f"friction that the description lacks at {len({p for p, f in said if f.mechanism in USUAL})} joints"
-        )
+        joints = len({place for place, f in said if f.mechanism in USUAL})
+        words.append(f"friction at {joints} joint{'s' if joints > 1 else ''}")
     if words:
         return f"The model of the robot lacks {', '.join(words)}."
     return "Something is missing from the model of the robot that no mechanism of the catalogue explains."
@@ -129,8 +128,8 @@ def _extended(joint: JointInvestigation, clock: Array) -> Array | None:
         return None
     m = one.selection.problem.measurement
     _, left = channels(one.selection)[0].left[-1]
-    time_s = m.time_s - m.time_s[0] + clock[0]
-    return np.asarray(np.interp(clock, time_s, (m.torque - left) * one.axis.ratio), dtype=np.float64)
+    modelled = (m.torque - left) * one.axis.ratio
+    return np.asarray(np.interp(clock - clock[0], m.time_s, modelled, left=np.nan, right=np.nan), dtype=np.float64)
 
 
 def _findings(result: RobotInvestigation) -> list[tuple[str, Finding]]:

@@ -70,7 +70,7 @@ def log(seconds: float = 8.0, rate_hz: float = 100.0) -> bytes:
     torque += 0.1 * np.random.default_rng(1).standard_normal(torque.shape)
     out = io.StringIO()
     csv.writer(out).writerow(("t", "q1", "q2", "tau1", "tau2"))
-    csv.writer(out).writerows(np.column_stack([t, *q, *torque]).tolist())
+    csv.writer(out).writerows(np.column_stack([t + 100.0, *q, *torque]).tolist())
     return out.getvalue().encode()
 
 
@@ -117,6 +117,10 @@ def test_a_robot_becomes_one_document_page_and_report(
         assert torque["low"] <= dry <= torque["high"]
     assert [one["name"] for one in document["joints"]] == ["shoulder", "elbow"]
     assert {one["joint"] for one in document["gain"]} == {"shoulder", "elbow"}
+    for panel in document["story"]["overlay"]:  # where it ends, the extended model has no torque
+        lines = {one["name"]: np.array(one["y"], dtype=float) for one in panel["lines"]}
+        rigid = lines["measured"] - lines["rigid body, as described"]
+        assert np.nanstd(lines["left by the last"]) < 0.3 * np.std(rigid)
     listed = viewer.get(URL, params={"limit": 1}).json()["items"][0]
     assert (listed["axis"], listed["robot"], listed["state"]) == (None, "plane arm", "done")
     assert admin.post(f"{URL}/{identity}/accept").status_code == 409

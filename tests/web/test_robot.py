@@ -37,10 +37,10 @@ def test_a_robot_is_asked_for_and_told_joint_by_joint(
         form = page.locator("#robot_form")
         for label, file in given.items():
             form.get_by_label(label, exact=True).set_input_files(file)  # type: ignore[arg-type]
-        map_ = form.get_by_label("Channel map of the robot")
+        map_ = form.get_by_label("Map of the joints' columns")
         expect(map_).to_have_value(MAP_OF_SIX)
         map_.fill(MAP)
-        form.get_by_role("button", name="Investigate the robot").click()
+        form.get_by_role("button", name="Ask about the robot").click()
         page.wait_for_url("**/jobs/*")
         identity = page.url.rsplit("/", 1)[1]
     with site.server.client() as client:
