@@ -108,7 +108,15 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int,
         one = investigate(axis, replace(telemetry, channels=channels), known_doubts=doubts)
     except InvestigationError as error:
         raise InvestigationError(f"{joint.name}: {error}") from None
-    return replace(one, extended=as_described(told, one.extended)) if as_one_body else one
+    if as_one_body:
+        return replace(one, extended=as_described(told, one.extended))
+    return one if joint.described else replace(one, findings=tuple(map(_of_the_joint, one.findings)))
+
+
+def _of_the_joint(finding: Finding) -> Finding:
+    """In the words of a joint whose drive is not described: there is no motor that turns otherwise."""
+    words = finding.explanation.replace("at the motor", "at the joint").replace("of the motor", "of the joint")
+    return replace(finding, explanation=words)
 
 
 def _held(joint: Joint) -> Investigation:

@@ -25,6 +25,9 @@ FAR_BEYOND = 10.0  # the same of what is 'at most'
 STIFFER = 2.5  # the same of springs that twist more than described, which is told better than that of others
 NEAR = 2.0  # a prefix that is set right fits as well as this
 LEAST_OF_ALL = 0.05  # of the whole inertia that a motor has: less is not known from the rest
+TURNED = (
+    "motor_torque_nm: pushes against the acceleration: the sign of torque or of position is turned; turn one of them"
+)
 HEAVIEST, LIGHTEST = 8.0, 0.12  # inertia felt over the described one
 
 
@@ -94,7 +97,7 @@ def _of_drive(axis: Axis, m: Measurement) -> Array:
     return m.torque if m.known_torque is None else m.torque - m.known_torque / axis.ratio
 
 
-def check_description(axis: Axis, m: Measurement, used: Rows) -> tuple[str, ...]:
+def check_description(axis: Axis, m: Measurement, used: Rows, unknown: frozenset[str] = frozenset()) -> tuple[str, ...]:
     """Refuse numbers that telemetry rules out; return remarks on those that it makes unlikely.
 
     Raises
@@ -103,7 +106,9 @@ def check_description(axis: Axis, m: Measurement, used: Rows) -> tuple[str, ...]
         naming the entry, what it implies and what would be plausible.
     """
     seen = Seen.of(axis, m, used)
-    remarks = _check_inertia(axis, seen)
+    if unknown:
+        _check_whole(axis, seen)
+    remarks = [] if unknown else _check_inertia(axis, seen)
     _check_limits(axis, seen)
     _check_friction(axis, seen)
     if axis.stages:
@@ -194,6 +199,25 @@ def inertias(axis: Axis) -> dict[str, float]:
     return out | {"load.inertia_kg_m2": axis.load.inertia_kg_m2 / axis.ratio**2}
 
 
+def _check_whole(axis: Axis, seen: Seen) -> None:
+    """Of an axis whose motor's inertia nobody knows, torque must not push against an acceleration that it shows.
+
+    What is known behind the motor must be there besides.
+    """
+    if seen.body is None:
+        return
+    behind = sum(value for name, value in inertias(axis).items() if not name.startswith("motor."))
+    most = max(seen.body)
+    felt = abs(most) * seen.swing * axis.ratio
+    if most < 0.0 and felt > seen.left:
+        raise InvestigationError(TURNED)
+    if most < LIGHTEST * behind and behind * seen.swing * axis.ratio > seen.left:
+        raise InvestigationError(
+            f"motor_torque_nm: fits an inertia of {most:.4g} kg m2 at the motor, and the description has {behind:.4g} "
+            f"kg m2 behind it: a unit is wrong (N m, rad and s are needed), or this is another axis"
+        )
+
+
 def _check_inertia(axis: Axis, seen: Seen) -> list[str]:
     """The inertia that torque and acceleration show must be of the order that the description says."""
     entries = inertias(axis)
@@ -209,10 +233,7 @@ def _check_inertia(axis: Axis, seen: Seen) -> list[str]:
         return []
     least, most = (inertia / expected for inertia in seen.body)
     if most < -0.2:
-        raise InvestigationError(
-            "motor_torque_nm: pushes against the acceleration: the sign of torque or of position is turned; "
-            "turn one of them"
-        )
+        raise InvestigationError(TURNED)
     if not (LIGHTEST <= share <= HEAVIEST) and (least <= HEAVIEST and most >= LIGHTEST):
         return [
             f"motor_torque_nm: torque and acceleration alone fit an inertia {share:.4g} times the described "

@@ -91,7 +91,7 @@ def examine(axis: Axis, telemetry: Telemetry, doubts: Array | None = None) -> Ga
         measurement = _doubted(measurement, grid[0], times, doubts / axis.ratio)
     used = _used(measurement)
     axis, unknown = with_first_inertia(axis, measurement, used)
-    remarks = [*uneven, *check_description(axis, measurement, used)]
+    remarks = [*uneven, *check_description(axis, measurement, used, unknown)]
     remarks += reading_remarks(telemetry)
     if load is None and axis.stages:
         remarks.append(

@@ -10,6 +10,7 @@ from sim.assembly import drive_train_of
 from sim.description.axis_document import read_axis
 from sim.discrepancy.assessment.remarks import shown_remark
 from sim.discrepancy.assessment.verdict import is_beyond_new, is_worse
+from sim.discrepancy.data.data_fault import InvestigationError
 from sim.discrepancy.data.excitation import Excitation, excitation_in
 from sim.discrepancy.hypotheses.identifiability import ALONE, highest_order, passed_slowly, shown, the_same
 from sim.discrepancy.investigation import investigate
@@ -149,6 +150,18 @@ def test_an_inertia_that_nobody_knows_is_found_and_no_simulation_goes_without() 
     assert inertia["low"] < INERTIA < inertia["high"]
     assert {f.mechanism for f in result.findings} == {"coulomb_friction", "viscous_friction"}
     assert result.extended.motor.inertia_kg_m2 == pytest.approx(INERTIA, rel=0.05)
+
+
+def test_a_rotor_that_nobody_knows_may_weigh_nothing_beside_what_it_carries() -> None:
+    """All inertia is in the known torque, as in most simulated robots; torque that is turned is refused all the same."""
+    unknown = read_axis({"motor": {}, "load": {"inertia_kg_m2": 0.0}})
+    told = to_and_fro(200.0)
+    carried = -INERTIA * 40.0 * np.sin(told.time_s)
+    result = investigate(unknown, replace(told, channels={**told.channels, "known_torque_nm": carried}))
+    assert {f.mechanism for f in result.findings} == {"coulomb_friction", "viscous_friction"}
+    turned = replace(told, channels={**told.channels, "motor_torque_nm": -told["motor_torque_nm"]})
+    with pytest.raises(InvestigationError, match="the sign of torque or of position is turned"):
+        investigate(unknown, turned)
 
 
 WRIST = read_axis(
