@@ -153,7 +153,7 @@ def test_an_inertia_that_nobody_knows_is_found_and_no_simulation_goes_without() 
 
 
 def test_a_rotor_that_nobody_knows_may_weigh_nothing_beside_what_it_carries() -> None:
-    """All inertia is in the known torque, as in most simulated robots; torque that is turned is refused all the same."""
+    """All inertia is in the known torque, as in most simulated robots; turned torque is refused all the same."""
     unknown = read_axis({"motor": {}, "load": {"inertia_kg_m2": 0.0}})
     told = to_and_fro(200.0)
     carried = -INERTIA * 40.0 * np.sin(told.time_s)
