@@ -23,6 +23,7 @@ from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Joint, Robot
 from sim.robot.shared_fit import NINETY, TILT_RAD, PayloadEstimate, SharedFit, shared_fits
+from sim.robot.trend import changed
 
 Progress = Callable[[str, float], None]
 TILTED = 3.0  # standard deviations from which the base is said to stand askew
@@ -62,12 +63,19 @@ def investigate_robot(
         check_robot(robot, body, motion)
     progress("what the joints share", 0.08)
     fits = shared_fits(robot, body, motions)
-    last, shared = logs[-1], fits[-1]
-    joints = []
-    for k, (joint, telemetry) in enumerate(zip(robot.joints, last.joints, strict=True)):
-        watch = partial(_within, progress, f"joint {k + 1} of {len(robot.joints)}, {joint.name}", k, len(robot.joints))
-        joints.append(JointInvestigation(joint.name, _of_joint(joint, telemetry, shared, k, watch)))
-    joints, remarks = _of_log(joints)
+    shared, count = fits[-1], len(robot.joints)
+    of_logs: list[list[JointInvestigation]] = []
+    remarks: list[str] = []
+    for place, (log, fit) in enumerate(zip(logs, fits, strict=True)):
+        joints = []
+        for k, (joint, telemetry) in enumerate(zip(robot.joints, log.joints, strict=True)):
+            whose = f" in {log.name}" if len(logs) > 1 else ""
+            name = f"joint {k + 1} of {count}, {joint.name}{whose}"
+            watch = partial(_within, progress, name, place * count + k, len(logs) * count)
+            joints.append(JointInvestigation(joint.name, _of_joint(joint, telemetry, fit, k, watch)))
+        joints, remarks = _of_log(joints)
+        of_logs.append(joints)
+    changes = changed([log.name for log in logs], of_logs)
     payload = _payload_finding(robot, logs, fits)
     found = [f for joint in joints for f in joint.investigation.findings] + ([] if payload is None else [payload])
     rest = any(joint.investigation.unexplained is not None for joint in joints)
@@ -76,7 +84,8 @@ def investigate_robot(
     return RobotInvestigation(
         robot, verdict, payload, tuple(joints), shared, _payload_parameters(robot, shared),
         _next_measurement(joints, shared), _provenance(robot, logs, shared),
-        (*_tilt_remarks(shared), *_earlier_payloads(logs, fits), *remarks),
+        (*_tilt_remarks(shared), *_earlier_payloads(logs, fits), *map(str, changes), *remarks),
+        tuple(change.document() for change in changes),
     )  # fmt: skip
 
 

@@ -39,7 +39,10 @@ class JointInvestigation:
 
 @dataclass(frozen=True)
 class RobotInvestigation:
-    """What the rigid-body model of a robot misses, joint by joint; `document()` is the contract's JSON."""
+    """What the rigid-body model of a robot misses, joint by joint; `document()` is the contract's JSON.
+
+    `changes`: what is another than in an earlier log, as JSON.
+    """
 
     robot: Robot
     verdict: str
@@ -50,6 +53,7 @@ class RobotInvestigation:
     next_measurement: str
     provenance: Mapping[str, object]
     remarks: tuple[str, ...] = ()
+    changes: tuple[dict[str, object], ...] = ()
 
     def torque_rms_nm(self, place: int) -> dict[str, float]:
         """Effective torque at a joint [N m]: `measured`, left by the `rigid` body, and by the `extended` model.
@@ -97,6 +101,7 @@ class RobotInvestigation:
                 }
                 for k, joint in enumerate(self.joints)
             ],
+            **({"changes": list(self.changes)} if self.changes else {}),
             "remarks": list(self.remarks),
             "provenance": dict(self.provenance),
         }
