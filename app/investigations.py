@@ -24,10 +24,10 @@ from casebase.description import check_name
 from casebase.errors import ConflictError, NotFoundError
 from casebase.library import CaseLibrary
 from casebase.models import AxisRevision, StoredInvestigation, new_id, now
-from casebase.signals.channel_map import joint_maps
 from casebase.signals.decode import read_recording
 from casebase.signals.documents import parse_foreign
 from casebase.signals.errors import SignalError
+from casebase.signals.joint_maps import joint_maps
 from casebase.signals.telemetry import check_telemetry, read_telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis

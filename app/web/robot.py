@@ -6,8 +6,8 @@ from typing import Any
 
 from markupsafe import Markup
 
+from sim.mechanisms.catalogue import IN_EVERY_AXIS
 from sim.robot import picture
-from sim.robot.results import USUAL
 
 Document = Mapping[str, Any]
 
@@ -34,7 +34,7 @@ def joints_of(document: Document) -> list[JointView]:
 
 def beyond_usual(document: Document) -> list[Document]:
     """Return the findings that stand at the top: all but usual friction."""
-    return [finding for finding in document["findings"] if finding["mechanism"] not in USUAL]
+    return [finding for finding in document["findings"] if finding["mechanism"] not in IN_EVERY_AXIS]
 
 
 def of_robot(document: Document) -> list[Document]:

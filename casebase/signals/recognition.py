@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from itertools import takewhile
 from types import MappingProxyType
 
-from casebase.signals.channel_map import SCHEMA, units_of
+from casebase.signals.channel_map import units_of
 from casebase.signals.column_names import (
     CURRENT,
     FAMILIES,
@@ -21,6 +21,7 @@ from casebase.signals.column_names import (
     Meaning,
     meaning_of,
 )
+from casebase.signals.joint_maps import SCHEMA
 from casebase.signals.telemetry import CHANNELS, TIME, Recognition
 from casebase.signals.units import ISO8601, SAMPLE
 

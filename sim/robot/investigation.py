@@ -102,6 +102,10 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int,
     load, ratio, told = axis.load.inertia_kg_m2, axis.ratio, axis
     if as_one_body := is_one_body(axis, telemetry):
         axis, load = at_the_motor(axis), 0.0
+    elif axis.stages and not load:
+        raise InvestigationError(
+            f"{joint.name}: load.inertia_kg_m2 of its axis has to be above 0: about what the spring of its gears moves"
+        )
     telemetry = _counting(telemetry, motion)
     known = shared.known[:, place] - load * motion.acceleration[:, place]
     doubts = motion.on(shared.errors[place], telemetry.time_s)
@@ -110,11 +114,10 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int,
     if "motor_position_rad" not in channels:
         channels["motor_position_rad"] = channels["load_position_rad"] * ratio
     if as_one_body:
-        channels.pop("load_position_rad", None)
         known, doubts = known / ratio, doubts / ratio
     channels["known_torque_nm"] = known
     try:
-        one = investigate(axis, replace(telemetry, channels=channels), known_doubts=doubts)
+        one = investigate(axis, replace(telemetry, channels=channels), progress=progress, known_doubts=doubts)
     except InvestigationError as error:
         raise InvestigationError(f"{joint.name}: {error}") from None
     if as_one_body:

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from casebase.signals.channel_map import joint_maps
 from casebase.signals.errors import TelemetryError
+from casebase.signals.joint_maps import joint_maps
 from casebase.signals.telemetry import Telemetry, read_telemetry
 from sim.robot.investigation import RobotLog
 from sim.robot.robot import Robot

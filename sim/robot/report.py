@@ -19,9 +19,11 @@ from sim.discrepancy.report.joint_html import FOLD, STYLES, WIDTH, body_of
 from sim.discrepancy.report.panels import EXTENDED, MEASURED, RIGID, Panel
 from sim.discrepancy.report.residual_panels import channels
 from sim.discrepancy.results import SAID, Finding
+from sim.mechanisms.catalogue import IN_EVERY_AXIS
 from sim.robot import picture
+from sim.robot.motion import Motion
 from sim.robot.picture import SAYS
-from sim.robot.results import USUAL, JointInvestigation, RobotInvestigation
+from sim.robot.results import JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
 
 REST = "left by the last"
@@ -34,11 +36,11 @@ def headline(result: RobotInvestigation) -> str:
     if result.verdict == "nothing_missing":
         return "The rigid-body model and the description of the joints explain what was measured."
     said = [f for f in _findings(result) if f[1].probability >= SAID]
-    beyond = [(place, f) for place, f in said if f.mechanism not in USUAL]
-    usual = sum(f.mechanism in USUAL for _, f in said)
+    beyond = [(place, f) for place, f in said if f.mechanism not in IN_EVERY_AXIS]
+    usual = sum(f.mechanism in IN_EVERY_AXIS for _, f in said)
     words = [f"{f.mechanism.replace('_', ' ')} at {place}" for place, f in beyond[:3]]
     if usual:
-        joints = len({place for place, f in said if f.mechanism in USUAL})
+        joints = len({place for place, f in said if f.mechanism in IN_EVERY_AXIS})
         words.append(f"friction at {joints} joint{'s' if joints > 1 else ''}")
     if words:
         return f"The model of the robot lacks {', '.join(words)}."
@@ -113,7 +115,7 @@ def torque_panels(result: RobotInvestigation) -> list[Panel]:
     clock = shared.motion.time_s[::step]
     for k, joint in enumerate(result.joints):
         measured, rigid = shared.motion.torque[::step, k], shared.rigid[::step, k]
-        extended = _extended(joint, clock)
+        extended = _extended(joint, clock, shared.motion, result.robot.joints[k].axis.ratio)
         rows = [(MEASURED, measured), (RIGID, rigid)] + ([] if extended is None else [(EXTENDED, extended)])
         rows.append((REST, measured - rows[-1][1]))
         title = f"{k + 1}. {joint.name}"
@@ -121,22 +123,25 @@ def torque_panels(result: RobotInvestigation) -> list[Panel]:
     return out
 
 
-def _extended(joint: JointInvestigation, clock: Array) -> Array | None:
-    """Torque at the joint by the extended model, on the log's clock, shape (n,) [N m]; None without a model."""
+def _extended(joint: JointInvestigation, clock: Array, motion: Motion, ratio: float) -> Array | None:
+    """Torque at the joint by the extended model, on the log's clock, shape (n,) [N m]; None without a model.
+
+    A joint's own clock begins with the first row that counts.
+    """
     one = joint.investigation
     if one.selection is None:
         return None
     m = one.selection.problem.measurement
     _, left = channels(one.selection)[0].left[-1]
-    modelled = (m.torque - left) * one.axis.ratio
-    return np.asarray(np.interp(clock - clock[0], m.time_s, modelled, left=np.nan, right=np.nan), dtype=np.float64)
+    modelled, begins = (m.torque - left) * ratio, motion.time_s[motion.counts][0]
+    return np.asarray(np.interp(clock - begins, m.time_s, modelled, left=np.nan, right=np.nan), dtype=np.float64)
 
 
 def _findings(result: RobotInvestigation) -> list[tuple[str, Finding]]:
     """Where, and what; the likeliest first, friction that nearly every robot lacks last."""
     out = [] if result.payload is None else [("the flange", result.payload)]
     out += [(joint.located(f.location), f) for joint in result.joints for f in joint.investigation.findings]
-    return sorted(out, key=lambda one: (one[1].mechanism in USUAL, -one[1].probability))
+    return sorted(out, key=lambda one: (one[1].mechanism in IN_EVERY_AXIS, -one[1].probability))
 
 
 def _told(result: RobotInvestigation) -> Iterable[str]:
@@ -144,7 +149,7 @@ def _told(result: RobotInvestigation) -> Iterable[str]:
     if not found:
         yield "<p>None.</p>"
     for place, f in found:
-        if f.mechanism in USUAL:
+        if f.mechanism in IN_EVERY_AXIS:
             continue
         title = (
             f"{f.mechanism.replace('_', ' ').capitalize()} at {place}: {likely(f.probability, calibrated=f.calibrated)}"
@@ -156,7 +161,7 @@ def _told(result: RobotInvestigation) -> Iterable[str]:
             yield f"<p>These data cannot tell it from {html.escape(', '.join(f.indistinguishable_from))}.</p>"
         if f.action:
             yield f"<p>What to do now: {html.escape(f.action)}</p>"
-    usual = [(place, f) for place, f in found if f.mechanism in USUAL]
+    usual = [(place, f) for place, f in found if f.mechanism in IN_EVERY_AXIS]
     if usual:
         order = {joint.name: k for k, joint in enumerate(result.joints)}
         usual.sort(key=lambda one: order.get(one[0], len(order)))

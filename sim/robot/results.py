@@ -7,7 +7,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.discrepancy.hypotheses.traits import mechanisms_with
 from sim.discrepancy.results import (
     Estimate,
     Finding,
@@ -20,8 +19,6 @@ from sim.robot.robot import Robot
 from sim.robot.shared_fit import SharedFit
 
 PAYLOAD = "payload"
-USUAL = mechanisms_with(lambda traits: traits.in_every_axis)
-"""Friction that nearly every description of a robot lacks: it stands with its joint."""
 
 
 @dataclass(frozen=True)
@@ -63,7 +60,8 @@ class RobotInvestigation:
         measured, one = self.shared.motion.torque[:, place], self.joints[place].investigation
         left = measured - self.shared.rigid[:, place]
         out = {name: float(np.sqrt(np.mean(each**2))) for name, each in (("measured", measured), ("rigid", left))}
-        gains = [g.rms_after * one.axis.ratio for g in one.gain if g.channel == "motor_torque_nm"]
+        ratio = self.robot.joints[place].axis.ratio
+        gains = [g.rms_after * ratio for g in one.gain if g.channel == "motor_torque_nm"]
         return out | ({"extended": gains[0]} if gains else {})
 
     def document(self) -> dict[str, object]:

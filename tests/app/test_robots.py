@@ -158,7 +158,6 @@ def test_the_axis_of_a_joint_comes_as_a_file_or_as_a_table(operator: httpx.Clien
 
 DEEP = b"<robot>" + b"<link>" * 30_000
 BOMB = b'<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]><robot name="&b;"/>'
-MASSLESS = urdf().replace(b'<mass value="4.0"/>', b'<mass value="0"/>')
 MANY = b"<robot><link name='l0'/>" + b"".join(
     f"<link name='l{k}'/><joint name='j{k}' type='continuous'><parent link='l0'/><child link='l{k}'/></joint>".encode()
     for k in range(1, 200)
@@ -185,9 +184,8 @@ SLOW = ("x" + ".x" * 100_000 + " = 1").encode()
         ({"robot": ("r", ROBOT.replace("elbow", "wrist").encode())}, 422, "'wrist' is no joint that moves in the URDF"),
         ({"urdf": ("u", b"<xacro/>")}, 422, "a URDF is <robot>"),
         ({"urdf": ("u", BOMB)}, 422, "declares a document type"),
-        ({"urdf": ("u", DEEP)}, 422, "more than 20000 elements"),
+        ({"urdf": ("u", DEEP)}, 422, "nest more than 50 deep"),
         ({"urdf": ("u", MANY)}, 422, "199 joints move; there may be 128"),
-        ({"urdf": ("u", MASSLESS)}, 422, "mass and inertia of moving bodies must be larger"),
     ],
 )
 def test_what_is_no_robot_is_refused_in_words(

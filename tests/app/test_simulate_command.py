@@ -72,7 +72,7 @@ def test_telemetry_as_parquet_holds_the_numbers_of_the_csv(described: Path, tmp_
     [
         (["--mechanism", "backlsh"], "did you mean 'backlash'"),
         (["--mechanism", "backlash", "--set", "gap_rad=2"], "backlash.gap_rad: must be 0 to 0.1 rad, got 2"),
-        (["--mechanism", "backlash", "--set", "gap=1"], "--set gap: no mechanism given here has it open"),
+        (["--mechanism", "backlash", "--set", "gap=1"], "--set gap: no --mechanism given here has this parameter"),
         (["--mechanism", "backlash", "--set", "gap_rad"], "--set: must be PARAM=VALUE"),
         (["--mechanism", "backlash", "--set", "gap_rad=wide"], "--set gap_rad: must be a number, got 'wide'"),
         (["--mechanism", "backlash@gripper"], "backlash.location: must be one of output, transfer, got 'gripper'"),

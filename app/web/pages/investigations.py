@@ -26,7 +26,7 @@ from app.web.words import finding_words, investigation_headline, likely_words, u
 from casebase.axes import list_axes
 from casebase.models import AxisRevision, StoredInvestigation
 from casebase.pages import page
-from casebase.signals.channel_map import joint_map_template
+from casebase.signals.joint_maps import joint_map_template
 from casebase.signals.telemetry import recognise_columns
 from sim.robot.picture import legend
 

@@ -112,7 +112,7 @@ def test_nothing_is_said_of_a_model_that_does_not_reach_the_measurement() -> Non
     pushes = np.convolve(np.random.default_rng(1).standard_normal(t.size), np.ones(50) / math.sqrt(50.0), "same")
     result = investigate(axis(), one_body(0.3, 1.0, 0.02, 9, extra=40.0 * pushes))
     assert result.verdict == "unnamed"
-    assert any("does not reach" in remark for remark in result.remarks)
+    assert any("does not fit" in remark for remark in result.remarks)
 
 
 def test_the_same_bytes_give_the_same_document_of_finite_numbers() -> None:
@@ -137,7 +137,7 @@ def test_the_report_is_one_file_that_loads_nothing() -> None:
     page = html_report(investigate(axis(coulomb=0.0), one_body(0.3, 1.0, 0.02, 5)))
     assert "<svg" in page
     assert "coulomb friction" in page
-    assert "slower than 0.71 rad/s did not count" in page  # 1.2 % of the largest speed
+    assert "slower than 0.71 rad/s do not count" in page  # 1.2 % of the largest speed
     assert "<script" not in page
     assert 'src="http' not in page
     assert 'href="http' not in page

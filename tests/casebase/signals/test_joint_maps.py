@@ -2,8 +2,9 @@
 
 import pytest
 
-from casebase.signals.channel_map import channel_map_of, joint_maps
+from casebase.signals.channel_map import channel_map_of
 from casebase.signals.errors import TelemetryError
+from casebase.signals.joint_maps import joint_maps
 
 JOINTS = ["a", "b", "c"]
 TOML = """
