@@ -119,7 +119,7 @@ def investigate(
         *(finding_of_fault(fault) for fault in gate.faults),
         *(finding_of_sound(h) for h in beside(named, heard, problem.guided, struck, loud)),
     )
-    findings = beside_what_is_left(findings, rest)
+    findings = beside_what_is_left(findings, rest, doubted=bool(gate.measurement.doubts.size))
     findings, gained = predicting(problem, base, fit, findings)
     findings = tuple(advised(axis, f) for f in findings)
     named_well = any(f.probability >= SAID for f in findings)

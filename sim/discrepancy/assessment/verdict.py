@@ -111,9 +111,14 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     )  # fmt: skip
 
 
-def beside_what_is_left(findings: Sequence[Finding], rest: Sequence[Unexplained]) -> tuple[Finding, ...]:
-    """Findings where something without a name is left: of a size that a new axis may have too, that is the likelier."""
-    if not rest:
+def beside_what_is_left(
+    findings: Sequence[Finding], rest: Sequence[Unexplained], *, doubted: bool = False
+) -> tuple[Finding, ...]:
+    """Findings where something without a name is left: of a size that a new axis may have too, that is the likelier.
+
+    So is, where the known torque is `doubted`, that it is wrong in one of its ways.
+    """
+    if not rest and not doubted:
         return tuple(findings)
     return tuple(replace(f, probability=min(f.probability, UNLIKELY)) if f.as_new_too else f for f in findings)
 
