@@ -84,7 +84,7 @@ def investigate_robot(
     return RobotInvestigation(
         robot, verdict, payload, tuple(joints), shared, _payload_parameters(robot, shared),
         _next_measurement(joints, shared), _provenance(robot, logs, shared),
-        (*_tilt_remarks(shared), *_earlier_payloads(logs, fits), *map(str, changes), *remarks),
+        (*_unlogged(robot), *_tilt_remarks(shared), *_earlier_payloads(logs, fits), *map(str, changes), *remarks),
         tuple(change.document() for change in changes),
     )  # fmt: skip
 
@@ -222,6 +222,18 @@ def _earlier_payloads(logs: Sequence[RobotLog], fits: Sequence[SharedFit]) -> li
         f"{log.name}: {fit.payload.mass_kg:.3g} kg beyond the description hang at the last link, "
         f"give or take {NINETY * fit.payload.mass_deviation_kg:.2g} kg (90 %)."
         for log, fit in zip(logs, fits, strict=True)
+    ]
+
+
+def _unlogged(robot: Robot) -> list[str]:
+    """Joints of the URDF that the log does not have."""
+    logged = {joint.name for joint in robot.joints}
+    missing = [name for name in robot.urdf.moving if name not in logged]
+    if not missing:
+        return []
+    return [
+        f"Not logged, and taken to stand at 0: {', '.join(missing)}. Log them, too, if they move or stand elsewhere: "
+        "where they are counts in the torques of the others."
     ]
 
 

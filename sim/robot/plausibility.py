@@ -71,7 +71,7 @@ def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> None:
         raise InvestigationError(f"{start}; {text}")
     raise InvestigationError(
         f"{start}, and no other order of the joints, sign or direction of gravity explains them. "
-        "Is the URDF of this robot, are the torques at the joints (N m), and do the positions count from its zeros?"
+        "The URDF may be of another robot, the torques not at the joints (N m), or the positions not from its zeros."
     )
 
 
