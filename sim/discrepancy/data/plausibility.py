@@ -106,9 +106,10 @@ def check_description(axis: Axis, m: Measurement, used: Rows, unknown: frozenset
         naming the entry, what it implies and what would be plausible.
     """
     seen = Seen.of(axis, m, used)
-    if unknown:
+    doubted = bool(m.doubts.size)  # a known torque that may be wrong may be so along the acceleration
+    if unknown and not doubted:
         _check_whole(axis, seen)
-    remarks = [] if unknown else _check_inertia(axis, seen)
+    remarks = [] if unknown or doubted else _check_inertia(axis, seen)
     _check_limits(axis, seen)
     _check_friction(axis, seen)
     if axis.stages:
