@@ -6,7 +6,7 @@ from typing import Any
 
 from markupsafe import Markup
 
-from sim.mechanisms.catalogue import IN_EVERY_AXIS
+from sim.mechanisms.catalogue import is_in_every_axis
 from sim.robot import picture
 
 Document = Mapping[str, Any]
@@ -34,7 +34,7 @@ def joints_of(document: Document) -> list[JointView]:
 
 def beyond_usual(document: Document) -> list[Document]:
     """Return the findings that stand at the top: all but usual friction."""
-    return [finding for finding in document["findings"] if finding["mechanism"] not in IN_EVERY_AXIS]
+    return [finding for finding in document["findings"] if not is_in_every_axis(finding["mechanism"])]
 
 
 def of_robot(document: Document) -> list[Document]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
 from importlib.metadata import version
 
@@ -218,18 +218,23 @@ def advised(axis: Axis, finding: Finding) -> Finding:
     return replace(f, action=action(axis, f.mechanism, f.location, numbers_of(f), f.probability))
 
 
+def telemetry_sha256(telemetries: Iterable[Telemetry]) -> str:
+    """Of all channels, by name."""
+    digest = hashlib.sha256()
+    for telemetry in telemetries:
+        for name in sorted(telemetry.channels):
+            digest.update(name.encode() + telemetry.channels[name].tobytes())
+    return digest.hexdigest()
+
+
 def _provenance(
     axis: Axis, telemetry: Telemetry | None, sounds: Sequence[Recording], measurement: Measurement | None
 ) -> dict[str, object]:
-    digest = hashlib.sha256()
-    if telemetry is not None:
-        for name in sorted(telemetry.channels):
-            digest.update(name.encode() + telemetry.channels[name].tobytes())
     return {
         "gearcase": version("gearcase"),
         "method": f"guided chain {VERSION}",
         "axis": axis.name,
-        "telemetry_sha256": digest.hexdigest() if telemetry is not None else None,
+        "telemetry_sha256": None if telemetry is None else telemetry_sha256([telemetry]),
         "sound_sha256": "+".join(sound.sha256 for sound in sounds) or None,
         "rows": 0 if measurement is None else measurement.samples,
         "rate_hz": 0.0 if measurement is None else rounded(measurement.rate_hz),

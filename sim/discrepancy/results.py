@@ -105,18 +105,8 @@ class Investigation:
             "verdict": self.verdict,
             "findings": [finding_document(f) for f in self.findings],
             "unexplained": None if self.unexplained is None else unexplained_document(self.unexplained),
-            "parameters": [
-                {"name": e.name, "nominal": None if e.nominal is None else rounded(e.nominal),
-                 "estimate": rounded(e.value),
-                 "low": rounded(e.low), "high": rounded(e.high), "unit": e.unit}
-                for e in self.parameters
-            ],
-            "gain": [
-                {"channel": g.channel, "unit": g.unit, "rms_before": rounded(g.rms_before),
-                 "rms_after": rounded(g.rms_after),
-                 "held_out": True, "distinguishable_from_zero": g.significant, "rms_measured": rounded(g.rms_measured)}
-                for g in self.gain
-            ],
+            "parameters": [estimate_document(e) for e in self.parameters],
+            "gain": [gain_document(g) for g in self.gain],
             "next_measurement": self.next_measurement,
             "next_measurements": [told.document() for told in self.next_measurements],
             "extended_axis": self.extended.to_mapping(),
@@ -131,6 +121,31 @@ class Investigation:
 def rounded(value: float) -> float:
     """Seven digits: what two runs of the same bytes agree on whatever the order of a sum."""
     return float(f"{value:.7g}") if math.isfinite(value) else 0.0
+
+
+def estimate_document(e: Estimate) -> dict[str, object]:
+    """JSON of a number of the description."""
+    return {
+        "name": e.name,
+        "nominal": None if e.nominal is None else rounded(e.nominal),
+        "estimate": rounded(e.value),
+        "low": rounded(e.low),
+        "high": rounded(e.high),
+        "unit": e.unit,
+    }
+
+
+def gain_document(g: Gain) -> dict[str, object]:
+    """JSON of what a channel gained."""
+    return {
+        "channel": g.channel,
+        "unit": g.unit,
+        "rms_before": rounded(g.rms_before),
+        "rms_after": rounded(g.rms_after),
+        "held_out": True,
+        "distinguishable_from_zero": g.significant,
+        "rms_measured": rounded(g.rms_measured),
+    }
 
 
 def finding_document(f: Finding) -> dict[str, object]:

@@ -11,15 +11,17 @@ from sim.errors import AxisError, near_match
 from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism, Samples
 from sim.rotational.drive_train import DriveTrain
 
-IN_EVERY_AXIS = frozenset(name for name, kind in mechanisms.MECHANISMS.items() if kind.traits.in_every_axis)
-"""Friction: every axis has it, and nearly every description leaves it out."""
-
 
 def kind_of(name: str) -> type[Mechanism]:
     """Raises AxisError for a name that is not in the catalogue."""
     if name not in mechanisms.MECHANISMS:
         raise AxisError(f"mechanisms: no mechanism {name!r}{near_match(name, mechanisms.MECHANISMS)}")
     return mechanisms.MECHANISMS[name]
+
+
+def is_in_every_axis(name: str) -> bool:
+    """Whether every axis has it, and nearly every description leaves it out: friction."""
+    return kind_or_any(name).traits.in_every_axis
 
 
 def kind_or_any(name: str) -> type[Mechanism]:

@@ -12,8 +12,9 @@ from importlib.metadata import version
 import numpy as np
 
 from casebase.signals.telemetry import Telemetry
+from sim.discrepancy.assessment.intervals import NINETY
 from sim.discrepancy.data.data_fault import InvestigationError
-from sim.discrepancy.investigation import investigate
+from sim.discrepancy.investigation import investigate, telemetry_sha256
 from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, rounded
 from sim.mechanisms import LostSamples
 from sim.robot.motion import Motion
@@ -22,7 +23,7 @@ from sim.robot.plausibility import check_robot
 from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Joint, Robot
-from sim.robot.shared_fit import NINETY, TILT_RAD, PayloadEstimate, SharedFit, shared_fits
+from sim.robot.shared_fit import TILT_RAD, PayloadEstimate, SharedFit, shared_fits
 from sim.robot.trend import changed
 
 Progress = Callable[[str, float], None]
@@ -263,17 +264,12 @@ def _next_measurement(joints: Sequence[JointInvestigation], shared: SharedFit) -
 
 
 def _provenance(robot: Robot, logs: Sequence[RobotLog], shared: SharedFit) -> dict[str, object]:
-    digest = hashlib.sha256()
-    for log in logs:
-        for telemetry in log.joints:
-            for name in sorted(telemetry.channels):
-                digest.update(name.encode() + telemetry.channels[name].tobytes())
     return {
         "gearcase": version("gearcase"),
         "method": "rigid body, shared fit, guided chain 1",
         "robot": robot.name,
         "urdf_sha256": hashlib.sha256(robot.urdf.text.encode()).hexdigest(),
-        "telemetry_sha256": digest.hexdigest(),
+        "telemetry_sha256": telemetry_sha256(telemetry for log in logs for telemetry in log.joints),
         "logs": [log.name for log in logs],
         "rows": int(logs[-1].joints[0].rows),
         "rate_hz": rounded(logs[-1].joints[0].sample_rate_hz),

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from casebase.signals.telemetry import Telemetry
 from sim.discrepancy.data.data_fault import InvestigationError
-from sim.discrepancy.data.preprocessing import LEAST_ROWS, MOTION_CUT_HZ, gaussian_kernel
+from sim.discrepancy.data.preprocessing import LEAST_ROWS, MOTION_CUT_HZ, gaussian_kernel, smooth
 from sim.discrepancy.data.validation import check_clock
 from sim.robot.robot import Robot
 
@@ -130,10 +130,5 @@ def _check_range(robot: Robot, name: str, position: Array) -> None:
 
 def _smoothed(values: Array, cut_hz: float, rate_hz: float, derivative: int) -> Array:
     """Smoothed over all rows; those at the ends, by odd reflection, do not count."""
-    from scipy.signal import fftconvolve
-
-    kernel = gaussian_kernel(cut_hz, rate_hz, derivative)
-    half = min(kernel.size // 2, values.size - 1)
-    padded = np.pad(values, half, "reflect", reflect_type="odd")
-    short = kernel[kernel.size // 2 - half : kernel.size // 2 + half + 1]
-    return np.asarray(fftconvolve(padded - values[0], short[::-1], "valid")) + (values[0] if derivative == 0 else 0.0)
+    half = gaussian_kernel(cut_hz, rate_hz, derivative).size // 2
+    return smooth(np.pad(values, half, "reflect", reflect_type="odd"), cut_hz, rate_hz, derivative, half)

@@ -11,19 +11,20 @@ from sim.description.axis import Axis, Load, LoadEncoder, Transmission
 def is_one_body(axis: Axis, telemetry: Telemetry) -> bool:
     """Whether gears are rigid for all that is described and logged: no stiffness, no backlash, no encoder at the load.
 
+    Nor a mechanism, which may act at a gear.
+
     A stiffness that is unknown shows between two encoders; at the motor alone it is what acceleration and weight are.
     """
     elastic = any(stiffness is not None for stiffness in axis.stiffness())
     loose = any(stage.backlash_rad for stage in axis.stages)
-    return bool(axis.stages) and not (elastic or loose or "load_position_rad" in telemetry.channels)
+    seen = "load_position_rad" in telemetry.channels
+    return bool(axis.stages) and not (elastic or loose or seen or axis.mechanisms)
 
 
 def at_the_motor(axis: Axis) -> Axis:
     """The axis as one body that turns with the motor; what moves behind a gear counts by its ratio (squared)."""
     n, motor, load = axis.ratio, axis.motor, axis.load
-    inertias = sum(stage.inertia_kg_m2 * (axis.ratio_from(stage.name) / n) ** 2 for stage in axis.stages[:-1]) + sum(
-        stage.inertia_kg_m2 / n**2 for stage in axis.stages[-1:]
-    )
+    inertias = sum(stage.inertia_kg_m2 * (axis.ratio_from(stage.name) / n) ** 2 for stage in axis.stages)
     return replace(
         axis,
         stages=(),
@@ -42,4 +43,4 @@ def at_the_motor(axis: Axis) -> Axis:
 def as_described(axis: Axis, found: Axis) -> Axis:
     """The described gears with what was found at the motor."""
     load = replace(axis.load, coulomb_friction_n_m=0.0, viscous_friction_n_m_s_per_rad=0.0)
-    return replace(axis, motor=found.motor, load=load, mechanisms=(*axis.mechanisms, *found.mechanisms))
+    return replace(axis, motor=found.motor, load=load, mechanisms=found.mechanisms)

@@ -106,8 +106,8 @@ def _direction(
     size = float(np.linalg.norm(g))
     if size == 0.0:
         return None
-    rest = np.zeros_like(motion.speed[few])
-    weights = np.stack([_with_gravity(body, way, motion.position[few], rest) for way in np.eye(3)], axis=-1)
+    ways = [body.at_rest(motion.position[few], way) for way in np.eye(3)]
+    weights = np.stack([np.einsum("njbp,bp->nj", way, body.parameters) for way in ways], axis=-1)
     dynamic = rigid - weights @ g
     found = _fitted(weights, motion.torque[few] - dynamic, motion.torque[few], frictions)
     found *= size / max(float(np.linalg.norm(found)), 1e-12)
@@ -128,15 +128,6 @@ def _fitted(columns: Array, left: Array, torque: Array, frictions: list[Array]) 
         rows.append(table[:, :count])
         right.append(table[:, count])
     return np.asarray(np.linalg.lstsq(np.concatenate(rows), np.concatenate(right), rcond=None)[0])
-
-
-def _with_gravity(body: RigidBody, gravity: Array, position: Array, rest: Array) -> Array:
-    kept = body.model.opt.gravity.copy()
-    try:
-        body.model.opt.gravity[:] = gravity
-        return body.torque(position, rest, rest)
-    finally:
-        body.model.opt.gravity[:] = kept
 
 
 def _order(

@@ -19,7 +19,7 @@ from sim.discrepancy.report.joint_html import FOLD, STYLES, WIDTH, body_of
 from sim.discrepancy.report.panels import EXTENDED, MEASURED, RIGID, Panel
 from sim.discrepancy.report.residual_panels import channels
 from sim.discrepancy.results import SAID, Finding
-from sim.mechanisms.catalogue import IN_EVERY_AXIS
+from sim.mechanisms.catalogue import is_in_every_axis
 from sim.robot import picture
 from sim.robot.motion import Motion
 from sim.robot.picture import SAYS
@@ -36,11 +36,11 @@ def headline(result: RobotInvestigation) -> str:
     if result.verdict == "nothing_missing":
         return "The rigid-body model and the description of the joints explain what was measured."
     said = [f for f in _findings(result) if f[1].probability >= SAID]
-    beyond = [(place, f) for place, f in said if f.mechanism not in IN_EVERY_AXIS]
-    usual = sum(f.mechanism in IN_EVERY_AXIS for _, f in said)
+    beyond = [(place, f) for place, f in said if not is_in_every_axis(f.mechanism)]
+    usual = sum(is_in_every_axis(f.mechanism) for _, f in said)
     words = [f"{f.mechanism.replace('_', ' ')} at {place}" for place, f in beyond[:3]]
     if usual:
-        joints = len({place for place, f in said if f.mechanism in IN_EVERY_AXIS})
+        joints = len({place for place, f in said if is_in_every_axis(f.mechanism)})
         words.append(f"friction at {joints} joint{'s' if joints > 1 else ''}")
     if words:
         return f"The model of the robot lacks {', '.join(words)}."
@@ -141,7 +141,7 @@ def _findings(result: RobotInvestigation) -> list[tuple[str, Finding]]:
     """Where, and what; the likeliest first, friction that nearly every robot lacks last."""
     out = [] if result.payload is None else [("the flange", result.payload)]
     out += [(joint.located(f.location), f) for joint in result.joints for f in joint.investigation.findings]
-    return sorted(out, key=lambda one: (one[1].mechanism in IN_EVERY_AXIS, -one[1].probability))
+    return sorted(out, key=lambda one: (is_in_every_axis(one[1].mechanism), -one[1].probability))
 
 
 def _told(result: RobotInvestigation) -> Iterable[str]:
@@ -149,7 +149,7 @@ def _told(result: RobotInvestigation) -> Iterable[str]:
     if not found:
         yield "<p>None.</p>"
     for place, f in found:
-        if f.mechanism in IN_EVERY_AXIS:
+        if is_in_every_axis(f.mechanism):
             continue
         title = (
             f"{f.mechanism.replace('_', ' ').capitalize()} at {place}: {likely(f.probability, calibrated=f.calibrated)}"
@@ -161,7 +161,7 @@ def _told(result: RobotInvestigation) -> Iterable[str]:
             yield f"<p>These data cannot tell it from {html.escape(', '.join(f.indistinguishable_from))}.</p>"
         if f.action:
             yield f"<p>What to do now: {html.escape(f.action)}</p>"
-    usual = [(place, f) for place, f in found if f.mechanism in IN_EVERY_AXIS]
+    usual = [(place, f) for place, f in found if is_in_every_axis(f.mechanism)]
     if usual:
         order = {joint.name: k for k, joint in enumerate(result.joints)}
         usual.sort(key=lambda one: order.get(one[0], len(order)))

@@ -11,11 +11,13 @@ from sim.discrepancy.results import (
     Estimate,
     Finding,
     Investigation,
+    estimate_document,
     finding_document,
+    gain_document,
     rounded,
     unexplained_document,
 )
-from sim.robot.robot import Robot
+from sim.robot.robot import SCHEMA, Robot
 from sim.robot.shared_fit import SharedFit
 
 PAYLOAD = "payload"
@@ -75,15 +77,14 @@ class RobotInvestigation:
             if one.unexplained is not None:
                 rest = {**unexplained_document(one.unexplained), "joint": joint.name}
                 rests.append((one.unexplained.score, rest))
-            document = one.document()
-            parameters += [{**p, "name": f"{joint.name}.{p['name']}"} for p in document["parameters"]]  # type: ignore[attr-defined]
-            gains += [{**g, "joint": joint.name} for g in document["gain"]]  # type: ignore[attr-defined]
+            parameters += [{**estimate_document(e), "name": f"{joint.name}.{e.name}"} for e in one.parameters]
+            gains += [{**gain_document(g), "joint": joint.name} for g in one.gain]
         findings.sort(key=lambda f: -float(str(f["probability"])))
         return {
             "verdict": self.verdict,
             "findings": findings,
             "unexplained": max(rests, key=lambda one: one[0])[1] if rests else None,
-            "parameters": [*map(_estimate_document, self.parameters), *parameters],
+            "parameters": [*map(estimate_document, self.parameters), *parameters],
             "gain": gains,
             "next_measurement": self.next_measurement,
             "extended_axis": self.extended(),
@@ -112,21 +113,10 @@ class RobotInvestigation:
             numbers = {e.name: e.value for e in self.payload.parameters}
             mass, center = numbers["mass_kg"], [numbers[f"center_{way}_m"] for way in "xyz"]
         return {
-            "schema": "gearcase-robot/1",
+            "schema": SCHEMA,
             "name": self.robot.name,
             "urdf": self.robot.document.get("urdf", f"{self.robot.name}.urdf"),
             "gravity_m_s2": list(self.robot.gravity_m_s2),
             "payload": {"mass_kg": rounded(mass), "center_m": [rounded(x) for x in center]},
             "joints": [{"name": j.name, "axis": j.investigation.extended.to_mapping()} for j in self.joints],
         }
-
-
-def _estimate_document(e: Estimate) -> dict[str, object]:
-    return {
-        "name": e.name,
-        "nominal": None if e.nominal is None else rounded(e.nominal),
-        "estimate": rounded(e.value),
-        "low": rounded(e.low),
-        "high": rounded(e.high),
-        "unit": e.unit,
-    }

@@ -97,6 +97,15 @@ class RigidBody:
         torques = np.swapaxes(back @ along, -1, -2) @ force + np.swapaxes(back @ about, -1, -2) @ moment
         return np.asarray(np.moveaxis(torques, 2, 1)[:, columns])
 
+    def at_rest(self, position: Array, gravity: Array) -> Array:
+        """The regressor of the robot at rest under another gravity, shape (3,) [m/s2] in the frame of the base."""
+        described, rest = self.model.opt.gravity.copy(), np.zeros_like(position)
+        try:
+            self.model.opt.gravity[:] = gravity
+            return self.regressor(position, rest, rest)
+        finally:
+            self.model.opt.gravity[:] = described
+
     def torque(self, position: Array, speed: Array, acceleration: Array) -> Array:
         """Torques of the rigid robot as described, shape (rows, joints) [N m]."""
         return np.asarray(np.einsum("njbp,bp->nj", self.regressor(position, speed, acceleration), self.parameters))

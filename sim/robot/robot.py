@@ -27,7 +27,7 @@ class RobotError(AxisError):
 
 @dataclass(frozen=True)
 class Payload:
-    """What hangs at the link that the last logged joint moves.
+    """What hangs at the link that the logged joint farthest from the base moves.
 
     `center_m`: centre of mass in the frame of that link [m]. It counts as a point.
     """

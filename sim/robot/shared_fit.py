@@ -34,7 +34,6 @@ TURNS = (0.01, 0.03, 0.1)  # of the largest speed, over which friction may turn 
 RESTING = 0.005  # of the largest speed, below which friction is whatever holds
 AGAINST = 0.5  # of the prior: a payload of which data say no more than this stays among what may be wrong
 PRIOR = 0.1  # that something hangs at the flange that nobody described
-NINETY = 1.645  # standard deviations to either side of which 90 % lie
 LEAST_NOISE = 2e-3  # of the torque: no drive measures better
 
 
@@ -113,10 +112,8 @@ def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tup
         precision[np.ix_(place, place)] += sum(part.grams)
         right[place] += sum(part.moments)
     every = np.arange(size)
-    payloads = [
-        _payload(p.columns, *_solved(precision, right, parts, places, every), place)
-        for p, place in zip(parts, places, strict=True)
-    ]
+    free = _solved(precision, right, parts, places, every)
+    payloads = [_payload(p.columns, *free, place) for p, place in zip(parts, places, strict=True)]
     empty = [
         place[p.columns.payload]
         for p, place, found in zip(parts, places, payloads, strict=True)
@@ -242,7 +239,7 @@ def _columns(robot: Robot, body: RigidBody, motion: Motion, regressor: Array) ->
     values = np.concatenate([*wrong, later, regressor[:, :, body.tool] * scale], axis=-1)
     ends = [int(end) for end in np.cumsum([links * 10, joints, 2, 1, 10])]
     gains, tilted, delayed, hung = (slice(*pair) for pair in pairwise(ends))
-    level = np.stack([_at_rest(body, motion, direction) for direction in _level(robot)])
+    level = np.stack([body.at_rest(motion.position, change) for change in _level(robot)])
     return _Columns(values, gains, tilted, delayed, hung, scale, ways, regressor, level, motion.rate_hz)
 
 
@@ -270,17 +267,6 @@ def _level(robot: Robot) -> list[Array]:
         return [np.zeros(3), np.zeros(3)]
     across = np.linalg.svd(g[None] / size)[2][1:]
     return [size * axis for axis in across]
-
-
-def _at_rest(body: RigidBody, motion: Motion, gravity: Array) -> Array:
-    """The regressor of a robot at rest under another gravity, shape (rows, joints, links, 10)."""
-    g = body.model.opt.gravity.copy()
-    rest = np.zeros_like(motion.speed)
-    try:
-        body.model.opt.gravity[:] = gravity
-        return body.regressor(motion.position, rest, rest)
-    finally:
-        body.model.opt.gravity[:] = g
 
 
 def _friction(speed: Array, acceleration: Array, load: Array) -> Array:

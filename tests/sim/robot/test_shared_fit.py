@@ -6,9 +6,10 @@ from functools import cache
 
 import numpy as np
 
+from sim.discrepancy.assessment.intervals import NINETY
 from sim.robot.motion import Motion
 from sim.robot.rigid_body import RigidBody
-from sim.robot.shared_fit import NINETY, SharedFit, shared_fits
+from sim.robot.shared_fit import SharedFit, shared_fits
 from tests.sim.robot.arms import Array, Link, random_arm, robot, swings, torque, with_mass
 
 DRAWS = 8

@@ -1,0 +1,52 @@
+"""Rigid gears with one encoder: one body at the motor that feels what moves behind the gears by their ratio."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from casebase.signals.telemetry import Telemetry
+from sim.description.axis import MechanismEntry
+from sim.description.axis_document import read_axis
+from sim.robot.one_body import as_described, at_the_motor, is_one_body
+
+AXIS = read_axis(
+    {
+        "motor": {"inertia_kg_m2": 0.01, "coulomb_friction_n_m": 0.1},
+        "stages": [
+            {"name": "first", "ratio": 4, "inertia_kg_m2": 0.32},
+            {"name": "output", "ratio": 5, "inertia_kg_m2": 4.0},
+        ],
+        "load": {"inertia_kg_m2": 9.0, "coulomb_friction_n_m": 2.0, "viscous_friction_n_m_s_per_rad": 40.0},
+    }
+)
+LOG = Telemetry(np.arange(3.0), {"motor_position_rad": np.zeros(3), "motor_torque_nm": np.zeros(3)})
+OFFSET = MechanismEntry("torque_offset", "motor", {"torque_n_m": 0.2})
+
+
+def test_power_is_the_same_at_the_motor() -> None:
+    """At a speed w: losses 0.1 w + 2 w / 20 + 40 (w / 20)^2, and the energy of gears that turn at w / 4, w / 20."""
+    one = at_the_motor(AXIS)
+    assert (one.stages, one.ratio) == ((), 1.0)
+    assert one.motor.coulomb_friction_n_m == pytest.approx(0.1 + 2.0 / 20.0)
+    assert one.motor.viscous_friction_n_m_s_per_rad == pytest.approx(40.0 / 20.0**2)
+    assert one.load.inertia_kg_m2 == pytest.approx(0.32 / 4.0**2 + 4.0 / 20.0**2)
+
+
+def test_what_was_found_at_the_motor_comes_once_to_the_described_gears() -> None:
+    found = replace(at_the_motor(AXIS), mechanisms=(OFFSET,))
+    extended = as_described(AXIS, found)
+    assert extended.stages == AXIS.stages
+    assert extended.mechanisms == (OFFSET,)
+    assert at_the_motor(extended).motor == found.motor
+
+
+def test_what_may_act_at_a_gear_is_not_one_body() -> None:
+    assert is_one_body(AXIS, LOG)
+    elastic = replace(AXIS, stages=(AXIS.stages[0], replace(AXIS.stages[1], stiffness_n_m_per_rad=1e4)))
+    loose = replace(AXIS, stages=(AXIS.stages[0], replace(AXIS.stages[1], backlash_rad=1e-3)))
+    seen = replace(LOG, channels={**LOG.channels, "load_position_rad": np.zeros(3)})
+    assert not is_one_body(elastic, LOG)
+    assert not is_one_body(loose, LOG)
+    assert not is_one_body(AXIS, seen)
+    assert not is_one_body(replace(AXIS, mechanisms=(OFFSET,)), LOG)
