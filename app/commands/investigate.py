@@ -16,15 +16,16 @@ from casebase.signals.errors import SignalError
 from casebase.signals.recording import Recording
 from casebase.signals.telemetry import Telemetry, read_telemetry
 from casebase.signals.text import text_of
-from sim.description.axis_document import read_axis
+from sim.description.axis_document import read_axis, write_axis
 from sim.discrepancy.data.pairing import check_pairs
 from sim.discrepancy.investigation import Progress, investigate
 from sim.discrepancy.pooling.joint_investigation import investigate_together
 from sim.discrepancy.pooling.pooled_estimates import Taken
+from sim.discrepancy.report.checks import ROWS, checked
 from sim.discrepancy.report.formatting import angle, likely, named
 from sim.discrepancy.report.html import html_report
 from sim.discrepancy.report.joint_html import html_report_together
-from sim.discrepancy.report.wording import headline
+from sim.discrepancy.report.wording import headline, unexplained_words
 from sim.discrepancy.results import Estimate, Investigation
 
 Read = TypeVar("Read")
@@ -79,6 +80,10 @@ def run(
     report: Annotated[
         Path | None, typer.Option(metavar="OUT.html", help="one file with plots that works offline")
     ] = None,
+    extended: Annotated[
+        Path | None,
+        typer.Option(metavar="OUT.toml", help="the description with all that was found, for the next investigation"),
+    ] = None,
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
     """Find what the simulation of an axis gets wrong and why, and how much an extended model improves it."""
@@ -87,6 +92,8 @@ def run(
         raise typer.BadParameter("give --axis AXIS.toml for one axis, or --robot ROBOT.toml for a whole robot")
     if axis is None:
         assert robot is not None
+        if extended is not None:
+            raise typer.BadParameter("--extended is of one axis; a robot's stands in its --json document")
         if sound or as_new:
             raise typer.BadParameter(
                 "sound is investigated with an axis; give --axis AXIS.toml of the joint that is heard"
@@ -110,6 +117,9 @@ def run(
     if report is not None:
         report.write_text(page(), encoding="utf-8")
         frame.say(f"report: {report}")
+    if extended is not None:
+        extended.write_text(write_axis(result.extended), encoding="utf-8")
+        frame.say(f"extended description: {extended}")
     if json:
         frame.print_json(document())
     else:
@@ -193,17 +203,19 @@ def _show(frame: Frame, result: Investigation, whose: Sequence[str]) -> None:
             frame.print(f"    in these data it looks the same as {' or '.join(map(named, f.indistinguishable_from))}")
         frame.print(f"    what to do now: {f.action}")
     if result.unexplained is not None:
-        where = ", ".join(f"{name} {value:.4g}" for name, value in result.unexplained.numbers.items())
-        frame.print(f"  unexplained: {where} in {result.unexplained.channel}")
+        frame.print(f"  without a name: {unexplained_words(result.unexplained)}")
     for e in result.parameters:
         described = "not described" if e.nominal is None else f"described {e.nominal:.5g}"
-        frame.print(f"  {e.name}: {described}, found {_with_unit(e)}")
+        frame.print(f"  {e.name}: {described}, found {_with_unit(e)} ({e.low:.5g} to {e.high:.5g})")
     for g, recording in zip(result.gain, whose, strict=True):
         note = "" if g.significant else " (may be chance)"
         frame.print(
             f"  {recording}{g.channel}: error {g.rms_before:.4g} -> {g.rms_after:.4g} {g.unit} (rms) on rows not used "
             f"for the fit{note}"
         )
+    for check, said in checked(result):
+        if check == ROWS:
+            frame.print(f"  {check}: {said}")
     for remark in result.remarks:
         frame.print(f"  note: {remark}")
     frame.print(result.next_measurement)

@@ -24,6 +24,10 @@ BEGINNING = 128
 """Bytes by which a format is told [byte]."""
 LONGEST_REFUSAL = 8000
 """Characters of a refusal, the lines of a channel map among them."""
+MOST_SHOWN = 40
+"""Columns that a refusal lists: four axes of ten channels."""
+MOST_LOOKED_AT = 1_000_000
+"""Values of which a refusal says from where to where they go."""
 
 
 def read(request: Mapping[str, Any], limits: Mapping[str, float], send: Send) -> Mapping[str, Any]:
@@ -111,8 +115,9 @@ def _recognised(table: OpenTable, names: Sequence[str]) -> tuple[Mapping[str, So
     found = recognise(names, table.units, table.times)
     if found.open:
         raise TelemetryError(
-            f"the names and units of the columns do not tell enough: {found.open}. The table has {_listed(names)}. "
-            f"Looked through, and {BLANK} filled in, these lines are a channel map that reads it:\n{found.map}"
+            f"the names and units of the columns do not tell enough: {found.open}. The table has "
+            f"{_held(table, names)}. Looked through, and {BLANK} filled in, these lines are a channel map that reads "
+            f"it:\n{found.map}"
         )
     map_ = channel_map_of(found.map)
     return map_.sources, "" if _is_own(map_) else found.map
@@ -186,6 +191,28 @@ def _listed(names: Iterable[str]) -> str:
     names = list(names)
     shown = [(name if len(name) <= 40 else name[:40] + "...") or "(no name)" for name in names[:12]]
     return ", ".join(shown) + (", ..." if len(names) > 12 else "")
+
+
+def _held(table: OpenTable, names: Sequence[str]) -> str:
+    """The columns, and from where to where they go: which is a clock, and which axis moves, is seen by that."""
+    shown = [place for place in range(min(len(names), MOST_SHOWN)) if place not in table.times]
+    low, high = np.full(len(names), np.inf), np.full(len(names), -np.inf)
+    count = 0
+    try:
+        for rows in table.rows(shown, ()):
+            for place, values in zip(shown, rows, strict=True):
+                low[place] = np.fmin.reduce(values, initial=low[place])
+                high[place] = np.fmax.reduce(values, initial=high[place])
+            count += len(shown) * rows[0].size
+            if count > MOST_LOOKED_AT:
+                break
+    except TelemetryError:  # what is no number has no ends
+        return _listed(names)
+    listed = [
+        f"{name[:40] or place + 1} ({low[place]:.4g} to {high[place]:.4g})" if low[place] <= high[place] else name[:40]
+        for place, name in enumerate(names[:MOST_SHOWN])
+    ]
+    return ", ".join(listed) + (", ..." if len(names) > MOST_SHOWN else "")
 
 
 def _check_clock(time_s: NDArray[np.float64]) -> None:

@@ -54,7 +54,7 @@ def told_by(
     present = Present(problem.axis, problem.measurement)
     noise = _noise_of(problem, fit)
     plans = [p for p in (REPEAT, *PLANS) if p.applies(present)]
-    moved = [(plan, angle) for plan in plans if (angle := plan.motion(present)) is not None]
+    moved = [(plan, angle) for plan in plans if (angle := plan.motion(present)) is not None and present.moves(angle)]
     apart = each(lambda p: _apart(problem, noise, *p, model, rivals), moved)
     found = [_as_long(told, present, angle) for (_, angle), told in zip(moved, apart, strict=True)]
     again = next((f for (plan, _), f in zip(moved, found, strict=True) if plan is REPEAT), {})

@@ -99,7 +99,9 @@ def headline(result: Investigation) -> str:
         return "Something is missing in the model that no known mechanism explains."
     said = [f for f in result.findings if f.probability >= SAID]
     machine = [f for f in said if not of_the_measurement(f.mechanism)]
-    faults = ", ".join(dict.fromkeys(named(f.mechanism) for f in said if f not in machine))
+    kinds = dict.fromkeys(kind_or_any(f.mechanism) for f in said if f not in machine)
+    faults = ", ".join(named(kind.name) for kind in kinds if not kind.or_of_the_machine)
+    either = ", ".join(f"{named(kind.name)} or {kind.or_of_the_machine}" for kind in kinds if kind.or_of_the_machine)
     if not said:
         return _silent(result)
     if not machine:
@@ -108,8 +110,11 @@ def headline(result: Investigation) -> str:
             if result.listening is not None
             else "Otherwise nothing is missing in the model that these data could show."
         )
-        return f"The measurement has faults: {faults}. {beyond}"
-    beside = f" The measurement also has faults: {faults}." if faults else ""
+        first = f"Not described: {either}. " if either else ""
+        return first + (f"The measurement has faults: {faults}. " if faults else "") + beyond
+    beside = (f" Beside it: {either}." if either else "") + (
+        f" The measurement also has faults: {faults}." if faults else ""
+    )
     if result.listening is not None:
         return f"Heard: {_names(machine)}.{beside}"
     return f"Missing in the model: {_names(machine)}.{beside}"
