@@ -39,14 +39,6 @@ def swing_response(s: Response, share: float, frequency_hz: float, damping_ratio
     return np.asarray(-share * s**4 / (s * s + 2.0 * damping_ratio * w * s + w * w))
 
 
-def rounding(form: float) -> float:
-    """Width of the simulator's dent, whose edges are round, over that of the observer's, equally wide at half depth.
-
-    (1 - |u|^form)^4 keeps an integrator's order, (1 - |u|^form)^2 is nearer to a tooth that leaves its contact.
-    """
-    return float(((1.0 - 0.5**0.5) / (1.0 - 0.5**0.25)) ** (1.0 / form))
-
-
 def lopsided(chain: Chain, location: str | None, coulomb_n_m: float, viscous_n_m_s: float) -> Chain:
     """Friction that is larger forward and smaller backward, by as much at the motor; no location: of motor and load.
 

@@ -12,12 +12,11 @@ from typing import Any, TypeVar
 
 from sim.assembly import drive_train_of
 from sim.description.axis import Axis, Load
-from sim.discrepancy.model.effects import rounding
 from sim.errors import SimulationError
 from sim.mechanisms.catalogue import kind_of
 from sim.mechanisms.mechanism import Mechanics
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.model import Chain, Dent, Line, Link, Shaft
+from sim.torsional.model import Chain, Link, Shaft
 from sim.torsional.reduction import chain_of
 
 Part = TypeVar("Part", Shaft, Link)
@@ -132,12 +131,7 @@ def _plus(own: Any, was: Any, now: Any) -> Any:
         return own + (now - was)
     if own and isinstance(own[0], float):
         return tuple(x + (b - a) for x, a, b in zip(own, was, now, strict=True))
-    return (*own, *(_seen(x) for x in now if x not in was))
-
-
-def _seen(new: Line | Dent) -> Line | Dent:
-    """A dent as wide at half depth as the simulator's, in the form that the observer's dents have."""
-    return replace(new, half_width_rad=new.half_width_rad / rounding(new.form)) if isinstance(new, Dent) else new
+    return (*own, *(x for x in now if x not in was))
 
 
 def _both_ways(chain: Chain) -> Chain:

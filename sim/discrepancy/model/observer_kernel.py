@@ -1,6 +1,6 @@
 """Compiled loop of the guided chain: the motor moves as measured, the load is drawn along its measured angle.
 
-Equations are those of `sim.torsional.model`; friction and spring those of `sim.torsional.laws`, as in the
+Equations are those of `sim.torsional.model`; friction, spring and dents those of `sim.torsional.laws`, as in the
 simulation. Three differences make the outputs differentiable in every parameter: friction and losses turn their sign
 over a finite speed, contact is the continuous branch of ElastoBacklash, and a spring and damper pull the load towards
 its encoder. What that guide has to pull is the load torque that the model lacks, so that an error of the model stays
@@ -66,6 +66,7 @@ def _inline(function):
 
 _law_of_friction = njit(forceinline=True, **OPTIONS)(laws.friction)
 _spring = njit(forceinline=True, **OPTIONS)(laws.spring)
+_dents = njit(forceinline=True, **OPTIONS)(laws.dents)
 
 
 @intrinsic
@@ -125,29 +126,6 @@ def _friction(shafts, k, w, way, t):
         shafts[k, COULOMB_F], shafts[k, COULOMB_B], shafts[k, VISCOUS_F], shafts[k, VISCOUS_B], shafts[k, STRIBECK],
         shafts[k, STRIBECK_W], shafts[k, STRIBECK_EXP], shafts[k, DRIFT], w, way, t,
     )  # fmt: skip
-
-
-@_inline
-def _dent(dents, first, last, side, k, angles):
-    """Depth on one flank of link k, and its slope over the angles of driver and driven gear."""
-    depth = before = after = 0.0
-    for j in range(first, last):
-        if dents[j, 4] == side:
-            shaft = int(dents[j, 0])
-            r = angles[shaft] - dents[j, 1]
-            r -= TWO_PI * math.floor(r / TWO_PI + 0.5)
-            u = r / dents[j, 2]
-            if abs(u) < 1.0:
-                steep = abs(u) ** (dents[j, 5] - 1.0)
-                room = 1.0 - steep * abs(u)
-                deep = dents[j, 3] * room
-                depth += deep * room
-                slope = math.copysign(2.0 * dents[j, 5] * deep * steep, u) / dents[j, 2]
-                if shaft == k:
-                    before -= slope
-                else:
-                    after -= slope
-    return depth, before, after
 
 
 @_inline
@@ -383,7 +361,7 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                     side = 1.0 if x > 0.0 else -1.0
                     depth = rate = 0.0
                     if dent_first[k + 1] > dent_first[k]:
-                        depth, before, after = _dent(dents, dent_first[k], dent_first[k + 1], side, k, angles)
+                        depth, before, after = _dents(dents, dent_first[k], dent_first[k + 1], side, k, angles, 0)
                         rate = before * speeds[k] + after * speeds[k + 1]
                         before_lever -= side * before
                         after_lever += side * after

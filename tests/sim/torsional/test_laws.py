@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from sim.torsional.laws import friction, spring
+from sim.torsional.laws import dents, friction, spring
+from sim.torsional.model import Dent
+from sim.torsional.rows import dent_rows
 
 
 @pytest.mark.parametrize("slip", [-1.0, -0.4, -0.01, 0.0, 0.01, 0.4, 1.0])
@@ -35,6 +38,22 @@ def test_a_spring_that_hardens_is_the_slope_of_its_energy() -> None:
 
     slope = (energy(x + step) - energy(x - step)) / (2.0 * step)
     assert [spring(float(at), 1e5, 3e4) for at in x] == pytest.approx(slope, rel=1e-6, abs=1e-6)
+
+
+@pytest.mark.parametrize("flank", [1, -1])
+@pytest.mark.parametrize("form", [2.0, 7.5])
+def test_the_slope_of_a_dent_is_that_of_its_depth(form: float, flank: int) -> None:
+    (row,) = dent_rows([Dent(1, 0.4, 0.1, 1e-3, flank, form)])
+    step = 1e-7
+
+    def at(angle: float, side: float = float(flank)) -> tuple[float, float, float]:
+        return dents(list(row), 0, len(row), side, 0, [0.0, angle], 0)
+
+    for angle in (0.31, 0.36, 0.44, 0.4 + 2.0 * math.pi + 0.09):
+        slope = (at(angle + step)[0] - at(angle - step)[0]) / (2.0 * step)
+        assert at(angle)[1:] == pytest.approx((0.0, slope), rel=1e-5)
+    assert at(0.4) == pytest.approx((1e-3, 0.0, 0.0))
+    assert at(0.51) == at(0.4, -float(flank)) == (0.0, 0.0, 0.0)
 
 
 def test_what_is_compiled_follows_a_law_that_has_changed(tmp_path: Path) -> None:
