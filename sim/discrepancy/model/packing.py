@@ -52,32 +52,6 @@ def substeps(chain: Chain, rate_hz: float, guide: Array) -> int:
     return max(1, math.ceil(max(rates) / (rate_hz * LARGEST_PHASE)))
 
 
-def steady_twist(chain: Chain, motion: Array, acceleration: float, known: float = 0.0) -> tuple[Array, Array]:
-    """Angles and speeds (shafts - 1,) of driven shafts that follow the motor, every spring in balance with its load.
-
-    `motion`: angle and speed of the motor; `acceleration`: its acceleration [rad/s2]; `known`: torque that the load is
-    known to ask for besides [N m].
-    """
-    n = len(chain.shafts)
-    ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
-    speed = motion[1] / ratios
-    way = float(np.sign(motion[1]))
-    angle = motion[0] / ratios
-    load = known
-    twist = np.zeros(n)
-    for k in range(n - 1, 0, -1):
-        shaft, link = chain.shafts[k], chain.links[k - 1]
-        load += shaft.coulomb_n_m * way + shaft.viscous_n_m_s * speed[k] - shaft.offset_n_m
-        load += shaft.gravity_n_m * math.sin(angle[k] + shaft.gravity_phase_rad)
-        load += shaft.inertia_kg_m2 * acceleration / ratios[k]
-        twist[k] = load / link.stiffness_n_m_per_rad + 0.5 * link.gap_rad * float(np.sign(load))
-        twist[k] += sum(e.amplitude * math.sin(e.order * angle[e.shaft] + e.phase_rad) for e in link.errors)
-        load /= link.ratio
-    for k in range(1, n):
-        angle[k] = angle[k - 1] / chain.links[k - 1].ratio - twist[k]
-    return angle[1:], speed[1:]
-
-
 def lag_of(chain: Chain) -> Array:
     """How far each driven shaft is ahead where a torque on the load moves it ahead by 1, shape (shafts - 1,)."""
     ahead, out = 0.0, []
