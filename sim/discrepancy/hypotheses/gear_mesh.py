@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from sim.description.axis import Axis
+from sim.description.transmission import link_stiffness
 from sim.discrepancy.data.preprocessing import Array, Measurement
 from sim.discrepancy.hypotheses.harmonics import (
     AS_NEW_FACTOR,
@@ -24,7 +25,6 @@ from sim.discrepancy.model.nominal import (
     PARTS,
     SHARED_SPREAD,
     is_open,
-    link_stiffness,
     loss_parameters,
     mesh_wave,
     ratio_after,

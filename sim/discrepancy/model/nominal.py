@@ -6,12 +6,12 @@ import math
 from dataclasses import replace
 
 from sim.description.axis import Axis
+from sim.description.transmission import compliance, link_damping, link_stiffness, usual_damping
 from sim.discrepancy.model.observer import NO_STRETCH_RAD, Nuisance
 from sim.discrepancy.model.parameters import Owner, Parameter, Stated, Values
 from sim.mechanisms import ElectricalHum, EncoderError, TimeDelay
 from sim.torsional.model import Chain, Line, Link, Shaft
 
-UNKNOWN_STIFFNESS_HZ = 80.0
 PARTS = ("sine", "cosine")
 STATED_SPREAD = 0.03  # of what a data sheet states: inertias of motor and gears, stiffness of a stage, friction
 LOSS_SPREAD = 0.09  # of a mesh's losses, which it states as what is left of all
@@ -125,7 +125,7 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
             out.append(_share(name, unit, value, SHARED_SPREAD))
         else:
             out.append(_stated(name, unit, value))
-        damp = link_damping(axis, k)
+        damp = link_damping(axis, k) or usual_damping(axis, k)
         name, spread = f"{where}.damping_n_m_s_per_rad", DAMPING_SPREAD * damp
         rough = Parameter(name, damp, 0.1 * damp, spread, 0.02 * damp, 30 * damp, unit="N m s/rad")
         out.append(replace(rough, owner=Owner.DESCRIPTION, stated=Stated.ROUGHLY))
@@ -218,33 +218,9 @@ def is_open(axis: Axis, k: int) -> bool:
     return len(axis.stages) > 1 and axis.stages[k].stiffness_n_m_per_rad is None
 
 
-def link_stiffness(axis: Axis, k: int) -> float:
-    """Described stiffness at the driven gear [N m/rad]; where none is given, that of a mode at 80 Hz."""
-    known = axis.stiffness()[k]
-    if known:
-        return known
-    inertia = axis.load.inertia_kg_m2
-    if axis.stages and k + 1 < len(axis.stages):
-        inertia = axis.stages[k].inertia_kg_m2
-    return inertia * (2 * math.pi * UNKNOWN_STIFFNESS_HZ) ** 2
-
-
-def compliance(axis: Axis) -> float:
-    """Twist of the whole transmission per torque, at the load [rad/(N m)]."""
-    return sum(1.0 / (link_stiffness(axis, k) * ratio_after(axis, k) ** 2) for k in range(len(stages_of(axis))))
-
-
 def locked_mode_hz(axis: Axis) -> float:
     """Natural frequency of the load while the motor stands [Hz]."""
     return 1.0 / (2.0 * math.pi * math.sqrt(compliance(axis) * max(axis.load.inertia_kg_m2, 1e-12)))
-
-
-def link_damping(axis: Axis, k: int) -> float:
-    """Described damping at the driven gear [N m s/rad], else 2 % of critical against the load."""
-    known = axis.damping()[k]
-    return known or 0.04 * math.sqrt(link_stiffness(axis, k) * max(axis.load.inertia_kg_m2, 1e-9)) / ratio_after(
-        axis, k
-    )
 
 
 def chain_of(axis: Axis, values: Values) -> Chain:

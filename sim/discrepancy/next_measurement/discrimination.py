@@ -16,13 +16,14 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from sim.description.axis import Axis
+from sim.description.transmission import compliance
 from sim.discrepancy.data.preprocessing import SLOW_ANGLE_CUT_HZ, SLOW_DIRECT_ANGLE_CUT_HZ, Measurement, prepare
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.hypotheses.harmonics import ENCODER_ERROR
 from sim.discrepancy.model.known_mechanisms import in_chain
-from sim.discrepancy.model.nominal import compliance, has_links, locked_mode_hz, nuisance_of
+from sim.discrepancy.model.nominal import has_links, locked_mode_hz, nuisance_of
 from sim.discrepancy.model.observer import delayed
 from sim.discrepancy.model.parameters import Owner
 from sim.discrepancy.next_measurement.plans import PLANS, REPEAT, Plan, Present
