@@ -108,7 +108,7 @@ def carried_over(chain: Chain, before: Chain, after: Chain) -> Chain:
     if not len(chain.shafts) == len(before.shafts) == len(after.shafts):
         raise SimulationError("a mechanism that adds a shaft has no place in the chain of this axis")
     ends = zip(_both_ways(chain).shafts, before.shafts, after.shafts, strict=True)
-    shafts = tuple(_one_way(_moved(*parts)) for parts in ends)
+    shafts = tuple(one_way(_moved(*parts)) for parts in ends)
     links = tuple(_moved(*parts) for parts in zip(chain.links, before.links, after.links, strict=True))
     return Chain(shafts, links)
 
@@ -147,7 +147,7 @@ def _both_ways(chain: Chain) -> Chain:
     return replace(chain, shafts=tuple(shafts))
 
 
-def _one_way(shaft: Shaft) -> Shaft:
+def one_way(shaft: Shaft) -> Shaft:
     """The shaft without what it says twice."""
     same = (shaft.coulomb_backward_n_m, shaft.viscous_backward_n_m_s) == (shaft.coulomb_n_m, shaft.viscous_n_m_s)
     return replace(shaft, coulomb_backward_n_m=None, viscous_backward_n_m_s=None) if same else shaft
