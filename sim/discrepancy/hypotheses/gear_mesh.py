@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from sim.description.axis import Axis
+from sim.description.transmission import link_stiffness
 from sim.discrepancy.data.preprocessing import Array, Measurement
 from sim.discrepancy.hypotheses.harmonics import (
     AS_NEW_FACTOR,
@@ -19,13 +20,11 @@ from sim.discrepancy.hypotheses.harmonics import (
     parameter_key,
 )
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.model.effects import rounding
 from sim.discrepancy.model.nominal import (
     LOSS_SPLITS,
     PARTS,
     SHARED_SPREAD,
     is_open,
-    link_stiffness,
     loss_parameters,
     mesh_wave,
     ratio_after,
@@ -201,8 +200,7 @@ def _loss(name: str, k: int) -> Term:
     fraction = parameter_key(LoadDependentLoss.name, name, "fraction")
 
     def apply(chain: Chain, values: Values) -> Chain:
-        lost = values[fraction]
-        return with_link(chain, k, efficiency=(1.0 / (1.0 + lost), 1.0 - lost))
+        return with_link(chain, k, loss_fraction=values[fraction])
 
     parameters = (Parameter(fraction, 0.0, 0.005, low=0.0, high=0.6),)
     probes = tuple(({fraction: 0.02, **dict(zip(LOSS_SPLITS, split, strict=True))},) for split in LOSS_SIDES)
@@ -271,14 +269,14 @@ def tooth_damage(
             "depth_rad": values[depth],
             "angle_rad": values[angle] % (2 * math.pi),
             "flank": float(flank),
-            "width_rad": values[width] * rounding(values[form]),
+            "width_rad": values[width],
             "form": values[form],
         }
 
     parameters = (
         Parameter(depth, 0.0, 0.003 * deepest, low=0.0, high=deepest, unit="rad"),
         Parameter(angle, angle_rad, 0.02 * pitch, low=angle_rad - 6 * pitch, high=angle_rad + 6 * pitch, unit="rad"),
-        Parameter(width, 0.6 * pitch, 0.01 * pitch, 0.15 * pitch, 0.2 * pitch, 1.5 * pitch, unit="rad"),
+        Parameter(width, 0.7 * pitch, 0.01 * pitch, 0.17 * pitch, 0.23 * pitch, 1.75 * pitch, unit="rad"),
         Parameter(form, 4.0, 0.1, 4.0, 1.2, 40.0),
     )
     probes = tuple(({angle: a, depth: d},) for a, d in starts)

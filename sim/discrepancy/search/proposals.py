@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from sim.description.transmission import link_stiffness
 from sim.discrepancy.data.excitation import excitation_of
 from sim.discrepancy.estimation.estimate import Fit, Raw, Start
 from sim.discrepancy.estimation.problem import Problem
@@ -19,7 +20,7 @@ from sim.discrepancy.hypotheses.harmonics import AS_NEW_FACTOR
 from sim.discrepancy.hypotheses.hypothesis import Key, Term
 from sim.discrepancy.hypotheses.identifiability import missing_at
 from sim.discrepancy.hypotheses.traits import mechanisms_with
-from sim.discrepancy.model.nominal import link_stiffness, ratio_after, stages_of
+from sim.discrepancy.model.nominal import ratio_after, stages_of
 from sim.discrepancy.parallel import each
 from sim.discrepancy.search.criterion import (
     evidence,
