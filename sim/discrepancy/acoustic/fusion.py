@@ -29,7 +29,7 @@ SAID = 0.5
 SURE = 0.9  # of what telemetry does not show, though it could
 LEAST_S = 4.0
 GEAR = frozenset({"tooth_damage", "backlash"})
-OF_TEETH = GEAR | {"mesh_error", "eccentricity"}  # what leaves families of lines of its own
+OF_TEETH = GEAR | {"mesh_error", "eccentricity", "kinematic_error"}  # what leaves families of lines of its own
 ADVICE = "How deep a notch or how wide play is cannot be heard; telemetry tells that and what was not examined."
 COMPARE = (
     "Give a recording of the same motion from when the axis was new as well, if there is one: it tells whether teeth "

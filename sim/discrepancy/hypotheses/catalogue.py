@@ -25,10 +25,11 @@ from sim.torsional.model import Chain
 
 MOST_OF_SPEED = 0.4  # largest of the speeds at which low-speed friction has fallen
 OWN = frozenset(  # mechanisms with terms below, or seen by the gate or in the sound; all others say all of themselves
-    {"backlash", "tooth_damage", "eccentricity", "mesh_error", "coulomb_friction", "viscous_friction",
-     "stribeck_friction", "friction_asymmetry", "load_dependent_loss", "friction_drift", "gravity_imbalance",
-     "torque_ripple", "stiffness_hardening", "hysteresis", "bearing_defect", "structural_resonance", "torque_offset",
-     "encoder_error", "time_delay", "electrical_hum", "clipping", "lost_samples"}
+    {"backlash", "tooth_damage", "eccentricity", "mesh_error", "kinematic_error", "coulomb_friction",
+     "viscous_friction", "stribeck_friction", "friction_asymmetry", "load_dependent_loss", "friction_drift",
+     "gravity_imbalance", "torque_ripple", "stiffness_hardening", "hysteresis", "bearing_defect",
+     "structural_resonance", "torque_offset", "encoder_error", "time_delay", "electrical_hum", "clipping",
+     "lost_samples"}
 )  # fmt: skip
 
 

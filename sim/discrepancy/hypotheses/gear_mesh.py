@@ -37,6 +37,7 @@ from sim.torsional.model import Chain, Dent, with_link
 FEWEST_TEETH = 8.0  # of a pinion
 LOSS_SIDES = ((0.0, 0.5), (1.0, 0.0), (1.0, 0.5), (1.0, 1.0))  # tried first: a load encoder sees only what is behind
 MOTOR = "motor"
+WAVE_ORDERS = (2.0, 4.0)  # per turn of an oval wave generator; once is runout of that shaft
 WIDEST_GAP = 6.0  # over the working twist, where play is looked for
 ALL_OF_IT = 0.9  # of the twist
 OF_TEETH = 0.5  # of the torque that erring teeth make: as much at their own order may be the error of their form
@@ -114,6 +115,9 @@ def link_terms(axis: Axis, k: int, level: float, seen_twist_rad: float | None) -
     out.append(_with_encoder(runout) if load_encoder and k == len(axis.stages) - 1 else runout)
     if k == 0:
         out.append(_error("eccentricity", MOTOR, k, 1.0, twist, stage.transmission_error_rad))
+    if stage.driven_teeth is None:
+        new = stage.transmission_error_rad or 0.01 * twist
+        out += [_kinematic(name, k, order, twist, new) for order in WAVE_ORDERS]
     if stage.driven_teeth:
         new = stage.transmission_error_rad
         own = tuple(f"mesh.{name}.{part}_rad" for part in PARTS) if new else ()
@@ -171,6 +175,25 @@ def _error(
     probe = (*({p.name: jump} for p in first), *({p.name: p.step} for p in second))
     return Term(
         mechanism, name, (*first, *second), (probe,), report, apply, replaces=replaces, size=AS_NEW_FACTOR * new,
+    )  # fmt: skip
+
+
+def _kinematic(name: str, k: int, order: float, twist: float, new: float) -> Term:
+    """Error of a gear of which only the ratio is described, some times per turn of its input shaft."""
+    prefix, step = f"kinematic_error{order:g}@{name}", 0.01 * twist
+    pair = cosine_and_sine(prefix, step)
+    sine, cosine = (p.name for p in pair)
+    said = amplitude(pair, "amplitude_rad", "phase_rad")
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        return with_link(chain, k, errors=chain.links[k].errors + wave(k, order, values[sine], values[cosine]))
+
+    def report(values: Values) -> dict[str, float]:
+        return {**said(values), "order": order}
+
+    return Term(
+        "kinematic_error", name, pair, cosine_and_sine_probe(prefix, step), report, apply, size=AS_NEW_FACTOR * new,
+        among=len(WAVE_ORDERS),
     )  # fmt: skip
 
 

@@ -14,7 +14,7 @@ OF_THE_MEASUREMENT = frozenset(name for name, kind in MECHANISMS.items() if kind
 """Mechanisms of sensors, cables and recorders: nothing is wrong with the machine."""
 
 BEHIND_THE_MOTOR = frozenset(
-    {"backlash", "tooth_damage", "eccentricity", "mesh_error", "stiffness_hardening", "hysteresis",
+    {"backlash", "tooth_damage", "eccentricity", "mesh_error", "kinematic_error", "stiffness_hardening", "hysteresis",
      "structural_resonance", "gravity_imbalance"}
 )  # fmt: skip
 """What an encoder at the load tells more of."""
@@ -28,6 +28,7 @@ ACTIONS: Mapping[str, str] = {
     "tooth_damage": "Open or look by endoscope into the {where} gear {place}, and look for steel in the oil. {urgency}",
     "eccentricity": "Put a dial gauge on the {where} gear or its shaft and turn it once: check seat, keys and bearings. At the next stop; runout wears teeth slowly.",
     "mesh_error": "Look at the contact pattern of the {where} gear pair and at its oil: worn, wrongly spaced or misaligned teeth. At the next stop.",
+    "kinematic_error": "Compare it with what the maker of the {where} gear allows; if it is more, check how input shaft and gear are centred and fastened. If it was there from the beginning, enter it in the axis description.",
     "coulomb_friction": "Nothing to repair: enter the dry friction in the axis description. If it was lower when the axis was new, check seals, brake and lubrication.",
     "viscous_friction": "Nothing to repair: enter the viscous friction in the axis description. If it was lower when the axis was new, check grade and amount of grease and its temperature.",
     "stribeck_friction": "Check lubrication (grade, amount, age) and seals: at low speed the film breaks down. At the next service; enter the rise in the axis description if it was there from the beginning.",
@@ -53,6 +54,7 @@ MEASUREMENTS: Mapping[str, str] = {
     "tooth_damage": "Turn the {where} gear slowly through {at} under load in both directions of torque: a damaged tooth breaks the torque down at that angle and with one direction only, an error of all teeth does so everywhere.",
     "eccentricity": "Turn the load slowly through more than one revolution in both directions: runout keeps its place on the {where} gear whatever the speed, weight changes with the position of the axis in space.",
     "mesh_error": "Repeat the motion at two thirds of the speed: what keeps its order is the teeth, what keeps its frequency is a structure.",
+    "kinematic_error": "Move slowly in one direction with an encoder at the load: an error of the gear shows between both encoders at its order of the input shaft, ripple of the motor does not.",
     "coulomb_friction": "Move at three even speeds in both directions: dry friction stays the same, viscous friction grows with the speed.",
     "viscous_friction": "Move at three even speeds in both directions: viscous friction grows with the speed, dry friction stays the same.",
     "stribeck_friction": "Move at five even speeds from creeping to a third of the largest: friction that rises at low speed falls along them, stiction alone does not.",

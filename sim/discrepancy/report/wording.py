@@ -33,6 +33,7 @@ SENTENCES: Mapping[str, str] = {
     "tooth_damage": "A flank of the {where} gear lacks material near {angle_rad:.3f} rad ({angle_rad_shown}), {depth_rad:.2g} rad ({depth_rad_shown}) deep: torque breaks down there once per revolution, in one direction of torque.",
     "eccentricity": "The {where} gear runs out of true by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution.",
     "mesh_error": "The teeth of the {where} gear pair err by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) at tooth frequency, more than as new.",
+    "kinematic_error": "The output of the {where} gear swings by {amplitude_rad:.3g} rad ({amplitude_rad_shown}) {order:g} times per turn of its input shaft, as that of a strain wave gear does twice.",
     "coulomb_friction": "Dry friction of {torque_n_m:.3g} N m as felt at the motor is missing from the description.",
     "viscous_friction": "Viscous friction of {coefficient_n_m_s_per_rad:.3g} N m s/rad as felt at the motor is missing from the description.",
     "stribeck_friction": "At low speed friction rises by {torque_n_m:.3g} N m, below about {speed_rad_s:.3g} rad/s of the motor: the lubricant film breaks down.",
@@ -55,11 +56,13 @@ KINDS = {
     "angle": "Torque that changes with the angle",
     "time": "Something that changes with time",
     "transmission error": "A difference of motor and load that comes back",
+    "error_over_angle": "A difference of both encoders that hangs on the angle of the load, as an error of the gear or of an encoder does,",
 }
 REST = {
     "frequency": "Repeat the same motion at half the speed: what stays at its frequency is a structure or the supply, what moves with the speed is a gear, a bearing or the motor.",
     "speed": "Move at five even speeds in both directions: friction at the motor or the load shows as a curve of torque over speed, something that swings does not.",
     "angle": "Turn the load slowly through more than one revolution in both directions: friction keeps its angle and turns its sign with the direction, weight and runout keep theirs.",
+    "error_over_angle": "Turn the load slowly through more than one revolution in both directions, with a second encoder or a laser beside it: an error of the load's encoder shows between the two, one of the gear does not.",
     "time": "Repeat the motion twice in a row with the temperature logged: heat goes on from where it was, what happened once does not come again.",
 }
 PLACED = {"angle_rad": SHOWN_RAD}  # to which a place is said
