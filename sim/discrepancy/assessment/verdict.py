@@ -16,11 +16,11 @@ from sim.discrepancy.data.excitation import lacking
 from sim.discrepancy.data.validation import Fault
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.hypotheses.friction import LEFT_OUT
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.identifiability import ALONE, needs_of, same_over_the_turn, the_same
 from sim.discrepancy.report.wording import explain
 from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
-from sim.discrepancy.search.criterion import LEFT_OUT
 from sim.discrepancy.search.search import Selection
 from sim.mechanisms.catalogue import kind_of
 

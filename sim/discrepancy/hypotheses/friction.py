@@ -17,6 +17,7 @@ from sim.discrepancy.model.nominal import (
 from sim.discrepancy.model.parameters import Parameter, Values
 from sim.torsional.model import Chain, with_shaft
 
+LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
 MOST_DRIFT = 1.0  # of friction, within a record
 
 

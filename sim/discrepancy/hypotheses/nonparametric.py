@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.model.nominal import PARTS, wave
+from sim.discrepancy.model.angle_series import beyond_twice, orders_beyond_twice
+from sim.discrepancy.model.nominal import LOAD_CURVE, PARTS, compliance, wave
 from sim.discrepancy.model.parameters import Parameter, Values
 from sim.torsional.model import Array, Chain, with_link
 
@@ -25,6 +26,7 @@ OVER_SPEED, OVER_ANGLE = "friction_over_speed", "friction_over_angle"
 Rows = NDArray[np.bool_]
 CURVES = (OVER_SPEED, OVER_ANGLE)
 FIXED = "fixed_frequency"
+ERROR_OVER_ANGLE = "error_over_angle"
 AS_NEW = "torque_over_angle"  # as new, as errors of teeth are: it enters a model, and is not spoken of
 KNOTS = 8  # of the friction curve, per direction
 ORDERS = (1, 2, 3)  # of friction over the angle of the load
@@ -77,6 +79,36 @@ def over_angle(place: str, m: Measurement, ratio: float, step: float, order: int
 def torque_over_angle(place: str, m: Measurement, ratio: float, step: float) -> Term:
     """The same in both directions, beyond weight and runout: errors as new, which must not pass for friction."""
     return _shaped(AS_NEW, place, _waves(m, ratio, ORDERS[1:]), step, lambda energy: {})
+
+
+def error_over_angle(axis: Axis, m: Measurement) -> list[Term]:
+    """What both encoders differ by at the same angle of the load, whatever the torque: of a gear or of an encoder.
+
+    Where the description says nothing of what the last gear and the load's encoder err by; what it says is in every
+    model. A series over the angle, taken off what the load's encoder tells: of a whole turn what repeats three to ten
+    times in it, as once and twice have names; of less any curve. No wave of it is larger than what the encoders differ
+    by altogether, nor steeper than that once: a gear has no corners.
+    """
+    if (
+        m.slow_load_angle is None
+        or axis.load_encoder.error_rad
+        or (axis.stages and axis.stages[-1].transmission_error_rad)
+    ):
+        return []
+    seen = 0.5 * float(np.ptp((m.slow_angle / axis.ratio - m.slow_load_angle)[m.load_valid > 0.5]))
+    shapes, _ = beyond_twice(m.slow_load_angle)
+    step = 3e-3 * m.torque_rms * axis.ratio * compliance(axis)
+    numbers = tuple(
+        Parameter(LOAD_CURVE.format(k), 0.0, step, seen / float(order))
+        for k, order in enumerate(orders_beyond_twice(m.slow_load_angle))
+    )
+
+    def report(values: Values) -> dict[str, float]:
+        """Half of what it is from peak to peak."""
+        return {"error_rad": 0.5 * float(np.ptp(np.array([values[p.name] for p in numbers]) @ shapes))}
+
+    probes = (tuple({p.name: step} for p in numbers),)
+    return [Term(ERROR_OVER_ANGLE, "load", numbers, probes, report, named=False, magnitude=lambda values: math.inf)]
 
 
 def half_teeth(axis: Axis) -> list[Term]:

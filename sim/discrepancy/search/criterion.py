@@ -8,8 +8,9 @@ from collections.abc import Mapping
 import numpy as np
 
 from sim.discrepancy.estimation.estimate import Fit
+from sim.discrepancy.hypotheses.friction import LEFT_OUT
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.hypotheses.nonparametric import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED
+from sim.discrepancy.hypotheses.nonparametric import AS_NEW, ERROR_OVER_ANGLE, FIXED, OVER_ANGLE, OVER_SPEED
 from sim.discrepancy.search.blocked_cross_validation import BLOCKS, advantage, gain_elsewhere, paired
 
 FORM_SHARE = 0.015  # of another's gain: what any law leaves of its form
@@ -28,6 +29,7 @@ LAWS = (  # of one part of the machine, and the share of another's gain below wh
     (frozenset({"mesh_error", "torque_ripple"}), 0.05),
     (frozenset({"mesh_error", "tooth_damage"}), 0.05),
     (frozenset({"eccentricity", "tooth_damage"}), 0.05),
+    (frozenset({"kinematic_error", "torque_ripple"}), 0.1),
     (frozenset({"eccentricity", "torque_ripple"}), 0.1),  # an error of teeth also varies the ratio of the torques
 )
 DAMPING = {"hysteresis": 0.4, "load_dependent_loss": 0.1}  # of what erring teeth gain: less damps what they shake
@@ -35,13 +37,12 @@ OF_STRAIN = {  # what must be gained over what the description is bent by beyond
     "tooth_damage": 1.1, "stiffness_hardening": 1.1, "hysteresis": 1.1, "torque_offset": 0.4,
 }  # fmt: skip
 BENDING = 7.0  # gain over what the description is bent by more with a term: less, and the term stands for another
-ERRORS = ("mesh_error", "eccentricity", AS_NEW)  # every new axis has them, if small
+ERRORS = ("mesh_error", "eccentricity", "kinematic_error", AS_NEW)  # every new axis has them, if small
 CONSTANT = ("torque_offset",)  # known beforehand within a little: what it gains over that is no error of a form
 LIKE_AN_OFFSET = ("friction_asymmetry",)  # the same torque while anything moves, and every model has an offset
-LEFT_OUT = ("coulomb_friction", "viscous_friction")  # every axis has them
 LEAST_SHARE = 0.0006  # of the squared residual: what the form of a model differs from any real axis
 LEAST_SHARES = {  # of what bends to much
-    f"{OVER_SPEED}@motor": 0.003, f"{OVER_SPEED}@load": 0.002, OVER_ANGLE: 0.002, FIXED: 0.002,
+    f"{OVER_SPEED}@motor": 0.003, f"{OVER_SPEED}@load": 0.002, OVER_ANGLE: 0.002, FIXED: 0.002, ERROR_OVER_ANGLE: 0.002,
     "structural_resonance": 0.003, "hysteresis": 0.001, "stiffness_hardening": 0.0007, "tooth_damage": 0.004,
 }  # fmt: skip
 QUIET = 0.5  # of the rows: the least squares of which that is a share, where there is hardly any noise
@@ -141,7 +142,7 @@ def form_share(mechanism: str, other: str) -> float:
         return max(shares, default=0.0)
     if mechanism == "time_delay":
         shares.append(DELAY_SHARE)
-    if other in ("mesh_error", "eccentricity") and mechanism in DAMPING:
+    if other in ERRORS[:-1] and mechanism in DAMPING:
         shares.append(DAMPING[mechanism])
     return max([LEAVES.get(other, FORM_SHARE), *shares])
 

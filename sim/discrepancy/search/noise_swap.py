@@ -10,6 +10,7 @@ import numpy as np
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import rewhiten
+from sim.discrepancy.hypotheses.friction import LEFT_OUT
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.search.blocked_cross_validation import advantage, paired
 from sim.discrepancy.search.comparison import Model, ModelComparison, in_place, named_alone, own_of
@@ -65,8 +66,11 @@ def ahead(term: Term, other: Term) -> float:
 
 
 def turned(problem: Problem, fit: Fit, nearly: Nearly) -> tuple[Problem, Fit, Nearly]:
-    """With a mechanism that explained nearly as much in the place of one that came in, where it does better by both."""
-    for term in fit.terms:
+    """With a mechanism that explained nearly as much in the place of one that came in, where it does better by both.
+
+    In the place of friction that the description leaves out comes none, as every axis has it.
+    """
+    for term in (t for t in fit.terms if t.mechanism not in LEFT_OUT):
         for rival in nearly.get(term.key, ()):
             either = Either.of(problem, fit, term, rival)
             if either and -either.t > ahead(term, rival.term):

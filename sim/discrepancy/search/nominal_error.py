@@ -7,8 +7,9 @@ import math
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import FAR_BENT
+from sim.discrepancy.hypotheses.friction import LEFT_OUT
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.search.criterion import LEFT_OUT, least_gain
+from sim.discrepancy.search.criterion import least_gain
 
 OF_LINKS = ("damping_n_m_s_per_rad", "mesh_efficiency")  # of a stage: described as well, though less well known
 SURE = 10.0  # times the least gain: so much is not explained by any number

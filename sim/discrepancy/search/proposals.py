@@ -13,6 +13,7 @@ from sim.discrepancy.estimation.estimate import Fit, Raw, Start
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import BENT
 from sim.discrepancy.hypotheses.catalogue import terms_of
+from sim.discrepancy.hypotheses.friction import LEFT_OUT
 from sim.discrepancy.hypotheses.gear_mesh import tooth_damage
 from sim.discrepancy.hypotheses.harmonics import AS_NEW_FACTOR
 from sim.discrepancy.hypotheses.hypothesis import Term
@@ -21,7 +22,6 @@ from sim.discrepancy.parallel import each
 from sim.discrepancy.search.criterion import (
     CONSTANT,
     LEAST_GAIN,
-    LEFT_OUT,
     LIKE_AN_OFFSET,
     evidence,
     form_gain,
