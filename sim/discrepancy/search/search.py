@@ -14,7 +14,7 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import all_rows, look_closely, multistart, quieted, rattling, rewhiten
 from sim.discrepancy.estimation.whitening import LONG
 from sim.discrepancy.hypotheses.hypothesis import Key, Term
-from sim.discrepancy.hypotheses.traits import AS_NEW, mechanisms_with
+from sim.discrepancy.hypotheses.traits import AS_NEW, ERROR_OVER_ANGLE, mechanisms_with
 from sim.discrepancy.parallel import each
 from sim.discrepancy.search.blocked_cross_validation import advantage, paired
 from sim.discrepancy.search.comparison import ModelComparison, in_place, named_alone, own_of, standings
@@ -316,7 +316,8 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
     which shakes no faster than the axis moves.
 
     A mechanism goes before what has no name, unless that explains clearly more and holds on unseen rows; any that keeps
-    the teeth in contact before a dent, which bends to whatever is missing.
+    the teeth in contact before a dent, which bends to whatever is missing. An error over the load's angle waits for
+    friction that the description leaves out: both are slow, and a description bends to either without the other.
     """
     rows = fit.residual.size
     worth = {r.term.key: evidence(r.term, r.gain, rows) for r in tried}
@@ -332,6 +333,8 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
     )
     for best in sorted(fitting, key=lambda r: -worth[r.term.key]):
         clearly = 1.0 if best in as_new else CLEARLY
+        if best.term.mechanism == ERROR_OVER_ANGLE and any(r.term.traits.in_every_axis for r in fitting):
+            continue
         if not best.term.named and worth[best.term.key] < clearly * most:
             continue
         if best.term.traits.dent and worth[best.term.key] < CLEARLY * touching:
@@ -421,13 +424,14 @@ def swap(
 
     What comes in first is chosen while other things are still missing. What is as new takes no place: it comes in
     beside the other, and what it makes needless is taken away later. Of two that explain as much, the one that does
-    better on unseen blocks, if it would stay. Rivals keep the numbers of their last fit. `entered`: what terms gained
-    when they came in.
+    better on unseen blocks, if it would stay. Nothing takes the place of friction that the description leaves out, as
+    every axis has it whatever else it has. Rivals keep the numbers of their last fit. `entered`: what terms gained when
+    they came in.
     """
     for term in fit.terms:
         tried = {r.term.key: r for r in rivals.get(term.key, ())}
         own = tried.get(term.key)
-        if own is None:
+        if own is None or term.traits.in_every_axis:
             continue
         present = {t.key for t in fit.terms}
         options = {r.term.key: [r] for r in elsewhere(problem, fit, own)}
