@@ -18,7 +18,7 @@ NAMELESS: Mapping[str, Traits] = MappingProxyType(
     {
         OVER_SPEED: Traits(least_share=0.003, form_left=0.2),  # a curve stands for a law that has no name
         OVER_ANGLE: Traits(least_share=0.002, form_left=0.2),
-        ERROR_OVER_ANGLE: Traits(least_share=0.002),
+        ERROR_OVER_ANGLE: Traits(least_share=0.002, in_every_axis=True),
         FIXED: Traits(least_share=0.002, restless=True),
         AS_NEW: Traits(),
     }

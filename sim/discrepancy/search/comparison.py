@@ -13,7 +13,6 @@ from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Key, Term
 from sim.discrepancy.hypotheses.nonparametric import CURVES
-from sim.discrepancy.hypotheses.traits import ERROR_OVER_ANGLE
 from sim.discrepancy.parallel import each
 from sim.discrepancy.search.blocked_cross_validation import advantage, paired
 
@@ -101,8 +100,8 @@ def own_of(term: Term, other: Term, values: Mapping[str, float]) -> dict[str, fl
 
 
 def named_alone(problem: Problem, fit: Fit) -> Fit:
-    """The fit without what has no name, but for what is an error of an encoder."""
-    named = tuple(term for term in fit.terms if term.named or term.mechanism == ERROR_OVER_ANGLE)
+    """The fit without what has no name, but for what every axis has."""
+    named = tuple(term for term in fit.terms if term.named or term.traits.in_every_axis)
     if len(named) == len(fit.terms):
         return fit
     return problem.fit(named, fit.values, held=fit.sensitivities, to_end=True)

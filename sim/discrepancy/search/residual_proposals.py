@@ -113,13 +113,25 @@ def line_of(left: Array, rate_hz: float, lowest_hz: float = LOWEST_HZ, repeats_s
     excess = band - typical * (2 * half + 1) / FINER
     if power[at] < LINE_EXCESS * typical or power[at] - typical < COHERENT * excess:
         return None
-    if repeats_s is not None:
-        teeth = [at + round(k / repeats_s / spacing) for k in (-2, -1, 1, 2)]
-        if max(float(power[max(t - FINER // 2, 0) : t + FINER // 2 + 1].max()) for t in teeth) > COMB * power[at]:
-            return None
-        if _of_comb(power, at, 1.0 / repeats_s / spacing, first):
-            return None
+    if repeats_s is not None and _is_tooth(power, at, 1.0 / repeats_s / spacing, first):
+        return None
     return at * spacing
+
+
+def is_excited(left: Array, rate_hz: float, frequency_hz: float, repeats_s: float) -> bool:
+    """Whether a line of a whitened residual (n,) is one of the comb that a motion makes which repeats after
+    `repeats_s`."""
+    size = FINER * left.size
+    spacing = rate_hz / size
+    power = np.abs(np.fft.rfft(left, size)) ** 2 / left.size
+    return _is_tooth(power, round(frequency_hz / spacing), 1.0 / repeats_s / spacing, 0)
+
+
+def _is_tooth(power: Array, at: int, tooth: float, first: int) -> bool:
+    """Whether a line of a spectrum is one of a comb with so many bins from tooth to tooth: its neighbours are loud."""
+    teeth = [at + round(k * tooth) for k in (-2, -1, 1, 2)]
+    beside = max(float(power[max(t - FINER // 2, 0) : t + FINER // 2 + 1].max()) for t in teeth)
+    return beside > COMB * float(power[at]) or _of_comb(power, at, tooth, first)
 
 
 def _of_comb(power: Array, at: int, tooth: float, first: int) -> bool:

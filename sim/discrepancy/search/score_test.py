@@ -14,6 +14,7 @@ from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.parallel import each
+from sim.discrepancy.search.residual_proposals import is_excited, repetition_s
 from sim.torsional.model import Array, ChainError
 
 BESIDE_HZ = 3.0  # to either side of a line, where others may be
@@ -23,12 +24,15 @@ def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[floa
     """What each start of each term promises in the linear picture, with the rest of the model free to follow."""
     left, rate_hz = fit.residual[: fit.torque_rows], problem.measurement.rate_hz
     power = np.abs(np.fft.rfft(left)) ** 2
+    repeats_s = repetition_s(problem.measurement) if any(t.frequency_hz is not None for t in terms) else None
     rest = {gone: _Rest.of(fit, gone) for gone in {term.replaces for term in terms}}
 
     def promise(job: tuple[Term, tuple[Mapping[str, float], ...]]) -> tuple[float, Term, Mapping[str, float]]:
         term, group = job
-        if term.frequency_hz is not None and not is_line(left, power, rate_hz, term.frequency_hz):
-            return 0.0, term, {}
+        if term.frequency_hz is not None:
+            alone = is_line(left, power, rate_hz, term.frequency_hz)
+            if not alone or (repeats_s and is_excited(left, rate_hz, term.frequency_hz, repeats_s)):
+                return 0.0, term, {}
         values = {**{p.name: p.start for p in (*term.brings, *term.parameters)}, **fit.values}
         changes = []
         for jump in group:

@@ -14,7 +14,7 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import all_rows, look_closely, multistart, quieted, rattling, rewhiten
 from sim.discrepancy.estimation.whitening import LONG
 from sim.discrepancy.hypotheses.hypothesis import Key, Term
-from sim.discrepancy.hypotheses.traits import AS_NEW, ERROR_OVER_ANGLE, mechanisms_with
+from sim.discrepancy.hypotheses.traits import AS_NEW, mechanisms_with
 from sim.discrepancy.parallel import each
 from sim.discrepancy.search.blocked_cross_validation import advantage, paired
 from sim.discrepancy.search.comparison import ModelComparison, in_place, named_alone, own_of, standings
@@ -312,12 +312,11 @@ def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
 def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[Rival], Fit | None]:
     """The candidate of most evidence and the fit with it; all that are as new come in together.
 
-    So does friction that the description leaves out: noise taken from a fit with one kind of it alone holds the other,
-    which shakes no faster than the axis moves.
+    So does what every axis has and the description leaves out, friction and errors over the load's angle: noise taken
+    from a fit with one of them alone holds the others, which shake no faster than the axis moves.
 
     A mechanism goes before what has no name, unless that explains clearly more and holds on unseen rows; any that keeps
-    the teeth in contact before a dent, which bends to whatever is missing. An error over the load's angle waits for
-    friction that the description leaves out: both are slow, and a description bends to either without the other.
+    the teeth in contact before a dent, which bends to whatever is missing.
     """
     rows = fit.residual.size
     worth = {r.term.key: evidence(r.term, r.gain, rows) for r in tried}
@@ -332,9 +331,7 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
         (worth[r.term.key] for r in fitting if r.term.named and not (r in as_new or r.term.contact)), default=0.0
     )
     for best in sorted(fitting, key=lambda r: -worth[r.term.key]):
-        clearly = 1.0 if best in as_new else CLEARLY
-        if best.term.mechanism == ERROR_OVER_ANGLE and any(r.term.traits.in_every_axis for r in fitting):
-            continue
+        clearly = 1.0 if best in as_new or best.term.traits.in_every_axis else CLEARLY
         if not best.term.named and worth[best.term.key] < clearly * most:
             continue
         if best.term.traits.dent and worth[best.term.key] < CLEARLY * touching:

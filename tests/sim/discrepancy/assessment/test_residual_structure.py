@@ -7,7 +7,7 @@ import pytest
 from numpy.typing import NDArray
 
 from sim.discrepancy.assessment.residual_structure import fixed_line, stands_out
-from sim.discrepancy.search.residual_proposals import is_fixed, line_of
+from sim.discrepancy.search.residual_proposals import is_excited, is_fixed, line_of
 
 Array = NDArray[np.float64]
 RATE_HZ = 1000.0
@@ -92,6 +92,16 @@ def test_a_line_of_a_comb_is_the_motions(seed: int) -> None:
     assert line_of(alone + comb, RATE_HZ, 2.5, 5.0) is None
     assert line_of(_noise(seed) + comb + 0.3 * _sine(3.7), RATE_HZ, 2.5, 5.0) == pytest.approx(3.7, abs=0.01)
     assert line_of(_noise(seed) + comb + _sine(3.6), RATE_HZ, 2.5, 5.0) == pytest.approx(3.6, abs=0.01)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_hum_is_no_harmonic_of_the_motion(seed: int) -> None:
+    """50 Hz is the 312th harmonic of a motion of 6.24 s: what that shakes is no hum, which stands alone."""
+    repeats_s = 6.24
+    comb = sum(0.1 * np.sin(2.0 * np.pi * k / repeats_s * TIME_S + k * k) for k in range(302, 323))
+    assert is_excited(_noise(seed) + comb, RATE_HZ, 50.0, repeats_s)
+    assert not is_excited(_noise(seed) + 0.3 * _sine(50.0), RATE_HZ, 50.0, repeats_s)
+    assert not is_excited(_noise(seed) + comb + _sine(50.0), RATE_HZ, 50.0, repeats_s)
 
 
 @pytest.mark.parametrize("seed", range(5))

@@ -80,6 +80,12 @@ def test_a_curve_over_less_than_a_turn_of_the_load_is_any_curve() -> None:
     assert np.gradient(shapes, angle, axis=1)[:, 5:-5] == pytest.approx(slopes[:, 5:-5], abs=0.5)
 
 
+def test_numbers_of_a_part_of_a_turn_fit_a_motion_that_goes_farther() -> None:
+    """The next measurement may turn the load once round, with the curve of this one in the model."""
+    part, whole = (beyond_twice(np.linspace(0.0, way, 500))[0] for way in (1.3, 2.0 * math.pi))
+    assert part.shape == whole.shape
+
+
 def test_over_a_whole_turn_it_leaves_out_what_has_a_name() -> None:
     angle = np.linspace(0.0, 2.0 * math.pi, 1000)
     shapes, _ = beyond_twice(angle)
