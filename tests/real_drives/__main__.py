@@ -1,4 +1,5 @@
-"""`python -m tests.real_drives [WORDS] [--parts | --dresses]`: what is said of real drives beside what is true of them."""
+"""`python -m tests.real_drives [WORDS] [--parts | --dresses]`: what is said of real drives beside what is true of
+them."""
 
 from __future__ import annotations
 
