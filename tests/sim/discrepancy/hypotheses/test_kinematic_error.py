@@ -14,6 +14,7 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.extended_axis import extended_by
 from sim.discrepancy.hypotheses.catalogue import terms_of
+from sim.discrepancy.hypotheses.gear_mesh import kinematic_terms
 from sim.discrepancy.hypotheses.nonparametric import error_over_angle
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.model.angle_series import beyond_twice, is_whole
@@ -67,6 +68,14 @@ def test_it_is_described_as_it_is_found() -> None:
         effect = float(np.std(with_term - without))
         assert effect > 0.0
         assert float(np.std(with_term - with_entry)) <= 1e-6 * effect
+
+
+def test_what_passes_faster_than_half_the_rate_is_not_looked_for() -> None:
+    orders = [
+        [t.report(dict.fromkeys((p.name for p in t.parameters), 1e-4))["order"] for t in terms]
+        for terms in (kinematic_terms(AXIS, 0, 0.1, fastest) for fastest in (2, 4, 5))
+    ]
+    assert orders == [[], [2.0], [2.0, 4.0]]
 
 
 def test_a_curve_over_less_than_a_turn_of_the_load_is_any_curve() -> None:
