@@ -131,6 +131,8 @@ class Mechanism(ABC):
     """Whether an encoder at the load tells more of it."""
     of_links: ClassVar[bool] = False
     """Whether an axis that moves as one body has none of it."""
+    of_unknown_teeth: ClassVar[bool] = False
+    """Whether it is looked for only in gears of which the ratio alone is described."""
     unseen_at: ClassVar[frozenset[str]] = frozenset()
     """Places where telemetry does not show it."""
     own_hypothesis: ClassVar[bool] = False

@@ -36,6 +36,7 @@ from sim.mechanisms import (
     Backlash,
     Eccentricity,
     Hysteresis,
+    KinematicError,
     LoadDependentLoss,
     MeshError,
     StiffnessHardening,
@@ -47,6 +48,8 @@ from sim.torsional.model import Chain, Dent, with_link
 FEWEST_TEETH = 8.0  # of a pinion
 LOSS_SIDES = ((0.0, 0.5), (1.0, 0.0), (1.0, 0.5), (1.0, 1.0))  # tried first: a load encoder sees only what is behind
 MOTOR = "motor"
+WAVE_ORDERS = (2.0, 4.0)  # per turn of an oval wave generator; once is runout of that shaft
+WAVE_ORDERS = (2.0, 4.0)  # per turn of an oval wave generator; once is runout of that shaft
 WIDEST_GAP = 6.0  # over the working twist, where play is looked for
 ALL_OF_IT = 0.9  # of the twist
 OF_TEETH = 0.5  # of the torque that erring teeth make: as much at their own order may be the error of their form
@@ -184,6 +187,37 @@ def _error(
     return Term(
         mechanism, name, (*first, *second), (probe,), report, apply, replaces=replaces, size=AS_NEW_FACTOR * new,
         as_new_too=not replaces,  # every new axis has them, if small
+    )  # fmt: skip
+
+
+def kinematic_terms(axis: Axis, k: int, level: float, fastest: int) -> list[Term]:
+    """Error of a gear of which only the ratio is described, two and four times per turn of its input shaft.
+
+    `fastest`: times per turn of the motor that the rate shows.
+    """
+    if not axis.stages or axis.stages[k].driven_teeth:
+        return []
+    stage, before = axis.stages[k], ratio_after(axis, k) * axis.stages[k].ratio / axis.ratio
+    twist = level * axis.ratio / ratio_after(axis, k) / link_stiffness(axis, k)
+    new = stage.transmission_error_rad or 0.01 * twist
+    return [_kinematic(stage.name, k, order, twist, new) for order in WAVE_ORDERS if order * before < fastest]
+
+
+def _kinematic(name: str, k: int, order: float, twist: float, new: float) -> Term:
+    prefix, step = f"{KinematicError.name}{order:g}@{name}", 0.01 * twist
+    pair = cosine_and_sine(prefix, step, "rad")
+    sine, cosine = (p.name for p in pair)
+    said = amplitude(pair, "amplitude_rad", "phase_rad")
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        return with_link(chain, k, errors=chain.links[k].errors + wave(k, order, values[sine], values[cosine]))
+
+    def report(values: Values) -> dict[str, float]:
+        return {**said(values), "order": order}
+
+    return Term(
+        KinematicError.name, name, pair, cosine_and_sine_probe(prefix, step), report, apply, size=AS_NEW_FACTOR * new,
+        among=len(WAVE_ORDERS),
     )  # fmt: skip
 
 

@@ -38,6 +38,7 @@ NONE = math.log(NO_STRETCH_RAD)
 WIDE, MOST_WIDE = 3.0, 5.3  # logarithms of 20 and 200
 SLOW = -5.0  # a contact lets go within a second, and not while it moves
 RUNOUT_OVER_MESH = 2.0  # of a gear as new: error once per turn over that per tooth
+LOAD_CURVE = "load_encoder.curve_{}_rad"  # one for each of `beyond_twice`
 TWICE = 0.25  # of what a load encoder errs by at most: its error twice per turn
 
 
@@ -292,6 +293,7 @@ def nuisance_of(values: Values) -> Nuisance:
         get("torque_delay_s", 0.0),
         get("load_delay_s", 0.0),
         tuple(get(f"load_encoder.{order}_{part}_rad", 0.0) for order in ("error", "twice") for part in PARTS),
+        _curve(values),
         get("load_offset_rad", 0.0),
         (get(DRIVING, 1.0), get(DRIVING, 1.0) * get(DRIVEN, 0.5)),
         (1e-3 * math.exp(get(MOTOR_RELEASE, 0.0)), width * math.exp(get("log_release.load", 0.0))),
@@ -299,3 +301,11 @@ def nuisance_of(values: Values) -> Nuisance:
         (math.exp(get(MOTOR_STRETCH, NONE)), math.exp(get("log_stretch_rad.load", NONE))),
         (get(START[0], 0.0), get(START[1], 0.0)),
     )
+
+
+def _curve(values: Values) -> tuple[float, ...]:
+    """Amplitudes of the load encoder's error over the angle [rad], of as many as there are."""
+    out: list[float] = []
+    while (name := LOAD_CURVE.format(len(out))) in values:
+        out.append(values[name])
+    return tuple(out)

@@ -30,11 +30,13 @@ KINDS = {
     "angle": "Torque that changes with the angle",
     "time": "Something that changes with time",
     "transmission error": "A difference between motor and load that repeats",
+    "error_over_angle": "A difference of both encoders over the angle of the load, as an error of the gear or of an encoder makes,",
 }
 REST = {
     "frequency": "Repeat the same motion at half the speed: what keeps its frequency is a structure or the supply; what follows the speed is a gear, a bearing or the motor.",
     "speed": "Move at five even speeds in both directions: friction at the motor or the load shows as a curve of torque over speed, something that swings does not.",
     "angle": "Turn the load slowly through more than one revolution in both directions: friction keeps its angle and changes its sign with the direction, weight and runout keep both.",
+    "error_over_angle": "Turn the load slowly through more than one revolution in both directions, with a second encoder or a laser beside it: an error of the load's encoder shows between the two, one of the gear does not.",
     "time": "Repeat the motion twice in a row with the temperature logged: heat goes on from where it was, a single event does not come again.",
 }
 PLACED = {"angle_rad": SHOWN_RAD}  # to which a place is said

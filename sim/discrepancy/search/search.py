@@ -312,8 +312,8 @@ def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
 def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[Rival], Fit | None]:
     """The candidate of most evidence and the fit with it; all that are as new come in together.
 
-    So does friction that the description leaves out: noise taken from a fit with one kind of it alone holds the other,
-    which shakes no faster than the axis moves.
+    So does what every axis has and the description leaves out, friction and errors over the load's angle: noise taken
+    from a fit with one of them alone holds the others, which shake no faster than the axis moves.
 
     A mechanism goes before what has no name, unless that explains clearly more and holds on unseen rows; any that keeps
     the teeth in contact before a dent, which bends to whatever is missing.
@@ -331,7 +331,7 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
         (worth[r.term.key] for r in fitting if r.term.named and not (r in as_new or r.term.contact)), default=0.0
     )
     for best in sorted(fitting, key=lambda r: -worth[r.term.key]):
-        clearly = 1.0 if best in as_new else CLEARLY
+        clearly = 1.0 if best in as_new or best.term.traits.in_every_axis else CLEARLY
         if not best.term.named and worth[best.term.key] < clearly * most:
             continue
         if best.term.traits.dent and worth[best.term.key] < CLEARLY * touching:
@@ -421,13 +421,14 @@ def swap(
 
     What comes in first is chosen while other things are still missing. What is as new takes no place: it comes in
     beside the other, and what it makes needless is taken away later. Of two that explain as much, the one that does
-    better on unseen blocks, if it would stay. Rivals keep the numbers of their last fit. `entered`: what terms gained
-    when they came in.
+    better on unseen blocks, if it would stay. Nothing takes the place of friction that the description leaves out, as
+    every axis has it whatever else it has. Rivals keep the numbers of their last fit. `entered`: what terms gained when
+    they came in.
     """
     for term in fit.terms:
         tried = {r.term.key: r for r in rivals.get(term.key, ())}
         own = tried.get(term.key)
-        if own is None:
+        if own is None or term.traits.in_every_axis:
             continue
         present = {t.key for t in fit.terms}
         options = {r.term.key: [r] for r in elsewhere(problem, fit, own)}
