@@ -27,7 +27,7 @@ from casebase.models import AxisRevision, StoredInvestigation, new_id, now
 from casebase.signals.decode import read_recording
 from casebase.signals.documents import parse_foreign
 from casebase.signals.errors import SignalError
-from casebase.signals.joint_maps import joint_maps
+from casebase.signals.joint_maps import LoggedJoint, read_joint_maps
 from casebase.signals.telemetry import check_telemetry, read_telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
@@ -108,22 +108,22 @@ def take_in_robot(
     if not telemetries:
         raise AxisError("nothing to investigate: a robot needs telemetry of its joints")
     check_name("robot.name", robot.name)
-    maps = joint_maps(channels or None, robot.joints, parse_foreign)
+    check = partial(_checked_joints, joints=robot.joints, channels=channels or None)
     for measured in telemetries:
-        for joint, map_ in zip(robot.joints, maps, strict=True):
-            read = partial(_checked_joint, joint=joint, channels=map_)
-            _readable(measured, read, several=len(telemetries) > 1)
+        _readable(measured, check, several=len(telemetries) > 1)
     kept = [_kept(library, measured) for measured in telemetries]
     _refuse_twice(kept)
     inputs: dict[str, object] = {"urdf": _kept(library, urdf), "telemetry": kept if len(kept) > 1 else kept[0]}
     return Question(None, robot.document, inputs | ({"channels": channels} if channels else {}))
 
 
-def _checked_joint(path: Path, joint: str, channels: str | None) -> None:
-    try:
-        check_telemetry(path, channels=channels)
-    except SignalError as error:
-        raise type(error)(f"{joint}: {error}") from error
+def _checked_joints(path: Path, joints: Sequence[LoggedJoint], channels: str | None) -> None:
+    maps, _ = read_joint_maps(path, joints, channels, parse_foreign)
+    for joint, map_ in zip(joints, maps, strict=True):
+        try:
+            check_telemetry(path, channels=map_)
+        except SignalError as error:
+            raise type(error)(f"{joint.name}: {error}") from error
 
 
 def submit(session: Session, question: Question) -> StoredInvestigation:

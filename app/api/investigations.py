@@ -144,8 +144,8 @@ class InvestigationDocument(BaseModel):
 def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request) -> Response:
     """Ask what the model of an axis or a robot misses. Answers the job.
 
-    Of an axis: parts `axis`, and `telemetry`, `sound` or both. Of a robot: `robot`, `urdf`, `telemetry` and `channels`,
-    which has a column for each logged joint; an `axis` file for each that a joint names.
+    Of an axis: parts `axis`, and `telemetry`, `sound` or both. Of a robot: `robot`, `urdf`, `telemetry`; an `axis` file
+    for each that a joint names; `channels` where the columns do not name or count the joints, or are currents.
 
     `telemetry` and `sound` may come several times: recordings of one axis, whose evidence is taken together. The k-th
     sound belongs to the k-th telemetry; the document then has `recordings`, each with what it says by itself. Sound
@@ -246,7 +246,7 @@ def axis_of(service: Service, upload: Upload) -> Axis:
     if not text:
         raise Unprocessable(
             "The form needs the part 'axis': an axis.toml, the same as JSON, or a stored axis' name; or, of a whole "
-            "robot, the parts 'robot', 'urdf', 'telemetry' and 'channels'."
+            "robot, the parts 'robot', 'urdf' and 'telemetry'."
         )
     if not any(mark in text for mark in "{=\n"):
         with service.library.reading() as session:
