@@ -7,6 +7,7 @@ another process finds them, and so that an investigation can be done again.
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,13 +18,14 @@ from sqlalchemy.orm import Session
 
 from app.jobs.job import JobError, JobKind, JobNotFoundError, Json, Report
 from app.jobs.jobs import Jobs
+from app.robots import add_robot
 from app.sound import read_sound
-from casebase import audit
+from casebase import audit, revisions
 from casebase.axes import add_axis, find_axis
 from casebase.description import check_name
 from casebase.errors import ConflictError, NotFoundError
 from casebase.library import CaseLibrary
-from casebase.models import AxisRevision, StoredInvestigation, new_id, now
+from casebase.models import AxisRevision, RobotRevision, StoredInvestigation, new_id, now
 from casebase.signals.decode import read_recording
 from casebase.signals.documents import parse_foreign
 from casebase.signals.errors import SignalError
@@ -33,7 +35,7 @@ from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.pairing import check_as_new, check_pairs
 from sim.errors import AxisError, SimulationError
-from sim.robot.foreign import ForeignRobot, kept_robot
+from sim.robot.foreign import ForeignRobot, foreign_robot, kept_robot
 
 KIND = "investigations"
 ACTOR = "investigator"
@@ -51,9 +53,10 @@ class Measured:
 
 @dataclass(frozen=True)
 class Question:
-    """What is to be investigated: an axis (`axis`: its name) or a robot (None), and measured data that is kept."""
+    """What is to be investigated: an axis or a robot (the name of either), and measured data that is kept."""
 
     axis: str | None
+    robot: str | None
     description: Mapping[str, object]
     inputs: Mapping[str, object]
 
@@ -93,13 +96,13 @@ def take_in(
         if files:
             inputs[part] = [_kept(library, file) for file in files]
     check_as_new(*([str(one["sha256"]) for one in files_of(inputs, part)] for part in ("sound", "as_new")))
-    return Question(axis.name, axis.to_mapping(), inputs)
+    return Question(axis.name, None, axis.to_mapping(), inputs)
 
 
 def take_in_robot(
-    library: CaseLibrary, robot: ForeignRobot, urdf: Measured, telemetries: Sequence[Measured], channels: str = ""
+    library: CaseLibrary, robot: ForeignRobot, urdf: str, telemetries: Sequence[Measured], channels: str = ""
 ) -> Question:
-    """Check and keep what was measured of a robot's joints; as `take_in` for an axis.
+    """Check and keep what was measured of a robot's joints; as `take_in` for an axis. `urdf`: what that was called.
 
     Raises:
         AxisError: if there is no telemetry, or the same twice.
@@ -113,8 +116,12 @@ def take_in_robot(
         _readable(measured, check, several=len(telemetries) > 1)
     kept = [_kept(library, measured) for measured in telemetries]
     _refuse_twice(kept)
-    inputs: dict[str, object] = {"urdf": _kept(library, urdf), "telemetry": kept if len(kept) > 1 else kept[0]}
-    return Question(None, robot.document, inputs | ({"channels": channels} if channels else {}))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_text(robot.urdf, encoding="utf-8")
+        links = _kept(library, Measured(path, urdf))
+    inputs: dict[str, object] = {"urdf": links, "telemetry": kept if len(kept) > 1 else kept[0]}
+    return Question(None, robot.name, robot.document, inputs | ({"channels": channels} if channels else {}))
 
 
 def _checked_joints(path: Path, joints: Sequence[LoggedJoint], channels: str | None) -> None:
@@ -131,6 +138,7 @@ def submit(session: Session, question: Question) -> StoredInvestigation:
     row = StoredInvestigation(
         id=new_id(),
         axis=question.axis,
+        robot=question.robot,
         axis_document=dict(question.description),
         inputs=dict(question.inputs),
         created_by=audit.actor_of(session),
@@ -205,32 +213,32 @@ def document_of(row: StoredInvestigation, state: str | None = None) -> Mapping[s
     return row.document
 
 
-def accept(session: Session, row: StoredInvestigation) -> AxisRevision:
-    """Store the extended axis as the next revision of its axis; accepting it twice makes one revision.
+def accept(library: CaseLibrary, session: Session, row: StoredInvestigation) -> AxisRevision | RobotRevision:
+    """Store the extended axis or robot as its next revision; accepting it twice makes one revision.
 
-    The first revision of an axis that is new here is the description as it was given.
+    The first revision of what is new here is the description as it was given.
 
     Raises:
-        ConflictError: if it is not finished, is of a robot, or found nothing that would extend the model.
+        ConflictError: if it is not finished, or found nothing that would extend the model.
     """
     document = document_of(row)
-    if row.robot:
-        raise ConflictError(
-            f"investigation {row.id} is of a robot, of which no revisions are kept here: take extended_axis of its "
-            "document as the next robot.toml"
-        )
     extended = document.get("extended_axis")
     if document.get("verdict") != "named" or not isinstance(extended, dict) or not extended:
         raise ConflictError(
             f"investigation {row.id} names nothing that would extend the model (verdict: {document.get('verdict')}); "
-            "change the description itself with POST /axes"
+            f"change the description itself with POST /{'robots' if row.robot else 'axes'}"
         )
+    given, accepted = f"as described for investigation {row.id}", f"accepted investigation {row.id}"
+    if row.robot:
+        (urdf,) = _paths(library, row, "urdf")
+        robot = foreign_robot(row.axis_document, urdf.read_text(encoding="utf-8"))
+        if revisions.find(session, RobotRevision, robot.name) is None:
+            add_robot(session, robot, note=given)
+        return add_robot(session, robot, document=extended, note=accepted, investigation_id=row.id)
     axis = read_axis(extended)
     if find_axis(session, axis.name) is None:
-        add_axis(session, axis.name, row.axis_document, note=f"as described for investigation {row.id}")
-    return add_axis(
-        session, axis.name, axis.to_mapping(), note=f"accepted investigation {row.id}", investigation_id=row.id
-    )
+        add_axis(session, axis.name, row.axis_document, note=given)
+    return add_axis(session, axis.name, axis.to_mapping(), note=accepted, investigation_id=row.id)
 
 
 def investigations(library: CaseLibrary) -> JobKind:

@@ -21,7 +21,7 @@ NEEDED_CHANNELS = ((POSITION, "load_position_rad"), (TORQUE,))
 CHANNELS = (TORQUE, POSITION, "motor_speed_rad_s", "load_position_rad", "load_speed_rad_s", "temperature_degc")
 """What is read of a joint. What a controller asked for is not: it is left to a map."""
 NUMBER = re.compile(r"\d{1,3}")
-GEAR = f'axis = {{motor = {{}}, load = {{inertia_kg_m2 = 0.0}}, stages = [{{name = "gear", ratio = {BLANK}}}]}}'
+GEAR = f'axis = {{motor = {{}}, load = {{inertia_kg_m2 = 1.0}}, stages = [{{name = "gear", ratio = {BLANK}}}]}}'
 """Of a joint in robot.toml: what lets in values of its motor."""
 
 
