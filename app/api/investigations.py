@@ -26,6 +26,7 @@ from app.investigations import (
     submit,
     take_in,
     take_in_robot,
+    trajectory_of,
 )
 from app.location import location
 from app.robots import BINARY, robot_of
@@ -40,8 +41,8 @@ from sim.description.axis import Axis
 from sim.description.axis_document import parse_axis, read_axis
 
 router = APIRouter(tags=["investigations"])
-PARTS = ("axis", "telemetry", "sound", "as_new", "sound_offset_s", "channels", "robot", "urdf")
-HTML, JSON = "text/html", "application/json"
+PARTS = ("axis", "telemetry", "sound", "as_new", "sound_offset_s", "channels", "robot", "urdf", "next_motion")
+HTML, JSON, CSV = "text/html", "application/json", "text/csv"
 BODY = {
     "requestBody": {
         "required": True,
@@ -86,6 +87,10 @@ BODY = {
                             "type": "string",
                             "description": "channel map, TOML or the same as JSON: which columns of the telemetry are "
                             "which channels, in what units; of a robot with lists, one entry a joint",
+                        },
+                        "next_motion": {
+                            "type": "boolean",
+                            "description": "of a robot: find the next motion, too, which takes as long again",
                         },
                         "sound_offset_s": {
                             "type": "number",
@@ -196,8 +201,9 @@ def asked_of(service: Service, upload: Upload) -> Asked:
         _refuse_sound(upload)
         robot = robot_of(service, upload)
         urdf = upload.files["urdf"].name if "urdf" in upload.files else f"{robot.name}.urdf"
-        take = partial(take_in_robot, service.library, robot, urdf, telemetry, channels)
-        return Asked((robot.document, robot.urdf, hashes, *mapped), take)
+        wanted = _wants_motion(upload)
+        take = partial(take_in_robot, service.library, robot, urdf, telemetry, channels, next_motion=wanted)
+        return Asked((robot.document, robot.urdf, hashes, wanted, *mapped), take)
     axis = axis_of(service, upload)
     offset = offset_of(upload)
     take = partial(take_in, service.library, axis, telemetry, sounds, offset, as_new, channels)
@@ -210,6 +216,13 @@ def _refuse_sound(upload: Upload) -> None:
             f"The part {besides[0]!r} does not go with a robot: sound is investigated with the axis of the joint that "
             "is heard; leave it out, or send 'axis' instead of 'robot'."
         )
+
+
+def _wants_motion(upload: Upload) -> bool:
+    text = upload.fields.get("next_motion", "").strip() or "false"
+    if text not in ("true", "false"):
+        raise Unprocessable(f"next_motion must be true or false, got {text[:40]!r}.")
+    return text == "true"
 
 
 def axis_of(service: Service, upload: Upload) -> Axis:
@@ -285,6 +298,14 @@ def investigation_report(
     if chosen(request.headers.get("accept"), (HTML, JSON)) == JSON:
         return Response(document.model_dump_json(), media_type=JSON, headers={"Vary": "Accept"})
     return self_contained(row.report or "", "'self'", Vary="Accept")
+
+
+@router.get(
+    "/investigations/{investigation_id}/trajectory", response_class=Response, responses={200: {"content": {CSV: {}}}}
+)
+def investigation_trajectory(_: Viewer, session: Reading, investigation_id: Identifier) -> Response:
+    """The next motion of a robot as a file for its controller (see `docs/formats.md`), where it was asked for."""
+    return Response(trajectory_of(get_investigation(session, investigation_id)), media_type=CSV)
 
 
 def _document(service: Service, row: StoredInvestigation) -> Mapping[str, object]:

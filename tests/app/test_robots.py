@@ -96,8 +96,9 @@ def test_a_robot_becomes_one_document_page_and_report(
     """The friction that was put in is found at its joint, and nothing hangs at the last link where nothing does."""
     given = parts(telemetry=("log.csv", log()))
     once = {"Idempotency-Key": "one robot"}
-    asked = operator.post(URL, files=given, headers=once).raise_for_status()
-    again = operator.post(URL, files=given, headers=once).raise_for_status()
+    wanted = {"next_motion": "true"}
+    asked = operator.post(URL, files=given, data=wanted, headers=once).raise_for_status()
+    again = operator.post(URL, files=given, data=wanted, headers=once).raise_for_status()
     assert (asked.status_code, again.json()["id"]) == (202, asked.json()["id"])
     identity = asked.json()["investigation_id"]
     assert asked.headers["location"].endswith(f"/jobs/{identity}")
@@ -132,12 +133,21 @@ def test_a_robot_becomes_one_document_page_and_report(
     assert "axis" not in first["document"]["joints"][0]
     assert admin.post(f"{URL}/{identity}/accept").json()["revision"] == taken["revision"]
 
+    head, *rows = viewer.get(f"{URL}/{identity}/trajectory").raise_for_status().text.splitlines()
+    assert head == "time_s,shoulder/position,elbow/position,shoulder/velocity,elbow/velocity"
+    assert len(rows) == 100 * document["next_motion"]["seconds"] + 1
+    for ends in (rows[0], rows[-1]):
+        assert [float(value) for value in ends.split(",")[3:]] == [0.0, 0.0]
+
     report = viewer.get(f"{URL}/{identity}/report", headers={"Accept": "text/html"}).text
     cookies = {"gearcase_key": live_server.keys["viewer"]}
     page = httpx.get(f"{live_server.url}/investigations/{identity}", cookies=cookies).raise_for_status().text
     for shown in (report, page):
         assert shown.count('<svg class="arm"') == 1
         assert [f'id="joint-{k}"' in shown for k in (1, 2, 3)] == [True, True, False]
+    assert f'href="/investigations/{identity}/trajectory.csv"' in page
+    played = httpx.get(f"{live_server.url}/investigations/{identity}/trajectory.csv", cookies=cookies)
+    assert played.raise_for_status().text.splitlines() == [head, *rows]
     known = httpx.get(f"{live_server.url}/robots/plane arm", cookies=cookies).raise_for_status().text
     for shown in (f'href="/investigations/{identity}"', "2. elbow", f"accepted investigation {identity}"):
         assert shown in known
@@ -250,6 +260,11 @@ def test_what_is_no_robot_is_refused_in_words(
     assert (refused.status_code, refused.headers["content-type"]) == (status, "application/problem+json")
     assert told in refused.json()["detail"]
     assert operator.get("/readyz").status_code == 200
+
+
+def test_a_next_motion_is_wanted_or_not(operator: httpx.Client) -> None:
+    refused = operator.post(URL, files=parts(), data={"next_motion": "perhaps"})
+    assert (refused.status_code, "must be true or false" in refused.json()["detail"]) == (422, True)
 
 
 def test_axis_and_robot_are_one_too_many(operator: httpx.Client) -> None:

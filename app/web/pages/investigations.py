@@ -13,7 +13,7 @@ from sqlalchemy.orm import Session
 from app.api.investigations import asked_of, axis_of
 from app.api.recordings import UNCHANGING
 from app.errors import Unprocessable
-from app.investigations import KIND, accept, document_of, get_investigation, submit
+from app.investigations import KIND, accept, document_of, get_investigation, submit, trajectory_of
 from app.security import Principal, check_csrf
 from app.service import Reading, TheJobs, TheService
 from app.uploads import TheUpload, Upload
@@ -165,6 +165,13 @@ def report(session: Reading, _: PageViewer, investigation_id: str) -> Response:
     row = get_investigation(session, investigation_id)
     document_of(row)
     return self_contained(row.report or "", "'self'", **{"X-Frame-Options": "SAMEORIGIN"})
+
+
+@router.get("/{investigation_id}/trajectory.csv")
+def trajectory(session: Reading, _: PageViewer, investigation_id: str) -> Response:
+    """The next motion of a robot as a file."""
+    headers = {"Content-Disposition": 'attachment; filename="trajectory.csv"'}
+    return Response(trajectory_of(get_investigation(session, investigation_id)), media_type="text/csv", headers=headers)
 
 
 @router.post("/{investigation_id}/accept", dependencies=[FromOurPage])
