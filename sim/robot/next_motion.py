@@ -28,7 +28,7 @@ from sim.robot.trajectory import Harmonics, Limits, Trajectory, repeated
 
 Array = NDArray[np.float64]
 
-COARSE_HZ = 20.0  # of rows at which the links are asked: ten for the fastest harmonic
+COARSE_HZ = 20.0  # of rows at which the links are asked: twenty for the fastest harmonic
 DRAWS = 24
 LEAST_S = 10.0
 LEAST = 1e-9  # information of a step of a number, relative to the others': less is none
