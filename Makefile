@@ -88,6 +88,7 @@ field: setup
 robots: setup
 	$(BIN)/python -m tests.robot_bank --count 150 --seed 1
 	$(BIN)/python -m tests.robot_bank --wrong-input
+	$(BIN)/python -m tests.robot_bank.next_motion --count 10 --seed 1
 
 # kill -9 at every write, at random under load, and two machines of which one is cut off: an hour at most
 chaos: setup

@@ -20,6 +20,7 @@ from app.api import (
     library,
     limits,
     recordings,
+    robots,
     simulations,
 )
 from app.door import Door
@@ -40,6 +41,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     recordings.router,
     library.router,
     axes.router,
+    robots.router,
     simulations.router,
     jobs.router,
     keys.router,

@@ -223,10 +223,28 @@ class AxisRevision(Base):
     """One revision of an axis description; the highest number is the current one."""
 
     __tablename__ = "axes"
+    noun: ClassVar = "axis"
 
     name: Mapped[str] = mapped_column(String(200), primary_key=True)
     revision: Mapped[int] = mapped_column(primary_key=True)
     document: Mapped[dict[str, object]]
+    note: Mapped[str | None] = mapped_column(Text)
+    investigation_id: Mapped[str | None] = mapped_column(ForeignKey("investigations.id"))
+    created_at: Mapped[datetime] = mapped_column(default=now)
+    created_by: Mapped[str] = mapped_column(String(200))
+
+
+class RobotRevision(Base):
+    """One revision of a robot's description with the axes of its joints; the highest number is the current one."""
+
+    __tablename__ = "robots"
+    noun: ClassVar = "robot"
+
+    name: Mapped[str] = mapped_column(String(200), primary_key=True)
+    revision: Mapped[int] = mapped_column(primary_key=True)
+    document: Mapped[dict[str, object]]
+    urdf: Mapped[str] = mapped_column(Text, deferred=True)
+    """Its links and joints; what else a URDF has is not kept."""
     note: Mapped[str | None] = mapped_column(Text)
     investigation_id: Mapped[str | None] = mapped_column(ForeignKey("investigations.id"))
     created_at: Mapped[datetime] = mapped_column(default=now)
@@ -242,6 +260,8 @@ class StoredInvestigation(Base):
     job_id: Mapped[str | None] = mapped_column(String(100), unique=True)
     state: Mapped[str] = mapped_column(String(20), default="queued")
     axis: Mapped[str | None] = mapped_column(String(200), index=True)
+    robot: Mapped[str | None] = mapped_column(String(200), index=True)
+    """Instead of an axis: the robot whose joints are investigated."""
     axis_document: Mapped[dict[str, object]]
     inputs: Mapped[dict[str, object]]
     """File names and SHA-256 of telemetry and sound, kept content-addressed like recordings."""
@@ -261,11 +281,6 @@ class StoredInvestigation(Base):
     @document.setter
     def document(self, given: dict[str, Any] | None) -> None:
         self.written = given
-
-    @property
-    def robot(self) -> str | None:
-        """Name of the robot whose joints are investigated; None where it is a single axis."""
-        return str(self.axis_document["name"]) if "urdf" in self.inputs else None
 
     @property
     def subject(self) -> str | None:

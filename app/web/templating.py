@@ -26,7 +26,7 @@ STATIC = FOLDER / "static"
 NAVIGATION = (
     ("/diagnoses", "Diagnoses", "1", "viewer"),
     ("/library", "Library", "2", "viewer"),
-    ("/axes", "Axes", "3", "viewer"),
+    ("/axes", "Axes and robots", "3", "viewer"),
     ("/investigations", "Model and measurement", "4", "viewer"),
     ("/jobs", "Jobs", "5", "operator"),
     ("/keys", "Keys", "6", "admin"),

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.signals.channel_map import ChannelMap, Source, channel_map_of
+from casebase.signals.channel_map import ChannelMap, Source, channel_map_of, layout_of
 from casebase.signals.errors import TelemetryError
 from casebase.signals.formats import Reader, reader_of
 from casebase.signals.formats.comma_separated import TABLES, open_comma_separated
 from casebase.signals.formats.layout import Wanted
 from casebase.signals.formats.open_table import OpenTable
+from casebase.signals.joint_columns import recognise_joints
+from casebase.signals.joint_maps import LoggedJoint
 from casebase.signals.limited_worker import RefusedError, Send
 from casebase.signals.recognition import BLANK, recognise
 from casebase.signals.telemetry import CHANNELS, LARGEST_LOST_SHARE, LONGEST_NAME, MINIMUM_ROWS, MOST_COLUMNS, TIME
@@ -45,6 +47,15 @@ def columns(request: Mapping[str, Any], _: Mapping[str, float], __: Send) -> Map
         return asdict(found if found.open or not _is_own(channel_map_of(found.map)) else replace(found, map=""))
 
 
+def joint_columns(request: Mapping[str, Any], _: Mapping[str, float], __: Send) -> Mapping[str, str]:
+    """Task: which columns of a robot's log are which channels of its joints."""
+    with _refusals():
+        joints, given = [LoggedJoint(name, ratio) for name, ratio in request["joints"]], request["given"]
+        layout = layout_of(given)
+        table = _opened(Path(request["path"]), None if layout == Wanted() else layout)
+        return asdict(recognise_joints(_names(table), table.units, table.times, joints, given))
+
+
 @contextmanager
 def _refusals() -> Iterator[None]:
     try:
@@ -55,7 +66,7 @@ def _refusals() -> Iterator[None]:
 
 
 def _read(path: Path, map_: ChannelMap | None, cells: int, send: Send) -> Mapping[str, Any]:
-    table = _opened(path, map_)
+    table = _opened(path, None if map_ is None else map_.layout)
     names = _names(table)
     sources, recognised = _recognised(table, names) if map_ is None else (map_.sources, "")
     known = [name for name in CHANNELS if name in sources]
@@ -91,11 +102,11 @@ def _names(table: OpenTable) -> list[str]:
     return [name.strip().lstrip("\ufeff") for name in table.names]
 
 
-def _opened(path: Path, map_: ChannelMap | None) -> OpenTable:
+def _opened(path: Path, wanted: Wanted | None) -> OpenTable:
     """The table; without a map text of another layout is tried where the plain one has no clock."""
     open_ = _reader(path)
-    if map_ is not None:
-        return open_(path, map_.layout)
+    if wanted is not None:
+        return open_(path, wanted)
     if open_ is not open_comma_separated:
         return open_(path, None)
     with suppress(TelemetryError):

@@ -32,7 +32,9 @@ schema = schemathesis.openapi.from_dict(create_app().openapi())
 # an Idempotency-Key or If-Match drawn twice is refused for good reasons; whether an axis, or metadata of a recording
 # (a channel that is there), is acceptable is more than a JSON schema can say
 UNDECIDABLE_HEADERS = ("Idempotency-Key", "If-Match")
-UNDECIDABLE_BODIES = {f"/api/v1/{noun}" for noun in ("axes", "simulations", "investigations", "cases", "diagnoses")}
+UNDECIDABLE_BODIES = {
+    f"/api/v1/{noun}" for noun in ("axes", "simulations", "robots", "investigations", "cases", "diagnoses")
+}
 
 
 @pytest.fixture(scope="module")

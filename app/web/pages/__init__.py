@@ -15,6 +15,7 @@ from app.web.pages import (
     model,
     recordings,
     review,
+    robots,
     session,
 )
 from app.web.session import SignInNeeded
@@ -29,6 +30,7 @@ PAGES: tuple[APIRouter, ...] = (
     care.router,
     review.router,
     axes.router,
+    robots.router,
     model.router,
     investigations.router,
     jobs.router,

@@ -20,11 +20,19 @@ from app.web.session import FromOurPage, PageOperator, PageViewer
 from app.web.templating import render
 from app.web.trend import BASELINE, FEATURE, trend, when
 from app.web.words import VERDICTS, investigation_headline
-from casebase import audit
-from casebase.axes import axis_history, get_axis, is_axis, list_axes, unknown_axis
+from casebase import audit, revisions
+from casebase.axes import get_axis, is_axis, list_axes, unknown_axis
 from casebase.description import check_name
 from casebase.errors import NotFoundError
-from casebase.models import Case, MaintenanceMark, StoredDiagnosis, StoredInvestigation, StoredRecording
+from casebase.models import (
+    AxisRevision,
+    Case,
+    MaintenanceMark,
+    RobotRevision,
+    StoredDiagnosis,
+    StoredInvestigation,
+    StoredRecording,
+)
 from casebase.origins import SIMULATED, measured
 
 router = APIRouter(prefix="/axes")
@@ -34,11 +42,15 @@ LISTED, DRAWN = 10, 2000
 
 @router.get("")
 def axis_list(request: Request, session: Reading, principal: PageViewer) -> Response:
-    """Every axis at its current revision, and those that only recordings name."""
+    """Every axis and robot at its current revision, and axes that only recordings name."""
     rows = list_axes(session)
     known = {row.name for row in rows}
     named = session.scalars(select(StoredRecording.axis).where(StoredRecording.axis.is_not(None)).distinct()).all()
-    context = {"rows": rows, "undescribed": sorted(str(name) for name in named if name not in known)}
+    context = {
+        "rows": rows,
+        "undescribed": sorted(str(name) for name in named if name not in known),
+        "robots": revisions.current(session, RobotRevision),
+    }
     return render(request, "axes.html", context, principal=principal, section=SECTION)
 
 
@@ -46,7 +58,7 @@ def axis_list(request: Request, session: Reading, principal: PageViewer) -> Resp
 def axis(request: Request, session: Reading, principal: PageViewer, name: str) -> Response:
     """One axis: trends, marks, description and revisions."""
     check_known(session, name)
-    history = axis_history(session, name)
+    history = revisions.history(session, AxisRevision, name)
     marks = session.scalars(select(MaintenanceMark).where(MaintenanceMark.axis == name).order_by(MaintenanceMark.at))
     all_marks = list(marks)
     context = {
