@@ -45,6 +45,9 @@ BROKEN = """() => {
 SIDEWAYS = """() => [...document.querySelectorAll("main, main .table-scroll")]
     .filter((one) => one.scrollWidth > one.clientWidth + 1).map((one) => one.textContent.trim().slice(0, 80))"""
 VIEWER_PAGES = (
+    "/fleet",
+    "/axes/bench/gearboxes/g0",
+    "/axes/bench/gearboxes/g1",
     "/diagnoses",
     "/diagnoses/{diagnosis}",
     "/diagnoses/{diagnosis}?axis=orders&overlay={case}",

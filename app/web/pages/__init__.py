@@ -9,6 +9,7 @@ from app.web.pages import (
     axes,
     care,
     diagnoses,
+    fleet,
     investigations,
     jobs,
     library,
@@ -22,6 +23,7 @@ from app.web.templating import STATIC
 
 PAGES: tuple[APIRouter, ...] = (
     session.router,
+    fleet.router,
     diagnoses.router,
     recordings.demonstration,
     recordings.router,
