@@ -1,6 +1,6 @@
 """The fleet: every gearbox in service with its state, worked out again only for those of which something changed."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from threading import Lock
@@ -8,10 +8,12 @@ from threading import Lock
 from sqlalchemy.orm import Session
 
 from casebase.gearbox_state import Standing, State, standing
-from casebase.gearboxes import History, Place, described, histories, signatures
-from casebase.trend import Trend, trend_of
+from casebase.gearboxes import History, Place, described, histories_of, signatures
+from casebase.trend import Trend, trends_of
 
 ORDER = tuple(State)
+TOGETHER = 50
+"""Gearboxes that are read from the database at once."""
 
 
 @dataclass(frozen=True)
@@ -56,17 +58,24 @@ class Fleet:
         with self.lock:
             for place in self.known.keys() - wanted.keys():
                 del self.known[place]
-            for place, signature in wanted.items():
-                known = self.known.get(place)
-                if known is None or known.signature != signature:
-                    self.known[place] = _worked_out(session, place, signature)
+            changed = [
+                place
+                for place, signature in wanted.items()
+                if place not in self.known or self.known[place].signature != signature
+            ]
+            for first in range(0, len(changed), TOGETHER):
+                some = changed[first : first + TOGETHER]
+                self.known |= _worked_out(session, {place: wanted[place] for place in some})
             return dict(self.known)
 
 
-def _worked_out(session: Session, place: Place, signature: tuple[object, ...]) -> Known:
-    found = tuple(histories(session, *place))
-    current = found[-1] if found and found[-1].until is None else None
-    return Known(signature, found, trend_of(session, current) if current else None)
+def _worked_out(session: Session, wanted: Mapping[Place, tuple[object, ...]]) -> dict[Place, Known]:
+    found = histories_of(session, list(wanted))
+    serving = [known[-1] for known in found.values() if known and known[-1].until is None]
+    trends = {
+        (each.axis, each.gearbox): trend for each, trend in zip(serving, trends_of(session, serving), strict=True)
+    }
+    return {place: Known(wanted[place], tuple(found[place]), trends.get(place)) for place in wanted}
 
 
 def _rank(row: Gearbox) -> tuple[int, str, str]:

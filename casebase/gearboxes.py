@@ -4,11 +4,11 @@ A gearbox is known by its axis and its name. An exchange ends the history of the
 begins with it, under the same name or another.
 """
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
-from sqlalchemy import ColumnElement, func, select
+from sqlalchemy import ColumnElement, and_, func, or_, select
 from sqlalchemy.orm import Session
 
 from casebase.models import AxisRevision, Case, MaintenanceMark, StoredDiagnosis, StoredRecording
@@ -91,12 +91,23 @@ class History:
 
 
 def histories(session: Session, axis: str, gearbox: str | None) -> list[History]:
-    """Return the gearboxes that had this name at this axis, oldest first; the last one is in service or has none left.
+    """Return the gearboxes that had this name at this axis, oldest first; see `histories_of`."""
+    return histories_of(session, [(axis, gearbox)])[axis, gearbox]
 
-    An exchange with a successor of another name leaves nothing under the old one, unless it is heard again.
+
+def histories_of(session: Session, places: Sequence[Place]) -> dict[Place, list[History]]:
+    """Return for each place the gearboxes that were in it, oldest first.
+
+    The last one is in service if its history has no end. An exchange with a successor of another name leaves nothing
+    under the old one, unless it is heard again.
     """
-    done = _done(session, axis)
-    heard = _heard(session, axis, gearbox)
+    done = _done(session, {axis for axis, _ in places})
+    heard = _heard(session, places)
+    return {place: _histories(place, heard.get(place, []), done.get(place[0], [])) for place in places}
+
+
+def _histories(place: Place, heard: Sequence[Heard], done: Sequence[Done]) -> list[History]:
+    axis, gearbox = place
     edges = sorted({each.at for each in done if _ends(each, gearbox) or _begins(each, gearbox)})
     found: list[History] = []
     for since, until in zip([None, *edges], [*edges, None], strict=True):
@@ -124,23 +135,32 @@ def _within(at: datetime, since: datetime | None, until: datetime | None) -> boo
     return (since is None or at >= since) and (until is None or at < until)
 
 
-def _heard(session: Session, axis: str, gearbox: str | None) -> list[Heard]:
-    measured = is_measured(session)
+def _heard(session: Session, places: Sequence[Place]) -> dict[Place, list[Heard]]:
     recordings = session.execute(
         select(
+            StoredRecording.axis,
+            StoredRecording.gearbox,
             StoredRecording.id,
             func.coalesce(StoredRecording.recorded_at, StoredRecording.created_at),
             StoredRecording.file_name,
             StoredRecording.usable,
             StoredRecording.speed_rad_s,
             StoredRecording.payload_kg_m2,
-        ).where(*_at(axis, gearbox), *measured)
-    )
-    heard = {row[0]: Heard(*row) for row in recordings}
+        ).where(recorded_at(places), *is_measured(session))
+    ).all()
+    said = _said(session, places, {row[2]: Heard(*row[2:]) for row in recordings})
+    found: dict[Place, list[Heard]] = {}
+    for axis, gearbox, identity, *_ in recordings:
+        found.setdefault((axis, gearbox), []).append(said[identity])
+    return {place: sorted(heard, key=lambda one: (one.at, one.recording_id)) for place, heard in found.items()}
+
+
+def _said(session: Session, places: Sequence[Place], heard: dict[str, Heard]) -> dict[str, Heard]:
+    """Add to recordings, by id, what their diagnoses and their cases say."""
     cases = session.execute(
         select(Case.recording_id, Case.label)
         .join(StoredRecording, StoredRecording.id == Case.recording_id)
-        .where(*_at(axis, gearbox), Case.origin == MEASURED, Case.state == "confirmed", Case.diagnosis_id.is_(None))
+        .where(recorded_at(places), Case.origin == MEASURED, Case.state == "confirmed", Case.diagnosis_id.is_(None))
     )
     for recording_id, known in cases:
         if recording_id in heard:
@@ -156,7 +176,7 @@ def _heard(session: Session, axis: str, gearbox: str | None) -> list[Heard]:
             StoredDiagnosis.revised_label,
         )
         .join(StoredRecording, StoredRecording.id == StoredDiagnosis.recording_id)
-        .where(*_at(axis, gearbox))
+        .where(recorded_at(places))
         .order_by(StoredDiagnosis.id)
     )
     for recording_id, identity, verdict, label, probability, state, revised in given:
@@ -169,19 +189,28 @@ def _heard(session: Session, axis: str, gearbox: str | None) -> list[Heard]:
                 review=state,
                 diagnosis_id=identity,
             )
-    return sorted(heard.values(), key=lambda one: (one.at, one.recording_id))
+    return heard
 
 
-def _at(axis: str, gearbox: str | None) -> tuple[ColumnElement[bool], ColumnElement[bool]]:
-    named = StoredRecording.gearbox.is_(None) if gearbox is None else StoredRecording.gearbox == gearbox
-    return StoredRecording.axis == axis, named
-
-
-def _done(session: Session, axis: str) -> list[Done]:
-    rows = session.scalars(
-        select(MaintenanceMark).where(MaintenanceMark.axis == axis).order_by(MaintenanceMark.at, MaintenanceMark.id)
+def recorded_at(places: Sequence[Place]) -> ColumnElement[bool]:
+    """Return the condition that leaves the recordings of some gearboxes."""
+    return or_(
+        *(
+            and_(StoredRecording.axis == axis, StoredRecording.gearbox.is_not_distinct_from(gearbox))
+            for axis, gearbox in places
+        )
     )
-    return [Done(row.id, row.at, row.kind, row.text, row.created_by, row.gearbox, row.successor) for row in rows]
+
+
+def _done(session: Session, axes: Collection[str]) -> dict[str, list[Done]]:
+    rows = session.scalars(
+        select(MaintenanceMark).where(MaintenanceMark.axis.in_(axes)).order_by(MaintenanceMark.at, MaintenanceMark.id)
+    )
+    found: dict[str, list[Done]] = {}
+    for row in rows:
+        each = Done(row.id, row.at, row.kind, row.text, row.created_by, row.gearbox, row.successor)
+        found.setdefault(row.axis, []).append(each)
+    return found
 
 
 def signatures(session: Session) -> dict[Place, tuple[object, ...]]:
@@ -204,11 +233,6 @@ def signatures(session: Session) -> dict[Place, tuple[object, ...]]:
         if mark.successor is not None:
             found.setdefault((mark.axis, mark.successor), ())
     return {(axis, gearbox): (*told, *of_axis.get(axis, ())) for (axis, gearbox), told in found.items()}
-
-
-def gearboxes_of(session: Session, axis: str) -> list[str | None]:
-    """Return the names that gearboxes have at an axis: those of its recordings and those that were put in."""
-    return sorted((gearbox for one, gearbox in signatures(session) if one == axis), key=lambda name: name or "")
 
 
 def described(session: Session) -> Mapping[str, int]:

@@ -16,7 +16,7 @@ coefficients and noise; Hampel et al., Robust Statistics (1986), the clipping.
 """
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from casebase.gearboxes import Heard, History
+from casebase.gearboxes import Heard, History, Place, recorded_at
 from casebase.models import Extractor, FeatureRow, StoredRecording
 from casebase.recordings import feature_values
 from casebase.signals.band import Band
@@ -134,6 +134,20 @@ def column_space(regressors: NDArray[np.floating], count: int) -> Floats:
 
 
 @dataclass(frozen=True, eq=False)
+class Expected:
+    """What a feature is expected to be.
+
+    Args:
+        adjusted: the values as they would be in the typical state of operation, shape (n,).
+        low, high: between which all but one in `RECORDINGS_PER_FALSE_ALARM` good recordings lie; NaN where too few.
+    """
+
+    adjusted: Floats
+    low: float
+    high: float
+
+
+@dataclass(frozen=True, eq=False)
 class Followed:
     """One feature over the recordings of a gearbox.
 
@@ -141,18 +155,40 @@ class Followed:
         name: of the feature.
         rows: recordings that have it, shape (n,).
         values: as recorded, shape (n,).
-        adjusted: the values as they would be in the typical state of operation, shape (n,).
-        low, high: between which all but one in `RECORDINGS_PER_FALSE_ALARM` good recordings lie; NaN where too few.
+        state: of operation, shape (n, p).
         change: evidence that it has risen.
     """
 
     name: str
     rows: NDArray[np.intp]
     values: Floats
-    adjusted: Floats
-    low: float
-    high: float
+    state: Floats
     change: Change
+
+    def expected(self) -> Expected:
+        """Return the prediction interval of one more good recording, from those before a change.
+
+        Source: Hahn and Meeker, Statistical Intervals (1991), 4.4.
+        """
+        from scipy.special import stdtrit  # slow to import
+
+        count = len(self.rows)
+        if self.change.evidence >= RECORDINGS_PER_FALSE_ALARM:
+            count = max(int(np.argmax(self.change.began)), FEWEST)
+        good = self.state[:count]
+        if count < FEWEST:
+            return Expected(self.values, math.nan, math.nan)
+        centred = self.state - good.mean(axis=0)
+        columns = np.hstack([np.ones((count, 1)), centred[:count]])
+        slopes = np.linalg.lstsq(columns, clipped(self.values[:count]), rcond=SAME)[0][1:]
+        adjusted = np.asarray(self.values - centred @ slopes)
+        freedom = count - column_space(good, count).shape[1]
+        if freedom < FEWEST:
+            return Expected(adjusted, math.nan, math.nan)
+        kept = clipped(adjusted[:count])
+        scatter = math.sqrt(float(((kept - kept.mean()) ** 2).sum()) / freedom * (1 + 1 / count))
+        reach = float(stdtrit(freedom, 1 - 0.5 / RECORDINGS_PER_FALSE_ALARM)) * scatter
+        return Expected(adjusted, float(kept.mean()) - reach, float(kept.mean()) + reach)
 
 
 @dataclass(frozen=True, eq=False)
@@ -191,12 +227,20 @@ class Trend:
 
 def trend_of(session: Session, history: History) -> Trend | None:
     """Return the trend since the gearbox was put in or repaired; None with fewer than two recordings to compare."""
-    names, vectors = _features(session, history)
+    return trends_of(session, [history])[0]
+
+
+def trends_of(session: Session, several: Sequence[History]) -> list[Trend | None]:
+    """Return the trend of each; see `trend_of`."""
+    vectors = _features(session, [(each.axis, each.gearbox) for each in several])
+    return [_trend(each, vectors) for each in several]
+
+
+def _trend(history: History, vectors: Mapping[str, Floats]) -> Trend | None:
     recordings = tuple(one for one in history.since_renewed if one.usable and one.recording_id in vectors)
     if len(recordings) < FEWEST:
         return None
-    table = np.array([vectors[one.recording_id] for one in recordings], dtype=np.float64)
-    columns = table[:, [names.index(name) for name in FOLLOWED]]
+    columns = np.array([vectors[one.recording_id] for one in recordings])
     return Trend(recordings, tuple(_followed(columns, state_of_operation(recordings))))
 
 
@@ -218,46 +262,21 @@ def _followed(columns: Floats, state: Floats) -> list[Followed]:
         alike = np.flatnonzero((finite == pattern[:, None]).all(axis=0))
         values, here = columns[np.ix_(rows, alike)], state[rows]
         for place, own, change in zip(alike, values.T, changes_of(values, here), strict=True):
-            good = np.arange(len(rows))
-            if change.evidence >= RECORDINGS_PER_FALSE_ALARM:
-                good = good[: max(int(np.argmax(change.began)), FEWEST)]
-            found[int(place)] = Followed(FOLLOWED[place], rows, own, *_expected(own, here, good), change)
+            found[int(place)] = Followed(FOLLOWED[place], rows, own, here, change)
     return [found[place] for place in range(len(FOLLOWED))]
 
 
-def _expected(values: Floats, state: Floats, good: NDArray[np.intp]) -> tuple[Floats, float, float]:
-    """Return the values adjusted to the typical state, and the prediction interval of one more good one.
-
-    Hahn and Meeker, Statistical Intervals (1991), 4.4.
-    """
-    from scipy.special import stdtrit  # slow to import
-
-    centred = state - state[good].mean(axis=0) if good.size else state
-    slopes = (
-        np.linalg.lstsq(np.hstack([np.ones((good.size, 1)), centred[good]]), clipped(values[good]), rcond=SAME)[0][1:]
-        if good.size
-        else np.zeros(state.shape[1])
-    )
-    adjusted = np.asarray(values - centred @ slopes)
-    freedom = good.size - column_space(state[good], good.size).shape[1] if good.size else 0
-    if freedom < 2:
-        return adjusted, math.nan, math.nan
-    kept = clipped(adjusted[good])
-    middle = float(kept.mean())
-    scatter = math.sqrt(float(((kept - middle) ** 2).sum()) / freedom * (1 + 1 / good.size))
-    reach = float(stdtrit(freedom, 1 - 0.5 / RECORDINGS_PER_FALSE_ALARM)) * scatter
-    return adjusted, middle - reach, middle + reach
-
-
-def _features(session: Session, history: History) -> tuple[list[str], dict[str, Floats]]:
+def _features(session: Session, places: Sequence[Place]) -> dict[str, Floats]:
+    """Return the followed features of every recording of some gearboxes by its id, shape (k,), NaN where missing."""
     extractor = session.get(Extractor, EXTRACTOR_VERSION)
-    named = StoredRecording.gearbox.is_(None) if history.gearbox is None else StoredRecording.gearbox == history.gearbox
     rows = session.execute(
         select(FeatureRow.recording_id, FeatureRow.finite, FeatureRow.missing)
         .join(StoredRecording, StoredRecording.id == FeatureRow.recording_id)
-        .where(StoredRecording.axis == history.axis, named, FeatureRow.extractor_version == EXTRACTOR_VERSION)
+        .where(recorded_at(places), FeatureRow.extractor_version == EXTRACTOR_VERSION)
     ).all()
     if extractor is None or not rows:
-        return [], {}
-    values = feature_values([row.finite for row in rows], [row.missing for row in rows]).astype(np.float64)
-    return [str(name) for name in extractor.names], dict(zip([row.recording_id for row in rows], values, strict=True))
+        return {}
+    names = [str(name) for name in extractor.names]
+    values = feature_values([row.finite for row in rows], [row.missing for row in rows])
+    followed = values[:, [names.index(name) for name in FOLLOWED]].astype(np.float64)
+    return dict(zip([row.recording_id for row in rows], followed, strict=True))

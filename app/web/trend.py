@@ -69,9 +69,12 @@ def _marks(trend: Trend, history: History, *here: tuple[datetime, str]) -> tuple
 
 def _followed(trend: Trend, one: Followed, title: str, label: str, marks: tuple[Marker, ...]) -> Chart:
     name, _, _ = _axis_of_time(trend)
-    expected = Band(f"expected: all but 1 in {RECORDINGS_PER_FALSE_ALARM} good recordings", one.low, one.high)
-    series = Series("as it would be in the typical state of operation", _times(trend, one.rows.tolist()), one.adjusted)
-    bands = (expected,) if math.isfinite(one.low) else ()
+    found = one.expected()
+    expected = Band(f"expected: all but 1 in {RECORDINGS_PER_FALSE_ALARM} good recordings", found.low, found.high)
+    series = Series(
+        "as it would be in the typical state of operation", _times(trend, one.rows.tolist()), found.adjusted
+    )
+    bands = (expected,) if math.isfinite(found.low) else ()
     return Chart(title, (series,), name, label, bands=bands, markers=marks)
 
 

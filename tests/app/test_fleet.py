@@ -73,13 +73,13 @@ def test_whoever_is_signed_in_comes_to_the_fleet(service: Inside) -> None:
 
 def test_only_what_changed_is_worked_out_again(service: Inside) -> None:
     service.browse("GET", "/fleet")
-    with patch.object(fleet, "histories", wraps=fleet.histories) as asked:
+    with patch.object(fleet, "histories_of", wraps=fleet.histories_of) as asked:
         service.browse("GET", "/fleet")
         assert asked.call_count == 0
         with service.service.library.transaction("test") as session:
             keep(session, "arm", "good", now(), {}, "normal")
         service.browse("GET", "/fleet")
-        assert [call.args[1:] for call in asked.call_args_list] == [("arm", "good")]
+        assert [call.args[1] for call in asked.call_args_list] == [[("arm", "good")]]
 
 
 def test_the_page_of_a_gearbox_has_all_of_it(service: Inside) -> None:
