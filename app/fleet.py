@@ -72,9 +72,8 @@ class Fleet:
 def _worked_out(session: Session, wanted: Mapping[Place, tuple[object, ...]]) -> dict[Place, Known]:
     found = histories_of(session, list(wanted))
     serving = [known[-1] for known in found.values() if known and known[-1].until is None]
-    trends = {
-        (each.axis, each.gearbox): trend for each, trend in zip(serving, trends_of(session, serving), strict=True)
-    }
+    places = [(each.axis, each.gearbox) for each in serving]
+    trends = dict(zip(places, trends_of(session, serving), strict=True))
     return {place: Known(wanted[place], tuple(found[place]), trends.get(place)) for place in wanted}
 
 

@@ -151,7 +151,7 @@ def _heard(session: Session, places: Sequence[Place]) -> dict[Place, list[Heard]
     said = _said(session, places, {row[2]: Heard(*row[2:]) for row in recordings})
     found: dict[Place, list[Heard]] = {}
     for axis, gearbox, identity, *_ in recordings:
-        found.setdefault((axis, gearbox), []).append(said[identity])
+        found.setdefault((str(axis), gearbox), []).append(said[identity])
     return {place: sorted(heard, key=lambda one: (one.at, one.recording_id)) for place, heard in found.items()}
 
 

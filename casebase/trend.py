@@ -198,6 +198,11 @@ class Trend:
     recordings: tuple[Heard, ...]
     followed: tuple[Followed, ...]
 
+    @classmethod
+    def of(cls, recordings: Sequence[Heard], columns: Floats) -> "Trend":
+        """Follow the features of `FOLLOWED`, shape (n, k), NaN where missing, over two recordings or more."""
+        return cls(tuple(recordings), tuple(_followed(columns, state_of_operation(recordings))))
+
     @property
     def evidence(self) -> float:
         """Shiryaev-Roberts statistic, mean over the features that decide."""
@@ -240,8 +245,7 @@ def _trend(history: History, vectors: Mapping[str, Floats]) -> Trend | None:
     recordings = tuple(one for one in history.since_renewed if one.usable and one.recording_id in vectors)
     if len(recordings) < FEWEST:
         return None
-    columns = np.array([vectors[one.recording_id] for one in recordings])
-    return Trend(recordings, tuple(_followed(columns, state_of_operation(recordings))))
+    return Trend.of(recordings, np.array([vectors[one.recording_id] for one in recordings]))
 
 
 def state_of_operation(recordings: Sequence[Heard]) -> Floats:

@@ -71,9 +71,8 @@ def _followed(trend: Trend, one: Followed, title: str, label: str, marks: tuple[
     name, _, _ = _axis_of_time(trend)
     found = one.expected()
     expected = Band(f"expected: all but 1 in {RECORDINGS_PER_FALSE_ALARM} good recordings", found.low, found.high)
-    series = Series(
-        "as it would be in the typical state of operation", _times(trend, one.rows.tolist()), found.adjusted
-    )
+    words = "as it would be in the typical state of operation"
+    series = Series(words, _times(trend, one.rows.tolist()), found.adjusted)
     bands = (expected,) if math.isfinite(found.low) else ()
     return Chart(title, (series,), name, label, bands=bands, markers=marks)
 
