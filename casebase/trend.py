@@ -35,7 +35,7 @@ Floats = NDArray[np.float64]
 IMPACTS = tuple(f"{kind}_{band.label}" for kind in ("notch_bump", "play_bump", "strongest_impulse") for band in Band)
 CREST_FACTOR = "crest_factor_low_pass_200_hz_median_of_cycles"
 DECIDING = (*IMPACTS, CREST_FACTOR)
-"""A fault strikes: blows that repeat with the motion, blows anywhere, and the peak over the effective value."""
+"""A fault strikes: impacts that repeat with the motion, impacts anywhere, and the peak over the effective value."""
 FOLLOWED = (*DECIDING, "rms", "peak")
 """RMS and peak follow gain and place of the microphone, too: they are shown, and decide nothing."""
 FEWEST = 2

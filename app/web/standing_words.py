@@ -6,6 +6,7 @@ from zoneinfo import ZoneInfo
 from markupsafe import Markup
 
 from app.web.svg import shape_path
+from app.web.templating import NO_BREAK
 from app.web.words import CHECKS, name_of
 from casebase.gearbox_state import Reason, Standing, State
 from casebase.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Trend
@@ -20,12 +21,12 @@ WORDS = {
     State.GOOD: "Good",
 }
 RISEN = {
-    "notch_bump": ("what strikes in one direction of the motion", "notch"),
-    "play_bump": ("what strikes at the reversal of the motion", "play"),
-    "strongest_impulse": ("the strongest blow of a cycle", None),
-    CREST_FACTOR: ("the crest factor below 200 Hz", None),
+    "notch_bump": ("impacts in one direction of the motion have", "notch"),
+    "play_bump": ("impacts at the reversal of the motion have", "play"),
+    "strongest_impulse": ("the strongest impact of a cycle has", None),
+    CREST_FACTOR: ("the crest factor below 200 Hz has", None),
 }
-"""What a feature is called, by the beginning of its name, and the fault that it would be a sign of."""
+"""What is said to have grown, by the beginning of a feature's name, and the fault that it would be a sign of."""
 RECORD = "Record it, in its usual motion and with its usual payload, and diagnose the recording."
 AGAIN = "Record it again soon, in the same motion, with the same payload and the microphone at the same place."
 
@@ -68,7 +69,7 @@ def why(standing: Standing | None, zone: str) -> str:
         case Reason.FOUND:
             return f"A person says that it has {name}."
         case Reason.CHANGED if standing.trend is not None:
-            return f"It sounds otherwise than it did: {risen(standing.trend)[0]} has grown since about {on}."
+            return f"It sounds otherwise than it did: {risen(standing.trend)[0]} grown since about {on}."
         case Reason.NAMED_BEFORE:
             return f"{name[:1].upper()}{name[1:]} was heard on {on} and not since, but a worn gear does not heal."
         case Reason.SILENT:
@@ -112,8 +113,8 @@ def watched(trend: Trend | None) -> str:
     """Say how far the evidence for a change is, and what that means."""
     if trend is None:
         return "A trend needs two recordings that can be compared."
-    promise = f"A good gearbox gives a false alarm once in {RECORDINGS_PER_FALSE_ALARM} recordings, or less often."
-    of = f"Evidence for a change: {trend.evidence:.3g}; the limit is {RECORDINGS_PER_FALSE_ALARM}."
+    promise = f"A good gearbox gives a false alarm once in {RECORDINGS_PER_FALSE_ALARM:,} recordings, or less often."
+    of = f"Evidence for a change: {trend.evidence:,.0f}; the limit is {RECORDINGS_PER_FALSE_ALARM:,}."
     without = f"With no change it is {len(trend.recordings)} on average, the number of recordings."
     return f"{of} {without} {promise}"
 
@@ -123,9 +124,9 @@ def day(at: datetime | None, zone: str) -> str:
 
     >>> from datetime import UTC
     >>> day(datetime(2026, 11, 9, 23, 30, tzinfo=UTC), "Europe/Stockholm")
-    '10 Nov 2026'
+    '10\\xa0Nov\\xa02026'
     """
     if at is None:
         return "an unknown day"
     local = at.astimezone(ZoneInfo(zone))
-    return f"{local.day} {local:%b %Y}"
+    return NO_BREAK.join((str(local.day), f"{local:%b}", f"{local:%Y}"))

@@ -14,8 +14,8 @@ from casebase.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Followed, T
 
 LOW = SignalBand.LOW.label
 SHOWN = (
-    (f"play_bump_{LOW}", "Strikes at the reversal: rise with backlash", "height above noise [dB]"),
-    (f"notch_bump_{LOW}", "Strikes in one direction: rise with tooth damage", "height above noise [dB]"),
+    (f"play_bump_{LOW}", "Impacts at the reversal: rise with backlash", "height above noise [dB]"),
+    (f"notch_bump_{LOW}", "Impacts in one direction: rise with tooth damage", "height above noise [dB]"),
     (CREST_FACTOR, "Crest factor below 200 Hz", "crest factor [1]"),
 )
 UNITS = (("days", 86400.0, 2.0), ("hours", 3600.0, 2.0), ("minutes", 60.0, 0.0))
@@ -70,7 +70,7 @@ def _marks(trend: Trend, history: History, *here: tuple[datetime, str]) -> tuple
 def _followed(trend: Trend, one: Followed, title: str, label: str, marks: tuple[Marker, ...]) -> Chart:
     name, _, _ = _axis_of_time(trend)
     found = one.expected()
-    expected = Band(f"expected: all but 1 in {RECORDINGS_PER_FALSE_ALARM} good recordings", found.low, found.high)
+    expected = Band(f"expected: all but 1 in {RECORDINGS_PER_FALSE_ALARM:,} good recordings", found.low, found.high)
     words = "as it would be in the typical state of operation"
     series = Series(words, _times(trend, one.rows.tolist()), found.adjusted)
     bands = (expected,) if math.isfinite(found.low) else ()

@@ -60,7 +60,7 @@ def test_the_worst_stands_first(service: Inside) -> None:
     ]
     for words in (
         "The newest recording sounds like backlash (play).",
-        "what strikes in one direction of the motion has grown since about",
+        "impacts in one direction of the motion have grown since about",
         "The library has no case that sounds like the newest recording.",
         "Nothing was recorded yet.",
     ):
@@ -85,8 +85,8 @@ def test_only_what_changed_is_worked_out_again(service: Inside) -> None:
 def test_the_page_of_a_gearbox_has_all_of_it(service: Inside) -> None:
     page = service.browse("GET", "/axes/arm/gearboxes/worn").text
     assert "Lock the motor and move the arm by hand" in page
-    assert "A good gearbox gives a false alarm once in 1000 recordings, or less often." in page
-    for title in ("Strikes at the reversal", "Strikes in one direction", "Crest factor below 200 Hz", "RMS and peak"):
+    assert "A good gearbox gives a false alarm once in 1,000 recordings, or less often." in page
+    for title in ("Impacts at the reversal", "Impacts in one direction", "Crest factor below 200 Hz", "RMS and peak"):
         assert title in page
     assert page.count('<td data-label="Recorded">') == 30
     # one gear pair: it is the one that can have it
