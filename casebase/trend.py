@@ -210,8 +210,9 @@ class Trend:
 
     @property
     def deciding(self) -> tuple[Followed, ...]:
-        """The features whose rise is a sign of a fault, whatever gain and place of the microphone."""
-        return tuple(one for one in self.followed if one.name in DECIDING)
+        """The features whose rise is a sign of a fault, and that at least half of the recordings have."""
+        known = [one for one in self.followed if one.name in DECIDING]
+        return tuple(one for one in known if 2 * len(one.rows) >= len(self.recordings)) or tuple(known)
 
     @property
     def changed(self) -> bool:

@@ -7,9 +7,19 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from casebase.gearboxes import histories
+from casebase.gearboxes import Heard, histories
 from casebase.library import CaseLibrary
-from casebase.trend import DECIDING, RECORDINGS_PER_FALSE_ALARM, Trend, change_of, changes_of, clipped, trend_of
+from casebase.trend import (
+    DECIDING,
+    FOLLOWED,
+    IMPACTS,
+    RECORDINGS_PER_FALSE_ALARM,
+    Trend,
+    change_of,
+    changes_of,
+    clipped,
+    trend_of,
+)
 from tests.casebase.kept import keep
 
 Floats = NDArray[np.float64]
@@ -114,6 +124,19 @@ def test_strikes_that_rise_are_told_though_the_crest_factor_falls(library: CaseL
     expected = worn.leading.expected()
     assert expected.low < expected.adjusted[:15].min()
     assert expected.adjusted[15:].mean() > expected.adjusted[:15].max()
+
+
+def test_a_feature_that_no_recording_has_does_not_count() -> None:
+    """A motion without reversals has no impacts at a reversal."""
+    rng = np.random.default_rng(9)
+    columns = rng.standard_normal((20, len(FOLLOWED)))
+    columns[10:, FOLLOWED.index("strongest_impulse_12_200_hz")] += 3
+    heard = [Heard(str(number), START + timedelta(days=number), "", True, None, None) for number in range(20)]
+    all_known = Trend.of(heard, columns)
+    columns[:, [FOLLOWED.index(name) for name in IMPACTS if "bump" in name]] = np.nan
+    some_known = Trend.of(heard, columns)
+    assert len(some_known.deciding) == len(all_known.deciding) - 6
+    assert some_known.evidence > all_known.evidence
 
 
 def test_the_time_of_recording_counts_and_not_that_of_upload(library: CaseLibrary) -> None:
