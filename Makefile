@@ -12,7 +12,7 @@ PIP := $(BIN)/python -m pip --quiet --disable-pip-version-check
 # the tests start the program some hundred times: it is compiled once, also where the environment says otherwise
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: setup run test suite check bench challenge chaos compositions field robots bombs screenshots lock clean
+.PHONY: setup run test suite check bench challenge chaos compositions field trends robots bombs screenshots lock clean
 
 setup: $(STAMP) $(ASSETS)
 
@@ -83,6 +83,10 @@ field: setup
 	$(FIELD) --library measured --gearboxes 5
 	$(FIELD) --library starter
 	$(FIELD) --source axis
+
+# gearboxes whose fault grows over 40 recordings, and 1,000 recordings of good ones
+trends: setup
+	$(BIN)/python -m tests.trend_bank --worn 12 --good 25
 
 # a hundred robots with one effect hidden in a joint, fifty without, and descriptions that do not fit their log
 robots: setup

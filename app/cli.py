@@ -19,6 +19,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("diagnose", "app.commands.diagnose", "Diagnose recordings against the local library."),
     ("size", "app.commands.size", "Say how large backlash (play) or tooth damage (notch) is."),
     ("cases", "app.commands.cases", "Add, list, export and import cases."),
+    ("axes", "app.commands.axes", "List, show, add and change axes."),
     ("recordings", "app.commands.recordings", "Erase the audio of recordings."),
     ("generate", "app.commands.generate", "Generate cases by simulation."),
     ("fit", "app.commands.fit", "Fit the simulated sound to normal recordings of an axis."),

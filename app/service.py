@@ -13,6 +13,7 @@ from limits.strategies import MovingWindowRateLimiter
 from sqlalchemy.orm import Session
 
 from app.evaluations import Evaluations
+from app.fleet import Fleet
 from app.jobs.feed import JobFeed
 from app.jobs.jobs import Jobs
 from app.jobs.kinds import jobs_in
@@ -58,6 +59,10 @@ class Service:
     @cached_property
     def evaluations(self) -> Evaluations:
         return Evaluations(self.library, self.stopping)
+
+    @cached_property
+    def fleet(self) -> Fleet:
+        return Fleet()
 
     @cached_property
     def learner(self) -> Learner:

@@ -59,6 +59,9 @@ class Settings(BaseSettings):
     lease_s: float = Field(
         15.0, ge=1.0, description="workers take over what another has in hand when it was silent for so long"
     )
+    silent_after_days: PositiveInt = Field(
+        30, description="a gearbox whose last recording is older is shown as not heard"
+    )
     retain_audio_days: PositiveInt | None = Field(
         None, description="audio of recordings that are no cases is erased when older; kept for ever where not given"
     )

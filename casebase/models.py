@@ -334,7 +334,7 @@ class WorkerLease(Base):
 
 
 class MaintenanceMark(Base):
-    """Something that was done to an axis: a line in its trend."""
+    """Something that was done to an axis or a gearbox of it: a repair begins a new baseline, an exchange a new one."""
 
     __tablename__ = "maintenance_marks"
 
@@ -342,6 +342,10 @@ class MaintenanceMark(Base):
     axis: Mapped[str] = mapped_column(String(200))
     gearbox: Mapped[str | None] = mapped_column(String(200))
     at: Mapped[datetime]
+    kind: Mapped[str] = mapped_column(String(20), server_default="note")
+    """`note`, `repair` or `exchange`."""
+    successor: Mapped[str | None] = mapped_column(String(200))
+    """Of an exchange: what the new gearbox is called, if not as the old one."""
     text: Mapped[str] = mapped_column(Text)
     created_at: Mapped[datetime] = mapped_column(default=now)
     created_by: Mapped[str] = mapped_column(String(200))

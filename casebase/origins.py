@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 
-from sqlalchemy import or_, select
+from sqlalchemy import ColumnElement, or_, select
 from sqlalchemy.orm import Session
 
 from casebase.models import Artifact, Case, StoredRecording
@@ -39,6 +39,20 @@ def measured(session: Session, recordings: Sequence[StoredRecording]) -> list[St
     """Return those of the recordings that are not simulated, in their order."""
     known = simulated(session, recordings)
     return [row for row in recordings if row.id not in known]
+
+
+def is_measured(session: Session) -> tuple[ColumnElement[bool], ...]:
+    """Return conditions that leave of all recordings those that `measured` leaves."""
+    of_cases = select(Case.recording_id).where(Case.origin == SIMULATED)
+    sounds = select(StoredRecording.sound_id).where(StoredRecording.id.in_(of_cases), StoredRecording.sound_id != "")
+    shown = [str(content["recording_id"]) for content in session.scalars(_demonstrations)]
+    of_demo = select(StoredRecording.sound_id).where(StoredRecording.id.in_(shown), StoredRecording.sound_id != "")
+    return (
+        StoredRecording.id.not_in(of_cases),
+        StoredRecording.sound_id.not_in(sounds),
+        StoredRecording.id.not_in(shown),
+        StoredRecording.sound_id.not_in(of_demo),
+    )
 
 
 def origin_of(session: Session, recording: StoredRecording) -> str:

@@ -7,7 +7,6 @@ from types import SimpleNamespace
 from typing import Any
 
 from markupsafe import Markup
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.service import Service
@@ -29,13 +28,14 @@ from app.web.recorded import (
 )
 from app.web.svg import Stretch
 from app.web.templating import quantity
-from app.web.trend import FEATURE, same_state, trend, when
+from app.web.trend import chart_of
 from app.web.words import Verdict, certainty, not_compared, remarks_beside, size_of, verdict_of
+from casebase.gearboxes import histories
 from casebase.models import Case, StoredDiagnosis, StoredRecording
-from casebase.origins import measured
 from casebase.signals.crest import root_mean_square
 from casebase.signals.disturbances import Survey
 from casebase.signals.recording import Recording
+from casebase.trend import trend_of
 
 PEAKS = 400
 SHOWN_PARTS = 8
@@ -135,7 +135,7 @@ def view_of(
         ),
         charts=drawn,
         polar=polar,
-        trend=trend_of(session, row.recording),
+        trend=trend_chart(session, row),
         rms=features.get("rms") or 0.0 if sound is None else root_mean_square(sound.samples),
         peaks="[" + ",".join(f"{v:.4g}" for v in peaks) + "]",
         sound=sound,
@@ -251,15 +251,14 @@ def _largest(parts: Sequence[tuple[str, float]]) -> list[tuple[str, float]]:
     return [*parts[:SHOWN_PARTS], *others]
 
 
-def trend_of(session: Session, row: StoredRecording) -> Chart | None:
-    """Return crest factor over time, as measured on this gearbox in this operating state; None with fewer than two."""
-    if row.gearbox is None:
+def trend_chart(session: Session, row: StoredDiagnosis) -> Chart | None:
+    """Return what rises with the fault, over the recordings of this gearbox; None with fewer than two."""
+    recording = row.recording
+    if recording.axis is None or recording.gearbox is None:
         return None
-    statement = select(StoredRecording).where(
-        StoredRecording.gearbox == row.gearbox, StoredRecording.axis == row.axis, StoredRecording.usable
-    )
-    rows = session.scalars(statement.order_by(StoredRecording.id).limit(500)).all()
-    same = [one for one in measured(session, rows) if same_state(one, row)]
-    values = [(when(one), features_of(session, one.id).get(FEATURE)) for one in same]
-    points = [(at, value) for at, value in values if value is not None]
-    return trend("Crest factor of this gearbox over time", points, ((when(row), "this recording"),))
+    for history in histories(session, recording.axis, recording.gearbox):
+        if any(one.recording_id == recording.id for one in history.heard):
+            trend = trend_of(session, history)
+            at = recording.recorded_at or recording.created_at
+            return None if trend is None else chart_of(trend, history, row.label, (at, "this recording"))
+    return None

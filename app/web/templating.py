@@ -24,13 +24,14 @@ from sim.discrepancy.report.formatting import angle, named, words_of
 FOLDER = Path(__file__).parent
 STATIC = FOLDER / "static"
 NAVIGATION = (
-    ("/diagnoses", "Diagnoses", "1", "viewer"),
-    ("/library", "Library", "2", "viewer"),
-    ("/axes", "Axes and robots", "3", "viewer"),
-    ("/investigations", "Model and measurement", "4", "viewer"),
-    ("/jobs", "Jobs", "5", "operator"),
-    ("/keys", "Keys", "6", "admin"),
-    ("/audit", "Audit", "7", "admin"),
+    ("/fleet", "Fleet", "1", "viewer"),
+    ("/diagnoses", "Diagnoses", "2", "viewer"),
+    ("/library", "Library", "3", "viewer"),
+    ("/axes", "Axes and robots", "4", "viewer"),
+    ("/investigations", "Model and measurement", "5", "viewer"),
+    ("/jobs", "Jobs", "6", "operator"),
+    ("/keys", "Keys", "7", "admin"),
+    ("/audit", "Audit", "8", "admin"),
 )
 MINUS, NO_BREAK = "\N{MINUS SIGN}", "\N{NO-BREAK SPACE}"
 RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")

@@ -1,52 +1,99 @@
-"""Trend: crest factor of one gearbox over time, with its baseline and what was done to it."""
+"""The trend of a gearbox as charts: what rises with a fault, against its own baseline, with what was done to it."""
 
-from collections.abc import Sequence
+import math
+from collections.abc import Mapping, Sequence
 from datetime import datetime
 
 import numpy as np
 
 from app.web.charts import Chart
 from app.web.svg import Band, Marker, Series
-from casebase.models import StoredRecording
-from casebase.signals.features import feature_words
+from casebase.gearboxes import NOTE, History
+from casebase.signals.band import Band as SignalBand
+from casebase.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Followed, Trend
 
-FEATURE = "crest_factor_low_pass_200_hz_median_of_cycles"
-"""Below 200 Hz a fault stands above what the microphone hears of everything else, and one knock is no trend."""
-BASELINE = 5
-SAME_STATE = 0.1
+LOW = SignalBand.LOW.label
+SHOWN = (
+    (f"play_bump_{LOW}", "Impacts at the reversal: rise with backlash", "height above noise [dB]"),
+    (f"notch_bump_{LOW}", "Impacts in one direction: rise with tooth damage", "height above noise [dB]"),
+    (CREST_FACTOR, "Crest factor below 200 Hz", "crest factor [1]"),
+)
 UNITS = (("days", 86400.0, 2.0), ("hours", 3600.0, 2.0), ("minutes", 60.0, 0.0))
 """Name, length [s], and how many of it a trend must span to be drawn in it."""
 
 
-def when(row: StoredRecording) -> datetime:
-    """Return when it was recorded or, where that was not told, received."""
-    return row.recorded_at or row.created_at
+def charts_of(trend: Trend, history: History, sizes: Mapping[str, Mapping[str, float]]) -> list[Chart]:
+    """Return the charts of a gearbox.
+
+    Args:
+        sizes: of the fault, by the id of the recording: value, low, high [rad].
+    """
+    marks = _marks(trend, history)
+    followed = {one.name: one for one in trend.followed}
+    charts = [_followed(trend, followed[name], title, label, marks) for name, title, label in SHOWN]
+    leading = trend.leading
+    if leading.name not in {name for name, _, _ in SHOWN} and trend.changed:
+        unit = "height above noise [dB]"
+        charts.insert(0, _followed(trend, leading, f"What rises most: {leading.name.replace('_', ' ')}", unit, marks))
+    charts.append(_level(trend, followed, marks))
+    sized = _size(trend, sizes, marks)
+    return [chart for chart in (*charts, sized) if chart is not None]
 
 
-def trend(title: str, points: Sequence[tuple[datetime, float]], marks: Sequence[tuple[datetime, str]]) -> Chart | None:
-    """Draw values over time; None with fewer than two."""
-    if len(points) < 2:
-        return None
-    ordered = sorted(points)
-    start, end = ordered[0][0], ordered[-1][0]
+def chart_of(trend: Trend, history: History, label: str | None, here: tuple[datetime, str]) -> Chart:
+    """Return the chart that rises with the fault of a label, with one recording marked; by default the reversal's."""
+    followed = {one.name: one for one in trend.followed}
+    name, title, unit = SHOWN[1] if label == "notch" else SHOWN[0]
+    return _followed(trend, followed[name], title, unit, _marks(trend, history, here))
+
+
+def _axis_of_time(trend: Trend) -> tuple[str, float, datetime]:
+    start, end = trend.recordings[0].at, trend.recordings[-1].at
     span_s = (end - start).total_seconds()
     name, length_s, _ = next(unit for unit in UNITS if span_s >= unit[1] * unit[2])
-    values = np.array([value for _, value in ordered])
-    times = np.array([(at - start).total_seconds() / length_s for at, _ in ordered])
-    first = values[:BASELINE]
-    spread = 2 * float(first.std())
-    baseline = Band(f"baseline: first {first.size}", float(first.mean()) - spread, float(first.mean()) + spread)
-    return Chart(
-        title,
-        (Series(feature_words(FEATURE), times, values),),
-        f"{name} since {start:%Y-%m-%d %H:%M} UTC",
-        "crest factor below 200 Hz [1]",
-        bands=(baseline,) if len(ordered) > BASELINE else (),
-        markers=tuple(Marker((at - start).total_seconds() / length_s, text[:24]) for at, text in marks),
+    return f"{name} since {start:%Y-%m-%d %H:%M} UTC", length_s, start
+
+
+def _times(trend: Trend, rows: Sequence[int]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    _, length_s, start = _axis_of_time(trend)
+    return np.array([(trend.recordings[row].at - start).total_seconds() / length_s for row in rows], dtype=np.float64)
+
+
+def _marks(trend: Trend, history: History, *here: tuple[datetime, str]) -> tuple[Marker, ...]:
+    _, length_s, start = _axis_of_time(trend)
+    words = [(each.at, each.text if each.kind == NOTE else f"{each.kind}: {each.text}") for each in history.done]
+    if trend.changed:
+        words.append((trend.began.at, "change begins"))
+    return tuple(Marker((at - start).total_seconds() / length_s, text[:24]) for at, text in (*words, *here))
+
+
+def _followed(trend: Trend, one: Followed, title: str, label: str, marks: tuple[Marker, ...]) -> Chart:
+    name, _, _ = _axis_of_time(trend)
+    found = one.expected()
+    expected = Band(f"expected: all but 1 in {RECORDINGS_PER_FALSE_ALARM:,} good recordings", found.low, found.high)
+    words = "as it would be in the typical state of operation"
+    series = Series(words, _times(trend, one.rows.tolist()), found.adjusted)
+    bands = (expected,) if math.isfinite(found.low) else ()
+    return Chart(title, (series,), name, label, bands=bands, markers=marks)
+
+
+def _level(trend: Trend, followed: Mapping[str, Followed], marks: tuple[Marker, ...]) -> Chart:
+    name, _, _ = _axis_of_time(trend)
+    rms, peak = (followed[each] for each in ("rms", "peak"))
+    series = tuple(
+        Series(words, _times(trend, one.rows.tolist()), one.values) for words, one in (("RMS", rms), ("peak", peak))
     )
+    return Chart("RMS and peak as recorded", series, name, "level [unit of the sound]", markers=marks)
 
 
-def same_state(one: StoredRecording, other: StoredRecording) -> bool:
-    """Say whether speed and payload are within 10 %, or equally unknown."""
-    pairs = ((one.speed_rad_s, other.speed_rad_s), (one.payload_kg_m2, other.payload_kg_m2))
-    return all(a == b or (a and b and abs(a - b) <= SAME_STATE * b) for a, b in pairs)
+def _size(trend: Trend, sizes: Mapping[str, Mapping[str, float]], marks: tuple[Marker, ...]) -> Chart | None:
+    rows = [row for row, one in enumerate(trend.recordings) if one.recording_id in sizes]
+    if len(rows) < 2:
+        return None
+    name, _, _ = _axis_of_time(trend)
+    found = [sizes[trend.recordings[row].recording_id] for row in rows]
+    series = tuple(
+        Series(words, _times(trend, rows), np.array([1e3 * each[key] for each in found]), style)
+        for words, key, style in (("size", "value", 1), ("low end of 90 %", "low", 6), ("high end of 90 %", "high", 6))
+    )
+    return Chart("Size of the fault", series, name, "size [mrad]", markers=marks)

@@ -48,14 +48,16 @@ def test_a_key_is_revoked_on_purpose_only(service: Inside) -> None:
     assert "revoked" in service.browse("GET", "/keys").text
 
 
-def test_the_page_of_an_axis_lists_its_diagnoses_and_that_of_a_diagnosis_says_what_is_not_described(
+def test_the_page_of_a_gearbox_lists_its_diagnoses_and_that_of_a_diagnosis_says_what_is_not_described(
     service: Inside,
 ) -> None:
     described, unknown = diagnosed(service, 1, "bench"), diagnosed(service, 2, "nobody knows")
-    page = service.browse("GET", "/axes/bench").text
+    page = service.browse("GET", "/axes/bench/gearboxes/g1").text
     assert f"/diagnoses/{described}" in page
     assert f"/diagnoses/{unknown}" not in page
-    assert "was not investigated yet" in page
+    of_axis = service.browse("GET", "/axes/bench").text
+    assert "/axes/bench/gearboxes/g1" in of_axis
+    assert "was not investigated yet" in of_axis
     assert "(not described)" not in service.browse("GET", f"/diagnoses/{described}").text
     assert "nobody knows (not described)" in service.browse("GET", f"/diagnoses/{unknown}").text
 

@@ -135,14 +135,26 @@ def _crossings(x: Floats) -> NDArray[np.intp]:
     return np.flatnonzero(np.diff(np.signbit(x)))
 
 
-def record(unit: Unit, label: str, rng: Rng, *, rate: int = 8000, seconds: float = 20.0) -> Recording:
-    """Return a recording of a gearbox with a fault of a random size, from barely to plainly audible.
+def record(
+    unit: Unit,
+    label: str,
+    rng: Rng,
+    *,
+    rate: int = 8000,
+    seconds: float = 20.0,
+    motion: Motion | None = None,
+    payload: float | None = None,
+    size_rad: float | None = None,
+) -> Recording:
+    """Return a recording of a gearbox with a fault.
 
+    What is not given is drawn: a motion, a payload [kg m2] and a size from barely to plainly audible.
     Raises ValueError for a label that is none of LABELS nor UNSEEN.
     """
     if label not in (*LABELS, UNSEEN):
         raise ValueError(f"no such label: {label}")
-    motion, payload = draw_motion(rng), float(rng.uniform(20, 50))
+    motion = motion or draw_motion(rng)
+    payload = float(rng.uniform(20, 50)) if payload is None else payload
     t = np.arange(int(seconds * rate)) / rate
     speed = motion.speed(t)
     angle = np.cumsum(speed) / rate + rng.uniform(0, 2 * np.pi)
@@ -163,7 +175,9 @@ def record(unit: Unit, label: str, rng: Rng, *, rate: int = 8000, seconds: float
     jerk = np.gradient(acceleration, 1 / rate) / rate * (0.4 * unit.jerk_gain / 10.0)
 
     # strikes of the fault: (time, strength in multiples of the low-frequency running noise, sharpness)
-    size = float(SMALLEST_RAD * 10 ** rng.random()) if label != "normal" else 0.0
+    size = 0.0
+    if label != "normal":
+        size = float(SMALLEST_RAD * 10 ** rng.random()) if size_rad is None else size_rad
     strikes: list[tuple[float, float, float]] = []
     strokes = np.flatnonzero(np.diff((np.abs(speed) > 1e-9).astype(int)) > 0)
     if label == "notch":

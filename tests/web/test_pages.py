@@ -45,6 +45,9 @@ BROKEN = """() => {
 SIDEWAYS = """() => [...document.querySelectorAll("main, main .table-scroll")]
     .filter((one) => one.scrollWidth > one.clientWidth + 1).map((one) => one.textContent.trim().slice(0, 80))"""
 VIEWER_PAGES = (
+    "/fleet",
+    "/axes/bench/gearboxes/g0",
+    "/axes/bench/gearboxes/g1",
     "/diagnoses",
     "/diagnoses/{diagnosis}",
     "/diagnoses/{diagnosis}?axis=orders&overlay={case}",
@@ -61,7 +64,15 @@ VIEWER_PAGES = (
     "/investigations/{investigation}",
 )
 OPERATOR_PAGES = ("/diagnoses/new", "/investigations/new", "/jobs")
-ADMIN_PAGES = ("/library/add", "/library/exchange", "/library/simulate", "/keys", "/audit")
+ADMIN_PAGES = (
+    "/describe?template=spur",
+    "/describe?axis=bench",
+    "/library/add",
+    "/library/exchange",
+    "/library/simulate",
+    "/keys",
+    "/audit",
+)
 EVERY_PAGE = (*VIEWER_PAGES, *OPERATOR_PAGES, *ADMIN_PAGES)
 
 

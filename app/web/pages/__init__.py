@@ -8,7 +8,9 @@ from app.web.pages import (
     admin,
     axes,
     care,
+    describe,
     diagnoses,
+    fleet,
     investigations,
     jobs,
     library,
@@ -23,6 +25,7 @@ from app.web.templating import STATIC
 
 PAGES: tuple[APIRouter, ...] = (
     session.router,
+    fleet.router,
     diagnoses.router,
     recordings.demonstration,
     recordings.router,
@@ -31,6 +34,7 @@ PAGES: tuple[APIRouter, ...] = (
     review.router,
     axes.router,
     robots.router,
+    describe.router,
     model.router,
     investigations.router,
     jobs.router,

@@ -39,7 +39,7 @@ def root_of(service: Service) -> str:
 
 @router.get("/")
 def front(request: Request, session: Reading, service: TheService, principal: Visitor) -> Response:
-    """The demonstration for whoever is new, the list of diagnoses for whoever is signed in and has some."""
+    """The demonstration for whoever is new, the fleet for whoever is signed in and has heard something."""
     demo = demo_ids(session)
     others = list_diagnoses(session, DiagnosisFilter(), limit=2).items
     new_here = demo is not None and all(row.id == demo[0] for row in others)
@@ -47,7 +47,7 @@ def front(request: Request, session: Reading, service: TheService, principal: Vi
         return shown(request, session, service, principal, get_diagnosis(session, demo[0]), demo=True)
     if principal is None:
         raise SignInNeeded("/")
-    return RedirectResponse(f"{root_of(service)}/diagnoses", status_code=303)
+    return RedirectResponse(f"{root_of(service)}/fleet", status_code=303)
 
 
 @router.get("/diagnoses")

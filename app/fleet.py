@@ -1,0 +1,82 @@
+"""The fleet: every gearbox in service with its state, worked out again only for those of which something changed."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from threading import Lock
+
+from sqlalchemy.orm import Session
+
+from casebase.gearbox_state import Standing, State, standing
+from casebase.gearboxes import History, Place, described, histories_of, signatures
+from casebase.trend import Trend, trends_of
+
+ORDER = tuple(State)
+TOGETHER = 50
+"""Gearboxes that are read from the database at once."""
+
+
+@dataclass(frozen=True)
+class Gearbox:
+    """A gearbox in service, or an axis of which no gearbox is known."""
+
+    axis: str
+    gearbox: str | None
+    standing: Standing | None
+    """None where nothing of the axis was ever heard or put in."""
+
+
+@dataclass(frozen=True)
+class Known:
+    """What was worked out of a place, and of what."""
+
+    signature: tuple[object, ...]
+    histories: tuple[History, ...]
+    trend: Trend | None
+
+
+@dataclass
+class Fleet:
+    """All gearboxes of an installation, as one process knows them."""
+
+    known: dict[Place, Known] = field(default_factory=dict)
+    lock: Lock = field(default_factory=Lock)
+
+    def gearboxes(self, session: Session, now: datetime, silent_after: timedelta) -> Sequence[Gearbox]:
+        """Return every gearbox in service and every axis without one, the worst first."""
+        rows = [
+            Gearbox(place[0], place[1], standing(known.histories[-1], known.trend, now, silent_after))
+            for place, known in self._current(session).items()
+            if known.histories and known.histories[-1].until is None
+        ]
+        heard = {row.axis for row in rows}
+        rows += [Gearbox(axis, None, None) for axis in described(session) if axis not in heard]
+        return sorted(rows, key=_rank)
+
+    def _current(self, session: Session) -> dict[Place, Known]:
+        wanted = signatures(session)
+        with self.lock:
+            for place in self.known.keys() - wanted.keys():
+                del self.known[place]
+            changed = [
+                place
+                for place, signature in wanted.items()
+                if place not in self.known or self.known[place].signature != signature
+            ]
+            for first in range(0, len(changed), TOGETHER):
+                some = changed[first : first + TOGETHER]
+                self.known |= _worked_out(session, {place: wanted[place] for place in some})
+            return dict(self.known)
+
+
+def _worked_out(session: Session, wanted: Mapping[Place, tuple[object, ...]]) -> dict[Place, Known]:
+    found = histories_of(session, list(wanted))
+    serving = [known[-1] for known in found.values() if known and known[-1].until is None]
+    places = [(each.axis, each.gearbox) for each in serving]
+    trends = dict(zip(places, trends_of(session, serving), strict=True))
+    return {place: Known(wanted[place], tuple(found[place]), trends.get(place)) for place in wanted}
+
+
+def _rank(row: Gearbox) -> tuple[int, str, str]:
+    state = State.CANNOT_SAY if row.standing is None else row.standing.state
+    return ORDER.index(state), row.axis, row.gearbox or ""

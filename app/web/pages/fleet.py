@@ -1,0 +1,145 @@
+"""The fleet, and one gearbox with all that is known of it."""
+
+from collections import Counter
+from datetime import timedelta
+from typing import Annotated
+
+from fastapi import APIRouter, Query, Request
+from fastapi.responses import Response
+from sqlalchemy import select
+from sqlalchemy.orm import Session
+
+from app.service import Reading, Service, TheService
+from app.web.drive_picture import drive_picture
+from app.web.session import PageViewer
+from app.web.standing_words import WORDS, day, next_steps, state_badge, watched, why
+from app.web.templating import render
+from app.web.trend import charts_of
+from app.web.words import VERDICTS, investigation_headline
+from casebase.axes import find_axis, is_axis, unknown_axis
+from casebase.errors import NotFoundError
+from casebase.gearbox_state import State, standing
+from casebase.gearboxes import History, histories
+from casebase.models import StoredDiagnosis, StoredInvestigation, StoredRecording, now
+from casebase.trend import trend_of
+
+router = APIRouter()
+SECTION = "/fleet"
+LISTED = 50
+
+
+def silent_after(service: Service) -> timedelta:
+    """Return after how long a gearbox counts as not heard."""
+    return timedelta(days=service.settings.silent_after_days)
+
+
+@router.get("/fleet")
+def fleet(request: Request, session: Reading, service: TheService, principal: PageViewer) -> Response:
+    """Every gearbox with its state, the worst first."""
+    at, zone = now(), service.settings.time_zone
+    rows = service.fleet.gearboxes(session, at, silent_after(service))
+    counts = Counter(State.CANNOT_SAY if row.standing is None else row.standing.state for row in rows)
+    context = {
+        "rows": [(row, state_badge(row.standing, at), why(row.standing, zone)) for row in rows],
+        "counts": [(WORDS[state], counts[state]) for state in State if counts[state]],
+        "day": lambda value: day(value, zone),
+    }
+    return render(request, "fleet.html", context, principal=principal, section=SECTION)
+
+
+@router.get("/axes/{name}/gearboxes")
+def unnamed_gearbox(
+    request: Request,
+    session: Reading,
+    service: TheService,
+    principal: PageViewer,
+    name: str,
+    history: Annotated[int, Query(ge=0)] = 0,
+    before: Annotated[str, Query(max_length=32)] = "",
+) -> Response:
+    """What was recorded of an axis without the name of a gearbox."""
+    return gearbox_page(request, session, service, principal, name, "", history, before)
+
+
+@router.get("/axes/{name}/gearboxes/{gearbox:path}")
+def gearbox_page(
+    request: Request,
+    session: Reading,
+    service: TheService,
+    principal: PageViewer,
+    name: str,
+    gearbox: str,
+    history: Annotated[int, Query(ge=0)] = 0,
+    before: Annotated[str, Query(max_length=32)] = "",
+) -> Response:
+    """One gearbox: its state, its trend, what was heard of it and what was done to it.
+
+    Args:
+        history: which of the gearboxes that had this name, from 1; the last one where 0.
+        before: the newest recordings before this one.
+    """
+    found = histories(session, name, gearbox or None)
+    if not found or history > len(found):
+        if not is_axis(session, name):
+            raise NotFoundError(unknown_axis(session, name))
+        raise NotFoundError(f"no gearbox {gearbox!r} is known at axis {name!r}")
+    shown = found[history - 1 if history else -1]
+    trend = trend_of(session, shown)
+    at, zone = now(), service.settings.time_zone
+    stands = standing(shown, trend, at, silent_after(service)) if shown.until is None else None
+    heard = list(reversed(shown.heard))
+    first = next((k + 1 for k, one in enumerate(heard) if one.recording_id == before), 0)
+    page = heard[first : first + LISTED]
+    described = find_axis(session, name)
+    context = {
+        "name": name,
+        "gearbox": gearbox or None,
+        "shown": shown,
+        "others": [one for one in found if one.number != shown.number],
+        "standing": stands,
+        "badge": state_badge(stands, at) if stands else None,
+        "why": why(stands, zone) if stands else None,
+        "steps": next_steps(stands) if stands else (),
+        "watched": watched(trend),
+        "charts": charts_of(trend, shown, sizes_of(session, shown)) if trend else (),
+        "picture": drive_picture(described.document, findings_of(session, shown), stands) if described else None,
+        "heard": page,
+        "older": page[-1].recording_id if first + LISTED < len(heard) else None,
+        "investigations": investigations_of(session, shown),
+        "verdicts": VERDICTS,
+        "day": lambda value: day(value, zone),
+    }
+    return render(request, "gearbox.html", context, principal=principal, section=SECTION)
+
+
+def sizes_of(session: Session, history: History) -> dict[str, dict[str, float]]:
+    """Return the size of the fault that the diagnosis of a recording gives, by the recording's id."""
+    named = StoredRecording.gearbox.is_(None) if history.gearbox is None else StoredRecording.gearbox == history.gearbox
+    size = StoredDiagnosis.written["severity"]
+    rows = session.execute(
+        select(StoredDiagnosis.recording_id, size)
+        .join(StoredDiagnosis.recording)
+        .where(StoredRecording.axis == history.axis, named)
+        .order_by(StoredDiagnosis.id)
+    )
+    return {recording_id: found for recording_id, found in rows if found}
+
+
+def investigations_of(session: Session, history: History) -> list[tuple[StoredInvestigation, str | None]]:
+    """Return the newest investigations of the axis while the gearbox was in it, with what each found."""
+    statement = select(StoredInvestigation).where(StoredInvestigation.axis == history.axis)
+    if history.since is not None:
+        statement = statement.where(StoredInvestigation.created_at >= history.since)
+    if history.until is not None:
+        statement = statement.where(StoredInvestigation.created_at < history.until)
+    rows = session.scalars(statement.order_by(StoredInvestigation.id.desc()).limit(10))
+    return [(row, investigation_headline(row.document) if row.document else None) for row in rows]
+
+
+def findings_of(session: Session, history: History) -> list[dict[str, object]]:
+    """Return what the newest finished investigation found since the gearbox was put in or repaired."""
+    renewed = history.renewed
+    for row, _ in investigations_of(session, history):
+        if row.document and (renewed is None or row.created_at >= renewed):
+            return [dict(each) for each in row.document.get("findings", ())]
+    return []

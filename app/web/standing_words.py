@@ -1,0 +1,132 @@
+"""The state of a gearbox in the words of whoever runs the shift."""
+
+from datetime import datetime
+from zoneinfo import ZoneInfo
+
+from markupsafe import Markup
+
+from app.web.svg import shape_path
+from app.web.templating import NO_BREAK
+from app.web.words import CHECKS, name_of
+from casebase.gearbox_state import Reason, Standing, State
+from casebase.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Trend
+
+SHAPES = {State.FAULT_LIKELY: "notch", State.WATCH: "play", State.GOOD: "normal"}
+"""The label whose shape and colour a state shares; the others have those of what is unknown."""
+WORDS = {
+    State.FAULT_LIKELY: "Fault likely",
+    State.WATCH: "Watch",
+    State.NOT_HEARD: "Not heard",
+    State.CANNOT_SAY: "Cannot say",
+    State.GOOD: "Good",
+}
+RISEN = {
+    "notch_bump": ("impacts in one direction of the motion have", "notch"),
+    "play_bump": ("impacts at the reversal of the motion have", "play"),
+    "strongest_impulse": ("the strongest impact of a cycle has", None),
+    CREST_FACTOR: ("the crest factor below 200 Hz has", None),
+}
+"""What is said to have grown, by the beginning of a feature's name, and the fault that it would be a sign of."""
+RECORD = "Record it, in its usual motion and with its usual payload, and diagnose the recording."
+AGAIN = "Record it again soon, in the same motion, with the same payload and the microphone at the same place."
+
+
+def state_words(standing: Standing | None, now: datetime) -> str:
+    """Return the state in a few words."""
+    if standing is None:
+        return WORDS[State.CANNOT_SAY]
+    if standing.state is State.NOT_HEARD and standing.since is not None:
+        return f"Not heard for {(now - standing.since).days} days"
+    return WORDS[standing.state]
+
+
+def state_badge(standing: Standing | None, now: datetime) -> Markup:
+    """Write a state with its shape, so that colour never speaks alone."""
+    name = SHAPES.get(State.CANNOT_SAY if standing is None else standing.state, "other")
+    outline = shape_path(name, 8.0, 8.0, 6.0)
+    return Markup(
+        '<span class="label {}"><svg viewBox="0 0 16 16" class="shape" aria-hidden="true">'
+        '<path fill="currentColor" d="{}"/></svg>{}</span>'
+    ).format(name, outline, state_words(standing, now))
+
+
+def risen(trend: Trend) -> tuple[str, str | None]:
+    """Return what has risen most clearly, and the fault that it would be a sign of."""
+    name = trend.leading.name
+    return next(told for beginning, told in RISEN.items() if name.startswith(beginning))
+
+
+def why(standing: Standing | None, zone: str) -> str:
+    """Say in one sentence why a gearbox is in its state."""
+    if standing is None or standing.last is None:
+        put_in = None if standing is None else standing.since
+        return f"New since {day(put_in, zone)}, and not recorded yet." if put_in else "Nothing was recorded yet."
+    name = name_of(standing.recording.label if standing.recording else None)
+    on = day(standing.since, zone)
+    match standing.reason:
+        case Reason.NAMED:
+            return f"The newest recording sounds like {name}."
+        case Reason.FOUND:
+            return f"A person says that it has {name}."
+        case Reason.CHANGED if standing.trend is not None:
+            return f"It sounds otherwise than it did: {risen(standing.trend)[0]} grown since about {on}."
+        case Reason.NAMED_BEFORE:
+            return f"{name[:1].upper()}{name[1:]} was heard on {on} and not since, but a worn gear does not heal."
+        case Reason.SILENT:
+            return f"Its last recording is of {on}."
+        case Reason.UNDECIDED:
+            return "The newest recording fits more than one kind, so nothing is sure enough."
+        case Reason.UNUSABLE:
+            return "Its recordings are too poor to be compared."
+        case Reason.UNLIKE:
+            return "The library has no case that sounds like the newest recording."
+        case Reason.NOT_DIAGNOSED:
+            return "It was recorded, and no recording was diagnosed yet."
+        case _:
+            return "The newest recording sounds like a good gearbox, and as it did before."
+
+
+def next_steps(standing: Standing | None) -> tuple[str, ...]:
+    """Say what is to be done now, in order."""
+    if standing is None or standing.last is None:
+        return (RECORD,)
+    label = standing.recording.label if standing.recording else None
+    match standing.reason:
+        case Reason.NAMED | Reason.FOUND:
+            return CHECKS.get(label or "", ("Have the gearbox inspected at its next stop.", AGAIN))
+        case Reason.CHANGED if standing.trend is not None:
+            sign = risen(standing.trend)[1] or ""
+            return (AGAIN, CHECKS.get(sign, ("Have it inspected if it keeps on rising.",))[0])
+        case Reason.NAMED_BEFORE:
+            return (*CHECKS.get(label or "", ())[:1], "Reject that diagnosis if nothing is found, or note the repair.")
+        case Reason.UNLIKE:
+            return (AGAIN, "If it is good, keep the recording as a case of the label normal.")
+        case Reason.SOUNDS_GOOD:
+            return CHECKS["normal"]
+        case Reason.NOT_DIAGNOSED:
+            return ("Diagnose its newest recording.",)
+        case _:
+            return (AGAIN,)
+
+
+def watched(trend: Trend | None) -> str:
+    """Say how far the evidence for a change is, and what that means."""
+    if trend is None:
+        return "A trend needs two recordings that can be compared."
+    promise = f"A good gearbox gives a false alarm once in {RECORDINGS_PER_FALSE_ALARM:,} recordings, or less often."
+    of = f"Evidence for a change: {trend.evidence:,.0f}; the limit is {RECORDINGS_PER_FALSE_ALARM:,}."
+    without = f"With no change it is {len(trend.recordings)} on average, the number of recordings."
+    return f"{of} {without} {promise}"
+
+
+def day(at: datetime | None, zone: str) -> str:
+    """Write a day at the site.
+
+    >>> from datetime import UTC
+    >>> day(datetime(2026, 11, 9, 23, 30, tzinfo=UTC), "Europe/Stockholm")
+    '10\\xa0Nov\\xa02026'
+    """
+    if at is None:
+        return "an unknown day"
+    local = at.astimezone(ZoneInfo(zone))
+    return NO_BREAK.join((str(local.day), f"{local:%b}", f"{local:%Y}"))

@@ -1,0 +1,241 @@
+"""Gearboxes in service: what was heard of each, what was done to it, and where its history begins and ends.
+
+A gearbox is known by its axis and its name. An exchange ends the history of the one that was there; the next one
+begins with it, under the same name or another.
+"""
+
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import dataclass, replace
+from datetime import datetime
+
+from sqlalchemy import ColumnElement, and_, func, or_, select
+from sqlalchemy.orm import Session
+
+from casebase.models import AxisRevision, Case, MaintenanceMark, StoredDiagnosis, StoredRecording
+from casebase.origins import MEASURED, is_measured
+
+NOTE, REPAIR, EXCHANGE = "note", "repair", "exchange"
+KINDS = (NOTE, REPAIR, EXCHANGE)
+REJECTED, OPEN = "rejected", "open"
+Place = tuple[str, str | None]
+"""Name of the axis, and of the gearbox as recordings give it; None where they give none."""
+
+
+@dataclass(frozen=True)
+class Heard:
+    """A recording of a gearbox, and the newest that was said of it.
+
+    Args:
+        at: when it was recorded or, where that was not told, received.
+        verdict: of its diagnosis; None where there is none.
+        label: the diagnosis' or, where a person said one, that.
+        review: what a person made of the diagnosis; `confirmed` where a person labelled the recording as a case.
+    """
+
+    recording_id: str
+    at: datetime
+    file_name: str
+    usable: bool
+    speed_rad_s: float | None
+    payload_kg_m2: float | None
+    verdict: str | None = None
+    label: str | None = None
+    probability: float | None = None
+    review: str = OPEN
+    diagnosis_id: str | None = None
+
+
+@dataclass(frozen=True)
+class Done:
+    """Something that was done to a gearbox."""
+
+    mark_id: str
+    at: datetime
+    kind: str
+    text: str
+    by: str
+    gearbox: str | None
+    successor: str | None
+
+
+@dataclass(frozen=True)
+class History:
+    """A gearbox from when it was put in until it was exchanged.
+
+    Args:
+        number: counts the gearboxes that had this name at this axis, from 1.
+        since, until: of the exchanges; None where there was none.
+        heard: oldest first.
+        done: oldest first, the exchanges at both ends included.
+    """
+
+    axis: str
+    gearbox: str | None
+    number: int
+    since: datetime | None
+    until: datetime | None
+    heard: tuple[Heard, ...]
+    done: tuple[Done, ...]
+
+    @property
+    def renewed(self) -> datetime | None:
+        """When it was put in or repaired last: what was heard before says nothing of it now."""
+        times = [each.at for each in self.done if each.kind == REPAIR]
+        return max([*times, *([self.since] if self.since else [])], default=None)
+
+    @property
+    def since_renewed(self) -> tuple[Heard, ...]:
+        """What was heard since."""
+        renewed = self.renewed
+        return self.heard if renewed is None else tuple(one for one in self.heard if one.at >= renewed)
+
+
+def histories(session: Session, axis: str, gearbox: str | None) -> list[History]:
+    """Return the gearboxes that had this name at this axis, oldest first; see `histories_of`."""
+    return histories_of(session, [(axis, gearbox)])[axis, gearbox]
+
+
+def histories_of(session: Session, places: Sequence[Place]) -> dict[Place, list[History]]:
+    """Return for each place the gearboxes that were in it, oldest first.
+
+    The last one is in service if its history has no end. An exchange with a successor of another name leaves nothing
+    under the old one, unless it is heard again.
+    """
+    done = _done(session, {axis for axis, _ in places})
+    heard = _heard(session, places)
+    return {place: _histories(place, heard.get(place, []), done.get(place[0], [])) for place in places}
+
+
+def _histories(place: Place, heard: Sequence[Heard], done: Sequence[Done]) -> list[History]:
+    axis, gearbox = place
+    edges = sorted({each.at for each in done if _ends(each, gearbox) or _begins(each, gearbox)})
+    found: list[History] = []
+    for since, until in zip([None, *edges], [*edges, None], strict=True):
+        here = tuple(one for one in heard if _within(one.at, since, until))
+        if here or any(_begins(each, gearbox) and each.at == since for each in done):
+            told = tuple(
+                each
+                for each in done
+                if (each.gearbox in (None, gearbox) or _begins(each, gearbox))
+                and (_within(each.at, since, until) or each.at == until)
+            )
+            found.append(History(axis, gearbox, len(found) + 1, since, until, here, told))
+    return found
+
+
+def _begins(mark: Done, gearbox: str | None) -> bool:
+    return _ends(mark, gearbox) if mark.successor is None else mark.kind == EXCHANGE and mark.successor == gearbox
+
+
+def _ends(mark: Done, gearbox: str | None) -> bool:
+    return mark.kind == EXCHANGE and mark.gearbox in (None, gearbox)
+
+
+def _within(at: datetime, since: datetime | None, until: datetime | None) -> bool:
+    return (since is None or at >= since) and (until is None or at < until)
+
+
+def _heard(session: Session, places: Sequence[Place]) -> dict[Place, list[Heard]]:
+    recordings = session.execute(
+        select(
+            StoredRecording.axis,
+            StoredRecording.gearbox,
+            StoredRecording.id,
+            func.coalesce(StoredRecording.recorded_at, StoredRecording.created_at),
+            StoredRecording.file_name,
+            StoredRecording.usable,
+            StoredRecording.speed_rad_s,
+            StoredRecording.payload_kg_m2,
+        ).where(recorded_at(places), *is_measured(session))
+    ).all()
+    said = _said(session, places, {row[2]: Heard(*row[2:]) for row in recordings})
+    found: dict[Place, list[Heard]] = {}
+    for axis, gearbox, identity, *_ in recordings:
+        found.setdefault((str(axis), gearbox), []).append(said[identity])
+    return {place: sorted(heard, key=lambda one: (one.at, one.recording_id)) for place, heard in found.items()}
+
+
+def _said(session: Session, places: Sequence[Place], heard: dict[str, Heard]) -> dict[str, Heard]:
+    """Add to recordings, by id, what their diagnoses and their cases say."""
+    cases = session.execute(
+        select(Case.recording_id, Case.label)
+        .join(StoredRecording, StoredRecording.id == Case.recording_id)
+        .where(recorded_at(places), Case.origin == MEASURED, Case.state == "confirmed", Case.diagnosis_id.is_(None))
+    )
+    for recording_id, known in cases:
+        if recording_id in heard:
+            heard[recording_id] = replace(heard[recording_id], verdict="diagnosed", label=known, review="confirmed")
+    given = session.execute(
+        select(
+            StoredDiagnosis.recording_id,
+            StoredDiagnosis.id,
+            StoredDiagnosis.verdict,
+            StoredDiagnosis.label,
+            StoredDiagnosis.probability,
+            StoredDiagnosis.state,
+            StoredDiagnosis.revised_label,
+        )
+        .join(StoredRecording, StoredRecording.id == StoredDiagnosis.recording_id)
+        .where(recorded_at(places))
+        .order_by(StoredDiagnosis.id)
+    )
+    for recording_id, identity, verdict, label, probability, state, revised in given:
+        if recording_id in heard and not (state == OPEN and heard[recording_id].review == "confirmed"):
+            heard[recording_id] = replace(
+                heard[recording_id],
+                verdict="diagnosed" if revised else verdict,
+                label=revised or label,
+                probability=probability,
+                review=state,
+                diagnosis_id=identity,
+            )
+    return heard
+
+
+def recorded_at(places: Sequence[Place]) -> ColumnElement[bool]:
+    """Return the condition that leaves the recordings of some gearboxes."""
+    return or_(
+        *(
+            and_(StoredRecording.axis == axis, StoredRecording.gearbox.is_not_distinct_from(gearbox))
+            for axis, gearbox in places
+        )
+    )
+
+
+def _done(session: Session, axes: Collection[str]) -> dict[str, list[Done]]:
+    rows = session.scalars(
+        select(MaintenanceMark).where(MaintenanceMark.axis.in_(axes)).order_by(MaintenanceMark.at, MaintenanceMark.id)
+    )
+    found: dict[str, list[Done]] = {}
+    for row in rows:
+        each = Done(row.id, row.at, row.kind, row.text, row.created_by, row.gearbox, row.successor)
+        found.setdefault(row.axis, []).append(each)
+    return found
+
+
+def signatures(session: Session) -> dict[Place, tuple[object, ...]]:
+    """Return for every gearbox that was heard or put in what changes when anything is added to or changed of it."""
+    place = (StoredRecording.axis, StoredRecording.gearbox)
+    heard = select(*place, func.count(), func.max(StoredRecording.id)).where(*is_measured(session))
+    found: dict[Place, tuple[object, ...]] = {}
+    for axis, gearbox, *told in session.execute(heard.group_by(*place)):
+        if axis is not None:
+            found[axis, gearbox] = tuple(told)
+    for row in (StoredDiagnosis, Case):
+        changes = select(*place, func.count(), func.sum(row.version)).join(row.recording).group_by(*place)
+        for axis, gearbox, *told in session.execute(changes):
+            if axis is not None and (axis, gearbox) in found:
+                found[axis, gearbox] += tuple(told)
+    marks = session.scalars(select(MaintenanceMark).order_by(MaintenanceMark.id)).all()
+    of_axis: dict[str, list[str]] = {}
+    for mark in marks:
+        of_axis.setdefault(mark.axis, []).append(mark.id)
+        if mark.successor is not None:
+            found.setdefault((mark.axis, mark.successor), ())
+    return {(axis, gearbox): (*told, *of_axis.get(axis, ())) for (axis, gearbox), told in found.items()}
+
+
+def described(session: Session) -> Mapping[str, int]:
+    """Return the axes that are described, with their current revision."""
+    newest = select(AxisRevision.name, func.max(AxisRevision.revision)).group_by(AxisRevision.name)
+    return {name: revision for name, revision in session.execute(newest.order_by(AxisRevision.name))}  # noqa: C416

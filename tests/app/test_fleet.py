@@ -1,0 +1,123 @@
+"""The fleet and the pages of gearboxes say what the rows say; nothing is worked out twice."""
+
+import re
+from collections.abc import Iterator
+from datetime import timedelta
+from unittest.mock import patch
+
+import numpy as np
+import pytest
+
+from app import fleet
+from casebase.models import now
+from casebase.trend import DECIDING
+from tests.app.inside import Inside, inside
+from tests.casebase.kept import keep
+
+API = "/api/v1"
+STAGE = {"name": "output", "driver_teeth": 12, "driven_teeth": 96}
+AXIS = {"name": "arm", "motor": {"inertia_kg_m2": 0.006}, "stages": [STAGE], "load": {"inertia_kg_m2": 40.0}}
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inside]:
+    """Five gearboxes, a month of recordings each, and an axis that was never heard."""
+    rng, today = np.random.default_rng(1), now()
+    with inside(tmp_path_factory.mktemp("fleet") / "data") as found:
+        for name in ("arm", "never heard"):
+            found.ask("POST", f"{API}/axes", json={**AXIS, "name": name}).raise_for_status()
+        with found.service.library.transaction("test") as session:
+            for gearbox in ("good", "worn", "rising", "silent"):
+                for day in range(30):
+                    told = {name: float(rng.standard_normal()) for name in DECIDING}
+                    if gearbox == "rising" and day >= 20:
+                        told["notch_bump_12_200_hz"] += 4
+                    label = "play" if gearbox == "worn" and day >= 28 else "normal"
+                    at = today - timedelta(days=30 - day + (100 if gearbox == "silent" else 0))
+                    keep(session, "arm", gearbox, at, told, label)
+            keep(session, "arm", "strange", today, {}, verdict="not_in_library")
+        yield found
+
+
+def rows(page: str) -> list[tuple[str, str]]:
+    """State and gearbox of each line of the fleet."""
+    found = re.findall(r"<tr>(.*?)</tr>", page, re.DOTALL)[1:]
+    texts = [
+        [re.sub(r"<[^>]+>", "", cell).strip() for cell in re.findall(r"<td.*?</td>", one, re.DOTALL)] for one in found
+    ]
+    return [(cells[0], cells[1]) for cells in texts]
+
+
+def test_the_worst_stands_first(service: Inside) -> None:
+    page = service.browse("GET", "/fleet").text
+    assert rows(page) == [
+        ("Fault likely", "arm, worn"),
+        ("Watch", "arm, rising"),
+        ("Not heard for 101 days", "arm, silent"),
+        ("Cannot say", "arm, strange"),
+        ("Cannot say", "never heard"),
+        ("Good", "arm, good"),
+    ]
+    for words in (
+        "The newest recording sounds like backlash (play).",
+        "impacts in one direction of the motion have grown since about",
+        "The library has no case that sounds like the newest recording.",
+        "Nothing was recorded yet.",
+    ):
+        assert words in page
+
+
+def test_whoever_is_signed_in_comes_to_the_fleet(service: Inside) -> None:
+    assert service.browse("GET", "/").headers["location"] == "/fleet"
+
+
+def test_only_what_changed_is_worked_out_again(service: Inside) -> None:
+    service.browse("GET", "/fleet")
+    with patch.object(fleet, "histories_of", wraps=fleet.histories_of) as asked:
+        service.browse("GET", "/fleet")
+        assert asked.call_count == 0
+        with service.service.library.transaction("test") as session:
+            keep(session, "arm", "good", now(), {}, "normal")
+        service.browse("GET", "/fleet")
+        assert [call.args[1] for call in asked.call_args_list] == [[("arm", "good")]]
+
+
+def test_the_page_of_a_gearbox_has_all_of_it(service: Inside) -> None:
+    page = service.browse("GET", "/axes/arm/gearboxes/worn").text
+    assert "Lock the motor and move the arm by hand" in page
+    assert "A good gearbox gives a false alarm once in 1,000 recordings, or less often." in page
+    for title in ("Impacts at the reversal", "Impacts in one direction", "Crest factor below 200 Hz", "RMS and peak"):
+        assert title in page
+    assert page.count('<td data-label="Recorded">') == 30
+    # one gear pair: it is the one that can have it
+    assert "backlash (play) at output" in page
+    assert 'class="gear found"' in page
+    assert service.browse("GET", "/axes/arm/gearboxes/nobody").status_code == 404
+
+
+def test_older_recordings_are_on_the_next_page(service: Inside) -> None:
+    with service.service.library.transaction("test") as session:
+        for day in range(60):
+            keep(session, "many", None, now() - timedelta(days=day), {}, "normal")
+    first = service.browse("GET", "/axes/many/gearboxes").text
+    older = re.search(r'href="\?history=1&amp;before=(\w+)"', first)
+    assert older is not None
+    second = service.browse("GET", f"/axes/many/gearboxes?history=1&before={older[1]}").text
+    assert (first.count('data-label="Recorded"'), second.count('data-label="Recorded"')) == (50, 10)
+    assert "before=" not in second
+
+
+def test_an_exchange_ends_the_history_on_the_page(service: Inside) -> None:
+    with service.service.library.transaction("test") as session:
+        keep(session, "arm", "old", now() - timedelta(days=2), {}, "play")
+    mark = {"text": "worn out", "at": f"{now():%Y-%m-%dT%H:%M}", "gearbox": "old", "back": "old"}
+    refused = service.browse("POST", "/axes/arm/marks", data={**mark, "kind": "repair", "successor": "new"})
+    assert "Only an exchange has a new gearbox" in refused.text
+    assert service.browse("POST", "/axes/arm/marks", data={**mark, "kind": "theft"}).status_code == 422
+    made = service.browse("POST", "/axes/arm/marks", data={**mark, "kind": "exchange", "successor": "new"})
+    assert made.headers["location"] == "/axes/arm/gearboxes/old"
+    assert "its history ends here" in service.browse("GET", "/axes/arm/gearboxes/old").text
+    states = {gearbox: state for state, gearbox in rows(service.browse("GET", "/fleet").text)}
+    assert "arm, old" not in states
+    assert states["arm, new"] == "Cannot say"
+    assert "and not recorded yet" in service.browse("GET", "/axes/arm/gearboxes/new").text

@@ -1,0 +1,62 @@
+"""Recordings of gearboxes as rows, without a sound: what was heard when, with features and a diagnosis."""
+
+from collections.abc import Mapping
+from datetime import datetime
+
+import numpy as np
+from sqlalchemy.orm import Session
+
+from casebase.models import Extractor, FeatureRow, StoredDiagnosis, StoredRecording, new_id
+from casebase.signals.features import EXTRACTOR_VERSION, NAMES
+
+
+def keep(
+    session: Session,
+    axis: str,
+    gearbox: str | None,
+    at: datetime | None,
+    features: Mapping[str, float],
+    label: str | None = None,
+    *,
+    verdict: str = "diagnosed",
+    state: tuple[float | None, float | None] = (None, None),
+) -> StoredRecording:
+    """Store a recording, its features, 0 where none is given, and a diagnosis of it where it has a label or verdict."""
+    identity = new_id()
+    recording = StoredRecording(
+        id=identity,
+        fingerprint=identity,
+        samples_sha256=identity,
+        sound_id=identity,
+        file_sha256=identity,
+        file_name=f"{gearbox}.wav",
+        media_type="audio/wav",
+        byte_count=1,
+        sample_rate_hz=8000.0,
+        channel=0,
+        channels=1,
+        duration_s=20.0,
+        unit="1",
+        usable=True,
+        quality=[],
+        axis=axis,
+        gearbox=gearbox,
+        speed_rad_s=state[0],
+        payload_kg_m2=state[1],
+        recorded_at=at,
+        description={},
+        created_by="test",
+    )
+    if session.get(Extractor, EXTRACTOR_VERSION) is None:
+        session.add(Extractor(version=EXTRACTOR_VERSION, names=list(NAMES)))
+    values = np.array([features.get(name, 0.0) for name in NAMES], np.float32)
+    row = FeatureRow(recording_id=identity, extractor_version=EXTRACTOR_VERSION, finite=values, motion={}, events=[])
+    row.missing = np.packbits(np.zeros(len(NAMES), bool)).tobytes()
+    session.add_all((recording, row))
+    if label is not None or verdict != "diagnosed":
+        document = {"severity": None, "id": identity, "probability": 0.95, "provenance": {"gearboxes": 5}}
+        given = StoredDiagnosis(recording=recording, verdict=verdict, label=label, probability=0.95, created_by="test")
+        given.written = document
+        session.add(given)
+    session.flush()
+    return recording

@@ -1,0 +1,154 @@
+"""Histories of gearboxes end at an exchange, baselines at a repair; the state follows from what was said."""
+
+from collections.abc import Callable, Iterator
+from datetime import UTC, datetime, timedelta
+
+import pytest
+from sqlalchemy.orm import Session
+
+from casebase.diagnoses import revise_diagnosis
+from casebase.gearbox_state import Reason, Standing, State, standing
+from casebase.gearboxes import histories, signatures
+from casebase.library import CaseLibrary
+from casebase.models import MaintenanceMark
+from casebase.trend import trend_of
+from tests.casebase.kept import keep
+
+START = datetime(2026, 1, 1, tzinfo=UTC)
+MONTH = timedelta(days=30)
+
+
+@pytest.fixture(scope="module")
+def kept(tmp_path_factory: pytest.TempPathFactory) -> Iterator[CaseLibrary]:
+    opened = CaseLibrary.open(tmp_path_factory.mktemp("gearboxes") / "data")
+    yield opened
+    opened.close()
+
+
+@pytest.fixture
+def session(kept: CaseLibrary) -> Iterator[Session]:
+    with kept.transaction("test") as found:
+        yield found
+
+
+def day(number: float) -> datetime:
+    return START + timedelta(days=number)
+
+
+def heard(session: Session, axis: str, *labels: str | None, gearbox: str = "g") -> None:
+    """A recording a day, with this label or, where it is a verdict, without one."""
+    for number, label in enumerate(labels):
+        verdict = label if label in ("ambiguous", "not_in_library", "unusable") else "diagnosed"
+        keep(
+            session, axis, gearbox, day(number), {}, None if verdict == label else label, verdict=verdict or "diagnosed"
+        )
+
+
+def mark(session: Session, axis: str, at: float, kind: str, successor: str | None = None) -> None:
+    row = MaintenanceMark(axis=axis, gearbox="g", at=day(at), kind=kind, text="done", created_by="test")
+    row.successor = successor
+    session.add(row)
+    session.flush()
+
+
+def state(session: Session, axis: str, gearbox: str = "g", now: float = 10) -> Standing:
+    return standing(histories(session, axis, gearbox)[-1], None, day(now), MONTH)
+
+
+@pytest.mark.parametrize(
+    ("labels", "wanted", "reason", "since"),
+    [
+        (("normal", "normal"), State.GOOD, Reason.SOUNDS_GOOD, 0),
+        (("notch", "normal", "normal"), State.WATCH, Reason.NAMED_BEFORE, 0),
+        (("normal", "play", "play"), State.FAULT_LIKELY, Reason.NAMED, 1),
+        (("play", "unusable"), State.FAULT_LIKELY, Reason.NAMED, 0),
+        (("normal", "ambiguous", "ambiguous"), State.CANNOT_SAY, Reason.UNDECIDED, 1),
+        (("normal", "not_in_library"), State.CANNOT_SAY, Reason.UNLIKE, 1),
+        (("unusable",), State.CANNOT_SAY, Reason.UNUSABLE, 0),
+        ((None,), State.CANNOT_SAY, Reason.NOT_DIAGNOSED, 0),
+    ],
+)
+def test_the_state_and_since_when(
+    session: Session, labels: tuple[str | None, ...], wanted: State, reason: Reason, since: float
+) -> None:
+    axis = f"said {labels}"
+    heard(session, axis, *labels)
+    found = state(session, axis)
+    assert (found.state, found.reason, found.since) == (wanted, reason, day(since))
+
+
+def test_silence_is_told_unless_there_is_worse(session: Session) -> None:
+    heard(session, "quiet", "normal")
+    heard(session, "broken", "play")
+    assert state(session, "quiet", now=31).state is State.NOT_HEARD
+    assert state(session, "quiet", now=30).state is State.GOOD
+    assert state(session, "broken", now=100).state is State.FAULT_LIKELY
+
+
+def test_what_a_person_says_counts(session: Session) -> None:
+    heard(session, "reviewed", "normal", "play")
+    newest = histories(session, "reviewed", "g")[-1].heard[-1]
+    assert newest.diagnosis_id is not None
+    revise_diagnosis(session, newest.diagnosis_id, "rejected")
+    assert state(session, "reviewed").state is State.GOOD
+    revise_diagnosis(session, newest.diagnosis_id, "corrected", label="notch")
+    found = state(session, "reviewed")
+    assert (found.state, found.reason, found.recording and found.recording.label) == (
+        State.FAULT_LIKELY,
+        Reason.FOUND,
+        "notch",
+    )
+
+
+def test_an_exchange_ends_the_history_and_begins_that_of_the_next(session: Session) -> None:
+    heard(session, "exchanged", "normal", "play", "normal")
+    mark(session, "exchanged", 1.5, "exchange")
+    old, new = histories(session, "exchanged", "g")
+    assert [one.at for one in old.heard] == [day(0), day(1)]
+    assert [one.at for one in new.heard] == [day(2)]
+    assert (old.until, new.since, new.until) == (day(1.5), day(1.5), None)
+    assert state(session, "exchanged").state is State.GOOD
+
+
+def test_an_exchange_for_one_of_another_name(session: Session) -> None:
+    heard(session, "renamed", "play")
+    mark(session, "renamed", 1.5, "exchange", "h")
+    (old,), (new,) = histories(session, "renamed", "g"), histories(session, "renamed", "h")
+    assert (old.until, new.since, new.heard) == (day(1.5), day(1.5), ())
+    assert ("renamed", "h") in signatures(session)
+    found = state(session, "renamed", "h")
+    assert (found.state, found.reason, found.since) == (State.CANNOT_SAY, Reason.NEVER_HEARD, day(1.5))
+
+
+def test_a_repair_begins_anew_and_keeps_the_history(session: Session) -> None:
+    heard(session, "repaired", "play", "normal")
+    assert state(session, "repaired").state is State.WATCH
+    mark(session, "repaired", 0.5, "repair")
+    (history,) = histories(session, "repaired", "g")
+    assert len(history.heard) == 2
+    assert state(session, "repaired").state is State.GOOD
+
+
+def test_whatever_changes_a_gearbox_changes_its_signature_alone(library: CaseLibrary) -> None:
+    """On either database."""
+
+    def reject(session: Session) -> None:
+        newest = histories(session, "signed", "g")[-1].heard[-1]
+        revise_diagnosis(session, str(newest.diagnosis_id), "rejected")
+
+    changes: tuple[Callable[[Session], object], ...] = (
+        lambda session: heard(session, "signed", "normal"),
+        lambda session: mark(session, "signed", 5, "note"),
+        reject,
+    )
+    with library.transaction("test") as session:
+        for axis in ("signed", "other"):
+            heard(session, axis, "play", "play", "play")
+        before = signatures(session)
+        for change in changes:
+            change(session)
+            session.flush()
+            after = signatures(session)
+            assert {place for place in after if after[place] != before.get(place)} == {("signed", "g")}
+            before = after
+        assert trend_of(session, histories(session, "signed", "g")[-1]) is not None
