@@ -29,8 +29,9 @@ NAVIGATION = (
     ("/axes", "Axes", "3", "viewer"),
     ("/investigations", "Model and measurement", "4", "viewer"),
     ("/jobs", "Jobs", "5", "operator"),
-    ("/keys", "Keys", "6", "admin"),
-    ("/audit", "Audit", "7", "admin"),
+    ("/alarms", "Alarms", "6", "admin"),
+    ("/keys", "Keys", "7", "admin"),
+    ("/audit", "Audit", "8", "admin"),
 )
 MINUS, NO_BREAK = "\N{MINUS SIGN}", "\N{NO-BREAK SPACE}"
 RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")
