@@ -61,7 +61,7 @@ VIEWER_PAGES = (
     "/investigations/{investigation}",
 )
 OPERATOR_PAGES = ("/diagnoses/new", "/investigations/new", "/jobs")
-ADMIN_PAGES = ("/library/add", "/library/exchange", "/library/simulate", "/keys", "/audit")
+ADMIN_PAGES = ("/library/add", "/library/exchange", "/library/simulate", "/alarms", "/keys", "/audit")
 EVERY_PAGE = (*VIEWER_PAGES, *OPERATOR_PAGES, *ADMIN_PAGES)
 
 
