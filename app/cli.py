@@ -18,6 +18,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("keys", "app.commands.keys", "Make, list and revoke keys."),
     ("diagnose", "app.commands.diagnose", "Diagnose recordings against the local library."),
     ("watch", "app.commands.watch", "Send each new recording of a folder to a service."),
+    ("record", "app.commands.record", "Record with a microphone, check it, send it."),
     ("size", "app.commands.size", "Say how large backlash (play) or tooth damage (notch) is."),
     ("cases", "app.commands.cases", "Add, list, export and import cases."),
     ("recordings", "app.commands.recordings", "Erase the audio of recordings."),
