@@ -32,6 +32,7 @@ def page(request: Request, session: Reading, service: TheService, principal: Pag
 
 def _context(session: Reading, service: Service, made: str | None = None) -> dict[str, object]:
     settings = service.settings
+    servers = {"GEARCASE_SMTP_URL": settings.smtp_url, "GEARCASE_MQTT_URL": settings.mqtt_url}
     deliveries = outbox.list_deliveries(session, limit=SHOWN).items
     receivers = outbox.list_receivers(session)
     known = rules.list_rules(session)
@@ -47,7 +48,7 @@ def _context(session: Reading, service: Service, made: str | None = None) -> dic
         "shown": SHOWN,
         "verdicts": VERDICTS,
         "kinds": {"email": "E-mail", "webhook": "Webhook", "mqtt": "MQTT"},
-        "missing": {"email": settings.smtp_url is None, "mqtt": settings.mqtt_url is None, "webhook": False},
+        "missing": [name for name, url in servers.items() if url is None],
     }
 
 
