@@ -58,8 +58,8 @@ check: setup
 # the tools that make the lock are not needed to use it: python3 -m pip install uv
 LOCK := uv pip compile pyproject.toml --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate --python-version 3.11 --quiet
 lock:
-	$(LOCK) --extra logs --extra test --extra bench -o requirements-bench.lock
-	$(LOCK) --extra logs --extra test -c requirements-bench.lock -o requirements.lock
+	$(LOCK) --extra logs --extra record --extra test --extra bench -o requirements-bench.lock
+	$(LOCK) --extra logs --extra record --extra test -c requirements-bench.lock -o requirements.lock
 
 bench: $(BENCH_STAMP)
 	$(BIN)/python -m benchmarks

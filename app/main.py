@@ -9,6 +9,7 @@ from starlette.middleware import Middleware
 from starlette.middleware.exceptions import ExceptionMiddleware
 
 from app.api import (
+    alarms,
     audit,
     axes,
     cases,
@@ -46,6 +47,7 @@ ROUTERS: tuple[APIRouter, ...] = (
     jobs.router,
     keys.router,
     audit.router,
+    alarms.router,
     investigations.router,
     limits.router,
 )
@@ -71,6 +73,7 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
         warm_up()
         running.learner.start()
         running.retention.start()
+        running.silence_watch.start()
         yield
         if service is None:
             running.close()

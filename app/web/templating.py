@@ -30,8 +30,9 @@ NAVIGATION = (
     ("/axes", "Axes and robots", "4", "viewer"),
     ("/investigations", "Model and measurement", "5", "viewer"),
     ("/jobs", "Jobs", "6", "operator"),
-    ("/keys", "Keys", "7", "admin"),
-    ("/audit", "Audit", "8", "admin"),
+    ("/alarms", "Alarms", "7", "admin"),
+    ("/keys", "Keys", "8", "admin"),
+    ("/audit", "Audit", "9", "admin"),
 )
 MINUS, NO_BREAK = "\N{MINUS SIGN}", "\N{NO-BREAK SPACE}"
 RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")

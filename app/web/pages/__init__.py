@@ -6,6 +6,7 @@ from fastapi.staticfiles import StaticFiles
 from app.web.errors import sign_in_first
 from app.web.pages import (
     admin,
+    alarms,
     axes,
     care,
     describe,
@@ -38,6 +39,7 @@ PAGES: tuple[APIRouter, ...] = (
     model.router,
     investigations.router,
     jobs.router,
+    alarms.router,
     admin.router,
 )
 
