@@ -137,7 +137,8 @@ def steady_start(
     load = known_n_m
     for k in range(n - 1, 0, -1):
         shaft, link = chain.shafts[k], chain.links[k - 1]
-        load += friction(*shaft_row(shaft)[COULOMB_F : DRIFT + 1], float(speed[k]), way, 0.0) - shaft.offset_n_m
+        at = (*shaft_row(shaft)[COULOMB_F : DRIFT + 1], float(speed[k]), way, 0.0)
+        load += friction(*at) - shaft.offset_n_m
         load += shaft.inertia_kg_m2 * acceleration_rad_s2 / ratios[k]
         load += shaft.gravity_n_m * math.sin(angle[k] + shaft.gravity_phase_rad)
         error = sum(e.amplitude * math.sin(e.order * angle[e.shaft] + e.phase_rad) for e in link.errors)

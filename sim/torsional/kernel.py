@@ -15,6 +15,7 @@ as in the observer of an investigation.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from typing import Any
 
 import numpy as np
@@ -87,9 +88,9 @@ def _inline(function: Any) -> Any:
     return njit(cache=True, forceinline=True, **OPTIONS)(laws.keyed(function))
 
 
-_law_of_friction = njit(forceinline=True, **OPTIONS)(laws.friction)
-_spring = njit(forceinline=True, **OPTIONS)(laws.spring)
-_dents = njit(**OPTIONS)(laws.dents)
+_law_of_friction: Callable[..., float] = njit(forceinline=True, **OPTIONS)(laws.friction)
+_spring: Callable[..., float] = njit(forceinline=True, **OPTIONS)(laws.spring)
+_dents: Callable[..., tuple[float, float, float]] = njit(**OPTIONS)(laws.dents)
 
 
 @_inline
@@ -112,7 +113,7 @@ def _sincos(x: float) -> tuple[float, float]:
 @_inline
 def _dent(k: int, side: float, p: Floats, q: Ints, w: Floats) -> tuple[float, float, float]:
     """Missing material [rad at the driven gear] on one flank of link k, its slope over the angles of both wheels."""
-    return _dents(p, q[DENTS + k], q[DENTS + k + 1], side, k, w, STAGE)  # type: ignore[no-any-return]
+    return _dents(p, q[DENTS + k], q[DENTS + k + 1], side, k, w, STAGE)
 
 
 @_inline

@@ -14,9 +14,10 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from sim.discrepancy.data.preprocessing import LOAD_MOTION_CUT_HZ, Measurement
 from sim.discrepancy.model.angle_series import beyond_twice
-from sim.discrepancy.model.observer_kernel import INV, VISCOUS_F, C, D, J, loudness, motor_torque, run, shaken
+from sim.discrepancy.model.observer_kernel import loudness, motor_torque, run, shaken
 from sim.discrepancy.model.packing import Packed, lag_of, pack, substeps
 from sim.torsional.integrate import steady_start
+from sim.torsional.laws import INV, VISCOUS_F, C, D, J
 from sim.torsional.model import Array, Chain
 
 Spectrum = NDArray[np.complex128]
@@ -239,7 +240,7 @@ class Observer:
         stretch = nuisance.stretch_rad[1]
         known = np.zeros(0) if m.known_torque is None else m.known_torque
         asked = float(known[0]) if known.size else 0.0
-        state = steady_start(chain, *map(float, motion[:, 0]), float(m.slow_acceleration[0]), asked)
+        state = steady_start(chain, float(motion[0, 0]), float(motion[1, 0]), float(m.slow_acceleration[0]), asked)
         angles, speeds = state[1:n], state[n + 1 :]
         if gains[0] > 0.0:
             angles[-1], speeds[-1] = guide[0, 0], guide[1, 0]
