@@ -127,7 +127,7 @@ def fill(site: Site, known: Sequence[tuple[int, str]] = KNOWN) -> None:
             site.case = client.post("/api/v1/cases", files=files).raise_for_status().json()["id"]
         team = {"name": "maintenance team", "kind": "email", "address": "maintenance.of.the.plant@example.com"}
         told = client.post("/api/v1/alarms/receivers", json=team).raise_for_status().json()["id"]
-        rule = {"name": "what is new", "kind": "state", "verdict": "not_in_library", "receivers": [told]}
+        rule = {"name": "any fault", "kind": "state", "least_probability": 0.9, "receivers": [told]}
         client.post("/api/v1/alarms/rules", json=rule).raise_for_status()
         client.post(f"/api/v1/alarms/receivers/{told}/test").raise_for_status()
         first = client.post("/api/v1/diagnoses", files=parts("demo.wav", sound(6, impacts=True), b'{"axis": "bench"}'))

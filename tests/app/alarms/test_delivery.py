@@ -4,12 +4,18 @@ import base64
 import hashlib
 import hmac
 import json
+import os
+import subprocess
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from sqlalchemy import select
 
 from app.alarms.webhook import signed
+from casebase.library import CaseLibrary
+from casebase.models import Delivery
 from tests.app.alarms.receivers import Broker, Hook, Mailbox, broker, mail_server, wait_for, webhook
 from tests.app.sounds import sound
 from tests.live import LiveServer, started
@@ -63,27 +69,33 @@ def test_each_receiver_is_told_once(server: LiveServer, receivers: tuple[Mailbox
     for each in (mailbox, hook):
         each.go_on.set()
     mqtt.start()
-    server.start()
-    wait_for(lambda: mailbox.taken and hook.taken and mqtt.taken, "the delivery to all three")
-    with server.client() as admin:
+    worker = subprocess.Popen(
+        [sys.executable, "-m", "app", "--data-dir", str(server.data_dir), "worker"],
+        env={**os.environ, **server.environment},
+    )
+    library = CaseLibrary.open(server.data_dir)
 
-        def outbox() -> list[dict[str, object]]:
-            items: list[dict[str, object]] = admin.get(f"{ALARMS}/deliveries").json()["items"]
-            return items
+    def outbox() -> dict[str, Delivery]:
+        with library.reading() as session:
+            return {row.receiver_name: row for row in session.scalars(select(Delivery))}
 
-        wait_for(lambda: all(each["state"] == "sent" for each in outbox()), "that all is noted as sent")
-        entries = {str(each["receiver_name"]): each for each in outbox()}
-        assert len(outbox()) == 3
+    wait_for(lambda: all(each.state == "sent" for each in outbox().values()), "the delivery to all three")
+    worker.kill()
+    worker.wait()
+    entries = outbox()
+    assert sorted(entries) == ["email", "mqtt", "webhook"]
+    library.close()
+    wait_for(lambda: mqtt.taken, "the way through the broker")
     (email,) = mailbox.taken
     (published,) = mqtt.taken
     ((headers, content),) = hook.taken
     told = json.loads(content)
     assert told["diagnosis_id"] == diagnosis["id"]
     assert told["sentence"] == "Gearbox g1 of axis bench: not in the library"
-    assert told["id"] == entries["webhook"]["id"] == headers["webhook-id"]
+    assert told["id"] == entries["webhook"].id == headers["webhook-id"]
     assert published.topic == "plant/alarms"
-    assert json.loads(published.payload)["id"] == entries["mqtt"]["id"]
-    assert email["Message-ID"] == f"<{entries['email']['id']}@example.com>"
+    assert json.loads(published.payload)["id"] == entries["mqtt"].id
+    assert email["Message-ID"] == f"<{entries['email'].id}@example.com>"
     assert "Gearbox g1" in email["Subject"]
     assert f"https://gearcase.example.com/diagnoses/{diagnosis['id']}" in email.get_payload()
     assert is_signed(made["webhook"]["secret"], headers, content)

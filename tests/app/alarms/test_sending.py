@@ -143,10 +143,7 @@ def test_addresses_that_are_not_public_are_not_reached(trying: Trying, host: str
 
 def test_which_addresses_are_public() -> None:
     inside = "10.0.0.1 172.16.0.1 192.168.1.1 127.0.0.1 169.254.1.1 0.0.0.0 100.64.0.1 224.0.0.1 ::1 fe80::1 fc00::1 "
-    inside += (
-        "::ffff:10.0.0.1 64:ff9b::a00:1 2002:a00:1::1 2001:0:1:1:1:1:f5ff:fffe"
-        """The last four stand for 10.0.0.1."""
-    )
+    inside += "::ffff:10.0.0.1 64:ff9b::a00:1 2002:a00:1::1 2001:0:1:1:1:1:f5ff:fffe"  # all four stand for 10.0.0.1
     assert [each for each in inside.split() if is_public(ipaddress.ip_address(each))] == []
     assert all(is_public(ipaddress.ip_address(each)) for each in ("1.1.1.1", "2606:4700::1111", "64:ff9b::101:101"))
 
