@@ -16,10 +16,11 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.parallel import each
 from sim.torsional.model import Array, ChainError
 
+Screened = tuple[float, Term, Mapping[str, float]]
 BESIDE_HZ = 3.0  # to either side of a line, where others may be
 
 
-def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[float, Term, Mapping[str, float]]]:
+def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[Screened]:
     """What each start of each term promises in the linear picture, with the rest of the model free to follow."""
     left, rate_hz = fit.residual[: fit.torque_rows], problem.measurement.rate_hz
     power = np.abs(np.fft.rfft(left)) ** 2
