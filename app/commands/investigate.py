@@ -171,7 +171,7 @@ def _of_robot(
         frame.say(f"next motion: {trajectory}")
         document["next_motion"] = found.document()
     elif trajectory is not None:
-        frame.say("no next motion: no joint moved, so no model says what one would tell")
+        frame.say("no next motion: none of those that were drawn tells more than a repeat of this one")
     if json:
         frame.print_json(document)
         return

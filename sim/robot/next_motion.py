@@ -50,7 +50,9 @@ class NextMotion:
 
 
 def next_motion(result: RobotInvestigation) -> NextMotion | None:
-    """Return the motion whose log tells most of what is open; None where no joint has a model.
+    """Return the motion whose log tells most of what is open.
+
+    None where no joint has a model, or none that was drawn tells more than one more log of the present motion.
 
     Open are causes that could not be told apart, what is left without a name, and a payload that may or may not be
     there; where nothing is, the friction of each joint and the payload.
@@ -71,7 +73,8 @@ def next_motion(result: RobotInvestigation) -> NextMotion | None:
     drawn = [limits.drawn(rng, seconds) for _ in range(DRAWS)]
     told = [worth.told(one.trajectory()) for one in drawn]
     best = int(np.argmax(told))
-    return NextMotion(drawn[best], told[best] - worth.told(again))
+    gain = told[best] - worth.told(again)
+    return NextMotion(drawn[best], gain) if gain > 0.0 else None
 
 
 @dataclass(frozen=True)

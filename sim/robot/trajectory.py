@@ -5,20 +5,23 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
 
 from sim.discrepancy.results import rounded
 from sim.robot.motion import Motion
-from sim.robot.robot import Robot
+from sim.robot.robot import Robot, RobotError
 
 Array = NDArray[np.float64]
 
 RATE_HZ = 100.0  # of the file: a controller interpolates between its rows
 ORDERS = np.arange(1, 6)
 LONGEST_S, SHORTEST_S = 20.0, 5.0  # period of the first harmonic
+WAVES = 32  # that are drawn for each joint of a motion
 FADE = 0.25  # of that period, over which a motion swells from rest and fades to it
 
 
@@ -39,6 +42,35 @@ class Trajectory:
         rows = np.column_stack([self.time_s, self.position, self.speed]).tolist()
         lines = [",".join(["time_s", *names]), *(",".join(f"{value:.6f}" for value in row) for row in rows)]
         return "\n".join([*lines, ""])
+
+
+def read_trajectory(path: Path, joints: tuple[str, ...]) -> Trajectory:
+    """Read a file as `Trajectory.csv` writes it, for these joints in this order.
+
+    Raises
+    ------
+    RobotError
+        if it is none; the text says what is missing.
+    """
+    names = ["time_s", *(f"{joint}/{what}" for what in ("position", "velocity") for joint in joints)]
+    try:
+        with path.open(encoding="utf-8") as file:
+            head = file.readline().strip().split(",")
+            table = np.loadtxt(file, delimiter=",", ndmin=2)
+    except (OSError, ValueError) as error:
+        raise RobotError(f"{path.name}: no trajectory can be read: {error}") from None
+    missing = [name for name in names if name not in head]
+    if missing or len(table) < 2 or table.shape[1] != len(head):
+        raise RobotError(
+            f"{path.name}: no trajectory of this robot; its first line names {', '.join(missing) or 'all columns'}"
+            f"{', which is missing' if missing else ', and rows of as many numbers have to follow'}"
+        )
+    columns = table[:, [head.index(name) for name in names]]
+    time_s = columns[:, 0] - columns[0, 0]
+    if not np.isfinite(columns).all() or not np.allclose(np.diff(time_s), time_s[1], rtol=1e-3) or time_s[1] <= 0.0:
+        raise RobotError(f"{path.name}: time_s has to run in even steps, and every number has to be finite")
+    position, speed = columns[:, 1 : 1 + len(joints)], columns[:, 1 + len(joints) :]
+    return Trajectory(joints, time_s, position, speed, CubicSpline(time_s, speed)(time_s, 1))
 
 
 @dataclass(frozen=True)
@@ -125,18 +157,24 @@ class Limits:
         return Limits(tuple(joint.name for joint in robot.joints), low, high, speed, acceleration)
 
     def drawn(self, rng: np.random.Generator, seconds: float) -> Harmonics:
-        """A motion of so many seconds in which each joint is as large and fast as it may."""
+        """A motion of so many seconds in which each joint is as large as it may be, and of `WAVES` the fastest."""
         count = len(self.joints)
         period = min(seconds, float(np.exp(rng.uniform(math.log(SHORTEST_S), math.log(LONGEST_S)))))
-        sizes = rng.standard_normal((2, count, ORDERS.size))
-        sizes /= ORDERS ** rng.uniform(0.0, 2.0, (count, 1))  # from equal positions to equal accelerations
-        way = Harmonics(self.joints, seconds, period, np.zeros(count), *sizes).trajectory()
+        sizes = rng.standard_normal((2, WAVES * count, ORDERS.size))
+        sizes /= ORDERS ** rng.uniform(0.0, 2.0, (WAVES * count, 1))  # from equal positions to equal accelerations
+        middle = np.zeros(WAVES * count)
+        way = Harmonics(WAVES * self.joints, seconds, period, middle, *sizes).trajectory()
         low, high = way.position.min(axis=0), way.position.max(axis=0)
-        room = (self.high - self.low) / (high - low)
         fast, hard = (np.abs(each).max(axis=0) for each in (way.speed, way.acceleration))
-        size = np.minimum(np.minimum(room, self.speed / fast), self.acceleration / hard)
+        room, speed, acceleration = (
+            np.tile(each, WAVES) for each in (self.high - self.low, self.speed, self.acceleration)
+        )
+        size = np.minimum(np.minimum(room / (high - low), speed / fast), acceleration / hard)
+        effective = size * np.sqrt(np.mean(way.speed**2, axis=0))
+        best = effective.reshape(WAVES, count).argmax(axis=0) * count + np.arange(count)
+        size, low, high = size[best], low[best], high[best]
         middle = 0.5 * (self.low + self.high - size * (low + high))
-        return Harmonics(self.joints, seconds, period, middle, *(size[:, None] * each for each in sizes))
+        return Harmonics(self.joints, seconds, period, middle, *(size[:, None] * each[best] for each in sizes))
 
 
 def repeated(robot: Robot, present: Motion, seconds: float) -> Trajectory:
