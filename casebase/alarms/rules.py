@@ -70,7 +70,7 @@ def add_rule(session: Session, name: str, condition: Condition, receivers: Seque
     row = AlarmRule(name=name, receivers=sorted(known), created_by=audit.actor_of(session), **asked)
     session.add(row)
     session.flush()
-    audit.record(session, "alarm_rule.created", ("alarm_rule", row.id), after={"name": name, **asked})
+    audit.record(session, "rule.created", ("rule", row.id), after={"name": name, **asked})
     return row
 
 
@@ -79,7 +79,7 @@ def remove_rule(session: Session, rule_id: str) -> None:
     row = session.get(AlarmRule, rule_id)
     if row is None:
         raise NotFoundError(f"no rule has the id {rule_id!r}")
-    audit.record(session, "alarm_rule.removed", ("alarm_rule", row.id), before={"name": row.name})
+    audit.record(session, "rule.removed", ("rule", row.id), before={"name": row.name})
     session.delete(row)
 
 
