@@ -101,7 +101,7 @@ def _of_silence(facts: Mapping[str, Any], zone: str) -> tuple[str, tuple[str, ..
         f"{subject_of(facts)}: no recording for {days:g} {'day' if days == 1 else 'days'}",
         (
             f"The last one is of {_local(facts['heard_at'], zone)}.",
-            "Look whether the recorder runs. If the gearbox was exchanged or stands still, there is nothing to do.",
+            "Look whether the recorder runs. If the gearbox was exchanged, note it on its page. If it stands still, there is nothing to do.",
             _rule(facts),
             "You are told once, until it is heard again.",
         ),

@@ -57,7 +57,7 @@ def add_receiver(
     session.add(row)
     session.flush()
     shown = {"name": name, "kind": kind, "address": shown_address(row)}
-    audit.record(session, "alarm_receiver.created", ("alarm_receiver", row.id), after=shown)
+    audit.record(session, "receiver.created", ("receiver", row.id), after=shown)
     return row
 
 
@@ -109,7 +109,7 @@ def remove_receiver(session: Session, receiver_id: str) -> None:
     if naming:
         raise ConflictError(f"rules still name this receiver: {', '.join(naming[:5])}; remove them first")
     shown = {"name": row.name, "kind": row.kind, "address": shown_address(row)}
-    audit.record(session, "alarm_receiver.removed", ("alarm_receiver", row.id), before=shown)
+    audit.record(session, "receiver.removed", ("receiver", row.id), before=shown)
     session.delete(row)
 
 

@@ -15,6 +15,7 @@ from casebase.alarms import outbox
 from casebase.alarms.state import State, heard_last, state_of
 from casebase.description import check_choice
 from casebase.errors import InvalidRequestError, NotFoundError
+from casebase.gearboxes import histories
 from casebase.labels import BASELINES
 from casebase.models import ALARM_KINDS, Alarm, AlarmReceiver, AlarmRule, now
 
@@ -70,7 +71,7 @@ def add_rule(session: Session, name: str, condition: Condition, receivers: Seque
     row = AlarmRule(name=name, receivers=sorted(known), created_by=audit.actor_of(session), **asked)
     session.add(row)
     session.flush()
-    audit.record(session, "alarm_rule.created", ("alarm_rule", row.id), after={"name": name, **asked})
+    audit.record(session, "rule.created", ("rule", row.id), after={"name": name, **asked})
     return row
 
 
@@ -79,7 +80,7 @@ def remove_rule(session: Session, rule_id: str) -> None:
     row = session.get(AlarmRule, rule_id)
     if row is None:
         raise NotFoundError(f"no rule has the id {rule_id!r}")
-    audit.record(session, "alarm_rule.removed", ("alarm_rule", row.id), before={"name": row.name})
+    audit.record(session, "rule.removed", ("rule", row.id), before={"name": row.name})
     session.delete(row)
 
 
@@ -105,6 +106,8 @@ def review(session: Session, axis: str | None, gearbox: str | None) -> None:
     state = state_of(session, axis, gearbox) if rules else None
     for rule in rules:
         facts = None if state is None else matched(rule, state)
+        if facts is not None and rule.kind == "silence" and not _is_in_service(session, axis, gearbox):
+            facts = None
         _settle(session, rule, Subject(axis, gearbox), facts)
 
 
@@ -113,13 +116,20 @@ def newly_silent(session: Session) -> list[tuple[str | None, str | None]]:
     found: dict[tuple[str | None, str | None], None] = {}
     for rule in session.scalars(select(AlarmRule).where(AlarmRule.kind == "silence")).all():
         for axis, gearbox, heard_at in heard_last(session, rule.axis, rule.gearbox):
-            if _is_silent(rule, heard_at) and _standing(session, rule, Subject(axis, gearbox)) is None:
+            told = not _is_silent(rule, heard_at) or _standing(session, rule, Subject(axis, gearbox)) is not None
+            if not told and _is_in_service(session, axis, gearbox):
                 found[axis, gearbox] = None
     return list(found)
 
 
 def _is_silent(rule: AlarmRule, heard_at: datetime) -> bool:
     return heard_at < now() - timedelta(days=rule.silent_days or 0.0)
+
+
+def _is_in_service(session: Session, axis: str | None, gearbox: str | None) -> bool:
+    """Whether a gearbox was not exchanged since it was heard last."""
+    found = [] if axis is None else histories(session, axis, gearbox)
+    return not found or found[-1].until is None
 
 
 def matched(rule: AlarmRule, state: State) -> dict[str, object] | None:

@@ -13,7 +13,7 @@ from casebase.alarms.state import state_of
 from casebase.diagnoses import revise_diagnosis
 from casebase.errors import ConflictError, InvalidRequestError
 from casebase.library import CaseLibrary
-from casebase.models import AuditEntry, Delivery, StoredDiagnosis, StoredJob, StoredRecording, now
+from casebase.models import AuditEntry, Delivery, MaintenanceMark, StoredDiagnosis, StoredJob, StoredRecording, now
 
 _numbers = itertools.count()
 
@@ -150,6 +150,28 @@ def test_silence_is_told_once_and_ends_when_it_is_heard(library: CaseLibrary) ->
         assert rules.newly_silent(session) == []
         assert told(session) == ["rule", "rule"]
         diagnosed(session, "normal", gearbox="g1")
+        assert [alarm.gearbox for alarm in rules.standing(session)] == ["g2"]
+
+
+def test_a_gearbox_that_was_exchanged_is_not_missed(sqlite_library: CaseLibrary) -> None:
+    with sqlite_library.transaction("test") as session:
+        for gearbox in ("g1", "g2"):
+            diagnosed(session, "normal", gearbox=gearbox, recorded_at=now() - timedelta(days=5))
+        session.add(
+            MaintenanceMark(
+                axis="bench",
+                gearbox="g1",
+                kind="exchange",
+                successor="g3",
+                at=now() - timedelta(days=4),
+                text="exchanged",
+                created_by="test",
+            )
+        )
+        ruled(session, kind="silence", silent_days=3.0)
+        assert rules.newly_silent(session) == [("bench", "g2")]
+        for gearbox in ("g1", "g2"):
+            rules.review(session, "bench", gearbox)
         assert [alarm.gearbox for alarm in rules.standing(session)] == ["g2"]
 
 
