@@ -58,8 +58,8 @@ check: setup
 # the tools that make the lock are not needed to use it: python3 -m pip install uv
 LOCK := uv pip compile pyproject.toml --generate-hashes --no-emit-index-url --no-emit-find-links --no-header --no-annotate --python-version 3.11 --quiet
 lock:
-	$(LOCK) --extra logs --extra test --extra bench -o requirements-bench.lock
-	$(LOCK) --extra logs --extra test -c requirements-bench.lock -o requirements.lock
+	$(LOCK) --extra logs --extra record --extra test --extra bench -o requirements-bench.lock
+	$(LOCK) --extra logs --extra record --extra test -c requirements-bench.lock -o requirements.lock
 
 bench: $(BENCH_STAMP)
 	$(BIN)/python -m benchmarks
@@ -92,6 +92,7 @@ trends: setup
 robots: setup
 	$(BIN)/python -m tests.robot_bank --count 150 --seed 1
 	$(BIN)/python -m tests.robot_bank --wrong-input
+	$(BIN)/python -m tests.robot_bank.next_motion --count 10 --seed 1
 
 # kill -9 at every write, at random under load, and two machines of which one is cut off: an hour at most
 chaos: setup

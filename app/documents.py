@@ -141,6 +141,10 @@ class AxisAnswer(Answer):
     created_by: str
 
 
+class RobotAnswer(AxisAnswer):
+    """One revision of a robot's description; the axes of its joints stand in it. Its URDF is asked for by itself."""
+
+
 class LimitsAnswer(Answer):
     """How large a request may be and how many are served at once."""
 

@@ -7,6 +7,7 @@ another process finds them, and so that an investigation can be done again.
 from __future__ import annotations
 
 import json
+import tempfile
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -17,23 +18,25 @@ from sqlalchemy.orm import Session
 
 from app.jobs.job import JobError, JobKind, JobNotFoundError, Json, Report
 from app.jobs.jobs import Jobs
+from app.robots import add_robot
 from app.sound import read_sound
-from casebase import audit
+from casebase import audit, revisions
 from casebase.axes import add_axis, find_axis
 from casebase.description import check_name
 from casebase.errors import ConflictError, NotFoundError
 from casebase.library import CaseLibrary
-from casebase.models import AxisRevision, StoredInvestigation, new_id, now
+from casebase.models import AxisRevision, RobotRevision, StoredInvestigation, new_id, now
 from casebase.signals.decode import read_recording
 from casebase.signals.documents import parse_foreign
 from casebase.signals.errors import SignalError
-from casebase.signals.joint_maps import joint_maps
+from casebase.signals.joint_maps import LoggedJoint, read_joint_maps
 from casebase.signals.telemetry import check_telemetry, read_telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.pairing import check_as_new, check_pairs
 from sim.errors import AxisError, SimulationError
-from sim.robot.foreign import ForeignRobot, kept_robot
+from sim.robot.foreign import ForeignRobot, foreign_robot, kept_robot
+from sim.robot.trajectory import Harmonics
 
 KIND = "investigations"
 ACTOR = "investigator"
@@ -51,9 +54,10 @@ class Measured:
 
 @dataclass(frozen=True)
 class Question:
-    """What is to be investigated: an axis (`axis`: its name) or a robot (None), and measured data that is kept."""
+    """What is to be investigated: an axis or a robot (the name of either), and measured data that is kept."""
 
     axis: str | None
+    robot: str | None
     description: Mapping[str, object]
     inputs: Mapping[str, object]
 
@@ -93,13 +97,21 @@ def take_in(
         if files:
             inputs[part] = [_kept(library, file) for file in files]
     check_as_new(*([str(one["sha256"]) for one in files_of(inputs, part)] for part in ("sound", "as_new")))
-    return Question(axis.name, axis.to_mapping(), inputs)
+    return Question(axis.name, None, axis.to_mapping(), inputs)
 
 
 def take_in_robot(
-    library: CaseLibrary, robot: ForeignRobot, urdf: Measured, telemetries: Sequence[Measured], channels: str = ""
+    library: CaseLibrary,
+    robot: ForeignRobot,
+    urdf: str,
+    telemetries: Sequence[Measured],
+    channels: str = "",
+    *,
+    next_motion: bool = False,
 ) -> Question:
-    """Check and keep what was measured of a robot's joints; as `take_in` for an axis.
+    """Check and keep what was measured of a robot's joints; as `take_in` for an axis. `urdf`: what that was called.
+
+    `next_motion`: the next motion is to be found, too.
 
     Raises:
         AxisError: if there is no telemetry, or the same twice.
@@ -108,22 +120,27 @@ def take_in_robot(
     if not telemetries:
         raise AxisError("nothing to investigate: a robot needs telemetry of its joints")
     check_name("robot.name", robot.name)
-    maps = joint_maps(channels or None, robot.joints, parse_foreign)
+    check = partial(_checked_joints, joints=robot.joints, channels=channels or None)
     for measured in telemetries:
-        for joint, map_ in zip(robot.joints, maps, strict=True):
-            read = partial(_checked_joint, joint=joint, channels=map_)
-            _readable(measured, read, several=len(telemetries) > 1)
+        _readable(measured, check, several=len(telemetries) > 1)
     kept = [_kept(library, measured) for measured in telemetries]
     _refuse_twice(kept)
-    inputs: dict[str, object] = {"urdf": _kept(library, urdf), "telemetry": kept if len(kept) > 1 else kept[0]}
-    return Question(None, robot.document, inputs | ({"channels": channels} if channels else {}))
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "robot.urdf"
+        path.write_text(robot.urdf, encoding="utf-8")
+        links = _kept(library, Measured(path, urdf))
+    inputs: dict[str, object] = {"urdf": links, "telemetry": kept if len(kept) > 1 else kept[0]}
+    inputs |= ({"channels": channels} if channels else {}) | ({"next_motion": True} if next_motion else {})
+    return Question(None, robot.name, robot.document, inputs)
 
 
-def _checked_joint(path: Path, joint: str, channels: str | None) -> None:
-    try:
-        check_telemetry(path, channels=channels)
-    except SignalError as error:
-        raise type(error)(f"{joint}: {error}") from error
+def _checked_joints(path: Path, joints: Sequence[LoggedJoint], channels: str | None) -> None:
+    maps, _ = read_joint_maps(path, joints, channels, parse_foreign)
+    for joint, map_ in zip(joints, maps, strict=True):
+        try:
+            check_telemetry(path, channels=map_)
+        except SignalError as error:
+            raise type(error)(f"{joint.name}: {error}") from error
 
 
 def submit(session: Session, question: Question) -> StoredInvestigation:
@@ -131,6 +148,7 @@ def submit(session: Session, question: Question) -> StoredInvestigation:
     row = StoredInvestigation(
         id=new_id(),
         axis=question.axis,
+        robot=question.robot,
         axis_document=dict(question.description),
         inputs=dict(question.inputs),
         created_by=audit.actor_of(session),
@@ -205,32 +223,32 @@ def document_of(row: StoredInvestigation, state: str | None = None) -> Mapping[s
     return row.document
 
 
-def accept(session: Session, row: StoredInvestigation) -> AxisRevision:
-    """Store the extended axis as the next revision of its axis; accepting it twice makes one revision.
+def accept(library: CaseLibrary, session: Session, row: StoredInvestigation) -> AxisRevision | RobotRevision:
+    """Store the extended axis or robot as its next revision; accepting it twice makes one revision.
 
-    The first revision of an axis that is new here is the description as it was given.
+    The first revision of what is new here is the description as it was given.
 
     Raises:
-        ConflictError: if it is not finished, is of a robot, or found nothing that would extend the model.
+        ConflictError: if it is not finished, or found nothing that would extend the model.
     """
     document = document_of(row)
-    if row.robot:
-        raise ConflictError(
-            f"investigation {row.id} is of a robot, of which no revisions are kept here: take extended_axis of its "
-            "document as the next robot.toml"
-        )
     extended = document.get("extended_axis")
     if document.get("verdict") != "named" or not isinstance(extended, dict) or not extended:
         raise ConflictError(
             f"investigation {row.id} names nothing that would extend the model (verdict: {document.get('verdict')}); "
-            "change the description itself with POST /axes"
+            f"change the description itself with POST /{'robots' if row.robot else 'axes'}"
         )
+    given, accepted = f"as described for investigation {row.id}", f"accepted investigation {row.id}"
+    if row.robot:
+        (urdf,) = _paths(library, row, "urdf")
+        robot = foreign_robot(row.axis_document, urdf.read_text(encoding="utf-8"))
+        if revisions.find(session, RobotRevision, robot.name) is None:
+            add_robot(session, robot, note=given)
+        return add_robot(session, robot, document=extended, note=accepted, investigation_id=row.id)
     axis = read_axis(extended)
     if find_axis(session, axis.name) is None:
-        add_axis(session, axis.name, row.axis_document, note=f"as described for investigation {row.id}")
-    return add_axis(
-        session, axis.name, axis.to_mapping(), note=f"accepted investigation {row.id}", investigation_id=row.id
-    )
+        add_axis(session, axis.name, row.axis_document, note=given)
+    return add_axis(session, axis.name, axis.to_mapping(), note=accepted, investigation_id=row.id)
 
 
 def investigations(library: CaseLibrary) -> JobKind:
@@ -319,6 +337,7 @@ def _investigated_robot(
 ) -> tuple[dict[str, object], str]:
     from sim.robot.investigation import investigate_robot
     from sim.robot.log import read_log
+    from sim.robot.next_motion import next_motion
     from sim.robot.report import robot_report, robot_story
 
     (urdf,) = _paths(library, row, "urdf")
@@ -329,7 +348,23 @@ def _investigated_robot(
     ]
     found = investigate_robot(robot, logs, report)
     files = [name for part in ("urdf", "telemetry") for name in names_of(row, part)]
-    return _plain({**found.document(), "story": robot_story(found)}), robot_report(found, files)
+    document = {**found.document(), "story": robot_story(found)}
+    if row.inputs.get("next_motion") and (best := next_motion(found)) is not None:
+        document["next_motion"] = best.document()
+    return _plain(document), robot_report(found, files)
+
+
+def trajectory_of(row: StoredInvestigation) -> str:
+    """Return the next motion that an investigation of a robot found, as a file for a controller.
+
+    Raises:
+        ConflictError: if it is not finished.
+        NotFoundError: if it has none.
+    """
+    found = document_of(row).get("next_motion")
+    if not isinstance(found, dict):
+        raise NotFoundError(f"investigation {row.id} has no next motion: ask for one by the part next_motion = true")
+    return Harmonics.of_document(found).trajectory().csv()
 
 
 def _plain(document: Mapping[str, object]) -> dict[str, object]:

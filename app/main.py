@@ -9,6 +9,7 @@ from starlette.middleware import Middleware
 from starlette.middleware.exceptions import ExceptionMiddleware
 
 from app.api import (
+    alarms,
     audit,
     axes,
     cases,
@@ -20,6 +21,7 @@ from app.api import (
     library,
     limits,
     recordings,
+    robots,
     simulations,
 )
 from app.door import Door
@@ -40,10 +42,12 @@ ROUTERS: tuple[APIRouter, ...] = (
     recordings.router,
     library.router,
     axes.router,
+    robots.router,
     simulations.router,
     jobs.router,
     keys.router,
     audit.router,
+    alarms.router,
     investigations.router,
     limits.router,
 )
@@ -69,6 +73,7 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
         warm_up()
         running.learner.start()
         running.retention.start()
+        running.silence_watch.start()
         yield
         if service is None:
             running.close()

@@ -12,6 +12,7 @@ from limits.storage import MemoryStorage
 from limits.strategies import MovingWindowRateLimiter
 from sqlalchemy.orm import Session
 
+from app.alarms.silence import SilenceWatch
 from app.evaluations import Evaluations
 from app.fleet import Fleet
 from app.jobs.feed import JobFeed
@@ -77,6 +78,10 @@ class Service:
         return Retention(self.library, self.settings)
 
     @cached_property
+    def silence_watch(self) -> SilenceWatch:
+        return SilenceWatch(self.library)
+
+    @cached_property
     def jobs(self) -> Jobs:
         """The jobs of this installation; the engine is opened when first asked."""
         return jobs_in(self.library)
@@ -88,6 +93,7 @@ class Service:
     def close(self) -> None:
         self.learner.close()
         self.retention.close()
+        self.silence_watch.close()
         self.key_notes.close()
         if "job_feed" in self.__dict__:
             self.job_feed.close()

@@ -2,11 +2,12 @@
 
 import os
 from functools import lru_cache
+from ipaddress import ip_network
 from pathlib import Path
 from typing import Annotated
 from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
-from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt
+from pydantic import AfterValidator, Field, PositiveFloat, PositiveInt, SecretStr
 from pydantic_settings import BaseSettings, SettingsConfigDict
 
 
@@ -18,6 +19,13 @@ def known_zone(name: str) -> str:
     return name
 
 
+def known_networks(text: str) -> str:
+    for each in filter(None, text.split(",")):
+        ip_network(each.strip())
+    return text
+
+
+Networks = Annotated[str, AfterValidator(known_networks)]
 ZoneName = Annotated[str, AfterValidator(known_zone)]
 MEBIBYTE = 1024 * 1024
 
@@ -64,6 +72,16 @@ class Settings(BaseSettings):
     )
     retain_audio_days: PositiveInt | None = Field(
         None, description="audio of recordings that are no cases is erased when older; kept for ever where not given"
+    )
+
+    public_url: str | None = Field(None, description="where people open the pages: the beginning of links in messages")
+    smtp_url: SecretStr | None = Field(
+        None, description="mail server: smtp+starttls:// (or smtps://, smtp://) user:password@host:port"
+    )
+    mail_from: str = Field("gearcase@localhost", description="sender of e-mail")
+    mqtt_url: SecretStr | None = Field(None, description="MQTT broker: mqtts:// (or mqtt://) user:password@host:port")
+    webhook_networks: Networks = Field(
+        "", description="networks that are not public and may be reached by webhooks, such as 10.1.0.0/16,127.0.0.1/32"
     )
 
     @property

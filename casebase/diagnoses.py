@@ -7,6 +7,7 @@ from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from casebase import audit
+from casebase.alarms import rules
 from casebase.description import Labelling, check_choice, check_label
 from casebase.detection_limit import NO_LIMITS, Limits
 from casebase.diagnosis import Diagnosis, Reasoner
@@ -64,6 +65,7 @@ def store_diagnosis(
     session.flush()
     after = {"verdict": diagnosis.verdict, "label": diagnosis.label, "recording_id": recording.id}
     audit.record(session, "diagnosis.given", ("diagnosis", row.id), after=after)
+    rules.review(session, recording.axis, recording.gearbox)
     return row
 
 
@@ -160,6 +162,7 @@ def revise_diagnosis(
     session.flush()
     after = {"state": verdict, "label": revised, "verified_by": verified_by, "note": note}
     audit.record(session, "diagnosis.revised", ("diagnosis", row.id), before=before, after=after)
+    rules.review(session, row.recording.axis, row.recording.gearbox)
     return row
 
 

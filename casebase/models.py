@@ -20,6 +20,9 @@ ORIGINS = ("measured", "simulated")
 CASE_STATES = ("proposed", "confirmed", "retired")
 DIAGNOSIS_STATES = ("open", "confirmed", "corrected", "rejected")
 ROLES = ("viewer", "operator", "admin")
+ALARM_KINDS = ("state", "silence")
+RECEIVER_KINDS = ("email", "webhook", "mqtt")
+DELIVERY_STATES = ("waiting", "sent", "failed")
 
 
 def new_id() -> str:
@@ -223,10 +226,28 @@ class AxisRevision(Base):
     """One revision of an axis description; the highest number is the current one."""
 
     __tablename__ = "axes"
+    noun: ClassVar = "axis"
 
     name: Mapped[str] = mapped_column(String(200), primary_key=True)
     revision: Mapped[int] = mapped_column(primary_key=True)
     document: Mapped[dict[str, object]]
+    note: Mapped[str | None] = mapped_column(Text)
+    investigation_id: Mapped[str | None] = mapped_column(ForeignKey("investigations.id"))
+    created_at: Mapped[datetime] = mapped_column(default=now)
+    created_by: Mapped[str] = mapped_column(String(200))
+
+
+class RobotRevision(Base):
+    """One revision of a robot's description with the axes of its joints; the highest number is the current one."""
+
+    __tablename__ = "robots"
+    noun: ClassVar = "robot"
+
+    name: Mapped[str] = mapped_column(String(200), primary_key=True)
+    revision: Mapped[int] = mapped_column(primary_key=True)
+    document: Mapped[dict[str, object]]
+    urdf: Mapped[str] = mapped_column(Text, deferred=True)
+    """Its links and joints; what else a URDF has is not kept."""
     note: Mapped[str | None] = mapped_column(Text)
     investigation_id: Mapped[str | None] = mapped_column(ForeignKey("investigations.id"))
     created_at: Mapped[datetime] = mapped_column(default=now)
@@ -242,6 +263,8 @@ class StoredInvestigation(Base):
     job_id: Mapped[str | None] = mapped_column(String(100), unique=True)
     state: Mapped[str] = mapped_column(String(20), default="queued")
     axis: Mapped[str | None] = mapped_column(String(200), index=True)
+    robot: Mapped[str | None] = mapped_column(String(200), index=True)
+    """Instead of an axis: the robot whose joints are investigated."""
     axis_document: Mapped[dict[str, object]]
     inputs: Mapped[dict[str, object]]
     """File names and SHA-256 of telemetry and sound, kept content-addressed like recordings."""
@@ -261,11 +284,6 @@ class StoredInvestigation(Base):
     @document.setter
     def document(self, given: dict[str, Any] | None) -> None:
         self.written = given
-
-    @property
-    def robot(self) -> str | None:
-        """Name of the robot whose joints are investigated; None where it is a single axis."""
-        return str(self.axis_document["name"]) if "urdf" in self.inputs else None
 
     @property
     def subject(self) -> str | None:
@@ -294,6 +312,8 @@ class StoredJob(Base):
     finished_at: Mapped[datetime | None]
     """None until the engine has nothing to do for it any more."""
     submitted_by: Mapped[str | None] = mapped_column(String(200))
+    not_before: Mapped[datetime | None]
+    """The engine does not hear of it sooner; at once where there is none."""
 
     __table_args__ = (
         Index("ix_jobs_created", "created_at", "id"),
@@ -336,6 +356,94 @@ class MaintenanceMark(Base):
     created_by: Mapped[str] = mapped_column(String(200))
 
     __table_args__ = (Index("ix_maintenance_marks_axis", "axis", "at"),)
+
+
+class AlarmReceiver(Base):
+    """Where messages go: an e-mail address, a webhook or an MQTT topic."""
+
+    __tablename__ = "alarm_receivers"
+
+    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
+    name: Mapped[str] = mapped_column(String(200))
+    kind: Mapped[str] = mapped_column(String(20))
+    address: Mapped[str] = mapped_column(Text)
+    secret: Mapped[str | None] = mapped_column(String(100), deferred=True)
+    """Of a webhook: what its messages are signed with; shown once, when it is made."""
+    quiet_from: Mapped[str | None] = mapped_column(String(5))
+    quiet_to: Mapped[str | None] = mapped_column(String(5))
+    """Quiet hours, HH:MM in the time of the site: messages wait for their end."""
+    created_at: Mapped[datetime] = mapped_column(default=now)
+    created_by: Mapped[str] = mapped_column(String(200))
+
+
+class AlarmRule(Base):
+    """What somebody is told of: a state of a gearbox, or its silence."""
+
+    __tablename__ = "alarm_rules"
+
+    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
+    name: Mapped[str] = mapped_column(String(200))
+    kind: Mapped[str] = mapped_column(String(20))
+    axis: Mapped[str | None] = mapped_column(String(200))
+    gearbox: Mapped[str | None] = mapped_column(String(200))
+    """Of which axis and gearbox; of any where None."""
+    verdict: Mapped[str | None] = mapped_column(String(20))
+    label: Mapped[str | None] = mapped_column(String(100))
+    """Of a state: any fault where None."""
+    least_probability: Mapped[float | None]
+    least_size_rad: Mapped[float | None]
+    silent_days: Mapped[float | None]
+    receivers: Mapped[list[object]]
+    """Ids of receivers."""
+    created_at: Mapped[datetime] = mapped_column(default=now)
+    created_by: Mapped[str] = mapped_column(String(200))
+
+
+class Alarm(Base):
+    """A rule that holds of a gearbox, since when and until when; who was told once is not told again meanwhile."""
+
+    __tablename__ = "alarms"
+
+    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
+    rule_id: Mapped[str] = mapped_column(ForeignKey("alarm_rules.id", ondelete="CASCADE"))
+    axis: Mapped[str] = mapped_column(String(200))
+    gearbox: Mapped[str] = mapped_column(String(200))
+    """Empty where it is not known."""
+    began_at: Mapped[datetime] = mapped_column(default=now)
+    ended_at: Mapped[datetime | None]
+
+    __table_args__ = (
+        Index(
+            "uq_alarms_standing",
+            "rule_id",
+            "axis",
+            "gearbox",
+            unique=True,
+            sqlite_where=text("ended_at IS NULL"),
+            postgresql_where=text("ended_at IS NULL"),
+        ),
+    )
+
+
+class Delivery(Base):
+    """One message to one receiver: the outbox, written in the transaction of what is told."""
+
+    __tablename__ = "deliveries"
+
+    id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
+    """The id of the message too, by which a receiver knows one that comes twice."""
+    receiver_id: Mapped[str] = mapped_column(String(32))
+    receiver_name: Mapped[str] = mapped_column(String(200))
+    message: Mapped[dict[str, object]]
+    state: Mapped[str] = mapped_column(String(20), default="waiting")
+    attempts: Mapped[int] = mapped_column(default=0)
+    job_id: Mapped[str | None] = mapped_column(String(100))
+    """The job that is to send it next: no other one may."""
+    next_at: Mapped[datetime | None]
+    sent_at: Mapped[datetime | None]
+    error: Mapped[str | None] = mapped_column(Text)
+    """Why the last attempt failed."""
+    created_at: Mapped[datetime] = mapped_column(default=now)
 
 
 class ApiKey(Base):

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from sim.description.axis import Axis
+from sim.description.transmission import link_damping, link_stiffness
 from sim.errors import AxisError
 from sim.mechanisms.catalogue import apply_mechanisms
 from sim.rotational.component import Component, Signal
@@ -21,9 +22,6 @@ from sim.rotational.components import (
 from sim.rotational.drive_train import DriveTrain
 from sim.torsional.model import Chain
 from sim.torsional.reduction import chain_of
-
-RIGID = 1e7
-"""Stiffness of a mesh of which none is known, per inertia behind it [1/s2]: it rings at 500 Hz, out of the way."""
 
 
 def chain_of_axis(axis: Axis) -> Chain:
@@ -56,18 +54,18 @@ def _plain_train(axis: Axis, drive: Signal | None) -> DriveTrain:
         last = i == len(axis.stages) - 1
         inertia = stage.inertia_kg_m2 + (axis.load.inertia_kg_m2 if last else 0.0)
         parts[f"{stage.name}_gear"] = _gear(stage.ratio, stage.mesh_efficiency)
-        parts[stage.name] = _mesh(axis, i, inertia)
+        mesh = ElastoBacklash(c=link_stiffness(axis, i), d=link_damping(axis, i), b=stage.backlash_rad)
+        parts[stage.name] = mesh
         parts["load" if last else f"{stage.name}_shaft"] = Inertia(J=inertia)
     return _with_friction(DriveTrain.series(**parts), axis, drive)
 
 
 def _direct(axis: Axis, drive: Signal | None) -> DriveTrain:
     """A drive without gears: one shaft, or two with the coupling that `transmission` describes."""
-    stiffness, damping = axis.stiffness()[0], axis.damping()[0]
-    if stiffness is None or axis.load.inertia_kg_m2 == 0:
+    if axis.stiffness()[0] is None or axis.load.inertia_kg_m2 == 0:
         shaft = Inertia(J=axis.motor.inertia_kg_m2 + axis.load.inertia_kg_m2)
         return _with_friction(DriveTrain.series(motor=shaft), axis, drive)
-    coupling = ElastoBacklash(c=stiffness, d=damping or 0.0)
+    coupling = ElastoBacklash(c=link_stiffness(axis, 0), d=link_damping(axis, 0))
     motor, load = Inertia(J=axis.motor.inertia_kg_m2), Inertia(J=axis.load.inertia_kg_m2)
     return _with_friction(DriveTrain.series(motor=motor, coupling=coupling, load=load), axis, drive)
 
@@ -76,16 +74,6 @@ def _gear(ratio: float, efficiency: float) -> Component:
     if efficiency == 1:
         return IdealGear(ratio=ratio)
     return LossyGear(ratio=ratio, lossTable=[0, efficiency, efficiency, 0, 0])
-
-
-def _mesh(axis: Axis, i: int, inertia: float) -> ElastoBacklash:
-    """The mesh at the driven gear of stage i; one of unknown stiffness is stiff enough not to be felt."""
-    stiffness, damping = axis.stiffness()[i], axis.damping()[i]
-    if stiffness is None:
-        stiffness = RIGID * inertia
-    if damping is None:
-        damping = 2 * 0.01 * (stiffness * inertia) ** 0.5
-    return ElastoBacklash(c=stiffness, d=damping, b=axis.stages[i].backlash_rad)
 
 
 def _with_friction(train: DriveTrain, axis: Axis, drive: Signal | None) -> DriveTrain:

@@ -50,11 +50,14 @@ class LiveServer:
     worker: bool = False
     """With a worker beside it, and then in a process group of its own."""
     printed: list[str] = field(default_factory=list)
+    port: int = 0
+    """To listen on; any that is free where 0."""
 
     def start(self) -> None:
         """Start the service and wait until it has printed its address."""
         log = (self.data_dir.parent / "service.log").open("a")
-        command = [sys.executable, "-m", "app", "serve", "--port", "0", "--worker" if self.worker else "--no-worker"]
+        command = [sys.executable, "-m", "app", "serve", "--port", str(self.port)]
+        command += ["--worker" if self.worker else "--no-worker"]
         self.process = subprocess.Popen(
             [*command, "--data-dir", str(self.data_dir)],
             stdout=subprocess.PIPE,

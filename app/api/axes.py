@@ -14,7 +14,8 @@ from app.idempotency import Made, OnlyOnce
 from app.location import location
 from app.security import Admin, Viewer
 from app.service import Reading
-from casebase import axes
+from casebase import axes, revisions
+from casebase.models import AxisRevision
 from sim.description.axis_document import parse_axis, read_axis
 
 router = APIRouter(tags=["axes"])
@@ -48,7 +49,7 @@ BODY = {
 @router.get("/axes")
 def list_axes(_: Viewer, session: Reading, limit: Limit = 50, cursor: AfterName = None) -> PageOf[AxisAnswer]:
     """The current revision of every axis, by name."""
-    return page_of(axes.axes_page(session, limit=limit, cursor=cursor), AxisAnswer.model_validate)
+    return page_of(revisions.current_page(session, AxisRevision, limit=limit, cursor=cursor), AxisAnswer.model_validate)
 
 
 @router.get("/axes/{name}")
@@ -63,7 +64,9 @@ def axis_revisions(
 ) -> PageOf[AxisAnswer]:
     """The revisions of an axis, oldest first."""
     axes.get_axis(session, name)
-    return page_of(axes.history_page(session, name, limit=limit, cursor=cursor), AxisAnswer.model_validate)
+    return page_of(
+        revisions.history_page(session, AxisRevision, name, limit=limit, cursor=cursor), AxisAnswer.model_validate
+    )
 
 
 async def axis_body(request: Request) -> dict[str, object]:

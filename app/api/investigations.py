@@ -12,8 +12,8 @@ from sqlalchemy.orm import Session
 
 from app.accept import chosen
 from app.api.jobs import JobDocument
-from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf, page_of
-from app.errors import TooLarge, Unprocessable
+from app.documents import Answer, AxisAnswer, Cursor, Identifier, Limit, PageOf, RobotAnswer, page_of
+from app.errors import Unprocessable
 from app.idempotency import Made, OnlyOnce
 from app.investigations import (
     KIND,
@@ -26,26 +26,23 @@ from app.investigations import (
     submit,
     take_in,
     take_in_robot,
+    trajectory_of,
 )
 from app.location import location
+from app.robots import BINARY, robot_of
 from app.security import Admin, Operator, Viewer
 from app.service import Reading, Service, TheService
 from app.uploads import TheUpload, Upload
 from app.web.self_contained import self_contained
 from casebase.axes import get_axis
-from casebase.models import StoredInvestigation
+from casebase.models import RobotRevision, StoredInvestigation
 from casebase.pages import page
 from sim.description.axis import Axis
 from sim.description.axis_document import parse_axis, read_axis
-from sim.robot.foreign import ForeignRobot, check_foreign
-from sim.robot.robot import LARGEST_URDF_BYTES
 
 router = APIRouter(tags=["investigations"])
-OF_AXIS = ("axis", "telemetry", "sound", "as_new", "sound_offset_s", "channels")
-OF_ROBOT = ("robot", "urdf", "axis", "telemetry", "channels")
-PARTS = tuple(dict.fromkeys((*OF_AXIS, *OF_ROBOT)))
-HTML, JSON = "text/html", "application/json"
-BINARY = {"type": "string", "format": "binary"}
+PARTS = ("axis", "telemetry", "sound", "as_new", "sound_offset_s", "channels", "robot", "urdf", "next_motion")
+HTML, JSON, CSV = "text/html", "application/json", "text/csv"
 BODY = {
     "requestBody": {
         "required": True,
@@ -53,7 +50,7 @@ BODY = {
             "multipart/form-data": {
                 "schema": {
                     "type": "object",
-                    "anyOf": [{"required": ["axis"]}, {"required": ["robot", "urdf", "telemetry"]}],
+                    "anyOf": [{"required": ["axis"]}, {"required": ["robot", "telemetry"]}],
                     "additionalProperties": False,
                     "properties": {
                         "axis": {
@@ -63,9 +60,10 @@ BODY = {
                         },
                         "robot": {
                             "type": "string",
-                            "description": "instead of an axis: robot.toml or the same as JSON, of all logged joints",
+                            "description": "instead of an axis: robot.toml or the same as JSON, of all logged joints, "
+                            "or a stored robot's name",
                         },
-                        "urdf": {**BINARY, "description": "the robot's links and joints, as URDF"},
+                        "urdf": {**BINARY, "description": "links and joints of a robot that is not stored, as URDF"},
                         "telemetry": {
                             "type": "array",
                             "items": BINARY,
@@ -89,6 +87,10 @@ BODY = {
                             "type": "string",
                             "description": "channel map, TOML or the same as JSON: which columns of the telemetry are "
                             "which channels, in what units; of a robot with lists, one entry a joint",
+                        },
+                        "next_motion": {
+                            "type": "boolean",
+                            "description": "of a robot: find the next motion, too, which takes as long again",
                         },
                         "sound_offset_s": {
                             "type": "number",
@@ -144,8 +146,9 @@ class InvestigationDocument(BaseModel):
 def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request) -> Response:
     """Ask what the model of an axis or a robot misses. Answers the job.
 
-    Of an axis: parts `axis`, and `telemetry`, `sound` or both. Of a robot: `robot`, `urdf`, `telemetry` and `channels`,
-    which has a column for each logged joint; an `axis` file for each that a joint names.
+    Of an axis: parts `axis`, and `telemetry`, `sound` or both. Of a robot: `robot` and `telemetry`, with `urdf` and an
+    `axis` file for each that a joint names where the robot is not a stored one; `channels` where the columns do not
+    name or count the joints, or are currents.
 
     `telemetry` and `sound` may come several times: recordings of one axis, whose evidence is taken together. The k-th
     sound belongs to the k-th telemetry; the document then has `recordings`, each with what it says by itself. Sound
@@ -195,42 +198,31 @@ def asked_of(service: Service, upload: Upload) -> Asked:
     channels = upload.text("channels", service.settings.document_bytes).strip()
     mapped = [channels] if channels else []
     if {"robot", "urdf"} & {*upload.files, *upload.fields}:
+        _refuse_sound(upload)
         robot = robot_of(service, upload)
-        urdf = Measured(upload.file("urdf").path, upload.file("urdf").name)
-        take = partial(take_in_robot, service.library, robot, urdf, telemetry, channels)
-        return Asked((robot.document, hashes, *mapped), take)
+        urdf = upload.files["urdf"].name if "urdf" in upload.files else f"{robot.name}.urdf"
+        wanted = _wants_motion(upload)
+        take = partial(take_in_robot, service.library, robot, urdf, telemetry, channels, next_motion=wanted)
+        return Asked((robot.document, robot.urdf, hashes, wanted, *mapped), take)
     axis = axis_of(service, upload)
     offset = offset_of(upload)
     take = partial(take_in, service.library, axis, telemetry, sounds, offset, as_new, channels)
     return Asked((axis.to_mapping(), hashes, offset, *mapped), take)
 
 
-def robot_of(service: Service, upload: Upload) -> ForeignRobot:
-    """Return the robot of a request.
-
-    Raises:
-        Unprocessable: if a part is missing, or does not go with a robot.
-        RobotError: if the description is wrong.
-    """
-    limit = service.settings.document_bytes
-    text = upload.text("robot", limit).strip()
-    if not text:
-        raise Unprocessable("The part 'urdf' belongs to a robot: send its robot.toml, or the same as JSON, as 'robot'.")
-    besides = sorted({*upload.files, *upload.fields} - {*OF_ROBOT, "csrf"})
-    if {"sound", "as_new", "sound_offset_s"} & {*besides}:
+def _refuse_sound(upload: Upload) -> None:
+    if besides := sorted({"sound", "as_new", "sound_offset_s"} & {*upload.files, *upload.fields}):
         raise Unprocessable(
             f"The part {besides[0]!r} does not go with a robot: sound is investigated with the axis of the joint that "
             "is heard; leave it out, or send 'axis' instead of 'robot'."
         )
-    if upload.fields.get("axis", "").strip():
-        raise Unprocessable(
-            "The parts 'axis' and 'robot' are one too many: send the axis alone, or the robot. An axis of one of its "
-            "joints comes as a file, under the name that the joint gives, or as a table in the robot's description."
-        )
-    urdf = upload.file("urdf")
-    if urdf.size > LARGEST_URDF_BYTES:
-        raise TooLarge(f"The part 'urdf' has {urdf.size} bytes; it may have {LARGEST_URDF_BYTES}.")
-    return check_foreign(text, urdf.path.read_bytes(), upload.texts("axis", limit))
+
+
+def _wants_motion(upload: Upload) -> bool:
+    text = upload.fields.get("next_motion", "").strip() or "false"
+    if text not in ("true", "false"):
+        raise Unprocessable(f"next_motion must be true or false, got {text[:40]!r}.")
+    return text == "true"
 
 
 def axis_of(service: Service, upload: Upload) -> Axis:
@@ -246,7 +238,7 @@ def axis_of(service: Service, upload: Upload) -> Axis:
     if not text:
         raise Unprocessable(
             "The form needs the part 'axis': an axis.toml, the same as JSON, or a stored axis' name; or, of a whole "
-            "robot, the parts 'robot', 'urdf', 'telemetry' and 'channels'."
+            "robot, the parts 'robot' (with 'urdf', or a stored one's name) and 'telemetry'."
         )
     if not any(mark in text for mark in "{=\n"):
         with service.library.reading() as session:
@@ -308,20 +300,32 @@ def investigation_report(
     return self_contained(row.report or "", "'self'", Vary="Accept")
 
 
+@router.get(
+    "/investigations/{investigation_id}/trajectory", response_class=Response, responses={200: {"content": {CSV: {}}}}
+)
+def investigation_trajectory(_: Viewer, session: Reading, investigation_id: Identifier) -> Response:
+    """The next motion of a robot as a file for its controller (see `docs/formats.md`), where it was asked for."""
+    return Response(trajectory_of(get_investigation(session, investigation_id)), media_type=CSV)
+
+
 def _document(service: Service, row: StoredInvestigation) -> Mapping[str, object]:
     return document_of(row, state_of(row, lambda: service.jobs))
 
 
 @router.post(
-    "/investigations/{investigation_id}/accept", status_code=status.HTTP_201_CREATED, response_model=AxisAnswer
+    "/investigations/{investigation_id}/accept",
+    status_code=status.HTTP_201_CREATED,
+    response_model=AxisAnswer | RobotAnswer,
 )
 def accept_investigation(
     admin: Admin, service: TheService, once: OnlyOnce, request: Request, investigation_id: Identifier
 ) -> Response:
-    """Store the extended axis as the next revision; later simulations and investigations start from it."""
+    """Store the extended axis or robot as its next revision; later simulations and investigations start from it."""
 
     def work(session: Session) -> Made:
-        row = accept(session, get_investigation(session, investigation_id))
+        row = accept(service.library, session, get_investigation(session, investigation_id))
+        if isinstance(row, RobotRevision):
+            return Made(RobotAnswer.model_validate(row), location(request, "get_robot", name=row.name))
         return Made(AxisAnswer.model_validate(row), location(request, "get_axis", name=row.name))
 
     return once.run(work)

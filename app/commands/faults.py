@@ -6,6 +6,8 @@ from sqlalchemy.exc import OperationalError
 
 from app.commands.exit_codes import BAD_INPUT, FAILURE
 from app.jobs.job import JobError, JobFailedError
+from app.microphone import MicrophoneError
+from app.remote import RemoteError, UnreachableError
 from casebase.errors import DamagedError, LibraryError
 from casebase.signals.errors import DecoderUnavailableError, SignalError
 from casebase.soundness import RESTORE, is_damaged
@@ -16,6 +18,9 @@ CODES: dict[type[Exception], int] = {
     ValidationError: BAD_INPUT,
     LibraryError: BAD_INPUT,
     DamagedError: FAILURE,
+    MicrophoneError: FAILURE,
+    RemoteError: BAD_INPUT,
+    UnreachableError: FAILURE,
     JobError: BAD_INPUT,
     JobFailedError: FAILURE,
     DecoderUnavailableError: FAILURE,

@@ -16,15 +16,16 @@ from casebase.signals.errors import SignalError
 from casebase.signals.recording import Recording
 from casebase.signals.telemetry import Telemetry, read_telemetry
 from casebase.signals.text import text_of
-from sim.description.axis_document import read_axis
+from sim.description.axis_document import read_axis, write_axis
 from sim.discrepancy.data.pairing import check_pairs
 from sim.discrepancy.investigation import Progress, investigate
 from sim.discrepancy.pooling.joint_investigation import investigate_together
 from sim.discrepancy.pooling.pooled_estimates import Taken
+from sim.discrepancy.report.checks import ROWS, checked
 from sim.discrepancy.report.formatting import angle, likely, named
 from sim.discrepancy.report.html import html_report
 from sim.discrepancy.report.joint_html import html_report_together
-from sim.discrepancy.report.wording import headline
+from sim.discrepancy.report.wording import headline, unexplained_words
 from sim.discrepancy.results import Estimate, Investigation
 
 Read = TypeVar("Read")
@@ -76,8 +77,16 @@ def run(
     sound_offset: Annotated[
         float, typer.Option(metavar="S", help="how long after its telemetry every sound starts [s]")
     ] = 0.0,
+    trajectory: Annotated[
+        Path | None,
+        typer.Option(metavar="OUT.csv", help="of a robot: the next motion, for its controller to play"),
+    ] = None,
     report: Annotated[
         Path | None, typer.Option(metavar="OUT.html", help="one file with plots that works offline")
+    ] = None,
+    extended: Annotated[
+        Path | None,
+        typer.Option(metavar="OUT.toml", help="the description with all that was found, for the next investigation"),
     ] = None,
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
@@ -87,12 +96,16 @@ def run(
         raise typer.BadParameter("give --axis AXIS.toml for one axis, or --robot ROBOT.toml for a whole robot")
     if axis is None:
         assert robot is not None
+        if extended is not None:
+            raise typer.BadParameter("--extended is of one axis; a robot's stands in its --json document")
         if sound or as_new:
             raise typer.BadParameter(
                 "sound is investigated with an axis; give --axis AXIS.toml of the joint that is heard"
             )
-        _of_robot(frame, robot, telemetry or [], channels, report, json=json)
+        _of_robot(frame, robot, telemetry or [], channels, report, trajectory, json=json)
         return
+    if trajectory is not None:
+        raise typer.BadParameter("--trajectory is a motion of a whole robot; give --robot ROBOT.toml")
     described = read_axis(axis)
     check_pairs(len(telemetry or ()), len(sound or ()), len(as_new or ()), channel_map=channels is not None)
     heard, before = _sounds(sound or ()), _sounds(as_new or ())
@@ -110,6 +123,9 @@ def run(
     if report is not None:
         report.write_text(page(), encoding="utf-8")
         frame.say(f"report: {report}")
+    if extended is not None:
+        extended.write_text(write_axis(result.extended), encoding="utf-8")
+        frame.say(f"extended description: {extended}")
     if json:
         frame.print_json(document())
     else:
@@ -126,11 +142,19 @@ def _measured(telemetry: Sequence[Path], channels: Path | None) -> list[Telemetr
 
 
 def _of_robot(
-    frame: Frame, robot: Path, telemetry: Sequence[Path], channels: Path | None, report: Path | None, *, json: bool
+    frame: Frame,
+    robot: Path,
+    telemetry: Sequence[Path],
+    channels: Path | None,
+    report: Path | None,
+    trajectory: Path | None,
+    *,
+    json: bool,
 ) -> None:
     """Investigate all joints of a robot."""
     from sim.robot.investigation import investigate_robot
     from sim.robot.log import read_log
+    from sim.robot.next_motion import next_motion
     from sim.robot.report import lines, robot_report
     from sim.robot.robot import read_robot
 
@@ -141,8 +165,15 @@ def _of_robot(
     if report is not None:
         report.write_text(robot_report(result), encoding="utf-8")
         frame.say(f"report: {report}")
+    document = result.document()
+    if trajectory is not None and (found := next_motion(result)) is not None:
+        trajectory.write_text(found.motion.trajectory().csv(), encoding="utf-8")
+        frame.say(f"next motion: {trajectory}")
+        document["next_motion"] = found.document()
+    elif trajectory is not None:
+        frame.say("no next motion: none of those that were drawn tells more than a repeat of this one")
     if json:
-        frame.print_json(result.document())
+        frame.print_json(document)
         return
     for line in lines(result):
         frame.print(line)
@@ -193,17 +224,19 @@ def _show(frame: Frame, result: Investigation, whose: Sequence[str]) -> None:
             frame.print(f"    in these data it looks the same as {' or '.join(map(named, f.indistinguishable_from))}")
         frame.print(f"    what to do now: {f.action}")
     if result.unexplained is not None:
-        where = ", ".join(f"{name} {value:.4g}" for name, value in result.unexplained.numbers.items())
-        frame.print(f"  unexplained: {where} in {result.unexplained.channel}")
+        frame.print(f"  without a name: {unexplained_words(result.unexplained)}")
     for e in result.parameters:
         described = "not described" if e.nominal is None else f"described {e.nominal:.5g}"
-        frame.print(f"  {e.name}: {described}, found {_with_unit(e)}")
+        frame.print(f"  {e.name}: {described}, found {_with_unit(e)} ({e.low:.5g} to {e.high:.5g})")
     for g, recording in zip(result.gain, whose, strict=True):
         note = "" if g.significant else " (may be chance)"
         frame.print(
             f"  {recording}{g.channel}: error {g.rms_before:.4g} -> {g.rms_after:.4g} {g.unit} (rms) on rows not used "
             f"for the fit{note}"
         )
+    for check, said in checked(result):
+        if check == ROWS:
+            frame.print(f"  {check}: {said}")
     for remark in result.remarks:
         frame.print(f"  note: {remark}")
     frame.print(result.next_measurement)

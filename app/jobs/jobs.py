@@ -19,7 +19,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self, cast
 
-from sqlalchemy import make_url, select, tuple_
+from sqlalchemy import ColumnElement, make_url, or_, select, tuple_
 from sqlalchemy.exc import IntegrityError
 from sqlalchemy.orm import Session
 
@@ -226,7 +226,7 @@ class Jobs:
         """Make the engine do what the rows say, and the rows say what became of it: of every job that is not over."""
         with self._library.reading() as session:
             unfinished = session.execute(
-                select(StoredJob.id, StoredJob.state).where(StoredJob.finished_at.is_(None))
+                select(StoredJob.id, StoredJob.state).where(StoredJob.finished_at.is_(None), _due())
             ).all()
         known = self._statuses([job_id for job_id, _ in unfinished])
         for job_id, wanted in unfinished:
@@ -294,7 +294,7 @@ class Jobs:
                     self._client.cancel_workflow(job_id, cancel_children=True)
                 row.finished_at = now()
                 row.progress = asdict(_progress(status, "cancelled"))
-            elif status is None:
+            elif status is None and (row.not_before is None or row.not_before <= now()):
                 self._enqueue(row)
             elif state == "cancelled":
                 self._go_on(job_id)
@@ -346,6 +346,11 @@ class Jobs:
                     )
         except IntegrityError:
             return  # another process did it at the same time
+
+
+def _due() -> ColumnElement[bool]:
+    """Of the rows of jobs, which ones are to begin by now; what was cancelled ends at once."""
+    return or_(StoredJob.not_before.is_(None), StoredJob.not_before <= now(), StoredJob.state == "cancelled")
 
 
 def prepare(url: str) -> None:

@@ -12,6 +12,7 @@ from casebase.library import CaseLibrary
 KINDS: dict[str, tuple[str, str]] = {
     "simulations": ("app.generation", "simulations"),
     "investigations": ("app.investigations", "investigations"),
+    "deliveries": ("app.alarms.sending", "deliveries"),
 }
 """Name of a kind, and where the function is that makes it for a library; workers alone import it."""
 

@@ -27,11 +27,12 @@ NAVIGATION = (
     ("/fleet", "Fleet", "1", "viewer"),
     ("/diagnoses", "Diagnoses", "2", "viewer"),
     ("/library", "Library", "3", "viewer"),
-    ("/axes", "Axes", "4", "viewer"),
+    ("/axes", "Axes and robots", "4", "viewer"),
     ("/investigations", "Model and measurement", "5", "viewer"),
     ("/jobs", "Jobs", "6", "operator"),
-    ("/keys", "Keys", "7", "admin"),
-    ("/audit", "Audit", "8", "admin"),
+    ("/alarms", "Alarms", "7", "admin"),
+    ("/keys", "Keys", "8", "admin"),
+    ("/audit", "Audit", "9", "admin"),
 )
 MINUS, NO_BREAK = "\N{MINUS SIGN}", "\N{NO-BREAK SPACE}"
 RAISED = str.maketrans("0123456789-", "⁰¹²³⁴⁵⁶⁷⁸⁹⁻")

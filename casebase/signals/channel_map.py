@@ -53,12 +53,11 @@ def channel_map_of(text: str) -> ChannelMap:
     schema = document.pop("schema", SCHEMA)
     if schema != SCHEMA:
         raise TelemetryError(f'channel map: schema = {schema!r} is not known here; write schema = "{SCHEMA}"')
-    layout: dict[str, Any] = {}
     sources: dict[str, Source] = {}
     for name, value in document.items():
         if name in TABLE_KEYS:
-            layout[name] = _layout(name, value)
-        elif name == TIME or name in CHANNELS:
+            continue
+        if name == TIME or name in CHANNELS:
             sources[name] = _source(name, value)
         else:
             known = ", ".join((*TABLE_KEYS, TIME, *CHANNELS))
@@ -70,10 +69,19 @@ def channel_map_of(text: str) -> ChannelMap:
         )
     if len(sources) == 1:
         raise TelemetryError(f"channel map: no channel is named beside time_s; there are {', '.join(CHANNELS)}")
-    return ChannelMap(MappingProxyType(sources), Wanted(**layout))
+    return ChannelMap(MappingProxyType(sources), layout_of(document))
 
 
-def _layout(name: str, value: object) -> object:
+def layout_of(document: Mapping[str, object]) -> Wanted:
+    """Return what a channel map says of the layout.
+
+    Raises:
+        TelemetryError: with what would be right.
+    """
+    return Wanted(**{name: _layout(name, document[name]) for name in TABLE_KEYS if name in document})
+
+
+def _layout(name: str, value: object) -> Any:
     kind = TABLE_KEYS[name]
     if type(value) is not kind:
         right = {"header": "header = false", "delimiter": 'delimiter = ";"', "decimal": 'decimal = ","'}

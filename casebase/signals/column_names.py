@@ -130,6 +130,7 @@ class Meaning:
         word: the word for the quantity.
         needed: what of `NEEDED` has to be known beside the unit; else empty.
         open: what leaves the channel itself in doubt, in words; else empty.
+        side: of the gear, where the name says it; else empty.
     """
 
     channel: str
@@ -138,6 +139,7 @@ class Meaning:
     word: str = ""
     needed: str = ""
     open: str = ""
+    side: str = ""
 
     @property
     def is_sure(self) -> bool:
@@ -240,7 +242,8 @@ def _said(name: str, unit_below: str) -> tuple[str, str, Meaning] | None:
     needed = next((each for each in (word, unit or "") if each in NEEDED), "")
     if doubts:
         doubt = f"leaves the side open ({doubts[0]})"
-    return quantity, side, Meaning("", unit, tuple(label), word, needed, doubt)
+    said = side if side in sides else ""
+    return quantity, side, Meaning("", unit, tuple(label), word, needed, doubt, said)
 
 
 def _sorted(tokens: list[str], unit: str | None) -> tuple[list[str], list[str], list[str], list[str]]:

@@ -2,12 +2,54 @@
 
 import json
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
 
 from casebase.signals.documents import parse_document
 from casebase.signals.errors import TelemetryError, TextError
-from casebase.signals.telemetry import TIME
+from casebase.signals.telemetry import TIME, recognise_joint_columns
 
 SCHEMA = "gearcase-channels/1"
+
+
+@dataclass(frozen=True)
+class LoggedJoint:
+    """A joint of which a log has columns.
+
+    `ratio`: turns of its motor per turn of the joint [1]; None where its drive is not described.
+    """
+
+    name: str
+    ratio: float | None = None
+
+
+def read_joint_maps(
+    path: Path,
+    joints: Sequence[LoggedJoint],
+    text: str | None,
+    parse: Callable[[str], Mapping[str, object]] = parse_document,
+) -> tuple[tuple[str | None, ...], str]:
+    """Return a channel map of each joint for one log, and the robot's map that was recognised, empty where none was.
+
+    A map that names no column gives what the names of the columns do not tell, such as the torque per ampere.
+
+    Raises:
+        TelemetryError: as `joint_maps`; where columns of a log without a map, or with one that names none, are in
+            doubt, with the lines of a map that would read it.
+    """
+    names = [joint.name for joint in joints]
+    given = {} if text is None else json.loads(json.dumps(_parsed(text, parse), default=str))
+    if text is None and len(joints) == 1:
+        return (None,), ""
+    if text is not None and any(isinstance(table, Mapping) and "column" in table for table in given.values()):
+        return joint_maps(text, names, parse), ""
+    found = recognise_joint_columns(path, [(joint.name, joint.ratio) for joint in joints], given)
+    if found.open:
+        raise TelemetryError(
+            f"the names and units of the columns do not tell enough: {found.open}. Looked through, and ... filled in, "
+            f"these lines are a channel map that reads the log:\n{found.map}"
+        )
+    return joint_maps(found.map, names), found.map
 
 
 def joint_map_template(joints: int) -> str:
@@ -31,36 +73,32 @@ unit = "N.m"
 
 
 def joint_maps(
-    text: str | None, joints: Sequence[str], parse: Callable[[str], Mapping[str, object]] = parse_document
-) -> tuple[str | None, ...]:
+    text: str, joints: Sequence[str], parse: Callable[[str], Mapping[str, object]] = parse_document
+) -> tuple[str, ...]:
     """Take a robot's channel map apart into one of each joint, as JSON that `channel_map_of` reads.
 
     In a robot's map `column`, `unit`, `factor`, `counts_per_rev` may be lists, one entry a joint, in the joints' order.
 
     Args:
-        text: of the map; a log of a single joint may do without.
+        text: of the map.
         parse: how the text is parsed; `parse_foreign` where it came from elsewhere.
 
     Raises:
-        TelemetryError: for a list of another length, a list where none can be, a column for all joints, or no map for
-            several joints, with one to fill in.
+        TelemetryError: for a list of another length, a list where none can be, or a column for all joints.
     """
-    if text is None and len(joints) > 1:
-        raise TelemetryError(
-            "a robot's log needs a channel map with one column a joint, in the joints' order:\n"
-            + joint_map_template(len(joints)).rstrip()
-        )
-    if text is None:
-        return (None,)
-    try:
-        document = parse(text)
-    except TextError as error:
-        raise TelemetryError(f"channel map: {error}") from None
+    document = _parsed(text, parse)
     maps: list[dict[str, object]] = [{} for _ in joints]
     for name, value in document.items():
         for k, one in enumerate(maps):
             one[name] = _of_joint(name, value, k, joints) if isinstance(value, Mapping) and name != TIME else value
     return tuple(json.dumps(one) for one in maps)
+
+
+def _parsed(text: str, parse: Callable[[str], Mapping[str, object]]) -> Mapping[str, object]:
+    try:
+        return parse(text)
+    except TextError as error:
+        raise TelemetryError(f"channel map: {error}") from None
 
 
 def _of_joint(channel: str, table: Mapping[str, object], joint: int, joints: Sequence[str]) -> dict[str, object]:

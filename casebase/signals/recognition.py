@@ -52,11 +52,13 @@ class Column:
     Args:
         name: as it stands in the table.
         shown: as it stands in a map: in quotes, or its number from 1 where the name does not tell it.
+        place: in the table, from 0.
     """
 
     name: str
     shown: str
     meaning: Meaning
+    place: int
 
 
 def recognise(names: Sequence[str], units: Sequence[str] = (), times: Iterable[int] = ()) -> Recognition:
@@ -72,10 +74,12 @@ def recognise(names: Sequence[str], units: Sequence[str] = (), times: Iterable[i
     >>> recognise(["t [ms]", "position"]).open
     'motor_position_rad has no unit'
     """
-    columns = _beside_own(names, _columns(names, units, frozenset(times)))
+    columns = _beside_own(names, columns_of(names, units, frozenset(times)))
     axis, others, doubts = _axis([each for each in columns if each.meaning.channel != TIME])
     by_channel = {
-        name: sorted((each for each in (columns if name == TIME else axis) if each.meaning.channel == name), key=_rank)
+        name: sorted(
+            (each for each in (columns if name == TIME else axis) if each.meaning.channel == name), key=rank_of
+        )
         for name in (TIME, *CHANNELS)
     }
     found = {name: each for name, each in by_channel.items() if each}
@@ -89,31 +93,35 @@ def recognise(names: Sequence[str], units: Sequence[str] = (), times: Iterable[i
         doubts.append(f"its {len(names)} columns have no names, and a map says their numbers")
     if not by_channel[TIME]:
         doubts.append("no column says the time")
-        lines.insert(0, f"{TIME} = {{column = {BLANK}, unit = {_quoted(BLANK)}}}  # {_choice(TIME)}")
+        lines.insert(0, f"{TIME} = {{column = {BLANK}, unit = {quoted(BLANK)}}}  # {units_in_words(TIME)}")
     if not axis:
         doubts.append("no column says which channel it is")
-        lines += [f"{name} = {{column = {BLANK}, unit = {_quoted(BLANK)}}}  # {_choice(name)}" for name in LEAST]
+        lines += [f"{name} = {{column = {BLANK}, unit = {quoted(BLANK)}}}  # {units_in_words(name)}" for name in LEAST]
     return Recognition("\n".join([f'schema = "{SCHEMA}"', *lines, *others]), "; ".join(doubts))
 
 
-def _columns(names: Sequence[str], units: Sequence[str], times: frozenset[int]) -> list[Column]:
-    """The columns that may be channels, in their order."""
+def columns_of(
+    names: Sequence[str], units: Sequence[str], times: frozenset[int], said: Sequence[str] | None = None
+) -> list[Column]:
+    """Return the columns that may be channels, in their order; `said`: what tells it of each, where not its name."""
     found, occurrences = [], Counter(names)
-    short = [name.lower() for name in names if len(name) <= LONGEST_NAME]
+    said = names if said is None else said
+    short = [text.lower() for text in said if len(text) <= LONGEST_NAME]
     known = {word: unit for marker, its in FAMILIES if any(map(marker.fullmatch, short)) for word, unit in its.items()}
     for place, name in enumerate(names):
-        meaning = meaning_of(name, units[place] if units else "")
+        meaning = meaning_of(said[place], units[place] if units else "")
         if place in times:
             meaning = Meaning(TIME, ISO8601) if meaning is None or meaning.channel == TIME else None
         if meaning is not None:
             unit = meaning.unit or known.get(meaning.word)
             tells = 0 < len(name) <= LONGEST_SHOWN and name.isprintable() and not name.isdigit()
-            shown = _quoted(name) if tells and occurrences[name] == 1 else str(place + 1)
-            found.append(Column(name, shown, replace(meaning, unit=unit)))
+            shown = quoted(name) if tells and occurrences[name] == 1 else str(place + 1)
+            found.append(Column(name, shown, replace(meaning, unit=unit), place))
     return found
 
 
-def _quoted(text: str) -> str:
+def quoted(text: str) -> str:
+    """Return a text as it stands in a map."""
     return json.dumps(text, ensure_ascii=False)
 
 
@@ -185,11 +193,11 @@ def _lines_of(called: str, columns: Sequence[Column]) -> Iterator[str]:
     """The lines of a map for an axis that is not the first one."""
     yield f"# of the axis {called} instead:"
     for channel in CHANNELS:
-        if its := sorted((each for each in columns if each.meaning.channel == channel), key=_rank):
+        if its := sorted((each for each in columns if each.meaning.channel == channel), key=rank_of):
             yield "# " + _line(channel, its).partition("  # ")[0]
 
 
-def _rank(column: Column) -> tuple[bool, ...]:
+def rank_of(column: Column) -> tuple[bool, ...]:
     """What comes first is rather the channel: what is told, by the channel's own name, and no makeshift of it."""
     meaning = column.meaning
     if meaning.channel == TIME:
@@ -200,10 +208,10 @@ def _rank(column: Column) -> tuple[bool, ...]:
 
 
 def _doubt(channel: str, columns: Sequence[Column]) -> str:
-    """What is in doubt about a channel, whose columns stand in the order of `_rank`; empty if nothing is."""
+    """What is in doubt about a channel, whose columns stand in the order of `rank_of`; empty if nothing is."""
     first = columns[0]
     if first.meaning.is_sure:
-        alike = [each.shown for each in columns if _rank(each) == _rank(first)]
+        alike = [each.shown for each in columns if rank_of(each) == rank_of(first)]
         more = ["..."] if len(alike) > MOST_RIVALS else []
         return f"{channel} could be each of {', '.join(alike[:MOST_RIVALS] + more)}" if len(alike) > 1 else ""
     if first.meaning.open:
@@ -218,20 +226,20 @@ def _line(channel: str, columns: Sequence[Column]) -> str:
     first = columns[0]
     meaning, needed = first.meaning, NEEDED.get(first.meaning.needed)
     more = f", {needed.key} = {BLANK}" if needed else ""
-    comments = [needed.constant] if needed else [] if meaning.unit else [_choice(channel)]
+    comments = [needed.constant] if needed else [] if meaning.unit else [units_in_words(channel)]
     if _doubt(channel, columns):
         comments += [f"or column = {each.shown}" for each in columns[1:MOST_RIVALS]]
     says = f"  # {'; '.join(comments)}" if comments else ""
-    return f"{channel} = {{column = {first.shown}, unit = {_quoted(meaning.unit or BLANK)}{more}}}{says}"
+    return f"{channel} = {{column = {first.shown}, unit = {quoted(meaning.unit or BLANK)}{more}}}{says}"
 
 
-def _choice(channel: str) -> str:
-    """The units that a channel may have, and what some of them need."""
+def units_in_words(channel: str) -> str:
+    """Return the units that a channel may have, and what some of them need."""
     units = [each for each in units_of(channel) if each != SAMPLE]
     plain = [each for each in units if each not in NEEDED]
     more = [f"{each} with {NEEDED[each].key} = {BLANK}" for each in units if each in NEEDED]
     if channel == TIME:
-        more = [f"a log without a clock has unit = {_quoted(SAMPLE)}, rate_hz = {BLANK}"]
+        more = [f"a log without a clock has unit = {quoted(SAMPLE)}, rate_hz = {BLANK}"]
     elif channel != TEMPERATURE:
         more.append(f"of any other unit {plain[0]} with factor = {BLANK}")
     return "; ".join([", ".join(plain), *more])

@@ -1,6 +1,6 @@
 """Telemetry: named channels of an axis over one clock."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from pathlib import Path
@@ -108,6 +108,7 @@ class TelemetryLimits:
 
 LIMITS = TelemetryLimits()
 TASK, COLUMNS_TASK = "casebase.signals.telemetry_worker:read", "casebase.signals.telemetry_worker:columns"
+JOINTS_TASK = "casebase.signals.telemetry_worker:joint_columns"
 
 
 @dataclass(frozen=True)
@@ -181,6 +182,27 @@ def recognise_columns(path: Path, limits: TelemetryLimits = LIMITS) -> Recogniti
     """
     path.open("rb").close()
     _, found = PAPERS.perform(COLUMNS_TASK, {"path": str(path.absolute())}, asdict(limits), LONGEST_MAP)
+    return Recognition(**found)
+
+
+@refusals_as(TelemetryError, "reading the table was given up ({})")
+def recognise_joint_columns(
+    path: Path,
+    joints: Sequence[tuple[str, float | None]],
+    given: Mapping[str, object],
+    limits: TelemetryLimits = LIMITS,
+) -> Recognition:
+    """Return which columns of a robot's log are which channels of its joints (`casebase.signals.joint_columns`).
+
+    `joints`: name and gear ratio of each, in the robot's order; `given`: what a map without columns says.
+
+    Raises:
+        TelemetryError: if it is no table.
+        DecoderUnavailableError: if the limited process cannot be started.
+    """
+    path.open("rb").close()
+    request = {"path": str(path.absolute()), "joints": [list(joint) for joint in joints], "given": given}
+    _, found = PAPERS.perform(JOINTS_TASK, request, asdict(limits), LONGEST_MAP)
     return Recognition(**found)
 
 

@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.signals.channel_map import ChannelMap, Source, channel_map_of
+from casebase.signals.channel_map import ChannelMap, Source, channel_map_of, layout_of
 from casebase.signals.errors import TelemetryError
 from casebase.signals.formats import Reader, reader_of
 from casebase.signals.formats.comma_separated import TABLES, open_comma_separated
 from casebase.signals.formats.layout import Wanted
 from casebase.signals.formats.open_table import OpenTable
+from casebase.signals.joint_columns import recognise_joints
+from casebase.signals.joint_maps import LoggedJoint
 from casebase.signals.limited_worker import RefusedError, Send
 from casebase.signals.recognition import BLANK, recognise
 from casebase.signals.telemetry import CHANNELS, LARGEST_LOST_SHARE, LONGEST_NAME, MINIMUM_ROWS, MOST_COLUMNS, TIME
@@ -24,6 +26,10 @@ BEGINNING = 128
 """Bytes by which a format is told [byte]."""
 LONGEST_REFUSAL = 8000
 """Characters of a refusal, the lines of a channel map among them."""
+MOST_SHOWN = 40
+"""Columns that a refusal lists: four axes of ten channels."""
+MOST_LOOKED_AT = 1_000_000
+"""Values of which a refusal says from where to where they go."""
 
 
 def read(request: Mapping[str, Any], limits: Mapping[str, float], send: Send) -> Mapping[str, Any]:
@@ -41,6 +47,15 @@ def columns(request: Mapping[str, Any], _: Mapping[str, float], __: Send) -> Map
         return asdict(found if found.open or not _is_own(channel_map_of(found.map)) else replace(found, map=""))
 
 
+def joint_columns(request: Mapping[str, Any], _: Mapping[str, float], __: Send) -> Mapping[str, str]:
+    """Task: which columns of a robot's log are which channels of its joints."""
+    with _refusals():
+        joints, given = [LoggedJoint(name, ratio) for name, ratio in request["joints"]], request["given"]
+        layout = layout_of(given)
+        table = _opened(Path(request["path"]), None if layout == Wanted() else layout)
+        return asdict(recognise_joints(_names(table), table.units, table.times, joints, given))
+
+
 @contextmanager
 def _refusals() -> Iterator[None]:
     try:
@@ -51,7 +66,7 @@ def _refusals() -> Iterator[None]:
 
 
 def _read(path: Path, map_: ChannelMap | None, cells: int, send: Send) -> Mapping[str, Any]:
-    table = _opened(path, map_)
+    table = _opened(path, None if map_ is None else map_.layout)
     names = _names(table)
     sources, recognised = _recognised(table, names) if map_ is None else (map_.sources, "")
     known = [name for name in CHANNELS if name in sources]
@@ -87,11 +102,11 @@ def _names(table: OpenTable) -> list[str]:
     return [name.strip().lstrip("\ufeff") for name in table.names]
 
 
-def _opened(path: Path, map_: ChannelMap | None) -> OpenTable:
+def _opened(path: Path, wanted: Wanted | None) -> OpenTable:
     """The table; without a map text of another layout is tried where the plain one has no clock."""
     open_ = _reader(path)
-    if map_ is not None:
-        return open_(path, map_.layout)
+    if wanted is not None:
+        return open_(path, wanted)
     if open_ is not open_comma_separated:
         return open_(path, None)
     with suppress(TelemetryError):
@@ -111,8 +126,9 @@ def _recognised(table: OpenTable, names: Sequence[str]) -> tuple[Mapping[str, So
     found = recognise(names, table.units, table.times)
     if found.open:
         raise TelemetryError(
-            f"the names and units of the columns do not tell enough: {found.open}. The table has {_listed(names)}. "
-            f"Looked through, and {BLANK} filled in, these lines are a channel map that reads it:\n{found.map}"
+            f"the names and units of the columns do not tell enough: {found.open}. The table has "
+            f"{_held(table, names)}. Looked through, and {BLANK} filled in, these lines are a channel map that reads "
+            f"it:\n{found.map}"
         )
     map_ = channel_map_of(found.map)
     return map_.sources, "" if _is_own(map_) else found.map
@@ -186,6 +202,28 @@ def _listed(names: Iterable[str]) -> str:
     names = list(names)
     shown = [(name if len(name) <= 40 else name[:40] + "...") or "(no name)" for name in names[:12]]
     return ", ".join(shown) + (", ..." if len(names) > 12 else "")
+
+
+def _held(table: OpenTable, names: Sequence[str]) -> str:
+    """The columns, and from where to where they go: which is a clock, and which axis moves, is seen by that."""
+    shown = [place for place in range(min(len(names), MOST_SHOWN)) if place not in table.times]
+    low, high = np.full(len(names), np.inf), np.full(len(names), -np.inf)
+    count = 0
+    try:
+        for rows in table.rows(shown, ()):
+            for place, values in zip(shown, rows, strict=True):
+                low[place] = np.fmin.reduce(values, initial=low[place])
+                high[place] = np.fmax.reduce(values, initial=high[place])
+            count += len(shown) * rows[0].size
+            if count > MOST_LOOKED_AT:
+                break
+    except TelemetryError:  # what is no number has no ends
+        return _listed(names)
+    listed = [
+        f"{name[:40] or place + 1} ({low[place]:.4g} to {high[place]:.4g})" if low[place] <= high[place] else name[:40]
+        for place, name in enumerate(names[:MOST_SHOWN])
+    ]
+    return ", ".join(listed) + (", ..." if len(names) > MOST_SHOWN else "")
 
 
 def _check_clock(time_s: NDArray[np.float64]) -> None:

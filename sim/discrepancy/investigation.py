@@ -51,8 +51,8 @@ from sim.discrepancy.kinematics.encoders_alone import NEXT, encoders_alone
 from sim.discrepancy.next_measurement.advice import in_words, simulated_advice
 from sim.discrepancy.report.maintenance_actions import action
 from sim.discrepancy.report.wording import next_measurement, numbers_of
-from sim.discrepancy.results import SAID, Finding, Investigation, rounded
-from sim.discrepancy.search.search import select
+from sim.discrepancy.results import SAID, Finding, Investigation, Unexplained, rounded
+from sim.discrepancy.search.search import Selection, select
 from sim.mechanisms.catalogue import kind_of
 
 VERSION = "1"
@@ -94,54 +94,41 @@ def investigate(
     progress("condition of the channels", 0.02)
     if "motor_torque_nm" not in telemetry:
         return _encoders_alone(axis, telemetry, sounds, sound_offset_s, progress)
-    gate = examine(axis, telemetry, known_doubts)
+    return _of_torque(examine(axis, telemetry, known_doubts), telemetry, sounds, sound_offset_s, progress)
+
+
+def _of_torque(
+    gate: Gate, telemetry: Telemetry, sounds: tuple[Recording, ...], sound_offset_s: float, progress: Progress
+) -> Investigation:
+    """Hold what came through the gate against the model of its description."""
     axis, recorded = gate.axis, excitation_of(gate.measurement)
     progress("calibration of the description", 0.08)
-    problem = Problem(axis, gate.measurement, _first_noise(gate), unknown=gate.unknown)
-    problem, base = calibrate(problem)
-    weighed = selection = drop_unidentifiable(select(problem, base, progress, gate.law))
-    problem, fit = selection.problem, selection.fit
+    problem, base = calibrate(Problem(axis, gate.measurement, _first_noise(gate), unknown=gate.unknown))
+    weighed = drop_unidentifiable(select(problem, base, progress, gate.law))
     progress("sound", 0.78)
     heard = listen(axis, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
     strange = mismatch(sounds[0], gate.measurement, sound_offset_s) if sounds else ()
-    named = [term.mechanism for term in selection.found] + [fault.mechanism for fault in gate.faults]
     progress("gain on data not used for the fit", 0.85)
-    base = problem.fit((), base.values, held=base.sensitivities) if fit.terms else fit
-    places = look(problem, fit)
-    rest = [nameless(selection, term) for term in selection.nameless] + left(places, fit)
-    _, base = final_fit(problem, base)
-    problem, fit = final_fit(problem, fit)
-    selection = replace(selection, problem=problem, base=base, fit=fit)
+    selection, places, rest = _finally_fitted(weighed)
     progress("residual", 0.92)
-    struck, loud = _struck(axis, [*selection.found, *heard]), _loud(axis, selection.found)
-    findings = (
-        *(finding_of(selection, term) for term in selection.found),
-        *(finding_of_fault(fault) for fault in gate.faults),
-        *(finding_of_sound(h) for h in beside(named, heard, problem.guided, struck, loud)),
-    )
-    findings = beside_what_is_left(findings, rest, doubted=bool(gate.measurement.doubts.size))
-    findings, gained = predicting(problem, base, fit, findings)
+    problem, fit = selection.problem, selection.fit
+    findings = beside_what_is_left(_found(gate, selection, heard), rest, doubted=bool(gate.measurement.doubts.size))
+    findings, gained = predicting(problem, selection.base, fit, findings)
     findings = tuple(advised(axis, f) for f in findings)
-    named_well = any(f.probability >= SAID for f in findings)
-    if findings and not named_well:
-        rest = rest or places[:1]  # something is there, but no name is more likely than not
-    said = terms_said(fit, findings)
     doubts = misfit_remarks(fit, gained)
-    if doubts and not named_well:
-        rest = rest or places[:1]  # a model that does not hold is not complete
-    verdict = "named" if named_well else "unnamed" if rest else "nothing_missing"
+    verdict, rest = _verdict(findings, rest, places, doubted=bool(doubts))
     progress("next measurement", 0.96)
     told = simulated_advice(weighed, findings)
     advice = in_words(told) or next_measurement(axis, findings, rest, problem.guided)
     quieted = (
         controller_law_remarks(problem, gate)
-        if "reference_position_rad" in telemetry or named_well
+        if "reference_position_rad" in telemetry or verdict == "named"
         else (NO_REFERENCE,)
     )
     progress("done", 1.0)
     return Investigation(
         axis, verdict, findings, rest[0] if rest else None, estimates(problem, fit), gained,
-        advice, extended_axis(axis, fit, said),
+        advice, extended_axis(axis, fit, terms_said(fit, findings)),
         _provenance(axis, telemetry, sounds, problem.measurement),
         tuple((str(r.term.key), r.gain) for r in selection.rejected[:6]),
         (
@@ -152,6 +139,41 @@ def investigate(
         told, selection,
         weighed=weighed, gate=gate, sounds=sounds, sound_offset_s=sound_offset_s,
     )  # fmt: skip
+
+
+def _finally_fitted(weighed: Selection) -> tuple[Selection, list[Unexplained], list[Unexplained]]:
+    """The selection with both fits at their ends; where the residual has structure, and what of it is left."""
+    problem, fit, base = weighed.problem, weighed.fit, weighed.base
+    base = problem.fit((), base.values, held=base.sensitivities) if fit.terms else fit
+    places = look(problem, fit)
+    rest = [nameless(weighed, term) for term in weighed.nameless] + left(places, fit)
+    _, base = final_fit(problem, base)
+    problem, fit = final_fit(problem, fit)
+    return replace(weighed, problem=problem, base=base, fit=fit), places, rest
+
+
+def _found(gate: Gate, selection: Selection, heard: Sequence[AcousticFinding]) -> tuple[Finding, ...]:
+    """Of the motion, of the channels and of the sound; what is heard of the same cause is no finding of its own."""
+    axis, found = gate.axis, selection.found
+    named = [term.mechanism for term in found] + [fault.mechanism for fault in gate.faults]
+    struck, loud = _struck(axis, [*found, *heard]), _loud(axis, found)
+    return (
+        *(finding_of(selection, term) for term in found),
+        *(finding_of_fault(fault) for fault in gate.faults),
+        *(finding_of_sound(h) for h in beside(named, heard, selection.problem.guided, struck, loud)),
+    )
+
+
+def _verdict(
+    findings: Sequence[Finding], rest: list[Unexplained], places: list[Unexplained], *, doubted: bool
+) -> tuple[str, list[Unexplained]]:
+    """The verdict, and what is left: where no name is more likely than not something is there all the same, and a model
+    that does not hold is not complete."""
+    if any(f.probability >= SAID for f in findings):
+        return "named", rest
+    if findings or doubted:
+        rest = rest or places[:1]
+    return "unnamed" if rest else "nothing_missing", rest
 
 
 def _struck(axis: Axis, found: Sequence[Term | AcousticFinding]) -> list[float]:

@@ -15,6 +15,7 @@ import numpy as np
 
 from sim.assembly import chain_of_axis
 from sim.description.axis import Axis, Load, Motor, Stage
+from sim.description.transmission import link_damping
 from sim.errors import AxisError
 from sim.torsional.model import Chain, Line
 
@@ -48,14 +49,14 @@ class Specimen:
             raise AxisError("stages: sound is made by gears, and this axis has none")
         random = np.random.default_rng(self.seed)
         stages, errors = [], []
-        for index, (stage, c, d) in enumerate(zip(axis.stages, axis.stiffness(), axis.damping(), strict=True)):
+        for index, (stage, c) in enumerate(zip(axis.stages, axis.stiffness(), strict=True)):
             if c is None:
                 raise AxisError(f"stages[{index}].stiffness_n_m_per_rad: missing; a rigid mesh makes no sound")
             stages.append(
                 replace(
                     stage,
                     stiffness_n_m_per_rad=c,
-                    damping_n_m_s_per_rad=(_default_damping(axis, index, c) if d is None else d) * self.damping,
+                    damping_n_m_s_per_rad=link_damping(axis, index) * self.damping,
                     backlash_rad=stage.backlash_rad * random.uniform(*AS_NEW),
                 )
             )
@@ -102,9 +103,3 @@ def _errors(stage: Stage, index: int, scale: float, random: np.random.Generator)
         lines.append(line(shaft, 1, random.uniform(*RUN_OUT)))
         lines.extend(line(shaft, teeth + side, random.uniform(*SIDEBAND)) for side in (-1, 1))
     return tuple(lines)
-
-
-def _default_damping(axis: Axis, index: int, stiffness: float) -> float:
-    """3 % of critical damping against the load, as steel gear trains have [N m s/rad]."""
-    inertia = axis.load.inertia_kg_m2 / axis.ratio_from(axis.stages[index].name) ** 2
-    return 2 * 0.03 * math.sqrt(stiffness * inertia)

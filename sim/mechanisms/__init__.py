@@ -14,6 +14,7 @@ from sim.mechanisms.friction_asymmetry import FrictionAsymmetry
 from sim.mechanisms.friction_drift import FrictionDrift
 from sim.mechanisms.gravity_imbalance import GravityImbalance
 from sim.mechanisms.hysteresis import Hysteresis
+from sim.mechanisms.kinematic_error import KinematicError
 from sim.mechanisms.load_dependent_loss import LoadDependentLoss
 from sim.mechanisms.lost_samples import LostSamples
 from sim.mechanisms.mechanism import Mechanism
@@ -35,6 +36,7 @@ MECHANISMS: Mapping[str, type[Mechanism]] = MappingProxyType(
             ToothDamage,
             Eccentricity,
             MeshError,
+            KinematicError,
             CoulombFriction,
             ViscousFriction,
             StribeckFriction,
@@ -70,6 +72,7 @@ __all__ = [
     "FrictionDrift",
     "GravityImbalance",
     "Hysteresis",
+    "KinematicError",
     "LoadDependentLoss",
     "LostSamples",
     "MeshError",

@@ -1,6 +1,6 @@
 """Friction that differs by direction."""
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from dataclasses import replace
 from typing import ClassVar
 
@@ -57,20 +57,33 @@ class FrictionAsymmetry(Mechanics):
         place = self.placed(axis)
         if place:
             return _with(train, place, self["torque_n_m"], self["coefficient_n_m_s_per_rad"])
-        felt = {end: axis.ratio_from(end) / axis.ratio for end in ends(axis)}
-        friction = {end: friction_at(train, end) for end in felt}
-        dry = _shares({end: friction[end].coulomb * k for end, k in felt.items()})
-        viscous = _shares({end: friction[end].viscous * k**2 for end, k in felt.items()})
-        for end, k in felt.items():
-            torque, slope = self["torque_n_m"] * dry[end] / k, self["coefficient_n_m_s_per_rad"] * viscous[end] / k**2
+        present = [friction_at(train, end) for end in ends(axis)]
+        felt = [axis.ratio_from(end) / axis.ratio for end in ends(axis)]
+        halves = shared_halves(
+            self["torque_n_m"], self["coefficient_n_m_s_per_rad"],
+            [(old.coulomb, old.viscous) for old in present], felt,
+        )  # fmt: skip
+        for end, (torque, slope) in zip(ends(axis), halves, strict=True):
             train = _with(train, end, torque, slope)
         return train
 
 
-def _shares(parts: Mapping[str, float]) -> dict[str, float]:
-    """Share of each end in all; the motor has all of nothing."""
-    whole = sum(parts.values())
-    return {end: part / whole if whole > 0.0 else float(end == "motor") for end, part in parts.items()}
+def shared_halves(
+    torque: float, slope: float, present: Sequence[tuple[float, float]], felt: Sequence[float]
+) -> list[tuple[float, float]]:
+    """Half differences of dry and viscous friction at each shaft, motor first, that are `torque` and `slope` together.
+
+    Each has its share of it, as it has of the friction `present` (dry, viscous) that the motor feels; the motor has all
+    where there is none. `felt`: speed of each shaft over the motor's.
+    """
+    dry = _shares([coulomb * k for (coulomb, _), k in zip(present, felt, strict=True)])
+    viscous = _shares([d * k**2 for (_, d), k in zip(present, felt, strict=True)])
+    return [(torque * c / k, slope * d / k**2) for c, d, k in zip(dry, viscous, felt, strict=True)]
+
+
+def _shares(parts: Sequence[float]) -> list[float]:
+    whole = sum(parts)
+    return [part / whole if whole > 0.0 else float(k == 0) for k, part in enumerate(parts)]
 
 
 def _with(train: DriveTrain, place: str, torque: float, slope: float) -> DriveTrain:

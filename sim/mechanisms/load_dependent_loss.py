@@ -9,6 +9,7 @@ from sim.mechanisms.places import axis_of, stage_names
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.components import IdealGear, LossyGear
 from sim.rotational.drive_train import DriveTrain
+from sim.torsional.model import with_loss
 
 
 class LoadDependentLoss(Mechanics):
@@ -46,8 +47,8 @@ class LoadDependentLoss(Mechanics):
             return train
         gear = train[name]
         if isinstance(gear, IdealGear):
-            return train.replace(name, LossyGear(gear.ratio, [0, 1 / (1 + fraction), 1 - fraction, 0, 0]))
+            return train.replace(name, LossyGear(gear.ratio, [0, *with_loss((1.0, 1.0), fraction), 0, 0]))
         if not isinstance(gear, LossyGear):
             raise CompositionError(f"{name}: must be a gear to have a loss")
-        rows = [[w, eta1 / (1 + fraction), eta2 * (1 - fraction), *bf] for w, eta1, eta2, *bf in gear.table.rows]
+        rows = [[w, *with_loss((eta1, eta2), fraction), *bf] for w, eta1, eta2, *bf in gear.table.rows]
         return train.replace(name, LossyGear(gear.ratio, rows))

@@ -131,6 +131,8 @@ class Mechanism(ABC):
     """Whether an encoder at the load tells more of it."""
     of_links: ClassVar[bool] = False
     """Whether an axis that moves as one body has none of it."""
+    of_unknown_teeth: ClassVar[bool] = False
+    """Whether it is looked for only in gears of which the ratio alone is described."""
     unseen_at: ClassVar[frozenset[str]] = frozenset()
     """Places where telemetry does not show it."""
     own_hypothesis: ClassVar[bool] = False
@@ -139,6 +141,8 @@ class Mechanism(ABC):
     """Whether an investigation that finds it described has it in the load's own motion or in the measurement."""
     of_the_recording: ClassVar[bool] = False
     """Whether it is of one recording, and another of the same axis knows nothing of it."""
+    or_of_the_machine: ClassVar[str | None] = None
+    """Of a fault of the measurement: what in the machine has the same data, in words."""
     told_by: ClassVar[str | None] = None
     """The parameter that tells one from another at the same place."""
     checked: ClassVar[tuple[str, str] | None] = None

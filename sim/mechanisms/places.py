@@ -8,7 +8,7 @@ from sim.description.axis import Axis, Stage
 from sim.errors import CompositionError, ParameterError
 from sim.rotational.components import ElastoBacklash, Inertia
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.components import GearMesh, MeshLine, ShaftFriction
+from sim.torsional.components import GearMesh, MeshLine, ShaftFriction, Wheel
 from sim.torsional.reduction import shaft_friction_of
 
 
@@ -59,10 +59,13 @@ def gear_mesh(train: DriveTrain, location: str) -> tuple[str, GearMesh]:
     return name, GearMesh(**{item.name: getattr(part, item.name) for item in fields(ElastoBacklash)})
 
 
-def with_error(train: DriveTrain, location: str, order: float, amplitude: float, phase: float) -> DriveTrain:
-    """Add amplitude sin(order theta + phase) of the wheel at `location` to the transmission error of its mesh."""
+def with_error(
+    train: DriveTrain, location: str, order: float, amplitude: float, phase: float, *, wheel: Wheel | None = None
+) -> DriveTrain:
+    """Add amplitude sin(order theta + phase) of the wheel at `location`, or of another `wheel` of its mesh, to the
+    transmission error of its mesh."""
     name, mesh = gear_mesh(train, location)
-    line = MeshLine(order, amplitude, phase, "driver" if location == "motor" else "driven")
+    line = MeshLine(order, amplitude, phase, wheel or ("driver" if location == "motor" else "driven"))
     return train.replace(name, replace(mesh, errors=(*mesh.errors, line)))
 
 

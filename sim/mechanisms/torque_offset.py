@@ -20,15 +20,20 @@ class TorqueOffset(Measurement):
     signature: ClassVar[Signature] = Signature("recording")
     equations: ClassVar[str] = "measured = true + torque"
     source: ClassVar[str] = "zero error of a current transducer"
-    sentence: ClassVar[str] = "The torque channel reads {torque_n_m:.3g} N m too much, whatever the motion."
+    sentence: ClassVar[str] = (
+        "A constant torque of {torque_n_m:.3g} N m is in the torque channel, whatever the motion: its zero, or a "
+        "weight that the axis lifts."
+    )
     action: ClassVar[str] = (
-        "Zero the torque channel at standstill, brake open and load balanced or without its weight; nothing is wrong "
-        "with the machine."
+        "If the axis lifts something (a hoist, a vertical axis), this is its weight: give it as the channel "
+        "known_torque_nm. Otherwise zero the torque channel at standstill, brake open and load balanced. Nothing is "
+        "wrong with the machine."
     )
     check: ClassVar[str] = Differing.AT_REST.value
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.AT_REST})
     own_hypothesis: ClassVar[bool] = True
     of_the_recording: ClassVar[bool] = True
+    or_of_the_machine: ClassVar[str | None] = "a weight that the axis lifts"
     traits: ClassVar[Traits] = Traits(
         least_gain=10.0,
         over_bending=0.4,

@@ -13,11 +13,13 @@ from typing import Any
 
 from casebase.signals.documents import parse_foreign
 from casebase.signals.errors import TextError
+from casebase.signals.joint_maps import LoggedJoint
 from casebase.signals.limited_pool import LimitedPool, refusals_as
 from casebase.signals.limited_worker import RefusedError, Send
 from sim.errors import SimulationError
 from sim.robot.rigid_body import RigidBody
-from sim.robot.robot import LARGEST_URDF_BYTES, Robot, RobotError, robot_of
+from sim.robot.robot import LARGEST_URDF_BYTES, Robot, RobotError, logged_joints, robot_of
+from sim.robot.urdf import read_urdf
 
 LIMITS: Mapping[str, float] = {"seconds": 60.0, "cpu_seconds": 20.0, "memory_bytes": 2 << 30}
 """A robot takes a hundredth of a second; the first one of a process also loads MuJoCo."""
@@ -29,13 +31,14 @@ ROBOTS = LimitedPool(1, "sim.robot.foreign")
 class ForeignRobot:
     """A robot description from elsewhere that a rigid body was made of.
 
-    `document`: with its name, and with the axes of its joints in place of the files that it names; `joints`: names of
-    the logged joints, in the log's order.
+    `document`: with its name, and with the axes of its joints in place of the files that it names; `joints`: those that
+    are logged, in the log's order; `urdf`: its links and joints.
     """
 
     name: str
-    joints: tuple[str, ...]
+    joints: tuple[LoggedJoint, ...]
     document: Mapping[str, object]
+    urdf: str
 
 
 def check_foreign(text: str, urdf: bytes, axes: Mapping[str, str]) -> ForeignRobot:
@@ -57,7 +60,13 @@ def check_foreign(text: str, urdf: bytes, axes: Mapping[str, str]) -> ForeignRob
     given = {"document": document, "urdf": urdf.decode("latin-1")}
     with refusals_as(RobotError, "urdf: no robot could be made of it ({}); is it of one robot, with its masses?"):
         _, found = ROBOTS.perform(TASK, given, LIMITS)
-    return ForeignRobot(found["name"], tuple(found["joints"]), {**document, "name": found["name"]})
+    return foreign_robot({**document, "name": found["name"]}, read_urdf(urdf).text)
+
+
+def foreign_robot(document: Mapping[str, object], urdf: str) -> ForeignRobot:
+    """Return a description that `check_foreign` found right before."""
+    robot = kept_robot(document, urdf.encode())
+    return ForeignRobot(robot.name, logged_joints(robot), document, urdf)
 
 
 def kept_robot(document: Mapping[str, object], urdf: bytes) -> Robot:
@@ -66,13 +75,13 @@ def kept_robot(document: Mapping[str, object], urdf: bytes) -> Robot:
 
 
 def task(request: Mapping[str, Any], _: Mapping[str, float], send: Send) -> dict[str, object]:
-    """Task: make a rigid body of a description; the name of the robot and of its joints."""
+    """Task: make a rigid body of a description; the name of the robot."""
     try:
         robot = kept_robot(request["document"], request["urdf"].encode("latin-1"))
         RigidBody.of(robot)
     except SimulationError as error:
         raise RefusedError("robot", str(error)[:2000]) from error
-    return {"name": robot.name, "joints": [joint.name for joint in robot.joints]}
+    return {"name": robot.name}
 
 
 def _with_axes(document: dict[str, object], axes: Mapping[str, Mapping[str, object]]) -> dict[str, object]:

@@ -34,10 +34,14 @@ OF_THE_LOG = (LostSamples.name,)  # what one logger does to all joints alike is 
 
 @dataclass(frozen=True)
 class RobotLog:
-    """One log of a robot: telemetry of each joint, in the joints' order, over one clock."""
+    """One log of a robot: telemetry of each joint, in the joints' order, over one clock.
+
+    `recognised`: the channel map that reading it amounted to, where the columns were recognised; else empty.
+    """
 
     name: str
     joints: tuple[Telemetry, ...]
+    recognised: str = ""
 
 
 def investigate_robot(
@@ -85,7 +89,10 @@ def investigate_robot(
     return RobotInvestigation(
         robot, verdict, payload, tuple(joints), shared, _payload_parameters(robot, shared),
         _next_measurement(joints, shared), _provenance(robot, logs, shared),
-        (*_unlogged(robot), *_tilt_remarks(shared), *_earlier_payloads(logs, fits), *map(str, changes), *remarks),
+        (
+            *_recognised(logs), *_unlogged(robot), *_tilt_remarks(shared), *_earlier_payloads(logs, fits),
+            *map(str, changes), *remarks,
+        ),
         tuple(change.document() for change in changes),
     )  # fmt: skip
 
@@ -224,6 +231,11 @@ def _earlier_payloads(logs: Sequence[RobotLog], fits: Sequence[SharedFit]) -> li
         f"give or take {NINETY * fit.payload.mass_deviation_kg:.2g} kg (90 %)."
         for log, fit in zip(logs, fits, strict=True)
     ]
+
+
+def _recognised(logs: Sequence[RobotLog]) -> list[str]:
+    """How logs without a channel map were read, once where it is the same for all."""
+    return [f"The log was read as:\n{text}" for text in dict.fromkeys(log.recognised for log in logs) if text]
 
 
 def _unlogged(robot: Robot) -> list[str]:

@@ -1,14 +1,14 @@
-"""Logs of all joints of a robot, read by one channel map with lists."""
+"""Logs of all joints of a robot, read by the names of their columns or by one channel map with lists."""
 
 from __future__ import annotations
 
 from pathlib import Path
 
 from casebase.signals.errors import TelemetryError
-from casebase.signals.joint_maps import joint_maps
+from casebase.signals.joint_maps import read_joint_maps
 from casebase.signals.telemetry import Telemetry, read_telemetry
 from sim.robot.investigation import RobotLog
-from sim.robot.robot import Robot
+from sim.robot.robot import Robot, logged_joints
 
 
 def read_log(robot: Robot, path: Path, channels: str | None) -> RobotLog:
@@ -17,11 +17,11 @@ def read_log(robot: Robot, path: Path, channels: str | None) -> RobotLog:
     Raises
     ------
     TelemetryError
-        as `read_telemetry`, beginning with the joint; and where there is no map for several joints.
+        as `read_telemetry`, beginning with the joint; and where the columns of the joints are in doubt.
     """
-    names = [joint.name for joint in robot.joints]
-    maps = joint_maps(channels, names)
-    return RobotLog(path.name, tuple(_read(path, name, map_) for name, map_ in zip(names, maps, strict=True)))
+    maps, recognised = read_joint_maps(path, logged_joints(robot), channels)
+    joints = tuple(_read(path, joint.name, map_) for joint, map_ in zip(robot.joints, maps, strict=True))
+    return RobotLog(path.name, joints, recognised)
 
 
 def _read(path: Path, joint: str, channels: str | None) -> Telemetry:

@@ -9,6 +9,7 @@ from typing import Any
 
 from casebase.signals.documents import parse_document
 from casebase.signals.errors import TextError
+from casebase.signals.joint_maps import LoggedJoint
 from sim.description.axis import Axis, Load, Motor
 from sim.description.axis_document import read_axis
 from sim.errors import AxisError, ParameterError, number, shown
@@ -58,6 +59,11 @@ class Robot:
     gravity_m_s2: Vector = GRAVITY_M_S2
     payload: Payload = field(default_factory=Payload)
     document: Mapping[str, object] = field(default_factory=dict, repr=False, compare=False)
+
+
+def logged_joints(robot: Robot) -> tuple[LoggedJoint, ...]:
+    """What the columns of a log are told by: names, and gears where they are described."""
+    return tuple(LoggedJoint(j.name, j.axis.ratio if j.described else None) for j in robot.joints)
 
 
 def rigid_joint(name: str) -> Joint:

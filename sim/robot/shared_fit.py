@@ -101,6 +101,27 @@ class _Columns:
         return replace(self, values=values)
 
 
+@dataclass(frozen=True)
+class Shared:
+    """All that joints share, along a motion of the robot as described.
+
+    `values`: torque per standard deviation of each number's prior, shape (rows, joints, n); the last are the delay of
+    the log and ten of its payload, mass and first moments ahead. `rigid`: torque of the links [N m], shape (rows,
+    joints).
+    """
+
+    values: Array
+    rigid: Array
+
+
+def shared_columns(robot: Robot, body: RigidBody, motion: Motion) -> Shared:
+    """What the torques of all joints hang on, along a motion."""
+    regressor = body.regressor(motion.position, motion.speed, motion.acceleration)
+    columns = _columns(robot, body, motion, regressor)
+    around = columns.around(body, np.zeros(columns.values.shape[-1]))
+    return Shared(around.values, np.asarray(np.einsum("njbp,bp->nj", regressor, body.parameters)))
+
+
 def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tuple[SharedFit, ...]:
     """Fit what the joints share over all logs: links, drives and base are the same in them, payloads may not be."""
     parts = [_Log.of(robot, body, motion) for motion in motions]
@@ -164,7 +185,7 @@ class _Log:
         rigid = np.asarray(np.einsum("njbp,bp->nj", regressor, body.parameters))
         columns = _columns(robot, body, motion, regressor)
         joints = range(rigid.shape[1])
-        frictions = [_friction(motion.speed[:, j], motion.acceleration[:, j], rigid[:, j]) for j in joints]
+        frictions = [friction_curves(motion.speed[:, j], motion.acceleration[:, j], rigid[:, j]) for j in joints]
         resting = np.abs(motion.speed) < RESTING * np.abs(motion.speed).max(axis=0)
         used = ~resting & motion.counts[:, None]
         mean: Array = np.zeros(columns.values.shape[-1])
@@ -269,8 +290,8 @@ def _level(robot: Robot) -> list[Array]:
     return [size * axis for axis in across]
 
 
-def _friction(speed: Array, acceleration: Array, load: Array) -> Array:
-    """Friction as any curve over the speed, with what the load adds to it, and the rotor; shape (rows, p)."""
+def friction_curves(speed: Array, acceleration: Array, load: Array) -> Array:
+    """Return friction as any curve over the speed, with what the load adds to it, and the rotor; shape (rows, p)."""
     top = max(float(np.abs(speed).max()), 1e-12)
     u = speed / top
     turns = [np.tanh(u / width) for width in TURNS]

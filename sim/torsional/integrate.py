@@ -6,7 +6,9 @@ import math
 
 import numpy as np
 
+from sim.torsional.laws import COULOMB_F, DRIFT, friction
 from sim.torsional.model import Array, Chain, ChainError, ChainResult, Drive, PrescribedMotion, Servo
+from sim.torsional.rows import shaft_row
 
 LOG_ROWS = 20_000
 START_SAMPLES = 101
@@ -119,26 +121,28 @@ def stable_substeps(chain: Chain, sample_rate_hz: float, largest_phase: float = 
     return max(1, math.ceil(max(fastest, decay) / (sample_rate_hz * largest_phase)))
 
 
-def steady_start(chain: Chain, angle_rad: float, speed_rad_s: float, acceleration_rad_s2: float = 0.0) -> Array:
-    """Angles and speeds (2 shafts,) with the first shaft in steady motion, each twist in balance with its load."""
+def steady_start(
+    chain: Chain, angle_rad: float, speed_rad_s: float, acceleration_rad_s2: float = 0.0, known_n_m: float = 0.0
+) -> Array:
+    """Angles and speeds (2 shafts,) with the first shaft in steady motion, each twist in balance with its load.
+
+    `known_n_m`: torque that the load is known to ask for besides.
+    """
     n = len(chain.shafts)
     ratios = np.cumprod([1.0, *(link.ratio for link in chain.links)])
     speed = speed_rad_s / ratios
     angle = angle_rad / ratios
-    way = math.copysign(1.0, speed_rad_s) if speed_rad_s else 0.0
+    way = float(np.sign(speed_rad_s))
     twist = np.zeros(n)
-    load = 0.0
+    load = known_n_m
     for k in range(n - 1, 0, -1):
-        shaft = chain.shafts[k]
-        forward = way >= 0 or shaft.coulomb_backward_n_m is None
-        coulomb = shaft.coulomb_n_m if forward else shaft.coulomb_backward_n_m or 0.0
-        load += shaft.inertia_kg_m2 * acceleration_rad_s2 / ratios[k] + coulomb * abs(way) * (way or 1.0)
-        load += shaft.viscous_n_m_s * speed[k] - shaft.offset_n_m
+        shaft, link = chain.shafts[k], chain.links[k - 1]
+        at = (*shaft_row(shaft)[COULOMB_F : DRIFT + 1], float(speed[k]), way, 0.0)
+        load += friction(*at) - shaft.offset_n_m
+        load += shaft.inertia_kg_m2 * acceleration_rad_s2 / ratios[k]
         load += shaft.gravity_n_m * math.sin(angle[k] + shaft.gravity_phase_rad)
-        link = chain.links[k - 1]
-        side = math.copysign(1.0, load) if load else 0.0
         error = sum(e.amplitude * math.sin(e.order * angle[e.shaft] + e.phase_rad) for e in link.errors)
-        twist[k] = load / link.stiffness_n_m_per_rad + side * 0.5 * link.gap_rad + error
+        twist[k] = load / link.stiffness_n_m_per_rad + 0.5 * link.gap_rad * float(np.sign(load)) + error
         load /= link.ratio
     for k in range(1, n):
         angle[k] = angle[k - 1] / chain.links[k - 1].ratio - twist[k]

@@ -8,33 +8,60 @@ crossing zero ends the step; the instant is found on the Runge-Kutta solution it
 Three arrays hold everything, because numba counts references of every array it takes out of a tuple, which cost more
 than the physics: `p` parameters (shaft k at 16 k, link k at LINKS + 16 k, drive, external torque, rows of lines,
 waves, dents and ripples), `q` counts, offsets and modes, `w` working rows. Importing this module imports numba;
-`sim.torsional.reduction` does so at the first simulation. All functions stay in this one file because numba's cache
-does not see changes of callees in other files.
+`sim.torsional.reduction` does so at the first simulation. Friction, spring and dents are those of `sim.torsional.laws`,
+as in the observer of an investigation.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
+
+from sim.torsional import laws
+from sim.torsional.laws import (
+    BF1,
+    BF2,
+    COULOMB_B,
+    COULOMB_F,
+    CUBIC,
+    DRIFT,
+    ETA1,
+    ETA2,
+    FRICTIONAL,
+    GRAVITY,
+    HALF,
+    HYST,
+    HYST_X,
+    INV,
+    LAW,
+    LOSSY,
+    OFFSET,
+    PHASE,
+    ROW,
+    STRIBECK,
+    STRIBECK_EXP,
+    STRIBECK_W,
+    TURN,
+    VISCOUS_B,
+    VISCOUS_F,
+    C,
+    D,
+    J,
+)
 
 # numba compiles for arrays; to a type checker a row of numbers is a list
 Floats = list[float]
 Ints = list[int]
 Matrix = NDArray[np.float64]
 
-TWO_PI = 2.0 * math.pi
 # range() with a step divides, which costs more than the loop: hence while
 # p; J and ETA1 hold the reciprocals
 WIDTH, LINKS, DRIVE, EXT, ROWS = 16, 64, 112, 120, 128
-(J, COULOMB_F, COULOMB_B, VISCOUS_F, VISCOUS_B, STRIBECK, STRIBECK_W, STRIBECK_EXP, DRIFT, GRAVITY, PHASE,
- OFFSET, FRICTIONAL) = range(13)  # fmt: skip
-INV, C, D, HALF, LAW, ETA1, ETA2, BF1, BF2, TURN, LOSSY, CUBIC, HYST, HYST_X = range(14)
-# rows of lines, waves, ripples: shaft, order, amplitude, phase, shaft acted on
-# rows of dents: shaft, angle, 1 / half width with the sign of the flank, depth, form
-ROW = 5
 # q: number of shafts, kind of drive, then offsets into p where the rows of link (ripples: all) begin and end
 SHAFTS, KIND, RIPPLES, LINES, WAVES, DENTS, CONTACT, LOOP, WAY, SIDE = 0, 1, 2, 4, 8, 12, 16, 20, 24, 28
 Q_SIZE = 32
@@ -50,8 +77,20 @@ Y, K1, RATE, STAGE, TOTAL, FORCE, MARGIN, AT_START, AT_END, ASKS, GIVES = 0, 12,
 STATES, MARGINS, SHAFT_MARGIN, W_SIZE = 11, 20, 12, 132
 MAX_EVENTS_PER_STEP = 40
 
-_jit = njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"}, nogil=True)
-_inline = njit(cache=True, error_model="numpy", fastmath={"contract", "nsz"}, nogil=True, forceinline=True)
+OPTIONS = {"error_model": "numpy", "fastmath": {"contract", "nsz"}, "nogil": True}
+
+
+def _jit(function: Any) -> Any:
+    return njit(cache=True, **OPTIONS)(laws.keyed(function))
+
+
+def _inline(function: Any) -> Any:
+    return njit(cache=True, forceinline=True, **OPTIONS)(laws.keyed(function))
+
+
+_law_of_friction: Callable[..., float] = njit(forceinline=True, **OPTIONS)(laws.friction)
+_spring: Callable[..., float] = njit(forceinline=True, **OPTIONS)(laws.spring)
+_dents: Callable[..., tuple[float, float, float]] = njit(**OPTIONS)(laws.dents)
 
 
 @_inline
@@ -71,40 +110,19 @@ def _sincos(x: float) -> tuple[float, float]:
     return sign * (c if n & 1 else s), sign * (-s if n & 1 else c)
 
 
-@_jit
+@_inline
 def _dent(k: int, side: float, p: Floats, q: Ints, w: Floats) -> tuple[float, float, float]:
     """Missing material [rad at the driven gear] on one flank of link k, its slope over the angles of both wheels."""
-    depth = 0.0
-    before = 0.0
-    after = 0.0
-    j = q[DENTS + k]
-    while j < q[DENTS + k + 1]:
-        if p[j + 2] * side > 0.0:
-            shaft = int(p[j])
-            r = w[STAGE + shaft] - p[j + 1]
-            u = (r - TWO_PI * math.floor(r / TWO_PI + 0.5)) * p[j + 2]
-            if abs(u) < 1.0:
-                steep = abs(u) if p[j + 4] == 2.0 else abs(u) ** (p[j + 4] - 1.0)
-                room = 1.0 - steep * abs(u)
-                cube = p[j + 3] * room * room * room
-                depth += cube * room
-                slope = math.copysign(4.0 * p[j + 4] * cube * steep, u) * p[j + 2]
-                if shaft == k:
-                    before -= slope
-                else:
-                    after -= slope
-        j += ROW
-    return depth, before, after
+    return _dents(p, q[DENTS + k], q[DENTS + k + 1], side, k, w, STAGE)
 
 
 @_inline
-def _friction(s: int, speed: float, way: int, t: float, p: Floats) -> float:
-    """Torque [N m] against a shaft (offset s) that moves in direction `way`: Coulomb, Stribeck, viscous, drift."""
-    level = p[s + COULOMB_F] if way >= 0 else p[s + COULOMB_B]
-    viscous = p[s + VISCOUS_F] if way >= 0 else p[s + VISCOUS_B]
-    if p[s + STRIBECK] != 0.0:
-        level += p[s + STRIBECK] * math.exp(-((abs(speed) / p[s + STRIBECK_W]) ** p[s + STRIBECK_EXP]))
-    return (level * way + viscous * speed) * (1.0 + p[s + DRIFT] * t)
+def _friction(s: int, speed: float, slip: float, t: float, p: Floats) -> float:
+    """Torque [N m] against a shaft (offset s) that slides in direction `slip`, or holds that share of its friction."""
+    return _law_of_friction(
+        p[s + COULOMB_F], p[s + COULOMB_B], p[s + VISCOUS_F], p[s + VISCOUS_B], p[s + STRIBECK], p[s + STRIBECK_W],
+        p[s + STRIBECK_EXP], p[s + DRIFT], speed, slip, t,
+    )  # fmt: skip
 
 
 @_inline
@@ -127,7 +145,7 @@ def _contact(k: int, x: float, xd: float, c: float, p: Floats, q: Ints, w: Float
     mode = q[CONTACT + k]
     a = LINKS + WIDTH * k
     if mode == PLAIN:
-        return c * x * (1.0 + p[a + CUBIC] * x * x) + p[a + D] * xd
+        return _spring(x, c, p[a + CUBIC]) + p[a + D] * xd
     m = 4 * k
     if mode == GAP:
         w[MARGIN + m] = p[a + HALF] + _dent(k, 1.0, p, q, w)[0] - x
@@ -138,7 +156,7 @@ def _contact(k: int, x: float, xd: float, c: float, p: Floats, q: Ints, w: Float
     w[ASKS + k] -= side * before
     w[GIVES + k] += side * after
     x = side * x - p[a + HALF] - depth
-    spring = c * x * (1.0 + p[a + CUBIC] * x * x)
+    spring = _spring(x, c, p[a + CUBIC])
     damper = p[a + D] * (side * xd - before * w[STAGE + 4 + k] - after * w[STAGE + 5 + k])
     mode = abs(mode)
     if mode == NORMAL:
@@ -213,8 +231,8 @@ def _shaft(k: int, net: float, last: int, t: float, p: Floats, q: Ints, w: Float
             w[MARGIN + 4 * k + 3] = 1.0
             ahead = _driver_torque(a, load, 1, _driving_side(a, load, 1, p), p)
             back = _driver_torque(a, load, -1, _driving_side(a, load, -1, p), p)
-        w[MARGIN + m] = _friction(s, 0.0, 1, t, p) + ahead - net
-        w[MARGIN + m + 1] = net - back - _friction(s, 0.0, -1, t, p)
+        w[MARGIN + m] = _friction(s, 0.0, 1.0, t, p) + ahead - net
+        w[MARGIN + m + 1] = net - back - _friction(s, 0.0, -1.0, t, p)
         return 0.0
     speed = w[STAGE + 4 + k]
     if lossy:
@@ -224,7 +242,7 @@ def _shaft(k: int, net: float, last: int, t: float, p: Floats, q: Ints, w: Float
         return (net - load - p[s + VISCOUS_F] * speed) * p[s + J]
     w[MARGIN + m] = way * speed
     w[MARGIN + m + 1] = 1.0
-    return float((net - load - _friction(s, speed, way, t, p)) * p[s + J])
+    return float((net - load - _friction(s, speed, float(way), t, p)) * p[s + J])
 
 
 @_inline
@@ -428,10 +446,11 @@ def _step(
 def _motor_torque(acceleration: float, u: float, width: float, t: float, p: Floats, q: Ints, w: Floats) -> float:
     """Torque [N m] that a motor needs which moves as prescribed; its friction is smooth below `width` rad/s."""
     speed = w[Y + 4]
-    ahead = 0.5 * (1.0 + math.tanh(speed / width))
+    slip = math.tanh(speed / width)
+    ahead = 0.5 * (1.0 + slip)
     torque = acceleration / p[J] - p[OFFSET] - p[EXT] - u * p[EXT + 1]
     torque += p[GRAVITY] * math.sin(w[Y + 0] + p[PHASE])
-    torque += ahead * _friction(0, speed, 1, t, p) + (1.0 - ahead) * _friction(0, speed, -1, t, p)
+    torque += _friction(0, speed, slip, t, p)
     j = q[RIPPLES]
     while j < q[RIPPLES + 1]:
         if int(p[j + 4]) == 0:

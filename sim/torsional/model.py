@@ -194,6 +194,14 @@ class ChainResult:
         return tuple(ChainEvent(row[0], names[int(row[1])], *map(int, row[2:5])) for row in self.log)
 
 
+def with_loss(efficiency: tuple[float, float], fraction: float) -> tuple[float, float]:
+    """Efficiencies of a mesh, driver and driven gear driving, that loses a fraction of the torque it carries besides.
+
+    The driver gives 1 + fraction of what is asked, or takes 1 - fraction of what comes back.
+    """
+    return efficiency[0] / (1 + fraction), efficiency[1] * (1 - fraction)
+
+
 def with_link(chain: Chain, index: int, **changes: object) -> Chain:
     """The chain with some parameters of one link replaced."""
     links = list(chain.links)

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.description.axis import Axis
+from sim.description.transmission import compliance
 from sim.rotational.drive_train import DriveTrain
 from sim.torsional.components import ServoDrive
 
@@ -53,10 +54,7 @@ def servo_drive(axis: Axis) -> ServoDrive:
     load = axis.load.inertia_kg_m2 + (axis.stages[-1].inertia_kg_m2 if axis.stages else 0.0)
     inertia = axis.motor.inertia_kg_m2 + load / ratio**2
     inertia += sum(s.inertia_kg_m2 * (axis.ratio_from(s.name) / ratio) ** 2 for s in axis.stages[:-1])
-    compliance = sum(
-        1 / (c * axis.ratio_from(s.name) ** 2) for s, c in zip(axis.stages, axis.stiffness(), strict=False) if c
-    )
-    lowest = 1 / math.sqrt(compliance * load) if compliance and load else 300.0
+    lowest = 1 / math.sqrt(compliance(axis) * load) if axis.stages else 300.0
     bandwidth = axis.servo.speed_bandwidth_rad_s or max(60.0, lowest / 3)
     motion = axis.motion
     top = motion.load_speed_rad_s * ratio

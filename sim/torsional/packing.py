@@ -8,8 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.rotational.components.elasto_backlash import NO_GAP
-from sim.torsional import kernel
+from sim.torsional import kernel, laws
 from sim.torsional.model import (
     CONTACT_LAWS,
     Array,
@@ -23,6 +22,7 @@ from sim.torsional.model import (
     Servo,
     Shaft,
 )
+from sim.torsional.rows import dent_rows, line_rows, link_row, shaft_row
 
 MAX_SHAFTS = 4
 
@@ -64,38 +64,31 @@ def _append(rows: list[Array], q: NDArray[np.int64], slot: int, groups: Sequence
     q[slot] = position
     for i, group in enumerate(groups):
         rows.extend(np.array(row) for row in group)
-        position += kernel.ROW * len(group)
+        position += laws.ROW * len(group)
         q[slot + i + 1] = position
 
 
 def _lines(where: str, lines: Sequence[Line], n: int, acts_on: int = 0) -> list[tuple[float, ...]]:
-    rows: list[tuple[float, ...]] = []
     for line in lines:
-        row = (float(line.shaft), line.order, line.amplitude, line.phase_rad, float(acts_on))
-        if not (0 <= line.shaft < n and all(map(math.isfinite, row))):
+        numbers = (line.order, line.amplitude, line.phase_rad)
+        if not (0 <= line.shaft < n and all(map(math.isfinite, numbers))):
             raise ChainError(f"{where}: shaft must be 0 to {n - 1} and every number finite, got {line}")
-        if line.amplitude:
-            rows.append(row)
-    return rows
+    return line_rows(lines, acts_on)
 
 
 def _dents(where: str, dents: Sequence[Dent], n: int) -> list[tuple[float, ...]]:
-    rows: list[tuple[float, ...]] = []
     for dent in dents:
         numbers = (dent.angle_rad, dent.half_width_rad, dent.depth_rad, dent.form)
         if not (0 <= dent.shaft < n and all(map(math.isfinite, numbers)) and dent.half_width_rad > 0):
             raise ChainError(f"{where}: shaft must be 0 to {n - 1}, half_width_rad > 0, numbers finite, got {dent}")
         if dent.flank not in (-1, 1) or dent.depth_rad < 0 or not dent.form > 1:
             raise ChainError(f"{where}: flank must be 1 or -1, depth_rad >= 0 and form > 1, got {dent}")
-        if dent.depth_rad:
-            signed = dent.flank / dent.half_width_rad
-            rows.append((float(dent.shaft), dent.angle_rad, signed, dent.depth_rad, dent.form))
-    return rows
+    return dent_rows(dents)
 
 
 def _pack_shaft(where: str, shaft: Shaft) -> list[float]:
-    back_coulomb = shaft.coulomb_n_m if shaft.coulomb_backward_n_m is None else shaft.coulomb_backward_n_m
-    back_viscous = shaft.viscous_n_m_s if shaft.viscous_backward_n_m_s is None else shaft.viscous_backward_n_m_s
+    row = shaft_row(shaft)
+    back_coulomb, back_viscous = row[laws.COULOMB_B], row[laws.VISCOUS_B]
     if not shaft.inertia_kg_m2 > 0:
         raise ChainError(f"{where}.inertia_kg_m2: must be > 0, got {shaft.inertia_kg_m2}")
     for name, value in (
@@ -110,15 +103,8 @@ def _pack_shaft(where: str, shaft: Shaft) -> list[float]:
         )
     if not shaft.stribeck_speed_rad_s > 0:
         raise ChainError(f"{where}.stribeck_speed_rad_s: must be > 0, got {shaft.stribeck_speed_rad_s}")
-    one_sided = (
-        back_coulomb > 0 or shaft.coulomb_n_m > 0 or shaft.stribeck_n_m != 0 or back_viscous != shaft.viscous_n_m_s
-    )
-    frictional = one_sided or shaft.drift_per_s != 0
-    return [
-        1 / shaft.inertia_kg_m2, shaft.coulomb_n_m, back_coulomb, shaft.viscous_n_m_s, back_viscous, shaft.stribeck_n_m,
-        shaft.stribeck_speed_rad_s, shaft.stribeck_exponent, shaft.drift_per_s, shaft.gravity_n_m,
-        shaft.gravity_phase_rad, shaft.offset_n_m, float(frictional),
-    ]  # fmt: skip
+    row[laws.J] = 1 / row[laws.J]
+    return row
 
 
 def _pack_link(where: str, link: Link) -> list[float]:
@@ -136,17 +122,9 @@ def _pack_link(where: str, link: Link) -> list[float]:
         raise ChainError(f"{where}.bearing_n_m: must be >= 0, got {link.bearing_n_m}")
     if link.law not in CONTACT_LAWS:
         raise ChainError(f"{where}.law: must be one of {', '.join(CONTACT_LAWS)}, got {link.law!r}")
-    eta1 = link.efficiency[0] / (1 + link.loss_fraction)
-    eta2 = link.efficiency[1] * (1 - link.loss_fraction)
-    bf1, bf2 = link.bearing_n_m
-    turn = 0.5 * bf1 if eta1 == eta2 == 1 else (bf1 - bf2) / (eta1 - 1 / eta2)
-    lossy = (eta1, eta2, bf1, bf2) != (1, 1, 0, 0)
-    plain = link.gap_rad <= NO_GAP and not any(dent.depth_rad for dent in link.dents)
-    law = 0.0 if plain else CONTACT_LAWS[link.law]
-    return [
-        1 / link.ratio, link.stiffness_n_m_per_rad, link.damping_n_m_s_per_rad, 0.5 * link.gap_rad, law, 1 / eta1, eta2,
-        bf1, bf2, turn, float(lossy), link.cubic_per_rad2, link.hysteresis_n_m, link.hysteresis_rad,
-    ]  # fmt: skip
+    row = link_row(link)
+    row[laws.ETA1] = 1 / row[laws.ETA1]
+    return row
 
 
 def checked(name: str, values: Array, shape: tuple[int, ...]) -> Array:

@@ -136,9 +136,9 @@ def test_only_what_is_named_extends_an_axis_and_its_description_stays(live_serve
         session.flush()
         if verdict != "named":
             with pytest.raises(ConflictError, match="names nothing"):
-                accept(session, row)
+                accept(library, session, row)
         else:
-            assert accept(session, row).revision == accept(session, row).revision == 2
+            assert accept(library, session, row).revision == accept(library, session, row).revision == 2
             first, second = (get_axis(session, str(described["name"]), k).document for k in (1, 2))
             assert (first["motor"], second["motor"]) == (described["motor"], extended["motor"])
     library.close()

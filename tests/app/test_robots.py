@@ -10,9 +10,10 @@ import pytest
 
 from app.investigations import get_investigation, names_of, perform
 from casebase.library import CaseLibrary
+from sim.robot.urdf import read_urdf
 from tests.live import LiveServer
 
-URL = "/api/v1/investigations"
+URL, ROBOTS = "/api/v1/investigations", "/api/v1/robots"
 URDF = """<robot name="arm"><link name="base"/>{links}
 <joint name="shoulder" type="revolute"><parent link="base"/><child link="upper"/><axis xyz="0 -1 0"/>
 <limit lower="-6.3" upper="6.3" velocity="9" effort="99"/></joint>
@@ -95,8 +96,9 @@ def test_a_robot_becomes_one_document_page_and_report(
     """The friction that was put in is found at its joint, and nothing hangs at the last link where nothing does."""
     given = parts(telemetry=("log.csv", log()))
     once = {"Idempotency-Key": "one robot"}
-    asked = operator.post(URL, files=given, headers=once).raise_for_status()
-    again = operator.post(URL, files=given, headers=once).raise_for_status()
+    wanted = {"next_motion": "true"}
+    asked = operator.post(URL, files=given, data=wanted, headers=once).raise_for_status()
+    again = operator.post(URL, files=given, data=wanted, headers=once).raise_for_status()
     assert (asked.status_code, again.json()["id"]) == (202, asked.json()["id"])
     identity = asked.json()["investigation_id"]
     assert asked.headers["location"].endswith(f"/jobs/{identity}")
@@ -123,7 +125,19 @@ def test_a_robot_becomes_one_document_page_and_report(
         assert np.nanstd(lines["left by the last"]) < 0.3 * np.std(rigid)
     listed = viewer.get(URL, params={"limit": 1}).json()["items"][0]
     assert (listed["axis"], listed["robot"], listed["state"]) == (None, "plane arm", "done")
-    assert admin.post(f"{URL}/{identity}/accept").status_code == 409
+    accepted = admin.post(f"{URL}/{identity}/accept").raise_for_status()
+    assert accepted.headers["location"] == f"{ROBOTS}/plane%20arm"
+    taken = viewer.get(accepted.headers["location"]).raise_for_status().json()
+    assert taken["document"]["joints"] == document["extended_axis"]["joints"]
+    first = viewer.get(f"{ROBOTS}/plane arm", params={"revision": taken["revision"] - 1}).raise_for_status().json()
+    assert "axis" not in first["document"]["joints"][0]
+    assert admin.post(f"{URL}/{identity}/accept").json()["revision"] == taken["revision"]
+
+    head, *rows = viewer.get(f"{URL}/{identity}/trajectory").raise_for_status().text.splitlines()
+    assert head == "time_s,shoulder/position,elbow/position,shoulder/velocity,elbow/velocity"
+    assert len(rows) == 100 * document["next_motion"]["seconds"] + 1
+    for ends in (rows[0], rows[-1]):
+        assert [float(value) for value in ends.split(",")[3:]] == [0.0, 0.0]
 
     report = viewer.get(f"{URL}/{identity}/report", headers={"Accept": "text/html"}).text
     cookies = {"gearcase_key": live_server.keys["viewer"]}
@@ -131,6 +145,12 @@ def test_a_robot_becomes_one_document_page_and_report(
     for shown in (report, page):
         assert shown.count('<svg class="arm"') == 1
         assert [f'id="joint-{k}"' in shown for k in (1, 2, 3)] == [True, True, False]
+    assert f'href="/investigations/{identity}/trajectory.csv"' in page
+    played = httpx.get(f"{live_server.url}/investigations/{identity}/trajectory.csv", cookies=cookies)
+    assert played.raise_for_status().text.splitlines() == [head, *rows]
+    known = httpx.get(f"{live_server.url}/robots/plane arm", cookies=cookies).raise_for_status().text
+    for shown in (f'href="/investigations/{identity}"', "2. elbow", f"accepted investigation {identity}"):
+        assert shown in known
     index = httpx.get(f"{live_server.url}/investigations", cookies=cookies).raise_for_status().text
     assert "plane arm" in index
 
@@ -156,6 +176,50 @@ def test_the_axis_of_a_joint_comes_as_a_file_or_as_a_table(operator: httpx.Clien
     assert kept[0] == kept[1] == inline
 
 
+def described(name: str, more: str = "") -> dict[str, tuple[str, bytes]]:
+    text = f'name = "{name}"\n{more}\n' + ROBOT.partition("\n")[2]
+    return {"robot": ("robot.toml", text.encode()), "urdf": ("arm.urdf", urdf())}
+
+
+def test_robots_are_kept_revision_by_revision(admin: httpx.Client, viewer: httpx.Client) -> None:
+    stored = admin.post(ROBOTS, files=described("kept arm"))
+    assert (stored.status_code, stored.headers["location"]) == (201, f"{ROBOTS}/kept%20arm")
+    again = admin.post(ROBOTS, files=described("kept arm")).json()
+    heavier = admin.post(ROBOTS, files=described("kept arm", "payload = {mass_kg = 2.0}")).json()
+    assert [one["revision"] for one in (stored.json(), again, heavier)] == [1, 1, 2]
+    url = f"{ROBOTS}/kept arm"
+    assert viewer.get(url).json() == heavier
+    assert viewer.get(url, params={"revision": 1}).json() == stored.json()
+    assert viewer.get(f"{url}/revisions").json()["items"] == [stored.json(), heavier]
+    assert heavier in viewer.get(ROBOTS, params={"limit": 200}).json()["items"]
+    assert read_urdf(viewer.get(f"{url}/urdf").content) == read_urdf(urdf())
+    assert viewer.get(f"{ROBOTS}/nobody").status_code == 404
+    assert "unknown parts: telemetry" in admin.post(ROBOTS, files=parts(channels=("", b""))).json()["detail"]
+
+
+def test_a_stored_robot_is_investigated_by_its_name(
+    admin: httpx.Client, operator: httpx.Client, live_server: LiveServer
+) -> None:
+    """Its investigation keeps the description of that day, and is that of the robot sent whole."""
+    admin.post(ROBOTS, files=described("named arm")).raise_for_status()
+    given = {"telemetry": ("log.csv", log()), "channels": ("map.toml", MAP.encode())}
+    asked = operator.post(URL, data={"robot": "named arm"}, files=given).raise_for_status().json()
+    whole = operator.post(URL, files={**described("named arm"), **given}).raise_for_status().json()
+    library = CaseLibrary.open(live_server.data_dir)
+    with library.reading() as session:
+        by_name, sent = (get_investigation(session, one["investigation_id"]) for one in (asked, whole))
+    library.close()
+    for one in (asked, whole):
+        operator.delete(f"/api/v1/jobs/{one['id']}").raise_for_status()
+    assert (by_name.robot, by_name.axis) == ("named arm", None)
+    assert by_name.axis_document == sent.axis_document
+    assert by_name.inputs["urdf"]["sha256"] == sent.inputs["urdf"]["sha256"]  # type: ignore[index]
+    unknown = operator.post(URL, data={"robot": "nobody"}, files=given)
+    assert (unknown.status_code, "POST /robots adds one" in unknown.json()["detail"]) == (404, True)
+    both = operator.post(URL, data={"robot": "named arm"}, files={**given, "urdf": ("arm.urdf", urdf())})
+    assert (both.status_code, "name of a stored robot" in both.json()["detail"]) == (422, True)
+
+
 DEEP = b"<robot>" + b"<link>" * 30_000
 BOMB = b'<!DOCTYPE r [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;">]><robot name="&b;"/>'
 MANY = b"<robot><link name='l0'/>" + b"".join(
@@ -174,7 +238,8 @@ SLOW = ("x" + ".x" * 100_000 + " = 1").encode()
         ({"urdf": ("", b"")}, 422, "'urdf'"),
         ({"urdf": ("u", b" " * (5 << 20))}, 413, "it may have 4194304"),
         ({"telemetry": ("", b"")}, 422, "needs telemetry of its joints"),
-        ({"channels": ("", b"")}, 422, "column = [2, 3]"),
+        ({"channels": ("", b"")}, 422, "time_s has no unit"),
+        ({"channels": ("m", b"[time_s]\nunit = 's'\n[motor_torque_nm]\nfactor = [1]")}, 422, "factor has 1 entries"),
         ({"channels": ("m", MAP.replace(', "q2"', "").encode())}, 422, "[motor_position_rad] column has 1 entries"),
         ({"channels": ("m", MAP.replace('"tau2"', '"tau3"').encode())}, 422, "elbow: "),
         ({"channels": ("m", SLOW)}, 422, "channel map: "),
@@ -195,6 +260,11 @@ def test_what_is_no_robot_is_refused_in_words(
     assert (refused.status_code, refused.headers["content-type"]) == (status, "application/problem+json")
     assert told in refused.json()["detail"]
     assert operator.get("/readyz").status_code == 200
+
+
+def test_a_next_motion_is_wanted_or_not(operator: httpx.Client) -> None:
+    refused = operator.post(URL, files=parts(), data={"next_motion": "perhaps"})
+    assert (refused.status_code, "must be true or false" in refused.json()["detail"]) == (422, True)
 
 
 def test_axis_and_robot_are_one_too_many(operator: httpx.Client) -> None:

@@ -22,6 +22,7 @@ from casebase.models import (
     AxisRevision,
     Case,
     IdempotencyRecord,
+    RobotRevision,
     StoredDiagnosis,
     StoredInvestigation,
     StoredJob,
@@ -38,9 +39,13 @@ AXIS: dict[str, Any] = {
     "motion": {"period_s": 4.2, "load_speed_rad_s": 2.7, "acceleration_time_s": 0.3},
 }
 FREE = {"name": "free", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 1.0}}
+ROBOT = b'name = "arm"\n[[joints]]\nname = "turn"'
+URDF = b"""<robot name="arm"><link name="base"/><link name="arm"><inertial><mass value="2"/>
+<inertia ixx="0.1" iyy="0.1" izz="0.1" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="turn" type="continuous">
+<parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint></robot>"""
 COUNTED = (
-    StoredRecording, Case, StoredDiagnosis, AxisRevision, StoredInvestigation, StoredJob, ApiKey, AuditEntry,
-    IdempotencyRecord,
+    StoredRecording, Case, StoredDiagnosis, AxisRevision, RobotRevision, StoredInvestigation, StoredJob, ApiKey,
+    AuditEntry, IdempotencyRecord,
 )  # fmt: skip
 
 
@@ -91,6 +96,7 @@ ORDERS: Mapping[str, Order] = {
         {"json": {"diagnosis_id": known.diagnosis, "label": "notch"}},
     ),
     "/axes": lambda _: (f"{API}/axes", {"json": AXIS}),
+    "/robots": lambda _: (f"{API}/robots", {"files": {"robot": ("robot.toml", ROBOT), "urdf": ("arm.urdf", URDF)}}),
     "/simulations": lambda _: (f"{API}/simulations", simulation(1)),
     "/keys": lambda _: (f"{API}/keys", {"json": {"name": "new", "role": "viewer"}}),
     "/investigations": lambda _: (f"{API}/investigations", investigation()),

@@ -74,6 +74,19 @@ def investigate(folder: Path) -> Answer:
     return _run(["investigate", *options, "--json"])
 
 
+class FailedError(Exception):
+    """The product gave no document."""
+
+
+def run(folder: Path, options: list[str]) -> dict[str, Any]:
+    """Return the document of an investigation of files of a folder; raises FailedError where there is none."""
+    files = [str(folder / word) if word.endswith((".toml", ".csv")) else word for word in options]
+    answer = _run(["investigate", *files])
+    if answer.document is None:
+        raise FailedError(answer.failure)
+    return answer.document
+
+
 def peak_mib() -> float:
     """Largest memory that any run started from this process has held [MiB]."""
     return resource.getrusage(resource.RUSAGE_CHILDREN).ru_maxrss / 1024.0

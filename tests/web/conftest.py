@@ -125,9 +125,14 @@ def fill(site: Site, known: Sequence[tuple[int, str]] = KNOWN) -> None:
             metadata = {"axis": "bench", "gearbox": f"g{seed % 2}", "speed_rad_s": 2.5, "label": label}
             files = parts(f"{label}.wav", sound(seed, impacts=label == "notch"), json.dumps(metadata).encode())
             site.case = client.post("/api/v1/cases", files=files).raise_for_status().json()["id"]
+        team = {"name": "maintenance team", "kind": "email", "address": "maintenance.of.the.plant@example.com"}
+        told = client.post("/api/v1/alarms/receivers", json=team).raise_for_status().json()["id"]
+        rule = {"name": "any fault", "kind": "state", "least_probability": 0.9, "receivers": [told]}
+        client.post("/api/v1/alarms/rules", json=rule).raise_for_status()
+        client.post(f"/api/v1/alarms/receivers/{told}/test").raise_for_status()
         first = client.post("/api/v1/diagnoses", files=parts("demo.wav", sound(6, impacts=True), b'{"axis": "bench"}'))
-        told = b'{"axis": "bench", "gearbox": "g1", "speed_rad_s": 2.5}'
-        second = client.post("/api/v1/diagnoses", files=parts("bench.wav", sound(5, impacts=True), told))
+        known_of_it = b'{"axis": "bench", "gearbox": "g1", "speed_rad_s": 2.5}'
+        second = client.post("/api/v1/diagnoses", files=parts("bench.wav", sound(5, impacts=True), known_of_it))
     demo, diagnosed = first.raise_for_status().json(), second.raise_for_status().json()
     site.diagnosis, site.recorded = diagnosed["id"], diagnosed["recording"]["id"]
     library = site.library()

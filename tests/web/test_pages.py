@@ -70,6 +70,7 @@ ADMIN_PAGES = (
     "/library/add",
     "/library/exchange",
     "/library/simulate",
+    "/alarms",
     "/keys",
     "/audit",
 )

@@ -38,7 +38,7 @@ def test_a_robot_is_asked_for_and_told_joint_by_joint(
         for label, file in given.items():
             form.get_by_label(label, exact=True).set_input_files(file)  # type: ignore[arg-type]
         map_ = form.get_by_label("Map of the joints' columns")
-        expect(map_).to_have_value(MAP_OF_SIX)
+        expect(map_).to_have_attribute("placeholder", MAP_OF_SIX)
         map_.fill(MAP)
         form.get_by_role("button", name="Ask about the robot").click()
         page.wait_for_url("**/jobs/*")

@@ -6,6 +6,7 @@ from fastapi.staticfiles import StaticFiles
 from app.web.errors import sign_in_first
 from app.web.pages import (
     admin,
+    alarms,
     axes,
     care,
     describe,
@@ -17,6 +18,7 @@ from app.web.pages import (
     model,
     recordings,
     review,
+    robots,
     session,
 )
 from app.web.session import SignInNeeded
@@ -32,10 +34,12 @@ PAGES: tuple[APIRouter, ...] = (
     care.router,
     review.router,
     axes.router,
+    robots.router,
     describe.router,
     model.router,
     investigations.router,
     jobs.router,
+    alarms.router,
     admin.router,
 )
 

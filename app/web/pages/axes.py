@@ -18,12 +18,12 @@ from app.web.session import FromOurPage, PageOperator, PageViewer
 from app.web.standing_words import state_badge, why
 from app.web.templating import render
 from app.web.words import investigation_headline
-from casebase import audit
-from casebase.axes import axis_history, get_axis, is_axis, list_axes, unknown_axis
+from casebase import audit, revisions
+from casebase.axes import get_axis, is_axis, list_axes, unknown_axis
 from casebase.description import check_choice, check_name
 from casebase.errors import NotFoundError
 from casebase.gearboxes import EXCHANGE, KINDS, NOTE
-from casebase.models import MaintenanceMark, StoredInvestigation, StoredRecording, now
+from casebase.models import AxisRevision, MaintenanceMark, RobotRevision, StoredInvestigation, StoredRecording, now
 
 router = APIRouter(prefix="/axes")
 SECTION = "/axes"
@@ -32,11 +32,15 @@ LISTED = 10
 
 @router.get("")
 def axis_list(request: Request, session: Reading, principal: PageViewer) -> Response:
-    """Every axis at its current revision, and those that only recordings name."""
+    """Every axis and robot at its current revision, and axes that only recordings name."""
     rows = list_axes(session)
     known = {row.name for row in rows}
     named = session.scalars(select(StoredRecording.axis).where(StoredRecording.axis.is_not(None)).distinct()).all()
-    context = {"rows": rows, "undescribed": sorted(str(name) for name in named if name not in known)}
+    context = {
+        "rows": rows,
+        "undescribed": sorted(str(name) for name in named if name not in known),
+        "robots": revisions.current(session, RobotRevision),
+    }
     return render(request, "axes.html", context, principal=principal, section=SECTION)
 
 
@@ -44,7 +48,7 @@ def axis_list(request: Request, session: Reading, principal: PageViewer) -> Resp
 def axis(request: Request, session: Reading, service: TheService, principal: PageViewer, name: str) -> Response:
     """One axis: its gearboxes in service, notes on all of them, description and revisions."""
     check_known(session, name)
-    history = axis_history(session, name)
+    history = revisions.history(session, AxisRevision, name)
     marks = session.scalars(select(MaintenanceMark).where(MaintenanceMark.axis == name).order_by(MaintenanceMark.at))
     at, zone = now(), service.settings.time_zone
     fleet = service.fleet.gearboxes(session, at, silent_after(service))

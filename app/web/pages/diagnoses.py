@@ -76,8 +76,8 @@ def upload_page(request: Request, principal: PageOperator) -> Response:
 def upload(request: Request, principal: PageOperator, upload: TheUpload, service: TheService) -> Response:
     """Take a recording in and diagnose it."""
     check_csrf(request, upload.fields.get("csrf", ""))
-    upload.only("file", "csrf", "axis", "gearbox", *NUMBERS)
-    metadata = read_metadata(json.dumps(told(upload.fields)), RecordingMetadata)
+    upload.only("file", "csrf", "axis", "gearbox", "recorded_at", *NUMBERS)
+    metadata = read_metadata(json.dumps(told(upload.fields, "recorded_at")), RecordingMetadata)
     file = upload.file("file")
     intake = take_in(service.library, file.path, file.name, file.media_type, metadata)
     with service.library.transaction(principal.actor) as session:

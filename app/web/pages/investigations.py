@@ -8,11 +8,12 @@ from urllib.parse import quote
 from fastapi import APIRouter, Request
 from fastapi.responses import JSONResponse, RedirectResponse, Response
 from sqlalchemy import select
+from sqlalchemy.orm import Session
 
 from app.api.investigations import asked_of, axis_of
 from app.api.recordings import UNCHANGING
 from app.errors import Unprocessable
-from app.investigations import KIND, accept, document_of, get_investigation, submit
+from app.investigations import KIND, accept, document_of, get_investigation, submit, trajectory_of
 from app.security import Principal, check_csrf
 from app.service import Reading, TheJobs, TheService
 from app.uploads import TheUpload, Upload
@@ -23,8 +24,9 @@ from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
 from app.web.story import Part, candidates_of, panel_of, panels_of
 from app.web.templating import render
 from app.web.words import finding_words, investigation_headline, likely_words, unexplained_words
+from casebase import revisions
 from casebase.axes import list_axes
-from casebase.models import AxisRevision, StoredInvestigation
+from casebase.models import AxisRevision, RobotRevision, StoredInvestigation
 from casebase.pages import page
 from casebase.signals.joint_maps import joint_map_template
 from casebase.signals.telemetry import recognise_columns
@@ -50,6 +52,7 @@ def ask_page(request: Request, session: Reading, principal: PageOperator) -> Res
     """The form."""
     context = {
         "axes": [row.name for row in list_axes(session)],
+        "robots": [row.name for row in revisions.current(session, RobotRevision)],
         "base_url": str(request.base_url).rstrip("/"),
         "robot_map": joint_map_template(6),
     }
@@ -62,10 +65,11 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
     check_csrf(request, upload.fields.get("csrf", ""))
     upload = upload.filled()
     name = upload.fields.get("axis_name", "").strip()
+    robot = upload.fields.pop("robot_name", "").strip()
     if not {"axis", "robot", "urdf"} & {*upload.files}:
-        if not name:
-            raise Unprocessable("Choose a stored axis, or send its axis.toml, or a whole robot.")
-        upload.fields["axis"] = name
+        if not name and not robot:
+            raise Unprocessable("Choose a stored axis or robot, or send its axis.toml or robot.toml.")
+        upload.fields.update({"axis": name} if name else {"robot": robot})
     question = asked_of(service, upload).take_in()
     with service.library.transaction(principal.actor) as session:
         row = submit(session, question)
@@ -107,7 +111,7 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
     row = get_investigation(session, investigation_id)
     document: dict[str, Any] = dict(row.document or {})
     if row.robot:
-        return _robot_page(request, row, document, principal)
+        return _robot_page(request, session, row, document, principal)
     heard = "telemetry" not in row.inputs  # whose probabilities were never calibrated, nor said so by older versions
     findings = [{"calibrated": not heard, **finding} for finding in document.get("findings", ())]
     context = {
@@ -129,9 +133,10 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
 
 
 def _robot_page(
-    request: Request, row: StoredInvestigation, document: Mapping[str, Any], principal: Principal
+    request: Request, session: Session, row: StoredInvestigation, document: Mapping[str, Any], principal: Principal
 ) -> Response:
-    context: dict[str, Any] = {"row": row, "document": document}
+    accepted = session.scalars(select(RobotRevision).where(RobotRevision.investigation_id == row.id)).first()
+    context: dict[str, Any] = {"row": row, "document": document, "accepted": accepted}
     if document:
         context |= {
             "headline": investigation_headline(document),
@@ -162,9 +167,17 @@ def report(session: Reading, _: PageViewer, investigation_id: str) -> Response:
     return self_contained(row.report or "", "'self'", **{"X-Frame-Options": "SAMEORIGIN"})
 
 
+@router.get("/{investigation_id}/trajectory.csv")
+def trajectory(session: Reading, _: PageViewer, investigation_id: str) -> Response:
+    """The next motion of a robot as a file."""
+    headers = {"Content-Disposition": 'attachment; filename="trajectory.csv"'}
+    return Response(trajectory_of(get_investigation(session, investigation_id)), media_type="text/csv", headers=headers)
+
+
 @router.post("/{investigation_id}/accept", dependencies=[FromOurPage])
 def take_over(service: TheService, principal: PageAdmin, investigation_id: str) -> Response:
-    """Store the extended axis as the next revision."""
+    """Store the extended axis or robot as its next revision."""
     with service.library.transaction(principal.actor) as session:
-        name = accept(session, get_investigation(session, investigation_id)).name
-    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/axes/{quote(name, safe='')}", status_code=303)
+        row = accept(service.library, session, get_investigation(session, investigation_id))
+        place = f"{row.__tablename__}/{quote(row.name, safe='')}"
+    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/{place}", status_code=303)

@@ -1,5 +1,6 @@
 // What a page gains with JavaScript. Everything here has a way without it: forms post, links lead, charts are drawn.
 "use strict";
+import { recorder } from "./record.js";
 import { drawAnew, playhead, start, style } from "./plots.js";
 
 const one = (selector, root = document) => root.querySelector(selector);
@@ -158,6 +159,7 @@ async function suggest(form) {
 for (const form of all("form[data-upload]")) {
   one("input[name=axis]", form).addEventListener("focus", () => suggest(form));
   one("input[type=file]", form).addEventListener("change", () => described(form));
+  if (one("[data-recorder]", form)) recorder(one("[data-recorder]", form), form);
   form.addEventListener("submit", (event) => {
     event.preventDefault();
     send(form);

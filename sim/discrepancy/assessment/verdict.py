@@ -101,7 +101,7 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     seen = Evidence(standing.share, others, (standing.shared + inadequacy(fit)) / standing.gain)
     sure = probability(seen)
     new = not is_beyond_new(axis, term.mechanism, term.location, estimated)
-    if same or new:
+    if same or new or is_shaken_otherwise(term, fit.terms):
         sure = min(sure, ALONE)
     return Finding(
         term.mechanism, term.location, sure, estimated, tuple(close),
@@ -109,6 +109,15 @@ def finding_of(selection: Selection, term: Term) -> Finding:
         as_new_too=new and not term.traits.in_every_axis,
         lacks=tuple(need.value for need in needs_of(term.mechanism) & missing),
     )  # fmt: skip
+
+
+def is_shaken_otherwise(term: Term, terms: Sequence[Term]) -> bool:
+    """Whether a weight or a swinging part stands beside torque at the load that has no name.
+
+    Both are known by what shakes the load alone, and of an unknown torque some part always goes along with its motion.
+    """
+    unknown = (t for t in terms if not (t.named or t.traits.in_every_axis))
+    return term.traits.shakes_load and any(t.location == "load" for t in unknown)
 
 
 def beside_what_is_left(

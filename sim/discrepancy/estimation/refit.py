@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from sim.discrepancy.data.controller_law import DriveLaw, quiet, told
-from sim.discrepancy.data.preprocessing import gaussian_kernel
+from sim.discrepancy.data.preprocessing import MOTION_CUT_HZ, gaussian_kernel
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import LONG, Noise
@@ -16,6 +16,7 @@ from sim.discrepancy.hypotheses.traits import OVER_SPEED
 from sim.discrepancy.model.nominal import MOTOR_RELEASE, MOTOR_STRETCH, has_links
 
 MOTION_BAND_HZ = 40.0
+PLAIN_FITS = 2  # the second by what the first leaves of each channel
 FAR_BENT = 2.5  # standard deviations of what is known of a number
 TOLD = 0.5  # weight of a row that counts
 AT_REST = 1.3  # times the mean square in motion: what is more is not the noise of rows whose friction is known
@@ -51,17 +52,39 @@ def multistart(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
 
     Numbers that stood for a mechanism before it came in make noise of what they get wrong, and that keeps them there.
     Begins at the description; then with those alone put back that are bent far: one number that the description has
-    wrong is found, and others need not stand for it on the way.
+    wrong is found, and others need not stand for it on the way. Where friction came in that the description leaves out,
+    also at plain least squares in the band of the motion: noise taken without that friction holds it, and a fit that
+    leaves it to the noise stays there.
     """
     if fit.prior_penalty <= BENT:
         return problem, fit
     near = {p.name: fit.values[p.name] for p in fit.parameters if p.deviation(fit.values) < FAR_BENT}
-    for start in (fit.own, near):
-        anew, more = rewhiten(problem, problem.fit(fit.terms, start, iterations=0))
+    begun = [(problem, problem.fit(fit.terms, start, iterations=0)) for start in (fit.own, near)]
+    if any(t.traits.in_every_axis for t in fit.terms):
+        begun.append(plainly(problem, fit))
+    for first, less in begun:
+        anew, more = rewhiten(first, less)
         anew, more = rewhiten(anew, more)
         if more.prior_penalty < fit.prior_penalty and anew.neg2_log_posterior(more) < problem.neg2_log_posterior(fit):
             return anew, more
     return problem, fit
+
+
+def plainly(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
+    """The terms of `fit` by least squares in the band of the motion, every frequency of it alike; of both channels what
+    is left counts as one unit."""
+    more = fit
+    for _ in range(PLAIN_FITS):
+        m = problem.measurement
+        left = problem.raw_residuals(more.terms, more.values)
+        taps = []
+        for values, rate_hz in zip(left, (m.rate_hz, m.rate_hz / m.load_stride), strict=True):
+            kernel = gaussian_kernel(min(MOTION_CUT_HZ, 0.1 * rate_hz), rate_hz, 0)
+            level = float(np.std(np.convolve(values, kernel, "same"))) if values.size else 0.0
+            taps.append(kernel / level if level else np.ones(1))
+        problem = problem.with_noise(Noise(taps[0], taps[1]))
+        more = problem.fit(more.terms, more.values, to_end=True)
+    return problem, more
 
 
 def all_rows(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:

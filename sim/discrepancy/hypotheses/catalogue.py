@@ -8,14 +8,15 @@ import numpy as np
 
 from sim import mechanisms
 from sim.description.axis import Axis
+from sim.discrepancy.data.excitation import excitation_of
 from sim.discrepancy.data.plausibility import LEAST_TURN
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.hypotheses.friction import asymmetry, friction_felt, friction_terms, stribeck
-from sim.discrepancy.hypotheses.gear_mesh import MOTOR, link_terms, ripple
+from sim.discrepancy.hypotheses.gear_mesh import MOTOR, kinematic_terms, link_terms, ripple
 from sim.discrepancy.hypotheses.generic import ORDERS as RIPPLE_ORDERS
 from sim.discrepancy.hypotheses.generic import terms_of_catalogue
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.hypotheses.identifiability import that_show
+from sim.discrepancy.hypotheses.identifiability import highest_order, that_show
 from sim.discrepancy.hypotheses.sensors import HIGHEST_HUM, HUM_HZ, delay, encoder_error, hum, offset
 from sim.discrepancy.hypotheses.structure import gravity, resonance
 from sim.discrepancy.model.nominal import (
@@ -75,6 +76,8 @@ def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[
     if has_links(axis):
         twist = twist_range(axis, measurement)
         out += [term for k in range(len(stages_of(axis))) for term in link_terms(axis, k, level, twist)]
+        fastest = highest_order(excitation_of(measurement))
+        out += [term for k in range(len(stages_of(axis))) for term in kinematic_terms(axis, k, level, fastest)]
         if travel / axis.ratio > LEAST_TURN:
             out.append(gravity(0.05 * level * axis.ratio, len(stages_of(axis))))
         if measurement.load_angle is not None:

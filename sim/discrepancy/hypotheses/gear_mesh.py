@@ -9,6 +9,7 @@ from dataclasses import replace
 import numpy as np
 
 from sim.description.axis import Axis
+from sim.description.transmission import link_stiffness
 from sim.discrepancy.data.preprocessing import Array, Measurement
 from sim.discrepancy.hypotheses.harmonics import (
     AS_NEW_FACTOR,
@@ -19,13 +20,11 @@ from sim.discrepancy.hypotheses.harmonics import (
     parameter_key,
 )
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.model.effects import rounding
 from sim.discrepancy.model.nominal import (
     LOSS_SPLITS,
     PARTS,
     SHARED_SPREAD,
     is_open,
-    link_stiffness,
     loss_parameters,
     mesh_wave,
     ratio_after,
@@ -37,6 +36,7 @@ from sim.mechanisms import (
     Backlash,
     Eccentricity,
     Hysteresis,
+    KinematicError,
     LoadDependentLoss,
     MeshError,
     StiffnessHardening,
@@ -48,6 +48,8 @@ from sim.torsional.model import Chain, Dent, with_link
 FEWEST_TEETH = 8.0  # of a pinion
 LOSS_SIDES = ((0.0, 0.5), (1.0, 0.0), (1.0, 0.5), (1.0, 1.0))  # tried first: a load encoder sees only what is behind
 MOTOR = "motor"
+WAVE_ORDERS = (2.0, 4.0)  # per turn of an oval wave generator; once is runout of that shaft
+WAVE_ORDERS = (2.0, 4.0)  # per turn of an oval wave generator; once is runout of that shaft
 WIDEST_GAP = 6.0  # over the working twist, where play is looked for
 ALL_OF_IT = 0.9  # of the twist
 OF_TEETH = 0.5  # of the torque that erring teeth make: as much at their own order may be the error of their form
@@ -188,6 +190,37 @@ def _error(
     )  # fmt: skip
 
 
+def kinematic_terms(axis: Axis, k: int, level: float, fastest: int) -> list[Term]:
+    """Error of a gear of which only the ratio is described, two and four times per turn of its input shaft.
+
+    `fastest`: times per turn of the motor that the rate shows.
+    """
+    if not axis.stages or axis.stages[k].driven_teeth:
+        return []
+    stage, before = axis.stages[k], ratio_after(axis, k) * axis.stages[k].ratio / axis.ratio
+    twist = level * axis.ratio / ratio_after(axis, k) / link_stiffness(axis, k)
+    new = stage.transmission_error_rad or 0.01 * twist
+    return [_kinematic(stage.name, k, order, twist, new) for order in WAVE_ORDERS if order * before < fastest]
+
+
+def _kinematic(name: str, k: int, order: float, twist: float, new: float) -> Term:
+    prefix, step = f"{KinematicError.name}{order:g}@{name}", 0.01 * twist
+    pair = cosine_and_sine(prefix, step, "rad")
+    sine, cosine = (p.name for p in pair)
+    said = amplitude(pair, "amplitude_rad", "phase_rad")
+
+    def apply(chain: Chain, values: Values) -> Chain:
+        return with_link(chain, k, errors=chain.links[k].errors + wave(k, order, values[sine], values[cosine]))
+
+    def report(values: Values) -> dict[str, float]:
+        return {**said(values), "order": order}
+
+    return Term(
+        KinematicError.name, name, pair, cosine_and_sine_probe(prefix, step), report, apply, size=AS_NEW_FACTOR * new,
+        among=len(WAVE_ORDERS),
+    )  # fmt: skip
+
+
 def _with_encoder(runout: Term) -> Term:
     """Runout of the load's own gear, held against what is as new together with what the load encoder errs.
 
@@ -201,8 +234,7 @@ def _loss(name: str, k: int) -> Term:
     fraction = parameter_key(LoadDependentLoss.name, name, "fraction")
 
     def apply(chain: Chain, values: Values) -> Chain:
-        lost = values[fraction]
-        return with_link(chain, k, efficiency=(1.0 / (1.0 + lost), 1.0 - lost))
+        return with_link(chain, k, loss_fraction=values[fraction])
 
     parameters = (Parameter(fraction, 0.0, 0.005, low=0.0, high=0.6),)
     probes = tuple(({fraction: 0.02, **dict(zip(LOSS_SPLITS, split, strict=True))},) for split in LOSS_SIDES)
@@ -271,14 +303,14 @@ def tooth_damage(
             "depth_rad": values[depth],
             "angle_rad": values[angle] % (2 * math.pi),
             "flank": float(flank),
-            "width_rad": values[width] * rounding(values[form]),
+            "width_rad": values[width],
             "form": values[form],
         }
 
     parameters = (
         Parameter(depth, 0.0, 0.003 * deepest, low=0.0, high=deepest, unit="rad"),
         Parameter(angle, angle_rad, 0.02 * pitch, low=angle_rad - 6 * pitch, high=angle_rad + 6 * pitch, unit="rad"),
-        Parameter(width, 0.6 * pitch, 0.01 * pitch, 0.15 * pitch, 0.2 * pitch, 1.5 * pitch, unit="rad"),
+        Parameter(width, 0.7 * pitch, 0.01 * pitch, 0.17 * pitch, 0.23 * pitch, 1.75 * pitch, unit="rad"),
         Parameter(form, 4.0, 0.1, 4.0, 1.2, 40.0),
     )
     probes = tuple(({angle: a, depth: d},) for a, d in starts)

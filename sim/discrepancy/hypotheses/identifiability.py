@@ -123,6 +123,8 @@ def _can_be(axis: Axis, kind: type[Mechanism], place: str | None) -> bool:
         return False
     if kind.traits.dent or kind.signature.order == "mesh":
         return bool(_teeth(axis).get(place or ""))
+    if kind.of_unknown_teeth and _teeth(axis).get(place or ""):
+        return False
     return has_links(axis) or not kind.of_links
 
 

@@ -16,11 +16,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.description.axis import Axis
+from sim.description.transmission import compliance
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.hypotheses.traits import AS_NEW, FIXED, OVER_ANGLE, OVER_SPEED, OVER_SPEED_AT_LOAD
-from sim.discrepancy.model.nominal import PARTS, wave
-from sim.discrepancy.model.parameters import Parameter, Values
+from sim.discrepancy.hypotheses.traits import (
+    AS_NEW,
+    ERROR_OVER_ANGLE,
+    FIXED,
+    OVER_ANGLE,
+    OVER_SPEED,
+    OVER_SPEED_AT_LOAD,
+)
+from sim.discrepancy.model.angle_series import beyond_twice, orders_beyond_twice
+from sim.discrepancy.model.nominal import LOAD_CURVE, PARTS, wave
+from sim.discrepancy.model.parameters import Owner, Parameter, Values
 from sim.torsional.model import Array, Chain, with_link
 
 Rows = NDArray[np.bool_]
@@ -77,6 +86,36 @@ def over_angle(place: str, m: Measurement, ratio: float, step: float, order: int
 def torque_over_angle(place: str, m: Measurement, ratio: float, step: float) -> Term:
     """The same in both directions, beyond weight and runout: errors as new, which must not pass for friction."""
     return _shaped(AS_NEW, place, _waves(m, ratio, ORDERS[1:]), step, lambda energy: {})
+
+
+def error_over_angle(axis: Axis, m: Measurement) -> list[Term]:
+    """What both encoders differ by at the same angle of the load, whatever the torque: of a gear or of an encoder.
+
+    Where the description says nothing of what the last gear and the load's encoder err by; what it says is in every
+    model. A series over the angle, taken off what the load's encoder tells: of a whole turn what repeats three times in
+    it and more, as once and twice have names; of less any curve. Its numbers are those of the way of this record. No
+    wave of it is larger than what the encoders differ by altogether, nor steeper than that once: a gear has no corners.
+    """
+    if (
+        m.slow_load_angle is None
+        or axis.load_encoder.error_rad
+        or (axis.stages and axis.stages[-1].transmission_error_rad)
+    ):
+        return []
+    seen = 0.5 * float(np.ptp((m.slow_angle / axis.ratio - m.slow_load_angle)[m.load_valid > 0.5]))
+    shapes, _ = beyond_twice(m.slow_load_angle)
+    step = 3e-3 * m.torque_rms * axis.ratio * compliance(axis)
+    numbers = tuple(
+        Parameter(LOAD_CURVE.format(k), 0.0, step, seen / float(order), unit="rad", owner=Owner.MOTION)
+        for k, order in enumerate(orders_beyond_twice(m.slow_load_angle))
+    )
+
+    def report(values: Values) -> dict[str, float]:
+        """Half of what it is from peak to peak."""
+        return {"error_rad": 0.5 * float(np.ptp(np.array([values[p.name] for p in numbers]) @ shapes))}
+
+    probes = (tuple({p.name: step} for p in numbers),)
+    return [Term(ERROR_OVER_ANGLE, "load", numbers, probes, report, named=False, magnitude=lambda values: math.inf)]
 
 
 def half_teeth(axis: Axis) -> list[Term]:

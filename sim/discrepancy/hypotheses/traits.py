@@ -11,12 +11,14 @@ from sim.mechanisms.traits import Traits
 
 OVER_SPEED, OVER_ANGLE = "friction_over_speed", "friction_over_angle"
 FIXED = "fixed_frequency"
+ERROR_OVER_ANGLE = "error_over_angle"
 AS_NEW = "torque_over_angle"  # as new, as errors of teeth are: it enters a model, and is not spoken of
 
 NAMELESS: Mapping[str, Traits] = MappingProxyType(
     {
         OVER_SPEED: Traits(least_share=0.003, form_left=0.2),  # a curve stands for a law that has no name
         OVER_ANGLE: Traits(least_share=0.002, form_left=0.2),
+        ERROR_OVER_ANGLE: Traits(least_share=0.002, in_every_axis=True),
         FIXED: Traits(least_share=0.002, restless=True),
         AS_NEW: Traits(),
     }

@@ -16,7 +16,6 @@ from sim.discrepancy.kinematics.transmission_error import (
     BLOCKS,
     LAG,
     OFFSET,
-    ORDERS,
     REVERSAL,
     SLOPE,
     TransmissionError,
@@ -24,6 +23,7 @@ from sim.discrepancy.kinematics.transmission_error import (
     is_beyond,
     sine,
 )
+from sim.discrepancy.model.angle_series import ERROR_ORDERS
 from sim.discrepancy.report.formatting import angle, number
 from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
 from sim.mechanisms import Backlash, Eccentricity, EncoderError, MeshError
@@ -86,7 +86,7 @@ def _over_angle(axis: Axis, seen: TransmissionError, new: AsNew) -> list[Finding
     last = axis.stages[-1].name if axis.stages else None
     once = (Eccentricity.name, last, (EncoderError.name,)) if last else (EncoderError.name, "load", ())
     names: list[tuple[int, str, str | None, tuple[str, ...]]] = [(1, *once)]
-    names += [(order, MeshError.name, last, ()) for order in seen.orders if order > ORDERS]
+    names += [(order, MeshError.name, last, ()) for order in seen.orders if order > ERROR_ORDERS]
     return [
         _error(seen, order, mechanism, place, alike)
         for order, mechanism, place, alike in names
@@ -139,7 +139,7 @@ def gain_in_motion(seen: TransmissionError, findings: Sequence[Finding]) -> Gain
 def nameless_in_motion(axis: Axis, seen: TransmissionError, findings: Sequence[Finding]) -> Unexplained | None:
     """The largest of what comes back several times per turn, for which no mechanism here has a name."""
     new = _as_new(axis, seen)
-    sizes = {order: seen.amplitude(order) for order in seen.orders if seen.whole and 1 < order <= ORDERS}
+    sizes = {order: seen.amplitude(order) for order in seen.orders if seen.whole and 1 < order <= ERROR_ORDERS}
     beyond = {order: size for order, size in sizes.items() if new.is_exceeded(size)}
     if not beyond:
         return None

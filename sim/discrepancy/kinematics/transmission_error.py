@@ -24,6 +24,7 @@ from scipy.stats import t as t_distribution
 from sim.description.axis import Axis
 from sim.discrepancy.data.excitation import lacking_at
 from sim.discrepancy.data.preprocessing import LEAST_ROWS, STANDSTILL_SHARE, Measurement, standstill_weight
+from sim.discrepancy.model.angle_series import ERROR_ORDERS, is_whole, over_the_way
 from sim.mechanisms import Eccentricity, EncoderError, MeshError
 from sim.mechanisms.catalogue import mechanism_of
 from sim.mechanisms.mechanism import Need
@@ -32,8 +33,6 @@ Array = NDArray[np.float64]
 Rows = NDArray[np.bool_]
 
 BLOCKS = 20
-ORDERS = 10  # per turn of the load: errors of assembly; what repeats faster is of teeth
-WHOLE = 0.95  # of a turn: what is left of it hides no error once per turn
 TURNS_OF_SLOPE = 2.0  # from which a wrong ratio cannot be an error once per turn
 STEADY = 0.1  # of the largest acceleration: what is left of it does not lift teeth off each other where friction holds
 CHANCE = 1e-3  # that noise alone is taken for something, per record and effect
@@ -84,8 +83,7 @@ class TransmissionError:
             if self.whole:
                 out[cosine(order)], out[sine(order)] = np.cos(order * self.angle), np.sin(order * self.angle)
             else:
-                way = (self.angle - self.angle.min()) / float(np.ptp(self.angle))
-                out[cosine(order)] = np.cos(order * math.pi * way)
+                out[cosine(order)] = over_the_way(self.angle, order)
         return out
 
     @cached_property
@@ -188,11 +186,10 @@ def transmission_error(axis: Axis, m: Measurement) -> TransmissionError | None:
     if int(used.sum()) < LEAST_ROWS:
         return None
     angle = m.load_angle[used]
-    travel = float(np.ptp(angle))
     speed = m.slow_speed[used] / axis.ratio
-    whole = travel > WHOLE * 2.0 * math.pi
+    whole = is_whole(angle)
     teeth = _of_teeth(axis, m, float(np.abs(speed).max())) if whole else ()
-    orders = (*range(1, (ORDERS if whole else 2 * ORDERS) + 1), *teeth)
+    orders = (*range(1, (ERROR_ORDERS if whole else 2 * ERROR_ORDERS) + 1), *teeth)
     return TransmissionError(angle, error[used], direction[used], speed, orders, lacking_at(speed), whole)
 
 
@@ -215,7 +212,7 @@ def _of_teeth(axis: Axis, m: Measurement, fastest: float) -> tuple[int, ...]:
     """Teeth of the last gear, where they pass slower than what was smoothed away."""
     teeth = (axis.stages[-1].driven_teeth if axis.stages else None) or 0
     slow = teeth * fastest / (2.0 * math.pi) < 0.1 * m.rate_hz
-    return (teeth,) if teeth > ORDERS and slow else ()
+    return (teeth,) if teeth > ERROR_ORDERS and slow else ()
 
 
 def _steady(m: Measurement, driven: Array, reach: float) -> tuple[Rows, Array]:

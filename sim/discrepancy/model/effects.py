@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,6 +11,7 @@ from scipy.signal import bilinear, lfilter, lfilter_zi
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.mechanisms import StructuralResonance
+from sim.mechanisms.friction_asymmetry import shared_halves
 from sim.torsional.model import Array, Chain, with_shaft
 
 Response = NDArray[np.complex128]
@@ -39,38 +39,22 @@ def swing_response(s: Response, share: float, frequency_hz: float, damping_ratio
     return np.asarray(-share * s**4 / (s * s + 2.0 * damping_ratio * w * s + w * w))
 
 
-def rounding(form: float) -> float:
-    """Width of the simulator's dent, whose edges are round, over that of the observer's, equally wide at half depth.
-
-    (1 - |u|^form)^4 keeps an integrator's order, (1 - |u|^form)^2 is nearer to a tooth that leaves its contact.
-    """
-    return float(((1.0 - 0.5**0.5) / (1.0 - 0.5**0.25)) ** (1.0 / form))
-
-
 def lopsided(chain: Chain, location: str | None, coulomb_n_m: float, viscous_n_m_s: float) -> Chain:
     """Friction that is larger forward and smaller backward, by as much at the motor; no location: of motor and load.
 
     There each has its share of it, as it has of the friction that the motor feels.
     """
-    ratio = math.prod(link.ratio for link in chain.links)
-    ends = {0: 1.0} if location is not None or not chain.links else {0: 1.0, len(chain.shafts) - 1: 1.0 / ratio}
-    dry = {k: chain.shafts[k].coulomb_n_m * felt for k, felt in ends.items()}
-    viscous = {k: chain.shafts[k].viscous_n_m_s * felt**2 for k, felt in ends.items()}
-    for k, felt in ends.items():
-        c = coulomb_n_m * _part(dry, k) / felt
-        v = viscous_n_m_s * _part(viscous, k) / felt**2
-        shaft = chain.shafts[k]
+    shared = location is None and bool(chain.links)
+    ends = (0, len(chain.shafts) - 1) if shared else (0,)
+    present = [(chain.shafts[k].coulomb_n_m, chain.shafts[k].viscous_n_m_s) for k in ends]
+    felt = (1.0, 1.0 / chain.ratio)[: len(ends)]
+    halves = shared_halves(coulomb_n_m, viscous_n_m_s, present, felt)
+    for k, (dry, viscous), (c, v) in zip(ends, present, halves, strict=True):
         chain = with_shaft(
-            chain, k, coulomb_n_m=shaft.coulomb_n_m + c, coulomb_backward_n_m=shaft.coulomb_n_m - c,
-            viscous_n_m_s=shaft.viscous_n_m_s + v, viscous_backward_n_m_s=shaft.viscous_n_m_s - v,
+            chain, k, coulomb_n_m=dry + c, coulomb_backward_n_m=dry - c,
+            viscous_n_m_s=viscous + v, viscous_backward_n_m_s=viscous - v,
         )  # fmt: skip
     return chain
-
-
-def _part(values: Mapping[int, float], k: int) -> float:
-    """Share of the value of shaft `k` in all; the motor has all of nothing."""
-    whole = sum(values.values())
-    return values[k] / whole if whole > 0.0 else float(k == 0)
 
 
 def swinging(axis: Axis, m: Measurement) -> Array:

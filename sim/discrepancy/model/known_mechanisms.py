@@ -12,12 +12,11 @@ from typing import Any, TypeVar
 
 from sim.assembly import drive_train_of
 from sim.description.axis import Axis, Load
-from sim.discrepancy.model.effects import rounding
 from sim.errors import SimulationError
 from sim.mechanisms.catalogue import kind_of
 from sim.mechanisms.mechanism import Mechanics
 from sim.rotational.drive_train import DriveTrain
-from sim.torsional.model import Chain, Dent, Line, Link, Shaft
+from sim.torsional.model import Chain, Link, Shaft
 from sim.torsional.reduction import chain_of
 
 Part = TypeVar("Part", Shaft, Link)
@@ -109,7 +108,7 @@ def carried_over(chain: Chain, before: Chain, after: Chain) -> Chain:
     if not len(chain.shafts) == len(before.shafts) == len(after.shafts):
         raise SimulationError("a mechanism that adds a shaft has no place in the chain of this axis")
     ends = zip(_both_ways(chain).shafts, before.shafts, after.shafts, strict=True)
-    shafts = tuple(_one_way(_moved(*parts)) for parts in ends)
+    shafts = tuple(one_way(_moved(*parts)) for parts in ends)
     links = tuple(_moved(*parts) for parts in zip(chain.links, before.links, after.links, strict=True))
     return Chain(shafts, links)
 
@@ -132,12 +131,7 @@ def _plus(own: Any, was: Any, now: Any) -> Any:
         return own + (now - was)
     if own and isinstance(own[0], float):
         return tuple(x + (b - a) for x, a, b in zip(own, was, now, strict=True))
-    return (*own, *(_seen(x) for x in now if x not in was))
-
-
-def _seen(new: Line | Dent) -> Line | Dent:
-    """A dent as wide at half depth as the simulator's, in the form that the observer's dents have."""
-    return replace(new, half_width_rad=new.half_width_rad / rounding(new.form)) if isinstance(new, Dent) else new
+    return (*own, *(x for x in now if x not in was))
 
 
 def _both_ways(chain: Chain) -> Chain:
@@ -153,7 +147,7 @@ def _both_ways(chain: Chain) -> Chain:
     return replace(chain, shafts=tuple(shafts))
 
 
-def _one_way(shaft: Shaft) -> Shaft:
+def one_way(shaft: Shaft) -> Shaft:
     """The shaft without what it says twice."""
     same = (shaft.coulomb_backward_n_m, shaft.viscous_backward_n_m_s) == (shaft.coulomb_n_m, shaft.viscous_n_m_s)
     return replace(shaft, coulomb_backward_n_m=None, viscous_backward_n_m_s=None) if same else shaft

@@ -4,15 +4,24 @@ from __future__ import annotations
 
 import math
 from dataclasses import replace
+from functools import lru_cache
 
-from sim.description.axis import Axis
+from sim.description.axis import Axis, Load, Motor, Stage, Transmission
+from sim.description.transmission import compliance, link_damping, link_stiffness, usual_damping
+from sim.discrepancy.model.known_mechanisms import one_way, plain_train
 from sim.discrepancy.model.observer import NO_STRETCH_RAD, Nuisance
 from sim.discrepancy.model.parameters import Owner, Parameter, Stated, Values
 from sim.mechanisms import ElectricalHum, EncoderError, TimeDelay
-from sim.torsional.model import Chain, Line, Link, Shaft
+from sim.torsional.model import Chain, Line, Link
+from sim.torsional.reduction import chain_of as torsional_chain_of
 
-UNKNOWN_STIFFNESS_HZ = 80.0
 PARTS = ("sine", "cosine")
+OF_SHAFT = {
+    "inertia_kg_m2": "inertia_kg_m2",
+    "coulomb_friction_n_m": "coulomb_n_m",
+    "viscous_friction_n_m_s_per_rad": "viscous_n_m_s",
+}
+PLAIN_CHAINS = 64  # descriptions that are held at once: those of a robot's joints, and of what has changed in one
 STATED_SPREAD = 0.03  # of what a data sheet states: inertias of motor and gears, stiffness of a stage, friction
 LOSS_SPREAD = 0.09  # of a mesh's losses, which it states as what is left of all
 PAYLOAD_SPREAD = 0.3  # of the load's inertia
@@ -29,6 +38,7 @@ NONE = math.log(NO_STRETCH_RAD)
 WIDE, MOST_WIDE = 3.0, 5.3  # logarithms of 20 and 200
 SLOW = -5.0  # a contact lets go within a second, and not while it moves
 RUNOUT_OVER_MESH = 2.0  # of a gear as new: error once per turn over that per tooth
+LOAD_CURVE = "load_encoder.curve_{}_rad"  # one for each of `beyond_twice`
 TWICE = 0.25  # of what a load encoder errs by at most: its error twice per turn
 
 
@@ -125,7 +135,7 @@ def _link_parameters(axis: Axis) -> list[Parameter]:
             out.append(_share(name, unit, value, SHARED_SPREAD))
         else:
             out.append(_stated(name, unit, value))
-        damp = link_damping(axis, k)
+        damp = link_damping(axis, k) or usual_damping(axis, k)
         name, spread = f"{where}.damping_n_m_s_per_rad", DAMPING_SPREAD * damp
         rough = Parameter(name, damp, 0.1 * damp, spread, 0.02 * damp, 30 * damp, unit="N m s/rad")
         out.append(replace(rough, owner=Owner.DESCRIPTION, stated=Stated.ROUGHLY))
@@ -218,83 +228,52 @@ def is_open(axis: Axis, k: int) -> bool:
     return len(axis.stages) > 1 and axis.stages[k].stiffness_n_m_per_rad is None
 
 
-def link_stiffness(axis: Axis, k: int) -> float:
-    """Described stiffness at the driven gear [N m/rad]; where none is given, that of a mode at 80 Hz."""
-    known = axis.stiffness()[k]
-    if known:
-        return known
-    inertia = axis.load.inertia_kg_m2
-    if axis.stages and k + 1 < len(axis.stages):
-        inertia = axis.stages[k].inertia_kg_m2
-    return inertia * (2 * math.pi * UNKNOWN_STIFFNESS_HZ) ** 2
-
-
-def compliance(axis: Axis) -> float:
-    """Twist of the whole transmission per torque, at the load [rad/(N m)]."""
-    return sum(1.0 / (link_stiffness(axis, k) * ratio_after(axis, k) ** 2) for k in range(len(stages_of(axis))))
-
-
 def locked_mode_hz(axis: Axis) -> float:
     """Natural frequency of the load while the motor stands [Hz]."""
     return 1.0 / (2.0 * math.pi * math.sqrt(compliance(axis) * max(axis.load.inertia_kg_m2, 1e-12)))
 
 
-def link_damping(axis: Axis, k: int) -> float:
-    """Described damping at the driven gear [N m s/rad], else 2 % of critical against the load."""
-    known = axis.damping()[k]
-    return known or 0.04 * math.sqrt(link_stiffness(axis, k) * max(axis.load.inertia_kg_m2, 1e-9)) / ratio_after(
-        axis, k
-    )
-
-
 def chain_of(axis: Axis, values: Values) -> Chain:
-    """The chain of a description with some of its numbers replaced by `values`; effects come on top."""
-    get = values.get
-    motor = Shaft(
-        get("motor.inertia_kg_m2", axis.motor.inertia_kg_m2),
-        get("motor.coulomb_friction_n_m", axis.motor.coulomb_friction_n_m),
-        get("motor.viscous_friction_n_m_s_per_rad", axis.motor.viscous_friction_n_m_s_per_rad),
-        offset_n_m=-get("offset_n_m", 0.0),
-    )
-    load = (
-        Shaft(
-            get("load.inertia_kg_m2", axis.load.inertia_kg_m2)
-            + (axis.stages[-1].inertia_kg_m2 if axis.stages else 0.0),
-            get("load.coulomb_friction_n_m", axis.load.coulomb_friction_n_m),
-            get("load.viscous_friction_n_m_s_per_rad", axis.load.viscous_friction_n_m_s_per_rad),
-        )
-        if axis.load.inertia_kg_m2 or has_links(axis)
-        else None
-    )
-    if not has_links(axis):
-        if load is not None:
-            motor = replace(
-                motor,
-                inertia_kg_m2=motor.inertia_kg_m2 + load.inertia_kg_m2,
-                coulomb_n_m=motor.coulomb_n_m + load.coulomb_n_m,
-                viscous_n_m_s=motor.viscous_n_m_s + load.viscous_n_m_s,
-            )
-        return Chain((motor,))
-    assert load is not None
-    middle = tuple(Shaft(get(f"stages.{stage.name}.inertia_kg_m2", stage.inertia_kg_m2)) for stage in axis.stages[:-1])
-    links = tuple(_link(axis, k, values) for k in range(len(stages_of(axis))))
-    return Chain((motor, *middle, load), links)
+    """The chain that a simulation of the description has, some of its numbers replaced by `values`.
+
+    What is as new at most, gaps and errors of teeth, is what `values` say, and 0 where they say nothing. Effects come
+    on top.
+    """
+    plain = _plain_chain(axis.motor, axis.load, axis.stages, axis.transmission)
+    shafts = list(plain.shafts)
+    between = ((k, f"stages.{stage.name}", stage) for k, stage in enumerate(axis.stages[:-1], 1))
+    for k, name, described in ((0, "motor", axis.motor), *between, (len(shafts) - 1, "load", axis.load)):
+        more = {
+            field: getattr(shafts[k], field) + (values[f"{name}.{key}"] - getattr(described, key))
+            for key, field in OF_SHAFT.items()
+            if f"{name}.{key}" in values
+        }
+        shafts[k] = replace(shafts[k], **more)
+    shafts[0] = replace(shafts[0], offset_n_m=-values.get("offset_n_m", 0.0))
+    links = tuple(_link(axis, k, link, values) for k, link in enumerate(plain.links))
+    return Chain(tuple(shafts), links)
 
 
-def _link(axis: Axis, k: int, values: Values) -> Link:
+@lru_cache(maxsize=PLAIN_CHAINS)
+def _plain_chain(motor: Motor, load: Load, stages: tuple[Stage, ...], transmission: Transmission) -> Chain:
+    chain = torsional_chain_of(plain_train(Axis("", motor, load, stages, transmission)))
+    return replace(chain, shafts=tuple(map(one_way, chain.shafts)))
+
+
+def _link(axis: Axis, k: int, plain: Link, values: Values) -> Link:
     where = f"stages.{stages_of(axis)[k]}"
     stage = axis.stages[k] if axis.stages else None
-    efficiency = values.get(f"{where}.mesh_efficiency", stage.mesh_efficiency if stage else 1.0)
+    efficiency = values.get(f"{where}.mesh_efficiency")
     errors: tuple[Line, ...] = ()
     if stage and stage.driven_teeth:
         mesh = (values.get(mesh_wave(stage.name, part), 0.0) for part in PARTS)
         errors = wave(k + 1, float(stage.driven_teeth), *mesh)
-    return Link(
-        stage.ratio if stage else 1.0,
-        values.get(f"{where}.stiffness_n_m_per_rad", link_stiffness(axis, k)),
-        values.get(f"{where}.damping_n_m_s_per_rad", link_damping(axis, k)),
+    return replace(
+        plain,
+        stiffness_n_m_per_rad=values.get(f"{where}.stiffness_n_m_per_rad", plain.stiffness_n_m_per_rad),
+        damping_n_m_s_per_rad=values.get(f"{where}.damping_n_m_s_per_rad", plain.damping_n_m_s_per_rad),
         gap_rad=values.get(f"{where}.backlash_rad", 0.0),
-        efficiency=(efficiency, efficiency),
+        efficiency=plain.efficiency if efficiency is None else (efficiency, efficiency),
         errors=errors,
     )
 
@@ -314,6 +293,7 @@ def nuisance_of(values: Values) -> Nuisance:
         get("torque_delay_s", 0.0),
         get("load_delay_s", 0.0),
         tuple(get(f"load_encoder.{order}_{part}_rad", 0.0) for order in ("error", "twice") for part in PARTS),
+        _curve(values),
         get("load_offset_rad", 0.0),
         (get(DRIVING, 1.0), get(DRIVING, 1.0) * get(DRIVEN, 0.5)),
         (1e-3 * math.exp(get(MOTOR_RELEASE, 0.0)), width * math.exp(get("log_release.load", 0.0))),
@@ -321,3 +301,11 @@ def nuisance_of(values: Values) -> Nuisance:
         (math.exp(get(MOTOR_STRETCH, NONE)), math.exp(get("log_stretch_rad.load", NONE))),
         (get(START[0], 0.0), get(START[1], 0.0)),
     )
+
+
+def _curve(values: Values) -> tuple[float, ...]:
+    """Amplitudes of the load encoder's error over the angle [rad], of as many as there are."""
+    out: list[float] = []
+    while (name := LOAD_CURVE.format(len(out))) in values:
+        out.append(values[name])
+    return tuple(out)

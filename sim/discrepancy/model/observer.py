@@ -13,8 +13,11 @@ from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
 from sim.discrepancy.data.preprocessing import LOAD_MOTION_CUT_HZ, Measurement
-from sim.discrepancy.model.observer_kernel import INV, VISCOUS_F, C, D, J, loudness, motor_torque, run, shaken
-from sim.discrepancy.model.packing import Packed, lag_of, pack, steady_twist, substeps
+from sim.discrepancy.model.angle_series import beyond_twice
+from sim.discrepancy.model.observer_kernel import loudness, motor_torque, run, shaken
+from sim.discrepancy.model.packing import Packed, lag_of, pack, substeps
+from sim.torsional.integrate import steady_start
+from sim.torsional.laws import INV, VISCOUS_F, C, D, J
 from sim.torsional.model import Array, Chain
 
 Spectrum = NDArray[np.complex128]
@@ -32,7 +35,8 @@ class Nuisance:
     """What belongs to the measurement and not to the axis.
 
     `torque_delay_s`: the torque channel is late by this; `load_delay_s` the load encoder; `load_error_rad` sine and
-    cosine amplitude of the encoder's error once per revolution, then twice; `loss_split`: share of mesh losses behind
+    cosine amplitude of the encoder's error once per revolution, then twice; `load_curve_rad`: the same of the series
+    `beyond_twice`, empty where there is none; `loss_split`: share of mesh losses behind
     the spring, while the motor drives and while the load does;
     `friction_width`, `loss_width`: speed over which friction and losses turn their sign, of the largest;
     `stretch_rad`: by which a contact gives way before friction slides;
@@ -42,6 +46,7 @@ class Nuisance:
     torque_delay_s: float = 0.0
     load_delay_s: float = 0.0
     load_error_rad: tuple[float, ...] = (0.0, 0.0, 0.0, 0.0)
+    load_curve_rad: tuple[float, ...] = ()
     load_offset_rad: float = 0.0
     loss_split: tuple[float, float] = (0.5, 0.5)
     friction_width: tuple[float, float] = (1e-3, 1e-3)  # of the largest speed: motor, load
@@ -104,6 +109,13 @@ class Observer:
         once, twice = (np.stack([np.sin(k * angle), np.cos(k * angle)]) for k in (1, 2))
         slopes = np.concatenate([once[::-1] * [[1.0], [-1.0]], 2.0 * twice[::-1] * [[1.0], [-1.0]]])
         return np.concatenate([once, twice]), slopes
+
+    @cached_property
+    def _series(self) -> tuple[Array, Array]:
+        """The same of a curve over the load's angle, shape (k, n)."""
+        angle = self.measurement.slow_load_angle
+        assert angle is not None
+        return beyond_twice(angle)
 
     def predict(self, chain: Chain, nuisance: Nuisance) -> Prediction:
         """Simulate `chain` along the measured motion."""
@@ -228,7 +240,8 @@ class Observer:
         stretch = nuisance.stretch_rad[1]
         known = np.zeros(0) if m.known_torque is None else m.known_torque
         asked = float(known[0]) if known.size else 0.0
-        angles, speeds = steady_twist(chain, motion[:, 0], float(m.slow_acceleration[0]), asked)
+        state = steady_start(chain, float(motion[0, 0]), float(motion[1, 0]), float(m.slow_acceleration[0]), asked)
+        angles, speeds = state[1:n], state[n + 1 :]
         if gains[0] > 0.0:
             angles[-1], speeds[-1] = guide[0, 0], guide[1, 0]
         else:
@@ -243,7 +256,7 @@ class Observer:
             widths,
             setting,
             start,
-            np.array(nuisance.load_error_rad),
+            np.array([*nuisance.load_error_rad, *nuisance.load_curve_rad]),
             guide[:, :1],
         )
         key = b"".join(part.tobytes() for part in inner) + repr(nuisance.load_delay_s).encode()
@@ -275,12 +288,15 @@ class Observer:
         """Angle and speed of the load as its encoder tells them, without that encoder's own errors, shape (2, n)."""
         m, last = self.measurement, self._told.get(slow)
         late_s, offset, parts = nuisance.load_delay_s, nuisance.load_offset_rad, np.array(nuisance.load_error_rad)
-        asked = (late_s, offset, *nuisance.load_error_rad)
+        asked = (late_s, offset, *nuisance.load_error_rad, *nuisance.load_curve_rad)
         if last is None or last[0] != asked:
             waves, slopes = self._turns
             speed = m.slow_load_speed if slow else m.load_speed
             assert speed is not None
             error = np.stack([parts @ waves + offset, (parts @ slopes) * speed])
+            if any(nuisance.load_curve_rad):
+                curve = np.array(nuisance.load_curve_rad)
+                error += np.stack([curve @ self._series[0], (curve @ self._series[1]) * speed])
             last = self._told[slow] = (asked, self._load_motion(late_s, slow) - error)
         return last[1]
 

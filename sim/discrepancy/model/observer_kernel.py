@@ -1,9 +1,10 @@
 """Compiled loop of the guided chain: the motor moves as measured, the load is drawn along its measured angle.
 
-Equations and flat arrays are those of `sim.torsional.reduction` (see `pack` there), with three differences that make
-the outputs differentiable in every parameter: friction and losses turn their sign over a finite speed, contact is the
-continuous branch of ElastoBacklash, and a spring and damper pull the load towards its encoder. What that guide has to
-pull is the load torque that the model lacks, so that an error of the model stays where and when it acts.
+Equations are those of `sim.torsional.model`; friction, spring and dents those of `sim.torsional.laws`, as in the
+simulation. Three differences make the outputs differentiable in every parameter: friction and losses turn their sign
+over a finite speed, contact is the continuous branch of ElastoBacklash, and a spring and damper pull the load towards
+its encoder. What that guide has to pull is the load torque that the model lacks, so that an error of the model stays
+where and when it acts.
 """
 
 # mypy: disable-error-code="no-untyped-def"
@@ -18,18 +19,54 @@ from numba.core import cgutils
 from numba.extending import intrinsic
 
 from sim.discrepancy.data.preprocessing import WIDE_SHARE
+from sim.torsional import laws
+from sim.torsional.laws import (
+    BF1,
+    BF2,
+    COULOMB_B,
+    COULOMB_F,
+    CUBIC,
+    DRIFT,
+    ETA1,
+    ETA2,
+    GRAVITY,
+    HALF,
+    HYST,
+    HYST_X,
+    INV,
+    LAW,
+    LOSSY,
+    OFFSET,
+    PHASE,
+    STRIBECK,
+    STRIBECK_EXP,
+    STRIBECK_W,
+    TWO_PI,
+    VISCOUS_B,
+    VISCOUS_F,
+    C,
+    D,
+    J,
+)
 
-TWO_PI = 2.0 * math.pi
 FORGOTTEN = 40.0  # times the way by which a contact gives way: nothing is left of what it held
 WIDE = 1.47 / (TWO_PI * WIDE_SHARE)  # reach of that low-pass in samples
 TAYLOR = 24  # terms of the exponential: enough for a phase of 3 per step
-(J, COULOMB_F, COULOMB_B, VISCOUS_F, VISCOUS_B, STRIBECK, STRIBECK_W, STRIBECK_EXP, DRIFT, GRAVITY, PHASE,
- OFFSET) = range(12)  # fmt: skip
-INV, C, D, HALF, LAW, ETA1, ETA2, BF1, BF2, TURN, LOSSY, CUBIC, HYST, HYST_X = range(14)
+OPTIONS = {"error_model": "numpy", "fastmath": True, "nogil": True}
 
-_jit = njit(cache=True, error_model="numpy", fastmath=True, nogil=True)
-# a call costs counts of references of every array that is handed over
-_inline = njit(cache=True, error_model="numpy", fastmath=True, nogil=True, forceinline=True)
+
+def _jit(function):
+    return njit(cache=True, **OPTIONS)(laws.keyed(function, WIDE_SHARE))
+
+
+def _inline(function):
+    """A call costs counts of references of every array that is handed over."""
+    return njit(cache=True, forceinline=True, **OPTIONS)(laws.keyed(function, WIDE_SHARE))
+
+
+_law_of_friction = njit(forceinline=True, **OPTIONS)(laws.friction)
+_spring = njit(forceinline=True, **OPTIONS)(laws.spring)
+_dents = njit(forceinline=True, **OPTIONS)(laws.dents)
 
 
 @intrinsic
@@ -85,37 +122,10 @@ def _slid(slip, w, width, stretch, h):
 
 @_inline
 def _friction(shafts, k, w, way, t):
-    ahead = 0.5 * (1.0 + way)
-    level = ahead * shafts[k, COULOMB_F] + (1.0 - ahead) * shafts[k, COULOMB_B]
-    viscous = ahead * shafts[k, VISCOUS_F] + (1.0 - ahead) * shafts[k, VISCOUS_B]
-    if shafts[k, STRIBECK] != 0.0:
-        v = abs(w) / shafts[k, STRIBECK_W]
-        power = v * v if shafts[k, STRIBECK_EXP] == 2.0 else v ** shafts[k, STRIBECK_EXP]
-        level += shafts[k, STRIBECK] * math.exp(-power)
-    return (level * way + viscous * w) * (1.0 + shafts[k, DRIFT] * t)
-
-
-@_inline
-def _dent(dents, first, last, side, k, angles):
-    """Depth on one flank of link k, and its slope over the angles of driver and driven gear."""
-    depth = before = after = 0.0
-    for j in range(first, last):
-        if dents[j, 4] == side:
-            shaft = int(dents[j, 0])
-            r = angles[shaft] - dents[j, 1]
-            r -= TWO_PI * math.floor(r / TWO_PI + 0.5)
-            u = r / dents[j, 2]
-            if abs(u) < 1.0:
-                steep = abs(u) ** (dents[j, 5] - 1.0)
-                room = 1.0 - steep * abs(u)
-                deep = dents[j, 3] * room
-                depth += deep * room
-                slope = math.copysign(2.0 * dents[j, 5] * deep * steep, u) / dents[j, 2]
-                if shaft == k:
-                    before -= slope
-                else:
-                    after -= slope
-    return depth, before, after
+    return _law_of_friction(
+        shafts[k, COULOMB_F], shafts[k, COULOMB_B], shafts[k, VISCOUS_F], shafts[k, VISCOUS_B], shafts[k, STRIBECK],
+        shafts[k, STRIBECK_W], shafts[k, STRIBECK_EXP], shafts[k, DRIFT], w, way, t,
+    )  # fmt: skip
 
 
 @_inline
@@ -346,12 +356,12 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                     c += links[k, C] * waves[j, 2] * math.cos(waves[j, 1] * angles[int(waves[j, 0])] + waves[j, 3])
                 touch = True
                 if links[k, LAW] == 0.0:
-                    force = c * x * (1.0 + links[k, CUBIC] * x * x) + links[k, D] * xd
+                    force = _spring(x, c, links[k, CUBIC]) + links[k, D] * xd
                 else:
                     side = 1.0 if x > 0.0 else -1.0
                     depth = rate = 0.0
                     if dent_first[k + 1] > dent_first[k]:
-                        depth, before, after = _dent(dents, dent_first[k], dent_first[k + 1], side, k, angles)
+                        depth, before, after = _dents(dents, dent_first[k], dent_first[k + 1], side, k, angles, 0)
                         rate = before * speeds[k] + after * speeds[k + 1]
                         before_lever -= side * before
                         after_lever += side * after
@@ -359,7 +369,7 @@ def run(shafts, links, lines, line_first, waves, wave_first, dents, dent_first, 
                     force = 0.0
                     touch = p > 0.0
                     if touch:
-                        spring = c * p * (1.0 + links[k, CUBIC] * p * p)
+                        spring = _spring(p, c, links[k, CUBIC])
                         damper = links[k, D] * (side * xd - rate)
                         force = side * (spring + min(max(damper, -spring), spring))
                 if links[k, HYST] != 0.0:

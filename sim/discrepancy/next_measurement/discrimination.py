@@ -16,14 +16,14 @@ import numpy as np
 from scipy.interpolate import make_interp_spline
 
 from sim.description.axis import Axis
+from sim.description.transmission import compliance
 from sim.discrepancy.data.preprocessing import SLOW_ANGLE_CUT_HZ, SLOW_DIRECT_ANGLE_CUT_HZ, Measurement, prepare
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.hypotheses.harmonics import ENCODER_ERROR
-from sim.discrepancy.model.effects import rounding
 from sim.discrepancy.model.known_mechanisms import in_chain
-from sim.discrepancy.model.nominal import compliance, has_links, locked_mode_hz, nuisance_of
+from sim.discrepancy.model.nominal import has_links, locked_mode_hz, nuisance_of
 from sim.discrepancy.model.observer import delayed
 from sim.discrepancy.model.parameters import Owner
 from sim.discrepancy.next_measurement.plans import PLANS, REPEAT, Plan, Present
@@ -32,7 +32,7 @@ from sim.discrepancy.results import Difference, MeasurementUtility, digits
 from sim.discrepancy.search.comparison import Model
 from sim.errors import RunError, SimulationError
 from sim.torsional.integrate import run_chain
-from sim.torsional.model import Array, Chain, Servo, Shaft, with_link, with_shaft
+from sim.torsional.model import Array, Chain, Servo, Shaft, with_shaft
 
 SEPARATES = 20.0  # squares that a rival must leave beyond the truth: what any mechanism must take away to be named
 ENOUGH = 10.0 * SEPARATES
@@ -54,7 +54,7 @@ def told_by(
     present = Present(problem.axis, problem.measurement)
     noise = _noise_of(problem, fit)
     plans = [p for p in (REPEAT, *PLANS) if p.applies(present)]
-    moved = [(plan, angle) for plan in plans if (angle := plan.motion(present)) is not None]
+    moved = [(plan, angle) for plan in plans if (angle := plan.motion(present)) is not None and present.moves(angle)]
     apart = each(lambda p: _apart(problem, noise, *p, model, rivals), moved)
     found = [_as_long(told, present, angle) for (_, angle), told in zip(moved, apart, strict=True)]
     again = next((f for (plan, _), f in zip(moved, found, strict=True) if plan is REPEAT), {})
@@ -175,14 +175,10 @@ def servo_along(axis: Axis, chain: Chain, angle: Array, rate_hz: float) -> Servo
 
 
 def _as_simulated(chain: Chain) -> Chain:
-    """With dents of the form that the simulation has, as wide at half of their depth, and no friction that pushes."""
+    """Without friction that pushes."""
     motor = chain.shafts[0]
     frictions = ("coulomb_n_m", "viscous_n_m_s", "coulomb_backward_n_m", "viscous_backward_n_m_s")
-    chain = with_shaft(chain, 0, **{k: max(v, 0.0) for k in frictions if (v := getattr(motor, k)) is not None})
-    for k, link in enumerate(chain.links):
-        dents = tuple(replace(d, half_width_rad=d.half_width_rad * rounding(d.form)) for d in link.dents)
-        chain = with_link(chain, k, dents=dents)
-    return chain
+    return with_shaft(chain, 0, **{k: max(v, 0.0) for k in frictions if (v := getattr(motor, k)) is not None})
 
 
 def _pushing(motor: Shaft, speed: Array) -> Array:

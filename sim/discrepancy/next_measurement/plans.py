@@ -70,6 +70,11 @@ class Present:
     def one_way(self) -> bool:
         return abs(float(self.angle[-1] - self.angle[0])) > NEARLY_A_TURN * self.travel
 
+    def moves(self, angle: Array) -> bool:
+        """Whether a motion has any row that would count: one that begins with a rest may end before it moves."""
+        fastest = float(np.abs(np.diff(angle)).max(initial=0.0)) * self.rate_hz
+        return fastest > self.measurement.standstill * self.top
+
     @property
     def can_turn(self) -> bool:
         """Whether more than what has been seen of a turn of the load is left to see."""

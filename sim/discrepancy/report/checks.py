@@ -15,6 +15,7 @@ if TYPE_CHECKING:
     from sim.discrepancy.results import Investigation
 
 COUNTS = 0.5  # weight from which a row does
+ROWS = "rows that count"
 FAULTS = (LostSamples, Clipping, ElectricalHum)
 
 
@@ -45,7 +46,7 @@ def _of_telemetry(result: Investigation) -> list[tuple[str, str]]:
     return [
         ("channels", f"{', '.join(channels)}; {long}"),
         ("units, signs, order of the channels", "torque, angle and ratio agree with the description"),
-        ("rows that count", rows),
+        (ROWS, rows),
         ("torque from row to row", f"{number(fast)} N m rms: the noise of the channel is at least that"),
         ("travel of the load", f"{moved}, at up to {number(top)} rad/s"),
     ]  # fmt: skip

@@ -29,7 +29,7 @@ from sim.discrepancy.report.maintenance_actions import of_the_measurement, place
 from sim.discrepancy.report.panels import Panel
 from sim.discrepancy.report.summary import ALIKE, Candidate, asked_for, candidates, panels
 from sim.discrepancy.report.wording import headline, not_examined, numbers_of, telling_apart, unexplained_words
-from sim.mechanisms.catalogue import kind_of
+from sim.mechanisms.catalogue import kind_of, kind_or_any
 
 if TYPE_CHECKING:
     from sim.discrepancy.results import Estimate, Finding, Investigation
@@ -59,6 +59,7 @@ STEPS = (
 
 FLANKS = {1.0: "the one that carries positive torque", -1.0: "the one that carries negative torque"}
 MOST_PLACES = 6
+STANDS_OUT = "Nothing that repeats stands out: no frequency, speed, angle or time."
 BELIEVED = f"How accurate described values are assumed to be (one standard deviation): inertias of motor and gears, stiffness and friction {percent(STATED_SPREAD)}, losses of a mesh {percent(LOSS_SPREAD)}, the load's inertia {percent(PAYLOAD_SPREAD)}, damping {percent(DAMPING_SPREAD)}. A value that the data put {MISTAKEN:g} standard deviations away is taken to be wrong, and is then fitted almost freely."
 LINEAR = "If this is a linear axis, read N, m and kg for N m, rad and kg m²: N s/m for N m s/rad, m/s for rad/s."
 
@@ -113,6 +114,8 @@ def _box(result: Investigation, files: Sequence[str]) -> str:
 
 def _told(result: Investigation, finding: Finding) -> list[tuple[str, str]]:
     kind = "fault of the measurement" if of_the_measurement(finding.mechanism) else "missing in the model"
+    if (other := kind_or_any(finding.mechanism).or_of_the_machine) is not None:
+        kind = f"fault of the measurement, or {other}"
     at = place_of(result.axis, finding.location, numbers_of(finding))
     place = ", ".join(part for part in (finding.location or "", at) if part)
     return [
@@ -174,7 +177,7 @@ def _left(result: Investigation, overlay: list[Panel], residual: list[Panel], so
     if result.selection is None:
         text = "The sound is quieter where the axis stands still and turns back; strokes are laid over each other from there on. Inside the grey band it may be noise or, compared with the axis as new, a difference that good gearboxes show from day to day. The first recording is shown."
         return [_p(text), _plots([*overlay, *residual])]
-    floor = "The residual is measured less simulated. The noise floor is taken from the quieter parts of the record, at each frequency from the model that fits better; what both models get wrong all the time counts as noise. Values over time are means of 10 ms, bands over time are two standard deviations. Rows that do not count are left out."
+    floor = "The residual is measured less simulated. The noise floor is taken from the quieter parts of the record, at each frequency from the model that fits better; what both models get wrong all the time counts as noise. Values over time are means of 10 ms (single rows of a slower log), bands over time are two standard deviations. Rows that do not count are left out."
     out = [_p(floor), _plots(overlay)]
     for title in ("Motor torque", "Torque at the load"):
         shown = [panel for panel in residual if panel.title.startswith(title)]
@@ -284,7 +287,7 @@ def _gain(result: Investigation) -> list[str]:
         )
         for g in result.gain
     ]  # fmt: skip
-    how = "Each quarter of the record is predicted by fits to the other three, below 40 Hz. Before: the calibrated description. After: the extended model."
+    how = "Each quarter of the record is predicted by fits to the other three, below 40 Hz, or below half the rate of a slower log. Before: the calibrated description. After: the extended model."
     if result.encoders:
         how = "Each twentieth of the rows in steady motion is predicted by fits to the others. Before: the load follows the motor by the ratio. After: the extended model."
     if result.selection is not None and not result.selection.found:
@@ -296,12 +299,12 @@ def _gain(result: Investigation) -> list[str]:
 def _unexplained(result: Investigation, residual: Sequence[Panel]) -> list[str]:
     """What has no name, and where what is left is highest over its noise floor."""
     if result.encoders:
-        return [_p("Nothing stands out." if result.unexplained is None else unexplained_words(result.unexplained))]
+        return [_p(STANDS_OUT if result.unexplained is None else unexplained_words(result.unexplained))]
     if result.selection is None:
         return [_p("In sound alone nothing without a name is looked for.")]
     fit = result.selection.fit
     white = number(fit.misfit / fit.residual.size)
-    told = "Nothing stands out." if result.unexplained is None else unexplained_words(result.unexplained)
+    told = STANDS_OUT if result.unexplained is None else unexplained_words(result.unexplained)
     out = [_p(f"{told} The squared residual of the last model is {white} times that of noise alone.")]
     if result.selection.nameless:
         out.append(_p("The last model also contains what has no name, so the plots show only the rest."))

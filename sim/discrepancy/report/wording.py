@@ -30,11 +30,13 @@ KINDS = {
     "angle": "Torque that changes with the angle",
     "time": "Something that changes with time",
     "transmission error": "A difference between motor and load that repeats",
+    "error_over_angle": "A difference of both encoders over the angle of the load, as an error of the gear or of an encoder makes,",
 }
 REST = {
     "frequency": "Repeat the same motion at half the speed: what keeps its frequency is a structure or the supply; what follows the speed is a gear, a bearing or the motor.",
     "speed": "Move at five even speeds in both directions: friction at the motor or the load shows as a curve of torque over speed, something that swings does not.",
     "angle": "Turn the load slowly through more than one revolution in both directions: friction keeps its angle and changes its sign with the direction, weight and runout keep both.",
+    "error_over_angle": "Turn the load slowly through more than one revolution in both directions, with a second encoder or a laser beside it: an error of the load's encoder shows between the two, one of the gear does not.",
     "time": "Repeat the motion twice in a row with the temperature logged: heat goes on from where it was, a single event does not come again.",
 }
 PLACED = {"angle_rad": SHOWN_RAD}  # to which a place is said
@@ -99,7 +101,9 @@ def headline(result: Investigation) -> str:
         return "Something is missing in the model that no known mechanism explains."
     said = [f for f in result.findings if f.probability >= SAID]
     machine = [f for f in said if not of_the_measurement(f.mechanism)]
-    faults = ", ".join(dict.fromkeys(named(f.mechanism) for f in said if f not in machine))
+    kinds = dict.fromkeys(kind_or_any(f.mechanism) for f in said if f not in machine)
+    faults = ", ".join(named(kind.name) for kind in kinds if not kind.or_of_the_machine)
+    either = ", ".join(f"{named(kind.name)} or {kind.or_of_the_machine}" for kind in kinds if kind.or_of_the_machine)
     if not said:
         return _silent(result)
     if not machine:
@@ -108,8 +112,11 @@ def headline(result: Investigation) -> str:
             if result.listening is not None
             else "Otherwise nothing is missing in the model that these data could show."
         )
-        return f"The measurement has faults: {faults}. {beyond}"
-    beside = f" The measurement also has faults: {faults}." if faults else ""
+        first = f"Not described: {either}. " if either else ""
+        return first + (f"The measurement has faults: {faults}. " if faults else "") + beyond
+    beside = (f" Beside it: {either}." if either else "") + (
+        f" The measurement also has faults: {faults}." if faults else ""
+    )
     if result.listening is not None:
         return f"Heard: {_names(machine)}.{beside}"
     return f"Missing in the model: {_names(machine)}.{beside}"

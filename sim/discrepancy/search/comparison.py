@@ -100,8 +100,8 @@ def own_of(term: Term, other: Term, values: Mapping[str, float]) -> dict[str, fl
 
 
 def named_alone(problem: Problem, fit: Fit) -> Fit:
-    """The fit without what has no name."""
-    named = tuple(term for term in fit.terms if term.named)
+    """The fit without what has no name, but for what every axis has."""
+    named = tuple(term for term in fit.terms if term.named or term.traits.in_every_axis)
     if len(named) == len(fit.terms):
         return fit
     return problem.fit(named, fit.values, held=fit.sensitivities, to_end=True)

@@ -65,8 +65,11 @@ def ahead(term: Term, other: Term) -> float:
 
 
 def turned(problem: Problem, fit: Fit, nearly: Nearly) -> tuple[Problem, Fit, Nearly]:
-    """With a mechanism that explained nearly as much in the place of one that came in, where it does better by both."""
-    for term in fit.terms:
+    """With a mechanism that explained nearly as much in the place of one that came in, where it does better by both.
+
+    In the place of friction that the description leaves out comes none, as every axis has it.
+    """
+    for term in (t for t in fit.terms if not t.traits.in_every_axis):
         for rival in nearly.get(term.key, ()):
             either = Either.of(problem, fit, term, rival)
             if either and -either.t > ahead(term, rival.term):

@@ -9,6 +9,7 @@ from types import MappingProxyType
 
 import numpy as np
 
+from sim.description.transmission import link_stiffness
 from sim.discrepancy.data.excitation import excitation_of
 from sim.discrepancy.estimation.estimate import Fit, Raw, Start
 from sim.discrepancy.estimation.problem import Problem
@@ -19,7 +20,7 @@ from sim.discrepancy.hypotheses.harmonics import AS_NEW_FACTOR
 from sim.discrepancy.hypotheses.hypothesis import Key, Term
 from sim.discrepancy.hypotheses.identifiability import missing_at
 from sim.discrepancy.hypotheses.traits import mechanisms_with
-from sim.discrepancy.model.nominal import link_stiffness, ratio_after, stages_of
+from sim.discrepancy.model.nominal import ratio_after, stages_of
 from sim.discrepancy.parallel import each
 from sim.discrepancy.search.criterion import (
     evidence,
@@ -29,7 +30,7 @@ from sim.discrepancy.search.criterion import (
 )
 from sim.discrepancy.search.effect_size import beyond, magnitude
 from sim.discrepancy.search.residual_proposals import nameless_terms, ripples
-from sim.discrepancy.search.score_test import screen
+from sim.discrepancy.search.score_test import Screened, screen
 from sim.discrepancy.search.tooth_scan import Place, scan
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Need
@@ -73,6 +74,7 @@ class Rival:
 
 
 Tried = tuple[Rival, Mapping[str, Raw]]
+Job = tuple[Term, Mapping[str, float]]
 
 
 def try_terms(
@@ -83,41 +85,69 @@ def try_terms(
     `only`: mechanisms that are asked for, default all. `least`: squares that a mechanism must promise to be fitted;
     `tries`: starts of them that are.
     """
+    dented = only is None or not mechanisms_with(lambda t: t.dent).isdisjoint(only)
+    candidates = _candidates(problem, fit, only, dented=dented)
+    screened = screen(problem, fit, candidates)
+    straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
+    straight.sort(key=lambda r: -evidence(r.term, r.gain, fit.residual.size))
+    jobs = _promising(screened, fit, least, tries)
+    loose = _loosening(problem, fit, candidates, dented=dented)
+    refits = each(lambda job: _tried(fit, job[0], _refitted(problem, fit, *job)), jobs)
+    refits += each(lambda job: _tried(fit, job[0], problem.best((job[0],), [(job[1], {})], to_end=False)), loose)
+    rivals = _with_finished(problem, fit, [t for t in refits if t])
+    best: dict[Key, Rival] = {}
+    for r in [*rivals, *straight]:
+        best.setdefault(r.term.key, r)
+    return sorted(best.values(), key=lambda r: (-r.gain, str(r.term.key)))
+
+
+def _candidates(problem: Problem, fit: Fit, only: Collection[str] | None, *, dented: bool) -> list[Term]:
+    """Terms that are not in yet; what has no name is among them where all are asked for."""
     present = {term.key for term in fit.terms}
     candidates = list(terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values)))
-    dented = only is None or not mechanisms_with(lambda t: t.dent).isdisjoint(only)
     if dented:
         candidates += damage_terms(problem, fit.terms, fit.values)
     if only is None:
         candidates += nameless_terms(problem, fit) + ripples(problem, fit)
-    candidates = [t for t in candidates if t.key not in present and (only is None or t.mechanism in only)]
-    screened = screen(problem, fit, candidates)
+    return [t for t in candidates if t.key not in present and (only is None or t.mechanism in only)]
+
+
+def _promising(screened: Sequence[Screened], fit: Fit, least: float, tries: int) -> list[Job]:
+    """Mechanisms that are worth a fit by what they promise, each with its start; most of it first."""
+    jobs: list[Job] = []
     begun: dict[Key, int] = {}
-    straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
-    straight.sort(key=lambda r: -evidence(r.term, r.gain, fit.residual.size))
-    jobs: list[tuple[Term, Mapping[str, float]]] = []
     shifted = any(t.traits.known_within_a_little and gain >= least_gain(t) for gain, t, _ in screened)
     for promised, term, start in screened:
+        if len(jobs) == tries:
+            break
         rival = (FAR_FROM_LINEAR if term.nonlinear else LINEAR) * screened[0][0]
         unsure = term.traits.in_every_axis or (shifted and term.traits.like_an_offset)
         asked = UNSURE * least_gain(term) if unsure else max(rival, least_gain(term))
         if not term.contact:
             asked = max(asked, HOPE * form_gain(term, fit))
-        if len(jobs) == tries or not term.named or promised < max(asked, least):
+        if not term.named or promised < max(asked, least):
             continue
         if begun.get(term.key, 0) < (2 if (term.nonlinear or term.brings) and tries == MOST_TRIES else 1):
             begun[term.key] = begun.get(term.key, 0) + 1
             jobs.append((term, start))
-    loosening = [] if fit.terms else [t for t in candidates if t.traits.gap]
+    return jobs
+
+
+def _loosening(problem: Problem, fit: Fit, candidates: Sequence[Term], *, dented: bool) -> list[Job]:
+    """Gaps and dents with all else as described, where nothing is in yet that may stand for them."""
+    terms = [] if fit.terms else [t for t in candidates if t.traits.gap]
     if dented and not fit.terms and fit.prior_penalty > BENT:
-        loosening += damage_terms(problem, (), problem.numbers())
-    loose = [job for t in loosening for job in as_described(problem, t)]
-    refits = each(lambda job: _tried(fit, job[0], _refitted(problem, fit, *job)), jobs)
-    refits += each(lambda job: _tried(fit, job[0], problem.best((job[0],), [(job[1], {})], to_end=False)), loose)
-    tried = [t for t in refits if t]
+        terms += damage_terms(problem, (), problem.numbers())
+    return [job for t in terms for job in as_described(problem, t)]
+
+
+def _with_finished(problem: Problem, fit: Fit, tried: list[Tried]) -> list[Rival]:
+    """What was tried, best first, those fitted to their end that may be first and are not far below what matters.
+
+    Sensitivities change where contact is lost, where the rest moves far, and where friction comes in that may hold at
+    rest.
+    """
     tried.sort(key=lambda t: (-t[0].gain, str(t[0].term.key)))
-    # sensitivities change where contact is lost, where the rest moves far, and where friction comes in that may hold at
-    # rest: anew for those that may be first and are not far below what matters
     far = [
         place
         for place, (r, _) in enumerate(tried[:CLOSE])
@@ -130,11 +160,7 @@ def try_terms(
     rivals = [t[0] for t in tried]
     for place, anew in zip(far, finished, strict=True):
         rivals[place] = _rival(fit, rivals[place].term, anew, finished=anew)
-    rivals.sort(key=lambda r: (-r.gain, str(r.term.key)))
-    best: dict[Key, Rival] = {}
-    for r in [*rivals, *straight]:
-        best.setdefault(r.term.key, r)
-    return sorted(best.values(), key=lambda r: (-r.gain, str(r.term.key)))
+    return sorted(rivals, key=lambda r: (-r.gain, str(r.term.key)))
 
 
 def faint(problem: Problem, fit: Fit) -> list[Rival]:

@@ -20,6 +20,7 @@ from sim.discrepancy.hypotheses.identifiability import highest_order
 from sim.discrepancy.hypotheses.nonparametric import (
     ORDERS,
     Rows,
+    error_over_angle,
     half_teeth,
     over_angle,
     over_speed,
@@ -53,10 +54,11 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
     level = 0.01 * float(np.sqrt(np.mean(m.torque**2)))
     n = m.samples
     ends = [("motor", fit.residual[:n], 1, level, m.weight)]
+    out = half_teeth(problem.axis)
     if problem.guided:
         ends.append(("load", fit.residual[n:], m.load_stride, level * problem.axis.ratio, m.load_weight))
+        out += error_over_angle(problem.axis, m)
     turned = [order for order in ORDERS if order * float(np.ptp(m.angle)) > math.pi * problem.axis.ratio]
-    out = half_teeth(problem.axis)
     for place, left, stride, step, weight in ends:
         rate_hz, rows = m.rate_hz / stride, (m.speed[::stride], weight[::stride])
         out += [over_speed(place, m, step, even=even) for even in (True, False)]

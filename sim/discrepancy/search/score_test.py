@@ -16,18 +16,22 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.parallel import each
 from sim.torsional.model import Array, ChainError
 
+Screened = tuple[float, Term, Mapping[str, float]]
 BESIDE_HZ = 3.0  # to either side of a line, where others may be
 
 
-def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[tuple[float, Term, Mapping[str, float]]]:
+def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[Screened]:
     """What each start of each term promises in the linear picture, with the rest of the model free to follow."""
     left, rate_hz = fit.residual[: fit.torque_rows], problem.measurement.rate_hz
     power = np.abs(np.fft.rfft(left)) ** 2
+    m = problem.measurement
+    speed = np.where(m.weight > 0.5, np.abs(m.speed), np.nan)
     rest = {gone: _Rest.of(fit, gone) for gone in {term.replaces for term in terms}}
 
     def promise(job: tuple[Term, tuple[Mapping[str, float], ...]]) -> tuple[float, Term, Mapping[str, float]]:
         term, group = job
-        if term.frequency_hz is not None and not is_line(left, power, rate_hz, term.frequency_hz):
+        line = term.frequency_hz
+        if line is not None and not (is_line(left, power, rate_hz, line) and keeps_on(left, rate_hz, line, speed)):
             return 0.0, term, {}
         values = {**{p.name: p.start for p in (*term.brings, *term.parameters)}, **fit.values}
         changes = []
@@ -63,6 +67,22 @@ def is_line(left: Array, power: Array, rate_hz: float, frequency_hz: float) -> b
     apart = np.abs(np.fft.rfftfreq(left.size, 1.0 / rate_hz) - frequency_hz)
     beside = power[(apart > 2.0 * rate_hz / left.size) & (apart < BESIDE_HZ)]
     return bool(there > float(beside.max(initial=0.0)))
+
+
+def keeps_on(left: Array, rate_hz: float, frequency_hz: float, speed: Array) -> bool:
+    """Whether one sine at every speed explains a whitened residual (n,) better than one at slow or at fast rows alone.
+
+    Hum does not know whether the axis moves; what the motion shakes or turns at a frequency is there while it does. All
+    three models have a sine and a cosine, so that the squares they take away are compared as they are. `speed`: size of
+    it in the rows that count (n,), else not a number.
+    """
+    wave = left * np.exp(-2j * math.pi * frequency_hz / rate_hz * np.arange(left.size))
+    middle = float(np.nanmedian(speed))
+    always, slowly, fast = (
+        abs(wave[rows].sum()) ** 2 / max(int(rows.sum()), 1)
+        for rows in (np.isfinite(speed), speed < middle, speed >= middle)
+    )
+    return bool(always >= max(slowly, fast))
 
 
 @dataclass(frozen=True)

@@ -94,75 +94,139 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
 
     Where nothing came in, once more without the noise that `law` tells of the torque channel.
     """
-    fit = base
-    rivals: Mapping[Key, tuple[Rival, ...]] = {}
-    rejected: tuple[Rival, ...] = ()
-    entered = described(problem, base)
-    promised: frozenset[str] = frozenset()
-    nearly: Nearly = {}
-    constants = mechanisms_with(lambda t: t.known_within_a_little)
-    loosening = mechanisms_with(lambda t: t.loses_contact)
-    slow = mechanisms_with(lambda t: t.at_low_speed)
+    state = SelectionState(problem, base, described(problem, base))
     for step in range(MOST_ROUNDS):
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
-        only = None if problem.runs.count <= LAST_RUNS else constants | promised
-        tried, entry = search(problem, fit, entered, only)
-        if not entry.new and problem.memory != LONG and not problem.measurement.told.all():
-            _, entry = search(*rattling(problem, fit), entered, loosening)
-        if not entry.new and problem.memory != LONG:
-            problem, fit = look_closely(problem, fit)
-            tried, entry = search(problem, fit, entered, only)
-        last = tried if only is None else rejected  # some alone say nothing of the others
-        promised = frozenset(r.term.mechanism for r in tried if is_large(r, fit))
-        if not entry.new and asks_low_speed(problem, fit):
-            more, entry = search(*rewhiten(problem.down_to(NEAR_STANDSTILL_SHARE), fit), entered, slow)
+        if not state.advance() or state.is_full:
+            break
+    state.settle()
+    state.unmask()
+    if law is not None and state.is_empty and state.problem.runs.count <= LAST_RUNS:
+        progress("candidates without noise of the torque channel", 0.7)
+        state.quieten(law)
+    return state.selection(base)
+
+
+@dataclass
+class SelectionState:
+    """The model so far, and what was tried on the way to it.
+
+    `entered`: what each term gained as it came in; `promised`: mechanisms that seemed to take away much.
+    """
+
+    problem: Problem
+    fit: Fit
+    entered: dict[Key, float]
+    rivals: Mapping[Key, tuple[Rival, ...]] = field(default_factory=dict)
+    nearly: Nearly = field(default_factory=dict)
+    rejected: tuple[Rival, ...] = ()
+    promised: frozenset[str] = frozenset()
+    gains: Mapping[Key, float] = field(default_factory=dict)
+
+    @property
+    def is_full(self) -> bool:
+        """Whether as many terms of a size that matters are in as are believed."""
+        counted = (t for t in self.fit.terms if not (t.traits.in_every_axis or t.mechanism == AS_NEW))
+        return sum(beyond(t, self.fit) > BEYOND for t in counted) >= MOST_TERMS
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether nothing of a size that matters is in, and teeth stay in contact."""
+        return not any(is_said(t, self.fit) for t in self.fit.terms) and not self.problem.has_contact_loss(
+            self.fit.terms
+        )
+
+    def advance(self) -> bool:
+        """Let the best candidate in; whether there was one."""
+        only = (
+            None
+            if self.problem.runs.count <= LAST_RUNS
+            else mechanisms_with(lambda t: t.known_within_a_little) | self.promised
+        )
+        tried, entry = self._tried(only)
+        last = tried if only is None else self.rejected  # some alone say nothing of the others
+        self.promised = frozenset(r.term.mechanism for r in tried if is_large(r, self.fit))
+        if not entry.new:
+            tried, entry = self._tried_on_other_rows(tried, entry, all_too=only is None)
+        names = {r.term.key for r in entry.new}
+        self.rejected = tuple(r for r in last if r.term.key not in names and r.term.named)
+        if entry.new:
+            self._take(tried, entry)
+        return bool(entry.new)
+
+    def _tried(self, only: Collection[str] | None) -> tuple[list[Rival], Entry]:
+        """What was tried and what of it comes in: where teeth rattle, and under slow noise, if nothing does else."""
+        loosening = mechanisms_with(lambda t: t.loses_contact)
+        tried, entry = search(self.problem, self.fit, self.entered, only)
+        if not entry.new and self.problem.memory != LONG and not self.problem.measurement.told.all():
+            _, entry = search(*rattling(self.problem, self.fit), self.entered, loosening)
+        if not entry.new and self.problem.memory != LONG:
+            self.problem, self.fit = look_closely(self.problem, self.fit)
+            tried, entry = search(self.problem, self.fit, self.entered, only)
+        return tried, entry
+
+    def _tried_on_other_rows(self, tried: list[Rival], entry: Entry, *, all_too: bool) -> tuple[list[Rival], Entry]:
+        """The same near standstill, and where teeth rattle."""
+        if asks_low_speed(self.problem, self.fit):
+            slow = mechanisms_with(lambda t: t.at_low_speed)
+            near_rest = rewhiten(self.problem.down_to(NEAR_STANDSTILL_SHARE), self.fit)
+            more, entry = search(*near_rest, self.entered, slow)
             anew = {r.term.key for r in more}
             tried = sorted(
                 [*more, *(r for r in tried if r.term.key not in anew)], key=lambda r: (-r.gain, str(r.term.key))
             )
-        if not entry.new and only is None and not problem.measurement.told.all():
-            _, entry = search(*all_rows(problem, fit), entered, loosening)
-        names = {r.term.key for r in entry.new}
-        rejected = tuple(r for r in last if r.term.key not in names and r.term.named)
-        if not entry.new:
-            break
-        problem, fit = entry.problem, entry.fit
-        m = problem.measurement
-        if problem.has_contact_loss(fit.terms) and (m.rests or m.standstill < STANDSTILL_SHARE):
-            problem, fit = rewhiten(problem.down_to(STANDSTILL_SHARE), fit)
-        entered |= entry.brought
-        nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
-        rivals = {**rivals, **{r.term.key: tuple(r for r in tried if r.term.named)[:SHORTLIST] for r in entry.new}}
-        if (
-            sum(beyond(t, fit) > BEYOND for t in fit.terms if not (t.traits.in_every_axis or t.mechanism == AS_NEW))
-            >= MOST_TERMS
-        ):
-            break
-    if problem.memory != LONG:
-        problem, fit = look_closely(problem, fit)
-    fit, rivals = swap(problem, fit, rivals, entered)
-    problem, fit, nearly = turned(problem, fit, nearly)
-    fit = bottomed(problem, fit) if problem.runs.count <= BOTTOM_RUNS else fit
-    problem, fit, gains = prune(problem, fit, strict=True)
-    for _ in range(MOST_HIDDEN):
-        tried, entry = unmasked(problem, fit, entered)
-        problem, fit, gains = entry.problem, entry.fit, dict(entry.brought) or gains
-        rivals = {**rivals, **{r.term.key: tuple(tried) for r in entry.new}}
-        nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
-        if not entry.new:
-            break
-    nothing = not any(is_said(t, fit) for t in fit.terms) and not problem.has_contact_loss(fit.terms)
-    if law is not None and nothing and problem.runs.count <= LAST_RUNS:
-        progress("candidates without noise of the torque channel", 0.7)
-        more_rivals, more_nearly, entry = quietly(problem, fit, law, entered)
+        if not entry.new and all_too and not self.problem.measurement.told.all():
+            loosening = mechanisms_with(lambda t: t.loses_contact)
+            _, entry = search(*all_rows(self.problem, self.fit), self.entered, loosening)
+        return tried, entry
+
+    def _take(self, tried: Sequence[Rival], entry: Entry) -> None:
+        self.problem, self.fit = entry.problem, entry.fit
+        m = self.problem.measurement
+        if self.problem.has_contact_loss(self.fit.terms) and (m.rests or m.standstill < STANDSTILL_SHARE):
+            self.problem, self.fit = rewhiten(self.problem.down_to(STANDSTILL_SHARE), self.fit)
+        self.entered |= entry.brought
+        self.nearly = {**self.nearly, **{r.term.key: near(r, tried) for r in entry.new}}
+        shortlist = tuple(r for r in tried if r.term.named)[:SHORTLIST]
+        self.rivals = {**self.rivals, **{r.term.key: shortlist for r in entry.new}}
+
+    def settle(self) -> None:
+        """What is in, held against its rivals and against what the others have made needless."""
+        if self.problem.memory != LONG:
+            self.problem, self.fit = look_closely(self.problem, self.fit)
+        self.fit, self.rivals = swap(self.problem, self.fit, self.rivals, self.entered)
+        self.problem, self.fit, self.nearly = turned(self.problem, self.fit, self.nearly)
+        if self.problem.runs.count <= BOTTOM_RUNS:
+            self.fit = bottomed(self.problem, self.fit)
+        self.problem, self.fit, self.gains = prune(self.problem, self.fit, strict=True)
+
+    def unmask(self) -> None:
+        """Let in what noise has hidden."""
+        for _ in range(MOST_HIDDEN):
+            tried, entry = unmasked(self.problem, self.fit, self.entered)
+            self.problem, self.fit, self.gains = entry.problem, entry.fit, dict(entry.brought) or self.gains
+            self.rivals = {**self.rivals, **{r.term.key: tuple(tried) for r in entry.new}}
+            self.nearly = {**self.nearly, **{r.term.key: near(r, tried) for r in entry.new}}
+            if not entry.new:
+                break
+
+    def quieten(self, law: DriveLaw) -> None:
+        """Let in what shows without the noise that `law` tells of the torque channel."""
+        rivals, nearly, entry = quietly(self.problem, self.fit, law, self.entered)
         if entry.new:
-            problem, fit, gains = entry.problem, entry.fit, dict(entry.brought)
-            rivals, nearly = {**rivals, **more_rivals}, {**nearly, **more_nearly}
-    in_place = {key: [(r.term, r.values) for r in likely(tried)] for key, tried in rivals.items()}
-    found = tuple(t for t in fit.terms if t.named and is_said(t, fit))
-    standing = standings(problem, fit, found, gains, in_place)
-    standing |= {t.key: under_both_noises(problem, fit, t, standing[t.key], nearly.get(t.key, [])) for t in found}
-    return Selection(problem, base, fit, gains, rivals, rejected, found, standing)
+            self.problem, self.fit, self.gains = entry.problem, entry.fit, dict(entry.brought)
+            self.rivals, self.nearly = {**self.rivals, **rivals}, {**self.nearly, **nearly}
+
+    def selection(self, base: Fit) -> Selection:
+        """What is in, each mechanism that matters compared with its rivals in its place."""
+        problem, fit = self.problem, self.fit
+        in_place = {key: [(r.term, r.values) for r in likely(tried)] for key, tried in self.rivals.items()}
+        found = tuple(t for t in fit.terms if t.named and is_said(t, fit))
+        standing = standings(problem, fit, found, self.gains, in_place)
+        standing |= {
+            t.key: under_both_noises(problem, fit, t, standing[t.key], self.nearly.get(t.key, [])) for t in found
+        }
+        return Selection(problem, base, fit, self.gains, self.rivals, self.rejected, found, standing)
 
 
 def is_said(term: Term, fit: Fit) -> bool:
@@ -312,8 +376,8 @@ def enter(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> Entry:
 def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[Rival], Fit | None]:
     """The candidate of most evidence and the fit with it; all that are as new come in together.
 
-    So does friction that the description leaves out: noise taken from a fit with one kind of it alone holds the other,
-    which shakes no faster than the axis moves.
+    So does what every axis has and the description leaves out, friction and errors over the load's angle: noise taken
+    from a fit with one of them alone holds the others, which shake no faster than the axis moves.
 
     A mechanism goes before what has no name, unless that explains clearly more and holds on unseen rows; any that keeps
     the teeth in contact before a dent, which bends to whatever is missing.
@@ -331,7 +395,7 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
         (worth[r.term.key] for r in fitting if r.term.named and not (r in as_new or r.term.contact)), default=0.0
     )
     for best in sorted(fitting, key=lambda r: -worth[r.term.key]):
-        clearly = 1.0 if best in as_new else CLEARLY
+        clearly = 1.0 if best in as_new or best.term.traits.in_every_axis else CLEARLY
         if not best.term.named and worth[best.term.key] < clearly * most:
             continue
         if best.term.traits.dent and worth[best.term.key] < CLEARLY * touching:
@@ -421,13 +485,14 @@ def swap(
 
     What comes in first is chosen while other things are still missing. What is as new takes no place: it comes in
     beside the other, and what it makes needless is taken away later. Of two that explain as much, the one that does
-    better on unseen blocks, if it would stay. Rivals keep the numbers of their last fit. `entered`: what terms gained
-    when they came in.
+    better on unseen blocks, if it would stay. Nothing takes the place of friction that the description leaves out, as
+    every axis has it whatever else it has. Rivals keep the numbers of their last fit. `entered`: what terms gained when
+    they came in.
     """
     for term in fit.terms:
         tried = {r.term.key: r for r in rivals.get(term.key, ())}
         own = tried.get(term.key)
-        if own is None:
+        if own is None or term.traits.in_every_axis:
             continue
         present = {t.key for t in fit.terms}
         options = {r.term.key: [r] for r in elsewhere(problem, fit, own)}

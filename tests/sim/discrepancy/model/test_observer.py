@@ -5,7 +5,7 @@ import pytest
 
 from sim.discrepancy.data.preprocessing import WIDE_SHARE, Measurement, gaussian_kernel, prepare
 from sim.discrepancy.model.observer import Nuisance, Observer
-from sim.discrepancy.model.observer_kernel import _dent, _passed, _sine_cosine
+from sim.discrepancy.model.observer_kernel import _passed, _sine_cosine
 from sim.discrepancy.model.packing import pack
 from sim.torsional.model import Chain, Link, Shaft
 from tests.sim.discrepancy.telemetry_of import RATE_HZ, swing
@@ -218,21 +218,6 @@ def test_errors_of_teeth_pass_the_low_pass_that_the_measured_torque_has_passed(f
     places = np.arange(kernel.size) - kernel.size // 2
     response = float(np.sum(kernel * np.cos(2.0 * np.pi * frequency_hz / rate_hz * places)))
     assert _passed(2.0 * np.pi * frequency_hz / RATE_HZ) == pytest.approx(response, abs=2e-3)
-
-
-@pytest.mark.parametrize("form", [2.0, 7.5])
-def test_the_slope_of_a_dent_is_that_of_its_depth(form: float) -> None:
-    dents = np.array([[1.0, 0.4, 0.1, 1e-3, 1.0, form]])
-    step = 1e-7
-
-    def at(angle: float) -> tuple[float, float, float]:
-        return _dent(dents, 0, 1, 1.0, 0, np.array([0.0, angle]))
-
-    for angle in (0.31, 0.36, 0.44, 0.4 + 2.0 * np.pi + 0.09):
-        slope = (at(angle + step)[0] - at(angle - step)[0]) / (2.0 * step)
-        assert at(angle)[1:] == pytest.approx((0.0, slope), rel=1e-5)
-    assert at(0.4) == pytest.approx((1e-3, 0.0, 0.0))
-    assert at(0.51) == (0.0, 0.0, 0.0)
 
 
 def shaken_load(gap_rad: float = 0.0, stiffness: float = 1e4) -> tuple[Measurement, Chain]:

@@ -1,0 +1,1 @@
+"""Messages on their way: their words, and how each kind of receiver is reached."""

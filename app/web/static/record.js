@@ -1,0 +1,141 @@
+// Recording in the browser: without loss, without automatic gain, with a level that says where to hold the microphone.
+"use strict";
+
+const PLAIN = { autoGainControl: false, echoCancellation: false, noiseSuppression: false, channelCount: 1 };
+// quieter is within ten steps of 16 bit, and within ten times the noise of a telephone's microphone
+const QUIET_DBFS = 20 * Math.log10(10 / 32768);
+const FULL = 0.99; // of the largest value: what is louder was probably cut off
+const ENOUGH_S = 20;
+const LONGEST_S = 600; // the service takes no more
+
+const decibels = (value) => 20 * Math.log10(Math.max(value, 1e-6));
+
+function wav(blocks, rate) {
+  const count = blocks.reduce((sum, block) => sum + block.length, 0);
+  const view = new DataView(new ArrayBuffer(44 + 2 * count));
+  const text = (at, words) => [...words].forEach((letter, k) => view.setUint8(at + k, letter.charCodeAt(0)));
+  text(0, "RIFF");
+  view.setUint32(4, 36 + 2 * count, true);
+  text(8, "WAVEfmt ");
+  view.setUint32(16, 16, true);
+  view.setUint16(20, 1, true); // PCM
+  view.setUint16(22, 1, true); // one channel
+  view.setUint32(24, rate, true);
+  view.setUint32(28, 2 * rate, true);
+  view.setUint16(32, 2, true);
+  view.setUint16(34, 16, true);
+  text(36, "data");
+  view.setUint32(40, 2 * count, true);
+  let at = 44;
+  for (const block of blocks) for (const sample of block) (view.setInt16(at, sample, true), (at += 2));
+  return view.buffer;
+}
+
+// a time with the offset of this clock: when it was recorded
+function stamp(time) {
+  const two = (value) => String(Math.floor(Math.abs(value))).padStart(2, "0");
+  const offset = -time.getTimezoneOffset();
+  const local = new Date(time.getTime() + offset * 60000).toISOString().slice(0, 19);
+  return `${local}${offset < 0 ? "-" : "+"}${two(offset / 60)}:${two(offset % 60)}`;
+}
+
+/* one recorder in one form: what it records becomes the form's file */
+export function recorder(root, form) {
+  const find = (name) => root.querySelector(`[data-${name}]`);
+  const [button, level, said, player] = ["record", "level", "said", "listen"].map(find);
+  let running = null;
+  root.hidden = false;
+
+  async function begin() {
+    if (!navigator.mediaDevices?.getUserMedia) {
+      said.textContent = "This browser records only over HTTPS or on the machine of the service. Record with the telephone's own recorder and choose the file.";
+      return;
+    }
+    const stream = await navigator.mediaDevices.getUserMedia({ audio: PLAIN });
+    const context = new AudioContext();
+    await context.audioWorklet.addModule(new URL("record-worklet.js", import.meta.url));
+    const tap = new AudioWorkletNode(context, "tap", { numberOfOutputs: 0, channelCount: 1, channelCountMode: "explicit" });
+    const heard = { stream, context, blocks: [], samples: 0, full: 0, squares: 0, begun: new Date(), awake: null };
+    const changed = Object.entries(stream.getAudioTracks()[0].getSettings()).filter(([name, value]) => name in PLAIN && value === true);
+    heard.altered = changed.length > 0;
+    tap.port.onmessage = ({ data }) => take(heard, data);
+    context.createMediaStreamSource(stream).connect(tap);
+    stream.getAudioTracks()[0].addEventListener("ended", end);
+    heard.awake = await navigator.wakeLock?.request("screen").catch(() => null);
+    running = heard;
+    button.textContent = "Stop";
+    button.setAttribute("aria-pressed", "true");
+    level.hidden = false;
+    player.hidden = true;
+  }
+
+  function take(heard, block) {
+    if (heard !== running) return;
+    let [squares, peak] = [0, 0];
+    const samples = Int16Array.from(block, (value) => Math.max(-32768, Math.min(32767, Math.round(32768 * value))));
+    for (const value of block) {
+      squares += value * value;
+      peak = Math.max(peak, Math.abs(value));
+      heard.full += Math.abs(value) >= FULL;
+    }
+    heard.blocks.push(samples);
+    heard.samples += block.length;
+    heard.squares += squares;
+    const rms = Math.sqrt(squares / block.length);
+    const seconds = heard.samples / heard.context.sampleRate;
+    level.value = decibels(rms);
+    const advice = peak >= FULL ? "Too loud: hold it farther away." : decibels(rms) < QUIET_DBFS ? "Too quiet: hold it nearer." : "The level is good.";
+    const rest = seconds < ENOUGH_S ? ` Go on to ${ENOUGH_S} s or more, and three cycles of the motion.` : "";
+    said.textContent = `${seconds.toFixed(0)} s, ${decibels(rms).toFixed(0)} dB of full scale. ${advice}${rest}`.replaceAll("-", "−");
+    if (seconds >= LONGEST_S) end();
+  }
+
+  async function end() {
+    const heard = running;
+    if (!heard) return;
+    running = null;
+    heard.stream.getTracks().forEach((track) => track.stop());
+    const rate = heard.context.sampleRate;
+    await heard.context.close();
+    await heard.awake?.release();
+    button.textContent = "Record again";
+    button.setAttribute("aria-pressed", "false");
+    level.hidden = true;
+    const seconds = heard.samples / rate;
+    if (!heard.samples) {
+      said.textContent = "Nothing was recorded: the microphone gave no sound.";
+      return;
+    }
+    const name = `recording ${stamp(heard.begun).slice(0, 19).replace("T", " ").replaceAll(":", "-")}.wav`;
+    const file = new File([wav(heard.blocks, rate)], name, { type: "audio/wav" });
+    const files = new DataTransfer();
+    files.items.add(file);
+    const input = form.querySelector("input[type=file]");
+    input.files = files.files;
+    input.dispatchEvent(new Event("change"));
+    form.elements.recorded_at.value = stamp(heard.begun);
+    if (player.src) URL.revokeObjectURL(player.src);
+    player.src = URL.createObjectURL(file);
+    player.hidden = false;
+    said.textContent = checked(heard, seconds).join(" ");
+  }
+
+  // what can be said before it is sent; the service looks closer
+  function checked(heard, seconds) {
+    const found = [];
+    if (heard.altered) found.push("This browser keeps automatic gain or noise suppression on, which hides faults: use another recorder if you can.");
+    if (heard.full) found.push("It was too loud at times: hold the microphone farther away and record again.");
+    if (decibels(Math.sqrt(heard.squares / heard.samples)) < QUIET_DBFS) found.push("It is too quiet: hold the microphone nearer and record again.");
+    if (seconds < ENOUGH_S) found.push(`It is ${seconds.toFixed(0)} s long; ${ENOUGH_S} s or more say more.`);
+    return found.length ? found : ["Level and length are good. Listen to it, then press Diagnose."];
+  }
+
+  button.addEventListener("click", () => {
+    const work = running ? end() : begin();
+    work.catch((error) => {
+      said.textContent = error.name === "NotAllowedError" ? "The browser may not use the microphone: allow it in the settings of this page." : `The microphone cannot be used: ${error.message}`;
+    });
+  });
+  form.querySelector("input[type=file]").addEventListener("change", () => (form.elements.recorded_at.value = ""));
+  form.closest("dialog")?.addEventListener("close", end);
+}

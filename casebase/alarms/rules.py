@@ -1,0 +1,197 @@
+"""Rules: made and removed by admins, and held against the state of a gearbox whenever that may have changed.
+
+A rule is told when it begins to hold of a gearbox, and again only after it has ceased to hold in between.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass
+from datetime import datetime, timedelta
+
+from sqlalchemy import or_, select
+from sqlalchemy.orm import Session
+
+from casebase import audit
+from casebase.alarms import outbox
+from casebase.alarms.state import State, heard_last, state_of
+from casebase.description import check_choice
+from casebase.errors import InvalidRequestError, NotFoundError
+from casebase.gearboxes import histories
+from casebase.labels import BASELINES
+from casebase.models import ALARM_KINDS, Alarm, AlarmReceiver, AlarmRule, now
+
+
+@dataclass(frozen=True)
+class Condition:
+    """What a rule asks: of the state of a gearbox, or how long it has been silent.
+
+    Args:
+        kind: `state` or `silence`.
+        axis, gearbox: of which; of any where None.
+        verdict: of the newest diagnosis; `diagnosed` where None.
+        label: the fault; any where None. Only of what is diagnosed, like the next two.
+        least_probability, least_size_rad: no less than this; a size that is not known is less.
+        silent_days: no recording for so long [d].
+
+    Raises:
+        InvalidRequestError: if it asks what does not go with its kind.
+    """
+
+    kind: str
+    axis: str | None = None
+    gearbox: str | None = None
+    verdict: str | None = None
+    label: str | None = None
+    least_probability: float | None = None
+    least_size_rad: float | None = None
+    silent_days: float | None = None
+
+    def __post_init__(self) -> None:
+        check_choice("kind", self.kind, ALARM_KINDS)
+        of_fault = (self.label, self.least_probability, self.least_size_rad)
+        if self.kind == "silence" and (self.silent_days is None or self.verdict or any(of_fault)):
+            raise InvalidRequestError("a rule of silence needs `silent_days`, and neither verdict nor fault")
+        if self.kind == "state" and self.silent_days is not None:
+            raise InvalidRequestError("a rule of state has no `silent_days`; make another one of kind `silence`")
+        if self.verdict not in (None, "diagnosed") and any(of_fault):
+            raise InvalidRequestError("label, probability and size go with the verdict `diagnosed` alone")
+        if self.label in BASELINES:
+            raise InvalidRequestError(f"{self.label!r} is no fault; leave the label empty for any fault")
+
+
+def add_rule(session: Session, name: str, condition: Condition, receivers: Sequence[str]) -> AlarmRule:
+    """Make a rule; it looks at what comes from now on.
+
+    Raises:
+        InvalidRequestError: if it has no receiver, or one that is not there.
+    """
+    known = set(session.scalars(select(AlarmReceiver.id).where(AlarmReceiver.id.in_(receivers))))
+    if not receivers or not known.issuperset(receivers):
+        raise InvalidRequestError("a rule needs receivers that are there: make one first, then name it")
+    asked = asdict(condition)
+    row = AlarmRule(name=name, receivers=sorted(known), created_by=audit.actor_of(session), **asked)
+    session.add(row)
+    session.flush()
+    audit.record(session, "rule.created", ("rule", row.id), after={"name": name, **asked})
+    return row
+
+
+def remove_rule(session: Session, rule_id: str) -> None:
+    """Remove a rule and its alarms; what is in the outbox is still sent. Raises NotFoundError."""
+    row = session.get(AlarmRule, rule_id)
+    if row is None:
+        raise NotFoundError(f"no rule has the id {rule_id!r}")
+    audit.record(session, "rule.removed", ("rule", row.id), before={"name": row.name})
+    session.delete(row)
+
+
+def list_rules(session: Session) -> Sequence[AlarmRule]:
+    """Return all rules, oldest first."""
+    return session.scalars(select(AlarmRule).order_by(AlarmRule.id)).all()
+
+
+def standing(session: Session) -> Sequence[Alarm]:
+    """Return the alarms that stand, the newest first."""
+    return session.scalars(select(Alarm).where(Alarm.ended_at.is_(None)).order_by(Alarm.id.desc())).all()
+
+
+def review(session: Session, axis: str | None, gearbox: str | None) -> None:
+    """Hold all rules against a gearbox of which something new is known, and put into the outbox what is to be told."""
+    if axis is None and gearbox is None:
+        return
+    of_it = select(AlarmRule).where(
+        or_(AlarmRule.axis.is_(None), AlarmRule.axis == axis),
+        or_(AlarmRule.gearbox.is_(None), AlarmRule.gearbox == gearbox),
+    )
+    rules = session.scalars(of_it).all()
+    state = state_of(session, axis, gearbox) if rules else None
+    for rule in rules:
+        facts = None if state is None else matched(rule, state)
+        if facts is not None and rule.kind == "silence" and not _is_in_service(session, axis, gearbox):
+            facts = None
+        _settle(session, rule, Subject(axis, gearbox), facts)
+
+
+def newly_silent(session: Session) -> list[tuple[str | None, str | None]]:
+    """Return axis and gearbox of those that a rule of silence holds of and nobody was told of yet."""
+    found: dict[tuple[str | None, str | None], None] = {}
+    for rule in session.scalars(select(AlarmRule).where(AlarmRule.kind == "silence")).all():
+        for axis, gearbox, heard_at in heard_last(session, rule.axis, rule.gearbox):
+            told = not _is_silent(rule, heard_at) or _standing(session, rule, Subject(axis, gearbox)) is not None
+            if not told and _is_in_service(session, axis, gearbox):
+                found[axis, gearbox] = None
+    return list(found)
+
+
+def _is_silent(rule: AlarmRule, heard_at: datetime) -> bool:
+    return heard_at < now() - timedelta(days=rule.silent_days or 0.0)
+
+
+def _is_in_service(session: Session, axis: str | None, gearbox: str | None) -> bool:
+    """Whether a gearbox was not exchanged since it was heard last."""
+    found = [] if axis is None else histories(session, axis, gearbox)
+    return not found or found[-1].until is None
+
+
+def matched(rule: AlarmRule, state: State) -> dict[str, object] | None:
+    """Return the facts by which a rule holds of a state, JSON; None where it does not hold."""
+    facts: dict[str, object] = {"heard_at": state.heard_at.isoformat(), "diagnosis_id": state.diagnosis_id}
+    if rule.kind == "silence":
+        return facts | {"silent_days": rule.silent_days} if _is_silent(rule, state.heard_at) else None
+    facts["verdict"] = state.verdict
+    if state.verdict != (rule.verdict or "diagnosed"):
+        return None
+    if state.verdict != "diagnosed":
+        return facts
+    for place, (label, probability) in enumerate(state.faults):
+        size_rad = state.size_rad if place == 0 else None
+        if (
+            label not in BASELINES
+            and rule.label in (None, label)
+            and (rule.least_probability is None or (probability or 0.0) >= rule.least_probability)
+            and (rule.least_size_rad is None or (size_rad or 0.0) >= rule.least_size_rad)
+        ):
+            return facts | {
+                "label": label,
+                "probability": probability,
+                "calibrated": state.calibrated,
+                "size_rad": size_rad,
+            }
+    return None
+
+
+@dataclass(frozen=True)
+class Subject:
+    """The gearbox that a rule is held against."""
+
+    axis: str | None
+    gearbox: str | None
+
+    @property
+    def key(self) -> tuple[str, str]:
+        """What its alarms are found by."""
+        return self.axis or "", self.gearbox or ""
+
+
+def _settle(session: Session, rule: AlarmRule, subject: Subject, facts: Mapping[str, object] | None) -> None:
+    """Begin the alarm of a rule that holds by these facts and tell its receivers; end it where there are none."""
+    if (facts is not None) == (_standing(session, rule, subject) is not None):
+        return
+    # of several who notice at once one tells it
+    if session.scalar(select(AlarmRule.id).where(AlarmRule.id == rule.id).with_for_update()) is None:
+        return
+    alarm = _standing(session, rule, subject)
+    if alarm is not None and facts is None:
+        alarm.ended_at = now()
+    if alarm is None and facts is not None:
+        axis, gearbox = subject.key
+        session.add(Alarm(rule_id=rule.id, axis=axis, gearbox=gearbox))
+        about = {"kind": rule.kind, "rule": rule.name, "axis": subject.axis, "gearbox": subject.gearbox}
+        outbox.post(session, [str(each) for each in rule.receivers], {**about, **facts})
+
+
+def _standing(session: Session, rule: AlarmRule, subject: Subject) -> Alarm | None:
+    axis, gearbox = subject.key
+    statement = select(Alarm).where(
+        Alarm.rule_id == rule.id, Alarm.axis == axis, Alarm.gearbox == gearbox, Alarm.ended_at.is_(None)
+    )
+    return session.scalar(statement.execution_options(populate_existing=True))

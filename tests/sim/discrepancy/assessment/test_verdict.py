@@ -1,0 +1,27 @@
+"""How sure a name is beside what has none."""
+
+from __future__ import annotations
+
+from sim.discrepancy.assessment.verdict import is_shaken_otherwise
+from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.traits import ERROR_OVER_ANGLE, OVER_SPEED
+from sim.mechanisms import CoulombFriction, GravityImbalance, StructuralResonance
+
+
+def term(mechanism: str, location: str | None, *, named: bool = True) -> Term:
+    return Term(mechanism, location, (), (), lambda values: {}, named=named)
+
+
+def test_what_shakes_the_load_is_unsure_beside_torque_at_the_load_that_has_no_name() -> None:
+    swinging, weight = term(StructuralResonance.name, "load"), term(GravityImbalance.name, "load")
+    unknown = term(OVER_SPEED, "load", named=False)
+    assert is_shaken_otherwise(swinging, (swinging, unknown))
+    assert is_shaken_otherwise(weight, (weight, unknown))
+    assert not is_shaken_otherwise(swinging, (swinging, weight))
+
+
+def test_it_is_not_beside_what_acts_elsewhere_or_is_in_every_axis() -> None:
+    swinging, friction = term(StructuralResonance.name, "load"), term(CoulombFriction.name, None)
+    at_motor, error = (term(OVER_SPEED, "motor", named=False), term(ERROR_OVER_ANGLE, "load", named=False))
+    assert not is_shaken_otherwise(swinging, (swinging, friction, at_motor, error))
+    assert not is_shaken_otherwise(friction, (friction, term(OVER_SPEED, "load", named=False)))

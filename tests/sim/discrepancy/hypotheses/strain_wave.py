@@ -1,0 +1,77 @@
+"""`python -m tests.sim.discrepancy.hypotheses.strain_wave`: gears of which only the ratio is described, with and
+without an error twice per turn of the motor; sizes, rates, with and without an encoder at the load."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from casebase.signals.telemetry import Telemetry
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.discrepancy.investigation import investigate
+from sim.discrepancy.results import Investigation
+from sim.experiment.virtual_measurement import measure
+from sim.mechanisms import KinematicError
+from sim.mechanisms.catalogue import with_mechanism
+
+SIZES = (5e-5, 1.5e-4)  # of the error [rad]; strain wave gears have 0.1 to 0.5 mrad from peak to peak
+STRIDES = (1, 4)  # rows of 2 kHz
+SEEDS = 4
+PHASE = 0.7
+AXIS = read_axis(
+    {
+        "name": "strain wave",
+        "motor": {"inertia_kg_m2": 2e-4, "coulomb_friction_n_m": 0.04, "viscous_friction_n_m_s_per_rad": 3e-4},
+        "stages": [
+            {"name": "output", "ratio": 100.0, "stiffness_n_m_per_rad": 25e3, "damping_n_m_s_per_rad": 12.0,
+             "transmission_error_rad": 2e-6}
+        ],
+        "load": {"inertia_kg_m2": 0.8, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.5},
+        "load_encoder": {"error_rad": 5e-6},
+        "motion": {"period_s": 4.0, "load_speed_rad_s": 1.0, "acceleration_time_s": 0.6},
+    }
+)  # fmt: skip
+
+
+def log(axis: Axis, seed: int, stride: int = 1, *, load_encoder: bool = True) -> Telemetry:
+    """What a drive with this axis records in 8 s, every `stride`-th row of 2 kHz, with noise of sensors."""
+    ideal, rng = measure(axis, 8.0, seed).telemetry, np.random.default_rng(seed)
+    noise = {"motor_torque_nm": 2e-3, "motor_position_rad": 5e-5, "load_position_rad": 1e-6}
+    channels = {
+        name: (ideal[name] + level * rng.standard_normal(ideal.rows))[::stride]
+        for name, level in noise.items()
+        if load_encoder or name != "load_position_rad"
+    }
+    return Telemetry(ideal.time_s[::stride], channels)
+
+
+def erring(amplitude_rad: float) -> Axis:
+    """The axis with an error of its gear twice per turn of the motor."""
+    return with_mechanism(AXIS, KinematicError("output", {"amplitude_rad": amplitude_rad, "phase_rad": PHASE}))
+
+
+def said(result: Investigation) -> str:
+    """Findings in a line."""
+    return ", ".join(
+        f"{f.mechanism} {f.probability:.2f} {f.parameters[0].value:.3g}"
+        + (f" or {'/'.join(f.indistinguishable_from)}" if f.indistinguishable_from else "")
+        for f in result.findings
+    )
+
+
+def main() -> None:
+    for load_encoder in (True, False):
+        for stride in STRIDES:
+            for size in SIZES:
+                result = investigate(AXIS, log(erring(size), 1, stride, load_encoder=load_encoder))
+                print(f"{size:.2g} rad, {2000 // stride} Hz, {load_encoder=}: {said(result)}", flush=True)
+            for seed in range(SEEDS):
+                heavier = replace(AXIS, load=replace(AXIS.load, inertia_kg_m2=0.8 + 0.1 * seed))
+                result = investigate(AXIS, log(heavier, seed, stride, load_encoder=load_encoder))
+                print(f"none, {2000 // stride} Hz, {load_encoder=}, seed {seed}: {said(result)}", flush=True)
+
+
+if __name__ == "__main__":
+    main()
