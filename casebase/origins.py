@@ -2,8 +2,8 @@
 
 from collections.abc import Sequence
 
-from sqlalchemy import ColumnElement, or_, select
-from sqlalchemy.orm import Session
+from sqlalchemy import ColumnElement, exists, or_, select
+from sqlalchemy.orm import Session, aliased
 
 from casebase.models import Artifact, Case, StoredRecording
 
@@ -43,15 +43,14 @@ def measured(session: Session, recordings: Sequence[StoredRecording]) -> list[St
 
 def is_measured(session: Session) -> tuple[ColumnElement[bool], ...]:
     """Return conditions that leave of all recordings those that `measured` leaves."""
-    of_cases = select(Case.recording_id).where(Case.origin == SIMULATED)
-    sounds = select(StoredRecording.sound_id).where(StoredRecording.id.in_(of_cases), StoredRecording.sound_id != "")
     shown = [str(content["recording_id"]) for content in session.scalars(_demonstrations)]
-    of_demo = select(StoredRecording.sound_id).where(StoredRecording.id.in_(shown), StoredRecording.sound_id != "")
+    same = aliased(StoredRecording)
+    is_same = (same.sound_id == StoredRecording.sound_id, same.sound_id != "")
     return (
-        StoredRecording.id.not_in(of_cases),
-        StoredRecording.sound_id.not_in(sounds),
+        ~exists().where(Case.recording_id == StoredRecording.id, Case.origin == SIMULATED),
+        ~exists().where(*is_same, Case.recording_id == same.id, Case.origin == SIMULATED),
         StoredRecording.id.not_in(shown),
-        StoredRecording.sound_id.not_in(of_demo),
+        ~exists().where(*is_same, same.id.in_(shown)),
     )
 
 

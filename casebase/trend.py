@@ -232,7 +232,10 @@ class Trend:
 
 
 def trend_of(session: Session, history: History) -> Trend | None:
-    """Return the trend since the gearbox was put in or repaired; None with fewer than two recordings to compare."""
+    """Return the trend since the gearbox was put in or repaired.
+
+    None with fewer than two recordings to compare, and without the name of the gearbox: they may be of several.
+    """
     return trends_of(session, [history])[0]
 
 
@@ -244,7 +247,7 @@ def trends_of(session: Session, several: Sequence[History]) -> list[Trend | None
 
 def _trend(history: History, vectors: Mapping[str, Floats]) -> Trend | None:
     recordings = tuple(one for one in history.since_renewed if one.usable and one.recording_id in vectors)
-    if len(recordings) < FEWEST:
+    if len(recordings) < FEWEST or history.gearbox is None:
         return None
     return Trend.of(recordings, np.array([vectors[one.recording_id] for one in recordings]))
 

@@ -112,7 +112,7 @@ def next_steps(standing: Standing | None) -> tuple[str, ...]:
 def watched(trend: Trend | None) -> str:
     """Say how far the evidence for a change is, and what that means."""
     if trend is None:
-        return "A trend needs two recordings that can be compared."
+        return "A trend needs two recordings that name the gearbox and can be compared."
     promise = f"A good gearbox gives a false alarm once in {RECORDINGS_PER_FALSE_ALARM:,} recordings, or less often."
     of = f"Evidence for a change: {trend.evidence:,.0f}; the limit is {RECORDINGS_PER_FALSE_ALARM:,}."
     without = f"With no change it is {len(trend.recordings)} on average, the number of recordings."

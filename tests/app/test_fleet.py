@@ -114,6 +114,8 @@ def test_an_exchange_ends_the_history_on_the_page(service: Inside) -> None:
     refused = service.browse("POST", "/axes/arm/marks", data={**mark, "kind": "repair", "successor": "new"})
     assert "Only an exchange has a new gearbox" in refused.text
     assert service.browse("POST", "/axes/arm/marks", data={**mark, "kind": "theft"}).status_code == 422
+    later = service.browse("POST", "/axes/arm/marks", data={**mark, "kind": "repair", "at": "2199-01-01T06:00"})
+    assert (later.status_code, "must not lie in the future" in later.text) == (422, True)
     made = service.browse("POST", "/axes/arm/marks", data={**mark, "kind": "exchange", "successor": "new"})
     assert made.headers["location"] == "/axes/arm/gearboxes/old"
     assert "its history ends here" in service.browse("GET", "/axes/arm/gearboxes/old").text

@@ -4,13 +4,15 @@ from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 
 import pytest
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from casebase.diagnoses import revise_diagnosis
 from casebase.gearbox_state import Reason, Standing, State, standing
 from casebase.gearboxes import histories, signatures
 from casebase.library import CaseLibrary
-from casebase.models import MaintenanceMark
+from casebase.models import Case, MaintenanceMark, StoredRecording
+from casebase.origins import measured
 from casebase.trend import trend_of
 from tests.casebase.kept import keep
 
@@ -127,6 +129,22 @@ def test_a_repair_begins_anew_and_keeps_the_history(session: Session) -> None:
     (history,) = histories(session, "repaired", "g")
     assert len(history.heard) == 2
     assert state(session, "repaired").state is State.GOOD
+
+
+def test_what_was_simulated_was_not_heard(library: CaseLibrary) -> None:
+    """Neither the recording of a simulated case nor the same sound in another container, as `measured` has it."""
+    with library.transaction("test") as session:
+        told = {"label": "play", "origin": "simulated", "state": "confirmed", "labelled_by": "test"}
+        simulated = keep(session, "made", "g", day(0), {}, "play")
+        session.add(Case(recording_id=simulated.id, library_version=1, **told))
+        again = keep(session, "made", "g", day(1), {}, "play")
+        again.sound_id = simulated.sound_id
+        heard(session, "made", "normal")
+        session.flush()
+        kept = [one.recording_id for one in histories(session, "made", "g")[-1].heard]
+        rows = session.scalars(select(StoredRecording).where(StoredRecording.axis == "made")).all()
+        assert kept == [row.id for row in measured(session, rows)]
+        assert len(kept) == 1
 
 
 def test_whatever_changes_a_gearbox_changes_its_signature_alone(library: CaseLibrary) -> None:

@@ -115,6 +115,14 @@ def followed(library: CaseLibrary, gearbox: str, rises: float, order: Floats | N
     return trend
 
 
+def test_recordings_without_the_name_of_a_gearbox_make_no_trend(library: CaseLibrary) -> None:
+    """They may be of several."""
+    with library.transaction("test") as session:
+        for number in range(3):
+            keep(session, "axis", None, START + timedelta(days=number), {})
+        assert trend_of(session, histories(session, "axis", None)[-1]) is None
+
+
 def test_strikes_that_rise_are_told_though_the_crest_factor_falls(library: CaseLibrary) -> None:
     good, worn = followed(library, "good", 0.0), followed(library, "worn", 3.0)
     assert not good.changed

@@ -108,6 +108,8 @@ def add_mark(
     if gearbox.strip():
         check_name("gearbox", gearbox.strip())
     check_choice("kind", kind, KINDS)
+    if kind != NOTE and when > now():
+        raise Unprocessable("A repair or an exchange is noted when it is done: its time must not lie in the future.")
     if successor.strip():
         check_name("name of the new gearbox", successor.strip())
         if kind != EXCHANGE:

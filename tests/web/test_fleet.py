@@ -1,0 +1,46 @@
+"""The shift: open the fleet, go to the red one, listen to what shows it, take it back; a gearbox is exchanged."""
+
+import json
+
+import pytest
+from playwright.sync_api import expect
+
+from tests.app.sounds import sound
+from tests.web.conftest import Opened, Site, parts
+
+pytestmark = pytest.mark.browser
+
+
+def test_the_shift(opened: Opened, site: Site) -> None:
+    known = {"axis": "bench", "gearbox": "shift", "speed_rad_s": 2.5, "recorded_at": "2026-01-01T06:00:00Z"}
+    told = json.dumps(known).encode()
+    with site.server.client() as client:
+        files = parts("shift.wav", sound(21, impacts=True), told)
+        made = client.post("/api/v1/diagnoses", files=files).raise_for_status().json()
+        verdict = {"verdict": "corrected", "label": "notch"}
+        client.patch(f"/api/v1/diagnoses/{made['id']}", json=verdict).raise_for_status()
+    with opened("operator", "/fleet") as page:
+        row = page.get_by_role("row", name="bench, shift")
+        expect(row).to_contain_text("Fault likely")
+        expect(row).to_contain_text("A person says that it has tooth damage (notch).")
+        row.get_by_role("link").click()
+        page.wait_for_url("**/axes/bench/gearboxes/shift")
+        page.get_by_role("link", name="The recording that shows it").click()
+        page.wait_for_url(f"**/diagnoses/{made['id']}")
+        page.wait_for_load_state()
+        page.keyboard.press("Space")
+        expect(page.locator("[data-play]")).to_have_text("Pause")
+        page.keyboard.press("z")
+        expect(page.get_by_text("Marked corrected")).to_have_count(0)
+        page.goto(f"{site.url}/fleet")
+        expect(page.get_by_role("row", name="bench, shift")).not_to_contain_text("A person says")
+        page.get_by_role("link", name="bench, shift").click()
+        page.get_by_label("Kind").select_option("exchange")
+        page.get_by_label("What was done").fill("worn out")
+        page.get_by_label("When").fill("2026-01-02T06:00")
+        page.get_by_label("Name of the new gearbox").fill("shift 2")
+        page.get_by_role("button", name="Note it").click()
+        expect(page.get_by_text("its history ends here")).to_be_visible()
+        page.goto(f"{site.url}/fleet")
+        expect(page.get_by_role("row", name="bench, shift 2")).to_contain_text("not recorded yet")
+        expect(page.get_by_role("link", name="bench, shift", exact=True)).to_have_count(0)
