@@ -73,7 +73,7 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
         warm_up()
         running.learner.start()
         running.retention.start()
-        running.silence_watch.start()
+        running.alarm_watch.start()
         yield
         if service is None:
             running.close()

@@ -12,7 +12,7 @@ from limits.storage import MemoryStorage
 from limits.strategies import MovingWindowRateLimiter
 from sqlalchemy.orm import Session
 
-from app.alarms.silence import SilenceWatch
+from app.alarms.watch import AlarmWatch
 from app.evaluations import Evaluations
 from app.fleet import Fleet
 from app.jobs.feed import JobFeed
@@ -78,8 +78,8 @@ class Service:
         return Retention(self.library, self.settings)
 
     @cached_property
-    def silence_watch(self) -> SilenceWatch:
-        return SilenceWatch(self.library)
+    def alarm_watch(self) -> AlarmWatch:
+        return AlarmWatch(self.library, self.fleet)
 
     @cached_property
     def jobs(self) -> Jobs:
@@ -93,7 +93,7 @@ class Service:
     def close(self) -> None:
         self.learner.close()
         self.retention.close()
-        self.silence_watch.close()
+        self.alarm_watch.close()
         self.key_notes.close()
         if "job_feed" in self.__dict__:
             self.job_feed.close()

@@ -20,7 +20,7 @@ ORIGINS = ("measured", "simulated")
 CASE_STATES = ("proposed", "confirmed", "retired")
 DIAGNOSIS_STATES = ("open", "confirmed", "corrected", "rejected")
 ROLES = ("viewer", "operator", "admin")
-ALARM_KINDS = ("state", "silence")
+ALARM_KINDS = ("state", "change", "silence")
 RECEIVER_KINDS = ("email", "webhook", "mqtt")
 DELIVERY_STATES = ("waiting", "sent", "failed")
 
@@ -377,7 +377,7 @@ class AlarmReceiver(Base):
 
 
 class AlarmRule(Base):
-    """What somebody is told of: a state of a gearbox, or its silence."""
+    """What somebody is told of: a state of a gearbox, a change of its sound, or its silence."""
 
     __tablename__ = "alarm_rules"
 

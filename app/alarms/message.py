@@ -101,9 +101,22 @@ def _of_silence(facts: Mapping[str, Any], zone: str) -> tuple[str, tuple[str, ..
         f"{subject_of(facts)}: no recording for {days:g} {'day' if days == 1 else 'days'}",
         (
             f"The last one is of {_local(facts['heard_at'], zone)}.",
-            "Look whether the recorder runs. If the gearbox was exchanged, note it on its page. If it stands still, there is nothing to do.",
+            "Look whether the recorder runs. If the gearbox was exchanged, note it on its page. If it stands still, "
+            "there is nothing to do.",
             _rule(facts),
             "You are told once, until it is heard again.",
+        ),
+    )
+
+
+def _of_change(facts: Mapping[str, Any], zone: str) -> tuple[str, tuple[str, ...]]:
+    return (
+        f"{subject_of(facts)}: it sounds otherwise than it did",
+        (
+            f"The change began about {_local(facts['began_at'], zone)}. The page of the gearbox shows what has risen.",
+            "Record it again soon, in the same motion, with the same payload and the microphone at the same place.",
+            _rule(facts),
+            "You are told once, until this has been over.",
         ),
     )
 
@@ -121,4 +134,4 @@ def _local(moment: str, zone: str) -> str:
     return f"{local:%Y-%m-%d %H:%M} {local.tzname()}"
 
 
-_WORDS = {"state": _of_state, "silence": _of_silence, "test": _of_test}
+_WORDS = {"state": _of_state, "change": _of_change, "silence": _of_silence, "test": _of_test}

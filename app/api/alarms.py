@@ -68,7 +68,9 @@ class RuleRequest(Question):
     """What is to be told: a state of a gearbox, by its newest diagnosis, or its silence."""
 
     name: Word = Field(description="what it is called in messages", examples=["any fault"])
-    kind: Literal["state", "silence"] = Field(description="state: how it is; silence: no recording for so long")
+    kind: Literal["state", "change", "silence"] = Field(
+        description="state: its newest diagnosis; change: it sounds otherwise than it did; silence: not heard"
+    )
     axis: AxisName | None = Field(None, description="only of this axis", examples=[None])
     gearbox: Word | None = Field(None, description="only of this gearbox", examples=[None])
     verdict: Literal["diagnosed", "ambiguous", "not_in_library", "unusable"] | None = Field(
@@ -95,7 +97,7 @@ class RuleAnswer(Answer):
 
     id: str
     name: str
-    kind: Literal["state", "silence"]
+    kind: Literal["state", "change", "silence"]
     axis: str | None
     gearbox: str | None
     verdict: str | None

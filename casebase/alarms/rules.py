@@ -25,7 +25,7 @@ class Condition:
     """What a rule asks: of the state of a gearbox, or how long it has been silent.
 
     Args:
-        kind: `state` or `silence`.
+        kind: `state`, `change` or `silence`.
         axis, gearbox: of which; of any where None.
         verdict: of the newest diagnosis; `diagnosed` where None.
         label: the fault; any where None. Only of what is diagnosed, like the next two.
@@ -50,8 +50,10 @@ class Condition:
         of_fault = (self.label, self.least_probability, self.least_size_rad)
         if self.kind == "silence" and (self.silent_days is None or self.verdict or any(of_fault)):
             raise InvalidRequestError("a rule of silence needs `silent_days`, and neither verdict nor fault")
-        if self.kind == "state" and self.silent_days is not None:
-            raise InvalidRequestError("a rule of state has no `silent_days`; make another one of kind `silence`")
+        if self.kind != "silence" and self.silent_days is not None:
+            raise InvalidRequestError("`silent_days` goes with the kind `silence`; make another rule for it")
+        if self.kind == "change" and (self.verdict or any(of_fault)):
+            raise InvalidRequestError("a rule of change has neither verdict nor fault: the trend names none")
         if self.verdict not in (None, "diagnosed") and any(of_fault):
             raise InvalidRequestError("label, probability and size go with the verdict `diagnosed` alone")
         if self.label in BASELINES:
@@ -99,6 +101,7 @@ def review(session: Session, axis: str | None, gearbox: str | None) -> None:
     if axis is None and gearbox is None:
         return
     of_it = select(AlarmRule).where(
+        AlarmRule.kind != "change",
         or_(AlarmRule.axis.is_(None), AlarmRule.axis == axis),
         or_(AlarmRule.gearbox.is_(None), AlarmRule.gearbox == gearbox),
     )
@@ -109,6 +112,31 @@ def review(session: Session, axis: str | None, gearbox: str | None) -> None:
         if facts is not None and rule.kind == "silence" and not _is_in_service(session, axis, gearbox):
             facts = None
         _settle(session, rule, Subject(axis, gearbox), facts)
+
+
+def asks_for_changes(session: Session) -> bool:
+    """Whether there is a rule of change."""
+    return session.scalar(select(AlarmRule.id).where(AlarmRule.kind == "change").limit(1)) is not None
+
+
+def review_changes(session: Session, began: Mapping[tuple[str, str | None], datetime | None]) -> None:
+    """Hold the rules of change against all gearboxes in service.
+
+    Args:
+        began: by axis and gearbox, since when it sounds otherwise than it did; None where it does not.
+    """
+    for rule in session.scalars(select(AlarmRule).where(AlarmRule.kind == "change")).all():
+        alarms = session.scalars(select(Alarm).where(Alarm.rule_id == rule.id, Alarm.ended_at.is_(None))).all()
+        told = {(alarm.axis or None, alarm.gearbox or None) for alarm in alarms}
+        meant = {
+            (axis, gearbox)
+            for (axis, gearbox), began_at in began.items()
+            if began_at is not None and rule.axis in (None, axis) and rule.gearbox in (None, gearbox)
+        }
+        for axis, gearbox in told ^ meant:
+            began_at = None if axis is None or (axis, gearbox) in told else began[axis, gearbox]
+            facts = None if began_at is None else {"began_at": began_at.isoformat()}
+            _settle(session, rule, Subject(axis, gearbox), facts)
 
 
 def newly_silent(session: Session) -> list[tuple[str | None, str | None]]:

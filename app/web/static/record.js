@@ -42,7 +42,10 @@ function stamp(time) {
 /* one recorder in one form: what it records becomes the form's file */
 export function recorder(root, form) {
   const find = (name) => root.querySelector(`[data-${name}]`);
-  const [button, level, said, player] = ["record", "level", "said", "listen"].map(find);
+  const [button, level, said] = ["record", "level", "said"].map(find);
+  const player = document.createElement("audio");
+  player.controls = true;
+  player.dataset.listen = "";
   let running = null;
   root.hidden = false;
 
@@ -66,7 +69,7 @@ export function recorder(root, form) {
     button.textContent = "Stop";
     button.setAttribute("aria-pressed", "true");
     level.hidden = false;
-    player.hidden = true;
+    player.remove();
   }
 
   function take(heard, block) {
@@ -116,7 +119,7 @@ export function recorder(root, form) {
     form.elements.recorded_at.value = stamp(heard.begun);
     if (player.src) URL.revokeObjectURL(player.src);
     player.src = URL.createObjectURL(file);
-    player.hidden = false;
+    root.append(player);
     said.textContent = checked(heard, seconds).join(" ");
   }
 

@@ -153,6 +153,24 @@ def test_silence_is_told_once_and_ends_when_it_is_heard(library: CaseLibrary) ->
         assert [alarm.gearbox for alarm in rules.standing(session)] == ["g2"]
 
 
+def test_a_change_is_told_once_and_ends_with_the_trend(library: CaseLibrary) -> None:
+    here, there = ("bench", "g1"), ("bench", None)
+    with library.transaction("test") as session:
+        assert not rules.asks_for_changes(session)
+        ruled(session, kind="change")
+        assert rules.asks_for_changes(session)
+        for began in ({here: None, there: None}, {here: now(), there: None}, {here: now(), there: now()}):
+            rules.review_changes(session, began)
+        assert [row.message["gearbox"] for row in session.scalars(select(Delivery).order_by(Delivery.id))] == [
+            "g1",
+            None,
+        ]
+        diagnosed(session, "notch")  # which a rule of change does not look at
+        assert len(told(session)) == 2
+        rules.review_changes(session, {here: None})
+        assert rules.standing(session) == []
+
+
 def test_a_gearbox_that_was_exchanged_is_not_missed(sqlite_library: CaseLibrary) -> None:
     with sqlite_library.transaction("test") as session:
         for gearbox in ("g1", "g2"):
@@ -204,6 +222,7 @@ def test_a_recording_of_nothing_known_tells_nobody(sqlite_library: CaseLibrary) 
         {"kind": "silence"},
         {"kind": "silence", "silent_days": 1.0, "label": "notch"},
         {"kind": "state", "silent_days": 1.0},
+        {"kind": "change", "label": "notch"},
         {"kind": "state", "verdict": "unusable", "least_probability": 0.5},
         {"kind": "state", "label": "normal"},
     ],
