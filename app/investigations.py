@@ -363,7 +363,10 @@ def trajectory_of(row: StoredInvestigation) -> str:
     """
     found = document_of(row).get("next_motion")
     if not isinstance(found, dict):
-        raise NotFoundError(f"investigation {row.id} has no next motion: ask for one by the part next_motion = true")
+        raise NotFoundError(
+            f"investigation {row.id} has no next motion: it is asked for by the part next_motion = true, and there is "
+            "none where no motion that was tried tells more than a repeat of the present one"
+        )
     return Harmonics.of_document(found).trajectory().csv()
 
 
