@@ -36,7 +36,6 @@ from sim.description.axis_document import read_axis
 from sim.discrepancy.data.pairing import check_as_new, check_pairs
 from sim.errors import AxisError, SimulationError
 from sim.robot.foreign import ForeignRobot, foreign_robot, kept_robot
-from sim.robot.trajectory import Harmonics
 
 KIND = "investigations"
 ACTOR = "investigator"
@@ -367,6 +366,8 @@ def trajectory_of(row: StoredInvestigation) -> str:
             f"investigation {row.id} has no next motion: it is asked for by the part next_motion = true, and there is "
             "none where no motion that was tried tells more than a repeat of the present one"
         )
+    from sim.robot.trajectory import Harmonics  # with a robot's equations, which few requests need
+
     return Harmonics.of_document(found).trajectory().csv()
 
 

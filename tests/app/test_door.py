@@ -164,6 +164,7 @@ def test_uploads_are_where_the_contract_has_them() -> None:
         "/api/v1/diagnoses",
         "/api/v1/cases",
         "/api/v1/investigations",
+        "/api/v1/robots",
         "/diagnoses/new",
         "/library/add",
         "/library/import",

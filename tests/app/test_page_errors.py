@@ -29,6 +29,7 @@ RESULTS: dict[str, tuple[Json, ...]] = {
         {"new": 3, "known": 1, "counts": {"normal": 4}},
     ),
     "investigations": ({"investigation_id": "0" * 32, "verdict": "named"},),
+    "deliveries": ({"state": "sent"},),
 }
 """What a job of each kind ends with, that of an earlier version too."""
 
