@@ -16,11 +16,15 @@ from app.intake import take_in
 from app.keys import Role, create_key
 from app.metadata import RecordingMetadata
 from app.service import Service
+from casebase.alarms import outbox
 from casebase.models import (
+    AlarmReceiver,
+    AlarmRule,
     ApiKey,
     AuditEntry,
     AxisRevision,
     Case,
+    Delivery,
     IdempotencyRecord,
     RobotRevision,
     StoredDiagnosis,
@@ -45,17 +49,18 @@ URDF = b"""<robot name="arm"><link name="base"/><link name="arm"><inertial><mass
 <parent link="base"/><child link="arm"/><axis xyz="0 0 1"/></joint></robot>"""
 COUNTED = (
     StoredRecording, Case, StoredDiagnosis, AxisRevision, RobotRevision, StoredInvestigation, StoredJob, ApiKey,
-    AuditEntry, IdempotencyRecord,
+    AuditEntry, IdempotencyRecord, AlarmReceiver, AlarmRule, Delivery,
 )  # fmt: skip
 
 
 @dataclass(frozen=True)
 class Known:
-    """What a database holds before a request: the key of an admin, a diagnosis and an investigation that found."""
+    """What a database holds: the key of an admin, a diagnosis, an investigation that found, and who is told."""
 
     key: str
     diagnosis: str
     investigation: str
+    receiver: str
 
 
 Options = dict[str, Any]
@@ -88,6 +93,8 @@ def simulation(seed: int, cases: int = 2, duration_s: float = 1.0) -> Options:
 
 
 API = "/api/v1"
+TOPIC = "works/gearcase"
+"""Of a broker that is not set: the message waits."""
 ORDERS: Mapping[str, Order] = {
     "/diagnoses": lambda _: (f"{API}/diagnoses", upload(1, axis="chaos")),
     "/cases": lambda _: (f"{API}/cases", upload(2, label="normal", gearbox="g")),
@@ -100,6 +107,15 @@ ORDERS: Mapping[str, Order] = {
     "/simulations": lambda _: (f"{API}/simulations", simulation(1)),
     "/keys": lambda _: (f"{API}/keys", {"json": {"name": "new", "role": "viewer"}}),
     "/investigations": lambda _: (f"{API}/investigations", investigation()),
+    "/alarms/receivers": lambda _: (
+        f"{API}/alarms/receivers",
+        {"json": {"name": "hall 3", "kind": "mqtt", "address": TOPIC}},
+    ),
+    "/alarms/rules": lambda known: (
+        f"{API}/alarms/rules",
+        {"json": {"name": "any fault", "kind": "state", "receivers": [known.receiver]}},
+    ),
+    "/alarms/receivers/{receiver_id}/test": lambda known: (f"{API}/alarms/receivers/{known.receiver}/test", {}),
     "/investigations/{investigation_id}/accept": lambda known: (
         f"{API}/investigations/{known.investigation}/accept",
         {},
@@ -113,7 +129,7 @@ PAGES: Mapping[str, Order] = {
     "page /library/simulate": lambda _: ("/library/simulate", {"data": {"axis": "paper", "count": ["1", "1", "1"]}}),
 }
 """Forms that order jobs; they have no Idempotency-Key, and are to leave all or nothing."""
-MAKES_NOTHING = ("/jobs/{job_id}/resume",)
+MAKES_NOTHING = ("/jobs/{job_id}/resume", "/alarms/deliveries/{delivery_id}/retry")
 
 
 def fill(service: Service) -> Known:
@@ -133,7 +149,8 @@ def fill(service: Service) -> Known:
             document={"verdict": "named", "extended_axis": extended},
         )  # fmt: skip
         session.add(found)
-    return Known(key, diagnosis.id, found.id)
+        receiver = outbox.add_receiver(session, "maintenance", "mqtt", TOPIC).id
+    return Known(key, diagnosis.id, found.id, receiver)
 
 
 def counts(session: Session) -> dict[str, int]:

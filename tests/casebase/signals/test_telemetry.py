@@ -95,7 +95,7 @@ def test_broken_columns_are_named_with_their_row(tmp_path: Path, name: str, word
         (b"", "empty"),
         (b"time_s,motor_torque_nm\n", "0 rows"),
         (b"time_s,motor_torque_nm\n0,1\n0.1,2\n", "2 rows are too few"),
-        (b"t,motor_torque_nm\n0,1\n", "time_s has no unit.* The table has t, motor_torque_nm"),
+        (b"t,motor_torque_nm\n0,1\n", "time_s has no unit.* The table has t \\(0 to 0\\), motor_torque_nm"),
         (b"time_s,torque\n0,1\n", "motor_torque_nm has no unit"),
         (b"time_s,note\n0,1\n", "no column says which channel it is"),
         (b"time_s,motor_torque_nm,motor_torque_nm\n" + b"".join(b"%d,1,1\n" % i for i in range(200)), "twice"),
