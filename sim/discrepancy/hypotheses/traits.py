@@ -7,7 +7,7 @@ from types import MappingProxyType
 
 from sim import mechanisms
 from sim.mechanisms.catalogue import kind_or_any
-from sim.mechanisms.traits import Traits
+from sim.mechanisms.traits import Law, Traits
 
 OVER_SPEED, OVER_ANGLE = "friction_over_speed", "friction_over_angle"
 FIXED = "fixed_frequency"
@@ -18,7 +18,8 @@ NAMELESS: Mapping[str, Traits] = MappingProxyType(
     {
         OVER_SPEED: Traits(least_share=0.003, form_left=0.2),  # a curve stands for a law that has no name
         OVER_ANGLE: Traits(least_share=0.002, form_left=0.2),
-        ERROR_OVER_ANGLE: Traits(least_share=0.002, in_every_axis=True),
+        # a difference of angles, as a gap and a spring make: what the form of these leaves lies over the angle, too
+        ERROR_OVER_ANGLE: Traits(least_share=0.002, in_every_axis=True, laws=frozenset({Law.SPRING})),
         FIXED: Traits(least_share=0.002, restless=True),
         AS_NEW: Traits(),
     }
