@@ -148,7 +148,9 @@ class Problem:
                 if term.load_torque is not None:
                     lacking = lacking - term.load_torque(m, values)
             guide = m.thinned(lacking)
-        if not math.isfinite(float(torque @ torque) + float(guide @ guide)):
+        with np.errstate(over="ignore", invalid="ignore"):  # of a simulation that has burst
+            size = float(torque @ torque) + float(guide @ guide)
+        if not math.isfinite(size):
             torque, guide = (_within(BURST * float(np.std(m.torque)), x) for x in (torque, guide))
         if not weighted:
             return torque, guide
