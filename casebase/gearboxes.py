@@ -8,7 +8,7 @@ from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
 
-from sqlalchemy import ColumnElement, and_, func, or_, select
+from sqlalchemy import ColumnElement, and_, case, func, or_, select
 from sqlalchemy.orm import Session
 
 from casebase.models import AxisRevision, Case, MaintenanceMark, StoredDiagnosis, StoredRecording
@@ -19,6 +19,11 @@ KINDS = (NOTE, REPAIR, EXCHANGE)
 REJECTED, OPEN = "rejected", "open"
 Place = tuple[str, str | None]
 """Name of the axis, and of the gearbox as recordings give it; None where they give none."""
+HEARD_AT: ColumnElement[datetime] = case(
+    (StoredRecording.recorded_at <= StoredRecording.created_at, StoredRecording.recorded_at),
+    else_=StoredRecording.created_at,
+)
+"""When a recording was taken; when it came where nobody said so, or the recorder's clock was ahead."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +31,7 @@ class Heard:
     """A recording of a gearbox, and the newest that was said of it.
 
     Args:
-        at: when it was recorded or, where that was not told, received.
+        at: see `HEARD_AT`.
         verdict: of its diagnosis; None where there is none.
         label: the diagnosis' or, where a person said one, that.
         review: what a person made of the diagnosis; `confirmed` where a person labelled the recording as a case.
@@ -141,12 +146,12 @@ def _heard(session: Session, places: Sequence[Place]) -> dict[Place, list[Heard]
             StoredRecording.axis,
             StoredRecording.gearbox,
             StoredRecording.id,
-            func.coalesce(StoredRecording.recorded_at, StoredRecording.created_at),
+            HEARD_AT,
             StoredRecording.file_name,
             StoredRecording.usable,
             StoredRecording.speed_rad_s,
             StoredRecording.payload_kg_m2,
-        ).where(recorded_at(places), *is_measured(session))
+        ).where(of_places(places), *is_measured(session))
     ).all()
     said = _said(session, places, {row[2]: Heard(*row[2:]) for row in recordings})
     found: dict[Place, list[Heard]] = {}
@@ -160,7 +165,7 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, Heard]) ->
     cases = session.execute(
         select(Case.recording_id, Case.label)
         .join(StoredRecording, StoredRecording.id == Case.recording_id)
-        .where(recorded_at(places), Case.origin == MEASURED, Case.state == "confirmed", Case.diagnosis_id.is_(None))
+        .where(of_places(places), Case.origin == MEASURED, Case.state == "confirmed", Case.diagnosis_id.is_(None))
     )
     for recording_id, known in cases:
         if recording_id in heard:
@@ -176,7 +181,7 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, Heard]) ->
             StoredDiagnosis.revised_label,
         )
         .join(StoredRecording, StoredRecording.id == StoredDiagnosis.recording_id)
-        .where(recorded_at(places))
+        .where(of_places(places))
         .order_by(StoredDiagnosis.id)
     )
     for recording_id, identity, verdict, label, probability, state, revised in given:
@@ -192,7 +197,7 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, Heard]) ->
     return heard
 
 
-def recorded_at(places: Sequence[Place]) -> ColumnElement[bool]:
+def of_places(places: Sequence[Place]) -> ColumnElement[bool]:
     """Return the condition that leaves the recordings of some gearboxes."""
     return or_(
         *(

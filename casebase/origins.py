@@ -28,7 +28,7 @@ def simulated(session: Session, recordings: Sequence[StoredRecording]) -> frozen
             ),
         )
     )
-    shown = [str(content["recording_id"]) for content in session.scalars(_demonstrations)]
+    shown = demonstrations(session)
     of_demo = select(StoredRecording.id, StoredRecording.sound_id).where(StoredRecording.id.in_(shown))
     known = [*session.execute(of_cases), *session.execute(of_demo)]
     ids, sounds = {identity for identity, _ in known}, {sound for _, sound in known if sound}
@@ -43,7 +43,7 @@ def measured(session: Session, recordings: Sequence[StoredRecording]) -> list[St
 
 def is_measured(session: Session) -> tuple[ColumnElement[bool], ...]:
     """Return conditions that leave of all recordings those that `measured` leaves."""
-    shown = [str(content["recording_id"]) for content in session.scalars(_demonstrations)]
+    shown = demonstrations(session)
     same = aliased(StoredRecording)
     is_same = (same.sound_id == StoredRecording.sound_id, same.sound_id != "")
     return (
@@ -57,6 +57,11 @@ def is_measured(session: Session) -> tuple[ColumnElement[bool], ...]:
 def origin_of(session: Session, recording: StoredRecording) -> str:
     """Return whether a recording was measured or simulated, as far as that is known."""
     return SIMULATED if simulated(session, [recording]) else MEASURED
+
+
+def demonstrations(session: Session) -> list[str]:
+    """Return ids of the recordings of the demonstration, whose sound is simulated."""
+    return [str(content["recording_id"]) for content in session.scalars(_demonstrations)]
 
 
 _demonstrations = select(Artifact.content).where(Artifact.kind == DEMO)

@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
-from casebase.gearboxes import Heard, History, Place, recorded_at
+from casebase.gearboxes import Heard, History, Place, of_places
 from casebase.models import Extractor, FeatureRow, StoredRecording
 from casebase.recordings import feature_values
 from casebase.signals.band import Band
@@ -280,7 +280,7 @@ def _features(session: Session, places: Sequence[Place]) -> dict[str, Floats]:
     rows = session.execute(
         select(FeatureRow.recording_id, FeatureRow.finite, FeatureRow.missing)
         .join(StoredRecording, StoredRecording.id == FeatureRow.recording_id)
-        .where(recorded_at(places), FeatureRow.extractor_version == EXTRACTOR_VERSION)
+        .where(of_places(places), FeatureRow.extractor_version == EXTRACTOR_VERSION)
     ).all()
     if extractor is None or not rows:
         return {}

@@ -234,9 +234,8 @@ def _show(frame: Frame, result: Investigation, whose: Sequence[str]) -> None:
             f"  {recording}{g.channel}: error {g.rms_before:.4g} -> {g.rms_after:.4g} {g.unit} (rms) on rows not used "
             f"for the fit{note}"
         )
-    for check, said in checked(result):
-        if check == ROWS:
-            frame.print(f"  {check}: {said}")
+    if (rows := dict(checked(result)).get(ROWS)) is not None:
+        frame.print(f"  {ROWS}: {rows}")
     for remark in result.remarks:
         frame.print(f"  note: {remark}")
     frame.print(result.next_measurement)

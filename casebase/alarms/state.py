@@ -5,17 +5,12 @@ from dataclasses import dataclass
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, case, func, or_, select
+from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session
 
-from casebase.models import Artifact, StoredDiagnosis, StoredRecording
-from casebase.origins import DEMO
-
-HEARD_AT: ColumnElement[datetime] = case(
-    (StoredRecording.recorded_at <= StoredRecording.created_at, StoredRecording.recorded_at),
-    else_=StoredRecording.created_at,
-)
-"""When a recording was taken; when it came where nobody said so, or the recorder's clock was ahead."""
+from casebase.gearboxes import HEARD_AT
+from casebase.models import StoredDiagnosis, StoredRecording
+from casebase.origins import demonstrations
 
 
 @dataclass(frozen=True)
@@ -64,12 +59,11 @@ def heard_last(
     Args:
         axis, gearbox: only those of it; of any where None.
     """
-    shown = [str(content["recording_id"]) for content in session.scalars(_demonstrations)]
     statement = (
         select(StoredRecording.axis, StoredRecording.gearbox, func.max(HEARD_AT))
         .join(StoredDiagnosis, StoredDiagnosis.recording_id == StoredRecording.id)
         .where(or_(StoredRecording.axis.is_not(None), StoredRecording.gearbox.is_not(None)))
-        .where(StoredDiagnosis.state != "rejected", StoredRecording.id.not_in(shown))
+        .where(StoredDiagnosis.state != "rejected", StoredRecording.id.not_in(demonstrations(session)))
         .group_by(StoredRecording.axis, StoredRecording.gearbox)
     )
     for column, wanted in ((StoredRecording.axis, axis), (StoredRecording.gearbox, gearbox)):
@@ -95,6 +89,3 @@ def _state(row: StoredDiagnosis, heard_at: datetime) -> State:
         return State(verdict="diagnosed", faults=((row.revised_label, 1.0),), size_rad=size_rad, **common)
     faults = tuple((str(each["label"]), each["probability"]) for each in document["faults"])
     return State(verdict=row.verdict, faults=faults, size_rad=size_rad, **common)
-
-
-_demonstrations = select(Artifact.content).where(Artifact.kind == DEMO)

@@ -87,6 +87,12 @@ def test_silence_is_told_unless_there_is_worse(session: Session) -> None:
     assert state(session, "broken", now=100).state is State.FAULT_LIKELY
 
 
+def test_a_clock_that_is_ahead_hides_no_silence(session: Session) -> None:
+    """A recording cannot have come before it was taken: it counts from when it came."""
+    recording = keep(session, "ahead", "g", datetime.now(UTC) + timedelta(days=300), {}, "normal")
+    assert [one.at for one in histories(session, "ahead", "g")[-1].heard] == [recording.created_at]
+
+
 def test_what_a_person_says_counts(session: Session) -> None:
     heard(session, "reviewed", "normal", "play")
     newest = histories(session, "reviewed", "g")[-1].heard[-1]
