@@ -72,8 +72,8 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
         app.state.looking = Gate(settings.looks_at_once, settings.looks_per_key)
         warm_up()
         running.learner.start()
-        running.retention.start()
-        running.alarm_watch.start()
+        for work in running.by_itself:
+            work.start()
         yield
         if service is None:
             running.close()

@@ -11,6 +11,7 @@ from typing import Any
 import httpx
 
 from app.intake import media_type_of
+from casebase.audio_store import sha256_of
 
 KEY_VARIABLE = "GEARCASE_KEY"
 CONNECT_S, ANSWER_S = 10.0, 600.0
@@ -97,9 +98,3 @@ def _read(answer: httpx.Response) -> dict[str, Any]:
     if answer.status_code in PASSING or answer.status_code >= 500:
         raise UnreachableError(words)
     raise RefusedError(words)
-
-
-def sha256_of(path: Path) -> str:
-    """Return the SHA-256 of a file's bytes."""
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

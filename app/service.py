@@ -12,7 +12,7 @@ from limits.storage import MemoryStorage
 from limits.strategies import MovingWindowRateLimiter
 from sqlalchemy.orm import Session
 
-from app.alarms.watch import AlarmWatch
+from app.alarms.watch import alarm_watch
 from app.evaluations import Evaluations
 from app.fleet import Fleet
 from app.jobs.feed import JobFeed
@@ -22,7 +22,8 @@ from app.key_notes import KeyNotes
 from app.learner import Learner
 from app.leftovers import leftovers
 from app.metrics import Metrics
-from app.retention import Retention
+from app.periodic import Periodic
+from app.retention import retention
 from app.settings import Settings
 from casebase.counter import library_version
 from casebase.evaluation import Evaluation
@@ -74,12 +75,10 @@ class Service:
         return KeyNotes(self.library)
 
     @cached_property
-    def retention(self) -> Retention:
-        return Retention(self.library, self.settings)
-
-    @cached_property
-    def alarm_watch(self) -> AlarmWatch:
-        return AlarmWatch(self.library, self.fleet)
+    def by_itself(self) -> tuple[Periodic, ...]:
+        """What is done every so often, whoever asks for what."""
+        every_day = retention(self.library, self.settings.retain_audio_days)
+        return (*([every_day] if every_day else []), alarm_watch(self.library, self.fleet))
 
     @cached_property
     def jobs(self) -> Jobs:
@@ -92,8 +91,8 @@ class Service:
 
     def close(self) -> None:
         self.learner.close()
-        self.retention.close()
-        self.alarm_watch.close()
+        for work in self.by_itself:
+            work.close()
         self.key_notes.close()
         if "job_feed" in self.__dict__:
             self.job_feed.close()

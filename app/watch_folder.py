@@ -10,7 +10,7 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path
 
 from app.commands.sounds import SUFFIX
-from app.remote import sha256_of
+from casebase.audio_store import sha256_of
 
 MEMORY = ".gearcase-watch.jsonl"
 SETTLED_S = 2 * 65536 / (8000 * 2)

@@ -22,7 +22,6 @@ DIAGNOSIS_STATES = ("open", "confirmed", "corrected", "rejected")
 ROLES = ("viewer", "operator", "admin")
 ALARM_KINDS = ("state", "change", "silence")
 RECEIVER_KINDS = ("email", "webhook", "mqtt")
-DELIVERY_STATES = ("waiting", "sent", "failed")
 
 
 def new_id() -> str:

@@ -1,21 +1,16 @@
-"""A thread that notices what no single recording tells: a gearbox that is silent, or sounds otherwise than it did."""
+"""Work that notices what no single recording tells: a gearbox that is silent, or sounds otherwise than it did."""
 
 from datetime import datetime, timedelta
-from threading import Event, Thread
-
-import structlog
-from sqlalchemy.exc import SQLAlchemyError
 
 from app.fleet import Fleet, Gearbox
+from app.periodic import Periodic
 from casebase.alarms.rules import asks_for_changes, newly_silent, review, review_changes
-from casebase.errors import LibraryError
 from casebase.library import CaseLibrary
 from casebase.models import now
 
 ACTOR = "alarms"
 EVERY_S = 600.0
 """Silence is counted in days, a trend in recordings: ten minutes are no delay."""
-LOG = structlog.get_logger(__name__)
 
 
 def tell_silent(library: CaseLibrary) -> None:
@@ -43,27 +38,11 @@ def _began(row: Gearbox) -> datetime | None:
     return trend.began.at if trend is not None and trend.changed else None
 
 
-class AlarmWatch:
-    """Looks at `start` and every ten minutes until `close`; several at once tell nobody twice."""
+def alarm_watch(library: CaseLibrary, fleet: Fleet) -> Periodic:
+    """Return what looks for both every ten minutes; several at once tell nobody twice."""
 
-    def __init__(self, library: CaseLibrary, fleet: Fleet) -> None:
-        self._library, self._fleet = library, fleet
-        self._closed = Event()
-        self._thread = Thread(target=self._work, name="alarm watch", daemon=True)
+    def work() -> None:
+        tell_silent(library)
+        tell_changed(library, fleet)
 
-    def start(self) -> None:
-        self._thread.start()
-
-    def close(self) -> None:
-        self._closed.set()
-        if self._thread.is_alive():
-            self._thread.join()
-
-    def _work(self) -> None:
-        while not self._closed.is_set():
-            try:
-                tell_silent(self._library)
-                tell_changed(self._library, self._fleet)
-            except (LibraryError, SQLAlchemyError) as error:
-                LOG.warning("silence and changes were not looked for", error=str(error))
-            self._closed.wait(EVERY_S)
+    return Periodic("alarm watch", EVERY_S, work)
