@@ -4,6 +4,8 @@ import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
+import app as app  # before numpy, which takes as many threads as it is told when it is loaded
+
 
 @dataclass(frozen=True)
 class Row:
