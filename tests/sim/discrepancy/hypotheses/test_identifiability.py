@@ -102,6 +102,16 @@ def test_an_interval_that_holds_the_size_as_new_is_no_finding_to_be_sure_of(
     assert is_beyond_new(worn, "backlash", "output", [replace(gap, low=0.21)])
 
 
+def test_no_gear_is_without_backlash_where_none_is_stated() -> None:
+    """A minute of arc, which makers of precision gear units promise, is no finding; what is stated is held against."""
+    gap = Estimate("gap_rad", 2.0e-4, "rad", 1.8e-4, 2.3e-4)
+    for stated, beyond in ((None, False), (5e-5, True)):
+        stage = {"name": "output", "ratio": 100} | ({} if stated is None else {"backlash_rad": stated})
+        axis = read_axis({"motor": {"inertia_kg_m2": 1.0}, "stages": [stage], "load": {"inertia_kg_m2": 1.0}})
+        assert is_beyond_new(axis, "backlash", "output", [gap]) == beyond
+        assert is_beyond_new(axis, "backlash", "output", [replace(gap, value=1e-3, low=9e-4, high=1.1e-3)])
+
+
 def test_more_left_on_unseen_rows_is_worse() -> None:
     torque = Gain("motor_torque_nm", "N m", 1.0, 1.001, True, 2.0)
     assert is_worse(torque)
