@@ -9,7 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.description.axis import Axis
-from sim.discrepancy.data.angle_series import beyond_twice
+from sim.discrepancy.data.angle_series import errors_over
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.discrepancy.data.excitation import lacking
 from sim.discrepancy.data.preprocessing import LEAST_ROWS, Measurement
@@ -81,9 +81,8 @@ class Seen:
         way = np.sign(m.speed)[load]
         laws = [np.stack([*columns.T, way, *(law[load] for law in beside)], 1) for beside in ((), *_beside(axis, m))]
         soft = _range([yields[0], *(float(np.linalg.lstsq(c, twist, rcond=None)[0][0]) for c in laws)])
-        angle = m.slow_load_angle[load]
-        errors = [part for k in (1, 2) for part in (np.sin(k * angle), np.cos(k * angle))]
-        erring = np.linalg.lstsq(np.stack([*columns.T, *errors, *beyond_twice(angle)[0]], 1), twist, rcond=None)[0][0]
+        errors = errors_over(m.slow_load_angle[load])
+        erring = np.linalg.lstsq(np.stack([*columns.T, *errors], axis=1), twist, rcond=None)[0][0]
         low, high = np.quantile(twist - columns @ yields, [0.005, 0.995])
         rate = float(np.std((m.slow_speed / axis.ratio - m.slow_load_speed)[load]))
         swing = float(np.std(columns[:, 0]))
