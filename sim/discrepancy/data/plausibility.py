@@ -252,6 +252,8 @@ def _check_inertia(axis: Axis, seen: Seen) -> list[str]:
             f"motor_torque_nm: torque and acceleration alone fit an inertia {share:.4g} times the described "
             f"{expected:.4g} kg m2; weight of the load explains it as well, and then {least:.4g} to {most:.4g} times."
         ]
+    if share < LIGHTEST and accelerating < seen.left:  # the described one would not be seen either
+        return [HARDLY]
     if share > HEAVIEST or share < LIGHTEST:
         raise InvestigationError(
             f"motor_torque_nm: fits an inertia {share:.4g} times the described {expected:.4g} kg m2: "
