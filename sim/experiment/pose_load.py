@@ -3,6 +3,9 @@
 On such a way every joint is as far as the one that is heard, so that its torque hangs on that one's angle alone:
 
     torque = inertia(angle) acceleration + centrifugal(angle) speed^2 + gravity(angle)
+
+The others follow their own servos whatever this joint does. So what its gear moves when it swings beside that way is
+its own inertia alone; the rest of the torque is one from outside.
 """
 
 from __future__ import annotations
@@ -30,8 +33,10 @@ class PoseLoad:
         The two poses: angles of all logged joints, shape (joints,).
     ends_rad
         Angle of this joint in both of them.
+    own_inertia_kg_m2
+        What it feels while the others are held, shape (n,).
     inertia_kg_m2
-        What it needs per acceleration of its own, that of the joints which come along included, shape (n,).
+        What it needs per acceleration of its own while the others come along, shape (n,).
     centrifugal_kg_m2
         What it needs per square of its speed, shape (n,).
     gravity_n_m
@@ -44,19 +49,21 @@ class PoseLoad:
     first_rad: tuple[float, ...]
     last_rad: tuple[float, ...]
     ends_rad: tuple[float, float]
+    own_inertia_kg_m2: tuple[float, ...]
     inertia_kg_m2: tuple[float, ...]
     centrifugal_kg_m2: tuple[float, ...]
     gravity_n_m: tuple[float, ...]
 
-    def torque(self, motion: Array, inertia_kg_m2: float) -> Array:
-        """What is asked for beyond a constant inertia [N m], shape (n,).
+    def along(self, motion: Array) -> tuple[Array, Array]:
+        """Own inertia [kg m2] and the whole torque [N m] along a motion of the joint, shape (n,) each.
 
-        `motion`: angle, speed and acceleration of the joint, shape (3, n).
+        `motion`: angle, speed and acceleration, shape (3, n).
         """
         angle, speed, acceleration = motion
-        known = np.array([self.inertia_kg_m2, self.centrifugal_kg_m2, self.gravity_n_m])
-        inertia, centrifugal, gravity = CubicSpline(np.linspace(*self.ends_rad, known.shape[1]), known, axis=1)(angle)
-        return np.asarray((inertia - inertia_kg_m2) * acceleration + centrifugal * speed**2 + gravity)
+        rows = np.array([self.own_inertia_kg_m2, self.inertia_kg_m2, self.centrifugal_kg_m2, self.gravity_n_m])
+        curves = CubicSpline(np.linspace(*self.ends_rad, rows.shape[1]), rows, axis=1)
+        own, inertia, centrifugal, gravity = curves(angle)
+        return own, np.asarray(inertia * acceleration + centrifugal * speed**2 + gravity)
 
 
 def pose_load_of(document: Mapping[str, Any]) -> PoseLoad:

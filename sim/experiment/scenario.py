@@ -82,20 +82,34 @@ class Scenario:
         """
         chain = self.specimen.chain(self.axis, self.payload_kg_m2)
         motion = self.motion()
-        servo, start, external = servo_of(self.axis, chain, motion), None, None
-        if self.pose_load is not None:
-            known = self.pose_load.torque(motion, self.payload_kg_m2)
-            external = np.zeros((len(chain.shafts), known.size))
-            external[-1] = -known
-            angle, speed, torque = servo.reference
-            servo = replace(servo, reference=np.stack([angle, speed, torque + known / self.axis.ratio]))
-            start = steady_start(chain, float(angle[0]), float(speed[0]), known_n_m=float(known[0]))
-        run = run_chain(chain, servo, SAMPLE_RATE_HZ, motion.shape[1], start=start, external_n_m=external)
+        servo = servo_of(self.axis, chain, motion)
+        if self.pose_load is None:
+            run = run_chain(chain, servo, SAMPLE_RATE_HZ, motion.shape[1])
+        else:
+            run = self._with_links(self.pose_load, chain, servo, motion)
         if not np.isfinite(run.force_n_m).all():
             raise RunError(
                 f"axis {self.axis.name!r} left all bounds under its servo; lower servo.speed_bandwidth_rad_s"
             )
         return run
+
+    def _with_links(self, load: PoseLoad, chain: Chain, servo: Servo, motion: Array) -> ChainResult:
+        """The run with the robot's links for the load; the servo knows their torque, as a robot's controller does."""
+        own, torque = load.along(motion)
+        angle, speed, known = servo.reference
+        known = known + (torque - self.payload_kg_m2 * motion[2]) / self.axis.ratio
+        inertia = np.tile([[shaft.inertia_kg_m2] for shaft in chain.shafts], torque.size)
+        outside = np.zeros_like(inertia)
+        end = len(self.axis.stages)
+        hung = float(inertia[end + 1 :, 0].sum())  # a part of the load on a spring, which stays as it is
+        moved = own + hung * (1.0 - own / self.payload_kg_m2)
+        inertia[end] += moved - self.payload_kg_m2
+        outside[end] = moved * motion[2] - torque
+        start = steady_start(chain, float(angle[0]), float(speed[0]), known_n_m=-float(outside[end, 0]))
+        servo = replace(servo, reference=np.stack([angle, speed, known]))
+        return run_chain(
+            chain, servo, SAMPLE_RATE_HZ, torque.size, start=start, external_n_m=outside, inertia_kg_m2=inertia
+        )
 
     def motion(self, rate_hz: float = SAMPLE_RATE_HZ) -> Array:
         """Angle [rad], speed [rad/s] and acceleration [rad/s2] that the output is to have, shape (3, n)."""
@@ -110,11 +124,11 @@ class Scenario:
         return np.stack([position - travel_rad(wanted) / 2 + self.middle_rad, speed, acceleration])
 
     def load_torque(self, motion: Array) -> Array:
-        """What the last gear carries along that motion: inertia, links and the load's friction [N m], shape (n,)."""
+        """What the last gear carries along that motion: links or load, with friction [N m], shape (n,)."""
         load, (_, speed, acceleration) = self.axis.load, motion
         friction = load.coulomb_friction_n_m * np.sign(speed) + load.viscous_friction_n_m_s_per_rad * speed
-        links = 0.0 if self.pose_load is None else self.pose_load.torque(motion, self.payload_kg_m2)
-        return np.asarray(self.payload_kg_m2 * acceleration + self.specimen.friction * friction + links)
+        links = self.payload_kg_m2 * acceleration if self.pose_load is None else self.pose_load.along(motion)[1]
+        return np.asarray(links + self.specimen.friction * friction)
 
     def hear(self, run: ChainResult) -> NDArray[np.float32]:
         """What the scenario's microphone hears of a run, shape (n,), and what its recorder makes of that."""

@@ -75,6 +75,7 @@ def pose_load(robot: Robot, body: RigidBody, place: int, first: Array, last: Arr
     together = np.tile(way / way[place], (ROWS, 1))
     rest = np.zeros_like(position)
     gravity = body.torque_of(position, rest, rest)[:, place]
+    own = own_inertia(body, position, place)
     inertia = body.torque_of(position, rest, together)[:, place] - gravity
     centrifugal = body.torque_of(position, together, rest)[:, place] - gravity
     load = PoseLoad(
@@ -84,11 +85,12 @@ def pose_load(robot: Robot, body: RigidBody, place: int, first: Array, last: Arr
         _rounded(first),
         _rounded(last),
         (float(first[place]), float(last[place])),
+        _rounded(own),
         _rounded(inertia),
         _rounded(centrifugal),
         _rounded(gravity),
     )
-    return round(float(np.mean(own_inertia(body, position, place))), DECIMALS), load
+    return round(float(np.mean(own)), DECIMALS), load
 
 
 def _in_robot(robot: Robot, place: int, planned: Planned) -> Planned:
