@@ -26,10 +26,10 @@ from sim.robot.robot import Robot, RobotError
 
 Array = NDArray[np.float64]
 
-ROWS = 41  # along the way
+ROWS = 41  # of a way
 DECIMALS = 9  # of kg m2 and N m: what two machines agree on, so that a case has one key
 RATE_HZ = 200.0  # of rows at which it is looked what the gear carries
-DRAWS = 100  # of poses
+DRAWS = 100
 
 
 def plan_joint(
