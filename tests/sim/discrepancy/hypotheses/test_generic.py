@@ -33,6 +33,7 @@ from sim.mechanisms.catalogue import with_mechanism
 from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_names, with_error
 from sim.rotational.drive_train import DriveTrain
+from sim.torsional.components import TorqueWave
 from sim.torsional.model import Line, with_link
 from tests.sim.discrepancy.telemetry_of import geared, one_body, swing
 
@@ -87,6 +88,29 @@ class Misalignment(Mechanics):
         return with_error(train, place, 2.0, self["amplitude_rad"], self["phase_rad"])
 
 
+class CyclicDrag(Mechanics):
+    """A lubricator brakes the motor and lets it go, in a time of its own."""
+
+    name: ClassVar[str] = "cyclic_drag"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("torque_n_m", "N m", 0.0, 100.0, 0.1),
+        Parameter("frequency_hz", "Hz", 0.1, 100.0, 1.0),
+        Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
+    )
+    size: ClassVar[str] = "torque_n_m"
+    signature: ClassVar[Signature] = Signature("frequency")
+    equations: ClassVar[str] = "tau = torque sin(2 pi frequency t + phase)"
+    source: ClassVar[str] = "central lubrication in strokes"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return ("motor",)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        drag = TorqueWave(self["torque_n_m"], self["frequency_hz"], self["phase_rad"])
+        return train.add("drag", drag, flange="motor.flange_a") if drag.torque else train
+
+
 class Saturation(Measurement):
     """A current sensor reads large torques too small."""
 
@@ -109,8 +133,10 @@ class Saturation(Measurement):
 
 @pytest.fixture
 def grown(monkeypatch: pytest.MonkeyPatch) -> Mapping[str, type[Mechanism]]:
-    """The catalogue with one line more for each of the two."""
-    more = MappingProxyType({**mechanisms.MECHANISMS, "misalignment": Misalignment, "saturation": Saturation})
+    """The catalogue with one line more for each of the three."""
+    more = MappingProxyType(
+        {**mechanisms.MECHANISMS, "misalignment": Misalignment, "cyclic_drag": CyclicDrag, "saturation": Saturation}
+    )
     monkeypatch.setattr(mechanisms, "MECHANISMS", more)
     return more
 
@@ -180,6 +206,19 @@ def test_a_new_fault_of_the_torque_channel_is_named_measured_and_closed() -> Non
     assert named(result) == {"saturation": pytest.approx(4e-5, rel=0.1)}
     assert result.findings[0].parameters[0].unit == "1/(N2 m2)"
     assert again(result, read).verdict == "nothing_missing"
+
+
+@pytest.mark.usefixtures("grown")
+def test_a_new_torque_that_comes_in_a_time_of_its_own_is_named_measured_and_closed() -> None:
+    """At a frequency that nobody said and that lies among those of the motion."""
+    telemetry = one_body(0.3, 1.0, 0.02, 5)
+    drag = 0.15 * np.sin(2.0 * np.pi * 1.37 * telemetry.time_s + 0.9)
+    braked = replace(telemetry, channels={**telemetry.channels, "motor_torque_nm": telemetry["motor_torque_nm"] - drag})
+    result = investigate(BENCH, braked)
+    assert named(result) == {"cyclic_drag": pytest.approx(0.15, rel=0.1)}
+    _, frequency, _ = result.findings[0].parameters
+    assert frequency.value == pytest.approx(1.37, abs=0.01)
+    assert again(result, braked).verdict == "nothing_missing"
 
 
 @pytest.mark.usefixtures("grown")
