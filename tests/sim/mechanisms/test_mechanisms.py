@@ -44,6 +44,7 @@ CONTRACT = [
     "electrical_hum",
     "clipping",
     "lost_samples",
+    "cyclic_lubrication_drag",
 ]
 CONTRACT_PARAMETERS = {
     "backlash": "gap_rad",
@@ -122,6 +123,13 @@ def test_of_size_null_it_changes_nothing(kind: type[Mechanics]) -> None:
     for place in kind.locations(PLAIN):
         nothing = with_mechanism(PLAIN, kind(place, {kind.size: 0.0}))
         assert chain_of_axis(nothing) == chain_of_axis(PLAIN)
+
+
+@pytest.mark.parametrize("kind", MECHANICS, ids=lambda kind: kind.name)
+def test_of_its_usual_size_it_changes_what_is_simulated(kind: type[Mechanics]) -> None:
+    """A part that shafts in series have no place for, such as a second drive, would leave no trace."""
+    for place in kind.locations(PLAIN):
+        assert chain_of_axis(with_mechanism(PLAIN, kind(place))) != chain_of_axis(PLAIN), f"{place}: no trace of it"
 
 
 @pytest.mark.parametrize("kind", MECHANICS, ids=lambda kind: kind.name)
