@@ -20,7 +20,7 @@ from sim.discrepancy.data.validation import examine
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.extended_axis import extended_by
-from sim.discrepancy.hypotheses.catalogue import terms_of
+from sim.discrepancy.hypotheses.catalogue import all_terms_of, terms_of
 from sim.discrepancy.hypotheses.friction import friction_felt
 from sim.discrepancy.hypotheses.generic import terms_of_kind, undistorted
 from sim.discrepancy.hypotheses.hypothesis import Term
@@ -294,6 +294,29 @@ def test_each_would_have_terms_by_what_it_says_of_itself(kind: type[Mechanism]) 
         chain = PROBLEM.chain((), start)
         assert term.torque is not None or term.apply(chain, values) != chain
         assert term.torque is None or term.torque(m, values).any()
+
+
+RATIO_ALONE = read_axis(
+    {
+        "name": "of a ratio alone",
+        "motor": {"inertia_kg_m2": 0.004},
+        "stages": [{"name": "output", "ratio": 30.0}],
+        "load": {"inertia_kg_m2": 4.0},
+        "load_encoder": {"error_rad": 1e-5},
+    }
+)
+
+
+def test_what_is_looked_for_in_a_way_of_its_own_is_looked_for() -> None:
+    """`own_hypothesis` alone, such as copied from another mechanism, would make it one that nobody looks for."""
+    chain = PROBLEM.chain((), {p.name: p.start for p in PROBLEM.base()})
+    axes = (GEARED, RATIO_ALONE)
+    written = {term.mechanism for axis in axes for term in all_terms_of(axis, PROBLEM.measurement, chain)}
+    for kind in mechanisms.MECHANISMS.values():
+        otherwise = kind.traits.dent or kind.heard or kind.checked
+        assert not kind.own_hypothesis or otherwise or kind.name in written, (
+            f"{kind.name}: no term, leave own_hypothesis out"
+        )
 
 
 def test_a_ripple_at_the_order_of_erring_teeth_must_be_half_as_large_as_they_make() -> None:
