@@ -44,7 +44,6 @@ CONTRACT = [
     "electrical_hum",
     "clipping",
     "lost_samples",
-    "cyclic_lubrication_drag",
 ]
 CONTRACT_PARAMETERS = {
     "backlash": "gap_rad",
