@@ -54,7 +54,7 @@ def terms_of_kind(
     if issubclass(kind, Mechanics):
         train = plain_train(axis)
         for place in kind.locations(axis):
-            yield from _mechanics(axis, Effect(kind, place, train, chain_of(train)), shapes)
+            yield from _mechanics(axis, Effect(kind, place, train, chain_of(train)), shapes, m)
     elif issubclass(kind, Distortion) and kind.locations(axis):
         yield from _distortion(kind, axis, m, shapes)
 
@@ -64,7 +64,7 @@ def frequency_of(kind: type[Mechanism]) -> Number | None:
     return next((p for p in kind.parameters if p.unit == "Hz"), None) if kind.signature.domain == "frequency" else None
 
 
-def _mechanics(axis: Axis, effect: Effect, shapes: Sequence[Shape]) -> Iterator[Term]:
+def _mechanics(axis: Axis, effect: Effect, shapes: Sequence[Shape], m: Measurement) -> Iterator[Term]:
     try:
         usual = effect.chain({p.name: p.default for p in effect.kind.parameters})
         carried_over(effect.before, effect.before, usual)
@@ -72,7 +72,7 @@ def _mechanics(axis: Axis, effect: Effect, shapes: Sequence[Shape]) -> Iterator[
         return  # not in these shafts in series
     contact = loosens(effect.before, usual)
     for shape in shapes:
-        numbers = _Numbers(effect.kind, effect.location, shape)
+        numbers = _Numbers(effect.kind, effect.location, shape, m.samples / m.rate_hz)
 
         def apply(chain: Chain, values: Values, numbers: _Numbers = numbers) -> Chain:
             return carried_over(chain, effect.before, effect.chain(numbers.report(values)))
@@ -88,7 +88,7 @@ def _distortion(kind: type[Distortion], axis: Axis, m: Measurement, shapes: Sequ
     if not all(np.array_equal(usual[name], values) for name, values in told.channels.items() if name != TORQUE):
         return  # of a channel that drives the model
     for shape in shapes:
-        numbers = _Numbers(kind, place, shape)
+        numbers = _Numbers(kind, place, shape, m.samples / m.rate_hz)
 
         def torque(m: Measurement, values: Values, numbers: _Numbers = numbers) -> Array:
             return m.torque - undistorted(kind(place, numbers.report(values)), m, axis)
@@ -163,18 +163,21 @@ def _starts(p: Number, kind: type[Mechanism]) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class _Numbers:
-    """Numbers of a mechanism of which the size and what has a scale are fitted; the others stay as `shape` says."""
+    """Numbers of a mechanism of which the size and what has a scale are fitted; the others stay as `shape` says.
+
+    A frequency is fitted within what a record of `duration_s` tells apart.
+    """
 
     kind: type[Mechanism]
     location: str | None
     shape: Shape
+    duration_s: float
 
     def _name(self, p: Number) -> str:
         return parameter_key(self.kind.name, self.location, p.name)
 
     def _fitted(self, p: Number) -> bool:
-        fixed = p.choices or p.default == 0.0 or p.name == self.kind.signature.order or p == frequency_of(self.kind)
-        return p.periodic or not fixed
+        return p.periodic or not (p.choices or p.default == 0.0 or self.kind.signature.order == p.name)
 
     def _wave(self, step: float, unit: str) -> tuple[Parameter, Parameter]:
         return cosine_and_sine(f"{self.kind.name}@{self.location}", step, unit)
@@ -213,5 +216,9 @@ class _Numbers:
         start = self.shape[p.name]
         if p.periodic:
             return Parameter(self._name(p), start, 0.02, unit=p.unit)
+        if p == frequency_of(self.kind):
+            apart = 1.0 / self.duration_s
+            low, high = max(start - apart, p.low), min(start + apart, p.high)
+            return Parameter(self._name(p), start, STEP * apart, low=low, high=high, unit=p.unit)
         usual = abs(p.default)
         return Parameter(self._name(p), start, STEP * usual, usual, p.low, p.high, p.default, unit=p.unit)

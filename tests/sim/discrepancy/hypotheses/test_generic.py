@@ -217,8 +217,8 @@ def test_a_new_torque_that_comes_in_a_time_of_its_own_is_named_measured_and_clos
     result = investigate(BENCH, braked)
     assert named(result) == {"cyclic_drag": pytest.approx(0.15, rel=0.1)}
     _, frequency, phase = result.findings[0].parameters
-    assert frequency.value == pytest.approx(1.37, abs=0.01)
-    assert phase.value == pytest.approx(0.9, abs=0.2)
+    assert frequency.value == pytest.approx(1.37, abs=0.002)
+    assert phase.value == pytest.approx(0.9, abs=0.1)
     assert again(result, braked).verdict == "nothing_missing"
 
 
