@@ -22,10 +22,6 @@ from casebase.case_table import CaseTable, Mask
 from casebase.novelty import BASELINES, NEW_ONCE_IN, spread_out
 from casebase.priors import repeatability
 from casebase.signals.features import FEATURES
-from casebase.signals.features.bands import LogBandEnergies
-from casebase.signals.features.circumstances import Circumstances
-from casebase.signals.features.loudness import Loudness
-from casebase.signals.features.meshing import Meshing
 from casebase.similarity import Floats
 
 PRIOR_FREEDOM = 3.0
@@ -35,8 +31,6 @@ FEWEST_GEARBOXES, LARGEST_SAMPLE = 2, 2000
 SMALLEST = 1e-300
 UNLIKE = 1 / NEW_ONCE_IN
 """A sound gear that the library has not seen gets a smaller p-value so seldom."""
-ELSEWHERE = (LogBandEnergies, Meshing, Loudness, Circumstances)
-"""What these families say is of housing and microphone, of one axis alone, or of how well one hears."""
 
 
 @lru_cache
@@ -47,7 +41,7 @@ def kinds(names: tuple[str, ...]) -> NDArray[np.intp]:
     """
     known: dict[str, tuple[str, str]] = {}
     for family in FEATURES:
-        if not isinstance(family, ELSEWHERE):
+        if family.of_the_gear:
             known |= {
                 each.name: (type(family).__name__, each.unit)
                 for each in family.definitions

@@ -37,6 +37,7 @@ from app.web.self_contained import self_contained
 from casebase.axes import get_axis
 from casebase.models import RobotRevision, StoredInvestigation
 from casebase.pages import page
+from casebase.signals.table_kinds import table_kinds
 from sim.description.axis import Axis
 from sim.description.axis_document import parse_axis, read_axis
 
@@ -67,7 +68,7 @@ BODY = {
                         "telemetry": {
                             "type": "array",
                             "items": BINARY,
-                            "description": "CSV, Parquet, MAT, TDMS or MCAP, columns known by name and unit; several "
+                            "description": f"{table_kinds()}, columns known by name and unit; several "
                             "recordings of the same axis are taken together, of several logs of a robot the last is "
                             "investigated",
                         },

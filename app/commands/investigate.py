@@ -14,6 +14,7 @@ from app.commands.frame import Frame, frame_of
 from app.sound import read_sound
 from casebase.signals.errors import SignalError
 from casebase.signals.recording import Recording
+from casebase.signals.table_kinds import table_kinds
 from casebase.signals.telemetry import Telemetry, read_telemetry
 from casebase.signals.text import text_of
 from sim.description.axis_document import read_axis, write_axis
@@ -50,7 +51,7 @@ def run(
         list[Path] | None,
         typer.Option(
             metavar="T.csv",
-            help="measured channels: CSV, Parquet, MAT, TDMS or MCAP; repeat it for several of the same axis",
+            help=f"measured channels: {table_kinds()}; repeat it for several of the same axis",
         ),
     ] = None,
     channels: Annotated[

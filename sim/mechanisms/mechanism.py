@@ -61,7 +61,7 @@ class Signature:
     Parameters
     ----------
     domain
-        What it repeats with, or hangs on.
+        What it repeats with, or hangs on. What repeats in time ("frequency") says how often by its parameter in Hz.
     order
         Per revolution of the shaft at its location: a number, `mesh` for the number of teeth, or a parameter's name.
     per_cycle

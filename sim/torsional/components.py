@@ -157,6 +157,20 @@ class TorqueRipple(OneFlange):
 
 
 @dataclass(frozen=True)
+class TorqueWave(OneFlange):
+    """Drives its shaft with torque sin(2 pi frequency t + phase) [N.m], [Hz], [rad], whatever the motion."""
+
+    torque: float
+    frequency: float
+    phase: float = 0.0
+
+    def __post_init__(self) -> None:
+        number("TorqueWave.torque", self.torque, "N.m")
+        number("TorqueWave.frequency", self.frequency, "Hz", above=0)
+        number("TorqueWave.phase", self.phase, "rad")
+
+
+@dataclass(frozen=True)
 class ServoDrive(OneFlange):
     """A motor torque by cascaded digital control: position P, speed PI, both limited, along a motion back and forth.
 

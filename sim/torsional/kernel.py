@@ -271,7 +271,8 @@ def _rates(t: float, u: float, p: Floats, q: Ints, w: Floats) -> None:
         j = q[RIPPLES]
         while j < q[RIPPLES + 1]:
             if int(p[j + 4]) == k:
-                net += p[j + 2] * _sincos(p[j + 1] * w[STAGE + int(p[j])] + p[j + 3])[0]
+                over = w[STAGE + int(p[j])] if p[j] >= 0.0 else t
+                net += p[j + 2] * _sincos(p[j + 1] * over + p[j + 3])[0]
             j += ROW
         w[RATE + 4 + k] = _shaft(k, net, n - 1, t, p, q, w)
 
@@ -454,7 +455,8 @@ def _motor_torque(acceleration: float, u: float, width: float, t: float, p: Floa
     j = q[RIPPLES]
     while j < q[RIPPLES + 1]:
         if int(p[j + 4]) == 0:
-            torque -= p[j + 2] * math.sin(p[j + 1] * w[Y + int(p[j])] + p[j + 3])
+            over = w[Y + int(p[j])] if p[j] >= 0.0 else t
+            torque -= p[j + 2] * math.sin(p[j + 1] * over + p[j + 3])
         j += ROW
     if q[SHAFTS] == 1:
         return float(torque)

@@ -20,6 +20,8 @@ from numpy.typing import NDArray
 from sim.errors import ParameterError
 
 Array = NDArray[np.float64]
+CLOCK = -1
+"""In the place of a shaft: the time."""
 CONTACT_LAWS = {"linear": 1.0, "elasto": 2.0, "elasto2": 3.0}
 
 
@@ -29,7 +31,10 @@ class ChainError(ParameterError):
 
 @dataclass(frozen=True)
 class Line:
-    """amplitude * sin(order * theta_shaft + phase); amplitude in rad, N m or 1, as its owner says."""
+    """amplitude * sin(order * theta_shaft + phase); amplitude in rad, N m or 1, as its owner says.
+
+    Of the shaft `CLOCK` the angle is the time [s], and the order an angular frequency [rad/s]: for ripples alone.
+    """
 
     shaft: int
     order: float
@@ -68,7 +73,7 @@ class Shaft:
     gravity_n_m: float = 0.0  # the load pulls with -gravity * sin(theta + phase)
     gravity_phase_rad: float = 0.0
     offset_n_m: float = 0.0
-    ripples: tuple[Line, ...] = ()  # torque on this shaft [N m] over the angle of any shaft
+    ripples: tuple[Line, ...] = ()  # torque on this shaft [N m] over the angle of any shaft, or time
 
 
 @dataclass(frozen=True)

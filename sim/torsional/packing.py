@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sim.torsional import kernel, laws
 from sim.torsional.model import (
+    CLOCK,
     CONTACT_LAWS,
     Array,
     Chain,
@@ -43,7 +44,9 @@ def pack(chain: Chain) -> tuple[Array, NDArray[np.int64]]:
         _place(p, kernel.LINKS + kernel.WIDTH * k, f"links[{k}]", _pack_link(f"links[{k}]", link))
     rows = [p]
     ripples = [
-        row for k, shaft in enumerate(chain.shafts) for row in _lines(f"shafts[{k}].ripples", shaft.ripples, n, k)
+        row
+        for k, shaft in enumerate(chain.shafts)
+        for row in _lines(f"shafts[{k}].ripples", shaft.ripples, n, k, first=CLOCK)
     ]
     _append(rows, q, kernel.RIPPLES, [ripples])
     _append(rows, q, kernel.LINES, [_lines(f"links[{k}].errors", link.errors, n) for k, link in enumerate(chain.links)])
@@ -68,11 +71,11 @@ def _append(rows: list[Array], q: NDArray[np.int64], slot: int, groups: Sequence
         q[slot + i + 1] = position
 
 
-def _lines(where: str, lines: Sequence[Line], n: int, acts_on: int = 0) -> list[tuple[float, ...]]:
+def _lines(where: str, lines: Sequence[Line], n: int, acts_on: int = 0, first: int = 0) -> list[tuple[float, ...]]:
     for line in lines:
         numbers = (line.order, line.amplitude, line.phase_rad)
-        if not (0 <= line.shaft < n and all(map(math.isfinite, numbers))):
-            raise ChainError(f"{where}: shaft must be 0 to {n - 1} and every number finite, got {line}")
+        if not (first <= line.shaft < n and all(map(math.isfinite, numbers))):
+            raise ChainError(f"{where}: shaft must be {first} to {n - 1} and every number finite, got {line}")
     return line_rows(lines, acts_on)
 
 

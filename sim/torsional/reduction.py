@@ -26,9 +26,9 @@ from sim.rotational.components import (
 from sim.rotational.components import Torque as TorqueSource
 from sim.rotational.drive_train import DriveTrain
 from sim.rotational.trajectory import MEMORY_LIMIT_BYTES, Trajectory
-from sim.torsional.components import GearMesh, Gravity, MeshLine, ServoDrive, ShaftFriction, TorqueRipple
+from sim.torsional.components import GearMesh, Gravity, MeshLine, ServoDrive, ShaftFriction, TorqueRipple, TorqueWave
 from sim.torsional.integrate import run_chain, steady_start
-from sim.torsional.model import Array, Chain, Dent, Drive, Line, Link, Servo, Shaft, Torque, with_shaft
+from sim.torsional.model import CLOCK, Array, Chain, Dent, Drive, Line, Link, Servo, Shaft, Torque, with_shaft
 from sim.torsional.motion_profile import back_and_forth
 from sim.torsional.topology import Place, places_of
 from sim.torsional.trajectory import trajectory_of
@@ -120,6 +120,11 @@ def _shaft(train: DriveTrain, place: Place, k: int) -> Shaft:
         if isinstance(part, TorqueRipple)
         for line in part.lines
     )
+    waves = tuple(
+        Line(CLOCK, 2.0 * math.pi * part.frequency, part.torque, part.phase)
+        for part in parts
+        if isinstance(part, TorqueWave)
+    )
     if k > 0 and any(isinstance(part, ServoDrive | TorqueSource) for part in parts):
         raise CompositionError(f"{place.torques[0]}: only the first of shafts in series can be driven by a signal")
     return Shaft(
@@ -127,7 +132,7 @@ def _shaft(train: DriveTrain, place: Place, k: int) -> Shaft:
         gravity_n_m=gravity[0].torque if gravity else 0.0,
         gravity_phase_rad=gravity[0].phase if gravity else 0.0,
         offset_n_m=sum(part.tau_constant for part in parts if isinstance(part, ConstantTorque)),
-        ripples=ripples,
+        ripples=(*ripples, *waves),
         **_friction(train, place),
     )
 

@@ -15,7 +15,7 @@ from sim.rotational.component import CONTACT_NAMES, SLIDING_NAMES
 from sim.rotational.components import Torque as TorqueSource
 from sim.rotational.drive_train import DriveTrain
 from sim.rotational.trajectory import Channels, Event, Trajectory
-from sim.torsional.components import Gravity, ServoDrive, TorqueRipple
+from sim.torsional.components import Gravity, ServoDrive, TorqueRipple, TorqueWave
 from sim.torsional.model import Array, Chain, ChainResult
 from sim.torsional.topology import Place
 
@@ -51,6 +51,8 @@ def _sources(
             part = train[name]
             if isinstance(part, TorqueRipple | Gravity):
                 yield f"{name}.tau", "N.m", partial(_position_torque, part, angle[:, k])
+            if isinstance(part, TorqueWave):
+                yield f"{name}.tau", "N.m", partial(_torque_over_time, part, result.time_s)
         if place.gear:
             yield f"{place.gear}.w_a", "rad/s", partial(_column, speed, k)
         if place.mesh:
@@ -72,6 +74,10 @@ def _position_torque(part: TorqueRipple | Gravity, angle: Array) -> Array:
     if isinstance(part, Gravity):
         return np.asarray(-part.torque * np.sin(angle + part.phase))
     return np.asarray(sum(line.amplitude * np.sin(line.order * angle + line.phase) for line in part.lines))
+
+
+def _torque_over_time(part: TorqueWave, time_s: Array) -> Array:
+    return np.asarray(part.torque * np.sin(2.0 * np.pi * part.frequency * time_s + part.phase))
 
 
 def _events(places: list[Place], result: ChainResult) -> Iterator[Event]:

@@ -7,6 +7,7 @@ from scipy import signal
 from app import sizing
 from app.generation import condition_of, simulate_case
 from app.sizing import Design, Taken, design_for, profile_of
+from casebase.labels import PARAMETERS
 from casebase.signals.analysis import Analysis
 from casebase.signals.bump_profile import EDGES_HZ, bump_ratios_db
 from casebase.signals.condition import OperatingCondition
@@ -109,7 +110,7 @@ def test_the_bump_over_the_reversal_is_the_same_through_every_housing() -> None:
 
 
 def test_what_has_no_size_or_no_motion_is_refused() -> None:
-    with pytest.raises(ParameterError, match="play, notch have one"):
+    with pytest.raises(ParameterError, match=f"{', '.join(PARAMETERS)} have one"):
         design_for(PAPER_AXIS, "normal", TAKEN)
     with pytest.raises(ParameterError, match="say --period"):
         Taken.of(PAPER_AXIS, Motion(), 10.0)

@@ -32,17 +32,19 @@ def of(values: np.ndarray, gearboxes: np.ndarray) -> Baseline:
 def test_a_sound_gear_is_seldom_refused(boxes: int, between: float) -> None:
     """Scatter drawn anew per feature, between gearboxes and within.
 
-    In half of the trials all features share what gearboxes differ by: two gearboxes then say less than is assumed.
+    In half of the trials all features share what gearboxes differ by: two or three gearboxes then say less than is
+    assumed, and up to four times as many are refused. Beside that, what 400 draws of such a share scatter by.
     """
     rng = np.random.default_rng(boxes)
-    refused = []
-    for trial in range(400):
+    refused, trials = [], 400
+    for trial in range(trials):
         scale = np.exp(0.5 * rng.normal(size=len(NAMES)))
         level = rng.normal(size=(boxes + 1, 1 if trial % 2 else len(NAMES))) * between * scale
         values = np.repeat(level, 2, axis=0) + rng.normal(size=(2 * boxes + 2, len(NAMES))) * scale
         known, asked = values[:-2], values[-1]
         refused.append(of(known, np.repeat(np.arange(boxes), 2)).p_value(asked) < UNLIKE)
-    assert np.mean(refused) <= (0.08 if boxes == 2 else 0.035)
+    share = UNLIKE if boxes > 3 else 4 * UNLIKE
+    assert np.mean(refused) <= share + 3 * np.sqrt(share * (1 - share) / trials)
 
 
 def test_one_feature_that_departs_far_is_enough() -> None:

@@ -29,6 +29,7 @@ from casebase.axes import list_axes
 from casebase.models import AxisRevision, RobotRevision, StoredInvestigation
 from casebase.pages import page
 from casebase.signals.joint_maps import joint_map_template
+from casebase.signals.table_kinds import TEXT, binary_endings, table_kinds
 from casebase.signals.telemetry import recognise_columns
 from sim.robot.picture import legend
 
@@ -55,6 +56,9 @@ def ask_page(request: Request, session: Reading, principal: PageOperator) -> Res
         "robots": [row.name for row in revisions.current(session, RobotRevision)],
         "base_url": str(request.base_url).rstrip("/"),
         "robot_map": joint_map_template(6),
+        "table_kinds": table_kinds(),
+        "table_endings": ",".join((*TEXT, *binary_endings())),
+        "binary_endings": ",".join(binary_endings()),
     }
     return render(request, "investigate.html", context, principal=principal, section=SECTION)
 

@@ -167,8 +167,8 @@ for (const form of all("form[data-upload]")) {
 }
 
 /* what the columns of a table tell, from its beginning; what is no text has its names anywhere */
-async function beginning(file) {
-  if (/\.(parquet|mat|tdms|mcap)$/i.test(file.name) || file.size <= 65536) return file;
+async function beginning(file, binary) {
+  if (binary.some((end) => file.name.toLowerCase().endsWith(end)) || file.size <= 65536) return file;
   const start = new Uint8Array(await file.slice(0, 65536).arrayBuffer());
   return new File([start.slice(0, start.lastIndexOf(10) + 1)], file.name);
 }
@@ -177,7 +177,7 @@ async function columns(input) {
   if (!input.files.length) return true;
   const form = new FormData();
   form.append("csrf", one("input[name=csrf]", input.form).value);
-  form.append("telemetry", await beginning(input.files[0]));
+  form.append("telemetry", await beginning(input.files[0], input.dataset.binary.split(",")));
   const answer = await fetch(input.dataset.columns, { method: "POST", body: form, headers: { Accept: "application/json" } });
   const found = await answer.json();
   map.value = found.map ?? "";

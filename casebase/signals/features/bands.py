@@ -19,6 +19,7 @@ BANDS_HZ = (*itertools.pairwise(EDGES_HZ), (EDGES_HZ[-1], 3800.0))
 class LogBandEnergies(FeatureFamily):
     """Energy per half-octave band over the mean of all bands, in decibel."""
 
+    of_the_gear = False
     definitions = tuple(
         FeatureDefinition(
             f"band_level_{low:.0f}_{high:.0f}_hz",

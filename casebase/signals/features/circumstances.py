@@ -21,6 +21,7 @@ def _definition(name: str, unit: str, physics: str) -> FeatureDefinition:
 class Circumstances(FeatureFamily):
     """How many cycles are left, how much of the sound is the machine's, and what the recorder did to it."""
 
+    of_the_gear = False
     definitions = (
         _definition("cycles_left", "1", "Cycles of the motion that are left when what is not the machine is left out."),
         _definition("share_left_out", "1", "Share of the piece of motion that is left out as none of the machine."),

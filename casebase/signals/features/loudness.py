@@ -13,6 +13,7 @@ LARGEST = 1e3
 class Loudness(FeatureFamily):
     """How clearly the loudness falls between motion and standstill; there for every recording, whatever it is of."""
 
+    of_the_gear = False
     definitions = (
         FeatureDefinition(
             "loudness_fall_over_scatter",

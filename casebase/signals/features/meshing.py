@@ -15,6 +15,7 @@ SOURCE = "gear mesh frequency and its sidebands; Randall, Vibration-based Condit
 class Meshing(FeatureFamily):
     """Mesh line, its second harmonic and its sidebands, for the first two meshes from the motor."""
 
+    of_the_gear = False
     definitions = tuple(
         FeatureDefinition(f"mesh_{mesh}_{name}", "dB", sentence, SOURCE)
         for mesh in range(1, MESHES + 1)

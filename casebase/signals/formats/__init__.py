@@ -20,7 +20,9 @@ READERS: Mapping[bytes, Reader] = {
     b"TDSm": open_tdms,
     b"": open_comma_separated,
 }
-"""What a file begins with to its reader; the first that fits. What begins like no other is text."""
+"""What a file begins with to its reader; the first that fits. What begins like no other is text.
+
+Names and endings of all of them stand in `casebase.signals.table_kinds`."""
 
 
 def reader_of(start: bytes) -> Reader:

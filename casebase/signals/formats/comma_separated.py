@@ -13,8 +13,9 @@ from pyarrow import csv
 from casebase.signals.errors import TelemetryError
 from casebase.signals.formats.layout import Layout, Wanted, recognised
 from casebase.signals.formats.open_table import OpenTable, Rows, seconds_of
+from casebase.signals.table_kinds import table_kinds
 
-TABLES = "a table: CSV (a header, decimal point) or Parquet, MAT, TDMS (LabVIEW) or MCAP (ROS 2)"
+TABLES = f"a table: {table_kinds('CSV (a header, decimal point)')}"
 OTHERS = {
     b"RIFF": "a WAV file (a sound)",
     b"fLaC": "a FLAC file (a sound)",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -29,6 +29,7 @@ from sim.mechanisms.mechanism import Parameter as Number
 from sim.torsional.model import Array, Chain
 from sim.torsional.reduction import chain_of
 
+Shape = Mapping[str, float]
 TORQUE = "motor_torque_nm"
 ORDERS = (1.0, 2.0, 3.0, 4.0, 6.0, 8.0, 10.0, 12.0, 18.0, 24.0)  # pole pairs, slots and their multiples
 SHARES = (1.0 / 3.0, 1.0, 3.0)  # of a usual number, where a shape may be
@@ -45,24 +46,33 @@ def terms_of_catalogue(axis: Axis, m: Measurement) -> list[Term]:
     return [term for kind in kinds for term in terms_of_kind(kind, axis, m)]
 
 
-def terms_of_kind(kind: type[Mechanism], axis: Axis, m: Measurement) -> Iterator[Term]:
+def terms_of_kind(
+    kind: type[Mechanism], axis: Axis, m: Measurement, frequency_hz: float | None = None
+) -> Iterator[Term]:
+    """Terms of one mechanism; `frequency_hz`: at which one that repeats in time is looked for, else its default."""
+    shapes = _shapes(kind, frequency_hz)
     if issubclass(kind, Mechanics):
         train = plain_train(axis)
         for place in kind.locations(axis):
-            yield from _mechanics(axis, Effect(kind, place, train, chain_of(train)))
+            yield from _mechanics(axis, Effect(kind, place, train, chain_of(train)), shapes, m)
     elif issubclass(kind, Distortion) and kind.locations(axis):
-        yield from _distortion(kind, axis, m)
+        yield from _distortion(kind, axis, m, shapes)
 
 
-def _mechanics(axis: Axis, effect: Effect) -> Iterator[Term]:
+def frequency_of(kind: type[Mechanism]) -> Number | None:
+    """The number that says how often the mechanism repeats in time [Hz]; None where it does not."""
+    return next((p for p in kind.parameters if p.unit == "Hz"), None) if kind.signature.domain == "frequency" else None
+
+
+def _mechanics(axis: Axis, effect: Effect, shapes: Sequence[Shape], m: Measurement) -> Iterator[Term]:
     try:
         usual = effect.chain({p.name: p.default for p in effect.kind.parameters})
         carried_over(effect.before, effect.before, usual)
     except SimulationError:
         return  # not in these shafts in series
     contact = loosens(effect.before, usual)
-    for shape in _shapes(effect.kind):
-        numbers = _Numbers(effect.kind, effect.location, shape)
+    for shape in shapes:
+        numbers = _Numbers(effect.kind, effect.location, shape, m.samples / m.rate_hz)
 
         def apply(chain: Chain, values: Values, numbers: _Numbers = numbers) -> Chain:
             return carried_over(chain, effect.before, effect.chain(numbers.report(values)))
@@ -70,15 +80,15 @@ def _mechanics(axis: Axis, effect: Effect) -> Iterator[Term]:
         yield replace(numbers.term(axis, contact), apply=apply)
 
 
-def _distortion(kind: type[Distortion], axis: Axis, m: Measurement) -> Iterator[Term]:
+def _distortion(kind: type[Distortion], axis: Axis, m: Measurement, shapes: Sequence[Shape]) -> Iterator[Term]:
     """One that distorts the torque alone: what is read too much is that of the torque that would be read as it was."""
     place = kind.locations(axis)[0]
     told = _told(m)
     usual = kind(place).distort(told, axis).channels
     if not all(np.array_equal(usual[name], values) for name, values in told.channels.items() if name != TORQUE):
         return  # of a channel that drives the model
-    for shape in _shapes(kind):
-        numbers = _Numbers(kind, place, shape)
+    for shape in shapes:
+        numbers = _Numbers(kind, place, shape, m.samples / m.rate_hz)
 
         def torque(m: Measurement, values: Values, numbers: _Numbers = numbers) -> Array:
             return m.torque - undistorted(kind(place, numbers.report(values)), m, axis)
@@ -127,13 +137,16 @@ def _phase_of(kind: type[Mechanism]) -> str | None:
     return next((p.name for p in kind.parameters if p.periodic), None) if is_wave else None
 
 
-def _shapes(kind: type[Mechanism]) -> list[dict[str, float]]:
+def _shapes(kind: type[Mechanism], frequency_hz: float | None) -> list[Shape]:
     """Where the numbers that are no size may begin: all together, or one at a time where that would be too many."""
+    often = frequency_of(kind)
     others = [p for p in kind.parameters if p.name not in (kind.size, _phase_of(kind))]
     starts = {p.name: _starts(p, kind) for p in others}
+    if often:
+        starts[often.name] = (often.default if frequency_hz is None else frequency_hz,)
     if math.prod(len(values) for values in starts.values()) <= MOST_STARTS:
         return [dict(zip(starts, values, strict=True)) for values in itertools.product(*starts.values())]
-    usual = {p.name: p.default for p in others}
+    usual = {p.name: starts[p.name][0] if p == often else p.default for p in others}
     alone = [{**usual, name: value} for name, values in starts.items() for value in values if value != usual[name]]
     return [usual, *alone]
 
@@ -150,11 +163,15 @@ def _starts(p: Number, kind: type[Mechanism]) -> tuple[float, ...]:
 
 @dataclass(frozen=True)
 class _Numbers:
-    """Numbers of a mechanism of which the size and what has a scale are fitted; the others stay as `shape` says."""
+    """Numbers of a mechanism of which the size and what has a scale are fitted; the others stay as `shape` says.
+
+    A frequency is fitted within what a record of `duration_s` tells apart.
+    """
 
     kind: type[Mechanism]
     location: str | None
-    shape: Mapping[str, float]
+    shape: Shape
+    duration_s: float
 
     def _name(self, p: Number) -> str:
         return parameter_key(self.kind.name, self.location, p.name)
@@ -191,6 +208,7 @@ class _Numbers:
             self.kind.name, self.location, (*own, *shape), tuple(tuple({p.name: jump} for p in own) for jump in jumps),
             self.report, positive=not phase and size.low >= 0.0, contact=contact,
             nonlinear=contact or any(p.high < math.inf for p in shape),
+            frequency_hz=self.shape[often.name] if (often := frequency_of(self.kind)) else None,
             shape=tuple(p.name for p in shape), size=AS_NEW_FACTOR * self.kind.as_new(axis, self.location),
         )  # fmt: skip
 
@@ -198,5 +216,9 @@ class _Numbers:
         start = self.shape[p.name]
         if p.periodic:
             return Parameter(self._name(p), start, 0.02, unit=p.unit)
+        if p == frequency_of(self.kind):
+            apart = 1.0 / self.duration_s
+            low, high = max(start - apart, p.low), min(start + apart, p.high)
+            return Parameter(self._name(p), start, STEP * apart, low=low, high=high, unit=p.unit)
         usual = abs(p.default)
         return Parameter(self._name(p), start, STEP * usual, usual, p.low, p.high, p.default, unit=p.unit)

@@ -120,7 +120,7 @@ class Observer:
     def predict(self, chain: Chain, nuisance: Nuisance) -> Prediction:
         """Simulate `chain` along the measured motion."""
         m = self.measurement
-        model, motion = pack(chain), self._motion if self.has_contact_loss else self._slow_motion
+        model, motion = pack(chain, float(m.time_s[0])), self._motion if self.has_contact_loss else self._slow_motion
         motor = self._motor(model, motion, nuisance) + chain.shafts[0].inertia_kg_m2 * m.slow_acceleration
         guide, angle = np.zeros(m.samples), motion[0]
         if not chain.links and m.known_torque is not None:

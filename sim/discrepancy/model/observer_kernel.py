@@ -149,7 +149,8 @@ def _external(shafts, ripples, k, angles, w, way, t):
         torque += shafts[k, GRAVITY] * math.sin(angles[k] + shafts[k, PHASE])
     for j in range(ripples.shape[0]):
         if int(ripples[j, 4]) == k:
-            torque -= ripples[j, 2] * math.sin(ripples[j, 1] * angles[int(ripples[j, 0])] + ripples[j, 3])
+            over = angles[int(ripples[j, 0])] if ripples[j, 0] >= 0.0 else t
+            torque -= ripples[j, 2] * math.sin(ripples[j, 1] * over + ripples[j, 3])
     return torque
 
 

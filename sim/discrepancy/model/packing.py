@@ -4,28 +4,35 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
 from sim.torsional.laws import ROW
-from sim.torsional.model import Array, Chain
+from sim.torsional.model import CLOCK, Array, Chain, Line
 from sim.torsional.rows import dent_rows, line_rows, link_row, shaft_row
 
 Packed = tuple[Array | NDArray[np.int64], ...]
 LARGEST_PHASE = 1.0  # fastest rate times step, per Runge-Kutta step of order 4
 
 
-def pack(chain: Chain) -> Packed:
-    """Arrays in the order that `observer_kernel.run` takes them."""
+def pack(chain: Chain, begin_s: float = 0.0) -> Packed:
+    """Arrays in the order that `observer_kernel.run` takes them, its first row `begin_s` after that of the record."""
     n = len(chain.shafts)
     shafts = np.array([shaft_row(shaft) for shaft in chain.shafts])
     links = np.array([link_row(link) for link in chain.links]).reshape(n - 1, 14)
     lines, line_first = _rows([line_rows(link.errors) for link in chain.links])
     waves, wave_first = _rows([line_rows(link.stiffness_waves) for link in chain.links])
     dents, dent_first = _rows([dent_rows(link.dents) for link in chain.links])
-    ripples, _ = _rows([line_rows(shaft.ripples, k) for k, shaft in enumerate(chain.shafts)])
+    ripples, _ = _rows(
+        [line_rows([_since(line, begin_s) for line in shaft.ripples], k) for k, shaft in enumerate(chain.shafts)]
+    )
     return shafts, links, lines, line_first, waves, wave_first, dents.ravel(), ROW * dent_first, ripples
+
+
+def _since(line: Line, begin_s: float) -> Line:
+    return replace(line, phase_rad=line.phase_rad + line.order * begin_s) if line.shaft == CLOCK else line
 
 
 def _rows(groups: Sequence[Sequence[tuple[float, ...]]]) -> tuple[Array, NDArray[np.int64]]:

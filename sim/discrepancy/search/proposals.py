@@ -29,7 +29,7 @@ from sim.discrepancy.search.criterion import (
     wanted,
 )
 from sim.discrepancy.search.effect_size import beyond, magnitude
-from sim.discrepancy.search.residual_proposals import nameless_terms, ripples
+from sim.discrepancy.search.residual_proposals import nameless_terms, ripples, waves
 from sim.discrepancy.search.score_test import Screened, screen
 from sim.discrepancy.search.tooth_scan import Place, scan
 from sim.mechanisms import MECHANISMS
@@ -108,7 +108,7 @@ def _candidates(problem: Problem, fit: Fit, only: Collection[str] | None, *, den
     if dented:
         candidates += damage_terms(problem, fit.terms, fit.values)
     if only is None:
-        candidates += nameless_terms(problem, fit) + ripples(problem, fit)
+        candidates += nameless_terms(problem, fit) + ripples(problem, fit) + waves(problem, fit)
     return [t for t in candidates if t.key not in present and (only is None or t.mechanism in only)]
 
 

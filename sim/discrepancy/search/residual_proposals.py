@@ -9,12 +9,14 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.signal import welch
 
+from sim import mechanisms
 from sim.discrepancy.data.excitation import excitation_of, lacking
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.gear_mesh import ripple
 from sim.discrepancy.hypotheses.generic import ORDERS as ALWAYS_TRIED
+from sim.discrepancy.hypotheses.generic import frequency_of, terms_of_kind
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.identifiability import highest_order
 from sim.discrepancy.hypotheses.nonparametric import (
@@ -45,6 +47,7 @@ SPEEDS, OFTEN = 40, 0.3  # bins of the speed, and share of the time at one of th
 ELSEWHERE = 0.35  # of the size of a line, at other speeds: a real one has 0.7 and more, one of unknown teeth 0 to 0.1
 LEAST_LEVEL = 0.5  # of white noise under the residual: one that is far below its noise has no line in it
 RIPPLES = 2  # orders proposed of those looked at
+LINES = 2  # frequencies proposed of those looked at
 LINE_EXCESS = 14.0  # energy of a line over that of its neighbours: once in a hundred records of noise
 
 
@@ -92,6 +95,32 @@ def ripples(problem: Problem, fit: Fit) -> list[Term]:
     present = problem.chain(fit.terms, fit.values)
     terms = (ripple(float(order), m.torque_rms, problem.axis, present) for order in likely if order not in ALWAYS_TRIED)
     return [replace(term, among=len(orders)) for term in terms]
+
+
+def waves(problem: Problem, fit: Fit) -> list[Term]:
+    """Mechanisms of the catalogue that repeat in time, at the frequencies of which the residual has most.
+
+    Of all that the record tells apart in the range of such a mechanism; that is its price.
+    """
+    m = problem.measurement
+    left = fit.residual[: fit.torque_rows]
+    frequencies = np.fft.rfftfreq(FINER * left.size, 1.0 / m.rate_hz)
+    power = np.abs(np.fft.rfft(left, FINER * left.size)) ** 2
+    out = []
+    for kind in mechanisms.MECHANISMS.values():
+        often = frequency_of(kind)
+        if often is None or kind.own_hypothesis:
+            continue
+        inside = (frequencies >= max(often.low, m.rate_hz / left.size)) & (
+            frequencies <= min(often.high, 0.5 * m.rate_hz)
+        )
+        among = int(inside.sum()) // FINER
+        for _ in range(min(LINES, among)):
+            at = int(np.argmax(np.where(inside, power, 0.0)))
+            terms = terms_of_kind(kind, problem.axis, m, float(frequencies[at]))
+            out += [replace(term, among=among) for term in terms]
+            inside[max(at - FINER, 0) : at + FINER + 1] = False
+    return out
 
 
 def line_of(left: Array, rate_hz: float, lowest_hz: float = LOWEST_HZ, repeats_s: float | None = None) -> float | None:

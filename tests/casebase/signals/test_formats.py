@@ -13,6 +13,7 @@ from scipy import io
 from casebase.signals.errors import TelemetryError
 from casebase.signals.formats import READERS
 from casebase.signals.formats.extra import loaded
+from casebase.signals.table_kinds import BINARY, binary_endings
 from casebase.signals.telemetry import Telemetry, read_telemetry, recognise_columns
 
 ROWS = 300
@@ -173,6 +174,12 @@ def test_a_format_that_is_not_read_says_what_to_do(tmp_path: Path, start: bytes,
     (tmp_path / "log").write_bytes(start + bytes(600))
     with pytest.raises(TelemetryError, match=words):
         read_telemetry(tmp_path / "log")
+
+
+def test_every_format_is_named_on_pages_and_written_here() -> None:
+    """Of each reader the page knows the ending, and one file is written above; Parquet is that of every other test."""
+    assert len(READERS) == len(BINARY) + 1
+    assert {f".{kind}" for kind in WRITERS} | {".parquet"} == set(binary_endings())
 
 
 def test_what_begins_like_no_other_format_is_text() -> None:

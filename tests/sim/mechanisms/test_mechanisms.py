@@ -125,6 +125,13 @@ def test_of_size_null_it_changes_nothing(kind: type[Mechanics]) -> None:
 
 
 @pytest.mark.parametrize("kind", MECHANICS, ids=lambda kind: kind.name)
+def test_of_its_usual_size_it_changes_what_is_simulated(kind: type[Mechanics]) -> None:
+    """A part that shafts in series have no place for, such as a second drive, would leave no trace."""
+    for place in kind.locations(PLAIN):
+        assert chain_of_axis(with_mechanism(PLAIN, kind(place))) != chain_of_axis(PLAIN), f"{place}: no trace of it"
+
+
+@pytest.mark.parametrize("kind", MECHANICS, ids=lambda kind: kind.name)
 def test_it_is_a_pure_map(kind: type[Mechanics]) -> None:
     train = drive_train_of(PLAIN)
     before = dict(train.components)

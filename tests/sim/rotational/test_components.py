@@ -125,6 +125,15 @@ def test_a_component_keeps_to_its_contract(kind: type[Component]) -> None:
         assert np.all(np.isfinite(result[name]))
 
 
+@pytest.mark.parametrize("kind", COMPONENTS, ids=lambda kind: kind.__name__)
+def test_what_has_a_curve_is_not_affine(kind: type[Component]) -> None:
+    """The exact engine would take a curve for zero."""
+    part = SPECIMENS[kind]
+    system = System(DriveTrain({"part": part, "wall": Fixed()}, (("part." + part.flanges[-1], "wall.flange"),)))
+    curved = any(system.curved(0, number).curves for number in range(system.branch_counts[0]))
+    assert part.affine != curved, "set the property affine"
+
+
 STEADY = [kind for kind, part in SPECIMENS.items() if part.affine and kind not in (Inertia, Mass, Fixed)]
 
 

@@ -10,6 +10,7 @@ from sim.rotational.components import Gearbox, Inertia, Sine
 from sim.rotational.components import Torque as TorqueSource
 from sim.rotational.drive_train import DriveTrain
 from sim.solver import simulate
+from sim.torsional.components import TorqueWave
 from sim.torsional.integrate import run_chain, stable_substeps
 from sim.torsional.model import (
     Chain,
@@ -25,7 +26,7 @@ from sim.torsional.model import (
     with_shaft,
 )
 from sim.torsional.motion_profile import back_and_forth
-from sim.torsional.reduction import simulate_chain
+from sim.torsional.reduction import chain_of, simulate_chain
 from tests.sim.axes import three_shafts
 
 PUSH = Torque(amplitude_n_m=8.0, frequency_hz=1.1, phase_rad=0.4)
@@ -222,6 +223,20 @@ def test_prescribing_the_motion_gives_back_the_torque_that_made_it() -> None:
     torque = forward.motor_torque_n_m[500:]
     assert np.abs(inverse.motor_torque_n_m - torque)[moving].max() < 2e-3 * np.abs(torque).max()
     assert np.abs(inverse.angle_rad[:, 2] - forward.angle_rad[500:, 2]).max() < 1e-6
+
+
+def test_a_torque_over_time_moves_a_shaft_as_the_same_torque_of_its_motor_does() -> None:
+    """And a motor that moves so all the same has to give nothing, but near rest, where its friction is smooth."""
+    driven = paper_train(40.0, 1000.0, 1e-3)
+    wave = TorqueWave(torque=12.0, frequency=0.45)
+    shaken = driven.remove("torque").add("wave", wave, flange="motor.flange_a")
+    one, other = (simulate_chain(train, 2.0, 2000.0) for train in (driven, shaken))
+    for name in ("motor.phi", "load.phi"):
+        assert np.abs(one[name] - other[name]).max() <= 1e-9 * np.ptp(one[name])
+    np.testing.assert_allclose(other["wave.tau"], one["torque.tau"], atol=1e-9)
+    moved = PrescribedMotion(np.stack([one[f"motor.{name}"] for name in ("phi", "w", "a")]))
+    asked = run_chain(chain_of(shaken), moved, 2000.0, 4001, start=np.zeros(4)).motor_torque_n_m
+    assert np.abs(asked[one["motor.w"] > 1.0]).max() < 1e-6 * wave.torque
 
 
 def test_results_do_not_depend_on_the_output_rate() -> None:

@@ -20,7 +20,7 @@ from sim.discrepancy.data.validation import examine
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.extended_axis import extended_by
-from sim.discrepancy.hypotheses.catalogue import terms_of
+from sim.discrepancy.hypotheses.catalogue import all_terms_of, terms_of
 from sim.discrepancy.hypotheses.friction import friction_felt
 from sim.discrepancy.hypotheses.generic import terms_of_kind, undistorted
 from sim.discrepancy.hypotheses.hypothesis import Term
@@ -33,6 +33,7 @@ from sim.mechanisms.catalogue import with_mechanism
 from sim.mechanisms.mechanism import Measurement, Mechanics, Mechanism, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_names, with_error
 from sim.rotational.drive_train import DriveTrain
+from sim.torsional.components import TorqueWave
 from sim.torsional.model import Line, with_link
 from tests.sim.discrepancy.telemetry_of import geared, one_body, swing
 
@@ -87,6 +88,29 @@ class Misalignment(Mechanics):
         return with_error(train, place, 2.0, self["amplitude_rad"], self["phase_rad"])
 
 
+class CyclicDrag(Mechanics):
+    """A lubricator brakes the motor and lets it go, in a time of its own."""
+
+    name: ClassVar[str] = "cyclic_drag"
+    parameters: ClassVar[tuple[Parameter, ...]] = (
+        Parameter("torque_n_m", "N m", 0.0, 100.0, 0.1),
+        Parameter("frequency_hz", "Hz", 0.1, 100.0, 1.0),
+        Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
+    )
+    size: ClassVar[str] = "torque_n_m"
+    signature: ClassVar[Signature] = Signature("frequency")
+    equations: ClassVar[str] = "tau = torque sin(2 pi frequency t + phase)"
+    source: ClassVar[str] = "central lubrication in strokes"
+
+    @classmethod
+    def locations(cls, axis: Axis) -> tuple[str, ...]:
+        return ("motor",)
+
+    def apply(self, train: DriveTrain) -> DriveTrain:
+        drag = TorqueWave(self["torque_n_m"], self["frequency_hz"], self["phase_rad"])
+        return train.add("drag", drag, flange="motor.flange_a") if drag.torque else train
+
+
 class Saturation(Measurement):
     """A current sensor reads large torques too small."""
 
@@ -109,8 +133,10 @@ class Saturation(Measurement):
 
 @pytest.fixture
 def grown(monkeypatch: pytest.MonkeyPatch) -> Mapping[str, type[Mechanism]]:
-    """The catalogue with one line more for each of the two."""
-    more = MappingProxyType({**mechanisms.MECHANISMS, "misalignment": Misalignment, "saturation": Saturation})
+    """The catalogue with one line more for each of the three."""
+    more = MappingProxyType(
+        {**mechanisms.MECHANISMS, "misalignment": Misalignment, "cyclic_drag": CyclicDrag, "saturation": Saturation}
+    )
     monkeypatch.setattr(mechanisms, "MECHANISMS", more)
     return more
 
@@ -180,6 +206,20 @@ def test_a_new_fault_of_the_torque_channel_is_named_measured_and_closed() -> Non
     assert named(result) == {"saturation": pytest.approx(4e-5, rel=0.1)}
     assert result.findings[0].parameters[0].unit == "1/(N2 m2)"
     assert again(result, read).verdict == "nothing_missing"
+
+
+@pytest.mark.usefixtures("grown")
+def test_a_new_torque_that_comes_in_a_time_of_its_own_is_named_measured_and_closed() -> None:
+    """At a frequency that nobody said and that lies among those of the motion."""
+    telemetry = one_body(0.3, 1.0, 0.02, 5)
+    drag = 0.15 * np.sin(2.0 * np.pi * 1.37 * telemetry.time_s + 0.9)
+    braked = replace(telemetry, channels={**telemetry.channels, "motor_torque_nm": telemetry["motor_torque_nm"] - drag})
+    result = investigate(BENCH, braked)
+    assert named(result) == {"cyclic_drag": pytest.approx(0.15, rel=0.1)}
+    _, frequency, phase = result.findings[0].parameters
+    assert frequency.value == pytest.approx(1.37, abs=0.002)
+    assert phase.value == pytest.approx(0.9, abs=0.1)
+    assert again(result, braked).verdict == "nothing_missing"
 
 
 @pytest.mark.usefixtures("grown")
@@ -254,6 +294,29 @@ def test_each_would_have_terms_by_what_it_says_of_itself(kind: type[Mechanism]) 
         chain = PROBLEM.chain((), start)
         assert term.torque is not None or term.apply(chain, values) != chain
         assert term.torque is None or term.torque(m, values).any()
+
+
+RATIO_ALONE = read_axis(
+    {
+        "name": "of a ratio alone",
+        "motor": {"inertia_kg_m2": 0.004},
+        "stages": [{"name": "output", "ratio": 30.0}],
+        "load": {"inertia_kg_m2": 4.0},
+        "load_encoder": {"error_rad": 1e-5},
+    }
+)
+
+
+def test_what_is_looked_for_in_a_way_of_its_own_is_looked_for() -> None:
+    """`own_hypothesis` alone, such as copied from another mechanism, would make it one that nobody looks for."""
+    chain = PROBLEM.chain((), {p.name: p.start for p in PROBLEM.base()})
+    axes = (GEARED, RATIO_ALONE)
+    written = {term.mechanism for axis in axes for term in all_terms_of(axis, PROBLEM.measurement, chain)}
+    for kind in mechanisms.MECHANISMS.values():
+        otherwise = kind.traits.dent or kind.heard or kind.checked
+        assert not kind.own_hypothesis or otherwise or kind.name in written, (
+            f"{kind.name}: no term, leave own_hypothesis out"
+        )
 
 
 def test_a_ripple_at_the_order_of_erring_teeth_must_be_half_as_large_as_they_make() -> None:
