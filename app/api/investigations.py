@@ -35,13 +35,25 @@ from app.service import Reading, Service, TheService
 from app.uploads import TheUpload, Upload
 from app.web.self_contained import self_contained
 from casebase.axes import get_axis
+from casebase.diagnoses import get_diagnosis
 from casebase.models import RobotRevision, StoredInvestigation
 from casebase.pages import page
 from sim.description.axis import Axis
 from sim.description.axis_document import parse_axis, read_axis
 
 router = APIRouter(tags=["investigations"])
-PARTS = ("axis", "telemetry", "sound", "as_new", "sound_offset_s", "channels", "robot", "urdf", "next_motion")
+PARTS = (
+    "axis",
+    "telemetry",
+    "sound",
+    "as_new",
+    "sound_offset_s",
+    "channels",
+    "robot",
+    "urdf",
+    "next_motion",
+    "diagnosis",
+)
 HTML, JSON, CSV = "text/html", "application/json", "text/csv"
 BODY = {
     "requestBody": {
@@ -50,7 +62,11 @@ BODY = {
             "multipart/form-data": {
                 "schema": {
                     "type": "object",
-                    "anyOf": [{"required": ["axis"]}, {"required": ["robot", "telemetry"]}],
+                    "anyOf": [
+                        {"required": ["axis"]},
+                        {"required": ["robot", "telemetry"]},
+                        {"required": ["diagnosis"]},
+                    ],
                     "additionalProperties": False,
                     "properties": {
                         "axis": {
@@ -92,6 +108,11 @@ BODY = {
                             "type": "boolean",
                             "description": "of a robot: find the next motion, too, which takes as long again",
                         },
+                        "diagnosis": {
+                            "type": "string",
+                            "description": "instead of a sound: id of a diagnosis, whose recording is the sound, and "
+                            "whose axis is meant where none is given",
+                        },
                         "sound_offset_s": {
                             "type": "number",
                             "description": "telemetry's time at its sound's start, the same for all",
@@ -117,6 +138,9 @@ class InvestigationAnswer(Answer):
     state: str
     axis: str | None
     robot: str | None = Field(None, description="instead of an axis, where all joints of a robot are investigated")
+    diagnosis_id: str | None = Field(
+        None, description="the diagnosis from which it was started, whose recording is heard"
+    )
     error: str | None
     created_at: AwareDatetime
     finished_at: AwareDatetime | None
@@ -149,6 +173,8 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
     Of an axis: parts `axis`, and `telemetry`, `sound` or both. Of a robot: `robot` and `telemetry`, with `urdf` and an
     `axis` file for each that a joint names where the robot is not a stored one; `channels` where the columns do not
     name or count the joints, or are currents.
+
+    Instead of `sound`, `diagnosis`: the recording of a diagnosis, and its axis where none is given.
 
     `telemetry` and `sound` may come several times: recordings of one axis, whose evidence is taken together. The k-th
     sound belongs to the k-th telemetry; the document then has `recordings`, each with what it says by itself. Sound
@@ -204,14 +230,32 @@ def asked_of(service: Service, upload: Upload) -> Asked:
         wanted = _wants_motion(upload)
         take = partial(take_in_robot, service.library, robot, urdf, telemetry, channels, next_motion=wanted)
         return Asked((robot.document, robot.urdf, hashes, wanted, *mapped), take)
+    diagnosed = upload.fields.get("diagnosis", "").strip() or None
+    if diagnosed is not None:
+        sounds = (_recorded(service, upload, diagnosed),)
     axis = axis_of(service, upload)
     offset = offset_of(upload)
-    take = partial(take_in, service.library, axis, telemetry, sounds, offset, as_new, channels)
-    return Asked((axis.to_mapping(), hashes, offset, *mapped), take)
+    take = partial(take_in, service.library, axis, telemetry, sounds, offset, as_new, channels, diagnosed)
+    return Asked((axis.to_mapping(), hashes, offset, *mapped, *([diagnosed] if diagnosed else [])), take)
+
+
+def _recorded(service: Service, upload: Upload, diagnosis_id: str) -> Measured:
+    """Return the recording of a diagnosis as a sound; its axis is meant where the form has none."""
+    if "sound" in upload.files:
+        raise Unprocessable(
+            "The parts 'diagnosis' and 'sound' do not go together: the diagnosis' recording is the sound."
+        )
+    with service.library.reading() as session:
+        row = get_diagnosis(session, diagnosis_id).recording
+    if row.erased_at is not None:
+        raise Unprocessable(f"The recording of diagnosis {diagnosis_id} was erased; send a sound instead.")
+    if row.axis and "axis" not in upload.files:
+        upload.fields.setdefault("axis", row.axis)
+    return Measured(service.library.retrieve.audio_path(row), row.file_name, row.channel)
 
 
 def _refuse_sound(upload: Upload) -> None:
-    if besides := sorted({"sound", "as_new", "sound_offset_s"} & {*upload.files, *upload.fields}):
+    if besides := sorted({"sound", "as_new", "sound_offset_s", "diagnosis"} & {*upload.files, *upload.fields}):
         raise Unprocessable(
             f"The part {besides[0]!r} does not go with a robot: sound is investigated with the axis of the joint that "
             "is heard; leave it out, or send 'axis' instead of 'robot'."

@@ -72,6 +72,8 @@ class Signature:
         Whether it differs by direction of motion, or comes where the motion turns.
     grows_with
         What makes it larger.
+    of_input_shaft
+        Whether the order is that of the shaft that drives the gear at its location.
     """
 
     domain: Literal["angle", "speed", "torque", "twist", "time", "reversal", "frequency", "recording"]
@@ -80,6 +82,7 @@ class Signature:
     flank: Literal["one", "both"] = "both"
     direction: Literal["same", "opposite", "one", "reversal"] = "same"
     grows_with: Literal["nothing", "load", "speed", "time", "twist"] = "nothing"
+    of_input_shaft: bool = False
 
 
 @dataclass(frozen=True)

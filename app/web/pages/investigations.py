@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse, RedirectResponse, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -18,18 +18,25 @@ from app.security import Principal, check_csrf
 from app.service import Reading, TheJobs, TheService
 from app.uploads import TheUpload, Upload
 from app.web.log_preview import log_preview, sound_preview
-from app.web.robot import arm_of, beyond_usual, joints_of, of_robot
+from app.web.robot import arm_of, joints_of, of_robot
 from app.web.self_contained import self_contained
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
-from app.web.story import Part, candidates_of, panel_of, panels_of
+from app.web.story import Part, Shown, box_shown, candidates_of, panel_of, panels_of
 from app.web.templating import render
-from app.web.words import finding_words, investigation_headline, likely_words, unexplained_words
+from app.web.words import finding_words, investigation_headline, likely_words, verdict_of
 from casebase import revisions
 from casebase.axes import list_axes
+from casebase.diagnoses import get_diagnosis
 from casebase.models import AxisRevision, RobotRevision, StoredInvestigation
 from casebase.pages import page
 from casebase.signals.joint_maps import joint_map_template
 from casebase.signals.telemetry import recognise_columns
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.discrepancy.report.box import box_of_robot, refused, unexplained_words
+from sim.discrepancy.report.panels import SHOWS
+from sim.discrepancy.results import unexplained_of
+from sim.errors import AxisError
 from sim.robot.picture import legend
 
 router = APIRouter(prefix="/investigations")
@@ -48,9 +55,17 @@ def investigation_list(
 
 
 @router.get("/new")
-def ask_page(request: Request, session: Reading, principal: PageOperator) -> Response:
-    """The form."""
+def ask_page(
+    request: Request,
+    session: Reading,
+    principal: PageOperator,
+    diagnosis: Annotated[str, Query(max_length=32)] = "",
+) -> Response:
+    """The form; started from a diagnosis its recording is the sound, and its axis is chosen."""
+    recording = get_diagnosis(session, diagnosis).recording if diagnosis else None
     context = {
+        "diagnosis": diagnosis,
+        "recording": recording,
         "axes": [row.name for row in list_axes(session)],
         "robots": [row.name for row in revisions.current(session, RobotRevision)],
         "base_url": str(request.base_url).rstrip("/"),
@@ -67,9 +82,9 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
     name = upload.fields.get("axis_name", "").strip()
     robot = upload.fields.pop("robot_name", "").strip()
     if not {"axis", "robot", "urdf"} & {*upload.files}:
-        if not name and not robot:
+        if not name and not robot and not upload.fields.get("diagnosis"):
             raise Unprocessable("Choose a stored axis or robot, or send its axis.toml or robot.toml.")
-        upload.fields.update({"axis": name} if name else {"robot": robot})
+        upload.fields.update({"axis": name} if name else {"robot": robot} if robot else {})
     question = asked_of(service, upload).take_in()
     with service.library.transaction(principal.actor) as session:
         row = submit(session, question)
@@ -112,37 +127,78 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
     document: dict[str, Any] = dict(row.document or {})
     if row.robot:
         return _robot_page(request, session, row, document, principal)
-    heard = "telemetry" not in row.inputs  # whose probabilities were never calibrated, nor said so by older versions
-    findings = [{"calibrated": not heard, **finding} for finding in document.get("findings", ())]
     context = {
         "row": row,
         "document": document,
         "headline": investigation_headline(document) if document else None,
-        "findings": [(finding, finding_words(finding)) for finding in findings],
+        "box": box_of_row(row),
+        "shows": SHOWS,
         "likely_words": likely_words,
-        "unexplained": unexplained_words(document["unexplained"]) if document.get("unexplained") else None,
+        "unexplained": unexplained_in_words(document),
         "overlay": panels_of(document, "overlay"),
         "residual": panels_of(document, "residual"),
         "sound": panels_of(document, "sound"),
         "candidates": candidates_of(document),
         "checked": document.get("story", {}).get("checked", ()),
         "not_examined": document.get("story", {}).get("not_examined", ()),
+        "diagnosed": diagnosis_words(session, row),
         "accepted": session.scalars(select(AxisRevision).where(AxisRevision.investigation_id == row.id)).first(),
     }
     return render(request, "investigation.html", context, principal=principal, section=SECTION)
+
+
+def diagnosis_words(session: Session, row: StoredInvestigation) -> str | None:
+    """Say what the diagnosis said from which an investigation was started."""
+    if row.diagnosis_id is None:
+        return None
+    return verdict_of(get_diagnosis(session, row.diagnosis_id).document).headline
+
+
+def unexplained_in_words(document: Mapping[str, Any]) -> str:
+    """Say what is left beside what was found; nothing where that is the verdict itself."""
+    found = document.get("unexplained")
+    return unexplained_words(unexplained_of(found)) if found and document["verdict"] != "unnamed" else ""
+
+
+def box_of_row(row: StoredInvestigation) -> list[Shown]:
+    """Return what a technician reads first; of one that is at work, nothing."""
+    if row.error is not None:
+        return [Shown(refused(row.error))]
+    if row.document is None:
+        return []
+    if row.robot:
+        return [Shown(entry) for entry in box_of_robot(row.document)]
+    heard = "telemetry" not in row.inputs  # whose probabilities were never calibrated, nor said so by older versions
+    findings = [{"calibrated": not heard, **finding} for finding in row.document["findings"]]
+    return box_shown({**row.document, "findings": findings}, described(row))
+
+
+def described(row: StoredInvestigation) -> Axis | None:
+    """Return the axis as it was described; None where this version does not read it any more."""
+    try:
+        return read_axis(row.axis_document)
+    except AxisError:
+        return None
 
 
 def _robot_page(
     request: Request, session: Session, row: StoredInvestigation, document: Mapping[str, Any], principal: Principal
 ) -> Response:
     accepted = session.scalars(select(RobotRevision).where(RobotRevision.investigation_id == row.id)).first()
-    context: dict[str, Any] = {"row": row, "document": document, "accepted": accepted}
+    context: dict[str, Any] = {
+        "row": row,
+        "document": document,
+        "accepted": accepted,
+        "box": box_of_row(row),
+        "shows": SHOWS,
+    }
+    context |= {"box": box_of_row(row), "shows": SHOWS, "unexplained": "", "headline": None, "not_examined": ()}
     if document:
         context |= {
             "headline": investigation_headline(document),
-            "findings": beyond_usual(document),
             "finding_words": finding_words,
-            "unexplained_words": unexplained_words,
+            "unexplained_words": lambda found: unexplained_words(unexplained_of(found)),
+            "not_examined": document["remarks"],
             "arm": arm_of(document, row.robot or ""),
             "legend": legend(),
             "joints": joints_of(document),
