@@ -36,11 +36,13 @@ from casebase.signals.telemetry import check_telemetry, read_telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.pairing import check_as_new, check_pairs
+from sim.discrepancy.report.comparison import Row, Value, findings_compared, values_compared
 from sim.errors import AxisError, SimulationError
 from sim.robot.foreign import ForeignRobot, foreign_robot, kept_robot
 
 KIND = "investigations"
 ACTOR = "investigator"
+MOST_COMPARABLE = 50
 PARTS = ("telemetry", "sound", "as_new", "urdf")
 """What an investigation keeps files of; one with a URDF is of a robot."""
 
@@ -396,6 +398,51 @@ def files_of(inputs: Mapping[str, object], part: str) -> list[Mapping[str, Any]]
 def names_of(row: StoredInvestigation, part: str) -> list[str]:
     """Return what the files of `telemetry`, `sound` or `as_new` were called, in order."""
     return [str(one["name"]) for one in files_of(row.inputs, part)]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Two investigations of one axis or robot, the earlier first, and what became of what was found."""
+
+    before: StoredInvestigation
+    after: StoredInvestigation
+    rows: Sequence[Row]
+    values: Sequence[Value]
+
+    @property
+    def other_description(self) -> bool:
+        """Whether they were held against different descriptions."""
+        return self.before.axis_document != self.after.axis_document
+
+
+def compared(session: Session, first: str, second: str) -> Compared:
+    """Hold two finished investigations of one axis or robot against each other.
+
+    Raises:
+        NotFoundError: if there is no such investigation.
+        ConflictError: if one is not finished, or they are of different axes.
+    """
+    rows = [get_investigation(session, one) for one in (first, second)]
+    before, after = sorted(rows, key=lambda row: (row.created_at, row.id))
+    if (before.axis, before.robot) != (after.axis, after.robot):
+        raise ConflictError(
+            f"investigation {before.id} is of {before.subject!r} and {after.id} of {after.subject!r}; "
+            "two of the same axis or robot can be compared"
+        )
+    documents = document_of(before), document_of(after)
+    return Compared(before, after, findings_compared(*documents), values_compared(*documents))
+
+
+def comparable(session: Session, row: StoredInvestigation) -> Sequence[StoredInvestigation]:
+    """Return other finished investigations of the same axis or robot, newest first."""
+    same = (
+        StoredInvestigation.axis == row.axis if row.robot is None else StoredInvestigation.robot == row.robot,
+        StoredInvestigation.state == "done",
+        StoredInvestigation.id != row.id,
+    )
+    return session.scalars(
+        select(StoredInvestigation).where(*same).order_by(StoredInvestigation.id.desc()).limit(MOST_COMPARABLE)
+    ).all()
 
 
 def investigations_from(session: Session, diagnosis_id: str) -> Sequence[StoredInvestigation]:

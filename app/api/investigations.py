@@ -4,8 +4,9 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import Annotated
 
-from fastapi import APIRouter, Request, Response, status
+from fastapi import APIRouter, Query, Request, Response, status
 from pydantic import AwareDatetime, BaseModel, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -20,6 +21,7 @@ from app.investigations import (
     Measured,
     Question,
     accept,
+    compared,
     document_of,
     get_investigation,
     state_of,
@@ -40,6 +42,7 @@ from casebase.models import RobotRevision, StoredInvestigation
 from casebase.pages import page
 from sim.description.axis import Axis
 from sim.description.axis_document import parse_axis, read_axis
+from sim.discrepancy.report.comparison import Became
 
 router = APIRouter(tags=["investigations"])
 PARTS = (
@@ -162,6 +165,50 @@ class InvestigationDocument(BaseModel):
     model_config = {"extra": "allow"}
     verdict: str
     findings: list[Finding]
+
+
+class SizeAnswer(Answer):
+    """A number with its unit and its 90 % interval, in words."""
+
+    name: str
+    value: str
+    interval: str
+
+
+class SideAnswer(Answer):
+    """What one of two investigations says of a finding."""
+
+    how_sure: str
+    sizes: list[SizeAnswer]
+
+
+class FindingBecame(Answer):
+    """A finding of either of two investigations, and what became of it."""
+
+    mechanism: str
+    location: str | None
+    became: Became
+    before: SideAnswer | None
+    after: SideAnswer | None
+
+
+class ValueBecame(Answer):
+    """A number of the description that both have estimated."""
+
+    name: str
+    became: Became
+    before: SizeAnswer
+    after: SizeAnswer
+
+
+class ComparisonAnswer(BaseModel):
+    """Two investigations of one axis or robot, the earlier first."""
+
+    before: str
+    after: str
+    other_description: bool = Field(description="whether they were held against different descriptions")
+    findings: list[FindingBecame]
+    values: list[ValueBecame]
 
 
 @router.post(
@@ -342,6 +389,24 @@ def investigation_report(
     if chosen(request.headers.get("accept"), (HTML, JSON)) == JSON:
         return Response(document.model_dump_json(), media_type=JSON, headers={"Vary": "Accept"})
     return self_contained(row.report or "", "'self'", Vary="Accept")
+
+
+@router.get("/investigations/{investigation_id}/comparison")
+def compare_investigations(
+    _: Viewer,
+    session: Reading,
+    investigation_id: Identifier,
+    other: Annotated[str, Query(alias="with", max_length=32, description="id of another one of the same axis")],
+) -> ComparisonAnswer:
+    """What came, what went and what has another size, between two finished investigations of one axis or robot."""
+    found = compared(session, investigation_id, other)
+    return ComparisonAnswer(
+        before=found.before.id,
+        after=found.after.id,
+        other_description=found.other_description,
+        findings=[FindingBecame.model_validate(row, from_attributes=True) for row in found.rows],
+        values=[ValueBecame.model_validate(one, from_attributes=True) for one in found.values],
+    )
 
 
 @router.get(

@@ -1,12 +1,13 @@
 """A diagnosis in the words of whoever stands at the robot: what it is, how sure, what to do next."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup
 
 from app.web.templating import percent, quantity, sentence
+from sim.discrepancy.report.comparison import Row
 from sim.discrepancy.report.formatting import angle, named
 
 NAMES = {
@@ -286,3 +287,20 @@ def finding_words(finding: Mapping[str, Any]) -> str:
     others = [named(str(name)) for name in finding.get("indistinguishable_from", ())]
     rest = f"; in these data it looks the same as {' or '.join(others)}" if others else ""
     return f"{likely_words(finding)}{rest}"
+
+
+def comparison_headline(rows: Sequence[Row]) -> str:
+    """Say in one line what became of what was found.
+
+    >>> came = Row("backlash", "output", "came", None, None)
+    >>> comparison_headline([came])
+    'Came: backlash (play) at output'
+    >>> comparison_headline([])
+    'Nothing changed beyond what the data leave open'
+    """
+    told = [
+        f"{word}: {', '.join(row.name for row in rows if row.became == word.lower())}"
+        for word in ("Came", "Larger", "Went", "Smaller")
+        if any(row.became == word.lower() for row in rows)
+    ]
+    return ". ".join(told) or "Nothing changed beyond what the data leave open"

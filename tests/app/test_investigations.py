@@ -272,3 +272,38 @@ def test_several_telemetries_become_one_document_and_one_report(
     friction = stored["document"]["motor"]["coulomb_friction_n_m"]
     assert friction == document["extended_axis"]["motor"]["coulomb_friction_n_m"]
     assert friction == pytest.approx(1.0, rel=0.05)
+
+
+def test_two_of_one_axis_are_compared_and_those_of_two_axes_refused(
+    viewer: httpx.Client, live_server: LiveServer
+) -> None:
+    """The earlier stands first, whichever is asked for."""
+    library = CaseLibrary.open(live_server.data_dir)
+    ids = {}
+    with library.transaction("test") as session:
+        for name, axis, findings in (
+            ("earlier", "twice", []),
+            ("later", "twice", [{"mechanism": "backlash", "location": "output", "probability": 0.95}]),
+            ("other", "once", []),
+        ):
+            document = {**DOCUMENT, "verdict": "named" if findings else "nothing_missing", "findings": findings}
+            row = StoredInvestigation(
+                state="done", axis=axis, axis_document={}, inputs={}, document=document, created_by="me"
+            )
+            session.add(row)
+            session.flush()
+            ids[name] = row.id
+    library.close()
+    for first, second in (("earlier", "later"), ("later", "earlier")):
+        found = viewer.get(f"{URL}/{ids[first]}/comparison", params={"with": ids[second]}).raise_for_status().json()
+        assert (found["before"], found["after"]) == (ids["earlier"], ids["later"])
+        assert [(one["mechanism"], one["became"]) for one in found["findings"]] == [("backlash", "came")]
+    refused = viewer.get(f"{URL}/{ids['later']}/comparison", params={"with": ids["other"]})
+    assert (refused.status_code, "'once'" in refused.json()["detail"]) == (409, True)
+    cookies = {"gearcase_key": live_server.keys["viewer"]}
+    with httpx.Client(base_url=live_server.url, cookies=cookies) as browser:
+        page = browser.get(f"/investigations/{ids['later']}").raise_for_status().text
+        assert f'<option value="{ids["earlier"]}">' in page
+        assert ids["other"] not in page
+        shown = browser.get(f"/investigations/{ids['later']}/compare", params={"with": ids["earlier"]})
+    assert "<h1>Came: backlash (play) at output</h1>" in shown.raise_for_status().text

@@ -13,7 +13,18 @@ from sqlalchemy.orm import Session
 from app.api.investigations import asked_of, axis_of
 from app.api.recordings import UNCHANGING
 from app.errors import Unprocessable
-from app.investigations import KIND, accept, document_of, get_investigation, submit, trajectory_of
+from app.investigations import (
+    KIND,
+    PARTS,
+    accept,
+    comparable,
+    compared,
+    document_of,
+    get_investigation,
+    names_of,
+    submit,
+    trajectory_of,
+)
 from app.security import Principal, check_csrf
 from app.service import Reading, TheJobs, TheService
 from app.uploads import TheUpload, Upload
@@ -23,7 +34,7 @@ from app.web.self_contained import self_contained
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
 from app.web.story import Part, Shown, box_shown, candidates_of, panel_of, panels_of
 from app.web.templating import render
-from app.web.words import finding_words, investigation_headline, likely_words, verdict_of
+from app.web.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
 from casebase import revisions
 from casebase.axes import list_axes
 from casebase.diagnoses import get_diagnosis
@@ -142,9 +153,17 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "checked": document.get("story", {}).get("checked", ()),
         "not_examined": document.get("story", {}).get("not_examined", ()),
         "diagnosed": diagnosis_words(session, row),
+        "others": others_of(session, row),
         "accepted": session.scalars(select(AxisRevision).where(AxisRevision.investigation_id == row.id)).first(),
     }
     return render(request, "investigation.html", context, principal=principal, section=SECTION)
+
+
+def others_of(session: Session, row: StoredInvestigation) -> list[tuple[StoredInvestigation, str]]:
+    """Return what a finished investigation can be compared with, and what each found."""
+    if row.document is None:
+        return []
+    return [(one, investigation_headline(one.document or {})) for one in comparable(session, row)]
 
 
 def diagnosis_words(session: Session, row: StoredInvestigation) -> str | None:
@@ -199,6 +218,7 @@ def _robot_page(
             "finding_words": finding_words,
             "unexplained_words": lambda found: unexplained_words(unexplained_of(found)),
             "not_examined": document["remarks"],
+            "others": others_of(session, row),
             "arm": arm_of(document, row.robot or ""),
             "legend": legend(),
             "joints": joints_of(document),
@@ -206,6 +226,32 @@ def _robot_page(
             "torques": panels_of(document, "overlay"),
         }
     return render(request, "robot.html", context, principal=principal, section=SECTION)
+
+
+@router.get("/{investigation_id}/compare")
+def compare(
+    request: Request,
+    session: Reading,
+    principal: PageViewer,
+    investigation_id: str,
+    other: Annotated[str, Query(alias="with", max_length=32)],
+) -> Response:
+    """Two investigations of one axis or robot side by side."""
+    found = compared(session, investigation_id, other)
+    parts = [part for part in PARTS if names_of(found.before, part) or names_of(found.after, part)]
+    context = {
+        "before": found.before,
+        "after": found.after,
+        "headline": comparison_headline(found.rows),
+        "other_description": found.other_description,
+        "rows": found.rows,
+        "values": found.values,
+        "given": [
+            (part.replace("_", " "), *(", ".join(names_of(row, part)) for row in (found.before, found.after)))
+            for part in parts
+        ],
+    }
+    return render(request, "compared.html", context, principal=principal, section=SECTION)
 
 
 @router.get("/{investigation_id}/panels/{part}/{number}")

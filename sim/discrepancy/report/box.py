@@ -107,7 +107,7 @@ def _rank(finding: Document) -> tuple[bool, bool, bool]:
 
 def _found(finding: Document, axis: Axis | None, next_measurement: str) -> Entry:
     mechanism, location, probability = finding["mechanism"], finding["location"], float(finding["probability"])
-    numbers = {one["name"]: float(one["value"]) for one in finding["parameters"] if _is_number(one["value"])}
+    numbers = {one["name"]: float(one["value"]) for one in finding["parameters"] if is_number(one["value"])}
     first = finding.get("action") or (action(axis, mechanism, location, numbers, probability) if axis else "")
     name = named(mechanism) if probability >= SAID else f"suspected: {named(mechanism)}"
     return Entry(
@@ -250,7 +250,7 @@ def is_shown(mechanism: str, name: str) -> bool:
 def size_of(mechanism: str, given: Document) -> Size:
     """A number of a finding in words."""
     name, value, unit = str(given["name"]), given["value"], str(given.get("unit") or "")
-    if not _is_number(value):
+    if not is_number(value):
         return Size(words_of(name), str(value), "")
     if name == "flank":
         return Size(words_of(name), FLANKS.get(float(value), "not known"), "")
@@ -266,7 +266,8 @@ def size_of(mechanism: str, given: Document) -> Size:
     return Size(words_of(name), f"{shown}{beside}", f"{between}{in_angles}")
 
 
-def _is_number(value: object) -> bool:
+def is_number(value: object) -> bool:
+    """Whether it is a number, and no word or yes or no."""
     return isinstance(value, int | float) and not isinstance(value, bool)
 
 
