@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.description.transmission import compliance
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.report.acoustic_panels import along_path, sound_panels
 from sim.discrepancy.report.formatting import named
@@ -28,6 +29,7 @@ from sim.torsional.model import Array
 if TYPE_CHECKING:
     from sim.discrepancy.results import Finding, Investigation
 
+MINUTES = 60.0 * math.degrees(1.0)  # of arc in a radian
 BINS, PER_PERIOD = 48, 8  # of a plot; of one period at least, or its curve is not seen
 
 
@@ -35,7 +37,8 @@ BINS, PER_PERIOD = 48, 8  # of a plot; of one period at least, or its curve is n
 class Over:
     """What a cause hangs on: x of every row, shape (n,), and how both axes are called.
 
-    `turn`: where x begins anew; `way`: by which the torque is multiplied, 1 or the sign of the speed.
+    `way`: by which the torque is multiplied, 1 or the sign of the speed; `turn`: where x begins anew; `reach`: how far
+    to either side of 0 is shown; `spring`: torque by springs as described, to which what a cause makes is added [N m].
     """
 
     what: str
@@ -43,6 +46,8 @@ class Over:
     x: Array
     way: Array
     turn: float | None = None
+    reach: float | None = None
+    spring: Array | None = None
 
 
 def cause_panels(result: Investigation) -> list[Panel | None]:
@@ -90,8 +95,12 @@ def _of_term(selection: Selection, term: Term, numbers: Mapping[str, float]) -> 
         (channel, lacking, lacking - rest_of_it)
         for channel, lacking, rest_of_it in zip(channels(selection), without, left, strict=False)
     ]
+    sign = kind_or_any(term.mechanism).signature
+    if sign.domain in ("twist", "reversal") and problem.guided:
+        channel, lacking, made = shown[-1]
+        return _binned(channel, term, _over_twist(channel, term, fit.values, numbers), lacking, made)
     channel, lacking, made = max(shown, key=lambda each: _height(each[0], each[2]))
-    if kind_or_any(term.mechanism).signature.domain == "frequency":
+    if sign.domain == "frequency":
         title = f"{_begun(named(term.mechanism, term.location))}: spectrum of the residual"
         return channel.spectrum_of(title, ((AS_DESCRIBED, lacking), (EXTENDED, lacking - made)))
     return _binned(channel, term, _over(channel, term, numbers), lacking, made)
@@ -106,7 +115,7 @@ def _height(channel: Channel, made: Array) -> float:
 def _over(channel: Channel, term: Term, numbers: Mapping[str, float]) -> Over:
     """What the class of a mechanism says that it hangs on."""
     sign = kind_or_any(term.mechanism).signature
-    m, axis = channel.problem.measurement, channel.problem.axis
+    m = channel.problem.measurement
     speed, time = m.speed[:: channel.stride], m.time_s[:: channel.stride]
     same, along = np.ones(speed.size), np.sign(speed)
     way = along if sign.direction == "opposite" else same
@@ -115,16 +124,30 @@ def _over(channel: Channel, term: Term, numbers: Mapping[str, float]) -> Over:
     if sign.domain == "torque":
         load = m.torque[:: channel.stride] * along
         return Over("load", "motor torque along the motion, measured [N m]", load, way)
-    if sign.domain in ("twist", "reversal") and m.load_angle is not None:
-        twist = (m.angle / axis.ratio - m.load_angle)[:: channel.stride]
-        twist = twist - np.mean(twist)
-        return Over("twist", "motor ahead of the load, at the load [arc min]", np.degrees(twist) * 60.0, same)
     if sign.domain == "reversal":
         turned = np.degrees(m.angle[:: channel.stride])
         return Over("angle", "angle of the motor since it turned back [°]", _since_reversal(turned, speed), along)
     if sign.domain == "angle":
         return _over_angle(channel, term, numbers)
     return Over("time", "time [s]", time, way)
+
+
+def _over_twist(channel: Channel, term: Term, values: Mapping[str, float], numbers: Mapping[str, float]) -> Over:
+    """How far the motor is ahead of the load, with the springs and the backlash of the description.
+
+    Of a gap a fifth of the plot is its flat middle.
+    """
+    m, axis = channel.problem.measurement, channel.problem.axis
+    assert m.load_angle is not None
+    kind = kind_or_any(term.mechanism)
+    twist = (m.angle / axis.ratio - m.load_angle + values.get("load_offset_rad", 0.0))[:: channel.stride]
+    gap = sum(stage.backlash_rad / axis.ratio_from(stage.name) for stage in axis.stages)
+    spring = np.sign(twist) * np.maximum(np.abs(twist) - 0.5 * gap, 0.0) / max(compliance(axis), 1e-30)
+    reach = None
+    if kind.traits.gap and numbers.get(kind.size):
+        reach = MINUTES * 2.5 * numbers[kind.size] / axis.ratio_from(term.location or "load")
+    label = "motor ahead of the load, at the load [arc min]"
+    return Over("twist", label, MINUTES * twist, np.ones(twist.size), reach=reach, spring=spring)
 
 
 def _over_angle(channel: Channel, term: Term, numbers: Mapping[str, float]) -> Over:
@@ -163,12 +186,15 @@ def _binned(channel: Channel, term: Term, over: Over, lacking: Array, made: Arra
     if not counts.any():
         return None
     low, high = (0.0, over.turn) if over.turn else np.quantile(x[counts], [OUTLIERS, 1.0 - OUTLIERS])
+    if over.reach is not None:
+        low, high = max(low, -over.reach), min(high, over.reach)
+    spring = np.zeros(x.size) if over.spring is None else over.spring[: channel.size]
     edges = np.linspace(low, max(high, low + 1e-12), BINS + 1)
     index = np.where(counts, np.digitize(x, edges) - 1, -1)
     lines = (
-        (MEASURED, _means(lacking * way, index)),
-        (AS_DESCRIBED, np.zeros(BINS)),
-        (EXTENDED, _means(made * way, index)),
+        (MEASURED, _means(spring + lacking * way, index)),
+        (AS_DESCRIBED, _means(spring, index)),
+        (EXTENDED, _means(spring + made * way, index)),
     )
     along = " along the motion" if (way != 1.0).any() else ""
     centres = (edges[:-1] + edges[1:]) / 2
