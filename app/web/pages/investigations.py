@@ -33,8 +33,9 @@ from app.web.robot import arm_of, joints_of, of_robot
 from app.web.self_contained import self_contained
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
 from app.web.story import Part, Shown, box_shown, candidates_of, panel_of, panels_of
-from app.web.templating import render
+from app.web.templating import instant, render
 from app.web.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
+from app.web.work_sheet import Sheet, investigation_pdf
 from casebase import revisions
 from casebase.axes import list_axes
 from casebase.diagnoses import get_diagnosis
@@ -267,6 +268,24 @@ def report(session: Reading, _: PageViewer, investigation_id: str) -> Response:
     row = get_investigation(session, investigation_id)
     document_of(row)
     return self_contained(row.report or "", "'self'", **{"X-Frame-Options": "SAMEORIGIN"})
+
+
+@router.get("/{investigation_id}/report.pdf")
+def paper(session: Reading, service: TheService, _: PageViewer, investigation_id: str) -> Response:
+    """One page to take to the machine: the box, what to check, who signs."""
+    row = get_investigation(session, investigation_id)
+    document = document_of(row)
+    files = [name for part in PARTS for name in names_of(row, part)]
+    when = instant(row.created_at, service.settings.time_zone).striptags()
+    sheet = Sheet(
+        " · ".join([str(row.subject), when, *files]),
+        investigation_headline(document),
+        box_of_row(row),
+        str(document["next_measurement"]),
+        f"Investigation {row.id}",
+    )
+    headers = {"Content-Disposition": f'attachment; filename="investigation-{row.id}.pdf"'}
+    return Response(investigation_pdf(sheet), media_type="application/pdf", headers=headers)
 
 
 @router.get("/{investigation_id}/trajectory.csv")
