@@ -92,7 +92,8 @@ def drawn(sheet: Sheet) -> Figure:
 def _cut(pieces: list[Piece], room: float) -> list[Piece]:
     """As many as there is room for, and where the rest is."""
     rest = Piece(("More than fits here: the page of this investigation has the rest.",), MARGIN, SIZES[-1], bold=True)
-    kept, left = [], room - rest.height
+    kept: list[Piece] = []
+    left = room - rest.height
     for piece in pieces:
         left -= piece.height
         if left < 0.0:

@@ -51,8 +51,10 @@ class Over:
 
 
 def cause_panels(result: Investigation) -> list[Panel | None]:
-    """The plot of every finding, in their order."""
-    return [cause_panel(result, finding) for finding in result.findings]
+    """The plot of every finding, in their order; one that shows several stands at the first."""
+    shown = [cause_panel(result, finding) for finding in result.findings]
+    told = [panel and panel.document() for panel in shown]
+    return [None if document in told[:place] else shown[place] for place, document in enumerate(told)]
 
 
 def cause_panel(result: Investigation, finding: Finding) -> Panel | None:
