@@ -110,6 +110,8 @@ class Mechanism(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     workshop_name: ClassVar[str] = ""
     """What a workshop calls it, where that is another word."""
+    damage: ClassVar[str] = ""
+    """Which damage of teeth can make it, by the names of ISO 10825-1; nothing where none does."""
     size: ClassVar[str]
     """The parameter of which 0 means that the effect is not there."""
     needs: ClassVar[frozenset[Need]] = frozenset()

@@ -23,7 +23,14 @@ from sim.discrepancy.report.panels import AS_DESCRIBED, EXTENDED, FLOOR, MEASURE
 from sim.discrepancy.report.residual_panels import TAKEN
 from sim.discrepancy.report.summary import candidates, panels, story
 from sim.discrepancy.report.wording import explain, headline, next_measurement
-from sim.discrepancy.results import Estimate, Finding, Investigation, Unexplained
+from sim.discrepancy.results import (
+    Estimate,
+    Finding,
+    Investigation,
+    Unexplained,
+    unexplained_document,
+    unexplained_of,
+)
 from sim.discrepancy.search.proposals import Rival
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Mechanism
@@ -308,6 +315,13 @@ def test_what_is_unexplained_is_never_more_than_all() -> None:
     text = unexplained_words(Unexplained("frequency", "motor_torque_nm", 36.7, 9.0, {"frequency_hz": 9.1}))
     assert percent(1.0) in text
     assert "9.10 Hz" in text
+
+
+def test_every_number_of_what_has_no_name_is_said() -> None:
+    """Half of what both encoders differ by, peak to peak, is an angle."""
+    rest = Unexplained("error_over_angle", "load_position_rad", 0.3, 9.0, {"error_rad": 1e-3})
+    assert "error of 3.44\xa0arc min" in unexplained_words(rest)
+    assert unexplained_of(unexplained_document(rest)) == rest
 
 
 def test_the_next_measurement_tells_rivals_apart_and_never_compares_a_fault_with_itself() -> None:
