@@ -14,6 +14,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.jobs.job import JobError, JobKind, JobNotFoundError, Json, Report
@@ -30,15 +31,18 @@ from casebase.signals.decode import read_recording
 from casebase.signals.documents import parse_foreign
 from casebase.signals.errors import SignalError
 from casebase.signals.joint_maps import LoggedJoint, read_joint_maps
+from casebase.signals.recording import Recording
 from casebase.signals.telemetry import check_telemetry, read_telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.discrepancy.data.pairing import check_as_new, check_pairs
+from sim.discrepancy.report.comparison import Row, Value, findings_compared, values_compared
 from sim.errors import AxisError, SimulationError
 from sim.robot.foreign import ForeignRobot, foreign_robot, kept_robot
 
 KIND = "investigations"
 ACTOR = "investigator"
+MOST_COMPARABLE = 50
 PARTS = ("telemetry", "sound", "as_new", "urdf")
 """What an investigation keeps files of; one with a URDF is of a robot."""
 
@@ -49,6 +53,7 @@ class Measured:
 
     path: Path
     name: str
+    channel: int | None = None
 
 
 @dataclass(frozen=True)
@@ -69,11 +74,12 @@ def take_in(
     sound_offset_s: float = 0.0,
     as_new: Sequence[Measured] = (),
     channels: str = "",
+    diagnosis_id: str | None = None,
 ) -> Question:
     """Check and keep what was measured; it takes a while, so no transaction may be open.
 
     The k-th sound belongs to the k-th telemetry; with sound alone, `as_new` is what it is compared with.
-    `channels`: text of the channel map by which every telemetry is read.
+    `channels`: text of the channel map by which every telemetry is read. `diagnosis_id`: whose recording the sound is.
 
     Raises:
         AxisError: if there is nothing to investigate, a channel map without telemetry, a sound without its telemetry,
@@ -86,8 +92,9 @@ def take_in(
     for measured in telemetries:
         _readable(measured, check, several=len(telemetries) > 1)
     for measured in (*sounds, *as_new):
-        _readable(measured, read_sound, several=len(sounds) + len(as_new) > 1)
+        _readable(measured, partial(read_sound, channel=measured.channel), several=len(sounds) + len(as_new) > 1)
     inputs: dict[str, object] = {"sound_offset_s": sound_offset_s} | ({"channels": channels} if channels else {})
+    inputs |= {} if diagnosis_id is None else {"diagnosis_id": diagnosis_id}
     if telemetries:
         kept = [_kept(library, measured) for measured in telemetries]
         _refuse_twice(kept)
@@ -182,7 +189,9 @@ def _refuse_twice(kept: Sequence[Mapping[str, object]]) -> None:
 
 def _kept(library: CaseLibrary, measured: Measured) -> dict[str, object]:
     suffix = Path(measured.name).suffix.lower()
-    return {"name": measured.name[-255:], "sha256": library.audio.put(measured.path).sha256, "suffix": suffix}
+    kept: dict[str, object] = {"name": measured.name[-255:], "sha256": library.audio.put(measured.path).sha256}
+    kept |= {"suffix": suffix} if measured.channel is None else {"suffix": suffix, "channel": measured.channel}
+    return kept
 
 
 def get_investigation(session: Session, investigation_id: str) -> StoredInvestigation:
@@ -297,11 +306,7 @@ def _investigated(library: CaseLibrary, row: StoredInvestigation, report: Report
     from sim.discrepancy.report.summary import story
 
     telemetry = _paths(library, row, "telemetry")
-    sounds, as_new = (
-        [replace(read_recording(path), name=name)
-         for path, name in zip(_paths(library, row, part), names_of(row, part), strict=True)]
-        for part in ("sound", "as_new")
-    )  # fmt: skip
+    sounds, as_new = (_sounds(library, row, part) for part in ("sound", "as_new"))
     found = investigate(
         read_axis(row.axis_document),
         read_telemetry(telemetry[0], channels=_channels(row)) if telemetry else None,
@@ -319,16 +324,14 @@ def _investigated_together(
 ) -> tuple[dict[str, object], str]:
     from sim.discrepancy.pooling.joint_investigation import investigate_together
     from sim.discrepancy.pooling.pooled_estimates import Taken
-    from sim.discrepancy.report.joint_html import html_report_together
+    from sim.discrepancy.report.joint_html import html_report_together, story_together
 
-    telemetry, sounds = (
-        list(zip(names_of(row, part), _paths(library, row, part), strict=True)) for part in ("telemetry", "sound")
-    )
+    telemetry = zip(names_of(row, "telemetry"), _paths(library, row, "telemetry"), strict=True)
     recordings = [Taken(name, read_telemetry(path, channels=_channels(row))) for name, path in telemetry]
-    for place, (name, path) in enumerate(sounds):
-        recordings[place] = replace(recordings[place], sound=read_recording(path), sound_name=name)
+    for place, sound in enumerate(_sounds(library, row, "sound")):
+        recordings[place] = replace(recordings[place], sound=sound, sound_name=sound.name)
     found = investigate_together(read_axis(row.axis_document), recordings, report, _offset(row))
-    return _plain(found.document()), html_report_together(found)
+    return _plain({**found.document(), "story": story_together(found)}), html_report_together(found)
 
 
 def _investigated_robot(
@@ -395,6 +398,64 @@ def files_of(inputs: Mapping[str, object], part: str) -> list[Mapping[str, Any]]
 def names_of(row: StoredInvestigation, part: str) -> list[str]:
     """Return what the files of `telemetry`, `sound` or `as_new` were called, in order."""
     return [str(one["name"]) for one in files_of(row.inputs, part)]
+
+
+@dataclass(frozen=True)
+class Compared:
+    """Two investigations of one axis or robot, the earlier first, and what became of what was found."""
+
+    before: StoredInvestigation
+    after: StoredInvestigation
+    rows: Sequence[Row]
+    values: Sequence[Value]
+
+    @property
+    def other_description(self) -> bool:
+        """Whether they were held against different descriptions."""
+        return self.before.axis_document != self.after.axis_document
+
+
+def compared(session: Session, first: str, second: str) -> Compared:
+    """Hold two finished investigations of one axis or robot against each other.
+
+    Raises:
+        NotFoundError: if there is no such investigation.
+        ConflictError: if one is not finished, or they are of different axes.
+    """
+    rows = [get_investigation(session, one) for one in (first, second)]
+    before, after = sorted(rows, key=lambda row: (row.created_at, row.id))
+    if (before.axis, before.robot) != (after.axis, after.robot):
+        raise ConflictError(
+            f"investigation {before.id} is of {before.subject!r} and {after.id} of {after.subject!r}; "
+            "two of the same axis or robot can be compared"
+        )
+    documents = document_of(before), document_of(after)
+    return Compared(before, after, findings_compared(*documents), values_compared(*documents))
+
+
+def comparable(session: Session, row: StoredInvestigation) -> Sequence[StoredInvestigation]:
+    """Return other finished investigations of the same axis or robot, newest first."""
+    same = (
+        StoredInvestigation.axis == row.axis if row.robot is None else StoredInvestigation.robot == row.robot,
+        StoredInvestigation.state == "done",
+        StoredInvestigation.id != row.id,
+    )
+    return session.scalars(
+        select(StoredInvestigation).where(*same).order_by(StoredInvestigation.id.desc()).limit(MOST_COMPARABLE)
+    ).all()
+
+
+def investigations_from(session: Session, diagnosis_id: str) -> Sequence[StoredInvestigation]:
+    """Return the investigations that were started from a diagnosis, newest first."""
+    started = StoredInvestigation.inputs["diagnosis_id"].as_string() == diagnosis_id
+    return session.scalars(select(StoredInvestigation).where(started).order_by(StoredInvestigation.id.desc())).all()
+
+
+def _sounds(library: CaseLibrary, row: StoredInvestigation, part: str) -> list[Recording]:
+    return [
+        replace(read_recording(library.audio.whole(str(one["sha256"])), channel=one.get("channel")), name=one["name"])
+        for one in files_of(row.inputs, part)
+    ]
 
 
 def _paths(library: CaseLibrary, row: StoredInvestigation, part: str) -> list[Path]:

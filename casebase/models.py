@@ -285,6 +285,12 @@ class StoredInvestigation(Base):
         self.written = given
 
     @property
+    def diagnosis_id(self) -> str | None:
+        """The diagnosis from which it was started."""
+        found = self.inputs.get("diagnosis_id")
+        return None if found is None else str(found)
+
+    @property
     def subject(self) -> str | None:
         """Name of the axis or robot."""
         return self.robot or self.axis

@@ -115,6 +115,7 @@ def take(browser: Browser, url: str, key: str, picture: Picture) -> None:
     page.wait_for_load_state("networkidle")
     page.wait_for_function(
         """() => [...document.querySelectorAll("[data-plot]")]
+            .filter((one) => one.checkVisibility())
             .filter((one) => one.getBoundingClientRect().bottom > 0 && one.getBoundingClientRect().top < innerHeight)
             .every((one) => one.dataset.ready)"""
     )

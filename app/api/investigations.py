@@ -4,8 +4,9 @@ import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import partial
+from typing import Annotated
 
-from fastapi import APIRouter, Request, Response, status
+from fastapi import APIRouter, Query, Request, Response, status
 from pydantic import AwareDatetime, BaseModel, Field
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -20,6 +21,7 @@ from app.investigations import (
     Measured,
     Question,
     accept,
+    compared,
     document_of,
     get_investigation,
     state_of,
@@ -35,14 +37,27 @@ from app.service import Reading, Service, TheService
 from app.uploads import TheUpload, Upload
 from app.web.self_contained import self_contained
 from casebase.axes import get_axis
+from casebase.diagnoses import get_diagnosis
 from casebase.models import RobotRevision, StoredInvestigation
 from casebase.pages import page
 from casebase.signals.table_kinds import table_kinds
 from sim.description.axis import Axis
 from sim.description.axis_document import parse_axis, read_axis
+from sim.discrepancy.report.comparison import Became
 
 router = APIRouter(tags=["investigations"])
-PARTS = ("axis", "telemetry", "sound", "as_new", "sound_offset_s", "channels", "robot", "urdf", "next_motion")
+PARTS = (
+    "axis",
+    "telemetry",
+    "sound",
+    "as_new",
+    "sound_offset_s",
+    "channels",
+    "robot",
+    "urdf",
+    "next_motion",
+    "diagnosis",
+)
 HTML, JSON, CSV = "text/html", "application/json", "text/csv"
 BODY = {
     "requestBody": {
@@ -51,7 +66,11 @@ BODY = {
             "multipart/form-data": {
                 "schema": {
                     "type": "object",
-                    "anyOf": [{"required": ["axis"]}, {"required": ["robot", "telemetry"]}],
+                    "anyOf": [
+                        {"required": ["axis"]},
+                        {"required": ["robot", "telemetry"]},
+                        {"required": ["diagnosis"]},
+                    ],
                     "additionalProperties": False,
                     "properties": {
                         "axis": {
@@ -93,6 +112,11 @@ BODY = {
                             "type": "boolean",
                             "description": "of a robot: find the next motion, too, which takes as long again",
                         },
+                        "diagnosis": {
+                            "type": "string",
+                            "description": "instead of a sound: id of a diagnosis, whose recording is the sound, and "
+                            "whose axis is meant where none is given",
+                        },
                         "sound_offset_s": {
                             "type": "number",
                             "description": "telemetry's time at its sound's start, the same for all",
@@ -118,6 +142,9 @@ class InvestigationAnswer(Answer):
     state: str
     axis: str | None
     robot: str | None = Field(None, description="instead of an axis, where all joints of a robot are investigated")
+    diagnosis_id: str | None = Field(
+        None, description="the diagnosis from which it was started, whose recording is heard"
+    )
     error: str | None
     created_at: AwareDatetime
     finished_at: AwareDatetime | None
@@ -141,6 +168,50 @@ class InvestigationDocument(BaseModel):
     findings: list[Finding]
 
 
+class SizeAnswer(Answer):
+    """A number with its unit and its 90 % interval, in words."""
+
+    name: str
+    value: str
+    interval: str
+
+
+class SideAnswer(Answer):
+    """What one of two investigations says of a finding."""
+
+    how_sure: str
+    sizes: list[SizeAnswer]
+
+
+class FindingBecame(Answer):
+    """A finding of either of two investigations, and what became of it."""
+
+    mechanism: str
+    location: str | None
+    became: Became
+    before: SideAnswer | None
+    after: SideAnswer | None
+
+
+class ValueBecame(Answer):
+    """A number of the description that both have estimated."""
+
+    name: str
+    became: Became
+    before: SizeAnswer
+    after: SizeAnswer
+
+
+class ComparisonAnswer(BaseModel):
+    """Two investigations of one axis or robot, the earlier first."""
+
+    before: str
+    after: str
+    other_description: bool = Field(description="whether they were held against different descriptions")
+    findings: list[FindingBecame]
+    values: list[ValueBecame]
+
+
 @router.post(
     "/investigations", status_code=status.HTTP_202_ACCEPTED, response_model=InvestigationJob, openapi_extra=BODY
 )
@@ -150,6 +221,8 @@ def investigate(_: Operator, upload: TheUpload, once: OnlyOnce, request: Request
     Of an axis: parts `axis`, and `telemetry`, `sound` or both. Of a robot: `robot` and `telemetry`, with `urdf` and an
     `axis` file for each that a joint names where the robot is not a stored one; `channels` where the columns do not
     name or count the joints, or are currents.
+
+    Instead of `sound`, `diagnosis`: the recording of a diagnosis, and its axis where none is given.
 
     `telemetry` and `sound` may come several times: recordings of one axis, whose evidence is taken together. The k-th
     sound belongs to the k-th telemetry; the document then has `recordings`, each with what it says by itself. Sound
@@ -205,14 +278,32 @@ def asked_of(service: Service, upload: Upload) -> Asked:
         wanted = _wants_motion(upload)
         take = partial(take_in_robot, service.library, robot, urdf, telemetry, channels, next_motion=wanted)
         return Asked((robot.document, robot.urdf, hashes, wanted, *mapped), take)
+    diagnosed = upload.fields.get("diagnosis", "").strip() or None
+    if diagnosed is not None:
+        sounds = (_recorded(service, upload, diagnosed),)
     axis = axis_of(service, upload)
     offset = offset_of(upload)
-    take = partial(take_in, service.library, axis, telemetry, sounds, offset, as_new, channels)
-    return Asked((axis.to_mapping(), hashes, offset, *mapped), take)
+    take = partial(take_in, service.library, axis, telemetry, sounds, offset, as_new, channels, diagnosed)
+    return Asked((axis.to_mapping(), hashes, offset, *mapped, *([diagnosed] if diagnosed else [])), take)
+
+
+def _recorded(service: Service, upload: Upload, diagnosis_id: str) -> Measured:
+    """Return the recording of a diagnosis as a sound; its axis is meant where the form has none."""
+    if "sound" in upload.files:
+        raise Unprocessable(
+            "The parts 'diagnosis' and 'sound' do not go together: the diagnosis' recording is the sound."
+        )
+    with service.library.reading() as session:
+        row = get_diagnosis(session, diagnosis_id).recording
+    if row.erased_at is not None:
+        raise Unprocessable(f"The recording of diagnosis {diagnosis_id} was erased; send a sound instead.")
+    if row.axis and "axis" not in upload.files:
+        upload.fields.setdefault("axis", row.axis)
+    return Measured(service.library.retrieve.audio_path(row), row.file_name, row.channel)
 
 
 def _refuse_sound(upload: Upload) -> None:
-    if besides := sorted({"sound", "as_new", "sound_offset_s"} & {*upload.files, *upload.fields}):
+    if besides := sorted({"sound", "as_new", "sound_offset_s", "diagnosis"} & {*upload.files, *upload.fields}):
         raise Unprocessable(
             f"The part {besides[0]!r} does not go with a robot: sound is investigated with the axis of the joint that "
             "is heard; leave it out, or send 'axis' instead of 'robot'."
@@ -299,6 +390,24 @@ def investigation_report(
     if chosen(request.headers.get("accept"), (HTML, JSON)) == JSON:
         return Response(document.model_dump_json(), media_type=JSON, headers={"Vary": "Accept"})
     return self_contained(row.report or "", "'self'", Vary="Accept")
+
+
+@router.get("/investigations/{investigation_id}/comparison")
+def compare_investigations(
+    _: Viewer,
+    session: Reading,
+    investigation_id: Identifier,
+    other: Annotated[str, Query(alias="with", max_length=32, description="id of another one of the same axis")],
+) -> ComparisonAnswer:
+    """What came, what went and what has another size, between two finished investigations of one axis or robot."""
+    found = compared(session, investigation_id, other)
+    return ComparisonAnswer(
+        before=found.before.id,
+        after=found.after.id,
+        other_description=found.other_description,
+        findings=[FindingBecame.model_validate(row, from_attributes=True) for row in found.rows],
+        values=[ValueBecame.model_validate(one, from_attributes=True) for one in found.values],
+    )
 
 
 @router.get(

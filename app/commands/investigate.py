@@ -22,11 +22,12 @@ from sim.discrepancy.data.pairing import check_pairs
 from sim.discrepancy.investigation import Progress, investigate
 from sim.discrepancy.pooling.joint_investigation import investigate_together
 from sim.discrepancy.pooling.pooled_estimates import Taken
+from sim.discrepancy.report.box import unexplained_words
 from sim.discrepancy.report.checks import ROWS, checked
 from sim.discrepancy.report.formatting import angle, likely, named
 from sim.discrepancy.report.html import html_report
 from sim.discrepancy.report.joint_html import html_report_together
-from sim.discrepancy.report.wording import headline, unexplained_words
+from sim.discrepancy.report.wording import headline
 from sim.discrepancy.results import Estimate, Investigation
 
 Read = TypeVar("Read")

@@ -6,7 +6,6 @@ from typing import Any
 
 from markupsafe import Markup
 
-from sim.mechanisms.catalogue import is_in_every_axis
 from sim.robot import picture
 
 Document = Mapping[str, Any]
@@ -30,11 +29,6 @@ class JointView:
 def joints_of(document: Document) -> list[JointView]:
     """Return the joints of a document, in the log's order."""
     return [_joint(document, joint) for joint in document["joints"]]
-
-
-def beyond_usual(document: Document) -> list[Document]:
-    """Return the findings that stand at the top: all but usual friction."""
-    return [finding for finding in document["findings"] if not is_in_every_axis(finding["mechanism"])]
 
 
 def of_robot(document: Document) -> list[Document]:

@@ -1,6 +1,7 @@
 """The panels and candidates of an investigation, as charts and rows of a page."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
@@ -8,9 +9,11 @@ import numpy as np
 from app.errors import NotFound
 from app.web.charts import Chart
 from app.web.svg import Band, Marker, Series
-from sim.discrepancy.report.panels import style_of
+from sim.description.axis import Axis
+from sim.discrepancy.report.box import Entry, box_of
+from sim.discrepancy.report.panels import AS_DESCRIBED, style_of
 
-Part = Literal["overlay", "residual", "sound"]
+Part = Literal["causes", "overlay", "residual", "sound"]
 WEIGHED = ("explains", "needed", "instead_of", "behind")
 
 
@@ -29,6 +32,30 @@ def panel_of(document: Mapping[str, Any], part: Part, number: int) -> Chart:
     if not 0 <= number < len(panels):
         raise NotFound(f"This investigation has {len(panels)} panels of its {part}.")
     return panels[number]
+
+
+@dataclass(frozen=True)
+class Shown:
+    """An entry of the box, and the chart that shows it with its place among the causes' charts."""
+
+    entry: Entry
+    chart: Chart | None = None
+    place: int = 0
+
+    @property
+    def has_parts(self) -> bool:
+        """Whether the chart holds the torque of this one cause against the model without it."""
+        return self.chart is not None and any(one.name == AS_DESCRIBED for one in self.chart.series)
+
+
+def box_shown(document: Mapping[str, Any], axis: Axis | None) -> list[Shown]:
+    """Return what a technician reads first, each with the plot that shows it as far as one was kept."""
+    placed = {panel["finding"]: place for place, panel in enumerate(document["story"].get("causes", ()))}
+    charts = panels_of(document, "causes")
+    return [
+        Shown(entry, charts[placed[entry.finding]], placed[entry.finding]) if entry.finding in placed else Shown(entry)
+        for entry in box_of(document, axis)
+    ]
 
 
 def candidates_of(document: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:

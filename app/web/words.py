@@ -1,13 +1,14 @@
 """A diagnosis in the words of whoever stands at the robot: what it is, how sure, what to do next."""
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 from markupsafe import Markup
 
 from app.web.templating import percent, quantity, sentence
-from sim.discrepancy.report.formatting import angle, named, words_of
+from sim.discrepancy.report.comparison import Row
+from sim.discrepancy.report.formatting import angle, named
 
 NAMES = {
     "normal": "no fault indicated",
@@ -29,7 +30,6 @@ CHECKS = {
         "Record again with another payload: backlash is heard where the torque reverses.",
     ),
 }
-SHOWN_UNITS = {"_rad_s": "rad/s", "_rad": "rad", "_hz": "Hz", "_s": "s"}
 SIZES = {"depth_rad": ("Depth of the damage", "deep"), "gap_rad": ("Width of the backlash", "wide")}
 """What the size of a fault is called beside the verdict, and in it."""
 CALIBRATED_FROM = 2
@@ -253,37 +253,17 @@ def investigation_headline(document: Mapping[str, Any]) -> str:
     """Say in one line what an investigation found.
 
     >>> investigation_headline({"verdict": "nothing_missing", "findings": []})
-    'Nothing that these data could show is missing in the model'
+    'Nothing was found that these data could show'
     """
     told = document.get("story", {}).get("headline")
     if told:
         return str(told).removesuffix(".")
     if document["verdict"] == "nothing_missing":
-        return "Nothing that these data could show is missing in the model"
+        return "Nothing was found that these data could show"
     if document["verdict"] == "unnamed":
-        return "Something is missing in the model that no known mechanism explains"
+        return "Something is there that no known mechanism explains"
     names = [place_words(finding) for finding in document["findings"]]
-    return f"Missing in the model: {', '.join(names)}"
-
-
-def unexplained_words(found: Mapping[str, Any]) -> str:
-    """Say where in the data something is left that no mechanism explains.
-
-    >>> unexplained_words({"kind": "frequency", "channel": "motor_torque_nm", "share": 0.2, "frequency_hz": 37.0})
-    'In the residual of the motor torque a frequency of 37\\xa0Hz stands out: 20\\xa0% of its energy.'
-    """
-    kind, share = found["kind"], percent(found["share"])
-    numbers = {name: value for name, value in found.items() if name not in ("kind", "channel", "share", "score")}
-    direction = {1.0: ", turning forward", -1.0: ", turning backward"}.get(numbers.pop("direction", 0.0), "")
-    name, value = next(iter(numbers.items()), ("", None))
-    unit = next((unit for ending, unit in SHOWN_UNITS.items() if name.endswith(ending)), "")
-    place = f" of {quantity(value, unit)}" if value is not None else ""
-    channel = words_of(found["channel"])
-    what = f"{'an' if kind == 'angle' else 'a'} {kind}{place}{direction}"
-    if name == "order":
-        changes = "a transmission error that comes" if kind == "transmission error" else "friction that changes"
-        what = f"{changes} {value:g} times per turn of the load"
-    return f"In the residual of the {channel} {what} stands out: {share} of its energy."
+    return f"Found: {', '.join(names)}"
 
 
 def place_words(finding: Mapping[str, Any]) -> str:
@@ -307,3 +287,20 @@ def finding_words(finding: Mapping[str, Any]) -> str:
     others = [named(str(name)) for name in finding.get("indistinguishable_from", ())]
     rest = f"; in these data it looks the same as {' or '.join(others)}" if others else ""
     return f"{likely_words(finding)}{rest}"
+
+
+def comparison_headline(rows: Sequence[Row]) -> str:
+    """Say in one line what became of what was found.
+
+    >>> came = Row("backlash", "output", "came", None, None)
+    >>> comparison_headline([came])
+    'Came: backlash (play) at output'
+    >>> comparison_headline([])
+    'Nothing changed beyond what the data leave open'
+    """
+    told = [
+        f"{word}: {', '.join(row.name for row in rows if row.became == word.lower())}"
+        for word in ("Came", "Larger", "Went", "Smaller")
+        if any(row.became == word.lower() for row in rows)
+    ]
+    return ". ".join(told) or "Nothing changed beyond what the data leave open"

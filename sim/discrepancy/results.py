@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
 
-from casebase.signals.recording import Recording
-from sim.description.axis import Axis
-from sim.discrepancy.acoustic.evidence import Listening
-from sim.discrepancy.assessment.posterior import Evidence
-from sim.discrepancy.data.validation import Gate
-from sim.discrepancy.report.panels import Panel
-from sim.discrepancy.search.search import Selection
+if TYPE_CHECKING:  # a page that shows a document needs none of what found it
+    from casebase.signals.recording import Recording
+    from sim.description.axis import Axis
+    from sim.discrepancy.acoustic.evidence import Listening
+    from sim.discrepancy.assessment.posterior import Evidence
+    from sim.discrepancy.data.validation import Gate
+    from sim.discrepancy.report.panels import Panel
+    from sim.discrepancy.search.search import Selection
 
 SAID = 0.5  # probability from which a name is said
 
@@ -161,6 +163,7 @@ def finding_document(f: Finding) -> dict[str, object]:
         ],
         "indistinguishable_from": list(f.indistinguishable_from),
         "explanation": f"{f.explanation} {f.action}".strip(),
+        "action": f.action,
         **({"elsewhere": list(f.elsewhere)} if f.elsewhere else {}),
     }
 
@@ -235,3 +238,12 @@ class Unexplained:
     share: float
     score: float
     numbers: Mapping[str, float]
+
+
+def unexplained_of(document: Mapping[str, Any]) -> Unexplained:
+    """Read back what `unexplained_document` wrote."""
+    told = {"kind", "channel", "share", "score"}
+    numbers = {name: float(value) for name, value in document.items() if name not in told}
+    return Unexplained(
+        document["kind"], document["channel"], float(document["share"]), float(document.get("score", 0.0)), numbers
+    )

@@ -15,10 +15,11 @@ from numpy.typing import NDArray
 
 from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, Mode
 from sim.description.axis import Axis, MechanismEntry, Motion
-from sim.errors import ParameterError, near_match
+from sim.errors import ParameterError, SimulationError, near_match
 from sim.experiment.scenario import Scenario
 from sim.experiment.specimen import Specimen
 from sim.mechanisms import MECHANISMS, Backlash, BearingDefect, ElectricalHum, ToothDamage
+from sim.mechanisms.catalogue import with_mechanism
 from sim.mechanisms.mechanism import Measurement, Mechanism, Parameter
 
 Array = NDArray[np.float64]
@@ -83,6 +84,21 @@ def labels() -> tuple[str, ...]:
     """All labels that can be generated: those of `LABELS`, then mechanisms by name."""
     others = (name for name, kind in MECHANISMS.items() if name not in LABELS.values() and not _is_silent(kind))
     return (*LABELS, *others)
+
+
+def labels_of(axis: Axis) -> tuple[str, ...]:
+    """Those of `labels` that an axis can have: its description has the part, with the numbers that are needed."""
+    return tuple(label for label in labels() if _can_have(axis, LABELS.get(label, label)))
+
+
+def _can_have(axis: Axis, name: str | None) -> bool:
+    if name is None:
+        return True
+    try:
+        Specimen(0).chain(with_mechanism(axis, MECHANISMS[name]()), axis.load.inertia_kg_m2)
+    except SimulationError:
+        return False
+    return True
 
 
 def _is_silent(kind: type[Mechanism]) -> bool:

@@ -21,7 +21,7 @@ class KinematicError(Mechanics):
         Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
     )
     size: ClassVar[str] = "amplitude_rad"
-    signature: ClassVar[Signature] = Signature("angle", order="order", grows_with="speed")
+    signature: ClassVar[Signature] = Signature("angle", order="order", grows_with="speed", of_input_shaft=True)
     equations: ClassVar[str] = "x = theta_driver / i - theta_driven - amplitude sin(order theta_driver + phase)"
     source: ClassVar[str] = "Tuttle and Seering, IEEE Trans. Robotics and Automation 12 (1996) 368: harmonic drive"
     sentence: ClassVar[str] = (

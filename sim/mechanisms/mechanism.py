@@ -72,6 +72,8 @@ class Signature:
         Whether it differs by direction of motion, or comes where the motion turns.
     grows_with
         What makes it larger.
+    of_input_shaft
+        Whether the order is that of the shaft that drives the gear at its location.
     """
 
     domain: Literal["angle", "speed", "torque", "twist", "time", "reversal", "frequency", "recording"]
@@ -80,6 +82,7 @@ class Signature:
     flank: Literal["one", "both"] = "both"
     direction: Literal["same", "opposite", "one", "reversal"] = "same"
     grows_with: Literal["nothing", "load", "speed", "time", "twist"] = "nothing"
+    of_input_shaft: bool = False
 
 
 @dataclass(frozen=True)
@@ -107,6 +110,8 @@ class Mechanism(ABC):
     parameters: ClassVar[tuple[Parameter, ...]]
     workshop_name: ClassVar[str] = ""
     """What a workshop calls it, where that is another word."""
+    damage: ClassVar[str] = ""
+    """Which damage of teeth can make it, by the names of ISO 10825-1; nothing where none does."""
     size: ClassVar[str]
     """The parameter of which 0 means that the effect is not there."""
     needs: ClassVar[frozenset[Need]] = frozenset()

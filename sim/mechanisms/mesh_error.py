@@ -25,6 +25,7 @@ class MeshError(Mechanics):
     size: ClassVar[str] = "amplitude_rad"
     shown_by: ClassVar[frozenset[Need]] = frozenset({Need.TWO_ROWS_PER_TOOTH})
     signature: ClassVar[Signature] = Signature("angle", order="mesh", grows_with="speed")
+    damage: ClassVar[str] = "wear of all teeth alike: sliding wear, scuffing, pitting (surface fatigue)"
     equations: ClassVar[str] = (
         "x = theta_driver / i - theta_driven - amplitude sin(z theta_driven + phase)"
         " - second_amplitude sin(2 z theta_driven + second_phase)"

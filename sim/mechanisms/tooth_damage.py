@@ -36,6 +36,7 @@ class ToothDamage(Mechanics):
     signature: ClassVar[Signature] = Signature(
         "angle", order=1, per_cycle=1, flank="one", direction="one", grows_with="load"
     )
+    damage: ClassVar[str] = "tooth breakage; pitting or spalling of one tooth (surface fatigue)"
     equations: ClassVar[str] = "contact at x = gap / 2 + depth (1 - |u|^form)^4, u = (theta - angle) / width, |u| < 1"
     source: ClassVar[str] = (
         "local loss of flank as a displacement: Liang, Zuo and Feng, Mech. Syst. Signal Process. 98 (2018)"

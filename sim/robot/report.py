@@ -12,9 +12,10 @@ from collections.abc import Iterable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.discrepancy.report.box import box_of_robot
 from sim.discrepancy.report.drawing import svg
 from sim.discrepancy.report.formatting import likely, number, words_of
-from sim.discrepancy.report.html import STYLE, estimate_cells, html_report, table
+from sim.discrepancy.report.html import STYLE, drawn_box, estimate_cells, html_report, table
 from sim.discrepancy.report.joint_html import FOLD, STYLES, WIDTH, body_of
 from sim.discrepancy.report.panels import EXTENDED, MEASURED, RIGID, Panel
 from sim.discrepancy.report.residual_panels import channels
@@ -78,7 +79,6 @@ def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
     pages = [html_report(joint.investigation) for joint in result.joints]
     head = "".join(dict.fromkeys(style for page in pages for style in STYLES.findall(page.split("<body")[0])))
     name = html.escape(result.robot.name)
-    from_files = f" · {html.escape(', '.join(files))}" if files else ""
     stories = [
         f"<details><summary>{html.escape(joint.name)}: {SAYS[joint.investigation.verdict]}</summary>"
         f'<div id="joint-{place}">{body_of(page, place)}</div></details>'
@@ -86,8 +86,11 @@ def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
     ]
     body = "\n".join(
         [
-            f'<header class="box"><p class="quiet">Model against measurement: {name}{from_files}</p><h1>{html.escape(headline(result))}</h1>'
-            f"<p>Next measurement: {html.escape(result.next_measurement)}</p></header>",
+            drawn_box(
+                ", ".join([result.robot.name, *files]), headline(result),
+                [(entry, None) for entry in box_of_robot(result.document())],
+                [("Next measurement", result.next_measurement)],
+            ),
             *(f"<p>{html.escape(remark)}</p>" for remark in result.remarks),
             "<h2>The arm and its joints</h2>", _picture(result), _joints(result),
             "<h2>Findings</h2>", *_told(result),

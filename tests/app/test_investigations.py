@@ -3,6 +3,7 @@
 import csv
 import io
 import math
+from hashlib import sha256
 
 import httpx
 import numpy as np
@@ -172,6 +173,38 @@ def test_sound_is_compared_with_sound_as_new(operator: httpx.Client, live_server
     assert "may.wav" in operator.get(f"{URL}/{row.id}/report", headers={"Accept": "text/html"}).text
 
 
+def test_a_diagnosis_brings_its_recording_and_its_axis(
+    operator: httpx.Client, admin: httpx.Client, live_server: LiveServer
+) -> None:
+    """The sound is what was diagnosed, its channel included; both lead to each other."""
+    described = {"name": "heard axis", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 1.0}}
+    admin.post("/api/v1/axes", json=described).raise_for_status()
+    files = {"file": ("a.wav", sound(21)), "metadata": (None, '{"axis": "heard axis"}')}
+    diagnosed = operator.post("/api/v1/diagnoses", files=files).raise_for_status().json()
+    given = {"diagnosis": (None, diagnosed["id"])}
+    asked = operator.post(URL, files=given).raise_for_status().json()
+    identity = asked["investigation_id"]
+    library = CaseLibrary.open(live_server.data_dir)
+    with library.reading() as session:
+        inputs = get_investigation(session, identity).inputs
+    kept = {"name": "a.wav", "sha256": sha256(sound(21)).hexdigest(), "suffix": ".wav", "channel": 0}
+    assert inputs["sound"] == [kept]
+    perform(library, identity, lambda stage, share: None)
+    library.close()
+    listed = operator.get(URL, params={"limit": 1}).json()["items"][0]
+    assert (listed["diagnosis_id"], listed["axis"]) == (diagnosed["id"], "heard axis")
+    cookies = {"gearcase_key": live_server.keys["viewer"]}
+    here, there = f"/diagnoses/{diagnosed['id']}", f"/investigations/{identity}"
+    for page, other in ((here, there), (there, here)):
+        text = httpx.get(f"{live_server.url}{page}", cookies=cookies).raise_for_status().text
+        assert f'href="{other}"' in text
+    both = operator.post(URL, files={**given, "sound": ("b.wav", sound(22))})
+    assert (both.status_code, "do not go together" in both.json()["detail"]) == (422, True)
+    admin.delete(f"/api/v1/recordings/{diagnosed['recording']['id']}").raise_for_status()
+    gone = operator.post(URL, files={**given, "sound_offset_s": (None, "1.0")})
+    assert (gone.status_code, "was erased" in gone.json()["detail"]) == (422, True)
+
+
 @pytest.mark.parametrize(
     ("parts", "told"),
     [
@@ -229,11 +262,48 @@ def test_several_telemetries_become_one_document_and_one_report(
     assert [one["name"] for one in document["recordings"]] == ["monday.csv", "friday.csv"]
     assert {f["mechanism"] for f in document["findings"]} == {"coulomb_friction", "viscous_friction"}
     page = viewer.get(f"{URL}/{identity}/report", headers={"Accept": "text/html"}).text
-    assert page.count("<details") == 2
+    assert page.count('<details id="recording-') == 2
     cookies = {"gearcase_key": live_server.keys["viewer"]}
     shown = httpx.get(f"{live_server.url}/investigations/{identity}", cookies=cookies).raise_for_status().text
-    assert shown.index("<h2>Recordings</h2>") < shown.index("monday.csv") < shown.index("friday.csv")
+    listed = shown.index("<h2>Recordings</h2>")
+    assert listed < shown.index("monday.csv", listed) < shown.index("friday.csv", listed)
+    assert "torque over speed, in " in shown  # one plot of each, of the recording that shows it most surely
     stored = admin.post(f"{URL}/{identity}/accept").raise_for_status().json()
     friction = stored["document"]["motor"]["coulomb_friction_n_m"]
     assert friction == document["extended_axis"]["motor"]["coulomb_friction_n_m"]
     assert friction == pytest.approx(1.0, rel=0.05)
+
+
+def test_two_of_one_axis_are_compared_and_those_of_two_axes_refused(
+    viewer: httpx.Client, live_server: LiveServer
+) -> None:
+    """The earlier stands first, whichever is asked for."""
+    library = CaseLibrary.open(live_server.data_dir)
+    ids = {}
+    with library.transaction("test") as session:
+        for name, axis, findings in (
+            ("earlier", "twice", []),
+            ("later", "twice", [{"mechanism": "backlash", "location": "output", "probability": 0.95}]),
+            ("other", "once", []),
+        ):
+            document = {**DOCUMENT, "verdict": "named" if findings else "nothing_missing", "findings": findings}
+            row = StoredInvestigation(
+                state="done", axis=axis, axis_document={}, inputs={}, document=document, created_by="me"
+            )
+            session.add(row)
+            session.flush()
+            ids[name] = row.id
+    library.close()
+    for first, second in (("earlier", "later"), ("later", "earlier")):
+        found = viewer.get(f"{URL}/{ids[first]}/comparison", params={"with": ids[second]}).raise_for_status().json()
+        assert (found["before"], found["after"]) == (ids["earlier"], ids["later"])
+        assert [(one["mechanism"], one["became"]) for one in found["findings"]] == [("backlash", "came")]
+    refused = viewer.get(f"{URL}/{ids['later']}/comparison", params={"with": ids["other"]})
+    assert (refused.status_code, "'once'" in refused.json()["detail"]) == (409, True)
+    cookies = {"gearcase_key": live_server.keys["viewer"]}
+    with httpx.Client(base_url=live_server.url, cookies=cookies) as browser:
+        page = browser.get(f"/investigations/{ids['later']}").raise_for_status().text
+        assert f'<option value="{ids["earlier"]}">' in page
+        assert ids["other"] not in page
+        shown = browser.get(f"/investigations/{ids['later']}/compare", params={"with": ids["earlier"]})
+    assert "<h1>Came: backlash (play) at output</h1>" in shown.raise_for_status().text

@@ -284,6 +284,6 @@ def settle(page: Page) -> None:
     """Wait until every plot in sight is drawn."""
     page.wait_for_function(
         """() => [...document.querySelectorAll("[data-plot]")]
-            .filter((plot) => plot.getBoundingClientRect().top < innerHeight)
+            .filter((plot) => plot.checkVisibility() && plot.getBoundingClientRect().top < innerHeight)
             .every((plot) => plot.dataset.ready)"""
     )

@@ -184,6 +184,21 @@ def test_sound_is_asked_to_be_held_against_sound_as_new(opened: Opened, site: Si
         client.delete(f"/api/v1/jobs/{identity}").raise_for_status()
 
 
+def test_an_investigation_is_started_from_a_diagnosis_and_leads_back(opened: Opened, site: Site) -> None:
+    with opened("operator", f"/diagnoses/{site.diagnosis}") as page:
+        page.get_by_role("link", name="Investigate", exact=True).click()
+        expect(page.get_by_label("Stored axis")).to_have_value("bench")
+        page.get_by_role("button", name="Investigate").click()
+        page.wait_for_url("**/jobs/*")
+        identity = page.url.rsplit("/", 1)[1]
+        page.goto(f"{site.url}/investigations/{identity}")
+        page.locator(".crumbs a").last.click()
+        page.wait_for_url(DIAGNOSIS)
+        expect(page.locator(f'a[href$="/investigations/{identity}"]')).to_be_visible()
+    with site.server.client() as client:
+        client.delete(f"/api/v1/jobs/{identity}").raise_for_status()
+
+
 def test_a_log_of_other_columns_fills_its_map_in(opened: Opened, site: Site) -> None:
     """The columns are told as soon as the file is chosen; what is asked for is filled in, and the log is taken."""
     rows = "".join(f"{k},{k % 7},{k % 5}\n" for k in range(20_000))
@@ -287,12 +302,16 @@ def test_better_model_is_accepted_once(opened: Opened, site: Site) -> None:
     """The story has overlay and residual as a pair with the noise floor; accepting it twice makes one revision."""
     path = f"/investigations/{site.investigation}"
     with opened("admin", path) as page:
-        expect(page.get_by_role("heading", level=1)).to_have_text("Missing in the model: friction asymmetry at motor")
+        expect(page.get_by_role("heading", level=1)).to_have_text("Found: friction asymmetry at motor")
+        cause = page.get_by_role("figure", name="Friction asymmetry at motor: torque over speed")
+        expect(cause.locator("[data-ready] canvas")).to_be_visible()
+        for folded in ("Not examined", "Measurement, model and residual", "Where the residual is"):
+            page.locator("summary", has_text=folded).click()
         for title in ("Motor torque: measured and simulated", "Motor torque: residual", "Motor torque by speed"):
             page.get_by_role("region", name=title).scroll_into_view_if_needed()
             expect(page.get_by_role("region", name=title).locator("[data-ready] canvas")).to_be_visible()
         expect(page.get_by_role("region", name="Motor torque: residual").get_by_text("noise floor")).to_be_visible()
-        expect(page.get_by_role("heading", name="Not examined")).to_be_visible()
+        expect(page.get_by_text("rolling bearings were not examined")).to_be_visible()
         page.get_by_role("button", name="Accept as new revision").click()
         page.wait_for_url("**/axes/one*body")
         expect(page.get_by_text("Revision 2,")).to_be_visible()  # the first is the description as it was given

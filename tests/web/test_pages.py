@@ -54,6 +54,7 @@ VIEWER_PAGES = (
     "/library",
     "/library/map?recording={recording}",
     "/library/review",
+    "/library/labels",
     "/library/coverage",
     "/library/evaluation",
     "/cases/{case}",
@@ -62,6 +63,7 @@ VIEWER_PAGES = (
     "/axes/bench/try",
     "/investigations",
     "/investigations/{investigation}",
+    "/investigations/{investigation}/compare?with={investigation}",
 )
 OPERATOR_PAGES = ("/diagnoses/new", "/investigations/new", "/jobs")
 ADMIN_PAGES = (

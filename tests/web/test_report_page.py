@@ -42,9 +42,20 @@ def shown(browser: Browser, report: str, width: int, **given: Any) -> tuple[Page
 @pytest.mark.parametrize("width", [360, 390, 1200])
 def test_nothing_runs_off_and_plots_can_be_read(browser: Browser, report: str, width: int) -> None:
     page, asked = shown(browser, report, width)
+    page.evaluate("document.querySelectorAll('details').forEach(one => (one.open = true))")
     assert page.evaluate("document.documentElement.scrollWidth") <= width
     assert min(page.evaluate(SMALLEST)) >= (9.0 if width >= 390 else 8.0)
     assert asked == []
+    page.context.close()
+
+
+@pytest.mark.browser
+def test_what_is_folded_is_printed(browser: Browser, report: str) -> None:
+    page, _ = shown(browser, report, 1200)
+    seen = "[...document.querySelectorAll('details figure')].map(one => one.checkVisibility())"
+    assert not any(page.evaluate(seen))
+    page.emulate_media(media="print")
+    assert all(page.evaluate(seen))
     page.context.close()
 
 

@@ -11,6 +11,7 @@ from sqlalchemy import select
 from app.errors import Unprocessable
 from app.gate import Looking
 from app.intake import take_in
+from app.investigations import investigations_from
 from app.metadata import RecordingMetadata, read_metadata
 from app.security import Principal, check_csrf
 from app.service import Reading, Service, TheService
@@ -21,7 +22,7 @@ from app.web.pages.recordings import demo_ids
 from app.web.report import diagnosis_html, diagnosis_pdf
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer, SignInNeeded, Visitor, below_root
 from app.web.templating import Message, render
-from app.web.words import VERDICTS, how_sure
+from app.web.words import VERDICTS, how_sure, investigation_headline
 from casebase.axes import find_axis
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
 from casebase.models import Case, StoredDiagnosis
@@ -157,6 +158,10 @@ def shown(
     labels = sorted({label for label, _ in counts_of(service.library, session)})
     context |= {"demo": demo, "orders": orders, "curl": curl, "labels": labels, "overlay": case}
     context["kept"] = session.scalars(select(Case).where(Case.diagnosis_id == row.id).order_by(Case.id)).all()
+    context["investigations"] = [
+        (each, investigation_headline(each.document) if each.document else each.error or each.state)
+        for each in investigations_from(session, row.id)
+    ]
     context["described"] = row.recording.axis is None or find_axis(session, row.recording.axis) is not None
     notices = (Message("Your verdict is saved.", ""),) if request.query_params.get("done") else ()
     return render(request, "diagnosis.html", context, principal=principal, section="/diagnoses", messages=notices)

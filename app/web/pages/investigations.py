@@ -2,10 +2,10 @@
 
 from collections.abc import Mapping
 from dataclasses import asdict
-from typing import Any
+from typing import Annotated, Any
 from urllib.parse import quote
 
-from fastapi import APIRouter, Request
+from fastapi import APIRouter, Query, Request
 from fastapi.responses import JSONResponse, RedirectResponse, Response
 from sqlalchemy import select
 from sqlalchemy.orm import Session
@@ -13,24 +13,43 @@ from sqlalchemy.orm import Session
 from app.api.investigations import asked_of, axis_of
 from app.api.recordings import UNCHANGING
 from app.errors import Unprocessable
-from app.investigations import KIND, accept, document_of, get_investigation, submit, trajectory_of
+from app.investigations import (
+    KIND,
+    PARTS,
+    accept,
+    comparable,
+    compared,
+    document_of,
+    get_investigation,
+    names_of,
+    submit,
+    trajectory_of,
+)
 from app.security import Principal, check_csrf
 from app.service import Reading, TheJobs, TheService
 from app.uploads import TheUpload, Upload
 from app.web.log_preview import log_preview, sound_preview
-from app.web.robot import arm_of, beyond_usual, joints_of, of_robot
+from app.web.robot import arm_of, joints_of, of_robot
 from app.web.self_contained import self_contained
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
-from app.web.story import Part, candidates_of, panel_of, panels_of
-from app.web.templating import render
-from app.web.words import finding_words, investigation_headline, likely_words, unexplained_words
+from app.web.story import Part, Shown, box_shown, candidates_of, panel_of, panels_of
+from app.web.templating import instant, render
+from app.web.words import comparison_headline, finding_words, investigation_headline, likely_words, verdict_of
+from app.web.work_sheet import Sheet, investigation_pdf
 from casebase import revisions
 from casebase.axes import list_axes
+from casebase.diagnoses import get_diagnosis
 from casebase.models import AxisRevision, RobotRevision, StoredInvestigation
 from casebase.pages import page
 from casebase.signals.joint_maps import joint_map_template
 from casebase.signals.table_kinds import TEXT, binary_endings, table_kinds
 from casebase.signals.telemetry import recognise_columns
+from sim.description.axis import Axis
+from sim.description.axis_document import read_axis
+from sim.discrepancy.report.box import box_of_robot, refused, unexplained_words
+from sim.discrepancy.report.panels import SHOWS
+from sim.discrepancy.results import unexplained_of
+from sim.errors import AxisError
 from sim.robot.picture import legend
 
 router = APIRouter(prefix="/investigations")
@@ -49,9 +68,17 @@ def investigation_list(
 
 
 @router.get("/new")
-def ask_page(request: Request, session: Reading, principal: PageOperator) -> Response:
-    """The form."""
+def ask_page(
+    request: Request,
+    session: Reading,
+    principal: PageOperator,
+    diagnosis: Annotated[str, Query(max_length=32)] = "",
+) -> Response:
+    """The form; started from a diagnosis its recording is the sound, and its axis is chosen."""
+    recording = get_diagnosis(session, diagnosis).recording if diagnosis else None
     context = {
+        "diagnosis": diagnosis,
+        "recording": recording,
         "axes": [row.name for row in list_axes(session)],
         "robots": [row.name for row in revisions.current(session, RobotRevision)],
         "base_url": str(request.base_url).rstrip("/"),
@@ -71,9 +98,9 @@ def ask(request: Request, principal: PageOperator, upload: TheUpload, service: T
     name = upload.fields.get("axis_name", "").strip()
     robot = upload.fields.pop("robot_name", "").strip()
     if not {"axis", "robot", "urdf"} & {*upload.files}:
-        if not name and not robot:
+        if not name and not robot and not upload.fields.get("diagnosis"):
             raise Unprocessable("Choose a stored axis or robot, or send its axis.toml or robot.toml.")
-        upload.fields.update({"axis": name} if name else {"robot": robot})
+        upload.fields.update({"axis": name} if name else {"robot": robot} if robot else {})
     question = asked_of(service, upload).take_in()
     with service.library.transaction(principal.actor) as session:
         row = submit(session, question)
@@ -116,37 +143,87 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
     document: dict[str, Any] = dict(row.document or {})
     if row.robot:
         return _robot_page(request, session, row, document, principal)
-    heard = "telemetry" not in row.inputs  # whose probabilities were never calibrated, nor said so by older versions
-    findings = [{"calibrated": not heard, **finding} for finding in document.get("findings", ())]
     context = {
         "row": row,
         "document": document,
         "headline": investigation_headline(document) if document else None,
-        "findings": [(finding, finding_words(finding)) for finding in findings],
+        "box": box_of_row(row),
+        "shows": SHOWS,
         "likely_words": likely_words,
-        "unexplained": unexplained_words(document["unexplained"]) if document.get("unexplained") else None,
+        "unexplained": unexplained_in_words(document),
         "overlay": panels_of(document, "overlay"),
         "residual": panels_of(document, "residual"),
         "sound": panels_of(document, "sound"),
         "candidates": candidates_of(document),
         "checked": document.get("story", {}).get("checked", ()),
         "not_examined": document.get("story", {}).get("not_examined", ()),
+        "diagnosed": diagnosis_words(session, row),
+        "others": others_of(session, row),
         "accepted": session.scalars(select(AxisRevision).where(AxisRevision.investigation_id == row.id)).first(),
     }
     return render(request, "investigation.html", context, principal=principal, section=SECTION)
+
+
+def others_of(session: Session, row: StoredInvestigation) -> list[tuple[StoredInvestigation, str]]:
+    """Return what a finished investigation can be compared with, and what each found."""
+    if row.document is None:
+        return []
+    return [(one, investigation_headline(one.document or {})) for one in comparable(session, row)]
+
+
+def diagnosis_words(session: Session, row: StoredInvestigation) -> str | None:
+    """Say what the diagnosis said from which an investigation was started."""
+    if row.diagnosis_id is None:
+        return None
+    return verdict_of(get_diagnosis(session, row.diagnosis_id).document).headline
+
+
+def unexplained_in_words(document: Mapping[str, Any]) -> str:
+    """Say what is left beside what was found; nothing where that is the verdict itself."""
+    found = document.get("unexplained")
+    return unexplained_words(unexplained_of(found)) if found and document["verdict"] != "unnamed" else ""
+
+
+def box_of_row(row: StoredInvestigation) -> list[Shown]:
+    """Return what a technician reads first; of one that is at work, nothing."""
+    if row.error is not None:
+        return [Shown(refused(row.error))]
+    if row.document is None:
+        return []
+    if row.robot:
+        return [Shown(entry) for entry in box_of_robot(row.document)]
+    heard = "telemetry" not in row.inputs  # whose probabilities were never calibrated, nor said so by older versions
+    findings = [{"calibrated": not heard, **finding} for finding in row.document["findings"]]
+    return box_shown({**row.document, "findings": findings}, described(row))
+
+
+def described(row: StoredInvestigation) -> Axis | None:
+    """Return the axis as it was described; None where this version does not read it any more."""
+    try:
+        return read_axis(row.axis_document)
+    except AxisError:
+        return None
 
 
 def _robot_page(
     request: Request, session: Session, row: StoredInvestigation, document: Mapping[str, Any], principal: Principal
 ) -> Response:
     accepted = session.scalars(select(RobotRevision).where(RobotRevision.investigation_id == row.id)).first()
-    context: dict[str, Any] = {"row": row, "document": document, "accepted": accepted}
+    context: dict[str, Any] = {
+        "row": row,
+        "document": document,
+        "accepted": accepted,
+        "box": box_of_row(row),
+        "shows": SHOWS,
+    }
+    context |= {"box": box_of_row(row), "shows": SHOWS, "unexplained": "", "headline": None, "not_examined": ()}
     if document:
         context |= {
             "headline": investigation_headline(document),
-            "findings": beyond_usual(document),
             "finding_words": finding_words,
-            "unexplained_words": unexplained_words,
+            "unexplained_words": lambda found: unexplained_words(unexplained_of(found)),
+            "not_examined": document["remarks"],
+            "others": others_of(session, row),
             "arm": arm_of(document, row.robot or ""),
             "legend": legend(),
             "joints": joints_of(document),
@@ -154,6 +231,32 @@ def _robot_page(
             "torques": panels_of(document, "overlay"),
         }
     return render(request, "robot.html", context, principal=principal, section=SECTION)
+
+
+@router.get("/{investigation_id}/compare")
+def compare(
+    request: Request,
+    session: Reading,
+    principal: PageViewer,
+    investigation_id: str,
+    other: Annotated[str, Query(alias="with", max_length=32)],
+) -> Response:
+    """Two investigations of one axis or robot side by side."""
+    found = compared(session, investigation_id, other)
+    parts = [part for part in PARTS if names_of(found.before, part) or names_of(found.after, part)]
+    context = {
+        "before": found.before,
+        "after": found.after,
+        "headline": comparison_headline(found.rows),
+        "other_description": found.other_description,
+        "rows": found.rows,
+        "values": found.values,
+        "given": [
+            (part.replace("_", " "), *(", ".join(names_of(row, part)) for row in (found.before, found.after)))
+            for part in parts
+        ],
+    }
+    return render(request, "compared.html", context, principal=principal, section=SECTION)
 
 
 @router.get("/{investigation_id}/panels/{part}/{number}")
@@ -169,6 +272,24 @@ def report(session: Reading, _: PageViewer, investigation_id: str) -> Response:
     row = get_investigation(session, investigation_id)
     document_of(row)
     return self_contained(row.report or "", "'self'", **{"X-Frame-Options": "SAMEORIGIN"})
+
+
+@router.get("/{investigation_id}/report.pdf")
+def paper(session: Reading, service: TheService, _: PageViewer, investigation_id: str) -> Response:
+    """One page to take to the machine: the box, what to check, who signs."""
+    row = get_investigation(session, investigation_id)
+    document = document_of(row)
+    files = [name for part in PARTS for name in names_of(row, part)]
+    when = instant(row.created_at, service.settings.time_zone).striptags()
+    sheet = Sheet(
+        " · ".join([str(row.subject), when, *files]),
+        investigation_headline(document),
+        box_of_row(row),
+        str(document["next_measurement"]),
+        f"Investigation {row.id}",
+    )
+    headers = {"Content-Disposition": f'attachment; filename="investigation-{row.id}.pdf"'}
+    return Response(investigation_pdf(sheet), media_type="application/pdf", headers=headers)
 
 
 @router.get("/{investigation_id}/trajectory.csv")

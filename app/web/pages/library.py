@@ -18,6 +18,7 @@ from app.service import Reading, TheService
 from app.uploads import TheUpload
 from app.web.counted import counted, counts_of
 from app.web.features import features_of
+from app.web.label_table import damage_of, mechanism_rows, other_rows
 from app.web.map import projected
 from app.web.pages.diagnoses import told
 from app.web.recorded import chart_of
@@ -148,6 +149,14 @@ def library_map(
     return render(request, "map.html", context, principal=principal, section=SECTION)
 
 
+@router.get("/library/labels")
+def label_list(request: Request, session: Reading, service: TheService, principal: PageViewer) -> Response:
+    """Mechanisms and labels beside each other, with the names of ISO 10825-1."""
+    counts = counts_of(service.library, session)
+    context = {"mechanisms": mechanism_rows(counts), "others": other_rows(counts)}
+    return render(request, "labels.html", context, principal=principal, section=SECTION)
+
+
 @router.get("/library/coverage")
 def coverage(request: Request, session: Reading, service: TheService, principal: PageViewer) -> Response:
     """How many cases there are of every label, per axis and origin, and where there are none."""
@@ -196,6 +205,7 @@ def case(request: Request, session: Reading, service: TheService, principal: Pag
         "waveform": None if erased else chart_of("waveform", session, service, row.recording),
         "spectrum": None if erased else chart_of("spectrum", session, service, row.recording),
         "features": features,
+        "damage": damage_of(row.label),
         "history": service.library.retrieve.history(session, case_id),
         "described": row.recording.axis is None or find_axis(session, row.recording.axis) is not None,
     }

@@ -13,11 +13,13 @@ from app.generation import KIND as GENERATION
 from app.service import Reading, TheJobs, TheService
 from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.templating import Message, render
+from app.web.words import name_of
 from casebase import review as care
-from casebase.axes import list_axes
+from casebase.axes import get_axis, list_axes
 from casebase.errors import NotFoundError
 from casebase.models import Artifact
-from sim.experiment.design_of_experiments import LABELS
+from sim.description.axis_document import read_axis
+from sim.experiment.design_of_experiments import LABELS, labels, labels_of
 
 router = APIRouter(prefix="/library")
 SECTION = "/library"
@@ -80,17 +82,22 @@ def undo(service: TheService, principal: PageAdmin, version: Annotated[int, Form
 def simulate_page(
     request: Request, session: Reading, principal: PageAdmin, axis: str = "", label: str = ""
 ) -> Response:
-    """How many cases of which label the simulator is to make for an axis."""
-    wanted = {one: _count(request.query_params.get(one), 20 if label in ("", one) else 0) for one in LABELS}
+    """How many cases of which label the simulator is to make for an axis: of any that its model can have."""
     axes = [row.name for row in list_axes(session)]
     if axis and axis not in axes:
         raise NotFoundError(f"no axis is described as {axis!r}, so it cannot be simulated; add it by POST /api/v1/axes")
+    offered = labels_of(read_axis(get_axis(session, axis).document)) if axis else labels()
+    usual = {one: 20 if label in ("", one) and (one in LABELS or label) else 0 for one in offered}
+    counts = {one: _count(request.query_params.get(one), usual[one]) for one in offered}
     context = {
         "axes": axes,
         "axis": axis,
-        "counts": wanted,
+        "counts": counts,
+        "usual": LABELS,
+        "name_of": name_of,
         "most": MOST_AT_ONCE,
-        "not_simulated": label if label and label not in LABELS else "",
+        "not_simulated": label if label and label not in labels() else "",
+        "no_place": label if label in labels() and label not in offered else "",
     }
     return render(request, "simulate.html", context, principal=principal, section=SECTION)
 
@@ -106,10 +113,13 @@ def simulate(
     principal: PageAdmin,
     axis: Annotated[str, Form()],
     count: Annotated[list[Annotated[int, Field(ge=0, le=MOST_AT_ONCE)]], Form()],
+    label: Annotated[list[str] | None, Form()] = None,
 ) -> Response:
-    """Queue it and lead to the job; counts are in the order of the labels."""
-    if len(count) != len(LABELS) or not any(count):
-        raise Unprocessable(f"Say how many cases of each label: {', '.join(LABELS)}; at least one of one of them.")
-    wanted = SimulationRequest(axis=axis, counts=dict(zip(LABELS, count, strict=True)))
+    """Queue it and lead to the job; counts are in the order of the labels, or of those that a simulation knows."""
+    names = label or labels()[: len(count)]
+    if len(count) != len(names) or not any(count):
+        raise Unprocessable("Say how many cases of each label; at least one of one of them.")
+    counts = {one: number for one, number in zip(names, count, strict=True) if number or one in LABELS}
+    wanted = SimulationRequest(axis=axis, counts=counts)
     job_id = jobs.submit(GENERATION, campaign_of(service, wanted).to_document(), submitted_by=principal.actor)
     return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/jobs/{job_id}", status_code=303)

@@ -262,7 +262,7 @@ function preview(section) {
     if (await columns(field("telemetry"))) await readLog();
   });
   for (const name of ["channels", "axis", "axis_name"]) field(name).addEventListener("change", readLog);
-  field("sound").addEventListener("change", readSound);
+  field("sound")?.addEventListener("change", readSound); // of a diagnosis it is there already
   field("sound_offset_s").addEventListener("input", show);
 }
 one("[data-preview]") && preview(one("[data-preview]"));

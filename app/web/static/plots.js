@@ -131,6 +131,7 @@ export function draw(element, data) {
     stroke: style("--ink-soft"),
     grid: { stroke: style("--plot-grid"), width: 1 },
     ticks: { stroke: style("--line-strong"), width: 1, size: 5 },
+    values: (_, splits) => splits.map((value) => (value === null ? "" : String(+value.toPrecision(4)))), // small ones too
   });
   const options = {
     width: Math.max(element.clientWidth, 240),

@@ -84,12 +84,31 @@ def angle(value_rad: float, half_rad: float = 0.0) -> str:
     >>> angle(2.7, 0.001), angle(0.0012, 0.0001), angle(2e-5)
     ('154.70°', '4.1\\xa0arc min', '4.13\\xa0arc s')
     """
-    degrees, half = math.degrees(value_rad), math.degrees(half_rad)
-    if max(abs(degrees), half) >= 0.2:
-        return f"{number(degrees, half)}°"
-    if abs(degrees) >= 0.2 / 60.0:
-        return f"{number(60.0 * degrees, 60.0 * half)}{NO_BREAK}arc min"
-    return f"{number(3600.0 * degrees, 3600.0 * half)}{NO_BREAK}arc s"
+    times, unit = _angle_unit(value_rad, half_rad)
+    return f"{number(times * value_rad, times * half_rad)}{unit}"
+
+
+def angle_interval(low_rad: float, high_rad: float) -> str:
+    """Both ends of an interval of angles, in the unit of its middle.
+
+    >>> angle_interval(0.0011, 0.00128)
+    '3.78 to 4.40\\xa0arc min'
+    """
+    times, unit = _angle_unit(0.5 * (low_rad + high_rad), 0.5 * (high_rad - low_rad))
+    return f"{interval(times * low_rad, times * high_rad)}{unit}"
+
+
+def _angle_unit(value_rad: float, half_rad: float) -> tuple[float, str]:
+    """Degrees, or minutes or seconds of arc where it is small: how many a radian has, and the unit."""
+    degrees, half = abs(math.degrees(value_rad)), math.degrees(half_rad)
+    times, unit = (
+        (1.0, "°")
+        if max(degrees, half) >= 0.2
+        else (60.0, f"{NO_BREAK}arc min")
+        if degrees >= 0.2 / 60.0
+        else (3600.0, f"{NO_BREAK}arc s")
+    )
+    return math.degrees(times), unit
 
 
 def percent(share: float, digits: int = 0) -> str:

@@ -11,6 +11,8 @@ import numpy as np
 
 from sim.discrepancy.estimation.problem import MISTAKEN
 from sim.discrepancy.model.nominal import DAMPING_SPREAD, LOSS_SPREAD, PAYLOAD_SPREAD, STATED_SPREAD
+from sim.discrepancy.report.box import FLANKS, Entry, box_of, is_shown, unexplained_words
+from sim.discrepancy.report.cause_panels import cause_panels
 from sim.discrepancy.report.checks import checked
 from sim.discrepancy.report.drawing import svg
 from sim.discrepancy.report.formatting import (
@@ -25,11 +27,9 @@ from sim.discrepancy.report.formatting import (
     unit_in_words,
     words_of,
 )
-from sim.discrepancy.report.maintenance_actions import of_the_measurement, place_of
-from sim.discrepancy.report.panels import Panel
+from sim.discrepancy.report.panels import AS_DESCRIBED, SHOWS, Panel
 from sim.discrepancy.report.summary import ALIKE, Candidate, asked_for, candidates, panels
-from sim.discrepancy.report.wording import headline, not_examined, numbers_of, telling_apart, unexplained_words
-from sim.mechanisms.catalogue import kind_of, kind_or_any
+from sim.discrepancy.report.wording import headline, not_examined, telling_apart
 
 if TYPE_CHECKING:
     from sim.discrepancy.results import Estimate, Finding, Investigation
@@ -40,9 +40,11 @@ STYLE = """:root{--ink:#1b2226;--paper:#fff;--sheet:#f5f7f9;--edge:#c9d1d9;--qui
 h1{font-size:1.5rem;line-height:1.25;margin:.2rem 0}h2{margin:2.2rem 0 .5rem;border-top:2px solid var(--edge);padding-top:.8rem}h3{margin:1.2rem 0 .3rem}p{white-space:pre-line}
 .box{background:var(--sheet);border:2px solid var(--edge);border-left-width:8px;border-radius:6px;padding:1rem}.box dl{display:grid;grid-template-columns:max-content 1fr;gap:.4rem 1rem;margin:.6rem 0 0}
 .box dt{font-weight:600}.box dd{margin:0;min-width:0}.box section+section{border-top:1px solid var(--edge);margin-top:1rem;padding-top:.6rem}.quiet,figcaption+.quiet{color:var(--quiet)}
+.entry{display:grid;grid-template-columns:repeat(auto-fit,minmax(min(100%,24rem),1fr));gap:.6rem 1.5rem}.entry dd:last-child{font-weight:600}
+summary{cursor:pointer}summary h2{display:inline;border:0;padding:0}details{border-top:2px solid var(--edge);margin-top:1.2rem;padding-top:.8rem}
 .scroll{overflow-x:auto}table{border-collapse:collapse;margin:.6rem 0}td,th{border:1px solid var(--edge);padding:.3rem .6rem;text-align:left;vertical-align:top}.n{text-align:right;white-space:nowrap}
 .plots{display:grid;grid-template-columns:repeat(auto-fill,minmax(min(100%,26rem),1fr));gap:1rem}figure{margin:0;min-width:0}figcaption{font-weight:600}svg{display:block;width:100%;height:auto}
-@media(max-width:34rem){.box dl{grid-template-columns:1fr;gap:0}.box dd{margin-bottom:.5rem}body{padding:1rem .7rem}table,tbody,td{display:block}thead{display:none}tr{display:grid;grid-template-columns:repeat(auto-fill,minmax(8rem,1fr));gap:.3rem .8rem;border-bottom:1px solid var(--edge);padding:.5rem 0}td{border:0;padding:0;text-align:left;white-space:normal}td::before{content:attr(data-label);display:block;font-size:.8rem;color:var(--quiet)}}@media print{h2,figure{break-inside:avoid}}"""
+@media(max-width:34rem){.box dl{grid-template-columns:1fr;gap:0}.box dd{margin-bottom:.5rem}body{padding:1rem .7rem}table,tbody,td{display:block}thead{display:none}tr{display:grid;grid-template-columns:repeat(auto-fill,minmax(8rem,1fr));gap:.3rem .8rem;border-bottom:1px solid var(--edge);padding:.5rem 0}td{border:0;padding:0;text-align:left;white-space:normal}td::before{content:attr(data-label);display:block;font-size:.8rem;color:var(--quiet)}}@media print{h2,figure{break-inside:avoid}details::details-content{content-visibility:visible;display:block;block-size:auto}}"""
 STEPS = (
     "Condition of the recordings",
     "Calibration of the described values",
@@ -57,7 +59,6 @@ STEPS = (
 )
 """Headings of the steps, in order."""
 
-FLANKS = {1.0: "the one that carries positive torque", -1.0: "the one that carries negative torque"}
 MOST_PLACES = 6
 STANDS_OUT = "Nothing that repeats stands out: no frequency, speed, angle or time."
 BELIEVED = f"How accurate described values are assumed to be (one standard deviation): inertias of motor and gears, stiffness and friction {percent(STATED_SPREAD)}, losses of a mesh {percent(LOSS_SPREAD)}, the load's inertia {percent(PAYLOAD_SPREAD)}, damping {percent(DAMPING_SPREAD)}. A value that the data put {MISTAKEN:g} standard deviations away is taken to be wrong, and is then fitted almost freely."
@@ -80,9 +81,9 @@ def html_report(result: Investigation, files: Sequence[str] = ()) -> str:
         _alike(result, weighed),
         next_steps(result),
     )
-    parts = [_box(result, files)]
+    parts = [box(result, files, cause_panels(result))]
     for place, (title, body) in enumerate(zip(STEPS, bodies, strict=True), start=1):
-        parts += [f"<section><h2>{place}. {title}</h2>", *body, "</section>"]
+        parts += [f"<details><summary><h2>{place}. {title}</h2></summary>", *body, "</details>"]
     parts.append(_provenance(result))
     name = html.escape(result.axis.name)
     return (
@@ -92,41 +93,37 @@ def html_report(result: Investigation, files: Sequence[str] = ()) -> str:
     )
 
 
-def _box(result: Investigation, files: Sequence[str]) -> str:
-    """What a technician needs: what, where, how sure, what to do, what was not examined."""
-    from_files = f" · {html.escape(', '.join(files))}" if files else ""
-    found = "".join(f"<section>{_facts(_told(result, f))}</section>" for f in result.findings)
-    rest = [("Not examined", one) for one in not_examined(result)]
-    if result.unexplained is not None and result.verdict == "unnamed":
-        doing = "Do not change parts because of this alone: make the next measurement first."
-        rest = [("What", unexplained_words(result.unexplained)), ("What to do now", doing), *rest]
-    elif result.unexplained is not None:
-        rest = [("Also unexplained", unexplained_words(result.unexplained)), *rest]
-    if not result.findings and result.verdict == "nothing_missing":
-        nothing = "Nothing that was examined needs repair. What was not examined stays open."
-        rest = [("What to do now", nothing), *rest]
+def box(result: Investigation, files: Sequence[str], causes: Sequence[Panel | None]) -> str:
+    """What a technician needs: what, where, how sure, what to do first, and the plot that shows it."""
+    unexplained = "" if result.unexplained is None else unexplained_words(result.unexplained)
+    entries = box_of(result.document(), result.axis)
+    shown = [(entry, None if entry.finding is None else causes[entry.finding]) for entry in entries]
+    rest = [("Also unexplained", unexplained)] if unexplained and result.verdict != "unnamed" else []
     rest.append(("Next measurement", result.next_measurement))
+    several = result.selection is None and result.listening is None and not result.encoders
+    silent = [] if several else not_examined(result)
+    return drawn_box(", ".join([result.axis.name, *files]), headline(result), shown, rest, silent)
+
+
+def drawn_box(
+    measured: str,
+    heading: str,
+    entries: Iterable[tuple[Entry, Panel | None]],
+    rest: Iterable[tuple[str, str]],
+    silent: Sequence[str] = (),
+) -> str:
+    """The box; `measured`: what was held against what; `silent`: what was not examined."""
+    found = "".join(_entry(*one) for one in entries)
+    beyond = f"<h3>Not examined, and what these data can show</h3>{_list(silent)}" if silent else ""
     return (
-        f'<header class="box"><p class="quiet">Model against measurement: {html.escape(result.axis.name)}{from_files}</p>'
-        f"<h1>{html.escape(headline(result))}</h1>{found}<section>{_facts(rest)}</section></header>"
+        f'<header class="box"><p class="quiet">Model against measurement: {html.escape(measured)}</p>'
+        f"<h1>{html.escape(heading)}</h1>{found}<section>{_facts(rest)}{beyond}</section></header>"
     )
 
 
-def _told(result: Investigation, finding: Finding) -> list[tuple[str, str]]:
-    kind = "fault of the measurement" if of_the_measurement(finding.mechanism) else "missing in the model"
-    if (other := kind_or_any(finding.mechanism).or_of_the_machine) is not None:
-        kind = f"fault of the measurement, or {other}"
-    at = place_of(result.axis, finding.location, numbers_of(finding))
-    place = ", ".join(part for part in (finding.location or "", at) if part)
-    return [
-        ("What", f"{named(finding.mechanism).capitalize()} ({kind}). {finding.explanation}"),
-        (
-            "Where",
-            place or ("the recording" if of_the_measurement(finding.mechanism) else "these data do not show where"),
-        ),
-        ("How sure", f"{sure(finding.probability)}, {likely(finding.probability, calibrated=finding.calibrated)}"),
-        ("What to do now", finding.action),
-    ]
+def _entry(entry: Entry, panel: Panel | None) -> str:
+    drawn = "" if panel is None else f"{svg(panel)}{_p(SHOWS, 'quiet') if AS_DESCRIBED in dict(panel.lines) else ''}"
+    return f'<section class="entry"><div>{_facts(entry.facts)}</div><div>{drawn}</div></section>'
 
 
 def _condition(result: Investigation) -> list[str]:
@@ -264,7 +261,7 @@ def _extended(result: Investigation) -> list[str]:
 
 
 def _number(f: Finding, e: Estimate) -> tuple[str, str, str, str, str] | None:
-    if any(p.name == e.name and not p.shown for p in kind_of(f.mechanism).parameters):
+    if not is_shown(f.mechanism, e.name):
         return None
     if e.name == "flank":
         return words_of(e.name), FLANKS.get(e.value, "not known"), "–", "", ""
@@ -362,7 +359,7 @@ def next_steps(result: Investigation) -> list[str]:
 
 def _provenance(result: Investigation) -> str:
     rows = [(name.replace("_", " "), str(value)) for name, value in result.provenance.items() if value]
-    return f'<section><h2>Provenance</h2><div class="quiet">{table(("what", "value"), rows)}</div></section>'
+    return f'<details><summary><h2>Provenance</h2></summary><div class="quiet">{table(("what", "value"), rows)}</div></details>'
 
 
 def _p(text: str, kind: str = "") -> str:

@@ -5,17 +5,49 @@ from __future__ import annotations
 import html
 import re
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 from sim.discrepancy.pooling.joint_investigation import Together
+from sim.discrepancy.report.cause_panels import cause_panel
 from sim.discrepancy.report.formatting import likely, named, number, words_of
-from sim.discrepancy.report.html import STYLE, described, estimate_cells, html_report, next_steps, table
+from sim.discrepancy.report.html import STYLE, box, described, estimate_cells, html_report, next_steps, table
+from sim.discrepancy.report.panels import Panel
 from sim.discrepancy.report.wording import headline
+from sim.discrepancy.results import Finding
 
 BODY = re.compile(r"<body[^>]*>(.*)</body>", re.DOTALL)
 STYLES = re.compile(r"<style[^>]*>.*?</style>", re.DOTALL)
 IDS = re.compile(r'(\sid="|\sfor="|\saria-labelledby="|href="#|url\(#)')
 WIDTH = '<meta name="viewport" content="width=device-width, initial-scale=1">'
 FOLD = "details{border-top:1px solid #c9d1d9;margin:1rem 0}summary{cursor:pointer;font-weight:600;padding:.5rem 0}"
+
+
+def story_together(result: Together) -> dict[str, object]:
+    """Headline, and the plots of what was found, as JSON."""
+    shown = enumerate(cause_panels_together(result))
+    return {
+        "headline": headline(result.combined),
+        "causes": [{"finding": place, **panel.document()} for place, panel in shown if panel],
+    }
+
+
+def cause_panels_together(result: Together) -> list[Panel | None]:
+    """The plot of every finding, of the recording that shows it most surely."""
+    return [_clearest(result, finding) for finding in result.combined.findings]
+
+
+def _clearest(result: Together, finding: Finding) -> Panel | None:
+    same = [
+        (one.probability, part, one)
+        for part in result.parts
+        for one in part.result.findings
+        if (one.mechanism, one.location) == (finding.mechanism, finding.location)
+    ]
+    if not same:
+        return None
+    _, part, one = max(same, key=lambda each: each[0])
+    panel = cause_panel(part.result, one)
+    return panel and replace(panel, title=f"{panel.title}, in {part.taken.name}")
 
 
 def html_report_together(result: Together) -> str:
@@ -34,34 +66,17 @@ def _combined(result: Together) -> list[str]:
     one = result.combined
     count = len(result.parts)
     out = [
-        f"<h1>Model against measurement: {html.escape(one.axis.name)}, {count} recordings together</h1>",
-        f'<p class="verdict">{html.escape(headline(one))}</p>',
+        box(one, [part.taken.name for part in result.parts], cause_panels_together(result)),
         *(f"<p>{html.escape(remark)}</p>" for remark in one.remarks),
         "<h2>Findings of all recordings</h2>",
     ]
     for finding, names in zip(one.findings, result.shown, strict=True):
-        sure = likely(finding.probability, calibrated=finding.calibrated)
-        title = f"{html.escape(named(finding.mechanism, finding.location))}: {sure}"
         shown = (
             f"Shown by {len(names)} of {count}: {', '.join(names)}." if names else f"Shown clearly by none of {count}."
         )
-        out.append(f"<h3>{title}</h3><p>{html.escape(finding.explanation)}</p><p>{html.escape(shown)}</p>")
-        if finding.action:
-            out.append(f"<p>What to do now: {html.escape(finding.action)}</p>")
-        out.append(
-            table(
-                ("parameter", "value", "90 % interval", "unit"),
-                [(words_of(e.name), *estimate_cells(e)) for e in finding.parameters],
-            )
-        )
-        if finding.indistinguishable_from:
-            alike = " or ".join(map(named, finding.indistinguishable_from))
-            out.append(f"<p>In these data it looks the same as {html.escape(alike)}.</p>")
+        out.append(f"<p>{html.escape(named(finding.mechanism, finding.location))}: {html.escape(shown)}</p>")
     if not one.findings:
         out.append("<p>None.</p>")
-    if one.unexplained is not None:
-        where = ", ".join(f"{key} = {value:.4g}" for key, value in one.unexplained.numbers.items())
-        out.append(f"<p>Unexplained: {html.escape(where)}, in {html.escape(one.unexplained.channel)}.</p>")
     rows = [(words_of(e.name), described(e), *estimate_cells(e)) for e in one.parameters]
     gained = [
         (part.taken.name, words_of(g.channel), number(g.rms_before), number(g.rms_after), g.unit)

@@ -13,9 +13,14 @@ DIGITS = 4
 MEASURED, FLOOR = "measured", "noise floor"
 DESCRIBED, EXTENDED = "description, calibrated", "with what was found"
 RIGID = "rigid body, as described"
+AS_DESCRIBED = "as described, without it"
 TAKEN = "taken away: noise of the channel"
 SOUND = "sound"
-STYLES = {DESCRIBED: 1, RIGID: 1, EXTENDED: 2, TAKEN: 3, MEASURED: 5, FLOOR: 6, SOUND: 7}
+SHOWS = (
+    "Measured: what is left for this alone once the rest of the model is taken away. What was found is right as far as "
+    "it lies on what was measured."
+)
+STYLES = {DESCRIBED: 1, RIGID: 1, AS_DESCRIBED: 1, EXTENDED: 2, TAKEN: 3, MEASURED: 5, FLOOR: 6, SOUND: 7}
 """Colour and stroke of a thing, by number, in every panel of page and report; others are 1 to 4 as they come."""
 
 

@@ -125,10 +125,14 @@ class Channel:
         Beside it what was `taken` from the measurement, shape (n,) [N m].
         """
         beside = () if taken is None or not taken.any() else ((TAKEN, taken),)
-        lines = [(name, self._level_counted(left)) for name, left in (*self.left, *beside)]
+        return self.spectrum_of(f"{self.name}, spectrum: residual", (*self.left, *beside))
+
+    def spectrum_of(self, title: str, shown: Lines) -> Panel:
+        """The same of any torques, each of shape (n,) [N m], with the noise floor."""
+        lines = [(name, self._level_counted(torque)) for name, torque in shown]
         frequency = lines[0][1][0]
         floor = 10 * np.log10(np.interp(frequency, *self._density))
-        return self._spectra(f"{self.name}, spectrum: residual", [*lines, (FLOOR, (frequency, floor))])
+        return self._spectra(title, [*lines, (FLOOR, (frequency, floor))])
 
     def by_angles(self) -> list[Panel]:
         """Of every shaft; along the travel where a single body moves less than a turn, as a linear axis does."""

@@ -14,6 +14,7 @@ from sim.discrepancy.assessment.posterior import is_close
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.report.acoustic_panels import along_path, sound_candidates, sound_panels
+from sim.discrepancy.report.cause_panels import cause_panels
 from sim.discrepancy.report.checks import checked
 from sim.discrepancy.report.formatting import named
 from sim.discrepancy.report.panels import Panel
@@ -69,6 +70,7 @@ def story(result: Investigation) -> dict[str, object]:
         "headline": headline(result),
         "checked": [{"check": check, "result": told} for check, told in checked(result)],
         "not_examined": not_examined(result),
+        "causes": [{"finding": place, **panel.document()} for place, panel in enumerate(cause_panels(result)) if panel],
         "overlay": [panel.document() for panel in overlay],
         "residual": [panel.document() for panel in residual],
         "sound": [panel.document() for panel in sound],

@@ -24,14 +24,6 @@ from sim.mechanisms.mechanism import Need
 if TYPE_CHECKING:
     from sim.discrepancy.results import Finding, Investigation
 
-KINDS = {
-    "frequency": "A fixed frequency",
-    "speed": "Friction that changes with the speed",
-    "angle": "Torque that changes with the angle",
-    "time": "Something that changes with time",
-    "transmission error": "A difference between motor and load that repeats",
-    "error_over_angle": "A difference of both encoders over the angle of the load, as an error of the gear or of an encoder makes,",
-}
 REST = {
     "frequency": "Repeat the same motion at half the speed: what keeps its frequency is a structure or the supply; what follows the speed is a gear, a bearing or the motor.",
     "speed": "Move at five even speeds in both directions: friction at the motor or the load shows as a curve of torque over speed, something that swings does not.",
@@ -40,7 +32,6 @@ REST = {
     "time": "Repeat the motion twice in a row with the temperature logged: heat goes on from where it was, a single event does not come again.",
 }
 PLACED = {"angle_rad": SHOWN_RAD}  # to which a place is said
-UNITS = {"frequency_hz": "Hz", "speed_rad_s": "rad/s", "time_s": "s", "amplitude_rad": "rad"}  # of what has no name
 ALIKE = 0.25  # of what a mechanism explains, from which another looks like it
 BOTTOMS = ((3.0, "round, like a worn hollow"), (6.0, "between a worn hollow and a piece broken out"))
 BROKEN = "flat with steep edges, like a piece broken out"
@@ -98,7 +89,7 @@ def of_itself(mechanism: str, location: str | None, numbers: Mapping[str, float]
 def headline(result: Investigation) -> str:
     """The verdict in one line: what is missing, or what was examined where nothing is."""
     if result.verdict == "unnamed":
-        return "Something is missing in the model that no known mechanism explains."
+        return "Something is there that no known mechanism explains."
     said = [f for f in result.findings if f.probability >= SAID]
     machine = [f for f in said if not of_the_measurement(f.mechanism)]
     kinds = dict.fromkeys(kind_or_any(f.mechanism) for f in said if f not in machine)
@@ -110,7 +101,7 @@ def headline(result: Investigation) -> str:
         beyond = (
             _silent(result)
             if result.listening is not None
-            else "Otherwise nothing is missing in the model that these data could show."
+            else "Otherwise nothing was found that these data could show."
         )
         first = f"Not described: {either}. " if either else ""
         return first + (f"The measurement has faults: {faults}. " if faults else "") + beyond
@@ -119,12 +110,12 @@ def headline(result: Investigation) -> str:
     )
     if result.listening is not None:
         return f"Heard: {_names(machine)}.{beside}"
-    return f"Missing in the model: {_names(machine)}.{beside}"
+    return f"Found: {_names(machine)}.{beside}"
 
 
 def _silent(result: Investigation) -> str:
     if result.listening is None:
-        return "Nothing is missing in the model that these data could show."
+        return "Nothing was found that these data could show."
     if not result.examined:
         return "Nothing could be examined in this sound."
     examined = ", ".join(named(name) for name in result.examined)
@@ -180,28 +171,6 @@ def next_measurement(axis: Axis, findings: Sequence[Finding], rest: Sequence[Une
 def numbers_of(finding: Finding) -> dict[str, float]:
     """Fitted numbers of a finding by name."""
     return {e.name: e.value for e in finding.parameters}
-
-
-def unexplained_words(rest: Unexplained) -> str:
-    """Where something is left that no mechanism explains, and how much of what the mechanisms leave."""
-    place = ", ".join(_places(rest))
-    way = {1.0: ", while turning forward", -1.0: ", while turning backward"}.get(rest.numbers.get("direction", 0.0), "")
-    return (
-        f"{KINDS.get(rest.kind, rest.kind)} in the {words_of(rest.channel)}: {place}{way}. It makes up "
-        f"{percent(min(max(rest.share, 0.0), 1.0))} of the residual (squared, in units of the noise)."
-    )
-
-
-def _places(rest: Unexplained) -> list[str]:
-    out = []
-    for name, value in rest.numbers.items():
-        if name == "order":
-            out.append(f"{value:g} times per turn of the load")
-        elif name.startswith("angle_"):
-            out.append(f"{angle(value)} of {words_of(name).removeprefix('angle ')}")
-        elif name != "direction":
-            out.append(f"{number(value)} {UNITS[name]}")
-    return out
 
 
 def telling_apart(first: str, second: str, load_encoder: bool) -> str:
