@@ -1,6 +1,6 @@
 """Which tuned numbers of the investigation decide anything, in real drives and in the bank of hidden effects.
 
-python -m tests.tuned_numbers [WORDS]           real drives, those whose name has all of the words
+python -m tests.tuned_numbers [WORDS]           real drives and their parts, those whose name has all of the words
 python -m tests.tuned_numbers --seed N --every K    each K-th recording of a bank
 
 What is counted is added to out/tuned_numbers/uses.jsonl, one line a recording; `--table` prints the sum.
@@ -31,7 +31,7 @@ from sim.discrepancy.results import Investigation
 from sim.errors import SimulationError
 from tests.hidden_effects.bank import BANK_SEED, full_bank
 from tests.hidden_effects.generator import Scenario, write
-from tests.real_drives.drives import Drive, drives
+from tests.real_drives.drives import Drive, cut, drives
 from tests.tuned_numbers.deciding import Ledger, deciding
 
 KEPT = ROOT / "out" / "tuned_numbers" / "uses.jsonl"
@@ -67,7 +67,7 @@ def install(ledger: Ledger) -> None:
 def _real(words: list[str]) -> Iterator[tuple[str, Callable[[], Investigation]]]:
     for drive in drives():
         if all(word in drive.name for word in words):
-            yield drive.name, partial(_of_drive, drive)
+            yield from ((f"{part.name} [{part.part}]", partial(_of_drive, part)) for part in cut(drive))
 
 
 def _of_drive(drive: Drive) -> Investigation:
