@@ -15,6 +15,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from multiprocessing import get_context, parent_process
 from threading import Thread
 from typing import TypeVar
@@ -27,10 +28,11 @@ from sqlalchemy.exc import IntegrityError
 
 from app.intake import mesh_orders, shaft_orders
 from app.jobs.job import JobKind, Json, Report
+from casebase import revisions
 from casebase.artifacts import active_artifact
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
-from casebase.models import Case
+from casebase.models import Case, RobotRevision
 from casebase.review import quarantine_far
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import Extraction, extract
@@ -43,6 +45,7 @@ from sim.errors import ParameterError
 from sim.experiment.design_of_experiments import DURATION_S, Planned, Range, plan
 from sim.experiment.scenario import MODEL_VERSION, Scenario
 from sim.mechanisms import MECHANISMS
+from sim.robot.robot import Robot
 
 Task = TypeVar("Task")
 Done = TypeVar("Done")
@@ -53,11 +56,48 @@ SECONDS_PER_TASK = 160.0  # of simulated sound: 2 to 6 s of work on one core
 
 
 @dataclass(frozen=True)
+class RobotJoint:
+    """A joint of a robot: which of those that are logged. `revision`: of a stored robot."""
+
+    robot: Robot
+    place: int
+    revision: int | None = None
+
+    @property
+    def axis(self) -> Axis:
+        """Its drive."""
+        return self.robot.joints[self.place].axis
+
+    @property
+    def name(self) -> str:
+        """As the robot calls it."""
+        return self.robot.joints[self.place].name
+
+
+def stored_joint(library: CaseLibrary, robot: str, joint: str, revision: int | None = None) -> RobotJoint:
+    """A joint of a stored robot.
+
+    Raises NotFoundError where no robot is called so, RobotError where none of its joints is, or its drive is unknown.
+    """
+    from sim.robot.foreign import kept_robot
+    from sim.robot.joint_simulation import place_of
+
+    with library.reading() as session:
+        row = revisions.get(session, RobotRevision, robot, revision)
+        found = kept_robot(row.document, row.urdf.encode())
+        return RobotJoint(found, place_of(found, joint), row.revision)
+
+
+@dataclass(frozen=True)
 class Campaign:
     """What is to be generated.
 
     Parameters
     ----------
+    axis
+        Whose gearbox is heard.
+    joint
+        Where that axis is in a robot, whose links are then its load.
     counts
         Cases per label.
     microphones
@@ -76,8 +116,11 @@ class Campaign:
     sound_version: int | None = None
     payload_kg_m2: tuple[float, float] | None = None
     speed_rad_s: tuple[float, float] | None = None
+    joint: RobotJoint | None = None
 
     def __post_init__(self) -> None:
+        if self.joint is not None and self.payload_kg_m2 is not None:
+            raise ParameterError("payload_kg_m2: of a joint of a robot the poses say it; leave it out")
         for name in ("payload_kg_m2", "speed_rad_s"):
             ends = getattr(self, name)
             if ends is not None and not 0 < ends[0] <= ends[1] < math.inf:
@@ -105,12 +148,16 @@ class Campaign:
                 }
             )
         )
+        if self.joint is not None:
+            document["joint"] = [self.joint.robot.name, self.joint.name, self.joint.revision]
         return document
 
     @classmethod
-    def from_document(cls, document: Mapping[str, object]) -> Campaign:
-        """Read it back. Raises SimulationError where it is wrong."""
+    def from_document(cls, document: Mapping[str, object], library: CaseLibrary) -> Campaign:
+        """Read it back; a robot is read from the library. Raises SimulationError where it is wrong."""
         known = dict(document)
+        if known.get("joint"):
+            known["joint"] = stored_joint(library, *known["joint"])  # type: ignore[misc]
         known["axis"] = read_axis(known["axis"])  # type: ignore[arg-type]
         known["microphones"] = tuple(microphone_of(each) for each in known["microphones"])  # type: ignore[attr-defined]
         for name in ("payload_kg_m2", "speed_rad_s"):
@@ -119,8 +166,12 @@ class Campaign:
 
     def planned(self, only: range | None = None) -> list[Planned]:
         """All cases, label by label, or some of them by number."""
-        return plan(
-            self.axis,
+        planner: Callable[..., list[Planned]] = partial(plan, self.axis)
+        if self.joint is not None:
+            from sim.robot.joint_plan import plan_joint
+
+            planner = partial(plan_joint, self.joint.robot, self.joint.place)
+        return planner(
             self.counts,
             self.seed,
             microphones=self.microphones,
@@ -212,7 +263,7 @@ def retain(library: CaseLibrary, generated: Sequence[Generated], batch: str) -> 
                 axis=scenario.axis.name,
                 gearbox=f"simulated-{scenario.specimen.seed}",
                 condition=condition_of(scenario),
-                extra={"simulated": True},
+                extra={"simulated": True} | ({} if (load := scenario.pose_load) is None else {"robot": load.robot}),
             )
             row = library.retain.recording(session, case.audio, case.recording, case.extraction, description)
             labelling = Labelling(
@@ -294,14 +345,14 @@ def simulations(library: CaseLibrary) -> JobKind:
     """The job kind behind `POST /simulations`, for one library."""
 
     def cut(parameters: dict[str, Json]) -> list[dict[str, Json]]:
-        batches = Campaign.from_document(parameters).batches()
+        batches = Campaign.from_document(parameters, library).batches()
         return [{"campaign": parameters, "first": batch.start, "stop": batch.stop} for batch in batches]
 
     def run(task: dict[str, Json], _report: Report) -> Json:
         assert isinstance(task["campaign"], dict)
         assert isinstance(task["first"], int)
         assert isinstance(task["stop"], int)
-        campaign = Campaign.from_document(task["campaign"])
+        campaign = Campaign.from_document(task["campaign"], library)
         wanted = campaign.planned(range(task["first"], task["stop"]))
         outcome = _retained(library, wanted)
         return {"new": outcome.new, "known": outcome.known, "simulation_s": round(outcome.simulation_s, 3)}

@@ -10,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, hear, microphone_of
-from sim.description.axis import Axis
+from sim.description.axis import Axis, Motion
 from sim.description.axis_document import read_axis
 from sim.errors import RunError
+from sim.experiment.pose_load import PoseLoad, pose_load_of
 from sim.experiment.specimen import Specimen
 from sim.mechanisms.catalogue import distort_sound
-from sim.torsional.integrate import run_chain
-from sim.torsional.model import Chain, ChainResult, Servo
+from sim.torsional.integrate import run_chain, steady_start
+from sim.torsional.model import Array, Chain, ChainResult, Servo
 from sim.torsional.motion_profile import back_and_forth
 
 MODEL_VERSION = "2"  # raise when the same scenario would sound otherwise
@@ -42,6 +43,8 @@ class Scenario:
         Angle of the output midway between the two ends of the motion.
     noise_seed
         Of rubbing and ambient noise.
+    pose_load
+        Of a joint within a moving robot: what its links ask for; `payload_kg_m2` is the mean of the inertia it feels.
     """
 
     axis: Axis
@@ -52,6 +55,7 @@ class Scenario:
     start_phase: float = 0.0
     middle_rad: float = 0.0
     noise_seed: int = 0
+    pose_load: PoseLoad | None = None
 
     def to_mapping(self) -> dict[str, object]:
         """As nested dicts and lists (JSON), complete: `scenario_of` reads it back."""
@@ -64,6 +68,7 @@ class Scenario:
             "start_phase": self.start_phase,
             "middle_rad": self.middle_rad,
             "noise_seed": self.noise_seed,
+            **({} if self.pose_load is None else {"pose_load": asdict(self.pose_load)}),
         }
 
     def perform(self) -> NDArray[np.float32]:
@@ -76,14 +81,54 @@ class Scenario:
         Raises RunError where the run left all bounds, and what the parts raise.
         """
         chain = self.specimen.chain(self.axis, self.payload_kg_m2)
-        samples = round((SETTLING_S + self.duration_s) * SAMPLE_RATE_HZ)
-        servo = servo_of(self.axis, chain, samples, self.start_phase, self.middle_rad)
-        run = run_chain(chain, servo, SAMPLE_RATE_HZ, samples)
+        motion = self.motion()
+        servo = servo_of(self.axis, chain, motion)
+        if self.pose_load is None:
+            run = run_chain(chain, servo, SAMPLE_RATE_HZ, motion.shape[1])
+        else:
+            run = self._with_links(self.pose_load, chain, servo, motion)
         if not np.isfinite(run.force_n_m).all():
             raise RunError(
                 f"axis {self.axis.name!r} left all bounds under its servo; lower servo.speed_bandwidth_rad_s"
             )
         return run
+
+    def _with_links(self, load: PoseLoad, chain: Chain, servo: Servo, motion: Array) -> ChainResult:
+        """The run with the robot's links for the load; the servo knows their torque, as a robot's controller does."""
+        own, torque = load.along(motion)
+        angle, speed, known = servo.reference
+        known = known + (torque - self.payload_kg_m2 * motion[2]) / self.axis.ratio
+        inertia = np.tile([[shaft.inertia_kg_m2] for shaft in chain.shafts], torque.size)
+        outside = np.zeros_like(inertia)
+        end = len(self.axis.stages)
+        hung = float(inertia[end + 1 :, 0].sum())  # a part of the load on a spring, which stays as it is
+        moved = own + hung * (1.0 - own / self.payload_kg_m2)
+        inertia[end] += moved - self.payload_kg_m2
+        outside[end] = moved * motion[2] - torque
+        start = steady_start(chain, float(angle[0]), float(speed[0]), known_n_m=-float(outside[end, 0]))
+        servo = replace(servo, reference=np.stack([angle, speed, known]))
+        return run_chain(
+            chain, servo, SAMPLE_RATE_HZ, torque.size, start=start, external_n_m=outside, inertia_kg_m2=inertia
+        )
+
+    def motion(self, rate_hz: float = SAMPLE_RATE_HZ) -> Array:
+        """Angle [rad], speed [rad/s] and acceleration [rad/s2] that the output is to have, shape (3, n)."""
+        wanted = self.axis.motion
+        position, speed, acceleration = back_and_forth(
+            np.arange(round((SETTLING_S + self.duration_s) * rate_hz)) / rate_hz + self.start_phase * wanted.period_s,
+            wanted.period_s,
+            wanted.load_speed_rad_s,
+            wanted.acceleration_time_s,
+            wanted.dwell_s,
+        )
+        return np.stack([position - travel_rad(wanted) / 2 + self.middle_rad, speed, acceleration])
+
+    def load_torque(self, motion: Array) -> Array:
+        """What the last gear carries along that motion: links or load, with friction [N m], shape (n,)."""
+        load, (_, speed, acceleration) = self.axis.load, motion
+        friction = load.coulomb_friction_n_m * np.sign(speed) + load.viscous_friction_n_m_s_per_rad * speed
+        links = self.payload_kg_m2 * acceleration if self.pose_load is None else self.pose_load.along(motion)[1]
+        return np.asarray(links + self.specimen.friction * friction)
 
     def hear(self, run: ChainResult) -> NDArray[np.float32]:
         """What the scenario's microphone hears of a run, shape (n,), and what its recorder makes of that."""
@@ -108,34 +153,29 @@ def scenario_of(document: Mapping[str, Any]) -> Scenario:
         axis=read_axis(document["axis"]),
         specimen=Specimen(**document["specimen"]),
         microphone=microphone_of(document["microphone"]),
+        pose_load=pose_load_of(document["pose_load"]) if "pose_load" in document else None,
         **rest,
     )
 
 
-def servo_of(axis: Axis, chain: Chain, samples: int, start_phase: float, middle_rad: float) -> Servo:
+def servo_of(axis: Axis, chain: Chain, motion: Array) -> Servo:
     """The servo of an axis with the motor's reference: angle [rad], speed [rad/s], feed-forward torque [N m]."""
-    motion = axis.motion
-    position, speed, acceleration = back_and_forth(
-        np.arange(samples) / SAMPLE_RATE_HZ + start_phase * motion.period_s,
-        motion.period_s,
-        motion.load_speed_rad_s,
-        motion.acceleration_time_s,
-        motion.dwell_s,
-    )
-    stroke = motion.load_speed_rad_s * (motion.period_s / 2 - motion.dwell_s - motion.acceleration_time_s)
     reflected = [1.0, *np.cumprod([link.ratio for link in chain.links])]
     inertia = sum(shaft.inertia_kg_m2 / ratio**2 for shaft, ratio in zip(chain.shafts, reflected, strict=True))
     bandwidth = axis.servo.speed_bandwidth_rad_s or SPEED_BANDWIDTH_RAD_S
     return Servo(
-        reference=np.stack(
-            [(position - stroke / 2 + middle_rad) * axis.ratio, speed * axis.ratio, acceleration * axis.ratio * inertia]
-        ),
+        reference=motion * axis.ratio * np.array([[1.0], [1.0], [inertia]]),
         position_gain_per_s=axis.servo.position_gain_per_s or POSITION_GAIN_PER_S,
         speed_gain_n_m_s=inertia * bandwidth,
         integral_time_s=axis.servo.integral_time_s or INTEGRAL_TIME_S,
         speed_limit_rad_s=min(axis.motor.speed_limit_rad_s, UNLIMITED),
         torque_limit_n_m=min(axis.motor.torque_limit_n_m, UNLIMITED),
     )
+
+
+def travel_rad(motion: Motion) -> float:
+    """From one end of a motion to the other."""
+    return motion.load_speed_rad_s * (motion.period_s / 2 - motion.dwell_s - motion.acceleration_time_s)
 
 
 def with_motion(axis: Axis, **changes: float) -> Axis:

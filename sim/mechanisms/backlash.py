@@ -1,5 +1,6 @@
 """Play between the teeth: more than the gear had as new."""
 
+import math
 from dataclasses import replace
 from typing import ClassVar
 
@@ -12,6 +13,10 @@ from sim.mechanisms.places import axis_of, meshes, stage_at
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.components import ElastoBacklash
 from sim.rotational.drive_train import DriveTrain
+
+UNSTATED_RAD = math.radians(1.0 / 60.0)
+"""Backlash as new of a gear of which none is stated: no gear is without, and makers of precision gear units for robots
+promise one minute of arc or less."""
 
 
 class Backlash(Mechanics):
@@ -56,7 +61,7 @@ class Backlash(Mechanics):
 
     @classmethod
     def as_new(cls, axis: Axis, location: str | None) -> float:
-        return stage_at(axis, location).backlash_rad if axis.stages and location else 0.0
+        return (stage_at(axis, location).backlash_rad or UNSTATED_RAD) if axis.stages and location else 0.0
 
     @classmethod
     def locations(cls, axis: Axis) -> tuple[str, ...]:

@@ -4,7 +4,7 @@ from dataclasses import replace
 from typing import ClassVar
 
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, friction_at, with_friction
 from sim.mechanisms.traits import Traits
 from sim.rotational.drive_train import DriveTrain
@@ -16,6 +16,8 @@ class FrictionDrift(Mechanics):
     name: ClassVar[str] = "friction_drift"
     parameters: ClassVar[tuple[Parameter, ...]] = (Parameter("rate_per_s", "1/s", -0.1, 0.1, -0.005),)
     size: ClassVar[str] = "rate_per_s"
+    shown_by: ClassVar[frozenset[Need]] = frozenset({Need.BOTH_DIRECTIONS})
+    """One way each place is passed once: what changes with the time changes with the place as well."""
     signature: ClassVar[Signature] = Signature("time", direction="opposite", grows_with="time")
     equations: ClassVar[str] = "tau = (tau_C sign(w) + d w) (1 + rate t)"
     source: ClassVar[str] = "warming joints: Bittencourt and Gunnarsson, J. Dyn. Syst. Meas. Control 134 (2012) 051013"

@@ -71,7 +71,7 @@ def measure_joint(
     step = max(1, round(1.0 / (LINKS_HZ * float(motion.time_s[1]))))
     position, speed, acceleration = (each[::step] for each in (motion.position, motion.speed, motion.acceleration))
     asked = body.torque_of(position, speed, acceleration)[:, place]
-    inertia = float(np.mean(_own_inertia(body, position, place)))
+    inertia = float(np.mean(own_inertia(body, position, place)))
     axis = replace(axis, load=replace(axis.load, inertia_kg_m2=inertia))
     known = CubicSpline(motion.time_s[::step], asked - inertia * acceleration[:, place])
     end = float(motion.time_s[::step][-1])
@@ -85,7 +85,7 @@ def measure_joint(
     return axis, replace(found, telemetry=replace(telemetry, channels=channels))
 
 
-def _own_inertia(body: RigidBody, position: Array, place: int) -> Array:
+def own_inertia(body: RigidBody, position: Array, place: int) -> Array:
     """What a joint feels of the links while the others are held, shape (rows,) [kg m2]."""
     rest, turned = np.zeros_like(position), np.zeros_like(position)
     turned[:, place] = 1.0

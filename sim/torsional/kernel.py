@@ -478,9 +478,13 @@ def _command(servo: Floats, reference: Matrix, tick: int, p: Floats, w: Floats, 
 
 
 @_jit
-def _load_knot(motion: Matrix, external: Matrix, i: int, p: Floats, q: Ints) -> None:
-    """Drive and external torques between input samples i and i + 1 as polynomials of the fraction between them."""
+def _load_knot(motion: Matrix, external: Matrix, lightness: Matrix, i: int, p: Floats, q: Ints, w: Floats) -> None:
+    """Drive and external torques between input samples i and i + 1 as polynomials of the fraction between them; the
+    inertias there are those of sample i, and accelerations follow them at once."""
     d = DRIVE
+    for k in range(lightness.shape[0]):
+        w[K1 + 4 + k] *= lightness[k, i] / p[WIDTH * k + J]
+        p[WIDTH * k + J] = lightness[k, i]
     if q[KIND] == PRESCRIBED:
         dt = 1.0 / p[d + 6]
         p0, v0, a0 = motion[0, i], motion[1, i] * dt, motion[2, i] * dt * dt
@@ -527,6 +531,7 @@ def run(
     q: NDArray[np.int64],
     motion: Matrix,
     external: Matrix,
+    lightness: Matrix,
     servo: Matrix,
     reference: Matrix,
     grid: Matrix,
@@ -539,7 +544,7 @@ def run(
     torque: Matrix,
 ) -> tuple[int, int]:
     """Integrate over the rows of `torque`; `grid` = rate [Hz], steps per sample, friction width, tolerance,
-    and the fraction done, which another thread may watch.
+    and the fraction done, which another thread may watch. `lightness`: reciprocal inertias, or none.
 
     Inputs and servo ticks come once per sample; outputs without columns are skipped. Returns (events, unresolved).
     """
@@ -564,7 +569,7 @@ def run(
         last = i == samples - 1
         u = 1.0 if last and i > 0 else 0.0
         if not last:
-            _load_knot(motion, external, i, p, q)
+            _load_knot(motion, external, lightness, i, p, q, w)
         if q[KIND] == SERVO:
             before = p[DRIVE]
             integral = _command(servo, reference, i, p, w, integral)

@@ -9,6 +9,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from sim.description.axis import Axis
+from sim.discrepancy.data.angle_series import errors_over
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.discrepancy.data.excitation import lacking
 from sim.discrepancy.data.preprocessing import LEAST_ROWS, Measurement
@@ -43,7 +44,8 @@ class Seen:
     beyond it [N m]; `body`: smallest and largest inertia that it may have, weight of the load aside or counted in,
     None where the speed hardly changes; `torque`, `speed`: largest at the motor; `swing`, `twist_rate`: rms of the
     load's acceleration and of the twist's rate; `yields`: twist per acceleration of the load [s2], `soft`: the smallest
-    and the largest that it may be; `loose`: range of the twist beyond that.
+    and the largest that it may be, `erring`: beside an error over the load's angle; `loose`: range of the twist beyond
+    that.
     """
 
     inertia: float
@@ -57,6 +59,7 @@ class Seen:
     twist_rate: float = math.nan
     yields: float = math.nan
     soft: tuple[float, float] = (math.nan, math.nan)
+    erring: float = math.nan
     loose: float = math.nan
 
     @staticmethod
@@ -78,9 +81,12 @@ class Seen:
         way = np.sign(m.speed)[load]
         laws = [np.stack([*columns.T, way, *(law[load] for law in beside)], 1) for beside in ((), *_beside(axis, m))]
         soft = _range([yields[0], *(float(np.linalg.lstsq(c, twist, rcond=None)[0][0]) for c in laws)])
+        errors = errors_over(m.slow_load_angle[load])
+        erring = np.linalg.lstsq(np.stack([*columns.T, *errors], axis=1), twist, rcond=None)[0][0]
         low, high = np.quantile(twist - columns @ yields, [0.005, 0.995])
         rate = float(np.std((m.slow_speed / axis.ratio - m.slow_load_speed)[load]))
-        return Seen(*seen, float(np.std(columns[:, 0])), rate, float(yields[0]), soft, float(high - low))
+        swing = float(np.std(columns[:, 0]))
+        return Seen(*seen, swing, rate, float(yields[0]), soft, float(erring), float(high - low))
 
 
 def _range(values: Iterable[float]) -> tuple[float, float]:
@@ -246,6 +252,8 @@ def _check_inertia(axis: Axis, seen: Seen) -> list[str]:
             f"motor_torque_nm: torque and acceleration alone fit an inertia {share:.4g} times the described "
             f"{expected:.4g} kg m2; weight of the load explains it as well, and then {least:.4g} to {most:.4g} times."
         ]
+    if share < LIGHTEST and accelerating < seen.left:  # the described one would not be seen either
+        return [HARDLY]
     if share > HEAVIEST or share < LIGHTEST:
         raise InvestigationError(
             f"motor_torque_nm: fits an inertia {share:.4g} times the described {expected:.4g} kg m2: "
@@ -343,7 +351,8 @@ def _check_stiffness(axis: Axis, seen: Seen) -> None:
                 raise InvestigationError(
                     f"{name}: {value:.6g} N m/rad cannot be: {text}. Is its unit right? {value / factor:.6g} would fit"
                 )
-    if not 1.0 / FAR_BEYOND < share < FAR_BEYOND:
+    stays = min(share, seen.erring / (soft * load))  # an error over the angle may be the rest, which none describes
+    if share < 1.0 / FAR_BEYOND or stays > FAR_BEYOND:
         raise InvestigationError(
             f"{min(parts, key=lambda n: 1.0 / parts[n])}: {text}; stiffness or load.inertia_kg_m2 is wrong by far"
         )

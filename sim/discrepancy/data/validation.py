@@ -79,7 +79,8 @@ def examine(axis: Axis, telemetry: Telemetry, doubts: Array | None = None) -> Ga
     faults = _lost(valid, held) + _clipped(even["torque"])
     lost = held | (valid <= 0.5)
     even = {name: bridged(values, ~lost) for name, values in even.items()}
-    mended = repair(even, axis.ratio, rate, float(grid[0]), lost, irregular(telemetry, grid))
+    odd = np.ones_like(lost) if uneven else irregular(telemetry, grid)
+    mended = repair(even, axis.ratio, rate, float(grid[0]), lost, odd)
     even, faults = mended.channels, _together([*faults, *mended.faults])
     valid = (~mended.torque_lost).astype(float) * _unclipped(even["torque"], faults)
     load_valid = (~((mended.load_lost & ~lost) | _long(mended.lost, rate))).astype(float)

@@ -8,6 +8,7 @@ import numpy as np
 
 from sim import mechanisms
 from sim.description.axis import Axis
+from sim.discrepancy.data.angle_series import errors_over
 from sim.discrepancy.data.excitation import excitation_of
 from sim.discrepancy.data.plausibility import LEAST_TURN
 from sim.discrepancy.data.preprocessing import Measurement
@@ -31,11 +32,16 @@ MOST_OF_SPEED = 0.4  # largest of the speeds at which low-speed friction has fal
 def twist_range(axis: Axis, m: Measurement) -> float | None:
     """Range of the twist at the load that both encoders show [rad], None without a load encoder.
 
-    Of the angles that drive the chain: noise of the encoders is no twist.
+    Of the angles that drive the chain: noise of the encoders is no twist. Nor is what they differ by over the angle:
+    which flank carries hangs on where the load is pushed, and an error of gear or encoder on where it is.
     """
     if m.slow_load_angle is None:
         return None
-    return float(np.ptp((m.slow_angle / axis.ratio - m.slow_load_angle)[m.load_valid > 0.5]))
+    seen = m.load_valid > 0.5
+    angle = m.slow_load_angle[seen]
+    twist = m.slow_angle[seen] / axis.ratio - angle
+    errors = np.stack([np.ones(angle.size), *errors_over(angle)], axis=1)
+    return float(np.ptp(twist - errors @ np.linalg.lstsq(errors, twist, rcond=None)[0]))
 
 
 def speed_within_a_row(m: Measurement) -> float:

@@ -49,7 +49,6 @@ FEWEST_TEETH = 8.0  # of a pinion
 LOSS_SIDES = ((0.0, 0.5), (1.0, 0.0), (1.0, 0.5), (1.0, 1.0))  # tried first: a load encoder sees only what is behind
 MOTOR = "motor"
 WAVE_ORDERS = (2.0, 4.0)  # per turn of an oval wave generator; once is runout of that shaft
-WAVE_ORDERS = (2.0, 4.0)  # per turn of an oval wave generator; once is runout of that shaft
 WIDEST_GAP = 6.0  # over the working twist, where play is looked for
 ALL_OF_IT = 0.9  # of the twist
 OF_TEETH = 0.5  # of the torque that erring teeth make: as much at their own order may be the error of their form

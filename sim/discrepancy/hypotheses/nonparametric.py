@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from sim.description.axis import Axis
 from sim.description.transmission import compliance
+from sim.discrepancy.data.angle_series import beyond_twice, orders_beyond_twice
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.traits import (
@@ -27,7 +28,6 @@ from sim.discrepancy.hypotheses.traits import (
     OVER_SPEED,
     OVER_SPEED_AT_LOAD,
 )
-from sim.discrepancy.model.angle_series import beyond_twice, orders_beyond_twice
 from sim.discrepancy.model.nominal import LOAD_CURVE, PARTS, wave
 from sim.discrepancy.model.parameters import Owner, Parameter, Values
 from sim.torsional.model import Array, Chain, with_link

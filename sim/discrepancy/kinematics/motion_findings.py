@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from sim.description.axis import Axis
 from sim.discrepancy.assessment.calibration import WEIGHTS
+from sim.discrepancy.data.angle_series import ERROR_ORDERS
 from sim.discrepancy.hypotheses.identifiability import ALONE
 from sim.discrepancy.kinematics.as_new import AsNew, like_a_gap, place_of_gap
 from sim.discrepancy.kinematics.transmission_error import (
@@ -23,7 +24,6 @@ from sim.discrepancy.kinematics.transmission_error import (
     is_beyond,
     sine,
 )
-from sim.discrepancy.model.angle_series import ERROR_ORDERS
 from sim.discrepancy.report.formatting import angle, number
 from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
 from sim.mechanisms import Backlash, Eccentricity, EncoderError, MeshError

@@ -22,9 +22,9 @@ from scipy.stats import f as f_distribution
 from scipy.stats import t as t_distribution
 
 from sim.description.axis import Axis
+from sim.discrepancy.data.angle_series import ERROR_ORDERS, is_whole, over_the_way
 from sim.discrepancy.data.excitation import lacking_at
 from sim.discrepancy.data.preprocessing import LEAST_ROWS, STANDSTILL_SHARE, Measurement, standstill_weight
-from sim.discrepancy.model.angle_series import ERROR_ORDERS, is_whole, over_the_way
 from sim.mechanisms import Eccentricity, EncoderError, MeshError
 from sim.mechanisms.catalogue import mechanism_of
 from sim.mechanisms.mechanism import Need

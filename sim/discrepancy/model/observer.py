@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.fft import irfft, next_fast_len, rfft
 
+from sim.discrepancy.data.angle_series import beyond_twice
 from sim.discrepancy.data.preprocessing import LOAD_MOTION_CUT_HZ, Measurement
-from sim.discrepancy.model.angle_series import beyond_twice
 from sim.discrepancy.model.observer_kernel import loudness, motor_torque, run, shaken
 from sim.discrepancy.model.packing import Packed, lag_of, pack, substeps
 from sim.torsional.integrate import steady_start

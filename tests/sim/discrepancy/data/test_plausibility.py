@@ -154,3 +154,17 @@ def test_a_load_that_reads_zero_for_a_while_is_not_wrapped() -> None:
     with pytest.raises(InvestigationError) as refused:  # the ratio is no longer right
         gate(telemetry=replace(GOOD, channels={**GOOD.channels, "load_position_rad": load}))
     assert "wrapped" not in str(refused.value)
+
+
+def test_what_encoders_differ_by_over_the_angle_is_no_soft_spring() -> None:
+    """To and fro the load accelerates most at the ends of its way, and an error over its angle seems to twist it."""
+    output = {"name": "output", "ratio": 10, "stiffness_n_m_per_rad": 1e5}
+    axis = read_axis({"motor": SHEET["motor"], "stages": [output], "load": SHEET["load"]})
+    stiff = geared(0.15, 10.0, 15.0, 1e5, 1)
+    turned = stiff["load_position_rad"]
+    twist = stiff["motor_position_rad"] / 10.0 - turned
+    way = turned - turned.mean()
+    load = turned + 50.0 * np.std(twist) * way / np.std(way)
+    examine(axis, replace(stiff, channels={**stiff.channels, "load_position_rad": load}))
+    with pytest.raises(InvestigationError, match="wrong by far"):
+        examine(axis, geared(0.15, 10.0, 15.0, 5e3, 1))

@@ -7,6 +7,7 @@ import pytest
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis_document import read_axis
+from sim.discrepancy.data.repair import repair
 from sim.discrepancy.data.sample_defects import jumps, spikes, stays
 from sim.discrepancy.data.validation import Fault, examine
 from sim.torsional.model import Array
@@ -185,3 +186,14 @@ def test_short_runs_of_lost_rows_are_one_finding_of_their_true_share(hold: bool)
     gate = examine(BODY, Telemetry(t if hold else t[rows], channels))
     assert [(f.mechanism, f.location) for f in gate.faults] == [("lost_samples", None)]
     assert gate.faults[0].parameters["fraction"] == pytest.approx(float(lost.mean()), rel=0.1)
+
+
+def test_where_no_clock_is_even_a_jump_is_one_of_the_clock() -> None:
+    after = np.arange(GOOD.time_s.size) >= ROW
+    channels = {"torque": GOOD["motor_torque_nm"], "angle": GOOD["motor_position_rad"] + 0.05 * after}
+    lost = np.zeros_like(after)
+    rate_hz = 1.0 / GOOD.interval_s
+    (fault,) = repair(channels, 10.0, rate_hz, 0.0, lost).faults
+    assert fault.mechanism == "encoder_error"
+    faults = repair(channels, 10.0, rate_hz, 0.0, lost, np.ones_like(lost)).faults
+    assert "encoder_error" not in {fault.mechanism for fault in faults}

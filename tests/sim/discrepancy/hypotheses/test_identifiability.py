@@ -12,13 +12,14 @@ from sim.discrepancy.assessment.remarks import shown_remark
 from sim.discrepancy.assessment.verdict import is_beyond_new, is_worse
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.discrepancy.data.excitation import Excitation, excitation_in
-from sim.discrepancy.hypotheses.identifiability import ALONE, highest_order, passed_slowly, shown, the_same
+from sim.discrepancy.hypotheses.identifiability import ALONE, MOST_ORDERS, highest_order, passed_slowly, shown, the_same
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.pooling.joint_investigation import investigate_together
 from sim.discrepancy.pooling.pooled_estimates import Taken
 from sim.discrepancy.results import Estimate, Gain
 from sim.errors import AxisError
 from sim.mechanisms.mechanism import Need
+from sim.mechanisms.torque_ripple import TorqueRippleOfMotor
 from tests.sim.discrepancy.telemetry_of import swing
 
 INERTIA = 0.3
@@ -99,6 +100,16 @@ def test_an_interval_that_holds_the_size_as_new_is_no_finding_to_be_sure_of(
     gap = Estimate("gap_rad", 0.5 * (low + high), "rad", low, high)
     assert not is_beyond_new(worn, "backlash", "output", [gap])
     assert is_beyond_new(worn, "backlash", "output", [replace(gap, low=0.21)])
+
+
+def test_no_gear_is_without_backlash_where_none_is_stated() -> None:
+    """A minute of arc, which makers of precision gear units promise, is no finding; what is stated is held against."""
+    gap = Estimate("gap_rad", 2.0e-4, "rad", 1.8e-4, 2.3e-4)
+    for stated, beyond in ((None, False), (5e-5, True)):
+        stage = {"name": "output", "ratio": 100} | ({} if stated is None else {"backlash_rad": stated})
+        axis = read_axis({"motor": {"inertia_kg_m2": 1.0}, "stages": [stage], "load": {"inertia_kg_m2": 1.0}})
+        assert is_beyond_new(axis, "backlash", "output", [gap]) == beyond
+        assert is_beyond_new(axis, "backlash", "output", [replace(gap, value=1e-3, low=9e-4, high=1.1e-3)])
 
 
 def test_more_left_on_unseen_rows_is_worse() -> None:
@@ -217,3 +228,8 @@ def test_a_log_tells_its_motion_before_it_is_checked() -> None:
         assert (e.rate_hz, e.seconds) == pytest.approx((200.0, 60.0), rel=1e-3)
         assert e.travel_rad == pytest.approx(80.0, rel=0.01)
     assert excitation_in(Telemetry(told.time_s, {"motor_torque_nm": told["motor_torque_nm"]})) is None
+
+
+def test_whatever_order_is_looked_for_may_stand_in_a_description() -> None:
+    orders = next(p for p in TorqueRippleOfMotor.parameters if p.name == "order")
+    assert orders.high >= MOST_ORDERS

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sim.description.axis import Load, LoadEncoder, Motor
+from sim.discrepancy.data.angle_series import beyond_twice, is_whole
 from sim.discrepancy.data.validation import examine
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import Noise
@@ -17,7 +18,6 @@ from sim.discrepancy.hypotheses.catalogue import terms_of
 from sim.discrepancy.hypotheses.gear_mesh import kinematic_terms
 from sim.discrepancy.hypotheses.nonparametric import error_over_angle
 from sim.discrepancy.investigation import investigate
-from sim.discrepancy.model.angle_series import beyond_twice, is_whole
 from tests.sim.discrepancy.hypotheses.strain_wave import AXIS, PHASE, erring, log
 
 

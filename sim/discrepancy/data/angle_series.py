@@ -43,3 +43,10 @@ def beyond_twice(angle: Array) -> tuple[Array, Array]:
     sine, cosine = np.sin(orders * angle), np.cos(orders * angle)
     waves = np.concatenate([sine[:half], cosine[half:]])
     return waves, orders * np.concatenate([cosine[:half], -sine[half:]])
+
+
+def errors_over(angle: Array) -> Array:
+    """All of an encoder's or a gear's error over `angle` (n,) that is none of teeth: waves of once and twice per turn,
+    and those of `beyond_twice`, shape (k, n)."""
+    low = [part for k in (1, 2) for part in (np.sin(k * angle), np.cos(k * angle))]
+    return np.stack([*low, *beyond_twice(angle)[0]])
