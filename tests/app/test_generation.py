@@ -18,8 +18,9 @@ from sim.experiment.design_of_experiments import LABELS
 from sim.experiment.paper_axis import PAPER_AXIS
 from sim.experiment.scenario import MODEL_VERSION, scenario_of
 from sim.robot.foreign import check_foreign
+from tests.app.inside import inside
 from tests.live import gearcase
-from tests.sim.robot.arms import two_links, write_robot
+from tests.sim.robot.arms import two_links, urdf, write_robot
 
 COUNTS = {"normal": 2, "play": 1, "notch": 1}
 CAMPAIGN = Campaign(PAPER_AXIS, COUNTS, seed=4, duration_s=3.0)
@@ -113,6 +114,28 @@ def test_a_joint_of_a_robot_by_command_and_by_job_are_the_same_cases(tmp_path: P
         assert load is not None
         assert (case.recording.axis, case.recording.description["extra"]["robot"]) == (PAPER_AXIS.name, "arm")
         assert (load.robot, load.joint, len(load.first_rad)) == ("arm", "joint1", 2)
+
+
+def test_cases_of_a_joint_of_a_stored_robot_are_ordered_over_http(tmp_path: Path) -> None:
+    joints = [{"name": "joint1", "axis": PAPER_AXIS.to_mapping()}, {"name": "joint2"}]
+    robot = json.dumps({"name": "two links", "joints": joints})
+    wanted = {"robot": "two links", "joint": "joint1", "per_label": 1, "duration_s": 1.0}
+    with inside(tmp_path / "data") as service:
+        files = {"robot": (None, robot), "urdf": ("arm.urdf", urdf(two_links()).encode())}
+        stored = service.ask("POST", "/api/v1/robots", files=files)
+        assert stored.status_code == 201, stored.text
+        answer = service.ask("POST", "/api/v1/simulations", json=wanted)
+        assert (answer.status_code, answer.json()["state"]) == (202, "queued"), answer.text
+        for changed, status, said in (
+            ({"joint": "joint2"}, 422, "joints[1].axis: missing"),
+            ({"joint": None}, 422, "'robot' and 'joint'"),
+            ({"axis": PAPER_AXIS.to_mapping()}, 422, "'robot' and 'joint'"),
+            ({"robot": "nobody"}, 404, "no robot 'nobody'"),
+            ({"payload_kg_m2": [1.0, 2.0]}, 422, "payload_kg_m2: "),
+        ):
+            refused = service.ask("POST", "/api/v1/simulations", json={**wanted, **changed})
+            assert refused.status_code == status, refused.text
+            assert said in refused.json()["detail"]
 
 
 def test_wrong_campaigns_are_refused(tmp_path: Path) -> None:

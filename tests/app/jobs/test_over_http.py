@@ -12,7 +12,6 @@ import httpx
 import pytest
 
 from tests.live import LiveServer
-from tests.sim.robot.arms import two_links, urdf
 
 AXIS = {
     "name": "http-axis",
@@ -122,28 +121,6 @@ def test_roles_and_wrong_orders(live_server: LiveServer, admin: httpx.Client) ->
     assert "gears" in wrong.json()["detail"]
     rust = admin.post("/api/v1/simulations", json={"axis": AXIS, "counts": {"rust": 1}})
     assert rust.status_code == 422
-
-
-def test_cases_of_a_joint_of_a_stored_robot_are_ordered(admin: httpx.Client) -> None:
-    joints = [{"name": "joint1", "axis": {**AXIS, "name": "shoulder"}}, {"name": "joint2"}]
-    robot = json.dumps({"name": "two links", "joints": joints})
-    parts = {"robot": (None, robot), "urdf": ("arm.urdf", urdf(two_links()))}
-    stored = admin.post("/api/v1/robots", files=parts)
-    assert stored.status_code == 201, stored.text
-    wanted = {"robot": "two links", "joint": "joint1", "per_label": 1, "duration_s": 1.0}
-    answer = admin.post("/api/v1/simulations", json=wanted)
-    assert (answer.status_code, answer.json()["state"]) == (202, "queued"), answer.text
-    admin.delete(answer.headers["Location"])
-    for changed, status, said in (
-        ({"joint": "joint2"}, 422, "joints[1].axis: missing"),
-        ({"joint": None}, 422, "'robot' and 'joint'"),
-        ({"axis": AXIS}, 422, "'robot' and 'joint'"),
-        ({"robot": "nobody"}, 404, "no robot 'nobody'"),
-        ({"payload_kg_m2": [1.0, 2.0]}, 422, "payload_kg_m2: "),
-    ):
-        refused = admin.post("/api/v1/simulations", json={**wanted, **changed})
-        assert refused.status_code == status, refused.text
-        assert said in refused.json()["detail"]
 
 
 @pytest.mark.parametrize("verb", ["cancel", "resume"])
