@@ -174,7 +174,7 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
     others = [f"{name_of(h['label'])} {likely(h['probability'])}" for h in hypotheses[1:] if h["label"] not in out]
     also = f" Also possible: {', '.join(others[:2])}." if others else ""
     if out:
-        also += f" Rejected: {', '.join(map(name_of, out))}."
+        also += f" Ruled out: {', '.join(map(name_of, out))}."
     if kind == "ambiguous":
         names = " or ".join(name_of(h["label"]) for h in hypotheses[:2])
         because = " ".join(map(sentence, poor)) or "No label is probable enough to be named."

@@ -30,13 +30,13 @@ class Backlash(Mechanics):
     equations: ClassVar[str] = "F = 0 while |x| < gap / 2, else c (|x| - gap / 2) + d x' on the flank in contact"
     source: ClassVar[str] = "Modelica.Mechanics.Rotational.Components.ElastoBacklash, Modelica Standard Library 4.1"
     sentence: ClassVar[str] = (
-        "The {where} gear pair has backlash of {gap_rad:.3g} rad ({gap_rad_shown}): at every reversal of torque "
-        "the load moves freely until the opposite tooth flanks meet."
+        "The {where} gear pair has backlash of {gap_rad:.3g} rad ({gap_rad_shown}) from flank to flank: at every "
+        "reversal of torque the load moves freely until the opposite tooth flanks meet."
     )
     action: ClassVar[str] = (
-        "Lock the motor, move the load by hand to and fro and read the free travel at the {where} gear; compare it "
-        "with what the maker allows, and check preload, centre distance and fastening of that stage. Plan it for the "
-        "next stop; sooner where the axis must hold a position."
+        "Secure the load and lock the motor, move the load by hand to and fro and read the free travel at the {where} "
+        "gear; compare it with what the maker allows, and check preload, centre distance and fastening of that stage. "
+        "Plan it for the next stop; sooner where the axis must hold a position."
     )
     check: ClassVar[str] = (
         "Block the load and let the motor push slowly to and fro: backlash shows as a flat middle of torque over "

@@ -30,10 +30,10 @@ class FrictionAsymmetry(Mechanics):
     source: ClassVar[str] = (
         "EMPS benchmark: Janot, Gautier and Brunot, Workshop on Nonlinear System Identification Benchmarks (2019)"
     )
-    sentence: ClassVar[str] = "Friction differs between the two directions of motion."
+    sentence: ClassVar[str] = "Friction differs between the two directions of motion: the axis runs harder one way."
     action: ClassVar[str] = (
-        "Look for what drags one way only: a brake that rubs, a preloaded screw or seal, a cable or hose that pulls. "
-        "Zero the torque channel at standstill first, because an offset looks the same."
+        "Zero the torque channel at standstill, because an offset looks nearly the same. Then look for what drags one "
+        "way only: a brake that rubs, a preloaded screw or seal, a cable or hose that pulls."
     )
     check: ClassVar[str] = Differing.AT_REST.value
     own_hypothesis: ClassVar[bool] = True

@@ -61,7 +61,7 @@ def test_a_score_is_called_a_probability_only_where_gearboxes_are_known(gearboxe
 
 def test_what_is_rejected_is_not_also_possible() -> None:
     summary = verdict_of(document()).summary
-    possible, rejected = summary.split("Rejected:")
+    possible, rejected = summary.split("Ruled out:")
     assert "backlash (play)" in possible
     assert "no fault" not in possible
     assert "no fault" in rejected
