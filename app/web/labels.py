@@ -11,6 +11,7 @@ from app.errors import Unprocessable
 from app.web.words import NAMES, name_of
 from casebase.fields import Label
 
+LABEL: TypeAdapter[str] = TypeAdapter(Label)
 ANOTHER = "+"
 """What a list of labels sends for a label that is not in it."""
 STANDARDS = (
@@ -92,7 +93,7 @@ def chosen(label: str, another: str, sure: bool, library: Iterable[str]) -> str:
         return text
     new = re.sub(r"\s+", "_", text.lower())
     try:
-        TypeAdapter(Label).validate_python(new)
+        LABEL.validate_python(new)
     except ValidationError:
         raise Unprocessable(
             f"A label begins with a letter a to z and has letters, digits, '.', '_' and '-', such as tooth_wear; "

@@ -1,10 +1,12 @@
 """Every step of a person is taken back for real: rows, table and figures are those from before it."""
 
+from collections.abc import Callable
 from itertools import pairwise
 
 import numpy as np
 import pytest
 from sqlalchemy import select
+from sqlalchemy.orm import Session
 
 from casebase.case_table import CaseTable
 from casebase.diagnoses import get_diagnosis, revise_diagnosis
@@ -16,6 +18,7 @@ from casebase.steps import last_step, newest_of, step_name, undo
 from tests.casebase.made import VERSION, add_case
 from tests.casebase.test_diagnoses import diagnose, features, fill
 
+Work = Callable[[Session], object]
 MOVING = {"version", "updated_at", "library_version"}
 """What counts changes, and so goes on when one is taken back."""
 
@@ -24,7 +27,7 @@ def state(library: CaseLibrary) -> dict[str, object]:
     """Return all that a step may change, byte for byte; cases that are in no search are no part of it."""
     with library.reading() as session:
         table = library.retrieve.table(session, VERSION)
-        rows = {}
+        rows: dict[str, object] = {}
         for model in (Case, StoredDiagnosis, FeatureRow):
             columns = [column for column in model.__table__.columns if column.name not in MOVING]
             found = session.execute(select(*columns)).all()
@@ -46,11 +49,11 @@ def figures(library: CaseLibrary) -> dict[str, object]:
         return evaluate(library.retrieve.table(session, VERSION)).to_document()
 
 
-def step(library: CaseLibrary, work: object) -> int:
+def step(library: CaseLibrary, work: Work) -> int:
     """Do something as one step and return its number."""
     name = step_name()
     with library.transaction("otto", name) as session:
-        work(session)  # type: ignore[operator]
+        work(session)
         session.flush()
         found = newest_of(session, name)
     assert found is not None
@@ -68,21 +71,22 @@ def test_every_step_is_taken_back_and_all_is_as_before(library: CaseLibrary) -> 
     found = diagnose(library, features(np.random.default_rng(3), "notch"))
     kept: list[Case] = []
 
-    def keep(session: object) -> None:
-        kept.append(library.retain.diagnosis(session, found.id, verification="opened"))  # type: ignore[arg-type]
+    def keep(session: Session) -> None:
+        kept.append(library.retain.diagnosis(session, found.id, verification="opened"))
 
-    def rename(session: object) -> None:
-        for identity in session.scalars(select(Case.id).where(Case.label == "notch")).all():  # type: ignore[attr-defined]
-            library.revise.case(session, identity, {"label": "tooth_breakage"})  # type: ignore[arg-type]
+    def rename(session: Session) -> None:
+        for identity in session.scalars(select(Case.id).where(Case.label == "notch")).all():
+            library.revise.case(session, identity, {"label": "tooth_breakage"})
 
-    works = (
+    works: tuple[Work, ...] = (
         lambda session: revise_diagnosis(session, found.id, "confirmed", verification="heard", note="at the elbow"),
         lambda session: revise_diagnosis(session, found.id, "corrected", label="play", verified_by="measured by hand"),
         keep,
         lambda session: library.revise.case(session, kept[0].id, {"label": "notch", "verification": "measured"}),
         rename,
     )
-    states, steps, before_all = [state(library)], [], figures(library)
+    states, before_all = [state(library)], figures(library)
+    steps: list[int] = []
     for work in works:
         steps.append(step(library, work))
         states.append(state(library))
@@ -119,8 +123,8 @@ def test_what_was_kept_by_mistake_can_be_kept_again_but_what_was_retired_cannot(
     fill(library, gearboxes=2)
     found = diagnose(library, features(np.random.default_rng(3), "notch"))
 
-    def keep(session: object) -> None:
-        library.retain.diagnosis(session, found.id, label="play")  # type: ignore[arg-type]
+    def keep(session: Session) -> None:
+        library.retain.diagnosis(session, found.id, label="play")
 
     take_back(library, step(library, keep))
     with library.transaction("anna") as session:
