@@ -10,7 +10,7 @@ from sqlalchemy.orm import Session
 
 from app.keys import Role
 from casebase.axes import is_axis, unknown_axis
-from casebase.fields import Label, Positive, Text, Verification, Word
+from casebase.fields import Label, Positive, Text, Verification, Verified, Word
 from casebase.models import StoredDiagnosis
 from casebase.pages import Page
 from casebase.signals.quality import DISTURBANCES
@@ -241,6 +241,7 @@ class CaseAnswer(Answer):
     diagnosis_id: str | None
     labelled_by: str
     verified_by: str | None
+    verification: Verified | None
     quarantine_reason: str | None
     note: str | None
     version: int
@@ -255,6 +256,7 @@ class CaseFromDiagnosis(Question):
     diagnosis_id: Annotated[str, Field(pattern=r"^[0-9a-f]{32}$", description="which diagnosis")]
     label: Label | None = Field(None, description="by default what the diagnosis was confirmed or corrected to")
     verified_by: Verification | None = Field(None, description="how it was verified; by default as the diagnosis says")
+    verification: Verified | None = Field(None, description="the same in one word; by default as the diagnosis says")
 
 
 class CaseChange(Question):
@@ -265,6 +267,7 @@ class CaseChange(Question):
         MISSING, description="only confirmed ones count"
     )
     verified_by: Verification | MISSING | None = Field(MISSING, description="how the label was verified")
+    verification: Verified | MISSING | None = Field(MISSING, description="the same in one word")
     note: Text | MISSING | None = Field(MISSING, description="anything else")
     mechanism: Word | MISSING | None = Field(MISSING, description="of the simulator, such as tooth_damage")
     location: Word | MISSING | None = Field(MISSING, description="gear or shaft where the fault is")
@@ -278,6 +281,7 @@ class DiagnosisChange(Question):
     verdict: Literal["confirmed", "corrected", "rejected", "open"] = Field(description="what a person found")
     label: Label | None = Field(None, description="the right label; needed for corrected")
     verified_by: Verification | None = Field(None, description="how it was verified, e.g. gearbox opened")
+    verification: Verified | None = Field(None, description="the same in one word")
     note: Text | None = Field(None, description="anything else")
 
 
@@ -287,6 +291,7 @@ class Revision(BaseModel):
     state: Literal["open", "confirmed", "corrected", "rejected"]
     label: str | None
     verified_by: str | None
+    verification: Verified | None
     note: str | None
     by: str | None
     at: Instant | None
@@ -368,6 +373,7 @@ class DiagnosisAnswer(BaseModel):
             state=row.state,
             label=row.revised_label,
             verified_by=row.verified_by,
+            verification=row.verification,
             note=row.note,
             by=row.revised_by,
             at=row.revised_at,

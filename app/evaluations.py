@@ -11,6 +11,8 @@ from casebase.evaluation import Evaluation
 from casebase.library import CaseLibrary
 
 WAIT_S, STEP_S = 25.0, 1.0
+Key = tuple[int, str, str, str | None]
+"""Version of the library, what is left out together, origin, and a case that it does without."""
 
 
 class Evaluations:
@@ -19,15 +21,15 @@ class Evaluations:
     def __init__(self, library: CaseLibrary, stopping: Event) -> None:
         self._library, self._stopping = library, stopping
         self._lock = Lock()
-        self._found: dict[tuple[int, str, str], Future[Evaluation]] = {}
+        self._found: dict[Key, Future[Evaluation]] = {}
 
-    def get(self, version: int, group: str, origin: str) -> Evaluation:
-        """Return the evaluation of the library at this version.
+    def get(self, version: int, group: str, origin: str, without: str | None = None) -> Evaluation:
+        """Return the evaluation of the library at this version, without a case if one is named.
 
         Raises:
             Unavailable: if it is not ready yet.
         """
-        key = (version, group, origin)
+        key = (version, group, origin, without)
         with self._lock:
             if key not in self._found:
                 self._found = {kept: found for kept, found in self._found.items() if kept[0] == version}
@@ -43,10 +45,10 @@ class Evaluations:
             headers={"Retry-After": "60"},
         )
 
-    def _compute(self, key: tuple[int, str, str], found: Future[Evaluation]) -> None:
+    def _compute(self, key: Key, found: Future[Evaluation]) -> None:
         try:
             with self._library.reading() as session:
-                found.set_result(self._library.reuse.evaluate(session, group=key[1], origin=key[2]))
+                found.set_result(self._library.reuse.evaluate(session, group=key[1], origin=key[2], without=key[3]))
         except LibraryError as error:
             found.set_exception(error)
         finally:

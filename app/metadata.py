@@ -16,7 +16,7 @@ from pydantic import (
 
 from app.errors import Unprocessable, validation_problem
 from casebase.description import Labelling
-from casebase.fields import AxisName, Label, Moment, Positive, Text, Verification, Word
+from casebase.fields import AxisName, Label, Moment, Positive, Text, Verification, Verified, Word
 from casebase.signals.condition import OperatingCondition
 
 SCHEMA = "gearcase-recording/1"
@@ -97,6 +97,7 @@ class CaseMetadata(RecordingMetadata):
     )
 
     label: Label = Field(description="normal, notch, play, or any other label of the library")
+    verification: Verified | None = Field(None, description="the same as `verified_by` in one word")
     size_rad: Positive | None = Field(
         None,
         description="measured gap of backlash (play) or depth of tooth damage (notch), at the driven gear [rad]",
@@ -104,7 +105,13 @@ class CaseMetadata(RecordingMetadata):
 
     def labelling(self) -> Labelling:
         """What the recording is a case of, as measured."""
-        return Labelling(self.label, severity=self.size_rad, verified_by=self.verified_by, note=self.notes)
+        return Labelling(
+            self.label,
+            severity=self.size_rad,
+            verified_by=self.verified_by,
+            verification=self.verification,
+            note=self.notes,
+        )
 
 
 def read_metadata(text: str, model: type[RecordingMetadata]) -> Any:

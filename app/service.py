@@ -50,13 +50,13 @@ class Service:
         """Remove what processes left that were killed."""
         leftovers(self.library, self.settings.incoming, remove=True)
 
-    def evaluation(self, session: Session, group: str, origin: str) -> Evaluation:
-        """The library's cross-validation as it is now.
+    def evaluation(self, session: Session, group: str, origin: str, without: str | None = None) -> Evaluation:
+        """The library's cross-validation as it is now, without a case if one is named.
 
         Raises:
             Unavailable: if it is not ready yet.
         """
-        return self.evaluations.get(library_version(session), group, origin)
+        return self.evaluations.get(library_version(session), group, origin, without)
 
     @cached_property
     def evaluations(self) -> Evaluations:

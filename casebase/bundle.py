@@ -109,6 +109,7 @@ def _entry(case: Case, name: str | None) -> dict[str, object]:
         "model_version": case.model_version,
         "labelled_by": case.labelled_by,
         "verified_by": case.verified_by,
+        "verification": case.verification,
         "quarantine_reason": case.quarantine_reason,
         "note": case.note,
         "key": case.key,

@@ -14,7 +14,7 @@ from pydantic import (
 )
 
 from casebase.description import Labelling, RecordingDescription
-from casebase.fields import AxisName, FileName, Label, Moment, Positive, Short, Text, Verification, Word
+from casebase.fields import AxisName, FileName, Label, Moment, Positive, Short, Text, Verification, Verified, Word
 from casebase.signals.condition import OperatingCondition
 
 Sha256 = Annotated[str, StringConstraints(pattern=r"^[0-9a-f]{64}$")]
@@ -80,6 +80,7 @@ class BundledCase(BaseModel):
     parameters: Annotated[dict[Word, JsonValue], Field(max_length=200)] = {}
     model_version: Short | None = None
     verified_by: Verification | None = None
+    verification: Verified | None = None
     quarantine_reason: Text | None = None
     note: Text | None = None
     key: Word | None = None

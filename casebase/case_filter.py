@@ -18,6 +18,7 @@ class CaseFilter:
     state: str | None = None
     batch: str | None = None
     quarantined: bool | None = None
+    verification: str | None = None
 
 
 def selected(wanted: CaseFilter) -> Select[Case]:
@@ -28,6 +29,7 @@ def selected(wanted: CaseFilter) -> Select[Case]:
         (Case.origin, wanted.origin),
         (Case.batch, wanted.batch),
         (Case.state, wanted.state),
+        (Case.verification, wanted.verification),
     ):
         if value is not None:
             statement = statement.where(column == value)

@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import Any
 
 from casebase.errors import InvalidRequestError
-from casebase.models import CASE_STATES, ORIGINS
+from casebase.models import CASE_STATES, ORIGINS, VERIFICATIONS
 from casebase.signals.condition import OperatingCondition
 
 
@@ -67,7 +67,8 @@ class Labelling:
         origin: measured or simulated.
         state: proposed cases wait for an admin; only confirmed ones are searched.
         mechanism, location, severity, parameters, model_version: of a simulated case, contract names, SI.
-        verified_by: how the label was verified.
+        verified_by: how the label was verified, in any words.
+        verification: the same as one of VERIFICATIONS.
         key: given by a generator, so that the same case twice is one.
         batch: the job or import that brings it.
 
@@ -84,6 +85,7 @@ class Labelling:
     parameters: Mapping[str, object] = field(default_factory=dict)
     model_version: str | None = None
     verified_by: str | None = None
+    verification: str | None = None
     quarantine_reason: str | None = None
     note: str | None = None
     key: str | None = None
@@ -93,6 +95,7 @@ class Labelling:
         check_label(self.label)
         check_choice("origin", self.origin, ORIGINS)
         check_choice("state", self.state, CASE_STATES)
+        check_verification(self.verification)
 
 
 LONGEST_NAME = 200
@@ -129,3 +132,9 @@ def check_choice(name: str, value: str, choices: tuple[str, ...]) -> None:
     """Raise InvalidRequestError unless the value is one of the choices."""
     if value not in choices:
         raise InvalidRequestError(f"{name} must be one of {', '.join(choices)}, got {value!r}")
+
+
+def check_verification(value: str | None) -> None:
+    """Raise InvalidRequestError unless the value is one of VERIFICATIONS, or None for not said."""
+    if value is not None:
+        check_choice("verification", value, VERIFICATIONS)

@@ -1,20 +1,25 @@
 """Diagnoses that were given: kept, listed, and confirmed, corrected or rejected by a person."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from importlib.metadata import version
+from typing import Any
 
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from casebase import audit
 from casebase.alarms import rules
-from casebase.description import Labelling, check_choice, check_label
+from casebase.description import Labelling, check_choice, check_label, check_verification
 from casebase.detection_limit import NO_LIMITS, Limits
 from casebase.diagnosis import Diagnosis, Reasoner
 from casebase.errors import ConflictError, InvalidRequestError, NotFoundError, StaleVersionError
 from casebase.models import DIAGNOSIS_STATES, StoredDiagnosis, StoredRecording, new_id, now
 from casebase.pages import Page, page
 from casebase.severity import Severity
+
+REVISED = "diagnosis.revised"
 
 
 @dataclass(frozen=True)
@@ -140,30 +145,55 @@ def revise_diagnosis(
     *,
     label: str | None = None,
     verified_by: str | None = None,
+    verification: str | None = None,
     note: str | None = None,
     expected_version: int | None = None,
 ) -> StoredDiagnosis:
     """Say what became of a diagnosis: confirmed, corrected (with the right label), rejected, or open again.
 
     Raises:
-        InvalidRequestError: if `corrected` has no label, or another verdict has one that contradicts it.
+        InvalidRequestError: if `corrected` has no label, another verdict has one that contradicts it, or the
+            verification is none.
         StaleVersionError: if the diagnosis is not at the expected version.
     """
     check_choice("verdict", verdict, DIAGNOSIS_STATES)
+    check_verification(verification)
     row = get_diagnosis(session, diagnosis_id)
     if expected_version is not None and row.version != expected_version:
         raise StaleVersionError(
             f"diagnosis {diagnosis_id} is at version {row.version}, not {expected_version}; read it again"
         )
     revised = _revised_label(row, verdict, label)
-    before = {"state": row.state, "label": row.revised_label, "verified_by": row.verified_by}
+    before = revision_document(row)
     row.state, row.revised_label, row.verified_by, row.note = verdict, revised, verified_by, note
-    row.revised_by, row.revised_at = audit.actor_of(session), now()
+    row.verification, row.revised_by, row.revised_at = verification, audit.actor_of(session), now()
     session.flush()
-    after = {"state": verdict, "label": revised, "verified_by": verified_by, "note": note}
-    audit.record(session, "diagnosis.revised", ("diagnosis", row.id), before=before, after=after)
+    audit.record(session, REVISED, ("diagnosis", row.id), before=before, after=revision_document(row))
     rules.review(session, row.recording.axis, row.recording.gearbox)
     return row
+
+
+def revision_document(row: StoredDiagnosis) -> dict[str, object]:
+    """Return what a person said of a diagnosis, JSON: all that a revision changes."""
+    return {
+        "state": row.state,
+        "label": row.revised_label,
+        "verified_by": row.verified_by,
+        "verification": row.verification,
+        "note": row.note,
+        "by": row.revised_by,
+        "at": None if row.revised_at is None else row.revised_at.isoformat(),
+    }
+
+
+def restore_revision(session: Session, row: StoredDiagnosis, document: Mapping[str, Any]) -> None:
+    """Make it again what a person said of a diagnosis; what a document of an earlier version lacks was not said."""
+    row.state, row.revised_label, row.verified_by = document["state"], document["label"], document["verified_by"]
+    row.verification, row.note, row.revised_by = (document.get(name) for name in ("verification", "note", "by"))
+    at = document.get("at")
+    row.revised_at = None if at is None else datetime.fromisoformat(at)
+    session.flush()
+    rules.review(session, row.recording.axis, row.recording.gearbox)
 
 
 def _revised_label(row: StoredDiagnosis, verdict: str, label: str | None) -> str | None:
@@ -185,7 +215,13 @@ def _revised_label(row: StoredDiagnosis, verdict: str, label: str | None) -> str
     return None
 
 
-def labelling_from(row: StoredDiagnosis, *, label: str | None = None, verified_by: str | None = None) -> Labelling:
+def labelling_from(
+    row: StoredDiagnosis,
+    *,
+    label: str | None = None,
+    verified_by: str | None = None,
+    verification: str | None = None,
+) -> Labelling:
     """Return what the recording of a diagnosis is a case of; by default what the diagnosis was revised to.
 
     Raises:
@@ -194,4 +230,4 @@ def labelling_from(row: StoredDiagnosis, *, label: str | None = None, verified_b
     known = label or row.revised_label
     if known is None:
         raise ConflictError("this diagnosis was neither confirmed nor corrected: say which `label` the case has")
-    return Labelling(known, verified_by=verified_by or row.verified_by)
+    return Labelling(known, verified_by=verified_by or row.verified_by, verification=verification or row.verification)

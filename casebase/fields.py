@@ -1,7 +1,7 @@
 """What the texts and numbers of a description may be: the same over HTTP, on the command line and in bundles."""
 
 from datetime import UTC, datetime
-from typing import Annotated
+from typing import Annotated, Literal
 
 from pydantic import AfterValidator, AwareDatetime, Field, FiniteFloat, StringConstraints
 
@@ -24,6 +24,8 @@ FileName = Annotated[str, _text(255, CONTROL)]
 Text = Annotated[str, _text(4000, CONTROL_BUT_BREAKS)]
 Verification = Annotated[str, _text(500, CONTROL_BUT_BREAKS)]
 """How a label was verified, as long as the library keeps it."""
+Verified = Literal["opened", "measured", "heard", "unverified"]
+"""The same in one word: opened and seen, measured, by ear only, not at all."""
 
 
 def _name(value: str) -> str:

@@ -19,6 +19,8 @@ type_json = JSON().with_variant(JSONB(), "postgresql")
 ORIGINS = ("measured", "simulated")
 CASE_STATES = ("proposed", "confirmed", "retired")
 DIAGNOSIS_STATES = ("open", "confirmed", "corrected", "rejected")
+VERIFICATIONS = ("opened", "measured", "heard", "unverified")
+"""How a label was verified, the surest first: opened and seen, measured, by ear only, not at all."""
 ROLES = ("viewer", "operator", "admin")
 ALARM_KINDS = ("state", "change", "silence")
 RECEIVER_KINDS = ("email", "webhook", "mqtt")
@@ -159,6 +161,8 @@ class Case(Base):
     labelled_by: Mapped[str] = mapped_column(String(200))
     verified_by: Mapped[str | None] = mapped_column(String(500))
     """How the label was verified: gearbox opened, teeth counted, ..."""
+    verification: Mapped[str | None] = mapped_column(String(20))
+    """The same as one of VERIFICATIONS; None where nobody said it."""
     quarantine_reason: Mapped[str | None] = mapped_column(Text)
     note: Mapped[str | None] = mapped_column(Text)
     version: Mapped[int] = mapped_column(default=1)
@@ -194,6 +198,7 @@ class StoredDiagnosis(Base):
     state: Mapped[str] = mapped_column(String(20), default="open")
     revised_label: Mapped[str | None] = mapped_column(String(100))
     verified_by: Mapped[str | None] = mapped_column(String(500))
+    verification: Mapped[str | None] = mapped_column(String(20))
     note: Mapped[str | None] = mapped_column(Text)
     revised_by: Mapped[str | None] = mapped_column(String(200))
     revised_at: Mapped[datetime | None]

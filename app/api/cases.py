@@ -32,6 +32,7 @@ from app.service import Reading, Service, TheService
 from app.uploads import MaybeUpload, Upload, multipart_body
 from casebase.case_filter import CaseFilter
 from casebase.counter import library_version
+from casebase.fields import Verified
 from casebase.models import Case
 from casebase.signals.text import text_of
 
@@ -40,6 +41,7 @@ StateFilter = Annotated[
     Literal["proposed", "confirmed", "retired"] | None,
     Query(description="only in this state; all but retired if left out"),
 ]
+VerifiedFilter = Annotated[Verified | None, Query(description="only those verified in this way")]
 IfMatch = Annotated[str | None, Header(max_length=100, description="the ETag that the change is based on")]
 
 
@@ -53,11 +55,12 @@ def list_cases(
     axis: Filter = None,
     gearbox: Filter = None,
     state: StateFilter = None,
+    verification: VerifiedFilter = None,
     limit: Limit = 50,
     cursor: Cursor = None,
 ) -> PageFound[CaseAnswer]:
     """Cases, newest first; retired ones only with `state=retired`."""
-    wanted = CaseFilter(label=label, origin=origin, axis=axis, gearbox=gearbox, state=state)
+    wanted = CaseFilter(label=label, origin=origin, axis=axis, gearbox=gearbox, state=state, verification=verification)
     page = service.library.retrieve.cases(session, wanted, limit=limit, cursor=cursor)
     return page_found(session, axis, page_of(page, CaseAnswer.model_validate))
 
@@ -109,7 +112,13 @@ def _from_diagnosis(once: Once, request: Request, body: bytes) -> Response:
 
     def work(session: Session) -> Made:
         before = library_version(session)
-        case = library.retain.diagnosis(session, asked.diagnosis_id, label=asked.label, verified_by=asked.verified_by)
+        case = library.retain.diagnosis(
+            session,
+            asked.diagnosis_id,
+            label=asked.label,
+            verified_by=asked.verified_by,
+            verification=asked.verification,
+        )
         return _made(request, case, before)
 
     return once.run(work, asked.model_dump())

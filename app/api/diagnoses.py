@@ -118,6 +118,7 @@ def revise(
             change.verdict,
             label=change.label,
             verified_by=change.verified_by,
+            verification=change.verification,
             note=change.note,
         )
         return DiagnosisAnswer.of(row)

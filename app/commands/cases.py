@@ -18,6 +18,7 @@ from casebase.bundle import export_cases, import_cases
 from casebase.case_filter import CaseFilter
 from casebase.counter import library_version
 from casebase.errors import DuplicateError, LibraryError
+from casebase.fields import Verified
 from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError
 from sim.description.axis import Axis
@@ -43,6 +44,7 @@ def add(
     period: Annotated[float | None, typer.Option(help="one full cycle of the motion [s]")] = None,
     channel: Annotated[int | None, typer.Option(help="channel to use, from 0")] = None,
     verified_by: Annotated[str | None, typer.Option(help="how the label was verified")] = None,
+    verification: Annotated[Verified | None, typer.Option(help="the same in one word")] = None,
     size: Annotated[
         float | None,
         typer.Option(help="measured gap of backlash (play) or depth of tooth damage (notch), at the driven gear [rad]"),
@@ -64,6 +66,7 @@ def add(
         motion_period_s=period,
         channel=channel,
         verified_by=verified_by,
+        verification=verification,
         size_rad=size,
     )
     described = read_axis(axis) if axis else None
@@ -114,12 +117,13 @@ def list_(
     axis: str | None = None,
     gearbox: str | None = None,
     state: str | None = None,
+    verification: Verified | None = None,
     limit: Annotated[int, typer.Option(min=1, help="how many, newest first")] = 1000,
     json: Json = False,
 ) -> None:
     """Show the cases, newest first."""
     frame = frame_of(context)
-    wanted = CaseFilter(label=label, origin=origin, axis=axis, gearbox=gearbox, state=state)
+    wanted = CaseFilter(label=label, origin=origin, axis=axis, gearbox=gearbox, state=state, verification=verification)
     with frame.library() as library:
         found = _first(library, wanted, limit)
     if json:

@@ -1,5 +1,6 @@
 """Retain: a recording is kept, and becomes a case; what is there already is not made twice."""
 
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -12,12 +13,14 @@ from casebase.counter import count_change
 from casebase.description import Labelling, RecordingDescription
 from casebase.diagnoses import get_diagnosis, labelling_from
 from casebase.errors import DuplicateError
-from casebase.models import Case, StoredRecording
+from casebase.models import Case, StoredRecording, now
 from casebase.origins import SIMULATED, origin_of
 from casebase.recordings import store_recording
 from casebase.signals.features import Extraction
 from casebase.signals.recording import Recording
 from casebase.sounds import cases_of, other_gearbox
+
+RETAINED, TAKEN_BACK = "case.retained", "case.taken_back"
 
 
 class Retain:
@@ -61,10 +64,15 @@ class Retain:
         """
         if origin_of(session, recording) == SIMULATED:
             labelling = replace(labelling, origin=SIMULATED)
-        existing = _existing(session, recording, labelling)
+        twins = cases_of(session, recording.sound_id)
+        undone = [case for case in twins if is_undone(session, case)]
+        existing = _existing(session, recording, labelling, [case for case in twins if case not in undone])
         if existing is not None:
             return existing
         fields = asdict(labelling) | {"parameters": dict(labelling.parameters)}
+        for case in undone:
+            if case.recording_id == recording.id:
+                return _kept_again(session, case, fields | {"diagnosis_id": diagnosis_id})
         case = Case(
             recording=recording,
             diagnosis_id=diagnosis_id,
@@ -74,24 +82,29 @@ class Retain:
         )
         session.add(case)
         session.flush()
-        audit.record(session, "case.retained", ("case", case.id), after=_summary(case))
+        audit.record(session, RETAINED, ("case", case.id), after=kept_document(case))
         return case
 
     def diagnosis(
-        self, session: Session, diagnosis_id: str, *, label: str | None = None, verified_by: str | None = None
+        self,
+        session: Session,
+        diagnosis_id: str,
+        *,
+        label: str | None = None,
+        verified_by: str | None = None,
+        verification: str | None = None,
     ) -> Case:
         """Make a case of a diagnosed recording, with the label it was revised to unless another is given."""
         row = get_diagnosis(session, diagnosis_id)
-        labelling = labelling_from(row, label=label, verified_by=verified_by)
+        labelling = labelling_from(row, label=label, verified_by=verified_by, verification=verification)
         return self.case(session, row.recording, labelling, diagnosis_id=row.id)
 
 
-def _existing(session: Session, recording: StoredRecording, labelling: Labelling) -> Case | None:
+def _existing(session: Session, recording: StoredRecording, labelling: Labelling, twins: Sequence[Case]) -> Case | None:
     if labelling.key is not None:
         case = session.scalars(select(Case).where(Case.key == labelling.key)).first()
         if case is not None:
             return case
-    twins = cases_of(session, recording.sound_id)
     if labelling.key is not None:
         # what is generated is known by its key
         twins = [case for case in twins if case.recording_id == recording.id]
@@ -113,12 +126,36 @@ def _existing(session: Session, recording: StoredRecording, labelling: Labelling
     )
 
 
-def _summary(case: Case) -> dict[str, object]:
+def is_undone(session: Session, case: Case) -> bool:
+    """Whether it was taken back that this case was kept: it is then as if it had never been."""
+    return case.state == "retired" and audit.history(session, "case", case.id)[-1].action == TAKEN_BACK
+
+
+def take_back(session: Session, case: Case) -> None:
+    """Take back that a case was kept: it is in no search any more, and the same recording can be kept anew."""
+    case.library_version, case.state, case.updated_at = count_change(session), "retired", now()
+    session.flush()
+
+
+def _kept_again(session: Session, case: Case, fields: Mapping[str, object]) -> Case:
+    before = kept_document(case)
+    for name, value in fields.items():
+        setattr(case, name, value)
+    case.labelled_by, case.updated_at = audit.actor_of(session), now()
+    case.library_version = count_change(session)
+    session.flush()
+    audit.record(session, RETAINED, ("case", case.id), before=before, after=kept_document(case))
+    return case
+
+
+def kept_document(case: Case) -> dict[str, object]:
+    """Return what the audit says of a case that is kept, JSON."""
     return {
         "label": case.label,
         "origin": case.origin,
         "state": case.state,
         "recording_id": case.recording_id,
         "verified_by": case.verified_by,
+        "verification": case.verification,
         "key": case.key,
     }

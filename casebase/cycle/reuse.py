@@ -76,9 +76,18 @@ class Reuse:
         table = self._retrieve.table(session, extraction.extractor_version)
         return severity_of(session, table, axis, label, extraction.features.values, origin)
 
-    def evaluate(self, session: Session, *, group: str = "gearbox", origin: str = "both") -> Evaluation:
-        """Return the library's own cross-validation; see `casebase.evaluation.evaluate`."""
+    def evaluate(
+        self, session: Session, *, group: str = "gearbox", origin: str = "both", without: str | None = None
+    ) -> Evaluation:
+        """Return the library's own cross-validation; see `casebase.evaluation.evaluate`.
+
+        Args:
+            without: id of a case that the library is to do without.
+        """
         table = self._retrieve.table(session)
+        if without is not None:
+            everything = self._retrieve.all_cases(session)
+            table = everything.take(everything.ids != without).voters
         learned, version, _ = similarity_for(session, table)
         return evaluate(table, group=group, origin=origin, learned=learned if version and learned.fits(table) else None)
 

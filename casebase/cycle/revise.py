@@ -7,11 +7,23 @@ from sqlalchemy.orm import Session
 from casebase import audit
 from casebase.counter import count_change
 from casebase.cycle.retrieve import Retrieve
-from casebase.description import check_choice, check_label
+from casebase.description import check_choice, check_label, check_verification
 from casebase.errors import ConflictError, InvalidRequestError, StaleVersionError
 from casebase.models import CASE_STATES, Case, now
 
-REVISABLE = ("label", "verified_by", "note", "mechanism", "location", "severity", "quarantine_reason", "state")
+REVISABLE = (
+    "label",
+    "verified_by",
+    "verification",
+    "note",
+    "mechanism",
+    "location",
+    "severity",
+    "quarantine_reason",
+    "state",
+)
+
+CHANGED = "case.revised"
 
 
 class Revise:
@@ -41,6 +53,8 @@ class Revise:
             check_label(str(changes["label"]))
         if "state" in changes:
             check_choice("state", str(changes["state"]), CASE_STATES)
+        if changes.get("verification") is not None:
+            check_verification(str(changes["verification"]))
         case = self._retrieve.case(session, case_id)
         if expected_version is not None and case.version != expected_version:
             raise StaleVersionError(
@@ -54,7 +68,7 @@ class Revise:
             case.updated_at = now()
             session.flush()
             after = {name: changes[name] for name in before}
-            audit.record(session, "case.revised", ("case", case.id), before=before, after=after)
+            audit.record(session, CHANGED, ("case", case.id), before=before, after=after)
         return case
 
     def retire(self, session: Session, case_id: str, *, expected_version: int | None = None) -> Case:

@@ -42,7 +42,12 @@ BODIES: dict[tuple[str, str], dict[str, Any]] = {
         "payload_kg_m2": [20.0, 40.0],
         "per_label": 1,
     },
-    ("POST", "/cases"): {"diagnosis_id": "{diagnosis}", "label": "notch", "verified_by": "opened"},
+    ("POST", "/cases"): {
+        "diagnosis_id": "{diagnosis}",
+        "label": "notch",
+        "verified_by": "opened",
+        "verification": "opened",
+    },
     ("POST", "/alarms/receivers"): {
         "name": "maintenance",
         "kind": "email",
@@ -263,9 +268,16 @@ def test_parameters_of_a_direct_drive_cannot_be_tried_and_are_not_offered(servic
 FORMS = {
     "/keys": {"name": "bench", "role": "viewer"},
     "/axes/bench/marks": {"text": "oiled", "at": "2026-11-20T14:03", "gearbox": "g 1"},
-    "/diagnoses/{diagnosis_id}/revise": {"verdict": "corrected", "label": "notch", "verified_by": "opened"},
+    "/diagnoses/{diagnosis_id}/revise": {
+        "verdict": "corrected",
+        "label": "notch",
+        "verified_by": "opened",
+        "verification": "opened",
+    },
     "/library/change": {"action": "label", "case_id": "{case_id}", "label": "notch"},
     "/library/review/undo": {"version": "1"},
+    "/library/rename": {"old": "normal", "label": "+", "another": "worn"},
+    "/steps/undo": {"step": "1"},
 }
 
 
@@ -285,7 +297,7 @@ def test_any_value_in_a_field_of_a_form(service: Inside, known: dict[str, str], 
 
 
 def test_a_number_of_400_digits_in_a_query(service: Inside) -> None:
-    pages = ("/audit?before=", "/library?done=", "/library/review?edit=")
+    pages = ("/audit?before=", "/library?step=", "/queue?step=", "/library/review?edit=")
     for path in (*pages, f"{API}/audit?cursor=", f"{API}/cases?limit="):
         assert service.browse("GET", path + BIG).status_code < 500, path
 

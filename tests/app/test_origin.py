@@ -72,11 +72,12 @@ def test_confirmed_by_a_key_press_it_is_a_simulated_case(service: Inside) -> Non
     page = f"/diagnoses/{demonstration(service)}"
     revised = service.browse("POST", f"{page}/revise", data={"verdict": "corrected", "label": "notch"})
     assert revised.status_code == 303
-    kept = service.browse("POST", f"{page}/retain", data={})
+    how = {"verification": "unverified"}
+    kept = service.browse("POST", f"{page}/retain", data=how)
     assert kept.status_code == 303
     assert origins(service) == [("notch", "simulated")]
     assert "simulated" in service.browse("GET", kept.headers["location"]).text
-    assert service.browse("POST", f"{page}/retain", data={}).headers["location"] == kept.headers["location"]
+    assert service.browse("POST", f"{page}/retain", data=how).headers["location"] == kept.headers["location"]
 
 
 def test_over_http_it_is_a_simulated_case(service: Inside) -> None:

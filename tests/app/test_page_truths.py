@@ -67,7 +67,9 @@ def test_a_diagnosis_that_is_taken_back_names_the_case_that_was_made_of_it(servi
     address = f"/diagnoses/{diagnosis}"
     right = {"verdict": "corrected", "label": "normal", "verified_by": "gearbox opened"}
     assert service.browse("POST", f"{address}/revise", data=right).status_code == 303
-    case = service.browse("POST", f"{address}/retain", data={}).headers["location"]
+    assert service.browse("POST", f"{address}/retain", data={}).status_code == 422, "how it was verified is asked"
+    kept = service.browse("POST", f"{address}/retain", data={"verification": "opened"}).headers["location"]
+    case = kept.partition("?")[0]
     page = service.browse("GET", address).text
     assert f'href="{case}"' in page
     assert "still counts" not in page

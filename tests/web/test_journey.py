@@ -92,7 +92,7 @@ def test_diagnose_listen_confirm_by_keyboard(opened: Opened, site: Site) -> None
         expect(page.locator("[data-play]")).to_have_text("Pause")
         page.keyboard.press("Space")
         expect(page.locator("[data-play]")).to_have_text("Listen")
-        page.get_by_label("Label, if corrected").fill("notch")
+        page.get_by_label("Label, if corrected").select_option("notch")
         page.locator("h1").first.click()
         page.keyboard.press("x")
         expect(page.get_by_text("Marked corrected")).to_be_visible()

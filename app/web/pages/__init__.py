@@ -16,6 +16,7 @@ from app.web.pages import (
     jobs,
     library,
     model,
+    queue,
     recordings,
     review,
     robots,
@@ -27,6 +28,7 @@ from app.web.templating import STATIC
 PAGES: tuple[APIRouter, ...] = (
     session.router,
     fleet.router,
+    queue.router,
     diagnoses.router,
     recordings.demonstration,
     recordings.router,

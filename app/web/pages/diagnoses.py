@@ -8,24 +8,30 @@ from fastapi import APIRouter, Form, Query, Request
 from fastapi.responses import RedirectResponse, Response
 from sqlalchemy import select
 
-from app.errors import Unprocessable
+from app.errors import Forbidden, Unprocessable
 from app.gate import Looking
 from app.intake import take_in
 from app.investigations import investigations_from
 from app.metadata import RecordingMetadata, read_metadata
-from app.security import Principal, check_csrf
+from app.security import Principal, Role, check_csrf
 from app.service import Reading, Service, TheService
 from app.uploads import TheUpload
 from app.web.counted import counts_of
 from app.web.diagnosis_view import view_of
+from app.web.labels import VERIFICATIONS, LabelQuestion, Verified, choices, chosen
+from app.web.pages.queue import ask, number_of, reason_words
 from app.web.pages.recordings import demo_ids
 from app.web.report import diagnosis_html, diagnosis_pdf
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer, SignInNeeded, Visitor, below_root
+from app.web.steps import told as told_step
 from app.web.templating import Message, render
 from app.web.words import VERDICTS, how_sure, investigation_headline
 from casebase.axes import find_axis
+from casebase.cycle.retain import is_undone
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
 from casebase.models import Case, StoredDiagnosis
+from casebase.queue import place_in, waiting
+from casebase.steps import last_step, newest_of, step_name
 
 router = APIRouter()
 FILTERS = (("", "All"), *VERDICTS.items())
@@ -96,11 +102,12 @@ def told(fields: dict[str, str], *words: str) -> dict[str, object]:
             found[name] = text
     for name, label in NUMBERS.items():
         if text := fields.get(name, "").strip():
-            found[name] = _number(label, text)
+            found[name] = number(label, text)
     return found
 
 
-def _number(label: str, text: str) -> float:
+def number(label: str, text: str) -> float:
+    """Return a number of a form, which may have a decimal comma; raises Unprocessable."""
     try:
         return float(text.replace(",", "."))
     except ValueError:
@@ -155,15 +162,28 @@ def shown(
         f'curl -H "Authorization: Bearer $GEARCASE_KEY" {base}/api/v1/diagnoses/{row.id}'
     )
     context = view_of(session, service, row, orders=orders, overlay=case).context()
-    labels = sorted({label for label, _ in counts_of(service.library, session)})
+    labels = choices(label for label, _ in counts_of(service.library, session))
     context |= {"demo": demo, "orders": orders, "curl": curl, "labels": labels, "overlay": case}
-    context["kept"] = session.scalars(select(Case).where(Case.diagnosis_id == row.id).order_by(Case.id)).all()
+    kept = session.scalars(select(Case).where(Case.diagnosis_id == row.id).order_by(Case.id)).all()
+    context["kept"] = [case for case in kept if not is_undone(session, case)]
     context["investigations"] = [
         (each, investigation_headline(each.document) if each.document else each.error or each.state)
         for each in investigations_from(session, row.id)
     ]
     context["described"] = row.recording.axis is None or find_axis(session, row.recording.axis) is not None
-    notices = (Message("Your verdict is saved.", ""),) if request.query_params.get("done") else ()
+    subjects = [("diagnosis", row.id), *(("case", case.id) for case in kept)]
+    step = told_step(session, number_of(request, "step")) if principal else None
+    here = step is not None and step.path == f"/diagnoses/{row.id}"
+    context |= {
+        "last": last_step(session, subjects),
+        "step": None if here else step,
+        "place": place_in(waiting(session), row.id) if principal and request.query_params.get("queue") else None,
+        "reason": reason_words(row),
+        "ways": VERIFICATIONS,
+    }
+    notices = (Message(step.words, ""),) if step is not None and here else ()
+    if request.query_params.get("undone"):
+        notices = (Message("Taken back: all is as it was before.", ""),)
     return render(request, "diagnosis.html", context, principal=principal, section="/diagnoses", messages=notices)
 
 
@@ -179,30 +199,81 @@ def file_argument(name: str) -> str:
 
 @router.post("/diagnoses/{diagnosis_id}/revise", dependencies=[FromOurPage])
 def revise(
+    request: Request,
     service: TheService,
     principal: PageOperator,
     diagnosis_id: str,
     verdict: Annotated[str, Form()],
     label: Annotated[str, Form()] = "",
+    another: Annotated[str, Form()] = "",
+    sure: Annotated[str, Form()] = "",
     verified_by: Annotated[str, Form()] = "",
+    verification: Annotated[Verified, Form()] = "",
+    keep: Annotated[str, Form()] = "",
+    queue: Annotated[str, Form()] = "",
 ) -> Response:
-    """Confirm, correct, reject, or take that back."""
-    with service.library.transaction(principal.actor) as session:
-        right = label.strip() if verdict == "corrected" else None
-        if len(verified_by) > LONGEST_VERIFICATION:
-            raise Unprocessable(
-                f"How it was verified may have {LONGEST_VERIFICATION} characters, not {len(verified_by)}."
-            )
-        revise_diagnosis(session, diagnosis_id, verdict, label=right or None, verified_by=verified_by.strip() or None)
-    return RedirectResponse(f"{root_of(service)}/diagnoses/{diagnosis_id}?done=1#revise", status_code=303)
+    """Confirm, correct or reject, and keep it as a case if wanted; whoever came from the queue goes on to the next."""
+    if len(verified_by) > LONGEST_VERIFICATION:
+        raise Unprocessable(f"How it was verified may have {LONGEST_VERIFICATION} characters, not {len(verified_by)}.")
+    keeping = bool(keep) and verdict in ("confirmed", "corrected")
+    if keeping:
+        may_keep(principal)
+        said_how(verification)
+    with service.library.reading() as session:
+        known = {each for each, _ in counts_of(service.library, session)}
+    try:
+        right = chosen(label, another, bool(sure), known) if verdict == "corrected" else None
+    except LabelQuestion as question:
+        given = {"verdict": verdict, "verified_by": verified_by, "verification": verification}
+        given |= {"keep": keep, "queue": queue}
+        return ask(request, principal, question, f"/diagnoses/{diagnosis_id}/revise", list(given.items()))
+    name = step_name()
+    with service.library.transaction(principal.actor, name) as session:
+        place = place_in(waiting(session), diagnosis_id) if queue else None
+        revise_diagnosis(
+            session,
+            diagnosis_id,
+            verdict,
+            label=right,
+            verified_by=verified_by.strip() or None,
+            verification=verification or None,
+        )
+        if keeping:
+            service.library.retain.diagnosis(session, diagnosis_id)
+        session.flush()
+        step = newest_of(session, name)
+        after = None if place is None else place.after or next(iter(waiting(session)), None)
+    root = root_of(service)
+    if place is None:
+        return RedirectResponse(f"{root}/diagnoses/{diagnosis_id}?step={step}#revise", status_code=303)
+    path = f"/diagnoses/{after}?queue=1&step={step}" if after else f"/queue?step={step}"
+    return RedirectResponse(f"{root}{path}", status_code=303)
+
+
+def may_keep(principal: Principal) -> None:
+    """Raise Forbidden unless somebody may change the library."""
+    if not principal.role.may(Role.ADMIN):
+        raise Forbidden(f"Cases are kept by admins; you are signed in with the role {principal.role}.")
+
+
+def said_how(verification: str | None) -> None:
+    """Raise Unprocessable unless it was said how a label was verified."""
+    if not verification:
+        raise Unprocessable(
+            "Say how it was verified before it is kept as a case: opened and seen, measured, by ear only, or not "
+            "verified."
+        )
 
 
 @router.post("/diagnoses/{diagnosis_id}/retain", dependencies=[FromOurPage])
-def retain(service: TheService, principal: PageAdmin, diagnosis_id: str) -> Response:
+def retain(
+    service: TheService, principal: PageAdmin, diagnosis_id: str, verification: Annotated[Verified, Form()] = ""
+) -> Response:
     """Make a case of it."""
-    with service.library.transaction(principal.actor) as session:
-        case_id = service.library.retain.diagnosis(session, diagnosis_id).id
-    return RedirectResponse(f"{root_of(service)}/cases/{case_id}", status_code=303)
+    with service.library.transaction(principal.actor, step_name()) as session:
+        said_how(verification or get_diagnosis(session, diagnosis_id).verification)
+        case = service.library.retain.diagnosis(session, diagnosis_id, verification=verification or None)
+    return RedirectResponse(f"{root_of(service)}/cases/{case.id}?kept=1", status_code=303)
 
 
 @router.get("/diagnoses/{diagnosis_id}/report.html", dependencies=[Looking])

@@ -9,20 +9,24 @@ from fastapi.responses import RedirectResponse, Response
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
-from app.errors import Unprocessable
+from app.errors import Conflict, Unprocessable
 from app.gate import Looking
 from app.intake import take_in
 from app.metadata import CaseMetadata, read_metadata
 from app.security import check_csrf
-from app.service import Reading, TheService
+from app.service import Reading, Service, TheService
 from app.uploads import TheUpload
 from app.web.counted import counted, counts_of
 from app.web.features import features_of
 from app.web.label_table import damage_of, mechanism_rows, other_rows
+from app.web.labels import VERIFICATIONS, LabelQuestion, choices
+from app.web.labels import chosen as chosen_label
 from app.web.map import projected
-from app.web.pages.diagnoses import told
+from app.web.pages.diagnoses import number, said_how, told
+from app.web.pages.queue import ask, number_of
 from app.web.recorded import chart_of
 from app.web.session import FromOurPage, PageAdmin, PageViewer
+from app.web.steps import told as told_step
 from app.web.svg import map_chart
 from app.web.templating import Message, render, sentence
 from casebase.axes import find_axis, is_axis, unknown_axis
@@ -30,6 +34,8 @@ from casebase.case_filter import CaseFilter
 from casebase.models import Case, StoredRecording
 from casebase.origins import MEASURED
 from casebase.signals.features import catalogue
+from casebase.steps import last_step, newest_of, step_name
+from casebase.teaching import Teaching, teaching
 
 router = APIRouter()
 SECTION = "/library"
@@ -47,13 +53,16 @@ def cases(
     axis: str = "",
     gearbox: str = "",
     state: str = "",
+    verification: str = "",
     cursor: str | None = None,
-    done: int = 0,
 ) -> Response:
     """The cases, newest first, by label, axis, gearbox, origin and state."""
-    wanted = CaseFilter(label or None, origin or None, axis or None, gearbox or None, state or None)
+    wanted = CaseFilter(
+        label or None, origin or None, axis or None, gearbox or None, state or None, verification=verification or None
+    )
     page = service.library.retrieve.cases(session, wanted, limit=100, cursor=cursor)
     chosen = {"label": label, "origin": origin, "axis": axis, "gearbox": gearbox, "state": state}
+    chosen["verification"] = verification
     counts = counts_of(service.library, session)
     context = {
         "rows": page.items,
@@ -63,69 +72,116 @@ def cases(
         "labels": sorted({one for one, _ in counts}),
         "counts": sorted(counts.items()),
         "total": sum(counts.values()),
+        "choices": choices(one for one, _ in counts),
+        "ways": VERIFICATIONS,
+        "step": told_step(session, number_of(request, "step")),
     }
     messages = []
-    if done:
-        messages.append(Message(changed_words(done)))
+    if request.query_params.get("undone"):
+        messages.append(Message("Taken back: all is as it was before."))
     if axis and not is_axis(session, axis):
         messages.append(Message(sentence(unknown_axis(session, axis)), "warn"))
     return render(request, "library.html", context, principal=principal, section=SECTION, messages=tuple(messages))
 
 
-def changed_words(count: int) -> str:
-    """Say how many cases were changed.
-
-    >>> changed_words(1)
-    "1 case changed. Its page shows what it was; 'Restore' brings back a retired case."
-    """
-    cases, page = ("case", "Its page shows what it was") if count == 1 else ("cases", "Their pages show what they were")
-    return f"{count} {cases} changed. {page}; 'Restore' brings back a retired case."
-
-
 @router.post("/library/change", dependencies=[FromOurPage])
 def change_several(
+    request: Request,
     service: TheService,
     principal: PageAdmin,
     action: Annotated[str, Form()],
     case_id: Annotated[list[str] | None, Form()] = None,
     label: Annotated[str, Form()] = "",
+    another: Annotated[str, Form()] = "",
+    sure: Annotated[str, Form()] = "",
 ) -> Response:
     """Retire, restore or label all chosen cases together, or none of them."""
-    chosen = case_id or []
-    if not chosen:
+    chosen_ids = list(dict.fromkeys(case_id or []))
+    if not chosen_ids:
         raise Unprocessable("No case was chosen: tick the cases first.")
-    with service.library.transaction(principal.actor) as session:
-        for one in chosen:
+    given = [("action", action), *(("case_id", one) for one in chosen_ids)]
+    try:
+        right = _right_label(service, label, another, sure) if action == "label" else ""
+    except LabelQuestion as question:
+        return ask(request, principal, question, "/library/change", given)
+    name = step_name()
+    with service.library.transaction(principal.actor, name) as session:
+        for one in chosen_ids:
             if action == "retire":
                 service.library.revise.retire(session, one)
             elif action == "restore":
                 service.library.revise.restore(session, one)
             elif action == "label":
-                service.library.revise.case(session, one, {"label": label.strip()})
+                service.library.revise.case(session, one, {"label": right})
             else:
                 raise Unprocessable(f"Unknown action {action!r}; known: retire, restore, label.")
+        session.flush()
+        step = newest_of(session, name)
+    return _changed(service, step)
+
+
+@router.post("/library/rename", dependencies=[FromOurPage])
+def rename(
+    request: Request,
+    service: TheService,
+    principal: PageAdmin,
+    old: Annotated[str, Form()],
+    label: Annotated[str, Form()] = "",
+    another: Annotated[str, Form()] = "",
+    sure: Annotated[str, Form()] = "",
+) -> Response:
+    """Give all cases of a label another one, retired ones too."""
+    try:
+        right = _right_label(service, label, another, sure)
+    except LabelQuestion as question:
+        return ask(request, principal, question, "/library/rename", [("old", old)])
+    name = step_name()
+    with service.library.transaction(principal.actor, name) as session:
+        for one in session.scalars(select(Case.id).where(Case.label == old)).all():
+            service.library.revise.case(session, one, {"label": right})
+        session.flush()
+        step = newest_of(session, name)
+    return _changed(service, step)
+
+
+def _right_label(service: Service, label: str, another: str, sure: str) -> str:
+    with service.library.reading() as session:
+        return chosen_label(label, another, bool(sure), {one for one, _ in counts_of(service.library, session)})
+
+
+def _changed(service: Service, step: int | None) -> Response:
     root = service.settings.root_path.rstrip("/")
-    return RedirectResponse(f"{root}/library?done={len(chosen)}", status_code=303)
+    return RedirectResponse(f"{root}/library?step={step or 0}", status_code=303)
 
 
 @router.get("/library/add")
-def add_page(request: Request, principal: PageAdmin) -> Response:
+def add_page(request: Request, session: Reading, service: TheService, principal: PageAdmin) -> Response:
     """The form of a new case."""
-    return render(request, "add_case.html", {}, principal=principal, section=SECTION)
+    context = {"choices": choices(one for one, _ in counts_of(service.library, session)), "ways": VERIFICATIONS}
+    return render(request, "add_case.html", context, principal=principal, section=SECTION)
 
 
 @router.post("/library/add")
 def add(request: Request, principal: PageAdmin, upload: TheUpload, service: TheService) -> Response:
     """Take a labelled recording in."""
     check_csrf(request, upload.fields.get("csrf", ""))
-    metadata = read_metadata(json.dumps(told(upload.fields, "label", "verified_by")), CaseMetadata)
+    said_how(upload.fields.get("verification"))
+    fields = told(upload.fields, "verified_by", "verification")
+    if size := upload.fields.get("size_rad", "").strip():
+        fields["size_rad"] = number("The size of the fault [rad]", size)
+    another, sure = upload.fields.get("another", ""), upload.fields.get("sure", "")
+    try:
+        fields["label"] = _right_label(service, upload.fields.get("label", ""), another, sure)
+    except LabelQuestion as question:
+        raise Unprocessable(f"{question}. Go back and choose that one, or tick that it is a new label.") from None
+    metadata = read_metadata(json.dumps(fields), CaseMetadata)
     file = upload.file("file")
     intake = take_in(service.library, file.path, file.name, file.media_type, metadata)
-    with service.library.transaction(principal.actor) as session:
+    with service.library.transaction(principal.actor, step_name()) as session:
         row = intake.store(service.library, session)
         labelling = metadata.labelling()
         case_id = service.library.retain.case(session, row, labelling).id
-    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/cases/{case_id}", status_code=303)
+    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}/cases/{case_id}?kept=1", status_code=303)
 
 
 @router.get("/library/map")
@@ -189,6 +245,46 @@ def covered(session: Session) -> list[tuple[str, str, int, int, int]]:
     ]
 
 
+@router.get("/cases/{case_id}/taught", dependencies=[Looking])
+def taught(request: Request, session: Reading, service: TheService, principal: PageViewer, case_id: str) -> Response:
+    """What the library says of gearboxes that are held out, without this case and with it."""
+    row = service.library.retrieve.case(session, case_id)
+    if row.id not in service.library.retrieve.table(session).ids:
+        raise Conflict(
+            "This case has no vote, so it teaches nothing: it is not in use, or its sound is a case already."
+        )
+    found = teaching(
+        service.evaluation(session, "gearbox", "both", without=row.id),
+        service.evaluation(session, "gearbox", "both"),
+        row.id,
+    )
+    context = {"case": row, "taught": found, "headline": taught_words(found), "explained": own_words(found, row.label)}
+    return render(request, "taught.html", context, principal=principal, section=SECTION)
+
+
+def taught_words(found: Teaching) -> str:
+    """Say in a sentence what a case changed of answers to recordings that were held out."""
+    if not found.right.after.of:
+        return "No other recording can be held out yet, so nothing can be said."
+    if not found.changes:
+        return "No answer changed: the case confirms what the library said."
+    other = len(found.changes) - found.better - found.worse
+    return (
+        f"{found.better} answers became right, {found.worse} became wrong"
+        f"{f', {other} changed otherwise' if other else ''}."
+    )
+
+
+def own_words(found: Teaching, label: str) -> str:
+    """Say what the library knew of a case before it had it."""
+    if found.own is None:
+        return "The case itself cannot be held out: no gearbox is named, or enough measured cases are held out already."
+    said = "not in the library" if found.own.verdict == "not_in_library" else found.own.best
+    sure = ", but could not decide" if found.own.verdict == "ambiguous" else ""
+    told = "The library knew it" if found.own.right else f"It is {label}: the library did not know that"
+    return f"With its gearbox left out, the library says of it: {said}{sure}. {told}."
+
+
 @router.get("/cases/{case_id}", dependencies=[Looking])
 def case(request: Request, session: Reading, service: TheService, principal: PageViewer, case_id: str) -> Response:
     """One case: what it sounds like, where it comes from, what happened to it."""
@@ -208,5 +304,9 @@ def case(request: Request, session: Reading, service: TheService, principal: Pag
         "damage": damage_of(row.label),
         "history": service.library.retrieve.history(session, case_id),
         "described": row.recording.axis is None or find_axis(session, row.recording.axis) is not None,
+        "ways": VERIFICATIONS,
+        "last": last_step(session, [("case", row.id)]),
     }
-    return render(request, "case.html", context, principal=principal, section=SECTION)
+    said = {"kept": "Kept as a case of the library.", "undone": "Taken back: all is as it was before."}
+    notices = tuple(Message(words) for name, words in said.items() if request.query_params.get(name))
+    return render(request, "case.html", context, principal=principal, section=SECTION, messages=notices)

@@ -25,12 +25,13 @@ one("[data-theme-toggle]")?.addEventListener("click", () => {
 
 /* keyboard: a link or button says its key in data-key; ? lists them */
 function keyboard(event) {
-  if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input, select, textarea, dialog[open] [contenteditable]")) return;
+  if (event.ctrlKey || event.metaKey || event.altKey || event.target.closest("input:not([type=checkbox]), select, textarea, dialog[open] [contenteditable]")) return;
   if (event.key === "?") {
     one("#keys")?.showModal();
     event.preventDefault();
     return;
   }
+  if (event.key === " " && event.target.matches("[type=checkbox]")) return; // it is ticked by that
   const target = all("[data-key]").find((element) => element.dataset.key === event.key && !element.disabled);
   if (!target) return;
   event.preventDefault();
@@ -40,6 +41,16 @@ function keyboard(event) {
 addEventListener("keydown", keyboard);
 all("[data-open]").forEach((button) => button.addEventListener("click", () => one(button.dataset.open)?.showModal()));
 all("dialog [data-close]").forEach((button) => button.addEventListener("click", () => button.closest("dialog").close()));
+
+/* a correction needs its label, and a case how it was verified: the browser shows which is missing */
+one("form[data-verdict]")?.addEventListener("submit", (event) => {
+  const { label, another, verification, keep } = event.target.elements;
+  const verdict = event.submitter?.value;
+  label.required = verdict === "corrected";
+  another.required = label.required && label.value === "+";
+  verification.required = Boolean(keep?.checked) && verdict !== "rejected";
+  if (!event.target.reportValidity()) event.preventDefault();
+});
 
 /* a key list made from the page itself */
 const list = one("#keys dl");

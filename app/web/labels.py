@@ -1,0 +1,126 @@
+"""Labels to choose from, and what is asked before a new one: a second word for a known kind splits its cases in two."""
+
+import re
+from collections.abc import Collection, Iterable
+from difflib import get_close_matches
+from typing import Literal
+
+from pydantic import TypeAdapter, ValidationError
+
+from app.errors import Unprocessable
+from app.web.words import NAMES, name_of
+from casebase.fields import Label
+
+LABEL: TypeAdapter[str] = TypeAdapter(Label)
+ANOTHER = "+"
+"""What a list of labels sends for a label that is not in it."""
+STANDARDS = (
+    (
+        "Damage of gear teeth, in the words of ISO 10825-1",
+        (
+            "pitting",
+            "micropitting",
+            "spalling",
+            "scuffing",
+            "abrasive_wear",
+            "plastic_deformation",
+            "tooth_crack",
+            "tooth_breakage",
+        ),
+    ),
+    (
+        "Damage of rolling bearings, in the words of ISO 15243",
+        (
+            "bearing_fatigue",
+            "bearing_wear",
+            "bearing_corrosion",
+            "bearing_electrical_erosion",
+            "bearing_plastic_deformation",
+            "bearing_fracture",
+        ),
+    ),
+)
+VERIFICATIONS: dict[str, str] = {
+    "opened": "opened and seen",
+    "measured": "measured",
+    "heard": "by ear only",
+    "unverified": "not verified",
+}
+"""The words of the pages for how a label was verified, the surest first."""
+Verified = Literal["", "opened", "measured", "heard", "unverified"]
+
+Choices = list[tuple[str, list[tuple[str, str]]]]
+
+
+class LabelQuestion(Exception):
+    """A new label looks like one that is there: whoever gave it is asked which is meant."""
+
+    def __init__(self, label: str, near: list[str]) -> None:
+        super().__init__(f"the new label {label!r} looks like {' and '.join(near)}")
+        self.label, self.near = label, near
+
+
+def choices(library: Iterable[str]) -> Choices:
+    """Return the labels to choose from, in groups of (label, words): those of the library first.
+
+    >>> [words for group, labels in choices(["notch", "pitting"]) for _, words in labels][:3]
+    ['normal: no fault indicated', 'notch: tooth damage (notch)', 'pitting']
+    """
+    own = sorted({*library, *NAMES})
+    groups: Choices = [("In the library", [(label, _words(label)) for label in own])]
+    return groups + [
+        (group, [(label, _words(label)) for label in labels if label not in own]) for group, labels in STANDARDS
+    ]
+
+
+def _words(label: str) -> str:
+    name = name_of(label)
+    return f"{label}: {name}" if label in NAMES else name
+
+
+def chosen(label: str, another: str, sure: bool, library: Iterable[str]) -> str:
+    """Return the label that a form says: one of the list, or a new one that looks like none of it or is meant.
+
+    Raises:
+        Unprocessable: if there is none, or it cannot be one.
+        LabelQuestion: if it is new and looks like a known one.
+    """
+    text = (another if label == ANOTHER else label).strip()
+    if not text:
+        raise Unprocessable("Choose the right label from the list, or choose 'another label' and write it.")
+    known = [each for _, labels in choices(library) for each, _ in labels]
+    if text in known:
+        return text
+    new = re.sub(r"\s+", "_", text.lower())
+    try:
+        LABEL.validate_python(new)
+    except ValidationError:
+        raise Unprocessable(
+            f"A label begins with a letter a to z and has letters, digits, '.', '_' and '-', such as tooth_wear; "
+            f"got {text[:60]!r}."
+        ) from None
+    near = [] if sure or new in known else near_labels(new, known)
+    if near:
+        raise LabelQuestion(new, near)
+    return new
+
+
+def near_labels(new: str, known: Collection[str]) -> list[str]:
+    """Return the known labels that a new one may be a misspelling or another word of, the likeliest first.
+
+    >>> near_labels("notches", ["normal", "notch", "play"]), near_labels("backlash", ["normal", "notch", "play"])
+    (['notch'], ['play'])
+    >>> near_labels("loose_mounting", ["normal", "notch", "play"])
+    []
+    """
+    meant = {_squeezed(word): label for label in known for word in (label, *_other_words(label))}
+    return list(dict.fromkeys(meant[word] for word in get_close_matches(_squeezed(new), meant)))
+
+
+def _other_words(label: str) -> list[str]:
+    """Return the words of the workshop for a label: those before and within the parentheses of its name."""
+    return [word.strip() for word in re.split(r"[()]", NAMES.get(label, "")) if word.strip()]
+
+
+def _squeezed(word: str) -> str:
+    return re.sub(r"[^a-z0-9]", "", word.lower())

@@ -1,0 +1,87 @@
+"""What needs a person, one after the other; and every step that somebody took, taken back."""
+
+from collections.abc import Sequence
+from typing import Annotated
+
+from fastapi import APIRouter, Form, Request
+from fastapi.responses import RedirectResponse, Response
+from sqlalchemy import select
+
+from app.errors import Forbidden
+from app.security import Principal, Role
+from app.service import Reading, TheService
+from app.web.labels import LabelQuestion
+from app.web.session import FromOurPage, PageOperator, PageViewer
+from app.web.steps import told
+from app.web.templating import render
+from app.web.words import how_sure, name_of, verdict_of
+from casebase.errors import NotFoundError
+from casebase.models import StoredDiagnosis
+from casebase.queue import UNDECIDED, UNKNOWN, waiting
+from casebase.steps import undo
+
+router = APIRouter()
+SHOWN = 50
+LARGEST_NUMBER = 2**31 - 1
+
+
+@router.get("/queue")
+def queue(request: Request, session: Reading, principal: PageViewer) -> Response:
+    """The diagnoses that need a person, the most informative first."""
+    ids = waiting(session)
+    shown = ids[:SHOWN]
+    found = session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id.in_(shown)))
+    rows = sorted(found, key=lambda row: shown.index(row.id))
+    context: dict[str, object] = {
+        "rows": [(row, verdict_of(row.document).headline, reason_words(row)) for row in rows],
+        "count": len(ids),
+        "step": told(session, number_of(request, "step")),
+        "how_sure": how_sure,
+    }
+    return render(request, "queue.html", context, principal=principal, section="/diagnoses")
+
+
+def reason_words(row: StoredDiagnosis) -> str:
+    """Say why a diagnosis needs a person, in a sentence."""
+    if row.verdict == UNKNOWN:
+        return "It is unlike every known kind: whatever it is, the library learns something new."
+    if row.verdict == UNDECIDED:
+        return "The library cannot decide: the less sure it is, the more your answer tells it."
+    return f"{name_of(row.label).capitalize()} is likely, and nobody has confirmed it yet."
+
+
+def number_of(request: Request, name: str) -> int | None:
+    """Return a number from the address of a page; None where there is none."""
+    text = request.query_params.get(name, "")
+    return min(int(text), LARGEST_NUMBER) if text.isascii() and text.isdigit() and len(text) < 12 else None
+
+
+def ask(
+    request: Request,
+    principal: Principal,
+    question: LabelQuestion,
+    path: str,
+    given: Sequence[tuple[str, str]],
+) -> Response:
+    """Ask which label is meant; the answer goes to the path with all that was given."""
+    context = {"question": question, "path": path, "given": given}
+    return render(request, "label.html", context, principal=principal, section="/diagnoses")
+
+
+@router.post("/steps/undo", dependencies=[FromOurPage])
+def take_back(
+    service: TheService,
+    principal: PageOperator,
+    step: Annotated[int, Form(ge=1, le=LARGEST_NUMBER)],
+    queue: Annotated[str, Form()] = "",
+) -> Response:
+    """Take a step back and show what it was about."""
+    with service.library.transaction(principal.actor) as session:
+        what = told(session, step)
+        if what is None:
+            raise NotFoundError("this step was taken back already, or never was")
+        if what.by_admin and not principal.role.may(Role.ADMIN):
+            raise Forbidden(f"Cases are changed by admins; you are signed in with the role {principal.role}.")
+        undo(session, step)
+    shown = "undone=1&queue=1" if queue and what.path.startswith("/diagnoses/") else "undone=1"
+    return RedirectResponse(f"{service.settings.root_path.rstrip('/')}{what.path}?{shown}", status_code=303)

@@ -1,0 +1,75 @@
+"""What needs a person: open diagnoses, in the order in which an answer teaches the library most.
+
+Asked first is where the library knows least: a recording unlike every known kind, then the least probable label
+(uncertainty sampling). That no fault is heard needs nobody, nor a sound that is a case or was answered already.
+
+Source: Lewis and Gale, A sequential algorithm for training text classifiers, SIGIR (1994), for asking where the most
+probable label is least probable.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from sqlalchemy import and_, exists, or_, select
+from sqlalchemy.orm import Session, aliased
+
+from casebase.labels import BASELINES
+from casebase.models import Case, StoredDiagnosis, StoredRecording
+from casebase.origins import is_measured
+
+UNKNOWN, UNDECIDED = "not_in_library", "ambiguous"
+
+
+@dataclass(frozen=True)
+class Place:
+    """Where a diagnosis stands in the queue.
+
+    Args:
+        number: from 1; None if it is not in the queue.
+        count: how many are in the queue.
+        before, after: ids of its neighbours; of one that is not in the queue none and the first.
+    """
+
+    number: int | None
+    count: int
+    before: str | None
+    after: str | None
+
+
+def waiting(session: Session) -> Sequence[str]:
+    """Return the ids of the diagnoses that need a person, the most informative first; of equals the newest."""
+    other, twin = aliased(StoredDiagnosis), aliased(StoredRecording)
+    answered = and_(
+        other.recording_id == StoredDiagnosis.recording_id,
+        or_(other.id > StoredDiagnosis.id, other.state.in_(("confirmed", "corrected"))),
+    )
+    is_case = and_(twin.sound_id == StoredRecording.sound_id, Case.recording_id == twin.id, Case.state == "confirmed")
+    fault = and_(StoredDiagnosis.verdict == "diagnosed", StoredDiagnosis.label.not_in(BASELINES))
+    unknown = StoredDiagnosis.verdict == UNKNOWN
+    statement = (
+        select(StoredDiagnosis.id)
+        .join(StoredRecording, StoredRecording.id == StoredDiagnosis.recording_id)
+        .where(
+            StoredDiagnosis.state == "open",
+            or_(unknown, StoredDiagnosis.verdict == UNDECIDED, fault),
+            ~exists().where(answered),
+            ~exists().where(is_case),
+            *is_measured(session),
+        )
+        .order_by(unknown.desc(), StoredDiagnosis.probability, StoredDiagnosis.id.desc())
+    )
+    return session.scalars(statement).all()
+
+
+def place_in(ids: Sequence[str], diagnosis_id: str) -> Place:
+    """Return where a diagnosis stands.
+
+    >>> place_in(["a", "b", "c"], "b")
+    Place(number=2, count=3, before='a', after='c')
+    >>> place_in(["a", "b"], "z")
+    Place(number=None, count=2, before=None, after='a')
+    """
+    if diagnosis_id not in ids:
+        return Place(None, len(ids), None, ids[0] if ids else None)
+    at = ids.index(diagnosis_id)
+    return Place(at + 1, len(ids), ids[at - 1] if at else None, ids[at + 1] if at + 1 < len(ids) else None)

@@ -1,0 +1,110 @@
+"""The queue of what needs a person, labels from a list, how a case was verified, and every step taken back, by page."""
+
+import json
+import re
+from collections.abc import Iterator
+
+import pytest
+
+from tests.app.inside import Inside, inside
+from tests.app.sounds import sound
+
+API = "/api/v1"
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inside]:
+    with inside(tmp_path_factory.mktemp("queue") / "data") as found:
+        yield found
+
+
+@pytest.fixture(scope="module")
+def waiting(service: Inside) -> list[str]:
+    """Ids of three diagnoses of a library that knows nothing, as the queue has them: the newest first."""
+    made = []
+    for seed in (1, 2, 3):
+        known = (None, json.dumps({"gearbox": f"g{seed}"}))
+        parts = {"file": (f"{seed}.wav", sound(seed)), "metadata": known}
+        made.append(service.ask("POST", f"{API}/diagnoses", files=parts).raise_for_status().json()["id"])
+    return made[::-1]
+
+
+def revise(service: Inside, diagnosis: str, **fields: str) -> str:
+    """Send the form of a verdict and return where it leads, or the page that answers."""
+    answer = service.browse("POST", f"/diagnoses/{diagnosis}/revise", data=fields)
+    return answer.headers.get("location", answer.text)
+
+
+def undo(service: Inside, page: str) -> str:
+    """Press Undo on a page and return where that leads."""
+    step = re.search(r'name="step" value="(\d+)"', page)
+    assert step is not None, "the page offers no Undo"
+    return str(service.browse("POST", "/steps/undo", data={"step": step[1], "queue": "1"}).headers["location"])
+
+
+def test_after_a_verdict_the_next_one_opens_and_undo_brings_the_last_one_back(
+    service: Inside, waiting: list[str]
+) -> None:
+    first, second, third = waiting
+    page = service.browse("GET", "/queue").text
+    assert "3 left" in page
+    assert page.index(first) < page.index(second) < page.index(third)
+    assert f"/diagnoses/{third}?queue=1" in service.browse("GET", f"/diagnoses/{second}?queue=1").text
+    led = revise(service, first, verdict="corrected", label="play", queue="1")
+    assert led.startswith(f"/diagnoses/{second}?queue=1&step=")
+    page = service.browse("GET", led).text
+    assert "3.wav: corrected as play." in page
+    assert "1 of 2 that need a person" in page
+    led = undo(service, page)
+    assert led.startswith(f"/diagnoses/{first}?")
+    assert "1 of 3 that need a person" in service.browse("GET", led).text
+    assert service.ask("GET", f"{API}/diagnoses/{first}").json()["revision"] == {
+        "state": "open", "label": None, "verified_by": None, "verification": None, "note": None, "by": None, "at": None
+    }  # fmt: skip
+    for one in waiting:
+        led = revise(service, one, verdict="rejected", queue="1")
+    assert led.startswith("/queue?step=")
+    page = service.browse("GET", led).text
+    assert "Nothing is left" in page
+    assert undo(service, page).startswith(f"/diagnoses/{third}?")
+
+
+def test_a_new_label_that_looks_like_a_known_one_is_asked_about(service: Inside, waiting: list[str]) -> None:
+    one = waiting[1]
+    page = revise(service, one, verdict="corrected", label="+", another="Notches")
+    assert "Did you mean notch?" in page
+    assert service.ask("GET", f"{API}/diagnoses/{one}").json()["revision"]["label"] is None
+    given = dict(re.findall(r'type="hidden" name="(\w+)" value="([^"]*)"', page))
+    revise(service, one, **{**given, "label": "+"})
+    assert service.ask("GET", f"{API}/diagnoses/{one}").json()["revision"]["label"] == "notches"
+    revise(service, one, **{**given, "label": "notch"})
+    assert service.ask("GET", f"{API}/diagnoses/{one}").json()["revision"]["label"] == "notch"
+    assert "Choose the right label" in revise(service, one, verdict="corrected", label="")
+    revise(service, one, verdict="corrected", label="+", another="Loose mounting")
+    assert service.ask("GET", f"{API}/diagnoses/{one}").json()["revision"]["label"] == "loose_mounting"
+
+
+def test_a_case_is_kept_only_if_it_is_said_how_it_was_verified_and_is_found_by_that(
+    service: Inside, waiting: list[str]
+) -> None:
+    one = waiting[2]
+    said = {"verdict": "corrected", "label": "notch", "keep": "1"}
+    assert "Say how it was verified" in revise(service, one, **said)
+    assert service.ask("GET", f"{API}/diagnoses/{one}").json()["revision"]["state"] != "corrected"
+    revise(service, one, **said, verification="opened", verified_by="tooth 12 chipped")
+    (case,) = service.ask("GET", f"{API}/cases?verification=opened").json()["items"]
+    assert (case["label"], case["verification"], case["verified_by"]) == ("notch", "opened", "tooth 12 chipped")
+    assert service.ask("GET", f"{API}/cases?verification=heard").json()["items"] == []
+    assert "opened and seen" in service.browse("GET", f"/cases/{case['id']}").text
+    assert case["id"] in service.browse("GET", "/library?verification=opened").text
+    assert case["id"] not in service.browse("GET", "/library?verification=heard").text
+    assert "can be held out" in service.browse("GET", f"/cases/{case['id']}/taught").text
+
+    renamed = service.browse("POST", "/library/rename", data={"old": "notch", "label": "tooth_breakage"})
+    page = service.browse("GET", renamed.headers["location"]).text
+    assert "1 case labelled tooth_breakage." in page
+    undo(service, page)
+    assert service.ask("GET", f"{API}/cases/{case['id']}").json()["label"] == "notch"
+    undo(service, service.browse("GET", f"/diagnoses/{one}").text)
+    assert service.ask("GET", f"{API}/cases").json()["items"] == []
+    assert service.ask("GET", f"{API}/diagnoses/{one}").json()["revision"]["state"] != "corrected"
