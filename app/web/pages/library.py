@@ -271,9 +271,7 @@ def own_words(found: Teaching, label: str) -> str:
     if found.own is None:
         return "The case itself cannot be held out: no gearbox is named, or enough measured cases are held out already."
     if found.own.verdict == "not_in_library":
-        return (
-            f"With its gearbox left out, the library says of it: not in the library. That it is {label} is new to it."
-        )
+        return "With its gearbox left out, the library says of it: not in the library. So it was new to it."
     sure = "undecided, most probably " if found.own.verdict == "ambiguous" else ""
     rightly = "which is right" if found.own.right else f"while it is {label}: that is new to it"
     return f"With its gearbox left out, the library says of it: {sure}{found.own.best}, {rightly}."
