@@ -270,8 +270,8 @@ def taught_words(found: Teaching) -> str:
         return "No answer changed: the case confirms what the library said."
     other = len(found.changes) - found.better - found.worse
     return (
-        f"{found.better} answers became right, {found.worse} became wrong"
-        f"{f', {other} changed otherwise' if other else ''}."
+        f"Answers that became right: {found.better}; that became wrong: {found.worse}"
+        f"{f'; that changed otherwise: {other}' if other else ''}."
     )
 
 
@@ -279,10 +279,11 @@ def own_words(found: Teaching, label: str) -> str:
     """Say what the library knew of a case before it had it."""
     if found.own is None:
         return "The case itself cannot be held out: no gearbox is named, or enough measured cases are held out already."
-    said = "not in the library" if found.own.verdict == "not_in_library" else found.own.best
-    sure = ", but could not decide" if found.own.verdict == "ambiguous" else ""
-    told = "The library knew it" if found.own.right else f"It is {label}: the library did not know that"
-    return f"With its gearbox left out, the library says of it: {said}{sure}. {told}."
+    if found.own.verdict == "not_in_library":
+        return "With its gearbox left out, the library says of it: not in the library. So it was new to it."
+    sure = "undecided, most probably " if found.own.verdict == "ambiguous" else ""
+    rightly = "which is right" if found.own.right else f"while it is {label}: that is new to it"
+    return f"With its gearbox left out, the library says of it: {sure}{found.own.best}, {rightly}."
 
 
 @router.get("/cases/{case_id}", dependencies=[Looking])
