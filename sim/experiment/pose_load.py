@@ -16,7 +16,6 @@ from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 Array = NDArray[np.float64]
 
@@ -61,6 +60,8 @@ class PoseLoad:
         """
         angle, speed, acceleration = motion
         rows = np.array([self.own_inertia_kg_m2, self.inertia_kg_m2, self.centrifugal_kg_m2, self.gravity_n_m])
+        from scipy.interpolate import CubicSpline  # slow to import
+
         curves = CubicSpline(np.linspace(*self.ends_rad, rows.shape[1]), rows, axis=1)
         own, inertia, centrifugal, gravity = curves(angle)
         return own, np.asarray(inertia * acceleration + centrifugal * speed**2 + gravity)

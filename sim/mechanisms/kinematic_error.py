@@ -17,7 +17,7 @@ class KinematicError(Mechanics):
     name: ClassVar[str] = "kinematic_error"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("amplitude_rad", "rad", 0.0, 0.02, 1e-4),
-        Parameter("order", "1", 0.5, 400.0, 2.0),
+        Parameter("order", "1", 0.5, 200.0, 2.0),
         Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
     )
     size: ClassVar[str] = "amplitude_rad"

@@ -17,7 +17,7 @@ class TorqueRippleOfMotor(Mechanics):
     name: ClassVar[str] = "torque_ripple"
     parameters: ClassVar[tuple[Parameter, ...]] = (
         Parameter("torque_n_m", "N m", 0.0, 1e3, 0.1),
-        Parameter("order", "1", 0.5, 400.0, 6.0),
+        Parameter("order", "1", 0.5, 200.0, 6.0),
         Parameter("phase_rad", "rad", -math.pi, math.pi, 0.0, periodic=True),
     )
     size: ClassVar[str] = "torque_n_m"

@@ -294,7 +294,7 @@ def test_no_telemetry_is_dropped(tmp_path: Path) -> None:
     assert [one["name"] for one in document["recordings"]] == [str(path) for path in files]
     assert {f["mechanism"] for f in document["findings"]} == {"coulomb_friction", "viscous_friction"}
     assert "recording 2 of 2: candidates" in done.stderr
-    assert (tmp_path / "out.html").read_text().count("<details") == 2
+    assert (tmp_path / "out.html").read_text().count("<h2>1. ") == 2
     (tmp_path / "text.csv").write_text("nothing\n1\n")
     bad = gearcase(*words, "--telemetry", tmp_path / "text.csv", data_dir=tmp_path)
     assert (bad.code, "text.csv: the names and units of the columns do not tell enough" in bad.stderr) == (2, True)

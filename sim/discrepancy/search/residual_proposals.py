@@ -81,7 +81,8 @@ def ripples(problem: Problem, fit: Fit) -> list[Term]:
     """Torque over the motor's angle at the whole orders at which most of the residual is, beyond those always tried.
 
     Order analysis by the angle itself: whatever the speed does, a line of one order stays one line. Up to the order
-    that goes at half the rate at the usual speed; looked for among all of them, and that is its price.
+    that goes at half the rate at the usual speed; looked for among all of them, and that is its price. What repeats
+    more often than the torque of any motor is of a gear before it, which no description has: it stands aside, unnamed.
     """
     m = problem.measurement
     counts = m.weight > 0.5

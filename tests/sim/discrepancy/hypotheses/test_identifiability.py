@@ -12,14 +12,13 @@ from sim.discrepancy.assessment.remarks import shown_remark
 from sim.discrepancy.assessment.verdict import is_beyond_new, is_worse
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.discrepancy.data.excitation import Excitation, excitation_in
-from sim.discrepancy.hypotheses.identifiability import ALONE, MOST_ORDERS, highest_order, passed_slowly, shown, the_same
+from sim.discrepancy.hypotheses.identifiability import ALONE, highest_order, passed_slowly, shown, the_same
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.pooling.joint_investigation import investigate_together
 from sim.discrepancy.pooling.pooled_estimates import Taken
 from sim.discrepancy.results import Estimate, Gain
 from sim.errors import AxisError
 from sim.mechanisms.mechanism import Need
-from sim.mechanisms.torque_ripple import TorqueRippleOfMotor
 from tests.sim.discrepancy.telemetry_of import swing
 
 INERTIA = 0.3
@@ -228,8 +227,3 @@ def test_a_log_tells_its_motion_before_it_is_checked() -> None:
         assert (e.rate_hz, e.seconds) == pytest.approx((200.0, 60.0), rel=1e-3)
         assert e.travel_rad == pytest.approx(80.0, rel=0.01)
     assert excitation_in(Telemetry(told.time_s, {"motor_torque_nm": told["motor_torque_nm"]})) is None
-
-
-def test_whatever_order_is_looked_for_may_stand_in_a_description() -> None:
-    orders = next(p for p in TorqueRippleOfMotor.parameters if p.name == "order")
-    assert orders.high >= MOST_ORDERS
