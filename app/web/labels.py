@@ -10,6 +10,7 @@ from pydantic import TypeAdapter, ValidationError
 from app.errors import Unprocessable
 from app.web.words import NAMES, name_of
 from casebase.fields import Label
+from casebase.labels import GEAR_DAMAGE
 
 LABEL: TypeAdapter[str] = TypeAdapter(Label)
 ANOTHER = "+"
@@ -17,16 +18,7 @@ ANOTHER = "+"
 STANDARDS = (
     (
         "Damage of gear teeth, in the words of ISO 10825-1",
-        (
-            "pitting",
-            "micropitting",
-            "spalling",
-            "scuffing",
-            "abrasive_wear",
-            "plastic_deformation",
-            "tooth_crack",
-            "tooth_breakage",
-        ),
+        tuple(GEAR_DAMAGE),
     ),
     (
         "Damage of rolling bearings, in the words of ISO 15243",

@@ -107,7 +107,7 @@ class Mechanism(ABC):
 
     name: ClassVar[str]
     kind: ClassVar[Literal["mechanics", "measurement"]] = "mechanics"
-    parameters: ClassVar[tuple[Parameter, ...]]
+    parameters: ClassVar[tuple[Parameter, ...]] = ()
     workshop_name: ClassVar[str] = ""
     """What a workshop calls it, where that is another word."""
     damage: ClassVar[str] = ""

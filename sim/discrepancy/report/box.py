@@ -244,7 +244,7 @@ def _places(rest: Unexplained) -> list[str]:
 
 def is_shown(mechanism: str, name: str) -> bool:
     """Whether a number of a finding says something to a reader."""
-    return not any(p.name == name and not p.shown for p in getattr(kind_or_any(mechanism), "parameters", ()))
+    return not any(p.name == name and not p.shown for p in kind_or_any(mechanism).parameters)
 
 
 def size_of(mechanism: str, given: Document) -> Size:

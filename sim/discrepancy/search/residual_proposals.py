@@ -103,15 +103,16 @@ def waves(problem: Problem, fit: Fit) -> list[Term]:
 
     Of all that the record tells apart in the range of such a mechanism; that is its price.
     """
+    open_to_any = [kind for kind in mechanisms.MECHANISMS.values() if not kind.own_hypothesis]
+    kinds = [(kind, often) for kind in open_to_any if (often := frequency_of(kind)) is not None]
+    if not kinds:
+        return []
     m = problem.measurement
     left = fit.residual[: fit.torque_rows]
     frequencies = np.fft.rfftfreq(FINER * left.size, 1.0 / m.rate_hz)
     power = np.abs(np.fft.rfft(left, FINER * left.size)) ** 2
     out = []
-    for kind in mechanisms.MECHANISMS.values():
-        often = frequency_of(kind)
-        if often is None or kind.own_hypothesis:
-            continue
+    for kind, often in kinds:
         inside = (frequencies >= max(often.low, m.rate_hz / left.size)) & (
             frequencies <= min(often.high, 0.5 * m.rate_hz)
         )
