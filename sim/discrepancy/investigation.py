@@ -116,7 +116,10 @@ def _of_torque(
     findings, gained = predicting(problem, selection.base, fit, findings)
     findings = tuple(advised(axis, f) for f in findings)
     doubts = misfit_remarks(fit, gained)
-    verdict, rest = _verdict(findings, rest, places, doubted=bool(doubts))
+    likelier = gate.measurement.doubts.size > 0
+    verdict, rest = _verdict(
+        [f for f in findings if not (likelier and f.as_new_too)], rest, places, doubted=bool(doubts)
+    )
     progress("next measurement", 0.96)
     told = simulated_advice(weighed, findings)
     advice = in_words(told) or next_measurement(axis, findings, rest, problem.guided)

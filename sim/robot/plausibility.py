@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.robot.motion import Motion
-from sim.robot.rigid_body import RigidBody
+from sim.robot.rigid_body import PARAMETERS, RigidBody
 from sim.robot.robot import Robot
+from sim.robot.shared_fit import shared_columns
 
 Array = NDArray[np.float64]
 
@@ -45,6 +46,8 @@ def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> None:
             with_ = _left(torque - rigid - hung @ numbers, frictions)
     asked = rigid.std(axis=0) > CHECKED * np.maximum(torque.std(axis=0), 1e-12)
     wrong = asked & (with_ > WORSE * without)
+    if wrong.any():
+        wrong &= rigid.std(axis=0) > _unsure(robot, body, motion)
     names = [joint.name for joint in robot.joints]
     joints = len(names)
     order = _order(body, motion, frictions, few, every=wrong.any() and joints <= MOST_ORDERS)
@@ -73,6 +76,15 @@ def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> None:
         f"{start}, and no other order of the joints, sign or direction of gravity explains them. "
         "The URDF may be of another robot, the torques not at the joints (N m), or the positions not from its zeros."
     )
+
+
+def _unsure(robot: Robot, body: RigidBody, motion: Motion) -> Array:
+    """What of the torque of each joint may be wrong by the description's usual errors, shape (joints,) [N m].
+
+    A joint that hardly carries anything asks for no more than a millimetre of the centre of what it carries.
+    """
+    values = shared_columns(robot, body, motion).values[motion.counts][..., :-PARAMETERS]
+    return np.asarray(np.sqrt(np.sum(values.var(axis=0), axis=-1)))
 
 
 def _explains(left: Array, before: Array) -> bool:

@@ -13,7 +13,7 @@ from sim.discrepancy.data.preprocessing import Bridge
 from sim.discrepancy.estimation.estimate import Fit, Refits
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.model.nominal import MOTOR_RELEASE, START
+from sim.discrepancy.model.nominal import MOTOR_RELEASE, MOTOR_STRETCH, START
 from sim.discrepancy.results import Gain
 from sim.torsional.model import Array
 
@@ -24,8 +24,8 @@ CUT_HZ = 40.0
 def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple[Gain, ...]:
     """Per channel, of the rows that can be trusted; folds are quarters of the record, predicted from the others.
 
-    The state in which the record begins is known by its first rows alone, and the speed over which dry friction turns
-    by its reversals, which are few: both are kept.
+    The state in which the record begins is known by its first rows alone, and the speed and the way over which dry friction
+    turns by its reversals, which are few: all are kept.
 
     Before: the description as it is given or calibrated, whichever leaves less of the torque; numbers that a fit bends
     to stand for something missing may be worse than any data sheet. After: numbers of `fit`, by `terms` alone.
@@ -47,9 +47,13 @@ def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple
         over = Bridge.over(~trusted)
         trusted[:settle] = False
         a, b = (_motion_band(over.across(values), rate)[trusted] for values in (a, b))
-        out.append(
-            Gain(channel, unit, _rms(a), _rms(b), _significant(a, b), _rms(m.torque[trusted]) if index == 0 else 0.0)
-        )
+        told = _significant(a, b)
+        if index == 0:
+            measured, counts = m.torque[trusted], m.counts[trusted] > 0.5
+            moving = _rms(measured[counts]), _rms(b[counts])
+            out.append(Gain(channel, unit, _rms(a), _rms(b), told, _rms(measured), moving))
+        else:
+            out.append(Gain(channel, unit, _rms(a), _rms(b), told, 0.0))
     return tuple(out)
 
 
@@ -65,7 +69,7 @@ def _held_out(problem: Problem, fit: Fit, terms: Sequence[Term]) -> tuple[Array,
     stride = m.load_stride
     torque, guide = np.zeros(m.samples), np.zeros((m.samples + stride - 1) // stride if problem.guided else 0)
     rows = np.concatenate([np.arange(m.samples), np.arange(guide.size) * stride])
-    refits = Refits.of(fit, (*START, MOTOR_RELEASE))
+    refits = Refits.of(fit, (*START, MOTOR_RELEASE, MOTOR_STRETCH))
     for fold in range(FOLDS):
         first, last = fold * m.samples // FOLDS, (fold + 1) * m.samples // FOLDS
         values = without(fit, refits, (rows >= first) & (rows < last))

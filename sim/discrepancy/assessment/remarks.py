@@ -30,10 +30,11 @@ def misfit_remarks(fit: Fit, gained: Sequence[Gain]) -> tuple[str, ...]:
     """Why the numbers of the last fit are not to be trusted, if anything says so."""
     out = []
     torque = gained[0]
-    if torque.rms_after > UNREACHED * torque.rms_measured:
+    measured, left = torque.moving
+    if left > UNREACHED * measured:
         out.append(
-            f"The model does not fit the measurement: of {torque.rms_measured:.3g} {torque.unit} rms torque, "
-            f"{torque.rms_after:.3g} are unexplained. Check the description, the units and signs of the channels, and "
+            f"The model does not fit the measurement: of {measured:.3g} {torque.unit} rms torque in motion, "
+            f"{left:.3g} are unexplained. Check the description, the units and signs of the channels, and "
             "what happened during the record before you use any of these numbers."
         )
     bent = [

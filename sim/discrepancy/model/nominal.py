@@ -28,6 +28,7 @@ PAYLOAD_SPREAD = 0.3  # of the load's inertia
 DAMPING_SPREAD = 0.4  # of a stage's damping
 SHARED_SPREAD = 0.4  # of a stage's stiffness, where it is what the others leave of the whole transmission's
 MOTOR_STRETCH_RAD, LOAD_STRETCH_RAD = 2e-3, 3e-5  # contacts give way by micrometres, of millimetres and decimetres
+BODY_STRETCH_SPREAD = math.log(10.0)  # of the way of a body that turns as fast as a motor, or as its load
 DRIVING, DRIVEN = "loss_split.driving", "loss_split.driven"
 # of mesh losses behind the spring; and of that, also while the load drives: no law bears losses at the sending end
 LOSS_SPLITS = {DRIVING: 1.0, DRIVEN: 0.5}
@@ -56,14 +57,20 @@ def _log(name: str, value: float, spread: float) -> Parameter:
     return Parameter(name, value, 0.1, spread, low, high, owner=Owner.RECORDING)
 
 
-def turning_over() -> Parameter:
+def turning_over(axis: Axis) -> tuple[Parameter, ...]:
     """Speed over which dry friction turns its sign while it slides, as a logarithm over a thousandth of the largest.
 
     Grease and seals give way before they slide, and real friction turns over a few percent of the speed: 3.6 to 10 % in
     six real drives, all of which are likelier so than with a jump. It begins there, since a jump has no slope that
     would lead away from it.
+
+    Of an axis that is one body also the way by which they give way (Dahl 1968): after a reversal friction builds up
+    over that way, before it there is all of it, and of the two a law of the speed alone makes neither. The body may be
+    that of a motor or of what its gears move, and nobody says which.
     """
-    return Parameter(MOTOR_RELEASE, WIDE, 0.1, WIDE / 2.0, 0.0, MOST_WIDE, owner=Owner.RECORDING)
+    speed = Parameter(MOTOR_RELEASE, WIDE, 0.1, WIDE / 2.0, 0.0, MOST_WIDE, owner=Owner.RECORDING)
+    way = () if has_links(axis) else (_log(MOTOR_STRETCH, math.log(MOTOR_STRETCH_RAD), BODY_STRETCH_SPREAD),)
+    return (speed, *way)
 
 
 def _at_rest(where: str, stretch_rad: float) -> list[Parameter]:
@@ -82,7 +89,7 @@ def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: boo
     out = [_stated("motor.inertia_kg_m2", "kg m2", axis.motor.inertia_kg_m2)]
     if axis.motor.coulomb_friction_n_m:
         out.append(_stated("motor.coulomb_friction_n_m", "N m", axis.motor.coulomb_friction_n_m))
-        out += [] if rests else [turning_over()]
+        out += [] if rests else turning_over(axis)
     if axis.motor.viscous_friction_n_m_s_per_rad:
         viscous = axis.motor.viscous_friction_n_m_s_per_rad
         out.append(_stated("motor.viscous_friction_n_m_s_per_rad", "N m s/rad", viscous))
