@@ -29,6 +29,7 @@ from sim.discrepancy.assessment.remarks import (
 )
 from sim.discrepancy.assessment.residual_structure import look, nameless
 from sim.discrepancy.assessment.verdict import (
+    beside_doubts,
     beside_what_is_left,
     drop_unidentifiable,
     finding_of,
@@ -116,10 +117,8 @@ def _of_torque(
     findings, gained = predicting(problem, selection.base, fit, findings)
     findings = tuple(advised(axis, f) for f in findings)
     doubts = misfit_remarks(fit, gained)
-    likelier = gate.measurement.doubts.size > 0
-    verdict, rest = _verdict(
-        [f for f in findings if not (likelier and f.as_new_too)], rest, places, doubted=bool(doubts)
-    )
+    telling = beside_doubts(findings, doubted=bool(gate.measurement.doubts.size))
+    verdict, rest = _verdict(telling, rest, places, doubted=bool(doubts))
     progress("next measurement", 0.96)
     told = simulated_advice(weighed, findings)
     advice = in_words(told) or next_measurement(axis, findings, rest, problem.guided)

@@ -24,8 +24,8 @@ CUT_HZ = 40.0
 def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple[Gain, ...]:
     """Per channel, of the rows that can be trusted; folds are quarters of the record, predicted from the others.
 
-    The state in which the record begins is known by its first rows alone, and the speed and the way over which dry friction
-    turns by its reversals, which are few: all are kept.
+    The state in which the record begins is known by its first rows alone, and the speed and the way over which dry
+    friction turns by its reversals, which are few: all are kept.
 
     Before: the description as it is given or calibrated, whichever leaves less of the torque; numbers that a fit bends
     to stand for something missing may be worse than any data sheet. After: numbers of `fit`, by `terms` alone.

@@ -132,6 +132,14 @@ def beside_what_is_left(
     return tuple(replace(f, probability=min(f.probability, UNLIKELY)) if f.as_new_too else f for f in findings)
 
 
+def beside_doubts(findings: Sequence[Finding], *, doubted: bool) -> tuple[Finding, ...]:
+    """Findings that say that something is missing: where the known torque is `doubted`, none of a size as new.
+
+    That the known torque is wrong in one of its ways is likelier then, and by that nothing is missing.
+    """
+    return tuple(f for f in findings if not (doubted and f.as_new_too))
+
+
 def is_beyond_new(axis: Axis, mechanism: str, location: str | None, estimated: Sequence[Estimate]) -> bool:
     """Whether the interval of a size leaves out what a new axis has: else the data are also those of a new one."""
     kind = kind_of(mechanism)

@@ -83,3 +83,15 @@ def test_the_urdf_of_another_robot_is_refused() -> None:
     other = random_arm(np.random.default_rng(9), 4)
     with pytest.raises(InvestigationError, match="may be of another robot"):
         check(moved(), robot([replace(link, mass=5.0 * link.mass) for link in other]))
+
+
+def test_a_joint_that_carries_next_to_nothing_refuses_no_log() -> None:
+    """Two centimetres of the centre of its link turn all that it asks for; so far links of a description may be off."""
+    described, real = (
+        [*LINKS[:-1], replace(LINKS[-1], center=(0.0, off, 0.0), inertia=1e-4 * np.eye(3))] for off in (0.01, -0.01)
+    )
+    motion, one = moved(real), robot(described)
+    few = slice(None, None, 5)
+    rigid = RigidBody.of(one).torque(motion.position[few], motion.speed[few], motion.acceleration[few])[:, -1]
+    assert np.corrcoef(rigid, torque(real, motion.position, motion.speed, motion.acceleration)[few, -1])[0, 1] < -0.5
+    check(motion, one)

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from sim.discrepancy.assessment.verdict import is_shaken_otherwise
+from sim.discrepancy.assessment.verdict import beside_doubts, is_shaken_otherwise
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.traits import ERROR_OVER_ANGLE, OVER_SPEED
+from sim.discrepancy.results import Finding
 from sim.mechanisms import CoulombFriction, GravityImbalance, StructuralResonance
 
 
@@ -25,3 +26,10 @@ def test_it_is_not_beside_what_acts_elsewhere_or_is_in_every_axis() -> None:
     at_motor, error = (term(OVER_SPEED, "motor", named=False), term(ERROR_OVER_ANGLE, "load", named=False))
     assert not is_shaken_otherwise(swinging, (swinging, friction, at_motor, error))
     assert not is_shaken_otherwise(friction, (friction, term(OVER_SPEED, "load", named=False)))
+
+
+def test_of_a_doubted_torque_what_may_be_as_new_is_no_missing_mechanism() -> None:
+    as_new = Finding(GravityImbalance.name, "load", 0.4, (), (), "", as_new_too=True)
+    weak = Finding(CoulombFriction.name, "motor", 0.4, (), (), "")
+    assert beside_doubts((as_new, weak), doubted=True) == (weak,)
+    assert beside_doubts((as_new, weak), doubted=False) == (as_new, weak)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import replace
 
 import numpy as np
@@ -11,6 +12,8 @@ from scipy.stats import norm
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
+from sim.discrepancy.assessment.cross_validation_gain import gains
+from sim.discrepancy.assessment.remarks import misfit_remarks
 from sim.discrepancy.data.preprocessing import prepare
 from sim.discrepancy.data.validation import examine
 from sim.discrepancy.estimation.estimate import Fit
@@ -21,12 +24,12 @@ from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.traits import OVER_SPEED
 from sim.discrepancy.investigation import investigate
-from sim.discrepancy.model.nominal import nuisance_of
+from sim.discrepancy.model.nominal import MOTOR_STRETCH, nuisance_of
 from sim.discrepancy.model.parameters import Parameter
 from sim.discrepancy.parallel import each
 from sim.discrepancy.search.effect_size import beyond, magnitude
 from sim.torsional.model import Array
-from tests.sim.discrepancy.telemetry_of import RATE_HZ, one_body
+from tests.sim.discrepancy.telemetry_of import RATE_HZ, one_body, swing
 
 AXIS = {
     "motor": {"inertia_kg_m2": 0.3, "coulomb_friction_n_m": 1.0, "viscous_friction_n_m_s_per_rad": 0.02},
@@ -50,6 +53,46 @@ def test_a_finished_fit_ends_in_the_same_place_from_wherever_it_starts(seed: int
     far = one.fit((), bent, to_end=True)
     assert far.cost == pytest.approx(near.cost, rel=1e-5)  # over which speed friction turns hardly shows here
     assert far.values["motor.inertia_kg_m2"] == pytest.approx(near.values["motor.inertia_kg_m2"], rel=1e-3)
+
+
+def test_friction_that_builds_up_over_a_way_is_no_inertia() -> None:
+    """After a reversal it is less than before it, at the same speed: a law of the speed alone takes that for torque
+    along the acceleration."""
+    t, angle, speed, acceleration = swing()
+    inertia, coulomb, way = 0.003, 1.0, 0.2
+    held = np.empty(t.size)
+    level = 1.0
+    for k, step in enumerate(np.diff(angle, prepend=angle[0])):
+        level = np.sign(step) + (level - np.sign(step)) * np.exp(-abs(step) / way)
+        held[k] = level
+    torque = inertia * acceleration + coulomb * held + 0.02 * speed
+    torque += 0.05 * np.random.default_rng(1).standard_normal(t.size)
+    light = read_axis({"motor": {**AXIS["motor"], "inertia_kg_m2": inertia}, "load": {"inertia_kg_m2": 0.0}})
+    telemetry = Telemetry(t, {"motor_torque_nm": torque, "motor_position_rad": angle})
+    one = Problem(light, examine(light, telemetry).measurement, Noise.flat(0.05, 1.0))
+    fit = one.with_inflated_prior({"motor.inertia_kg_m2": 10.0}).fit(to_end=True)
+    assert fit.values["motor.inertia_kg_m2"] == pytest.approx(inertia, rel=0.02)
+    assert math.exp(fit.values[MOTOR_STRETCH]) == pytest.approx(way, rel=0.05)
+
+
+def test_what_friction_holds_at_rest_is_no_misfit() -> None:
+    """A servo leaves any torque that friction bears while it stands, and a model of the motion cannot tell which."""
+    t = np.arange(12 * int(RATE_HZ)) / RATE_HZ
+    speed, angle = np.zeros(t.size), np.zeros(t.size)
+    for start, way in ((1.0, 1.0), (4.0, -1.0), (7.0, 1.0), (10.0, -1.0)):
+        u = np.clip(t - start, 0.0, 1.0)
+        speed += way * 20.0 * (1.0 - np.cos(2.0 * np.pi * u))
+        angle += way * 20.0 * (u - np.sin(2.0 * np.pi * u) / (2.0 * np.pi))
+    rng = np.random.default_rng(2)
+    stands = rng.uniform(-0.9, 0.9, 13)[t.astype(int)] * (speed == 0.0)
+    torque = 0.002 * np.gradient(speed, t) + np.sign(speed) + 0.02 * speed + stands
+    torque += 0.05 * rng.standard_normal(t.size)
+    light = read_axis({"motor": {**AXIS["motor"], "inertia_kg_m2": 0.002}, "load": {"inertia_kg_m2": 0.0}})
+    telemetry = Telemetry(t, {"motor_torque_nm": torque, "motor_position_rad": angle})
+    one = Problem(light, examine(light, telemetry).measurement, Noise.flat(0.05, 1.0))
+    fit = one.fit(to_end=True)
+    gained = gains(one, fit, fit, ())
+    assert misfit_remarks(fit, gained) == ()
 
 
 @pytest.mark.parametrize("width", [-2.0, 0.5, 1.0])
