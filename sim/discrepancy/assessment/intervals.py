@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import math
 
+import numpy as np
+
+from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
@@ -20,9 +23,10 @@ BESIDES = {  # units of what is said of a fault or of a sound beside the paramet
 }  # fmt: skip
 
 
-def term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, ...]:
+def term_estimates(fit: Fit, term: Term, m: Measurement) -> tuple[Estimate, ...]:
     """Reported parameters with intervals, no wider than a parameter may be; a frequency is not known better than the
-    record is long."""
+    record is long, nor an order of the motor than its way is: over that way the next one gains or loses a turn."""
+    duration_s, turns = float(m.time_s[-1]), float(np.ptp(m.angle)) / (2.0 * math.pi)
     spread = deviations(fit, term, term.report)
     limits = {p.name: (p.low, p.high) for p in term.parameters}
     out = []
@@ -32,6 +36,8 @@ def term_estimates(fit: Fit, term: Term, duration_s: float) -> tuple[Estimate, .
             half = max(half, term.traits.size_open * abs(value))
         if name == "frequency_hz":
             half = max(half, 1.0 / duration_s)
+        if name == "order" and term.location == "motor":
+            half = max(half, 1.0 / turns)
         low, high = limits.get(f"{term.key}.{name}", (-math.inf, math.inf))
         ends = float(max(value - half, low)), float(min(value + half, high))
         out.append(Estimate(name, float(value), unit_of(term.mechanism, name), *ends))

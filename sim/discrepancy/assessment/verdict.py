@@ -88,7 +88,7 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     alike = (*looks_like(selection.problem, term), *same)
     near = {r.mechanism for r, t in standing.rivals if is_close(t)} - {term.mechanism, *alike}
     close = [*alike, *sorted(near)][:2]
-    estimated = term_estimates(fit, term, float(m.time_s[-1]))
+    estimated = term_estimates(fit, term, m)
     others = tuple(t for r, t in standing.rivals if r.mechanism not in (term.mechanism, *close))
     places = [r.location for r, t in standing.rivals if r.mechanism == term.mechanism and is_close(t)]
     elsewhere = tuple(place for place in places if place)

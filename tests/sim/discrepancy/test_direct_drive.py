@@ -47,4 +47,7 @@ def test_ripple_twice_per_turn_is_named_where_the_axis_hardly_turns_once() -> No
     assert 2 * np.pi < 2 * np.ptp(telemetry.channels["motor_position_rad"]) < 4 * np.pi
     (finding,) = investigate(AXIS, telemetry).findings
     assert finding.mechanism == "torque_ripple"
+    (order,) = (p for p in finding.parameters if p.name == "order")
+    turns = np.ptp(telemetry.channels["motor_position_rad"]) / (2 * np.pi)
+    assert order.high - 2.0 == 2.0 - order.low == pytest.approx(1.0 / turns, rel=0.01)  # no way tells them closer
     assert {p.name: p.value for p in finding.parameters}["torque_n_m"] == pytest.approx(0.2, rel=0.1)
