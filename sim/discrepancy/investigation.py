@@ -53,6 +53,9 @@ from sim.discrepancy.report.maintenance_actions import action
 from sim.discrepancy.report.wording import next_measurement, numbers_of
 from sim.discrepancy.results import SAID, Finding, Investigation, Unexplained, rounded
 from sim.discrepancy.search.search import Selection, select
+import os
+if os.environ.get('GEARCASE_EVIDENCE'):
+    from sim.discrepancy.search.evidence_search import select  # noqa
 from sim.mechanisms.catalogue import kind_of
 
 VERSION = "1"

@@ -96,10 +96,10 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     instead = {
         r.mechanism: brought[r.key] / brought[term.key]
         for r, t in standing.rivals
-        if t > 0.0 and r.mechanism not in (term.mechanism, *close) and r.key in brought and term.key in brought
+        if t > 0.0 and r.mechanism not in (term.mechanism, *close) and r.key in brought and brought.get(term.key)
     }
     seen = Evidence(standing.share, others, (standing.shared + inadequacy(fit)) / standing.gain)
-    sure = probability(seen)
+    sure = min(getattr(selection, 'sure', {}).get(term.key, probability(seen)), 0.95)
     new = not is_beyond_new(axis, term.mechanism, term.location, estimated)
     if same or new or is_shaken_otherwise(term, fit.terms):
         sure = min(sure, ALONE)
