@@ -463,14 +463,15 @@ def selection(state: State, base: Fit) -> Selection:
         ranked = sorted(best.values(), key=lambda b: b[0])[:3]
         say("rivals of", str(term.key), [(str(a.term.key), round(o / phi, 1)) for o, a, _ in ranked])
         rivals, models = [], []
-        for odds, atom, shares in ranked:
+        plain = tuple(t for t in fit.terms if t.named)
+        for odds, atom, shares in [r for r in ranked if r[1].term.named]:
             values = {**{q.name: q.start for q in (*atom.term.brings, *atom.term.parameters)}, **fit.values}
             values |= _start(atom.term, atom.group, shares[list(atom.at)], values)
-            terms = (*(t for t in fit.terms if t is not term), atom.term)
+            terms = (*(t for t in plain if t is not term), atom.term)
             rivals.append((atom.term, math.copysign(math.sqrt(2.0 * abs(odds / phi)), odds)))
             models.append(Model(terms, values))
         standing[term.key] = ModelComparison(
-            state.gains[term.key], state.gains[term.key] / fit.misfit, 0.0, tuple(rivals), Model.of(fit), tuple(models)
+            state.gains[term.key], state.gains[term.key] / fit.misfit, 0.0, tuple(rivals), Model(plain, fit.values), tuple(models)
         )
         against = sum(math.exp(-min(max(o / phi, -50.0), 50.0)) for o, _, _ in ranked)
         sure[term.key] = 1.0 / (1.0 + math.exp(-min(state.odds[term.key], 50.0)) + against)
