@@ -18,7 +18,9 @@ from sim.discrepancy.estimation.estimate import Array, Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import BENT, look_closely, multistart, rewhiten
 from sim.discrepancy.estimation.whitening import LONG
+from sim.discrepancy.hypotheses.friction import friction_felt
 from sim.discrepancy.hypotheses.hypothesis import Key, Term
+from sim.discrepancy.hypotheses.nonparametric import CURVES
 from sim.discrepancy.parallel import each
 from sim.discrepancy.hypotheses.traits import AS_NEW as AS_NEW_CURVE
 from sim.discrepancy.search.comparison import Model, ModelComparison
@@ -36,6 +38,7 @@ PAIRED = 8
 CHECKED = 10
 SURE = 100.0
 NEARLY, SHARE = -5.0, 0.1
+FORM = 0.1  # of all friction: no law of it is truer over speed and angle
 BLOCKS = 40
 SAY = bool(os.environ.get("SAY"))
 
@@ -188,6 +191,8 @@ def picture(problem: Problem, fit: Fit) -> Picture:
         return out
 
     made = each(changed, jobs)
+    top = float(np.abs(problem.measurement.speed).max())
+    friction = friction_felt(problem.chain(fit.terms, fit.values), top)
     follows = ~fit.at_limit
     own = np.array([p.step / p.spread for p in fit.parameters])[follows]
     offset = np.array([(fit.values[p.name] - p.expected) / p.spread for p in fit.parameters])[follows]
@@ -195,7 +200,7 @@ def picture(problem: Problem, fit: Fit) -> Picture:
     atoms: list[Atom] = []
     at = int(follows.sum())
     for (term, group), cols in zip(jobs, made, strict=True):
-        if cols is None:
+        if cols is None or (term.mechanism in CURVES and not friction):
             continue
         values = {**{p.name: p.start for p in (*term.brings, *term.parameters)}, **fit.values}
         new, slab = [], []
@@ -203,6 +208,9 @@ def picture(problem: Problem, fit: Fit) -> Picture:
         for jump, column in zip(group, cols, strict=True):
             size = magnitude(term, {**values, **jump})
             sd = AS_NEW * term.size / size / math.sqrt(len(term.probes)) if size > 0.0 and math.isfinite(size) else 0.0
+            if term.mechanism in CURVES:
+                scale = friction * (problem.axis.ratio if term.location == "load" else 1.0)
+                sd = AS_NEW * FORM * scale / abs(next(iter(jump.values())))
             square = column**2
             fault = FAULT * sd * math.sqrt(len(term.probes))
             norm = float(square.sum())
@@ -228,14 +236,28 @@ class Choice:
     score: float
 
 
+def within(atom: Atom, shares: Array, values: Mapping[str, float]) -> bool:
+    """Whether the numbers of a linear picture are such as they may be."""
+    if atom.term.contact:
+        return True
+    if atom.term.positive and shares[atom.at[0]] <= 0.0:
+        return False
+    numbers = {q.name: q for q in (*atom.term.brings, *atom.term.parameters)}
+    for jump, k in zip(atom.group, atom.at, strict=True):
+        name, value = next(iter(jump.items()))
+        start = values.get(name, numbers[name].start)
+        if not numbers[name].low <= start + shares[k] * (value - start) <= numbers[name].high:
+            return False
+    return True
+
+
 def score(p: Picture, chosen: Sequence[Atom], zero: tuple[float, float]) -> tuple[float, float, float, Array, list[int]]:
     square, shares, occam, use = p.evidence(chosen)
     gain = square - zero[0]
     paid = occam - zero[1]
     names = sum(prior(a.term) for a in chosen)
-    for a in chosen:
-        if a.term.positive and not a.term.contact and shares[a.at[0]] <= 0.0:
-            return -math.inf, gain, paid, shares, use
+    if not all(within(a, shares, p.values) for a in chosen):
+        return -math.inf, gain, paid, shares, use
     return gain + paid + names, gain, paid + names, shares, use
 
 
@@ -320,7 +342,7 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
         say("long", state.fit.misfit / state.fit.residual.size)
     if state.problem.memory != LONG:
         state.problem, state.fit = look_closely(state.problem, state.fit)
-    prune(state)
+    prune(state, finally_=True)
     return selection(state, base)
 
 
@@ -334,6 +356,11 @@ def advance(state: State) -> bool:
     for atom in best:
         values = {**{q.name: q.start for q in (*atom.term.brings, *atom.term.parameters)}, **fit.values}
         start |= values | _start(atom.term, atom.group, shares[list(atom.at)], values)
+    if any(a.term.traits.in_every_axis for a in best):
+        for atom in p.atoms:
+            if atom.term.traits.in_every_axis and atom.term.key not in {a.term.key for a in best}:
+                best.append(atom)
+                start |= {q.name: q.start for q in (*atom.term.brings, *atom.term.parameters) if q.name not in start}
     say("chosen", [str(a.term.key) for a in best])
     jobs = [((*fit.terms, *(a.term for a in best)), start, fit.sensitivities)] if best else []
     strongest = max((s for s, _ in singles), default=0.0)
@@ -404,8 +431,8 @@ def loosening(problem: Problem, fit: Fit, p: Picture, singles: Sequence[tuple[fl
     return out
 
 
-def prune(state: State) -> None:
-    """Take away what the score does not want, the worst first."""
+def prune(state: State, *, finally_: bool = False) -> None:
+    """Take away what the score does not want, the worst first; what every axis has goes last."""
     while state.fit.terms:
         problem, fit = state.problem, state.fit
 
@@ -425,8 +452,9 @@ def prune(state: State) -> None:
             t.key: log_odds(t, gains[t.key], fit, replaced(problem, t)) if beyond(t, fit) > -math.inf else -math.inf
             for t in fit.terms
         }
-        worst = min(fit.terms, key=lambda t: odds[t.key])
-        if odds[worst.key] > 0.0:
+        mine = [t for t in fit.terms if finally_ or not t.traits.in_every_axis]
+        worst = min(mine or fit.terms, key=lambda t: odds[t.key])
+        if not mine or odds[worst.key] > 0.0:
             state.odds, state.gains = odds, gains
             return
         rest = less[worst.key]
@@ -456,7 +484,7 @@ def selection(state: State, base: Fit) -> Selection:
             if not atom.term.named and atom.term.mechanism == AS_NEW_CURVE:
                 continue
             odds, shares = p.instead(fit, term, atom)
-            if not math.isfinite(odds) or (atom.term.positive and shares[atom.at[0]] <= 0.0):
+            if not math.isfinite(odds) or not within(atom, shares, p.values):
                 continue
             if atom.term.key not in best or odds < best[atom.term.key][0]:
                 best[atom.term.key] = (odds, atom, shares)
