@@ -1,112 +1,152 @@
-"""One criterion: the posterior odds of a term, by Laplace's approximation under a noise whose error is seen."""
+"""One criterion: the posterior odds of a term in a fitted model, by Laplace's approximation.
+
+A gain says less where the model with the term still leaves structure in the direction of the term: by the information
+sandwich of White (Econometrica 50 (1982) 1), over clusters (Liang and Zeger, Biometrika 73 (1986) 13) of rows at which a
+wrong form would err alike, those of one time, of one angle of the load, and of one speed.
+"""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 import numpy as np
 
+from scipy.sparse import csr_array
+
+from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.estimation.estimate import Array, Fit
+from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.model.parameters import Values
 from sim.discrepancy.search.effect_size import magnitude
 
-NAMES = 40.0  # mechanisms and places among which one is looked for
 AS_NEW = 1.0 / 3.0  # of the size that no new axis exceeds: the standard deviation of what a new one has
-FAULT = 9.0  # times that, the standard deviation of a fault's
+FAULT = 9.0  # times that: the standard deviation of a fault's
+CLUSTERS = 40  # of each kind
+NAMES = 40.0  # mechanisms and places among which one is looked for
 
 
-def overdispersion(fit: Fit, term: Term) -> float:
-    """Variance of the score of `term` between blocks of time over what white residuals would make of it, at least 1.
+def log_odds(problem: Problem, term: Term, gain: float, more: Fit) -> float:
+    """Of the model `more` with a term to one without it, or with it as new, that costs `gain` squares more."""
+    excess = overdispersion(problem.measurement, more, term)
+    return 0.5 * gain / excess - occam(problem, term, more, excess) - as_new(problem, term, more, excess) + prior(term)
 
-    The information sandwich of White (Econometrica 50 (1982) 1): where the model with the term leaves structure in the
-    direction of the term, what it gains says so many times less.
-    """
+
+def prior(term: Term) -> float:
+    """Log odds before the data: one of all names and places, and of all starts at which it was looked for. What every
+    axis has is as likely as not."""
+    if term.traits.in_every_axis:
+        return 0.0
+    return -math.log(NAMES * max(term.among, 1) * max(len(term.probes), 1))
+
+
+def overdispersion(m: Measurement, fit: Fit, term: Term) -> float:
+    """By how much the score of a term varies more between clusters than white residuals would make it, at least 1."""
     own = _own(fit, term)
     if not own:
         return 1.0
-    curved, pulls = fit._influence
-    inner = np.linalg.pinv(curved[np.ix_(own, own)], hermitian=True)
-    spread = pulls[:, own].T @ pulls[:, own]
-    return max(1.0, float(np.trace(inner @ spread)) / len(own))
+    curved = fit.influence[0]
+    steps = np.array([p.step for p in fit.parameters])
+    pure = (fit.jacobian / steps) @ curved[:, own]
+    return excess_of(m, pure, fit.residual, np.linalg.pinv(curved[np.ix_(own, own)], hermitian=True), fit.torque_rows)
 
 
-def as_new_shares(term: Term, values: Values) -> Mapping[str, float]:
-    """Of each number that says how much, what a new axis has of it; 0 where the term is of no size as new."""
-    start = {**{p.name: p.start for p in (*term.brings, *term.parameters)}, **values}
-    out: dict[str, float] = {}
-    for group in term.probes:
-        for jump in group:
-            name, value = next(iter(jump.items()))
-            size = magnitude(term, {**start, **{p.name: p.start for p in term.parameters}, **jump})
-            first = next(p.start for p in (*term.parameters, *term.brings) if p.name == name)
-            if size > 0.0 and math.isfinite(size) and term.size > 0.0:
-                out[name] = AS_NEW * abs(value - first) * term.size / size
+def excess_of(m: Measurement, directions: Array, residual: Array, inner: Array, torque_rows: int) -> float:
+    """Variance of the scores of `directions` (rows, k) between clusters of rows over what white residuals make of them
+    on average, at least 1; the largest over kinds of clusters. `inner`, shape (k, k): weighs them."""
+    products = directions * residual[:, None]
+    out = 1.0
+    for sums in clusters(m, residual.size, torque_rows):
+        scores = sums @ products
+        out = max(out, float(np.trace(inner @ scores.T @ scores)) / directions.shape[1])
     return out
 
 
+def clusters(m: Measurement, rows: int, torque_rows: int) -> list[csr_array]:
+    """Sums over the rows of one time, one angle of the load, one speed; each of shape (clusters, rows)."""
+    out = []
+    for state in (m.time_s, m.angle, m.speed):
+        edges = np.quantile(state, np.linspace(0.0, 1.0, CLUSTERS + 1)[1:-1])
+        labels = [np.searchsorted(edges, part) for part in (state, state[:: m.load_stride]) ]
+        label = np.concatenate([labels[0], labels[1][: rows - torque_rows]])
+        out.append(csr_array((np.ones(rows), (label, np.arange(rows))), shape=(CLUSTERS, rows)))
+    return out
+
+
+def occam(problem: Problem, term: Term, fit: Fit, excess: float = 1.0) -> float:
+    """Nats by which the numbers of a term might have been elsewhere: half the log of how much wider they were before
+    the data, less the same of those of the description whose place they take. A number of no known size is as wide as
+    one row tells (Kass and Wasserman, J. Am. Statist. Assoc. 90 (1995) 928)."""
+    sizes = sizes_as_new(term, fit.values)
+    own = [k for k in _own(fit, term) if math.isinf(fit.parameters[k].spread)]
+    sized = [k for k in own if fit.parameters[k].name in sizes]
+    paid = sum(0.5 * math.log(max(told_by(fit.jacobian[:, k]), 2.0)) for k in own if k not in sized)
+    if sized:
+        found = [abs(fit.values[fit.parameters[k].name] - fit.parameters[k].start) for k in sized]
+        wide = np.maximum(found, [FAULT * sizes[fit.parameters[k].name] for k in sized])
+        known = np.linalg.pinv(_covariance(fit, sized, excess), hermitian=True)
+        paid += 0.5 * _log_det(np.eye(len(sized)) + known * np.outer(wide, wide))
+    taken = {p.name: p.spread for p in problem.base() if p.name in term.replaces and math.isfinite(p.spread)}
+    for k, p in enumerate(fit.parameters):
+        if p.name in taken:
+            paid -= 0.5 * math.log1p(taken[p.name] ** 2 / max(float(_covariance(fit, [k], excess)[0, 0]), 1e-300))
+    return paid
+
+
+def as_new(problem: Problem, term: Term, fit: Fit, excess: float) -> float:
+    """Log odds of a size as new to none at all, at least 0; the description's own numbers are as new as they are."""
+    sizes = sizes_as_new(term, fit.values)
+    sized = [k for k in _own(fit, term) if fit.parameters[k].name in sizes]
+    taken = {p.name for p in problem.base()} & set(term.replaces)
+    if not sized or taken:
+        return 0.0
+    numbers = [fit.parameters[k] for k in sized]
+    at = np.array([fit.values[p.name] - p.start for p in numbers])
+    covariance = _covariance(fit, sized, excess)
+    new = np.diag([sizes[p.name] ** 2 for p in numbers])
+    return max(0.0, _log_normal(at, covariance + new) - _log_normal(at, covariance))
+
+
+def sizes_as_new(term: Term, values: Values) -> Mapping[str, float]:
+    """Standard deviation of each number that says how much, in an axis as new; none of what has no size as new."""
+    start = {**values, **{p.name: p.start for p in (*term.brings, *term.parameters)}}
+    begun = {p.name: p.start for p in (*term.brings, *term.parameters)}
+    out: dict[str, float] = {}
+    for jump in (jump for jumps in term.probes for jump in jumps):
+        name, value = next(iter(jump.items()))
+        size = magnitude(term, {**start, **jump})
+        if 0.0 < size < math.inf and term.size > 0.0:
+            out[name] = AS_NEW * abs(value - begun[name]) * term.size / size
+    return out
+
+
+def wald(fit: Fit, term: Term) -> float:
+    """Squares that a term gains by the curvature where it is (Trans. Am. Math. Soc. 54 (1943) 426)."""
+    own = _own(fit, term)
+    far = np.array([fit.values[fit.parameters[k].name] - fit.parameters[k].expected for k in own])
+    return float(far @ np.linalg.pinv(_covariance(fit, own, 1.0), hermitian=True) @ far)
+
+
+def told_by(column: Array) -> float:
+    """Rows that tell of a number, by the participation ratio of its column (rows,)."""
+    square = column**2
+    fourth = float(square @ square)
+    return float(square.sum()) ** 2 / fourth if fourth else 1.0
+
+
 def _own(fit: Fit, term: Term) -> list[int]:
-    names = {q.name for q in term.parameters}
+    names = {p.name for p in term.parameters}
     return [k for k, p in enumerate(fit.parameters) if p.name in names]
 
 
-def occam(term: Term, fit: Fit, replaced: Mapping[str, float] = {}) -> tuple[float, float]:
-    """Nats that a term pays for the width of what its numbers might have been, and log odds that a size as new explains
-    them. `replaced`: what was known of numbers whose place it takes."""
-    curved = fit._influence[0] * overdispersion(fit, term)
-    new = as_new_shares(term, fit.values)
-    paid, spike = 0.0, 0.0
-    amount: list[int] = []
-    for k in _own(fit, term):
-        p = fit.parameters[k]
-        if math.isfinite(p.spread):
-            continue
-        variance = max(float(curved[k, k]), 1e-300)
-        wide = FAULT * new[p.name] if new.get(p.name) else 0.0
-        if wide:
-            amount.append(k)
-            continue
-        square = fit.jacobian[:, k] ** 2
-        fourth = float(np.sum(square**2))
-        rows = float(np.sum(square)) ** 2 / fourth if fourth else 1.0
-        paid += 0.5 * math.log(max(rows, 2.0))
-    if amount:
-        c = curved[np.ix_(amount, amount)]
-        names = [fit.parameters[k].name for k in amount]
-        theta = np.array([fit.values[n] - fit.parameters[k].start for n, k in zip(names, amount, strict=True)])
-        if all(n in replaced for n in names):
-            theta = np.array([fit.values[n] for n in names])
-        slab = np.array([FAULT * new[n] for n in names])
-        sd = np.array([new[n] for n in names])
-        paid += 0.5 * _logdet(np.eye(len(amount)) + np.linalg.pinv(c, hermitian=True) * np.outer(slab, slab))
-        spike = _log_normal(theta, c + np.diag(sd**2)) - _log_normal(theta, c)
-    for name, spread in replaced.items():
-        k = next((i for i, p in enumerate(fit.parameters) if p.name == name), None)
-        if k is not None and math.isfinite(spread):
-            paid -= 0.5 * math.log1p(spread**2 / max(float(curved[k, k]), 1e-300))
-            spike = 0.0
-    return paid, max(spike, 0.0)
+def _covariance(fit: Fit, places: list[int], excess: float) -> Array:
+    return np.asarray(excess * fit.influence[0][np.ix_(places, places)])
 
 
-def _logdet(matrix: Array) -> float:
+def _log_det(matrix: Array) -> float:
     return float(np.linalg.slogdet(matrix)[1])
 
 
 def _log_normal(x: Array, covariance: Array) -> float:
-    return -0.5 * float(x @ np.linalg.pinv(covariance, hermitian=True) @ x) - 0.5 * _logdet(covariance)
-
-
-def prior(term: Term) -> float:
-    """Log odds of a term before the data: one of all names and places, and of all at which it was looked for."""
-    if term.traits.in_every_axis:
-        return 0.0
-    among = max(term.among, 1) * max(len(term.probes), 1)
-    return -math.log(NAMES) - math.log(among)
-
-
-def log_odds(term: Term, gain: float, more: Fit, replaced: Mapping[str, float] = {}) -> float:
-    """Log posterior odds of the model `more` with a term to that without it, which costs `gain` squares more."""
-    paid, spike = occam(term, more, replaced)
-    return 0.5 * gain / overdispersion(more, term) - paid - spike + prior(term)
+    return -0.5 * (float(x @ np.linalg.pinv(covariance, hermitian=True) @ x) + _log_det(covariance))
