@@ -8,8 +8,8 @@ from dataclasses import replace
 
 from sim.description.axis import Axis
 from sim.discrepancy.acoustic.evidence import AcousticFinding
-from sim.discrepancy.assessment.cross_validation_gain import gains
 from sim.discrepancy.assessment.calibration import WEIGHTS
+from sim.discrepancy.assessment.cross_validation_gain import gains
 from sim.discrepancy.assessment.intervals import term_estimates, unit_of
 from sim.discrepancy.assessment.posterior import Evidence, is_close, probability
 from sim.discrepancy.assessment.residual_structure import stands_out

@@ -7,8 +7,6 @@ fitted by simulation; what the score does not want is taken away again. Until no
 from __future__ import annotations
 
 import math
-import os
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
@@ -21,34 +19,27 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import BENT, look_closely, multistart, rewhiten
 from sim.discrepancy.estimation.whitening import LONG, Noise
 from sim.discrepancy.hypotheses.hypothesis import Key, Term
-from sim.discrepancy.hypotheses.traits import AS_NEW
 from sim.discrepancy.model.parameters import Values
 from sim.discrepancy.parallel import each
-from sim.discrepancy.search.comparison import Model, ModelComparison
-from sim.discrepancy.search.effect_size import beyond
+from sim.discrepancy.search.comparison import Model, ModelComparison, in_place, own_of
+from sim.discrepancy.search.effect_size import beyond, magnitude
 from sim.discrepancy.search.linear_picture import LinearPicture, Start, is_curve
-from sim.discrepancy.search.model_evidence import as_new, log_odds, occam, overdispersion, prior, wald
-from sim.discrepancy.search.proposals import as_described, candidates_of, settled
+from sim.discrepancy.search.model_evidence import log_odds, occam, overdispersion, prior, wald
+from sim.discrepancy.search.proposals import Rival, as_described, candidates_of, settled
+from sim.discrepancy.search.proposals import elsewhere as in_other_meshes
 from sim.discrepancy.search.search import Selection, is_said
 
 Progress = Callable[[str, float], None]
-ROUNDS = 8
-MOST_TERMS = 8
+ROUNDS, MOST_TERMS = 8, 8
 AT_ONCE = 4  # terms that come in together
 LOOKED_AT = 10  # starts whose overdispersion is looked at, the most promising first
-FITTED = 3  # terms of one kind that no linear picture shows, fitted in one round
-RIVALS = 3
+FITTED, RIVALS = 3, 3  # terms that no linear picture shows, fitted in one round; others in the place of a term
+ALIKE = 0.3  # of a size, by which it may change when a curve without a name comes in
 SURE = 100.0  # log odds by the curvature alone, beyond which no fit without a term is asked
 NONLINEAR = -5.0  # log odds in the linear picture from which what is far from linear is fitted
-SAY = bool(os.environ.get("SAY"))
-
-
-def say(*a: object) -> None:
-    if SAY:
-        print(*a, file=sys.stderr, flush=True)
-
 
 Ranked = tuple[float, Start]
+Move = tuple[tuple[Term, ...], Values]
 
 
 @dataclass
@@ -75,6 +66,7 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
         state.problem, state.fit = look_closely(state.problem, state.fit)
     if state.problem.memory != LONG:
         state.problem, state.fit = look_closely(state.problem, state.fit)
+    elsewhere(state)
     prune(state, every=True)
     return selection_of(state, base)
 
@@ -87,14 +79,12 @@ def advance(state: State, *, in_band: bool = False) -> bool:
     problem, fit = in_the_band(state.problem, state.fit) if in_band else (state.problem, state.fit)
     picture = LinearPicture.of(problem, fit, candidates_of(problem, fit, None, dented=True))
     jobs = moves(problem, picture)
-    say("columns", picture.columns.shape, "runs", problem.runs.count, "moves", [[str(t.key) for t in terms] for terms, _ in jobs])
 
     tried = []
     for terms, values in jobs:
         held = {} if any(t.contact for t in terms) else fit.sensitivities
         rough = problem.best(terms, [(values, held)], to_end=False)
         tried += [rough] if rough else []
-    say("  refits", [([str(t.key) for t in f.terms], round(cost(problem, f))) for f in tried], "now", round(cost(problem, fit)))
     best = min(tried, key=lambda f: cost(problem, f), default=None)
     if best is None:
         return False
@@ -103,7 +93,8 @@ def advance(state: State, *, in_band: bool = False) -> bool:
         return False
     more = State(*multistart(*rewhiten(problem, best)))
     prune(more)
-    say("  now", [(str(k), round(o, 1), round(more.gains[k])) for k, o in more.odds.items()], "runs", problem.runs.count)
+    if any(is_curve(t) for t in best.terms) and not alike(fit, more.fit):
+        return False
     if {t.key for t in more.fit.terms} == {t.key for t in fit.terms} or len(more.fit.terms) > MOST_TERMS:
         return False
     m = more.problem.measurement
@@ -129,11 +120,19 @@ def in_the_band(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     return plain, plain.fit(fit.terms, fit.values, to_end=True)
 
 
-def moves(problem: Problem, picture: LinearPicture) -> list[tuple[tuple[Term, ...], Values]]:
+def alike(fit: Fit, more: Fit) -> bool:
+    """Whether all that has a name is still there, of about its size: else a curve stands in its place."""
+    there = {t.key: t for t in more.terms}
+    named = [t for t in fit.terms if t.named]
+    sizes = [(magnitude(t, fit.values), magnitude(t, more.values)) for t in named if t.key in there]
+    return len(sizes) == len(named) and all(abs(b - a) <= ALIKE * a for a, b in sizes)
+
+
+def moves(problem: Problem, picture: LinearPicture) -> list[Move]:
     """Models to fit, each with its numbers to begin with."""
     fit = picture.fit
     chosen, ranked = best_set(picture)
-    out: list[tuple[tuple[Term, ...], Values]] = []
+    out: list[Move] = []
     if chosen:
         posterior = picture.posterior(chosen)
         values = dict(fit.values)
@@ -144,6 +143,11 @@ def moves(problem: Problem, picture: LinearPicture) -> list[tuple[tuple[Term, ..
         out.append(((*fit.terms, *(s.term for s in chosen)), values))
     else:
         out += exchanges(picture)
+        out += [
+            ((*fit.terms, s.term), picture.values(s, picture.posterior([s])))
+            for odds, s in ranking(picture, [], curves=True)[:1]
+            if odds > 0.0
+        ]
     least = NONLINEAR if chosen else 0.5 * NONLINEAR
     bent = [s for odds, s in ranked if s.term.nonlinear and odds > least and s not in chosen]
     out += [((*fit.terms, s.term), picture.values(s, picture.posterior([s]))) for s in bent[:FITTED]]
@@ -158,20 +162,20 @@ def best_set(picture: LinearPicture) -> tuple[list[Start], list[Ranked]]:
     while len(chosen) < AT_ONCE:
         ranked = ranking(picture, chosen)
         alone = alone or ranked
-        say("  ranked", [(str(s.term.key), round(o, 1)) for o, s in ranked[:6]])
         if not ranked or ranked[0][0] <= 0.0:
             break
         chosen.append(ranked[0][1])
     return chosen, alone
 
 
-def ranking(picture: LinearPicture, chosen: Sequence[Start]) -> list[Ranked]:
-    """Log odds of each start in contact on top of what is chosen, best first; two starts of a term at most."""
+def ranking(picture: LinearPicture, chosen: Sequence[Start], *, curves: bool = False) -> list[Ranked]:
+    """Log odds of each start in contact on top of what is chosen, best first; two starts of a term at most. `curves`:
+    those of torque without a name and no others."""
     before = picture.posterior(chosen).log_evidence
     present = {s.term.key for s in chosen}
     promising = []
     for start in picture.starts:
-        if start.term.key not in present and not start.term.contact:
+        if start.term.key not in present and not start.term.contact and is_curve(start.term) == curves:
             start = picture.as_large(start, chosen)
             with_it = picture.posterior([*chosen, start])
             if picture.is_possible(start, with_it):
@@ -195,9 +199,9 @@ def with_friction(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     return multistart(*rewhiten(problem, problem.fit(terms, fit.values, to_end=True)))
 
 
-def exchanges(picture: LinearPicture) -> list[tuple[tuple[Term, ...], Values]]:
+def exchanges(picture: LinearPicture) -> list[Move]:
     """Another term in the place of each that is in, where the picture gives it more evidence."""
-    out = []
+    out: list[Move] = []
     for term in picture.fit.terms:
         if term.traits.in_every_axis or term.contact:
             continue
@@ -216,7 +220,9 @@ def instead_of(picture: LinearPicture, term: Term) -> list[Ranked]:
     own = picture.posterior().log_evidence - paid + prior(term)
     best: dict[Key, Ranked] = {}
     for start in picture.starts:
-        if start.term.contact or (is_curve(start.term) and (term.traits.in_every_axis or start.term.mechanism == AS_NEW)):
+        if start.term.contact or (
+            is_curve(start.term) and (term.traits.in_every_axis or start.term.mechanism == AS_NEW)
+        ):
             continue
         start = gone.as_large(start, ())
         other = gone.posterior([start])
@@ -227,9 +233,7 @@ def instead_of(picture: LinearPicture, term: Term) -> list[Ranked]:
     return sorted(best.values(), key=lambda r: r[0])
 
 
-def loosening(
-    problem: Problem, picture: LinearPicture, chosen: Sequence[Start]
-) -> list[tuple[Term, Mapping[str, float]]]:
+def loosening(problem: Problem, picture: LinearPicture, chosen: Sequence[Start]) -> list[tuple[Term, Values]]:
     """Terms by which teeth leave each other, of which no linear picture shows much.
 
     The best of each in the picture; where nothing is in yet and the description is bent for it, also with all else as
@@ -243,11 +247,22 @@ def loosening(
             if odds > 0.0 and (start.term.key not in best or odds > best[start.term.key][0]):
                 best[start.term.key] = (odds, start)
     ranked = sorted(best.values(), key=lambda r: -r[0])[:FITTED]
-    out = [(start.term, dict(start.jumps[0])) for _, start in ranked]
+    out: list[tuple[Term, Values]] = [(start.term, start.jumps[0]) for _, start in ranked]
     if not picture.fit.terms and (picture.fit.prior_penalty > BENT):
         gaps = {s.term.key: s.term for s in picture.starts if s.term.traits.gap}
         out += [job for term in gaps.values() for job in as_described(problem, term)]
     return out
+
+
+def elsewhere(state: State) -> None:
+    """Play in that gear pair in which its lost motion costs least."""
+    problem = state.problem
+    for term in [t for t in state.fit.terms if t.traits.gap]:
+        fit = state.fit
+        own = {p.name: fit.values[p.name] for p in term.parameters}
+        others = in_other_meshes(problem, fit, Rival(term, 0.0, own))
+        fits = [in_place(problem, fit, term, r.term, [own_of(term, r.term, r.values)]) for r in others]
+        state.fit = min([fit, *(f for f in fits if f)], key=lambda f: f.cost)
 
 
 def prune(state: State, *, every: bool = False) -> None:
@@ -290,27 +305,26 @@ def selection_of(state: State, base: Fit) -> Selection:
     """What is in, each mechanism with its rivals in its place and its probability among them."""
     problem, fit = state.problem, state.fit
     found = tuple(t for t in fit.terms if t.named and is_said(t, fit))
-    standings: dict[Key, ModelComparison] = {}
-    sure: dict[Key, float] = {}
-    picture = LinearPicture.of(problem, fit, candidates_of(problem, fit, None, dented=False)) if found else None
-    plain = tuple(t for t in fit.terms if t.named)
-    for term in found if picture else ():
-        assert picture is not None
+    candidates = candidates_of(problem, fit, None, dented=False) if found else []
+    picture = LinearPicture.of(problem, fit, candidates)
+    standings = {}
+    probabilities = {}
+    for term in found:
         excess = overdispersion(problem.measurement, fit, term)
-        ranked = [(odds / excess, start) for odds, start in instead_of(picture, term)[:RIVALS]]
-        say("rivals of", str(term.key), [(str(s.term.key), round(o, 1)) for o, s in ranked])
-        gone = picture.without(term)
-        named = [(odds, s) for odds, s in ranked if s.term.named]
-        models = [
-            Model((*(t for t in plain if t is not term), s.term), picture.values(s, gone.posterior([s])))
-            for _, s in named
-        ]
-        gain = state.gains[term.key]
-        rivals = tuple((s.term, math.copysign(math.sqrt(2.0 * abs(odds)), odds)) for odds, s in named)
-        standings[term.key] = ModelComparison(
-            gain, gain / fit.misfit, 0.0, rivals, Model(plain, fit.values), tuple(models)
-        )
-        against = sum(math.exp(min(-odds, 50.0)) for odds, _ in ranked)
-        sure[term.key] = 1.0 / (1.0 + math.exp(min(-state.odds[term.key], 50.0)) + against)
-    say("end", [(str(k), round(o, 1), round(state.gains[k])) for k, o in state.odds.items()], sure.values(), problem.runs.count)
-    return Selection(problem, base, fit, state.gains, {}, (), found, standings, sure)
+        rivals = [(odds / excess, start) for odds, start in instead_of(picture, term)[:RIVALS]]
+        standings[term.key] = comparison(picture, term, rivals, state.gains[term.key])
+        against = sum(math.exp(min(-odds, 50.0)) for odds, _ in rivals)
+        probabilities[term.key] = 1.0 / (1.0 + math.exp(min(-state.odds[term.key], 50.0)) + against)
+    return Selection(problem, base, fit, state.gains, {}, (), found, standings, probabilities)
+
+
+def comparison(picture: LinearPicture, term: Term, rivals: Sequence[Ranked], gain: float) -> ModelComparison:
+    """A term beside its named rivals, their log odds as standard errors between two models."""
+    fit, gone = picture.fit, picture.without(term)
+    plain = tuple(t for t in fit.terms if t.named)
+    named = [(odds, start) for odds, start in rivals if start.term.named]
+    models = [
+        Model((*(t for t in plain if t is not term), s.term), picture.values(s, gone.posterior([s]))) for _, s in named
+    ]
+    apart = tuple((s.term, math.copysign(math.sqrt(2.0 * abs(odds)), odds)) for odds, s in named)
+    return ModelComparison(gain, gain / fit.misfit, 0.0, apart, Model(plain, fit.values), tuple(models))

@@ -136,7 +136,7 @@ class LinearPicture:
     def overdispersion(self, start: Start, chosen: Sequence[Start], posterior: Posterior) -> float:
         """As `model_evidence.overdispersion`, of the score of a start in the model with all that is `chosen`."""
         left = self.fit.residual + self.columns @ posterior.shares
-        own = list(start.at)
+        own = np.array(start.at)
         rest = np.setdiff1d(posterior.used, own)
         precision = self.precision.copy()
         for other in chosen:
@@ -146,7 +146,7 @@ class LinearPicture:
         factor = cho_factor(curvature / np.outer(length, length) + RIDGE * np.eye(rest.size))
         absorbed = cho_solve(factor, self.gram[np.ix_(rest, own)] / length[:, None]) / length[:, None]
         pure = self.columns[:, own] - self.columns[:, rest] @ absorbed
-        inner = np.linalg.pinv(pure.T @ pure, hermitian=True)
+        inner = np.asarray(np.linalg.pinv(pure.T @ pure, hermitian=True), dtype=np.float64)
         return excess_of(self.problem.measurement, pure, left, inner, self.fit.torque_rows)
 
     def without(self, term: Term) -> LinearPicture:

@@ -1,8 +1,8 @@
 """One criterion: the posterior odds of a term in a fitted model, by Laplace's approximation.
 
 A gain says less where the model with the term still leaves structure in the direction of the term: by the information
-sandwich of White (Econometrica 50 (1982) 1), over clusters (Liang and Zeger, Biometrika 73 (1986) 13) of rows at which a
-wrong form would err alike, those of one time, of one angle of the load, and of one speed.
+sandwich of White (Econometrica 50 (1982) 1), over clusters of rows (Liang and Zeger, Biometrika 73 (1986) 13) at which a
+wrong form would err alike: of one time, of one angle of the load, of one speed.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ import math
 from collections.abc import Mapping
 
 import numpy as np
-
 from scipy.sparse import csr_array
 
 from sim.discrepancy.data.preprocessing import Measurement
@@ -49,17 +48,17 @@ def overdispersion(m: Measurement, fit: Fit, term: Term) -> float:
     curved = fit.influence[0]
     steps = np.array([p.step for p in fit.parameters])
     pure = (fit.jacobian / steps) @ curved[:, own]
-    return excess_of(m, pure, fit.residual, np.linalg.pinv(curved[np.ix_(own, own)], hermitian=True), fit.torque_rows)
+    return excess_of(m, pure, fit.residual, _inverse(curved[np.ix_(own, own)]), fit.torque_rows)
 
 
 def excess_of(m: Measurement, directions: Array, residual: Array, inner: Array, torque_rows: int) -> float:
-    """Variance of the scores of `directions` (rows, k) between clusters of rows over what white residuals make of them
-    on average, at least 1; the largest over kinds of clusters. `inner`, shape (k, k): weighs them."""
+    """Variance of the scores of `directions` (rows, k) of clusters of rows over what white residuals make of it, at
+    least 1; the largest over kinds of clusters. `inner`, shape (k, k): weighs them."""
     products = directions * residual[:, None]
     out = 1.0
     for sums in clusters(m, residual.size, torque_rows):
         scores = sums @ products
-        out = max(out, float(np.trace(inner @ scores.T @ scores)) / directions.shape[1])
+        out = max(out, float(np.einsum("ci,ij,cj->", scores, inner, scores)) / directions.shape[1])
     return out
 
 
@@ -67,8 +66,10 @@ def clusters(m: Measurement, rows: int, torque_rows: int) -> list[csr_array]:
     """Sums over the rows of one time, one angle of the load, one speed; each of shape (clusters, rows)."""
     out = []
     for state in (m.time_s, m.angle, m.speed):
-        edges = np.quantile(state, np.linspace(0.0, 1.0, CLUSTERS + 1)[1:-1])
-        labels = [np.searchsorted(edges, part) for part in (state, state[:: m.load_stride]) ]
+        edges = np.linspace(state.min(), state.max(), CLUSTERS + 1)[
+            1:-1
+        ]  # as wide as each other, not as noise sorts them
+        labels = [np.searchsorted(edges, part) for part in (state, state[:: m.load_stride])]
         label = np.concatenate([labels[0], labels[1][: rows - torque_rows]])
         out.append(csr_array((np.ones(rows), (label, np.arange(rows))), shape=(CLUSTERS, rows)))
     return out
@@ -85,7 +86,7 @@ def occam(problem: Problem, term: Term, fit: Fit, excess: float = 1.0) -> float:
     if sized:
         found = [abs(fit.values[fit.parameters[k].name] - fit.parameters[k].start) for k in sized]
         wide = np.maximum(found, [FAULT * sizes[fit.parameters[k].name] for k in sized])
-        known = np.linalg.pinv(_covariance(fit, sized, excess), hermitian=True)
+        known = _inverse(_covariance(fit, sized, excess))
         paid += 0.5 * _log_det(np.eye(len(sized)) + known * np.outer(wide, wide))
     taken = {p.name: p.spread for p in problem.base() if p.name in term.replaces and math.isfinite(p.spread)}
     for k, p in enumerate(fit.parameters):
@@ -125,7 +126,7 @@ def wald(fit: Fit, term: Term) -> float:
     """Squares that a term gains by the curvature where it is (Trans. Am. Math. Soc. 54 (1943) 426)."""
     own = _own(fit, term)
     far = np.array([fit.values[fit.parameters[k].name] - fit.parameters[k].expected for k in own])
-    return float(far @ np.linalg.pinv(_covariance(fit, own, 1.0), hermitian=True) @ far)
+    return float(far @ _inverse(_covariance(fit, own, 1.0)) @ far)
 
 
 def told_by(column: Array) -> float:
@@ -149,4 +150,8 @@ def _log_det(matrix: Array) -> float:
 
 
 def _log_normal(x: Array, covariance: Array) -> float:
-    return -0.5 * (float(x @ np.linalg.pinv(covariance, hermitian=True) @ x) + _log_det(covariance))
+    return -0.5 * (float(x @ _inverse(covariance) @ x) + _log_det(covariance))
+
+
+def _inverse(matrix: Array) -> Array:
+    return np.asarray(np.linalg.pinv(matrix, hermitian=True), dtype=np.float64)
