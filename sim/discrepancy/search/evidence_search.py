@@ -220,9 +220,7 @@ def instead_of(picture: LinearPicture, term: Term) -> list[Ranked]:
     own = picture.posterior().log_evidence - paid + prior(term)
     best: dict[Key, Ranked] = {}
     for start in picture.starts:
-        if start.term.contact or (
-            is_curve(start.term) and (term.traits.in_every_axis or start.term.mechanism == AS_NEW)
-        ):
+        if start.term.contact or is_curve(start.term):
             continue
         start = gone.as_large(start, ())
         other = gone.posterior([start])

@@ -1,8 +1,8 @@
 """One criterion: the posterior odds of a term in a fitted model, by Laplace's approximation.
 
 A gain says less where the model with the term still leaves structure in the direction of the term: by the information
-sandwich of White (Econometrica 50 (1982) 1), over clusters of rows (Liang and Zeger, Biometrika 73 (1986) 13) at which a
-wrong form would err alike: of one time, of one angle of the load, of one speed.
+sandwich of White (Econometrica 50 (1982) 1), over clusters of rows (Liang and Zeger, Biometrika 73 (1986) 13) that a
+wrong form errs in alike: of one time, of one angle of the load, of one speed.
 """
 
 from __future__ import annotations
