@@ -300,7 +300,10 @@ def cost(problem: Problem, fit: Fit) -> float:
 
 
 def selection_of(state: State, base: Fit) -> Selection:
-    """What is in, each mechanism with its rivals in its place and its probability among them."""
+    """What is in, each mechanism with its rivals in its place and its probability among them.
+
+    What every axis has is in nobody's place.
+    """
     problem, fit = state.problem, state.fit
     found = tuple(t for t in fit.terms if t.named and is_said(t, fit))
     candidates = candidates_of(problem, fit, None, dented=False) if found else []
@@ -309,7 +312,8 @@ def selection_of(state: State, base: Fit) -> Selection:
     probabilities = {}
     for term in found:
         excess = overdispersion(problem.measurement, fit, term)
-        rivals = [(odds / excess, start) for odds, start in instead_of(picture, term)[:RIVALS]]
+        others = [] if term.traits.in_every_axis else instead_of(picture, term)[:RIVALS]
+        rivals = [(odds / excess, start) for odds, start in others]
         standings[term.key] = comparison(picture, term, rivals, state.gains[term.key])
         against = sum(math.exp(min(-odds, 50.0)) for odds, _ in rivals)
         probabilities[term.key] = 1.0 / (1.0 + math.exp(min(-state.odds[term.key], 50.0)) + against)
