@@ -182,7 +182,7 @@ def ranking(picture: LinearPicture, chosen: Sequence[Start], *, curves: bool = F
                 promising.append((with_it.log_evidence - before + prior(start.term), start, with_it))
     promising.sort(key=lambda p: -p[0])
     looked_at: dict[Key, int] = {}
-    out = []
+    out: list[Ranked] = []
     for odds, start, with_it in promising:
         looked_at[start.term.key] = looked_at.get(start.term.key, 0) + 1
         if looked_at[start.term.key] <= 2 and len(out) < LOOKED_AT:
