@@ -44,19 +44,22 @@ Move = tuple[tuple[Term, ...], Values]
 
 @dataclass
 class State:
-    """The model so far, with what each term gains and its log odds."""
+    """The model so far, with what each term gains and its log odds; `seen`: sets of terms that it has been."""
 
     problem: Problem
     fit: Fit
     gains: Mapping[Key, float] = field(default_factory=dict)
     odds: Mapping[Key, float] = field(default_factory=dict)
+    seen: set[tuple[object, ...]] = field(default_factory=set)
 
 
 def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None = None) -> Selection:
     """The model of most evidence, begun with short noise, ended with slow noise and the rows at rest."""
     state = State(*with_friction(problem, base))
-    while advance(state, in_band=True):
+    for _ in range(ROUNDS):
         progress("candidates in the band of the motion", 0.2)
+        if not advance(state, in_band=True):
+            break
     for step in range(ROUNDS):
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
         if advance(state):
@@ -95,13 +98,20 @@ def advance(state: State, *, in_band: bool = False) -> bool:
     prune(more)
     if any(is_curve(t) for t in best.terms) and not alike(fit, more.fit):
         return False
-    if {t.key for t in more.fit.terms} == {t.key for t in fit.terms} or len(more.fit.terms) > MOST_TERMS:
+    state.seen.add(_as_it_was(state, in_band))
+    if (become := _as_it_was(more, in_band)) in state.seen or len(more.fit.terms) > MOST_TERMS:
         return False
+    state.seen.add(become)
     m = more.problem.measurement
     if more.problem.has_contact_loss(more.fit.terms) and (m.rests or m.standstill < STANDSTILL_SHARE):
         more.problem, more.fit = rewhiten(more.problem.down_to(STANDSTILL_SHARE), more.fit)
     state.problem, state.fit, state.gains, state.odds = more.problem, more.fit, more.gains, more.odds
     return True
+
+
+def _as_it_was(state: State, in_band: bool) -> tuple[object, ...]:
+    """What a search that goes round in a circle comes back to."""
+    return in_band, state.problem.memory, frozenset(t.key for t in state.fit.terms)
 
 
 def in_the_band(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
