@@ -41,7 +41,7 @@ def evaluation(*outcomes: Outcome) -> Evaluation:
 
 
 def outcome(case: str, truth: str, best: str, verdict: str = "diagnosed") -> Outcome:
-    return Outcome(case, "g0", truth, best, verdict, 0.9)
+    return Outcome(case, "measured", "g0", truth, best, verdict, 0.9)
 
 
 def test_what_a_case_teaches_is_counted_on_the_same_recordings() -> None:
