@@ -159,7 +159,7 @@ class Hour:
         if not self.measured:
             return Advice("Record its gearbox.", "One good recording is enough to go on with.", "#record")
         if self.is_simulating:
-            return Advice("Wait for the simulation.", "The page goes on by itself.", "#simulate")
+            return Advice("Wait for the simulation.", "The page goes on by itself.")
         if self.obstacles and not self.offered:
             return completed(self.obstacles)[0]
         if self.lacking:
@@ -302,11 +302,11 @@ def _missing_recordings(hour: Hour) -> list[Advice]:
                 "#record",
             )
         )
-    poor = [one.recording.file_name for one in hour.taken if one.label and is_poor(one.recording)]
+    poor = sum(bool(one.label) and is_poor(one.recording) for one in hour.taken)
     if poor:
         found.append(
             Advice(
-                f"Record {'it' if len(poor) == 1 else 'them'} again as the check says: {listed(poor)}.",
+                f"Record again, as the check says, what is poor of the newest: {counted(poor, 'recording')}.",
                 "A poor recording teaches the library the disturbance as well.",
                 "#record",
             )

@@ -23,15 +23,17 @@ from app.web.first_hour import Hour, obstacles
 from app.web.labels import VERIFICATIONS, LabelQuestion, choices, chosen
 from app.web.pages.axes import check_known
 from app.web.pages.diagnoses import NUMBERS, may_keep, said_how, told
+from app.web.pages.queue import number_of
 from app.web.pages.review import MOST_AT_ONCE
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
+from app.web.steps import told as told_step
 from app.web.templating import Message, render
 from app.web.words import verdict_of
 from casebase.axes import find_axis, list_axes
 from casebase.axis_cases import Taken, cases_of_axis, gearboxes_known, newest_recordings
 from casebase.diagnoses import revise_diagnosis
 from casebase.origins import MEASURED, SIMULATED
-from casebase.steps import step_name
+from casebase.steps import newest_of, step_name
 
 router = APIRouter()
 SECTION = "/axes"
@@ -81,6 +83,7 @@ def first_hour(
         "ways": VERIFICATIONS,
         "usual": USUAL,
         "most": MOST_AT_ONCE,
+        "step": told_step(session, number_of(request, "step")),
     }
     newest = next((one for one in hour.taken if one.diagnosis and one.diagnosis.id == recorded), None)
     messages = (message(newest),) if newest else ()
@@ -100,18 +103,13 @@ def said(taken: Taken) -> str:
 
 
 def message(taken: Taken) -> Message:
-    """Say what became of a recording that was just sent."""
-    poor = checked(taken)
-    kept = (
-        f"It is kept as a case of {taken.label}."
-        if taken.label
-        else "It is no case of the library: it cannot be used."
-        if not taken.recording.usable
-        else "It is diagnosed, and no case of the library."
-    )
+    """Say what the check found in a recording that was just sent."""
+    poor = ", ".join(flag.name for flag in checked(taken))
+    if not taken.recording.usable:
+        return Message(f"The recording cannot be used ({poor}), so it is no case of the library.", "bad")
     if poor:
-        return Message(f"The check found something: {', '.join(flag.name for flag in poor)}. See below. {kept}", "warn")
-    return Message(f"The recording is good. {kept}")
+        return Message(f"The check found something in {taken.recording.file_name}: {poor}. See below.", "warn")
+    return Message(f"{taken.recording.file_name}: the check found nothing.")
 
 
 @router.post("/axes/{name}/first-hour/recordings")
@@ -136,15 +134,18 @@ def record(request: Request, principal: PageOperator, upload: TheUpload, service
     intake = take_in(
         service.library, file.path, file.name, file.media_type, read_metadata(json.dumps(fields), RecordingMetadata)
     )
-    with service.library.transaction(principal.actor, step_name()) as session:
+    step = step_name()
+    with service.library.transaction(principal.actor, step) as session:
         diagnosis = intake.diagnose(service.library, session)
         identity, verdict = diagnosis.id, diagnosis.verdict
         if label and verdict != "unusable":
             as_said = "confirmed" if diagnosis.label == label else "corrected"
             revise_diagnosis(session, identity, as_said, label=label, verification=verification)
             service.library.retain.diagnosis(session, identity)
+        session.flush()
+        taken = newest_of(session, step)
     service.metrics.diagnoses.labels(verdict, diagnosis.label or "").inc()
-    return _to_page(service, name, f"?recorded={identity}")
+    return _to_page(service, name, f"?recorded={identity}{f'&step={taken}' if taken else ''}")
 
 
 @router.post("/axes/{name}/first-hour/simulations", dependencies=[FromOurPage])
