@@ -312,13 +312,13 @@ def _missing_recordings(hour: Hour) -> list[Advice]:
             )
         )
     if hour.measured and len(units) < CALIBRATED_FROM:
-        score = ""
+        calibrated = ""
         if hour.gearboxes < CALIBRATED_FROM:
-            score = " Until the library knows two, an answer has a score and no probability."
+            calibrated = " Until the library knows two, it is not calibrated how sure an answer is."
         found.append(
             Advice(
                 "Record a second gearbox of this axis, or of the same kind, if there is one.",
-                f"One gearbox does not show in what gearboxes differ.{score}",
+                f"One gearbox does not show in what gearboxes differ.{calibrated}",
                 "#record",
             )
         )
