@@ -9,6 +9,7 @@ probable label is least probable.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from sqlalchemy import and_, exists, or_, select
 from sqlalchemy.orm import Session, aliased
@@ -18,6 +19,7 @@ from casebase.models import Case, StoredDiagnosis, StoredRecording
 from casebase.origins import is_measured
 
 UNKNOWN, UNDECIDED = "not_in_library", "ambiguous"
+Reason = Literal["not_in_library", "ambiguous", "fault"]
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,12 @@ def waiting(session: Session) -> Sequence[str]:
         .order_by(unknown.desc(), StoredDiagnosis.probability, StoredDiagnosis.id.desc())
     )
     return session.scalars(statement).all()
+
+
+def reason_of(verdict: str) -> Reason:
+    """Return why a diagnosis with this verdict needs a person; one that names no fault is not in the queue."""
+    reasons: dict[str, Reason] = {UNKNOWN: "not_in_library", UNDECIDED: "ambiguous"}
+    return reasons.get(verdict, "fault")
 
 
 def place_in(ids: Sequence[str], diagnosis_id: str) -> Place:
