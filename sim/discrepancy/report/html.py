@@ -228,7 +228,7 @@ def _verdict(result: Investigation) -> list[str]:
     if result.findings:
         out.append(
             _p(
-                "Per cent are calibrated: of findings with 90 %, nine in ten are right. Findings from sound, faults of the recording and findings from several recordings are not: their number from 0 to 1 only puts them in order."
+                "A figure in per cent is calibrated: of findings with 90 %, nine in ten are right. Findings from sound, faults of the recording and findings from several recordings have a number from 0 to 1 that is not: it only puts them in order."
             )
         )
     return out
