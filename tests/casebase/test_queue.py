@@ -40,7 +40,7 @@ def test_the_work_for_the_queue_grows_as_the_library_does(tmp_path: Path) -> Non
     library, steps = CaseLibrary.open(tmp_path), []
     for _ in range(2):
         with library.transaction("test") as session:
-            for each in range(200):
+            for each in range(100):
                 recording = keep(session, "a", f"g{each}", None, {}, verdict="ambiguous" if each % 2 else "diagnosed")
                 if not each % 2:
                     library.retain.case(session, recording, Labelling("normal"))
@@ -49,7 +49,7 @@ def test_the_work_for_the_queue_grows_as_the_library_does(tmp_path: Path) -> Non
             assert connection is not None
             counted: list[None] = []
             connection.set_progress_handler(partial(counted.append, None), 100)
-            assert len(waiting(session)) == 100 * (1 + len(steps))
+            assert len(waiting(session)) == 50 * (1 + len(steps))
             connection.set_progress_handler(None, 0)
         steps.append(len(counted))
     library.close()
