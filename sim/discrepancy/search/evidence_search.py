@@ -312,7 +312,7 @@ def cost(problem: Problem, fit: Fit) -> float:
 def selection_of(state: State, base: Fit) -> Selection:
     """What is in, each mechanism with its rivals in its place and its probability among them.
 
-    What every axis has is in nobody's place.
+    The same mechanism at another place is no other name; what every axis has is in nobody's place.
     """
     problem, fit = state.problem, state.fit
     found = tuple(t for t in fit.terms if t.named and is_said(t, fit))
@@ -325,7 +325,7 @@ def selection_of(state: State, base: Fit) -> Selection:
         others = [] if term.traits.in_every_axis else instead_of(picture, term)[:RIVALS]
         rivals = [(odds / excess, start) for odds, start in others]
         standings[term.key] = comparison(picture, term, rivals, state.gains[term.key])
-        against = sum(math.exp(min(-odds, 50.0)) for odds, _ in rivals)
+        against = sum(math.exp(min(-odds, 50.0)) for odds, s in rivals if s.term.mechanism != term.mechanism)
         probabilities[term.key] = 1.0 / (1.0 + math.exp(min(-state.odds[term.key], 50.0)) + against)
     return Selection(problem, base, fit, state.gains, {}, (), found, standings, probabilities)
 
