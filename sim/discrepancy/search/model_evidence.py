@@ -20,8 +20,8 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.model.parameters import Values
 from sim.discrepancy.search.effect_size import magnitude
 
-AS_NEW = 1.0 / 3.0  # of the size that no new axis exceeds: the standard deviation of what a new one has
-FAULT = 9.0  # times that: the standard deviation of a fault's
+AS_NEW = 0.25  # of the size that no new axis exceeds: the standard deviation of what a new one has
+FAULT = 12.0  # times that: the standard deviation of a fault's
 CLUSTERS = 40  # of each kind
 NAMES = 40.0  # mechanisms and places among which one is looked for
 
