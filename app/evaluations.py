@@ -11,8 +11,8 @@ from casebase.evaluation import Evaluation
 from casebase.library import CaseLibrary
 
 WAIT_S, STEP_S = 25.0, 1.0
-Key = tuple[int, str, str, str | None]
-"""Version of the library, what is left out together, origin, and a case that it does without."""
+Key = tuple[int, str, str, str | None, str | None]
+"""Version of the library, what is left out together, origin, a case that it does without, and an axis."""
 
 
 class Evaluations:
@@ -29,13 +29,7 @@ class Evaluations:
         Raises:
             Unavailable: if it is not ready yet.
         """
-        key = (version, group, origin, without)
-        with self._lock:
-            if key not in self._found:
-                self._found = {kept: found for kept, found in self._found.items() if kept[0] == version}
-                self._found[key] = Future()
-                Thread(target=self._compute, args=(key, self._found[key]), daemon=True).start()
-            found = self._found[key]
+        found = self._begun((version, group, origin, without, None))
         until = monotonic() + WAIT_S
         while monotonic() < until and not self._stopping.is_set():
             with suppress(TimeoutError):
@@ -45,10 +39,30 @@ class Evaluations:
             headers={"Retry-After": "60"},
         )
 
+    def of_axis(self, version: int, axis: str) -> Evaluation | None:
+        """Return what is said of the held-out cases of an axis at this version; None where it is not ready yet.
+
+        Raises:
+            LibraryError: if it cannot be told.
+        """
+        found = self._begun((version, "gearbox", "both", None, axis))
+        return found.result() if found.done() and not found.cancelled() else None
+
+    def _begun(self, key: Key) -> "Future[Evaluation]":
+        """Return what will be the evaluation; who asks first has it computed."""
+        with self._lock:
+            if key not in self._found:
+                self._found = {kept: found for kept, found in self._found.items() if kept[0] == key[0]}
+                self._found[key] = Future()
+                Thread(target=self._compute, args=(key, self._found[key]), daemon=True).start()
+            return self._found[key]
+
     def _compute(self, key: Key, found: Future[Evaluation]) -> None:
         try:
             with self._library.reading() as session:
-                found.set_result(self._library.reuse.evaluate(session, group=key[1], origin=key[2], without=key[3]))
+                group, origin, without, axis = key[1:]
+                result = self._library.reuse.evaluate(session, group=group, origin=origin, without=without, axis=axis)
+                found.set_result(result)
         except LibraryError as error:
             found.set_exception(error)
         finally:

@@ -20,9 +20,11 @@ from app.api import (
     keys,
     library,
     limits,
+    queue,
     recordings,
     robots,
     simulations,
+    steps,
 )
 from app.door import Door
 from app.errors import add_problem_handlers
@@ -41,6 +43,8 @@ ROUTERS: tuple[APIRouter, ...] = (
     cases.router,
     recordings.router,
     library.router,
+    queue.router,
+    steps.router,
     axes.router,
     robots.router,
     simulations.router,

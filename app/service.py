@@ -58,6 +58,10 @@ class Service:
         """
         return self.evaluations.get(library_version(session), group, origin, without)
 
+    def evaluation_of_axis(self, session: Session, axis: str) -> Evaluation | None:
+        """What the library as it is now says of the held-out cases of an axis; None where it is not ready yet."""
+        return self.evaluations.of_axis(library_version(session), axis)
+
     @cached_property
     def evaluations(self) -> Evaluations:
         return Evaluations(self.library, self.stopping)

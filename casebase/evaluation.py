@@ -62,6 +62,7 @@ class Outcome:
     """What was said of one case when its group was left out of the library."""
 
     case_id: str
+    origin: str
     group: str
     truth: str
     best: str
@@ -139,7 +140,12 @@ class Evaluation:
 
 
 def evaluate(
-    table: CaseTable, *, group: str = "gearbox", origin: str = "both", learned: Similarity | None = None
+    table: CaseTable,
+    *,
+    group: str = "gearbox",
+    origin: str = "both",
+    learned: Similarity | None = None,
+    axis: str | None = None,
 ) -> Evaluation:
     """Leave out one gearbox at a time and diagnose it by what was learned without it; then the same without its class.
 
@@ -153,6 +159,8 @@ def evaluate(
         group: what is left out together: gearbox, axis or case.
         origin: `measured` or `simulated` learns from such cases alone, `both` from all. Measured cases are what is
             diagnosed wherever there are any.
+        axis: diagnosed are the cases of this axis alone, measured and simulated ones, by what all others have taught;
+            the same without simulated cases is then not asked.
 
     Raises:
         InvalidRequestError: if the group or origin is not known.
@@ -163,10 +171,10 @@ def evaluate(
         raise InvalidRequestError(f"origin must be measured, simulated or both, got {origin!r}")
     folds = fold_numbers(table)
     if len(table) > MOST_KNOWN:
-        rows = _known(table)
+        rows = np.union1d(_known(table), np.flatnonzero(_tested(table, group, axis)))
         table, folds = table.take(rows), folds[rows]
     usable = np.ones(len(table), bool) if origin == "both" else table.origins == origin
-    names, tested = _names(table, group), _tested(table, group)
+    names, tested = _names(table, group), _tested(table, group, axis)
     if group == "axis" or not usable.any():
         learned = None
     elif learned is None or not usable.all():
@@ -179,17 +187,25 @@ def evaluate(
         for label in table.classes:
             found[label] += _called_new(table, inside & (table.labels != label), tested & held_out, label)
     result = _evaluation(table, group, origin, tuple(outcomes), found)
-    if origin != "both" or np.unique(table.origins).size < 2:
+    if axis is not None or origin != "both" or np.unique(table.origins).size < 2:
         return result
     return replace(result, without_simulated=evaluate(table, group=group, origin="measured"))
 
 
-def _tested(table: CaseTable, group: str) -> Mask:
-    """Return what is diagnosed: measured cases where there are any, at most MOST_TESTED, evenly spread."""
-    measured = table.origins == "measured"
-    wanted = (measured if measured.any() else np.ones(len(table), bool)) & (_names(table, group) != "")
+def _tested(table: CaseTable, group: str, axis: str | None) -> Mask:
+    """Return what is diagnosed, at most MOST_TESTED of it, evenly spread: measured cases where there are any.
+
+    Of an axis it is its own cases, measured ones and as many simulated ones.
+    """
+    measured, named = table.origins == "measured", _names(table, group) != ""
+    if axis is None:
+        kinds = [(measured if measured.any() else np.ones(len(table), bool)) & named]
+    else:
+        own = named & (table.axes == axis)
+        kinds = [own & measured, own & ~measured]
     tested = np.zeros(len(table), bool)
-    tested[spread_out(np.flatnonzero(wanted), MOST_TESTED)] = True
+    for wanted in kinds:
+        tested[spread_out(np.flatnonzero(wanted), MOST_TESTED)] = True
     return tested
 
 
@@ -233,6 +249,7 @@ def _outcomes(
         outcomes.append(
             Outcome(
                 str(table.ids[row]),
+                str(table.origins[row]),
                 str(names[row]),
                 str(table.labels[row]),
                 judgement.classes[best],

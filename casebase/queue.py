@@ -9,6 +9,7 @@ probable label is least probable.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Literal
 
 from sqlalchemy import and_, exists, or_, select
 from sqlalchemy.orm import Session, aliased
@@ -18,6 +19,7 @@ from casebase.models import Case, StoredDiagnosis, StoredRecording
 from casebase.origins import is_measured
 
 UNKNOWN, UNDECIDED = "not_in_library", "ambiguous"
+Reason = Literal["not_in_library", "ambiguous", "fault"]
 
 
 @dataclass(frozen=True)
@@ -43,7 +45,7 @@ def waiting(session: Session) -> Sequence[str]:
         other.recording_id == StoredDiagnosis.recording_id,
         or_(other.id > StoredDiagnosis.id, other.state.in_(("confirmed", "corrected"))),
     )
-    is_case = and_(twin.sound_id == StoredRecording.sound_id, Case.recording_id == twin.id, Case.state == "confirmed")
+    sounds = select(twin.sound_id).join(Case, Case.recording_id == twin.id).where(Case.state == "confirmed")
     fault = and_(StoredDiagnosis.verdict == "diagnosed", StoredDiagnosis.label.not_in(BASELINES))
     unknown = StoredDiagnosis.verdict == UNKNOWN
     statement = (
@@ -53,12 +55,18 @@ def waiting(session: Session) -> Sequence[str]:
             StoredDiagnosis.state == "open",
             or_(unknown, StoredDiagnosis.verdict == UNDECIDED, fault),
             ~exists().where(answered),
-            ~exists().where(is_case),
+            StoredRecording.sound_id.not_in(sounds),  # once for all; asked for each row SQLite reads every case
             *is_measured(session),
         )
         .order_by(unknown.desc(), StoredDiagnosis.probability, StoredDiagnosis.id.desc())
     )
     return session.scalars(statement).all()
+
+
+def reason_of(verdict: str) -> Reason:
+    """Return why a diagnosis with this verdict needs a person; one that names no fault is not in the queue."""
+    reasons: dict[str, Reason] = {UNKNOWN: "not_in_library", UNDECIDED: "ambiguous"}
+    return reasons.get(verdict, "fault")
 
 
 def place_in(ids: Sequence[str], diagnosis_id: str) -> Place:

@@ -32,7 +32,7 @@ def step_name() -> str:
 
 def last_step(session: Session, subjects: Sequence[Subject]) -> AuditEntry | None:
     """Return the newest step with any of these subjects that was not taken back; None where there is none."""
-    steps = [step for subject in subjects for step in _standing(session, subject)]
+    steps = [step for subject in subjects for step in standing(session, subject)]
     return max(steps, key=lambda step: step.id, default=None)
 
 
@@ -57,10 +57,10 @@ def undo(session: Session, entry_id: int) -> list[AuditEntry]:
     if not entries:
         raise NotFoundError(f"no step has the number {entry_id}")
     for one in entries:
-        standing = _standing(session, (one.subject_kind, one.subject_id))
+        steps = standing(session, (one.subject_kind, one.subject_id))
         if not stands(session, one):
             raise ConflictError("this step was taken back already")
-        if standing[-1].id != one.id:
+        if steps[-1].id != one.id:
             raise ConflictError(
                 f"{one.subject_kind} {one.subject_id} was changed again after this step: take the later one back first"
             )
@@ -85,11 +85,11 @@ def entries_of(session: Session, entry_id: int) -> list[AuditEntry]:
 
 def stands(session: Session, entry: AuditEntry) -> bool:
     """Return whether a step was not taken back."""
-    return entry.id in {step.id for step in _standing(session, (entry.subject_kind, entry.subject_id))}
+    return entry.id in {step.id for step in standing(session, (entry.subject_kind, entry.subject_id))}
 
 
-def _standing(session: Session, subject: Subject) -> list[AuditEntry]:
-    """Return the steps with a subject that were not taken back, oldest first."""
+def standing(session: Session, subject: Subject) -> list[AuditEntry]:
+    """Return the steps with a subject (kind, id) that were not taken back, oldest first."""
     steps: dict[object, AuditEntry] = {}
     for entry in audit.history(session, *subject):
         if entry.action in KINDS:

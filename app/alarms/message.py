@@ -87,8 +87,8 @@ def _of_state(facts: Mapping[str, Any], zone: str) -> tuple[str, tuple[str, ...]
     else:
         said = name_of(facts["label"])
         if facts["probability"] is not None:
-            sure = f"{100 * facts['probability']:.0f} %" if facts["calibrated"] else f"{facts['probability']:.2f}"
-            said += f", {'probability' if facts['calibrated'] else 'score'} {sure}"
+            sure = f"{100 * facts['probability']:.0f} %" if facts["calibrated"] else f"{facts['probability']:.2f} of 1"
+            said += f", how sure: {sure}"
         if facts["size_rad"] is not None:
             said += f", size {1000 * facts['size_rad']:.2g} mrad"
     heard = f"It was recorded on {_local(facts['heard_at'], zone)}."

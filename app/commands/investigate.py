@@ -19,7 +19,7 @@ from casebase.signals.telemetry import Telemetry, read_telemetry
 from casebase.signals.text import text_of
 from sim.description.axis_document import read_axis, write_axis
 from sim.discrepancy.data.pairing import check_pairs
-from sim.discrepancy.investigation import Progress, investigate
+from sim.discrepancy.investigation import Criterion, Progress, investigate
 from sim.discrepancy.pooling.joint_investigation import investigate_together
 from sim.discrepancy.pooling.pooled_estimates import Taken
 from sim.discrepancy.report.box import unexplained_words
@@ -90,6 +90,9 @@ def run(
         Path | None,
         typer.Option(metavar="OUT.toml", help="the description with all that was found, for the next investigation"),
     ] = None,
+    criterion: Annotated[
+        Criterion, typer.Option(help="of one telemetry: what decides which causes come in; evidence is on trial")
+    ] = Criterion.THRESHOLDS,
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
     """Find what the simulation of an axis gets wrong and why, and how much an extended model improves it."""
@@ -119,7 +122,9 @@ def run(
         whose = [f"{part.taken.name}: " for part in together.parts for _ in part.gain]
     else:
         first = measured[0] if measured else None
-        result = _watched(frame, lambda watch: investigate(described, first, heard, watch, sound_offset, before))
+        result = _watched(
+            frame, lambda watch: investigate(described, first, heard, watch, sound_offset, before, criterion=criterion)
+        )
         files = [path.name for path in (axis, *(telemetry or ()), *(sound or ()), *(as_new or ()))]
         document, page, whose = result.document, partial(html_report, result, files), ["" for _ in result.gain]
     if report is not None:

@@ -143,6 +143,15 @@ class Jobs:
         """The newest jobs first."""
         return tuple(self.page(limit=limit).items)
 
+    def newest_of_axis(self, kind: str, axis: str) -> Job | None:
+        """The newest job of a kind whose parameters have this axis; None where there is none."""
+        statement = select(StoredJob.id).where(
+            StoredJob.kind == kind, StoredJob.parameters["axis"]["name"].as_string() == axis
+        )
+        with self._library.reading() as session:
+            found = session.scalar(statement.order_by(StoredJob.created_at.desc(), StoredJob.id.desc()).limit(1))
+        return None if found is None else self.get(found)
+
     def page(self, *, limit: int = 50, cursor: str | None = None) -> Page[Job]:
         """A page of the jobs, the newest first. Raises InvalidCursorError."""
         age = tuple_(StoredJob.created_at, StoredJob.id)

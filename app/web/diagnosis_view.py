@@ -30,12 +30,17 @@ from app.web.svg import Stretch
 from app.web.templating import quantity
 from app.web.trend import chart_of
 from app.web.words import Verdict, certainty, not_compared, remarks_beside, size_of, verdict_of
+from casebase.axes import find_axis
 from casebase.gearboxes import histories
 from casebase.models import Case, StoredDiagnosis, StoredRecording
 from casebase.signals.crest import root_mean_square
 from casebase.signals.disturbances import Survey
 from casebase.signals.recording import Recording
 from casebase.trend import trend_of
+from sim.description.axis_document import read_axis
+from sim.discrepancy.report.box import as_new_of, as_new_words
+from sim.experiment.design_of_experiments import LABELS
+from sim.mechanisms import MECHANISMS
 
 PEAKS = 400
 SHOWN_PARTS = 8
@@ -122,7 +127,10 @@ def view_of(
         diagnosis=row,
         recording=row.recording,
         verdict=verdict_of(document),
-        facts=(*facts_of(document), *([analysed(found)] if found and document["verdict"] != "unusable" else ())),
+        facts=(
+            *facts_of(document, as_new_of_label(session, row.recording.axis, row.label)),
+            *([analysed(found)] if found and document["verdict"] != "unusable" else ()),
+        ),
         quality=flags_of(document["quality"], row.recording.duration_s),
         stretches=stretches(found) if found else (),
         marked=marked(found) if found else "",
@@ -166,15 +174,29 @@ def _drawn(
     return drawn, folded[1] if folded else None, peaks.tolist()
 
 
-def facts_of(document: Mapping[str, Any]) -> list[tuple[str, object, str]]:
-    """Return the few numbers beside the verdict: name, value, note."""
+def as_new_of_label(session: Session, axis: str | None, label: str | None) -> str:
+    """Return the size that the fault of a label has at most as new; empty where it is not known, or of which gear."""
+    described, mechanism = find_axis(session, axis) if axis else None, LABELS.get(label or "")
+    known = None if described is None else read_axis(described.document)
+    if known is None or mechanism is None or len(known.stages) != 1:
+        return ""
+    return as_new_of(known, mechanism, known.stages[0].name, MECHANISMS[mechanism].size)
+
+
+def facts_of(document: Mapping[str, Any], as_new: str = "") -> list[tuple[str, object, str]]:
+    """Return the few numbers beside the verdict: name, value, note.
+
+    Args:
+        as_new: the size that the fault has at most as new; empty where it is not known.
+    """
     found: list[tuple[str, object, str]] = []
     sure, size = certainty(document), size_of(document)
     if sure:
-        found.append(sure)
+        found.append(("How sure", *sure))
     if size:
         name, value, interval, cases = size
-        found.append((name, value, f"90 % interval {interval}, from {cases} cases of known size"))
+        allowed = f"; {as_new_words(as_new)}" if as_new else ""
+        found.append((name, value, f"90 % interval {interval}, from {cases} cases of known size{allowed}"))
     phase_deg = phase_of(document)
     if phase_deg is not None:
         found.append(_in_the_cycle(phase_deg, period_of(document)))

@@ -1,5 +1,6 @@
 """What a step of a person was, in words, and where it is taken back to."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sqlalchemy.orm import Session
@@ -33,8 +34,11 @@ class Told:
 def told(session: Session, number: int | None) -> Told | None:
     """Return what a step was; None where no such step stands any more."""
     entries = entries_of(session, number) if number else []
-    if not entries or number is None or not stands(session, entries[0]):
-        return None
+    return described(session, entries) if entries and stands(session, entries[0]) else None
+
+
+def described(session: Session, entries: Sequence[AuditEntry]) -> Told:
+    """Return in words what the entries of one step say, the newest first."""
     revised = next((one for one in entries if one.subject_kind == "diagnosis"), None)
     kept = next((one.subject_id for one in entries if one.action == RETAINED), None)
     changed = [one.subject_id for one in entries if one.action == CHANGED]
@@ -54,7 +58,7 @@ def told(session: Session, number: int | None) -> Told | None:
         what = f"labelled {', '.join(labels)}" if labels else "changed"
         words.append(f"{len(changed)} {'case' if len(changed) == 1 else 'cases'} {what}")
         path = f"/cases/{changed[0]}" if len(changed) == 1 else "/library"
-    return Told(number, f"{' and '.join(words)}.", path, kept, kept is not None or bool(changed))
+    return Told(entries[0].id, f"{' and '.join(words)}.", path, kept, kept is not None or bool(changed))
 
 
 def _revised(session: Session, entry: AuditEntry) -> str:

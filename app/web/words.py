@@ -8,7 +8,7 @@ from markupsafe import Markup
 
 from app.web.templating import percent, quantity, sentence
 from sim.discrepancy.report.comparison import Row
-from sim.discrepancy.report.formatting import angle, named
+from sim.discrepancy.report.formatting import angle, likely, named
 
 NAMES = {
     "normal": "no fault indicated",
@@ -33,7 +33,7 @@ CHECKS = {
 SIZES = {"depth_rad": ("Depth of the damage", "deep"), "gap_rad": ("Width of the backlash", "wide")}
 """What the size of a fault is called beside the verdict, and in it."""
 CALIBRATED_FROM = 2
-"""How many gearboxes must be known before a score is called a probability."""
+"""How many gearboxes must be known before how sure a diagnosis is stands in per cent."""
 REJECTED_AT = 0.05
 TOO_POOR = "the recording is too poor"
 VERDICTS = {
@@ -83,38 +83,38 @@ def name_of(label: str | None) -> str:
 
 
 def is_calibrated(document: Mapping[str, Any]) -> bool:
-    """Whether what a diagnosis gives as probability was calibrated on gearboxes, and may be called one."""
+    """Whether how sure a diagnosis is was calibrated on gearboxes, and may stand in per cent."""
     return bool(document["provenance"].get("gearboxes", 0) >= CALIBRATED_FROM)
 
 
-def score(value: float) -> str:
-    """Write what is no calibrated probability: from 0 to 1, never in per cent.
+def uncalibrated(value: float) -> str:
+    """Write how sure one may be where that is not calibrated: from 0 to 1, never in per cent.
 
-    >>> score(0.941)
-    '0.94'
+    >>> uncalibrated(0.941)
+    '0.94 of 1'
     """
-    return f"{value:.2f}"
+    return f"{value:.2f} of 1"
 
 
-def certainty(document: Mapping[str, Any]) -> tuple[str, str, str] | None:
-    """Return what the probability of a diagnosis may be called, its value and why; None where there is none."""
+def certainty(document: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Return how sure a diagnosis is, and what that rests on; None where it says nothing."""
     if document["probability"] is None:
         return None
     gearboxes = document["provenance"].get("gearboxes", 0)
     if is_calibrated(document):
-        return "Probability", percent(document["probability"]), f"calibrated on {gearboxes} gearboxes"
+        return percent(document["probability"]), f"calibrated on {gearboxes} gearboxes"
     known = "no measured gearbox" if gearboxes == 0 else "only one measured gearbox"
-    return "Score", score(document["probability"]), f"from 0 to 1, not a probability: the library has {known}"
+    return uncalibrated(document["probability"]), f"not calibrated: the library has {known}"
 
 
 def how_sure(document: Mapping[str, Any]) -> str:
     """Say how sure a diagnosis is, in a cell of a table.
 
     >>> how_sure({"probability": 0.941, "provenance": {"gearboxes": 1}})
-    'score 0.94'
+    '0.94 of 1'
     """
     sure = certainty(document)
-    return "–" if sure is None else sure[1] if is_calibrated(document) else f"score {sure[1]}"
+    return "–" if sure is None else sure[0]
 
 
 def _milliradians(value_rad: float) -> Markup:
@@ -170,14 +170,14 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
             "Not in the library: unlike every known kind", summary, None, (*again, *UNKNOWN_CHECKS[len(again) :]), told
         )
     out = rejected(document)
-    likely = percent if is_calibrated(document) else score
-    others = [f"{name_of(h['label'])} {likely(h['probability'])}" for h in hypotheses[1:] if h["label"] not in out]
+    written = percent if is_calibrated(document) else uncalibrated
+    others = [f"{name_of(h['label'])} {written(h['probability'])}" for h in hypotheses[1:] if h["label"] not in out]
     also = f" Also possible: {', '.join(others[:2])}." if others else ""
     if out:
         also += f" Ruled out: {', '.join(map(name_of, out))}."
     if kind == "ambiguous":
         names = " or ".join(name_of(h["label"]) for h in hypotheses[:2])
-        because = " ".join(map(sentence, poor)) or "No label is probable enough to be named."
+        because = " ".join(map(sentence, poor)) or "It is not sure enough of any label."
         summary = f"{because} {_support(document)}{also}"
         checks = again or _between(h["label"] for h in hypotheses[:2])
         return Verdict(f"Undecided: {names}", summary, None, checks, poor)
@@ -226,7 +226,7 @@ def _size(document: Mapping[str, Any]) -> str:
 def _support(document: Mapping[str, Any]) -> str:
     sure = certainty(document)
     support = document["hypotheses"][0]["support"] if document["hypotheses"] else {"measured": 0, "simulated": 0}
-    beginning = f"{sure[0]} {sure[1]}. " if sure else ""
+    beginning = f"How sure: {sure[0]}. " if sure else ""
     return (
         f"{beginning}Among the nearest cases, {support['measured']} measured and "
         f"{support['simulated']} simulated support it."
@@ -272,21 +272,19 @@ def place_words(finding: Mapping[str, Any]) -> str:
 
 
 def likely_words(finding: Mapping[str, Any]) -> str:
-    """Say how sure a finding is: a probability where that is calibrated, else a score.
+    """Say how sure a finding is.
 
     >>> print(likely_words({"probability": 0.95, "calibrated": False}))
-    score 0.95 (from 0 to 1, not a calibrated probability)
+    very likely (0.95 of 1, not calibrated)
     """
-    if finding.get("calibrated", True):
-        return f"{percent(finding['probability'])} probable"
-    return f"score {score(finding['probability'])} (from 0 to 1, not a calibrated probability)"
+    return likely(float(finding["probability"]), calibrated=finding.get("calibrated", True))
 
 
 def finding_words(finding: Mapping[str, Any]) -> str:
-    """Say how sure a finding is, and what else it could be."""
+    """Say how sure a finding is, and what else it could be, as a sentence without its full stop."""
     others = [named(str(name)) for name in finding.get("indistinguishable_from", ())]
     rest = f"; in these data it looks the same as {' or '.join(others)}" if others else ""
-    return f"{likely_words(finding)}{rest}"
+    return f"{likely_words(finding).capitalize()}{rest}"
 
 
 def comparison_headline(rows: Sequence[Row]) -> str:

@@ -77,19 +77,27 @@ class Reuse:
         return severity_of(session, table, axis, label, extraction.features.values, origin)
 
     def evaluate(
-        self, session: Session, *, group: str = "gearbox", origin: str = "both", without: str | None = None
+        self,
+        session: Session,
+        *,
+        group: str = "gearbox",
+        origin: str = "both",
+        without: str | None = None,
+        axis: str | None = None,
     ) -> Evaluation:
         """Return the library's own cross-validation; see `casebase.evaluation.evaluate`.
 
         Args:
             without: id of a case that the library is to do without.
+            axis: whose cases alone are diagnosed.
         """
         table = self._retrieve.table(session)
         if without is not None:
             everything = self._retrieve.all_cases(session)
             table = everything.take(everything.ids != without).voters
         learned, version, _ = similarity_for(session, table)
-        return evaluate(table, group=group, origin=origin, learned=learned if version and learned.fits(table) else None)
+        fitting = learned if version and learned.fits(table) else None
+        return evaluate(table, group=group, origin=origin, learned=fitting, axis=axis)
 
     def _contradictions(self, session: Session, extractor_version: str) -> tuple[str, ...]:
         count = self._retrieve.all_cases(session, extractor_version).contradicting

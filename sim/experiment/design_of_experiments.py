@@ -88,17 +88,18 @@ def labels() -> tuple[str, ...]:
 
 def labels_of(axis: Axis) -> tuple[str, ...]:
     """Those of `labels` that an axis can have: its description has the part, with the numbers that are needed."""
-    return tuple(label for label in labels() if _can_have(axis, LABELS.get(label, label)))
+    return tuple(label for label in labels() if obstacle(axis, label) is None)
 
 
-def _can_have(axis: Axis, name: str | None) -> bool:
-    if name is None:
-        return True
+def obstacle(axis: Axis, label: str) -> str | None:
+    """Why no case of a label can be generated for an axis; None where it can."""
+    name = LABELS.get(label, label)
     try:
-        Specimen(0).chain(with_mechanism(axis, MECHANISMS[name]()), axis.load.inertia_kg_m2)
-    except SimulationError:
-        return False
-    return True
+        having = axis if name is None else with_mechanism(axis, MECHANISMS[name]())
+        Specimen(0).chain(having, axis.load.inertia_kg_m2)
+    except SimulationError as error:
+        return str(error)
+    return None
 
 
 def _is_silent(kind: type[Mechanism]) -> bool:

@@ -60,7 +60,7 @@ def test_an_axis_is_made_changed_and_refused_by_the_form(service: Inside) -> Non
     assert "load.inertia_kg_m2: must be a number" in refused.text
     assert 'value="joint 1"' in refused.text
     made = service.browse("POST", "/describe", data=fields)
-    assert made.headers["location"] == "/axes/joint%201"
+    assert made.headers["location"] == "/axes/joint%201/first-hour"
     stored = service.ask("GET", "/api/v1/axes/joint 1").json()
     assert stored["document"]["motor"]["inertia_kg_m2"] == 3.5e-4
     again = service.browse("POST", "/describe", data=fields)
@@ -76,6 +76,21 @@ def test_an_axis_is_made_changed_and_refused_by_the_form(service: Inside) -> Non
     assert 'value="joint 1"' in page
     assert 'value="85"' in page
     assert service.browse("GET", "/describe?template=gold").status_code == 422
+
+
+def test_a_copy_has_all_of_an_axis_but_its_name_and_what_was_found_in_it(service: Inside) -> None:
+    found = {"name": "backlash", "location": "output", "gap_rad": 0.002}
+    damping = {"stages": [{**TEMPLATES["spur"].stages[1], "damping_n_m_s_per_rad": 7.0}], "mechanisms": [found]}
+    service.ask("POST", "/api/v1/axes", json=TEMPLATES["spur"].document("worn") | damping).raise_for_status()
+    page = service.browse("GET", "/describe?copy=worn").text
+    assert 'name="copy" value="worn"' in page
+    assert 'value="90"' in page
+    fields = {**filled(service.ask("GET", "/api/v1/axes/worn").json()["document"]), "name": "twin", "copy": "worn"}
+    assert service.browse("POST", "/describe", data=fields).status_code == 303
+    worn, twin = (service.ask("GET", f"/api/v1/axes/{name}").json()["document"] for name in ("worn", "twin"))
+    assert twin["stages"][0]["damping_n_m_s_per_rad"] == 7.0
+    assert worn["mechanisms"]
+    assert not twin.get("mechanisms")
 
 
 def test_an_axis_is_made_and_changed_by_the_command_line(tmp_path: Path) -> None:

@@ -108,3 +108,57 @@ def test_a_case_is_kept_only_if_it_is_said_how_it_was_verified_and_is_found_by_t
     undo(service, service.browse("GET", f"/diagnoses/{one}").text)
     assert service.ask("GET", f"{API}/cases").json()["items"] == []
     assert service.ask("GET", f"{API}/diagnoses/{one}").json()["revision"]["state"] != "corrected"
+
+
+def test_a_program_answers_the_queue_and_takes_it_back(service: Inside) -> None:
+    """The first waiting diagnosis is answered and kept; the steps with it are undone in the opposite order, once."""
+    for seed in (41, 42):
+        parts = {"file": (f"{seed}.wav", sound(seed)), "metadata": (None, '{"gearbox": "by program"}')}
+        service.ask("POST", f"{API}/diagnoses", files=parts).raise_for_status()
+    before = service.ask("GET", f"{API}/queue").raise_for_status().json()
+    assert before["count"] == len(before["items"]) >= 2
+    assert [each["place"] for each in before["items"]] == list(range(1, before["count"] + 1))
+    page = service.ask("GET", f"{API}/queue?limit=1").json()
+    rest = service.ask("GET", f"{API}/queue?cursor={page['next_cursor']}").json()
+    assert page["items"] + rest["items"] == before["items"]
+    first = before["items"][0]
+    identity = first["diagnosis"]["id"]
+    assert first["reason"] == first["diagnosis"]["verdict"]
+    said = {"verdict": "corrected", "label": "pitting", "verification": "opened"}
+    service.ask("PATCH", f"{API}/diagnoses/{identity}", json=said).raise_for_status()
+    case = service.ask("POST", f"{API}/cases", json={"diagnosis_id": identity}).raise_for_status().json()["id"]
+    assert service.ask("GET", f"{API}/queue").json()["count"] == before["count"] - 1
+    assert service.ask("GET", f"{API}/queue?cursor={identity}").status_code == 422
+    (verdict,) = service.ask("GET", f"{API}/steps?kind=diagnosis&subject={identity}").json()["items"]
+    (kept,) = service.ask("GET", f"{API}/steps?kind=case&subject={case}").json()["items"]
+    assert (verdict["role"], kept["role"]) == ("operator", "admin")
+    assert verdict["subjects"] == [{"kind": "diagnosis", "id": identity}]
+    key = {"Idempotency-Key": "undo, once"}
+    undone = service.ask("POST", f"{API}/steps/{kept['number']}/undo", headers=key).raise_for_status().json()
+    assert undone == {**kept, "stands": False}
+    assert service.ask("POST", f"{API}/steps/{kept['number']}/undo", headers=key).json() == undone
+    assert service.ask("POST", f"{API}/steps/{kept['number']}/undo").status_code == 409
+    assert service.ask("GET", f"{API}/steps/{kept['number']}").json() == undone
+    service.ask("POST", f"{API}/steps/{verdict['number']}/undo").raise_for_status()
+    assert service.ask("GET", f"{API}/queue").json() == before
+    assert service.ask("GET", f"{API}/steps?kind=diagnosis&subject={identity}").json()["items"] == []
+    assert service.ask("POST", f"{API}/steps/{2**31 - 1}/undo").status_code == 404
+
+
+def test_what_was_done_together_is_one_step_and_an_operator_takes_back_verdicts_alone(service: Inside) -> None:
+    parts = {"file": ("43.wav", sound(43)), "metadata": (None, '{"gearbox": "together"}')}
+    identity = service.ask("POST", f"{API}/diagnoses", files=parts).raise_for_status().json()["id"]
+    revise(service, identity, verdict="corrected", label="pitting", keep="1", verification="opened")
+    (step,) = service.ask("GET", f"{API}/steps?kind=diagnosis&subject={identity}").json()["items"]
+    assert {each["kind"] for each in step["subjects"]} == {"diagnosis", "case"}
+    made = service.ask("POST", f"{API}/keys", json={"name": "shift", "role": "operator"}).json()["key"]
+    operator = {"Authorization": f"Bearer {made}"}
+    refused = service.ask("POST", f"{API}/steps/{step['number']}/undo", headers=operator)
+    assert refused.status_code == 403
+    assert "admin" in refused.json()["detail"]
+    service.ask("POST", f"{API}/steps/{step['number']}/undo").raise_for_status()
+    assert service.ask("GET", f"{API}/diagnoses/{identity}").json()["revision"]["state"] == "open"
+    said = {"verdict": "rejected"}
+    service.ask("PATCH", f"{API}/diagnoses/{identity}", json=said, headers=operator).raise_for_status()
+    (verdict,) = service.ask("GET", f"{API}/steps?kind=diagnosis&subject={identity}").json()["items"]
+    service.ask("POST", f"{API}/steps/{verdict['number']}/undo", headers=operator).raise_for_status()

@@ -53,6 +53,8 @@ def test_contract_has_these_roles(everything: list[tuple[str, str, str | None]])
         assert roles["get", f"{api}/recordings/{{recording_id}}/{view}"] == "viewer"
     assert roles["get", f"{api}/library/evaluation"] == roles["get", f"{api}/axes"] == "viewer"
     assert roles["post", f"{api}/axes"] == "admin"
+    assert roles["get", f"{api}/queue"] == roles["get", f"{api}/steps"] == "viewer"
+    assert roles["post", f"{api}/steps/{{number}}/undo"] == "operator"
     assert roles["get", "/metrics"] == "viewer"
 
 

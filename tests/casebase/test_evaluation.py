@@ -200,6 +200,15 @@ def test_figures_without_simulated_cases_stand_beside_those_with_them() -> None:
     assert evaluate(made_table(12, gearboxes=4)).to_document()["without_simulated"] is None
 
 
+def test_of_an_axis_its_own_cases_are_asked_measured_and_simulated_ones() -> None:
+    table = joined(made_table(1), made_table(2))
+    table = replace(table, axes=np.where(np.arange(len(table)) % 2, "b", "a"))
+    found = evaluate(table, axis="b")
+    assert {one.case_id for one in found.outcomes} == set(table.ids[table.axes == "b"].tolist())
+    assert {one.origin for one in found.outcomes} == {"measured", "simulated"}
+    assert not evaluate(table, axis="nobody's").outcomes
+
+
 def test_unknown_groups_are_refused() -> None:
     with pytest.raises(InvalidRequestError, match="one of gearbox"):
         evaluate(made_table(1), group="colour")

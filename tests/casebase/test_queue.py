@@ -1,12 +1,17 @@
 """What needs a person, and in which order; and what a case that is kept teaches."""
 
+from functools import partial
+from pathlib import Path
+
 import numpy as np
 
+from casebase.description import Labelling
 from casebase.diagnoses import revise_diagnosis
 from casebase.evaluation import Evaluation, Outcome, Proportion
 from casebase.library import CaseLibrary
 from casebase.queue import place_in, waiting
 from casebase.teaching import teaching
+from tests.casebase.kept import keep
 from tests.casebase.test_diagnoses import SIZE, diagnose, features, fill
 
 
@@ -30,6 +35,27 @@ def test_what_the_library_knows_least_stands_first_and_what_needs_nobody_is_not_
         assert waiting(session) == []
 
 
+def test_the_work_for_the_queue_grows_as_the_library_does(tmp_path: Path) -> None:
+    """Twice as many cases and twice as many that wait: about twice the steps of the database, not four times."""
+    library, steps = CaseLibrary.open(tmp_path), []
+    for _ in range(2):
+        with library.transaction("test") as session:
+            for each in range(100):
+                recording = keep(session, "a", f"g{each}", None, {}, verdict="ambiguous" if each % 2 else "diagnosed")
+                if not each % 2:
+                    library.retain.case(session, recording, Labelling("normal"))
+        with library.reading() as session:
+            connection = session.connection().connection.driver_connection
+            assert connection is not None
+            counted: list[None] = []
+            connection.set_progress_handler(partial(counted.append, None), 100)
+            assert len(waiting(session)) == 50 * (1 + len(steps))
+            connection.set_progress_handler(None, 0)
+        steps.append(len(counted))
+    library.close()
+    assert steps[1] < 3 * steps[0]
+
+
 def test_neighbours_in_the_queue() -> None:
     assert (place_in(["a", "b"], "b").before, place_in(["a", "b"], "b").after) == ("a", None)
     assert place_in([], "b").after is None
@@ -41,7 +67,7 @@ def evaluation(*outcomes: Outcome) -> Evaluation:
 
 
 def outcome(case: str, truth: str, best: str, verdict: str = "diagnosed") -> Outcome:
-    return Outcome(case, "g0", truth, best, verdict, 0.9)
+    return Outcome(case, "measured", "g0", truth, best, verdict, 0.9)
 
 
 def test_what_a_case_teaches_is_counted_on_the_same_recordings() -> None:

@@ -64,6 +64,8 @@ VIEWER_PAGES = (
     "/axes",
     "/axes/bench",
     "/axes/bench/try",
+    "/first-hour",
+    "/axes/bench/first-hour",
     "/investigations",
     "/investigations/{investigation}",
     "/investigations/{investigation}/compare?with={investigation}",
@@ -72,6 +74,7 @@ OPERATOR_PAGES = ("/diagnoses/new", "/investigations/new", "/jobs")
 ADMIN_PAGES = (
     "/describe?template=spur",
     "/describe?axis=bench",
+    "/describe?copy=bench",
     "/library/add",
     "/library/exchange",
     "/library/simulate",

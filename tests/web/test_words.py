@@ -12,6 +12,7 @@ from app.web.diagnosis_view import facts_of
 from app.web.evidence import evidence_of
 from app.web.map import projected
 from app.web.svg import Axis, Marker, Series, line_chart
+from app.web.templating import percent
 from app.web.words import verdict_of
 from casebase.case_table import CaseTable
 
@@ -47,16 +48,23 @@ def test_size_stands_in_the_verdict_with_its_interval() -> None:
         "About 1.4\N{NO-BREAK SPACE}mrad (4.8\N{NO-BREAK SPACE}arc min) deep (90 % interval 0.56 to 3.7"
     )
     without = verdict_of(document(severity=None))
-    assert without.summary.startswith("Probability 90")
+    assert without.summary.startswith("How sure: 90")
 
 
-@pytest.mark.parametrize(("gearboxes", "word"), [(0, "Score"), (1, "Score"), (2, "Probability"), (40, "Probability")])
-def test_a_score_is_called_a_probability_only_where_gearboxes_are_known(gearboxes: int, word: str) -> None:
+@pytest.mark.parametrize(
+    ("gearboxes", "said"), [(0, "0.90 of 1"), (1, "0.90 of 1"), (2, percent(0.9)), (40, percent(0.9))]
+)
+def test_how_sure_stands_in_per_cent_only_where_it_is_calibrated(gearboxes: int, said: str) -> None:
     told = document(provenance={"gearboxes": gearboxes})
-    other = {"Score": "Probability", "Probability": "Score"}[word]
-    assert word in verdict_of(told).summary
-    assert other not in verdict_of(told).summary
-    assert facts_of(told)[0][0] == word
+    assert f"How sure: {said}. " in verdict_of(told).summary
+    assert facts_of(told)[0][:2] == ("How sure", said)
+    assert ("not calibrated" in facts_of(told)[0][2]) == (gearboxes < 2)
+
+
+def test_what_is_allowed_as_new_stands_beside_a_size_where_it_is_known() -> None:
+    (beside,) = (note for name, _, note in facts_of(document(), "0.3 mrad") if name.startswith("Depth"))
+    assert beside.endswith("; as new at most 0.3 mrad")
+    assert not any("as new" in note for _, _, note in facts_of(document()))
 
 
 def test_what_is_rejected_is_not_also_possible() -> None:

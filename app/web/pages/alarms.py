@@ -110,7 +110,7 @@ def create_rule(
     """Make a rule."""
     if not receivers:
         raise Unprocessable("Say who is told: tick a receiver. Without one, make one first.")
-    per_cent, mrad = _number("The probability [%]", least_probability), _number("The size [mrad]", least_size_mrad)
+    per_cent, mrad = _number("How sure [%]", least_probability), _number("The size [mrad]", least_size_mrad)
     asked = _asked(
         RuleRequest,
         {

@@ -114,7 +114,7 @@ if (upload || opener) {
     event.preventDefault();
     depth = 0;
     document.body.classList.remove("dragging");
-    const form = one("#diagnose form[data-upload]") ?? upload;
+    const form = one("main form[data-upload]") ?? upload;
     if (!form || !event.dataTransfer.files.length) return;
     one("input[type=file]", form).files = event.dataTransfer.files;
     form.closest("dialog")?.showModal();

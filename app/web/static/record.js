@@ -130,7 +130,7 @@ export function recorder(root, form) {
     if (heard.full) found.push("It was too loud at times: hold the microphone farther away and record again.");
     if (decibels(Math.sqrt(heard.squares / heard.samples)) < QUIET_DBFS) found.push("It is too quiet: hold the microphone nearer and record again.");
     if (seconds < ENOUGH_S) found.push(`It is ${seconds.toFixed(0)} s long; ${ENOUGH_S} s or more say more.`);
-    return found.length ? found : ["Level and length are good. Listen to it, then press Diagnose."];
+    return found.length ? found : [`Level and length are good. Listen to it, then press ${form.querySelector("[type=submit]").textContent}.`];
   }
 
   button.addEventListener("click", () => {

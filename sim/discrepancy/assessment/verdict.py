@@ -8,6 +8,7 @@ from dataclasses import replace
 
 from sim.description.axis import Axis
 from sim.discrepancy.acoustic.evidence import AcousticFinding
+from sim.discrepancy.assessment.calibration import WEIGHTS
 from sim.discrepancy.assessment.cross_validation_gain import gains
 from sim.discrepancy.assessment.intervals import term_estimates, unit_of
 from sim.discrepancy.assessment.posterior import Evidence, is_close, probability
@@ -96,10 +97,10 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     instead = {
         r.mechanism: brought[r.key] / brought[term.key]
         for r, t in standing.rivals
-        if t > 0.0 and r.mechanism not in (term.mechanism, *close) and r.key in brought and term.key in brought
+        if t > 0.0 and r.mechanism not in (term.mechanism, *close) and r.key in brought and brought.get(term.key)
     }
     seen = Evidence(standing.share, others, (standing.shared + inadequacy(fit)) / standing.gain)
-    sure = probability(seen)
+    sure = min(selection.probabilities.get(term.key, probability(seen)), WEIGHTS.cap)
     new = not is_beyond_new(axis, term.mechanism, term.location, estimated)
     if same or new or is_shaken_otherwise(term, fit.terms):
         sure = min(sure, ALONE)

@@ -69,7 +69,7 @@ class Fit:
         ]
 
     @cached_property
-    def _influence(self) -> tuple[Array, Array]:
+    def influence(self) -> tuple[Array, Array]:
         """Covariance of the parameters by the curvature at the optimum (p, p), and what each block of time pulls each
         of them by (SCORE_BLOCKS, p)."""
         steps = np.array([p.step for p in self.parameters])
@@ -91,7 +91,7 @@ class Fit:
         (Econometrica 48 (1980) 817) over contiguous blocks holds for noise that the whitening has left coloured and
         for a form that is not quite that of the axis. What has run into a limit stays there, as in any step of a fit.
         """
-        curved, pulls = self._influence
+        curved, pulls = self.influence
         limit = self.at_limit
         held = [k for k, p in enumerate(self.parameters) if p.name in known or (limit[k] and p.name not in change)]
         if held:

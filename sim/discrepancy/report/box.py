@@ -18,12 +18,12 @@ from sim.discrepancy.report.formatting import (
     named,
     number,
     percent,
-    sure,
     unit_in_words,
     words_of,
 )
 from sim.discrepancy.report.maintenance_actions import action, of_the_measurement, place_of
 from sim.discrepancy.results import SAID, Unexplained, unexplained_of
+from sim.mechanisms import MECHANISMS
 from sim.mechanisms.catalogue import is_in_every_axis, kind_or_any
 
 Document = Mapping[str, Any]
@@ -43,11 +43,15 @@ WHOLE, UNKNOWN, RECORDING = "the axis as a whole", "these data do not show where
 
 @dataclass(frozen=True)
 class Size:
-    """One number: its name in words, its value with unit (an angle also in degrees or minutes of arc), its interval."""
+    """One number: its name in words, its value with unit (an angle also in degrees or minutes of arc), its interval.
+
+    `as_new`: what a new axis has at most, by its description; empty where nothing is known of that.
+    """
 
     name: str
     value: str
     interval: str
+    as_new: str = ""
 
     @property
     def words(self) -> str:
@@ -56,8 +60,17 @@ class Size:
         >>> Size("gap", "0.0012 rad", "0.0011 to 0.0013 rad").words
         'Gap 0.0012 rad (90 % interval 0.0011 to 0.0013 rad)'
         """
-        between = f" (90 % interval {self.interval})" if self.interval else ""
-        return f"{self.name[:1].upper()}{self.name[1:]} {self.value}{between}"
+        return f"{self.name[:1].upper()}{self.name[1:]} {self.value}{f' ({self.beside})' if self.beside else ''}"
+
+    @property
+    def beside(self) -> str:
+        """What stands beside the value: its interval, and what is allowed as new.
+
+        >>> Size("gap", "0.0012 rad", "0.0011 to 0.0013 rad", "0.0003 rad").beside
+        '90 % interval 0.0011 to 0.0013 rad; as new at most 0.0003 rad'
+        """
+        parts = (f"90 % interval {self.interval}" if self.interval else "", as_new_words(self.as_new))
+        return "; ".join(part for part in parts if part)
 
 
 @dataclass(frozen=True)
@@ -116,8 +129,27 @@ def _found(finding: Document, axis: Axis | None, next_measurement: str) -> Entry
         where=_where(finding, axis, numbers),
         how_sure=_how_sure(finding),
         do_first=first or next_measurement,
-        sizes=tuple(size_of(mechanism, one) for one in finding["parameters"] if is_shown(mechanism, one["name"])),
+        sizes=tuple(
+            replace(size_of(mechanism, one), as_new=as_new_of(axis, mechanism, location, one["name"]))
+            for one in finding["parameters"]
+            if is_shown(mechanism, one["name"])
+        ),
     )
+
+
+def as_new_words(as_new: str) -> str:
+    """Say what is allowed as new; nothing where that is not known."""
+    return f"as new at most {as_new}" if as_new else ""
+
+
+def as_new_of(axis: Axis | None, mechanism: str, location: str | None, parameter: str) -> str:
+    """Return what a new axis has at most of this number of a mechanism, with its unit; empty where it is not known."""
+    kind = MECHANISMS.get(mechanism)
+    if axis is None or kind is None or parameter != kind.size:
+        return ""
+    allowed = kind.as_new(axis, location)
+    unit = next(one.unit for one in kind.parameters if one.name == parameter)
+    return size_of(mechanism, {"name": parameter, "value": allowed, "unit": unit}).value if allowed > 0 else ""
 
 
 def _kind(mechanism: str) -> str:
@@ -158,12 +190,10 @@ def _part(axis: Axis | None, mechanism: str, location: str | None) -> str:
 
 
 def _how_sure(finding: Document) -> str:
-    probability = float(finding["probability"])
-    said = likely(probability, calibrated=finding.get("calibrated", True))
-    note = "" if finding.get("calibrated", True) else ", from 0 to 1, not a calibrated probability"
+    said = likely(float(finding["probability"]), calibrated=finding.get("calibrated", True))
     alike = " or ".join(named(str(name)) for name in finding["indistinguishable_from"])
     beside = f". In these data it looks the same as {alike}" if alike else ""
-    return f"{sure(probability)} ({said}{note}){beside}"
+    return f"{said}{beside}"
 
 
 def _unnamed(document: Document) -> Entry:

@@ -141,12 +141,12 @@ def sure(probability: float) -> str:
 
 
 def likely(probability: float, *, calibrated: bool) -> str:
-    """A probability in per cent; what was not calibrated is a score from 0 to 1.
+    """How sure one may be, in words and as a number: in per cent only where that is calibrated.
 
     >>> likely(0.954, calibrated=True), likely(0.954, calibrated=False)
-    ('probability 95\\xa0%', 'score 0.95')
+    ('very likely (95\\xa0%)', 'very likely (0.95 of 1, not calibrated)')
     """
-    return f"probability {percent(probability)}" if calibrated else f"score {probability:.2f}"
+    return f"{sure(probability)} ({percent(probability) if calibrated else f'{probability:.2f} of 1, not calibrated'})"
 
 
 def named(mechanism: str, location: str | None = None) -> str:

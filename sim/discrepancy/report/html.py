@@ -23,7 +23,6 @@ from sim.discrepancy.report.formatting import (
     named,
     number,
     percent,
-    sure,
     unit_in_words,
     words_of,
 )
@@ -223,13 +222,13 @@ def _verdict(result: Investigation) -> list[str]:
     out = [f"<p><strong>{html.escape(headline(result))}</strong></p>"]
     for f in result.findings:
         out.append(
-            f"<h3>{html.escape(named(f.mechanism, f.location))}: {likely(f.probability, calibrated=f.calibrated)}, {sure(f.probability)}</h3>"
+            f"<h3>{html.escape(named(f.mechanism, f.location))}: {likely(f.probability, calibrated=f.calibrated)}</h3>"
         )
         out += [_p(f.explanation), f"<p><strong>What to do now:</strong> {html.escape(f.action)}</p>"]
     if result.findings:
         out.append(
             _p(
-                "A probability is calibrated: of findings with 90 %, nine in ten are right. A score is a number from 0 to 1 that was not calibrated; findings from sound, faults of the recording and findings from several recordings have one."
+                "A figure in per cent is calibrated: of findings with 90 %, nine in ten are right. Findings from sound, faults of the recording and findings from several recordings have a number from 0 to 1 that is not: it only puts them in order."
             )
         )
     return out

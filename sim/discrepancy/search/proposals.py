@@ -86,7 +86,7 @@ def try_terms(
     `tries`: starts of them that are.
     """
     dented = only is None or not mechanisms_with(lambda t: t.dent).isdisjoint(only)
-    candidates = _candidates(problem, fit, only, dented=dented)
+    candidates = candidates_of(problem, fit, only, dented=dented)
     screened = screen(problem, fit, candidates)
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
     straight.sort(key=lambda r: -evidence(r.term, r.gain, fit.residual.size))
@@ -101,7 +101,7 @@ def try_terms(
     return sorted(best.values(), key=lambda r: (-r.gain, str(r.term.key)))
 
 
-def _candidates(problem: Problem, fit: Fit, only: Collection[str] | None, *, dented: bool) -> list[Term]:
+def candidates_of(problem: Problem, fit: Fit, only: Collection[str] | None, *, dented: bool) -> list[Term]:
     """Terms that are not in yet; what has no name is among them where all are asked for."""
     present = {term.key for term in fit.terms}
     candidates = list(terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values)))

@@ -49,7 +49,7 @@ def screen(problem: Problem, fit: Fit, terms: Sequence[Term]) -> list[Screened]:
         if term.positive and share[0] <= 0.0:
             return 0.0, term, {}
         drop = float(2.0 * share @ pull - share @ own @ share)
-        return drop + relief, term, {**values, **_start(term, group, share, values)}
+        return drop + relief, term, {**values, **start_of(term, group, share, values)}
 
     jobs = [(term, group) for term in terms for group in term.probes]
     out = each(promise, jobs)
@@ -142,7 +142,7 @@ def least_squares_within(matrix: Array, pull: Array, low: Array) -> Array:
     return np.asarray(lsq_linear(root.T, goal, (low * scale, np.inf)).x / scale)
 
 
-def _start(
+def start_of(
     term: Term, group: tuple[Mapping[str, float], ...], share: Array, values: Mapping[str, float]
 ) -> dict[str, float]:
     """Jump as far as the linear picture says.

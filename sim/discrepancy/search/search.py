@@ -81,6 +81,7 @@ class Selection:
     rejected: tuple[Rival, ...]
     found: tuple[Term, ...]
     standings: Mapping[Key, ModelComparison]
+    probabilities: Mapping[Key, float] = field(default_factory=dict)
 
     @property
     def nameless(self) -> tuple[Term, ...]:

@@ -1,0 +1,172 @@
+"""The first hour on one's own axis: describe it, record it, simulate its cases, see how well the library does there."""
+
+import json
+from collections.abc import Mapping
+from typing import Annotated
+from urllib.parse import quote
+
+from fastapi import APIRouter, Form, Query, Request
+from fastapi.responses import RedirectResponse, Response
+
+from app.api.simulations import SimulationRequest, campaign_of
+from app.axis_templates import TEMPLATES
+from app.errors import Unprocessable
+from app.generation import KIND as GENERATION
+from app.intake import take_in
+from app.metadata import RecordingMetadata, read_metadata
+from app.security import check_csrf
+from app.service import Reading, Service, TheJobs, TheService
+from app.uploads import TheUpload
+from app.web.counted import counted, counts_of
+from app.web.disturbed import Flag, flags_of
+from app.web.first_hour import Hour, obstacles
+from app.web.labels import VERIFICATIONS, LabelQuestion, choices, chosen
+from app.web.pages.axes import check_known
+from app.web.pages.diagnoses import NUMBERS, may_keep, said_how, told
+from app.web.pages.queue import number_of
+from app.web.pages.review import MOST_AT_ONCE
+from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer
+from app.web.steps import told as told_step
+from app.web.templating import Message, render
+from app.web.words import verdict_of
+from casebase.axes import find_axis, list_axes
+from casebase.axis_cases import Taken, cases_of_axis, gearboxes_known, newest_recordings
+from casebase.diagnoses import revise_diagnosis
+from casebase.origins import MEASURED, SIMULATED
+from casebase.steps import newest_of, step_name
+
+router = APIRouter()
+SECTION = "/axes"
+SHOWN = 8
+USUAL = 20
+"""Simulated cases of each label, as on the page that simulates cases."""
+
+
+@router.get("/first-hour")
+def begin(request: Request, session: Reading, principal: PageViewer) -> Response:
+    """Which axis: a described one, a new one, or a copy of one."""
+    context = {"axes": [row.name for row in list_axes(session)], "templates": TEMPLATES}
+    return render(request, "begin.html", context, principal=principal, section=SECTION)
+
+
+@router.get("/axes/{name}/first-hour")
+def first_hour(
+    request: Request,
+    session: Reading,
+    service: TheService,
+    jobs: TheJobs,
+    principal: PageViewer,
+    name: str,
+    recorded: Annotated[str, Query(max_length=32)] = "",
+) -> Response:
+    """The steps, which are done, the one next thing to do, and what each step came to."""
+    check_known(session, name)
+    axis, cases = find_axis(session, name), cases_of_axis(session, name)
+    known = any(each.measured or each.simulated for each in cases.values())
+    hour = Hour(
+        name,
+        axis,
+        obstacles(axis),
+        cases,
+        newest_recordings(session, name, SHOWN),
+        jobs.newest_of_axis(GENERATION, name),
+        service.evaluation_of_axis(session, name) if known else None,
+        counted(service.library, session, "gearboxes", lambda: gearboxes_known(session)),
+    )
+    context = {
+        "hour": hour,
+        "name": name,
+        "waiting": known and hour.evaluation is None,
+        "recordings": [(one, checked(one), said(one)) for one in hour.taken],
+        "answers": {origin: {one.label: one for one in hour.answers(origin)} for origin in (MEASURED, SIMULATED)},
+        "choices": choices(label for label, _ in counts_of(service.library, session)),
+        "ways": VERIFICATIONS,
+        "usual": USUAL,
+        "most": MOST_AT_ONCE,
+        "step": told_step(session, number_of(request, "step")),
+    }
+    newest = next((one for one in hour.taken if one.diagnosis and one.diagnosis.id == recorded), None)
+    messages = (message(newest),) if newest else ()
+    return render(request, "first_hour.html", context, principal=principal, section=SECTION, messages=messages)
+
+
+def checked(taken: Taken) -> tuple[Flag, ...]:
+    """Return what weakens a recording: no notes, which change nothing."""
+    stored = [flag for flag in taken.recording.quality if isinstance(flag, Mapping)]
+    found = flags_of(stored, taken.recording.duration_s)
+    return tuple(flag for flag in found if flag.severity != "note")
+
+
+def said(taken: Taken) -> str:
+    """Say in a few words what the library said of a recording."""
+    return verdict_of(taken.diagnosis.document).headline if taken.diagnosis else "Not diagnosed yet"
+
+
+def message(taken: Taken) -> Message:
+    """Say what the check found in a recording that was just sent."""
+    poor = ", ".join(flag.name for flag in checked(taken))
+    if not taken.recording.usable:
+        return Message(f"The recording cannot be used ({poor}), so it is no case of the library.", "bad")
+    if poor:
+        return Message(f"The check found something in {taken.recording.file_name}: {poor}. See below.", "warn")
+    return Message(f"{taken.recording.file_name}: the check found nothing.")
+
+
+@router.post("/axes/{name}/first-hour/recordings")
+def record(request: Request, principal: PageOperator, upload: TheUpload, service: TheService, name: str) -> Response:
+    """Take a recording of the axis in and diagnose it; keep it as a case where it is said what the gearbox has."""
+    check_csrf(request, upload.fields.get("csrf", ""))
+    upload.only("file", "csrf", "axis", "gearbox", "recorded_at", "label", "verification", *NUMBERS)
+    label = upload.fields.get("label", "")
+    verification = upload.fields.get("verification") or None
+    with service.library.reading() as session:
+        check_known(session, name)
+        known = {one for one, _ in counts_of(service.library, session)}
+    if label:
+        may_keep(principal)
+        said_how(verification)
+        try:
+            label = chosen(label, "", False, known)
+        except LabelQuestion as question:
+            raise Unprocessable(f"{question}. Choose one of the list.") from None
+    fields = {**told(upload.fields, "recorded_at"), "axis": name}
+    file = upload.file("file")
+    intake = take_in(
+        service.library, file.path, file.name, file.media_type, read_metadata(json.dumps(fields), RecordingMetadata)
+    )
+    step = step_name()
+    with service.library.transaction(principal.actor, step) as session:
+        diagnosis = intake.diagnose(service.library, session)
+        identity, verdict = diagnosis.id, diagnosis.verdict
+        if label and verdict != "unusable":
+            as_said = "confirmed" if diagnosis.label == label else "corrected"
+            revise_diagnosis(session, identity, as_said, label=label, verification=verification)
+            service.library.retain.diagnosis(session, identity)
+        session.flush()
+        taken = newest_of(session, step)
+    service.metrics.diagnoses.labels(verdict, diagnosis.label or "").inc()
+    return _to_page(service, name, f"?recorded={identity}{f'&step={taken}' if taken else ''}")
+
+
+@router.post("/axes/{name}/first-hour/simulations", dependencies=[FromOurPage])
+def simulate(
+    service: TheService,
+    jobs: TheJobs,
+    principal: PageAdmin,
+    name: str,
+    per_label: Annotated[int, Form(ge=1, le=MOST_AT_ONCE)],
+) -> Response:
+    """Have the cases of the axis simulated, as many of each label."""
+    with service.library.reading() as session:
+        check_known(session, name)
+        offered = [label for label, why in obstacles(find_axis(session, name)).items() if why is None]
+    if not offered:
+        raise Unprocessable(f"The axis {name!r} lacks what a simulation needs: see its first step.")
+    wanted = SimulationRequest(axis=name, counts=dict.fromkeys(offered, per_label))
+    jobs.submit(GENERATION, campaign_of(service, wanted).to_document(), submitted_by=principal.actor)
+    return _to_page(service, name, "#simulate")
+
+
+def _to_page(service: Service, name: str, rest: str) -> Response:
+    root = service.settings.root_path.rstrip("/")
+    return RedirectResponse(f"{root}/axes/{quote(name, safe='')}/first-hour{rest}", status_code=303)

@@ -1,0 +1,137 @@
+"""The first hour on one's own axis: from nothing to how well the library does there, and what is said on the way."""
+
+import re
+import shutil
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import pytest
+import soundfile
+import soxr
+from playwright.sync_api import Browser, Page, expect
+
+from app.web.first_hour import ENOUGH, Hour, obstacles
+from casebase.axis_cases import LabelCases
+from casebase.evaluation import Evaluation, Outcome, Proportion
+from casebase.models import AxisRevision
+from tests.app.sounds import RATE_HZ, hum
+from tests.live import started
+from tests.web.conftest import ARGUMENTS, NAMES, Site, sign_in, watched
+
+CAPTURED_HZ = 48_000
+SECONDS = 8.0
+
+
+@pytest.fixture
+def page(browser: Browser, tmp_path: Path) -> Iterator[Page]:
+    """The first page of a service with an empty data directory, in a browser whose microphone hears a gearbox."""
+    heard = tmp_path / "heard.wav"
+    soundfile.write(heard, soxr.resample(hum(SECONDS, 1), RATE_HZ, CAPTURED_HZ), CAPTURED_HZ, subtype="PCM_16")
+    fake = ("--use-fake-ui-for-media-stream", "--use-fake-device-for-media-stream")
+    path = next(found for name in NAMES if (found := shutil.which(name)))
+    capture = f"--use-file-for-fake-audio-capture={heard}"
+    server = started(tmp_path / "data", worker=True)
+    running = browser.browser_type.launch(executable_path=path, args=[*ARGUMENTS, *fake, capture])
+    context, site = running.new_context(), Site(server, heard)
+    sign_in(context, site, "admin")
+    try:
+        with watched(context.new_page(), site, "/") as opened:
+            yield opened
+    finally:
+        running.close()
+        server.stop()
+
+
+@pytest.mark.browser
+def test_the_first_hour_from_an_empty_data_directory(page: Page) -> None:
+    """Describe an axis, record it with the microphone, simulate its cases, read how well it does and what is next."""
+    page.get_by_role("link", name="the first hour on your axis").click()
+    page.get_by_role("link", name="Spur or helical gears").click()
+    page.get_by_label("Name of the axis").fill("wrist")
+    page.get_by_label("Stiffness of the whole gear").fill("2e5")
+    page.get_by_role("button", name="Add the axis").click()
+    page.wait_for_url("**/axes/wrist/first-hour")
+    banner, answers = page.locator("#next"), page.locator("#answers")
+    expect(banner).to_contain_text("Next: Record its gearbox.")
+    expect(answers).to_contain_text("Nothing is known yet")
+    form = page.locator("#record form")
+    form.get_by_role("button", name="Record now").click()
+    expect(form.locator("[data-said]")).to_contain_text(re.compile(r"^[5-9] s"))
+    form.get_by_role("button", name="Stop").click()
+    expect(form.locator("[data-detected]")).to_contain_text("1 channel")
+    form.get_by_label("Gearbox (serial number)").fill("w1")
+    form.get_by_label("How it was verified").select_option("opened")
+    form.get_by_role("button", name="Check and keep it").click()
+    page.wait_for_url("**recorded=*")
+    expect(page.locator("#record tbody tr")).to_contain_text(["w1"])
+    expect(page.locator("#record")).to_contain_text("1 measured case of 1 gearbox: 1 normal.")
+    expect(banner).to_contain_text("Next: Simulate its cases.")
+    page.get_by_label("Cases of each of normal, play, notch").fill("1")
+    page.get_by_role("button", name="Simulate", exact=True).click()
+    simulated = page.locator("#simulated")
+    expect(simulated).to_contain_text("3 simulated cases: 1 normal, 1 notch and 1 play.", timeout=120_000)
+    expect(answers).to_contain_text(re.compile(r"it names [01] of 1 of your recordings rightly"), timeout=120_000)
+    expect(answers).to_contain_text("whether it hears one is known from simulation alone")
+    expect(banner).to_contain_text("Next: Record four more normal recordings of gearbox w1.")
+    for step in ("describe", "record", "simulate", "how-well"):
+        expect(page.locator(f"#{step}-state")).to_have_text("done")
+
+
+def hour(
+    cases: Mapping[str, LabelCases],
+    outcomes: tuple[Outcome, ...] = (),
+    gearboxes: int = 0,
+    stiffness: float | None = 1e5,
+) -> Hour:
+    """Where an axis with these cases stands."""
+    document = {"name": "bench", "motor": {"inertia_kg_m2": 0.006}, "load": {"inertia_kg_m2": 40.0}}
+    stages = [{"name": "output", "driver_teeth": 12, "driven_teeth": 96, "stiffness_n_m_per_rad": stiffness}]
+    row = AxisRevision(name="bench", revision=1, document={**document, "stages": stages})
+    nothing = Proportion(0, 0)
+    found = Evaluation("gearbox", "both", len(outcomes), 0, gearboxes, nothing, nothing, nothing, {}, {}, {}, outcomes)
+    return Hour("bench", row, obstacles(row), cases, (), None, found, gearboxes)
+
+
+def outcome(case: str, answer: str, verdict: str = "diagnosed", origin: str = "measured") -> Outcome:
+    return Outcome(case, origin, "g1", "normal", answer, verdict, 0.95)
+
+
+def test_no_more_is_said_than_is_known() -> None:
+    """Simulated answers are no measured ones, one gearbox is no two, and none of no fault says nothing of a fault."""
+    simulated = {label: LabelCases(simulated=20) for label in ("normal", "notch", "play")}
+    of_simulated = tuple(outcome(f"s{k}", "normal", origin="simulated") for k in range(20))
+    words = hour(simulated, of_simulated).steps[3].result
+    assert "Of simulated gearboxes of this axis it names 20 of 20 rightly." in words
+    assert "on your gearbox is not known" in words
+    assert not hour(simulated, of_simulated).steps[3].done
+    kept = {**simulated, "normal": LabelCases(measured=5, gearboxes=frozenset({"g1"}), simulated=20)}
+    answered = tuple(outcome(f"m{k}", "normal", "ambiguous" if k == 4 else "diagnosed") for k in range(5))
+    whole = hour(kept, answered + of_simulated, gearboxes=1)
+    assert "it names 4 of 5 of your recordings rightly" in whole.steps[3].result
+    assert "known from simulation alone" in whole.steps[3].result
+    told = [one.do for one in whole.advice]
+    assert not any("normal recording" in one for one in told), "five are enough"
+    assert any("second gearbox" in one for one in told)
+    assert any("before the repair" in one for one in told)
+
+
+def test_five_right_answers_are_the_fewest_that_are_no_chance() -> None:
+    assert 0.5**ENOUGH < 0.05 <= 0.5 ** (ENOUGH - 1)
+
+
+def test_what_is_named_wrongly_is_shown() -> None:
+    kept = {"normal": LabelCases(measured=5, gearboxes=frozenset({"g1", "g2"}))}
+    answered = (outcome("m0", "play"), *(outcome(f"m{k}", "normal") for k in range(1, 5)))
+    (wrong,) = (one for one in hour(kept, answered, 2).advice if one.path.startswith("/cases"))
+    assert wrong.path == "/cases/m0"
+    assert "1 case of normal" in wrong.do
+
+
+def test_a_description_that_cannot_be_simulated_is_to_be_completed() -> None:
+    kept = {"normal": LabelCases(measured=1, gearboxes=frozenset({"g1"}))}
+    rigid = hour(kept, stiffness=None)
+    assert not rigid.steps[2].done
+    assert rigid.next is not None
+    assert "Complete the description" in rigid.next.do
+    assert "stiffness" in rigid.next.why
+    assert hour(kept).next != rigid.next
