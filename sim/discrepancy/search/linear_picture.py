@@ -1,9 +1,9 @@
 """Evidence of any set of terms, by one Gram matrix of a model's sensitivities and of what each term would change.
 
-Every term is in the model as far as a new axis has it: with a normal distribution about none, of which the size that no
-new axis exceeds is four standard deviations. One that is chosen may be twelve times as large. This is variable selection
-by a spike and a slab (George and McCulloch, J. Am. Statist. Assoc. 88 (1993) 881); integrated in closed form, since the
-picture is linear. What nobody has chosen so is a covariance of the model's own error, and no name comes in for it.
+Every term is in the model as far as a new axis has it: with a normal distribution about none, of which the size that
+no new axis exceeds is four standard deviations. One that is chosen may be twelve times as large. This is variable
+selection by a spike and a slab (George and McCulloch, J. Am. Statist. Assoc. 88 (1993) 881), integrated in closed form
+as the picture is linear. What is not chosen is a covariance of the model's own error, and no name comes in for it.
 """
 
 from __future__ import annotations
