@@ -171,7 +171,9 @@ def evaluate(
         raise InvalidRequestError(f"origin must be measured, simulated or both, got {origin!r}")
     folds = fold_numbers(table)
     if len(table) > MOST_KNOWN:
-        rows = np.union1d(_known(table), np.flatnonzero(_tested(table, group, axis)))
+        rows = _known(table)
+        if axis is not None:
+            rows = np.union1d(rows, np.flatnonzero(_tested(table, group, axis)))
         table, folds = table.take(rows), folds[rows]
     usable = np.ones(len(table), bool) if origin == "both" else table.origins == origin
     names, tested = _names(table, group), _tested(table, group, axis)

@@ -171,6 +171,7 @@ def test_uploads_are_where_the_contract_has_them() -> None:
         "/investigations/new",
         "/investigations/columns",
         "/investigations/preview",
+        f"/axes/{'0' * 32}/first-hour/recordings",
     }
 
 

@@ -17,6 +17,7 @@ from app.keys import Role, create_key
 from app.metadata import RecordingMetadata
 from app.service import Service
 from casebase.alarms import outbox
+from casebase.diagnoses import revise_diagnosis
 from casebase.models import (
     AlarmReceiver,
     AlarmRule,
@@ -33,6 +34,7 @@ from casebase.models import (
     StoredRecording,
     new_id,
 )
+from casebase.steps import standing
 from tests.app.sounds import sound
 
 AXIS: dict[str, Any] = {
@@ -55,12 +57,14 @@ COUNTED = (
 
 @dataclass(frozen=True)
 class Known:
-    """What a database holds: the key of an admin, a diagnosis, an investigation that found, and who is told."""
+    """What a database holds: the key of an admin, a diagnosis, an investigation that found, who is told, and the number
+    of a step that stands: a verdict on another diagnosis."""
 
     key: str
     diagnosis: str
     investigation: str
     receiver: str
+    step: int
 
 
 Options = dict[str, Any]
@@ -120,6 +124,7 @@ ORDERS: Mapping[str, Order] = {
         f"{API}/investigations/{known.investigation}/accept",
         {},
     ),
+    "/steps/{number}/undo": lambda known: (f"{API}/steps/{known.step}/undo", {}),
 }
 PAGES: Mapping[str, Order] = {
     "page /investigations/new": lambda _: (
@@ -150,7 +155,11 @@ def fill(service: Service) -> Known:
         )  # fmt: skip
         session.add(found)
         receiver = outbox.add_receiver(session, "maintenance", "mqtt", TOPIC).id
-    return Known(key, diagnosis.id, found.id, receiver)
+        session.flush()
+        rejected = revise_diagnosis(session, intake.diagnose(library, session).id, "rejected")
+        (step,) = standing(session, ("diagnosis", rejected.id))
+        number = step.id
+    return Known(key, diagnosis.id, found.id, receiver, number)
 
 
 def counts(session: Session) -> dict[str, int]:

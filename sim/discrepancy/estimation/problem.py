@@ -112,7 +112,7 @@ class Problem:
 
     def base(self) -> tuple[Parameter, ...]:
         m = self.measurement
-        parameters = base_parameters(self.axis, self.guided, m.torque_rms, m.rests)
+        parameters = base_parameters(self.axis, self.guided, m.torque_rms, m.rests, of_joint=m.doubts.size > 0)
         known = (p.unknown() if p.name in self.unknown else p for p in parameters)
         return tuple(p.doubted(self.doubts[p.name]) if p.name in self.doubts else p for p in known)
 

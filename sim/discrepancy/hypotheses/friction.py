@@ -30,7 +30,8 @@ def friction_terms(axis: Axis, level: float, top: float, m: Measurement) -> list
     scale = axis.ratio if at_load else 1.0
     motor, load = axis.motor, axis.load
     if not (motor.coulomb_friction_n_m or load.coulomb_friction_n_m):
-        out.append(_both(CoulombFriction, "coulomb_n_m", 0.05 * level, scale, n, turning_over(axis)))
+        brings = turning_over(of_joint=not n and m.doubts.size > 0)
+        out.append(_both(CoulombFriction, "coulomb_n_m", 0.05 * level, scale, n, brings))
     if not (motor.viscous_friction_n_m_s_per_rad or load.viscous_friction_n_m_s_per_rad):
         step = 0.05 * level / top
         out.append(_both(ViscousFriction, "viscous_n_m_s", step, scale * scale, n))

@@ -57,19 +57,19 @@ def _log(name: str, value: float, spread: float) -> Parameter:
     return Parameter(name, value, 0.1, spread, low, high, owner=Owner.RECORDING)
 
 
-def turning_over(axis: Axis) -> tuple[Parameter, ...]:
+def turning_over(*, of_joint: bool) -> tuple[Parameter, ...]:
     """Speed over which dry friction turns its sign while it slides, as a logarithm over a thousandth of the largest.
 
     Grease and seals give way before they slide, and real friction turns over a few percent of the speed: 3.6 to 10 % in
     six real drives, all of which are likelier so than with a jump. It begins there, since a jump has no slope that
     would lead away from it.
 
-    Of an axis that is one body also the way by which they give way (Dahl 1968): after a reversal friction builds up
-    over that way, before it there is all of it, and of the two a law of the speed alone makes neither. The body may be
-    that of a motor or of what its gears move, and nobody says which.
+    `of_joint`: of a robot, as one body, also the way by which they give way (Dahl 1968): after a reversal friction
+    builds up over that way, before it there is all of it, and of the two a law of the speed alone makes neither. The
+    body may be that of a motor or of what its gears move, and nobody says which.
     """
     speed = Parameter(MOTOR_RELEASE, WIDE, 0.1, WIDE / 2.0, 0.0, MOST_WIDE, owner=Owner.RECORDING)
-    way = () if has_links(axis) else (_log(MOTOR_STRETCH, math.log(MOTOR_STRETCH_RAD), BODY_STRETCH_SPREAD),)
+    way = () if not of_joint else (_log(MOTOR_STRETCH, math.log(MOTOR_STRETCH_RAD), BODY_STRETCH_SPREAD),)
     return (speed, *way)
 
 
@@ -81,15 +81,17 @@ def _at_rest(where: str, stretch_rad: float) -> list[Parameter]:
     ]
 
 
-def base_parameters(axis: Axis, load_encoder: bool, level_n_m: float, rests: bool = False) -> tuple[Parameter, ...]:
+def base_parameters(
+    axis: Axis, load_encoder: bool, level_n_m: float, rests: bool = False, *, of_joint: bool = False
+) -> tuple[Parameter, ...]:
     """What a description already has, with the spread of a data sheet, and what belongs to every measurement.
 
-    `rests`: rows at rest count, where the load is not seen also at the load.
+    `rests`: rows at rest count, where the load is not seen also at the load. `of_joint`: of a robot.
     """
     out = [_stated("motor.inertia_kg_m2", "kg m2", axis.motor.inertia_kg_m2)]
     if axis.motor.coulomb_friction_n_m:
         out.append(_stated("motor.coulomb_friction_n_m", "N m", axis.motor.coulomb_friction_n_m))
-        out += [] if rests else turning_over(axis)
+        out += [] if rests else turning_over(of_joint=of_joint and not has_links(axis))
     if axis.motor.viscous_friction_n_m_s_per_rad:
         viscous = axis.motor.viscous_friction_n_m_s_per_rad
         out.append(_stated("motor.viscous_friction_n_m_s_per_rad", "N m s/rad", viscous))

@@ -48,7 +48,7 @@ def test_from_a_receiver_to_a_message(service: Inside) -> None:
         least_size_mrad="1,5",
         receivers=receiver.id,
     )
-    assert "at least 90" in page
+    assert "sure to 90 % at least" in page.replace("\u00a0", " ")
     page = send(service, f"receivers/{receiver.id}/test")
     assert "This is a test of Gearcase" in page
     with service.service.library.reading() as session:
