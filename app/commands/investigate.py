@@ -97,6 +97,8 @@ def run(
 ) -> None:
     """Find what the simulation of an axis gets wrong and why, and how much an extended model improves it."""
     frame = frame_of(context)
+    if criterion is not Criterion.THRESHOLDS and (robot is not None or len(telemetry or ()) != 1):
+        raise typer.BadParameter("--criterion is of one axis with one --telemetry; leave it out for anything else")
     if (axis is None) == (robot is None):
         raise typer.BadParameter("give --axis AXIS.toml for one axis, or --robot ROBOT.toml for a whole robot")
     if axis is None:

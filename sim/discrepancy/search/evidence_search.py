@@ -10,14 +10,12 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-import numpy as np
-
 from sim.discrepancy.data.controller_law import DriveLaw
-from sim.discrepancy.data.preprocessing import MOTION_CUT_HZ, STANDSTILL_SHARE, gaussian_kernel
+from sim.discrepancy.data.preprocessing import STANDSTILL_SHARE
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
-from sim.discrepancy.estimation.refit import BENT, look_closely, multistart, rewhiten
-from sim.discrepancy.estimation.whitening import LONG, Noise
+from sim.discrepancy.estimation.refit import BENT, look_closely, multistart, noise_in_band, rewhiten
+from sim.discrepancy.estimation.whitening import LONG
 from sim.discrepancy.hypotheses.hypothesis import Key, Term
 from sim.discrepancy.model.parameters import Values
 from sim.discrepancy.parallel import each
@@ -54,7 +52,7 @@ class State:
 
 
 def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None = None) -> Selection:
-    """The model of most evidence, begun with short noise, ended with slow noise and the rows at rest."""
+    """The model of most evidence, begun with short noise, ended with slow noise and the rows at rest; asks no `law`."""
     state = State(*with_friction(problem, base))
     for _ in range(ROUNDS):
         progress("candidates in the band of the motion", 0.2)
@@ -81,10 +79,8 @@ def advance(state: State, *, in_band: bool = False) -> bool:
     """
     problem, fit = in_the_band(state.problem, state.fit) if in_band else (state.problem, state.fit)
     picture = LinearPicture.of(problem, fit, candidates_of(problem, fit, None, dented=True))
-    jobs = moves(problem, picture)
-
     tried = []
-    for terms, values in jobs:
+    for terms, values in moves(picture):
         held = {} if any(t.contact for t in terms) else fit.sensitivities
         rough = problem.best(terms, [(values, held)], to_end=False)
         tried += [rough] if rough else []
@@ -116,17 +112,7 @@ def _as_it_was(state: State, in_band: bool) -> tuple[object, ...]:
 
 def in_the_band(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Under noise that is as loud as what a fit leaves in the band of the motion, and white in it."""
-    m = problem.measurement
-    taps = []
-    for left, rate_hz in zip(
-        problem.raw_residuals(fit.terms, fit.values), (m.rate_hz, m.rate_hz / m.load_stride), strict=True
-    ):
-        cut_hz = min(MOTION_CUT_HZ, 0.1 * rate_hz)
-        kernel = gaussian_kernel(cut_hz, rate_hz, 0)
-        level = float(np.std(np.convolve(left, kernel, "same"))) if left.size else 0.0
-        alike = math.sqrt(0.5 * rate_hz / cut_hz)  # rows that the kernel makes one
-        taps.append(kernel / (level * alike) if level else np.ones(1))
-    plain = problem.with_noise(Noise(taps[0], taps[1]))
+    plain = problem.with_noise(noise_in_band(problem, fit, independent=True))
     return plain, plain.fit(fit.terms, fit.values, to_end=True)
 
 
@@ -138,7 +124,7 @@ def alike(fit: Fit, more: Fit) -> bool:
     return len(sizes) == len(named) and all(abs(b - a) <= ALIKE * a for a, b in sizes)
 
 
-def moves(problem: Problem, picture: LinearPicture) -> list[Move]:
+def moves(picture: LinearPicture) -> list[Move]:
     """Models to fit, each with its numbers to begin with."""
     fit = picture.fit
     chosen, ranked = best_set(picture)
@@ -161,7 +147,7 @@ def moves(problem: Problem, picture: LinearPicture) -> list[Move]:
     least = NONLINEAR if chosen else 0.5 * NONLINEAR
     bent = [s for odds, s in ranked if s.term.nonlinear and odds > least and s not in chosen]
     out += [((*fit.terms, s.term), picture.values(s, picture.posterior([s]))) for s in bent[:FITTED]]
-    out += [((*fit.terms, t), {**fit.values, **v}) for t, v in loosening(problem, picture, chosen)]
+    out += [((*fit.terms, t), {**fit.values, **v}) for t, v in loosening(picture)]
     return out
 
 
@@ -181,7 +167,7 @@ def best_set(picture: LinearPicture) -> tuple[list[Start], list[Ranked]]:
 def ranking(picture: LinearPicture, chosen: Sequence[Start], *, curves: bool = False) -> list[Ranked]:
     """Log odds of each start in contact on top of what is chosen, best first; two starts of a term at most. `curves`:
     those of torque without a name and no others."""
-    before = picture.posterior(chosen).log_evidence
+    before = picture.posterior(chosen)
     present = {s.term.key for s in chosen}
     promising = []
     for start in picture.starts:
@@ -189,7 +175,7 @@ def ranking(picture: LinearPicture, chosen: Sequence[Start], *, curves: bool = F
             start = picture.as_large(start, chosen)
             with_it = picture.posterior([*chosen, start])
             if picture.is_possible(start, with_it):
-                promising.append((with_it.log_evidence - before + prior(start.term), start, with_it))
+                promising.append((with_it.log_evidence - before.log_evidence + prior(start.term), start, with_it))
     promising.sort(key=lambda p: -p[0])
     looked_at: dict[Key, int] = {}
     out: list[Ranked] = []
@@ -197,7 +183,7 @@ def ranking(picture: LinearPicture, chosen: Sequence[Start], *, curves: bool = F
         looked_at[start.term.key] = looked_at.get(start.term.key, 0) + 1
         if looked_at[start.term.key] <= 2 and len(out) < LOOKED_AT:
             excess = picture.overdispersion(start, [*chosen, start], with_it)
-            out.append((odds - (1.0 - 1.0 / excess) * max(with_it.drop - picture.posterior(chosen).drop, 0.0), start))
+            out.append((odds - (1.0 - 1.0 / excess) * max(with_it.drop - before.drop, 0.0), start))
     return sorted(out, key=lambda r: -r[0])
 
 
@@ -241,7 +227,7 @@ def instead_of(picture: LinearPicture, term: Term) -> list[Ranked]:
     return sorted(best.values(), key=lambda r: r[0])
 
 
-def loosening(problem: Problem, picture: LinearPicture, chosen: Sequence[Start]) -> list[tuple[Term, Values]]:
+def loosening(picture: LinearPicture) -> list[tuple[Term, Values]]:
     """Terms by which teeth leave each other, of which no linear picture shows much.
 
     The best of each in the picture; where nothing is in yet and the description is bent for it, also with all else as
@@ -256,9 +242,9 @@ def loosening(problem: Problem, picture: LinearPicture, chosen: Sequence[Start])
                 best[start.term.key] = (odds, start)
     ranked = sorted(best.values(), key=lambda r: -r[0])[:FITTED]
     out: list[tuple[Term, Values]] = [(start.term, start.jumps[0]) for _, start in ranked]
-    if not picture.fit.terms and (picture.fit.prior_penalty > BENT):
+    if not picture.fit.terms and picture.fit.prior_penalty > BENT:
         gaps = {s.term.key: s.term for s in picture.starts if s.term.traits.gap}
-        out += [job for term in gaps.values() for job in as_described(problem, term)]
+        out += [job for term in gaps.values() for job in as_described(picture.problem, term)]
     return out
 
 

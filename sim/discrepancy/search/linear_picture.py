@@ -24,8 +24,7 @@ from sim.discrepancy.hypotheses.nonparametric import CURVES
 from sim.discrepancy.hypotheses.traits import AS_NEW as AS_NEW_CURVE
 from sim.discrepancy.model.parameters import Values
 from sim.discrepancy.parallel import each
-from sim.discrepancy.search.effect_size import magnitude
-from sim.discrepancy.search.model_evidence import AS_NEW, FAULT, excess_of, told_by
+from sim.discrepancy.search.model_evidence import AS_NEW, FAULT, excess_of, share_as_new, told_by
 from sim.discrepancy.search.score_test import start_of
 from sim.torsional.model import ChainError
 
@@ -220,8 +219,7 @@ def _as_new(term: Term, jump: Jump, values: Values, friction: float) -> float:
     """Share of a jump that is a standard deviation of what a new axis has; 0 where that is not known."""
     if is_curve(term):
         return AS_NEW * FORM * friction / abs(next(iter(jump.values())))
-    size = magnitude(term, {**{p.name: p.start for p in (*term.brings, *term.parameters)}, **values, **jump})
-    return AS_NEW * term.size / size if size > 0.0 and math.isfinite(size) else 0.0
+    return share_as_new(term, {**{p.name: p.start for p in (*term.brings, *term.parameters)}, **values, **jump})
 
 
 def is_curve(term: Term) -> bool:

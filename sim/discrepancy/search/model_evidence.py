@@ -66,9 +66,8 @@ def clusters(m: Measurement, rows: int, torque_rows: int) -> list[csr_array]:
     """Sums over the rows of one time, one angle of the load, one speed; each of shape (clusters, rows)."""
     out = []
     for state in (m.time_s, m.angle, m.speed):
-        edges = np.linspace(state.min(), state.max(), CLUSTERS + 1)[
-            1:-1
-        ]  # as wide as each other, not as noise sorts them
+        # alike wide, and not of as many rows each: noise would sort them
+        edges = np.linspace(state.min(), state.max(), CLUSTERS + 1)[1:-1]
         labels = [np.searchsorted(edges, part) for part in (state, state[:: m.load_stride])]
         label = np.concatenate([labels[0], labels[1][: rows - torque_rows]])
         out.append(csr_array((np.ones(rows), (label, np.arange(rows))), shape=(CLUSTERS, rows)))
@@ -116,10 +115,16 @@ def sizes_as_new(term: Term, values: Values) -> Mapping[str, float]:
     out: dict[str, float] = {}
     for jump in (jump for jumps in term.probes for jump in jumps):
         name, value = next(iter(jump.items()))
-        size = magnitude(term, {**start, **jump})
-        if 0.0 < size < math.inf and term.size > 0.0:
-            out[name] = AS_NEW * abs(value - begun[name]) * term.size / size
+        share = share_as_new(term, {**start, **jump})
+        if share > 0.0:
+            out[name] = abs(value - begun[name]) * share
     return out
+
+
+def share_as_new(term: Term, values: Values) -> float:
+    """Standard deviation of a size as new over that at `values`, 0 where either is not known."""
+    size = magnitude(term, values)
+    return AS_NEW * term.size / size if 0.0 < size < math.inf else 0.0
 
 
 def wald(fit: Fit, term: Term) -> float:
