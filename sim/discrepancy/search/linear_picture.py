@@ -24,7 +24,7 @@ from sim.discrepancy.hypotheses.nonparametric import CURVES
 from sim.discrepancy.hypotheses.traits import AS_NEW as AS_NEW_CURVE
 from sim.discrepancy.model.parameters import Values
 from sim.discrepancy.parallel import each
-from sim.discrepancy.search.model_evidence import AS_NEW, FAULT, excess_of, share_as_new, told_by
+from sim.discrepancy.search.model_evidence import AS_NEW, FAULT, directions, excess_of, share_as_new, told_by
 from sim.discrepancy.search.score_test import start_of
 from sim.torsional.model import ChainError
 
@@ -200,6 +200,7 @@ def _columns(problem: Problem, fit: Fit, terms: Sequence[Term], first: int) -> t
         block = np.stack(made, axis=1)
         return block if np.isfinite(block).all() and block.any(axis=0).all() else None
 
+    described = {p.name for p in problem.base() if math.isfinite(p.spread)}
     columns: list[Array] = []
     starts: list[Start] = []
     for (term, jumps), block in zip(jobs, each(changed, jobs), strict=True):
@@ -208,8 +209,10 @@ def _columns(problem: Problem, fit: Fit, terms: Sequence[Term], first: int) -> t
             new = np.array([_as_new(term, jump, fit.values, curve) for jump in jumps])
             alone = np.array([_alone(term, jump, column) for jump, column in zip(jumps, block.T, strict=True)])
             fault = np.where(new > 0.0, FAULT * new, alone)
+            if described.intersection(term.replaces):
+                new = 0.0 * new  # the description's own numbers are as new as they are
             at = tuple(range(first, first + len(jumps)))
-            starts.append(Start(term, jumps, at, new / math.sqrt(len(term.probes)), fault, alone))
+            starts.append(Start(term, jumps, at, new / math.sqrt(directions(term)), fault, alone))
             columns.append(block)
             first += len(jumps)
     return np.hstack([np.zeros((fit.residual.size, 0)), *columns]), starts

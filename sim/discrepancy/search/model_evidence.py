@@ -37,7 +37,12 @@ def prior(term: Term) -> float:
     axis has is as likely as not."""
     if term.traits.in_every_axis:
         return 0.0
-    return -math.log(NAMES * max(term.among, 1) * max(len(term.probes), 1))
+    return -math.log(NAMES * max(term.among, 1) * directions(term))
+
+
+def directions(term: Term) -> int:
+    """Starts of a term that are not the same one forwards and backwards."""
+    return len({frozenset((name, abs(x)) for jump in jumps for name, x in jump.items()) for jumps in term.probes}) or 1
 
 
 def overdispersion(m: Measurement, fit: Fit, term: Term) -> float:
