@@ -54,6 +54,7 @@ class State:
 def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None = None) -> Selection:
     """The model of most evidence, begun with short noise, ended with slow noise and the rows at rest; asks no `law`."""
     state = State(*with_friction(problem, base))
+    prune(state)
     for _ in range(ROUNDS):
         progress("candidates in the band of the motion", 0.2)
         if not advance(state, in_band=True):
@@ -260,7 +261,7 @@ def elsewhere(state: State) -> None:
 
 
 def prune(state: State, *, every: bool = False) -> None:
-    """Take away what the score does not want, the worst first; what every axis has only with `every`."""
+    """Take away what the score does not want, the worst first; what every axis has only with `every`, or at none."""
     while state.fit.terms:
         problem, fit = state.problem, state.fit
 
@@ -279,7 +280,7 @@ def prune(state: State, *, every: bool = False) -> None:
             t.key: log_odds(problem, t, gains[t.key], fit) if beyond(t, fit) > -math.inf else -math.inf
             for t in fit.terms
         }
-        asked = [t for t in fit.terms if every or not t.traits.in_every_axis]
+        asked = [t for t in fit.terms if every or not t.traits.in_every_axis or odds[t.key] == -math.inf]
         worst = min(asked, key=lambda t: odds[t.key], default=None)
         if worst is None or odds[worst.key] > 0.0:
             state.gains, state.odds = gains, odds
