@@ -312,7 +312,7 @@ def tooth_damage(
         Parameter(width, 0.7 * pitch, 0.01 * pitch, 0.17 * pitch, 0.23 * pitch, 1.75 * pitch, unit="rad"),
         Parameter(form, 4.0, 0.1, 4.0, 1.2, 40.0),
     )
-    probes = tuple(({angle: a, depth: d},) for a, d in starts)
+    probes = tuple(({depth: d, angle: a},) for a, d in starts)
     return Term(
         ToothDamage.name,
         name,

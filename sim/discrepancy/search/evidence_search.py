@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from sim.discrepancy.data.controller_law import DriveLaw
 from sim.discrepancy.data.preprocessing import STANDSTILL_SHARE
@@ -17,6 +17,7 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import BENT, look_closely, multistart, noise_in_band, rewhiten
 from sim.discrepancy.estimation.whitening import LONG
 from sim.discrepancy.hypotheses.hypothesis import Key, Term
+from sim.discrepancy.hypotheses.traits import AS_NEW
 from sim.discrepancy.model.parameters import Values
 from sim.discrepancy.parallel import each
 from sim.discrepancy.search.comparison import Model, ModelComparison, in_place, own_of
@@ -25,7 +26,7 @@ from sim.discrepancy.search.linear_picture import LinearPicture, Start, is_curve
 from sim.discrepancy.search.model_evidence import log_odds, occam, overdispersion, prior, wald
 from sim.discrepancy.search.proposals import Rival, as_described, candidates_of, settled
 from sim.discrepancy.search.proposals import elsewhere as in_other_meshes
-from sim.discrepancy.search.search import Selection, is_said
+from sim.discrepancy.search.search import Selection
 
 Progress = Callable[[str, float], None]
 ROUNDS, MOST_TERMS = 8, 8
@@ -79,7 +80,7 @@ def advance(state: State, *, in_band: bool = False) -> bool:
     `in_band`: of every frequency of the motion alike. Noise that is taken without a large cause holds it.
     """
     problem, fit = in_the_band(state.problem, state.fit) if in_band else (state.problem, state.fit)
-    picture = LinearPicture.of(problem, fit, candidates_of(problem, fit, None, dented=True))
+    picture = LinearPicture.of(problem, fit, candidates(problem, fit, dented=True))
     tried = []
     for terms, values in moves(picture):
         held = {} if any(t.contact for t in terms) else fit.sensitivities
@@ -109,6 +110,15 @@ def advance(state: State, *, in_band: bool = False) -> bool:
 def _as_it_was(state: State, in_band: bool) -> tuple[object, ...]:
     """What a search that goes round in a circle comes back to."""
     return in_band, state.problem.memory, frozenset(t.key for t in state.fit.terms)
+
+
+def candidates(problem: Problem, fit: Fit, *, dented: bool) -> list[Term]:
+    """Terms that may come in; a line without a name was picked by the data among all that the record tells apart."""
+    among = problem.measurement.samples // 2
+    return [
+        t if t.named or t.frequency_hz is None else replace(t, among=among)
+        for t in candidates_of(problem, fit, None, dented=dented)
+    ]
 
 
 def in_the_band(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
@@ -190,7 +200,7 @@ def ranking(picture: LinearPicture, chosen: Sequence[Start], *, curves: bool = F
 
 def with_friction(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """With what every axis has and this description leaves out, friction above all, whatever else there may be."""
-    terms = tuple(t for t in candidates_of(problem, fit, None, dented=False) if t.traits.in_every_axis)
+    terms = tuple(t for t in candidates(problem, fit, dented=False) if t.traits.in_every_axis)
     if not terms:
         return problem, fit
     return multistart(*rewhiten(problem, problem.fit(terms, fit.values, to_end=True)))
@@ -302,9 +312,8 @@ def selection_of(state: State, base: Fit) -> Selection:
     The same mechanism at another place is no other name; what every axis has is in nobody's place.
     """
     problem, fit = state.problem, state.fit
-    found = tuple(t for t in fit.terms if t.named and is_said(t, fit))
-    candidates = candidates_of(problem, fit, None, dented=False) if found else []
-    picture = LinearPicture.of(problem, fit, candidates)
+    found = tuple(t for t in fit.terms if t.named and t.mechanism != AS_NEW and beyond(t, fit) > 0.0)
+    picture = LinearPicture.of(problem, fit, candidates(problem, fit, dented=False) if found else [])
     standings = {}
     probabilities = {}
     for term in found:

@@ -29,7 +29,7 @@ NAMES = 40.0  # mechanisms and places among which one is looked for
 def log_odds(problem: Problem, term: Term, gain: float, more: Fit) -> float:
     """Of the model `more` with a term to one without it, or with it as new, that costs `gain` squares more."""
     excess = overdispersion(problem.measurement, more, term)
-    return 0.5 * gain / excess - occam(problem, term, more, excess) - as_new(problem, term, more, excess) + prior(term)
+    return 0.5 * gain / excess - occam(problem, term, more, excess) - as_new(problem, term, more, gain, excess) + prior(term)
 
 
 def prior(term: Term) -> float:
@@ -99,8 +99,12 @@ def occam(problem: Problem, term: Term, fit: Fit, excess: float = 1.0) -> float:
     return paid
 
 
-def as_new(problem: Problem, term: Term, fit: Fit, excess: float) -> float:
-    """Log odds of a size as new to none at all, at least 0; the description's own numbers are as new as they are."""
+def as_new(problem: Problem, term: Term, fit: Fit, gain: float, excess: float) -> float:
+    """Log odds of a size as new to none at all, at least 0; the description's own numbers are as new as they are.
+
+    By the curvature; where teeth leave each other, which has none to rely on, by that of a parabola that gains `gain`
+    squares between none and what was found.
+    """
     sizes = sizes_as_new(term, fit.values)
     sized = [k for k in _own(fit, term) if fit.parameters[k].name in sizes]
     taken = {p.name for p in problem.base()} & set(term.replaces)
@@ -108,19 +112,20 @@ def as_new(problem: Problem, term: Term, fit: Fit, excess: float) -> float:
         return 0.0
     numbers = [fit.parameters[k] for k in sized]
     at = np.array([fit.values[p.name] - p.start for p in numbers])
-    covariance = _covariance(fit, sized, excess)
+    covariance = np.outer(at, at) * excess / max(gain, 1.0) if term.contact else _covariance(fit, sized, excess)
     new = np.diag([sizes[p.name] ** 2 for p in numbers])
     return max(0.0, _log_normal(at, covariance + new) - _log_normal(at, covariance))
 
 
 def sizes_as_new(term: Term, values: Values) -> Mapping[str, float]:
-    """Standard deviation of each number that says how much, in an axis as new; none of what has no size as new."""
-    start = {**values, **{p.name: p.start for p in (*term.brings, *term.parameters)}}
+    """Standard deviation of each number that says how much, in an axis as new and of the shape as found; none of what
+    has no size as new."""
     begun = {p.name: p.start for p in (*term.brings, *term.parameters)}
+    shape = {name: values[name] for name in term.shape if name in values}
     out: dict[str, float] = {}
     for jump in (jump for jumps in term.probes for jump in jumps):
         name, value = next(iter(jump.items()))
-        share = share_as_new(term, {**start, **jump})
+        share = share_as_new(term, {**values, **begun, **jump, **shape})
         if share > 0.0:
             out[name] = abs(value - begun[name]) * share
     return out
