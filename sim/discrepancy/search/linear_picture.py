@@ -39,7 +39,9 @@ class Start:
     """A term from one of its starts: its columns in the picture, each per one jump.
 
     `as_new`, shape (jumps,): share of each jump that a new axis has, a standard deviation, 0 where none is known;
-    `fault`: the same of an axis that has the mechanism; `alone`: as wide as one row tells.
+    `fault`: the same of an axis that has the mechanism; `alone`: as wide as one row tells. `begun`: share that is there
+    already, as a number of the description; `instead`: columns of those numbers, whose place it takes, and `relief`:
+    half of the squares by which the fit bends them.
     """
 
     term: Term
@@ -48,6 +50,9 @@ class Start:
     as_new: Array
     fault: Array
     alone: Array
+    begun: Array
+    instead: tuple[int, ...] = ()
+    relief: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -110,6 +115,11 @@ class LinearPicture:
                 slope = slope - self.gram[:, column]
                 continue
             precision[columns], present[columns] = start.fault**-2, True
+            if start.instead or start.relief:
+                present[list(start.instead)] = False
+                pull = np.zeros(slope.size)
+                pull[columns] = start.begun / start.fault**2
+                slope, jumped = slope - pull, jumped + start.relief - 0.5 * float(start.begun @ pull[columns])
         used = np.flatnonzero(present)
         length = np.sqrt(np.maximum(np.diag(self.gram)[used] + precision[used], 1e-300))
         curvature = (self.gram[np.ix_(used, used)] + np.diag(precision[used])) / np.outer(length, length)
@@ -130,7 +140,7 @@ class LinearPicture:
         if start.term.contact:
             return start
         loose = self.posterior([*chosen, replace(start, fault=start.alone)])
-        return replace(start, fault=np.maximum(start.fault, np.abs(loose.shares[list(start.at)])))
+        return replace(start, fault=np.maximum(start.fault, np.abs(start.begun + loose.shares[list(start.at)])))
 
     def overdispersion(self, start: Start, chosen: Sequence[Start], posterior: Posterior) -> float:
         """As `model_evidence.overdispersion`, of the score of a start in the model with all that is `chosen`."""
@@ -200,7 +210,8 @@ def _columns(problem: Problem, fit: Fit, terms: Sequence[Term], first: int) -> t
         block = np.stack(made, axis=1)
         return block if np.isfinite(block).all() and block.any(axis=0).all() else None
 
-    described = {p.name for p in problem.base() if math.isfinite(p.spread)}
+    described = {p.name: p.deviation(fit.values) ** 2 for p in fit.parameters if math.isfinite(p.spread)}
+    free = [p.name for p, limit in zip(fit.parameters, fit.at_limit, strict=True) if not limit]
     columns: list[Array] = []
     starts: list[Start] = []
     for (term, jumps), block in zip(jobs, each(changed, jobs), strict=True):
@@ -209,10 +220,14 @@ def _columns(problem: Problem, fit: Fit, terms: Sequence[Term], first: int) -> t
             new = np.array([_as_new(term, jump, fit.values, curve) for jump in jumps])
             alone = np.array([_alone(term, jump, column) for jump, column in zip(jumps, block.T, strict=True)])
             fault = np.where(new > 0.0, FAULT * new, alone)
-            if described.intersection(term.replaces):
+            taken = [name for name in described if name in term.replaces]
+            if taken:
                 new = 0.0 * new  # the description's own numbers are as new as they are
+            begun = np.array([_begun(jump, fit.values, taken) for jump in jumps])
             at = tuple(range(first, first + len(jumps)))
-            starts.append(Start(term, jumps, at, new / math.sqrt(directions(term)), fault, alone))
+            instead = tuple(free.index(name) for name in taken if name in free)
+            relief = 0.5 * sum(described[name] for name in taken)
+            starts.append(Start(term, jumps, at, new / math.sqrt(directions(term)), fault, alone, begun, instead, relief))
             columns.append(block)
             first += len(jumps)
     return np.hstack([np.zeros((fit.residual.size, 0)), *columns]), starts
@@ -223,6 +238,12 @@ def _as_new(term: Term, jump: Jump, values: Values, friction: float) -> float:
     if is_curve(term):
         return AS_NEW * FORM * friction / abs(next(iter(jump.values())))
     return share_as_new(term, {**{p.name: p.start for p in (*term.brings, *term.parameters)}, **values, **jump})
+
+
+def _begun(jump: Jump, values: Values, taken: Sequence[str]) -> float:
+    """Share of a jump that is there already where it is of a number of the description."""
+    name, value = next(iter(jump.items()))
+    return values[name] / (value - values[name]) if name in taken else 0.0
 
 
 def is_curve(term: Term) -> bool:
