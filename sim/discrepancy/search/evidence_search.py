@@ -17,7 +17,7 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import BENT, look_closely, multistart, noise_in_band, rewhiten
 from sim.discrepancy.estimation.whitening import LONG
 from sim.discrepancy.hypotheses.hypothesis import Key, Term
-from sim.discrepancy.hypotheses.traits import AS_NEW
+from sim.discrepancy.hypotheses.traits import AS_NEW, FIXED
 from sim.discrepancy.model.parameters import Values
 from sim.discrepancy.parallel import each
 from sim.discrepancy.search.comparison import Model, ModelComparison, in_place, own_of
@@ -116,8 +116,7 @@ def candidates(problem: Problem, fit: Fit, *, dented: bool) -> list[Term]:
     """Terms that may come in; a line without a name was picked by the data among all that the record tells apart."""
     among = problem.measurement.samples // 2
     return [
-        t if t.named or t.frequency_hz is None else replace(t, among=among)
-        for t in candidates_of(problem, fit, None, dented=dented)
+        replace(t, among=among) if t.mechanism == FIXED else t for t in candidates_of(problem, fit, None, dented=dented)
     ]
 
 

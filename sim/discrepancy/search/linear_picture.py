@@ -227,7 +227,9 @@ def _columns(problem: Problem, fit: Fit, terms: Sequence[Term], first: int) -> t
             at = tuple(range(first, first + len(jumps)))
             instead = tuple(free.index(name) for name in taken if name in free)
             relief = 0.5 * sum(described[name] for name in taken)
-            starts.append(Start(term, jumps, at, new / math.sqrt(directions(term)), fault, alone, begun, instead, relief))
+            starts.append(
+                Start(term, jumps, at, new / math.sqrt(directions(term)), fault, alone, begun, instead, relief)
+            )
             columns.append(block)
             first += len(jumps)
     return np.hstack([np.zeros((fit.residual.size, 0)), *columns]), starts

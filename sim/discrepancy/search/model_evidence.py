@@ -29,7 +29,12 @@ NAMES = 40.0  # mechanisms and places among which one is looked for
 def log_odds(problem: Problem, term: Term, gain: float, more: Fit) -> float:
     """Of the model `more` with a term to one without it, or with it as new, that costs `gain` squares more."""
     excess = overdispersion(problem.measurement, more, term)
-    return 0.5 * gain / excess - occam(problem, term, more, excess) - as_new(problem, term, more, gain, excess) + prior(term)
+    return (
+        0.5 * gain / excess
+        - occam(problem, term, more, excess)
+        - as_new(problem, term, more, gain, excess)
+        + prior(term)
+    )
 
 
 def prior(term: Term) -> float:
@@ -84,14 +89,20 @@ def occam(problem: Problem, term: Term, fit: Fit, excess: float = 1.0) -> float:
     the data, less the same of those of the description whose place they take. A number of no known size is as wide as
     one row tells (Kass and Wasserman, J. Am. Statist. Assoc. 90 (1995) 928)."""
     sizes = sizes_as_new(term, fit.values)
-    own = [k for k in _own(fit, term) if math.isinf(fit.parameters[k].spread)]
-    sized = [k for k in own if fit.parameters[k].name in sizes]
-    paid = sum(0.5 * math.log(max(told_by(fit.jacobian[:, k]), 2.0)) for k in own if k not in sized)
-    if sized:
-        found = [abs(fit.values[fit.parameters[k].name] - fit.parameters[k].start) for k in sized]
-        wide = np.maximum(found, [FAULT * sizes[fit.parameters[k].name] for k in sized])
-        known = _inverse(_covariance(fit, sized, excess))
-        paid += 0.5 * _log_det(np.eye(len(sized)) + known * np.outer(wide, wide))
+    widths = {}
+    paid = 0.0
+    for k in _own(fit, term):
+        number = fit.parameters[k]
+        if math.isfinite(number.spread):
+            widths[k] = number.spread
+        elif number.name in sizes:
+            widths[k] = max(abs(fit.values[number.name] - number.start), FAULT * sizes[number.name])
+        else:
+            paid += 0.5 * math.log(max(told_by(fit.jacobian[:, k]), 2.0))
+    if widths:
+        wide = np.array(list(widths.values()))
+        known = _inverse(_covariance(fit, list(widths), excess))
+        paid += 0.5 * _log_det(np.eye(wide.size) + known * np.outer(wide, wide))
     taken = {p.name: p.spread for p in problem.base() if p.name in term.replaces and math.isfinite(p.spread)}
     for k, p in enumerate(fit.parameters):
         if p.name in taken:

@@ -21,7 +21,7 @@ def drawn(seed: int, spike: float, slab: float) -> tuple[LinearPicture, Array]:
     rng = np.random.default_rng(seed)
     columns, left = rng.standard_normal((ROWS, 4)), rng.standard_normal(ROWS)
     term = cast(Any, SimpleNamespace(contact=False, positive=False, parameters=(), brings=()))
-    start = Start(term, ({}, {}), (2, 3), np.full(2, spike), np.full(2, slab), np.full(2, 1.0))
+    start = Start(term, ({}, {}), (2, 3), np.full(2, spike), np.full(2, slab), np.full(2, 1.0), np.zeros(2))
     precision = np.array([4.0, 1e-6, *(2 * [spike**-2 if spike else 0.0])])
     present = np.array([True, True, spike > 0.0, spike > 0.0])
     fit = cast(Any, SimpleNamespace(residual=left))
@@ -43,6 +43,38 @@ def test_evidence_is_the_density_of_the_rows_under_spike_or_slab(seed: int, spik
     told = picture.posterior(picture.starts).log_evidence - picture.posterior().log_evidence
     new, fault = ([0.5, 1e3, deviation, deviation] for deviation in (spike, slab))
     assert told == pytest.approx(log_density(picture, left, fault) - log_density(picture, left, new), abs=1e-4)
+
+
+@pytest.mark.parametrize("is_limit", [False, True])
+def test_a_cause_in_the_place_of_a_number_of_the_description_is_that_number_with_another_width(is_limit: bool) -> None:
+    """A number of which the description knows a half, bent to 0.8, as wide as 3: though it may not be bent further."""
+    rng = np.random.default_rng(8)
+    own, other = rng.standard_normal((ROWS, 1)), rng.standard_normal((ROWS, 1))
+    left, at, known, wide, jump = rng.standard_normal(ROWS) - 0.3 * own[:, 0], 0.8, 0.5, 3.0, 2.0
+    columns = np.hstack([own, other, (jump - at) * own])
+    term = cast(Any, SimpleNamespace(contact=False, positive=False, parameters=(), brings=()))
+    per_jump = 1.0 / (jump - at)
+    begun = np.array([at * per_jump])
+    instead = () if is_limit else (0,)
+    start = Start(
+        term, ({},), (2,), np.zeros(1), np.array([wide * per_jump]), np.ones(1), begun, instead, 0.5 * (at / known) ** 2
+    )
+    slope = -columns.T @ left - np.array([at / known**2, 0.0, 0.0])
+    present = np.array([not is_limit, True, False])
+    precision = np.array([known**-2, 1.0, 0.0])
+    nothing, fit = cast(Any, None), cast(Any, SimpleNamespace(residual=left))
+    picture = LinearPicture(nothing, fit, columns, columns.T @ columns, slope, precision, present, (start,))
+
+    def density(deviation: float) -> float:
+        covariance = np.eye(ROWS) + deviation**2 * own @ own.T + other @ other.T
+        return float(multivariate_normal(np.zeros(ROWS), covariance).logpdf(left - at * own[:, 0]))
+
+    told = picture.posterior([start]).log_evidence - picture.posterior().log_evidence
+    if is_limit:
+        held = multivariate_normal(np.zeros(ROWS), np.eye(ROWS) + other @ other.T).logpdf(left)
+        assert told == pytest.approx(density(wide) - held + 0.5 * (at / known) ** 2, abs=1e-4)
+    else:
+        assert told == pytest.approx(density(wide) - density(known), abs=1e-4)
 
 
 def test_shares_are_those_of_ridge_regression() -> None:
