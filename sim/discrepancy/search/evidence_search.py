@@ -23,7 +23,15 @@ from sim.discrepancy.parallel import each
 from sim.discrepancy.search.comparison import Model, ModelComparison, in_place, own_of
 from sim.discrepancy.search.effect_size import beyond, magnitude
 from sim.discrepancy.search.linear_picture import LinearPicture, Start, is_curve
-from sim.discrepancy.search.model_evidence import log_odds, occam, overdispersion, prior, wald
+from sim.discrepancy.search.model_evidence import (
+    NAMES,
+    likelihood_in_band,
+    log_odds,
+    occam,
+    overdispersion,
+    prior,
+    wald,
+)
 from sim.discrepancy.search.proposals import Rival, as_described, candidates_of, settled
 from sim.discrepancy.search.proposals import elsewhere as in_other_meshes
 from sim.discrepancy.search.search import Selection
@@ -35,6 +43,7 @@ LOOKED_AT = 10  # starts whose overdispersion is looked at, the most promising f
 FITTED, RIVALS = 3, 3  # terms that no linear picture shows, fitted in one round; others in the place of a term
 ALIKE = 0.3  # of a size, by which it may change when a curve without a name comes in
 SURE = 100.0  # log odds by the curvature alone, beyond which no fit without a term is asked
+LIKELY = math.log(NAMES)  # nats by which a model that comes in may be less likely in the band of the motion
 NONLINEAR = -5.0  # log odds in the linear picture from which what is far from linear is fitted
 
 Ranked = tuple[float, Start]
@@ -62,7 +71,7 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
             break
     for step in range(ROUNDS):
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
-        if advance(state):
+        if advance(state) or revise(state):
             continue
         if state.problem.memory == LONG:
             break
@@ -94,10 +103,14 @@ def advance(state: State, *, in_band: bool = False) -> bool:
         return False
     more = State(*multistart(*rewhiten(problem, best)))
     prune(more)
+    gained = likelihood(more.problem, more.fit) - likelihood(state.problem, state.fit)
+    if gained < -LIKELY:
+        return False
     if any(is_curve(t) for t in best.terms) and not alike(fit, more.fit):
         return False
-    state.seen.add(_as_it_was(state, in_band))
-    if (become := _as_it_was(more, in_band)) in state.seen or len(more.fit.terms) > MOST_TERMS:
+    state.seen.add(_as_it_was(state, in_band=in_band))
+    become = _as_it_was(more, in_band=in_band)
+    if (become in state.seen and gained < LIKELY) or len(more.fit.terms) > MOST_TERMS:
         return False
     state.seen.add(become)
     m = more.problem.measurement
@@ -107,9 +120,34 @@ def advance(state: State, *, in_band: bool = False) -> bool:
     return True
 
 
-def _as_it_was(state: State, in_band: bool) -> tuple[object, ...]:
+def _as_it_was(state: State, *, in_band: bool) -> tuple[object, ...]:
     """What a search that goes round in a circle comes back to."""
     return in_band, state.problem.memory, frozenset(t.key for t in state.fit.terms)
+
+
+def revise(state: State) -> bool:
+    """Take away a term without which the model, under noise of its own, is likelier; whether there was one.
+
+    Noise that is taken from a model with a cause is quiet where that cause is, and nothing else is believed there.
+    """
+    best, least = None, likelihood(state.problem, state.fit) + LIKELY
+    for term in state.fit.terms:
+        if term.named and not term.traits.in_every_axis:
+            rest = tuple(t for t in state.fit.terms if t is not term)
+            less = rewhiten(*rewhiten(state.problem, state.problem.fit(rest, state.fit.values, to_end=True)))
+            if (likely := likelihood(*less)) > least:
+                best, least = less, likely
+    if best is None:
+        return False
+    state.seen.add(_as_it_was(state, in_band=False))
+    state.problem, state.fit = best
+    prune(state)
+    return True
+
+
+def likelihood(problem: Problem, fit: Fit) -> float:
+    """Log likelihood in the band of the motion, with what is known of the numbers."""
+    return likelihood_in_band(problem, fit) - 0.5 * fit.prior_penalty
 
 
 def candidates(problem: Problem, fit: Fit, *, dented: bool) -> list[Term]:
