@@ -25,7 +25,7 @@ from sim.discrepancy.search.effect_size import beyond, magnitude
 from sim.discrepancy.search.linear_picture import LinearPicture, Start, is_curve
 from sim.discrepancy.search.model_evidence import (
     NAMES,
-    likelihood_in_band,
+    likelier,
     log_odds,
     occam,
     overdispersion,
@@ -103,7 +103,7 @@ def advance(state: State, *, in_band: bool = False) -> bool:
         return False
     more = State(*multistart(*rewhiten(problem, best)))
     prune(more)
-    gained = likelihood(more.problem, more.fit) - likelihood(state.problem, state.fit)
+    gained = likelier((more.problem, more.fit), (state.problem, state.fit))
     if gained < -LIKELY:
         return False
     if any(is_curve(t) for t in best.terms) and not alike(fit, more.fit):
@@ -130,24 +130,19 @@ def revise(state: State) -> bool:
 
     Noise that is taken from a model with a cause is quiet where that cause is, and nothing else is believed there.
     """
-    best, least = None, likelihood(state.problem, state.fit) + LIKELY
+    best = (state.problem, state.fit)
     for term in state.fit.terms:
         if term.named and not term.traits.in_every_axis:
             rest = tuple(t for t in state.fit.terms if t is not term)
             less = rewhiten(*rewhiten(state.problem, state.problem.fit(rest, state.fit.values, to_end=True)))
-            if (likely := likelihood(*less)) > least:
-                best, least = less, likely
-    if best is None:
+            if likelier(less, best) > LIKELY:
+                best = less
+    if best[1] is state.fit:
         return False
     state.seen.add(_as_it_was(state, in_band=False))
     state.problem, state.fit = best
     prune(state)
     return True
-
-
-def likelihood(problem: Problem, fit: Fit) -> float:
-    """Log likelihood in the band of the motion, with what is known of the numbers."""
-    return likelihood_in_band(problem, fit) - 0.5 * fit.prior_penalty
 
 
 def candidates(problem: Problem, fit: Fit, *, dented: bool) -> list[Term]:

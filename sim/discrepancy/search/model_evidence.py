@@ -157,7 +157,16 @@ def wald(fit: Fit, term: Term) -> float:
     return float(far @ _inverse(_covariance(fit, own, 1.0)) @ far)
 
 
-def likelihood_in_band(problem: Problem, fit: Fit) -> float:
+def likelier(more: tuple[Problem, Fit], less: tuple[Problem, Fit]) -> float:
+    """Log odds of two fits, each under its own noise, by the rows of the band of the motion that count in both, and by
+    what is known of their numbers."""
+    a, b = more[0].measurement, less[0].measurement
+    weights = (np.minimum(a.weight, b.weight), np.minimum(a.load_weight, b.load_weight))
+    told = likelihood_in_band(*more, weights) - likelihood_in_band(*less, weights)
+    return told - 0.5 * (more[1].prior_penalty - less[1].prior_penalty)
+
+
+def likelihood_in_band(problem: Problem, fit: Fit, weights: tuple[Array, Array]) -> float:
     """Log likelihood of what a fit leaves in the band of the motion, under noise that is flat in each of some bands of
     frequency, the likeliest there is (Whittle, J. R. Stat. Soc. B 15 (1953) 125); but for a constant of the record.
 
@@ -167,7 +176,7 @@ def likelihood_in_band(problem: Problem, fit: Fit) -> float:
     m = problem.measurement
     channels = zip(
         problem.raw_residuals(fit.terms, fit.values),
-        (m.weight, m.load_weight[:: m.load_stride]),
+        (weights[0], weights[1][:: m.load_stride]),
         (m.rate_hz, m.rate_hz / m.load_stride),
         strict=True,
     )
