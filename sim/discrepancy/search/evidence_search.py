@@ -32,7 +32,7 @@ from sim.discrepancy.search.model_evidence import (
     prior,
     wald,
 )
-from sim.discrepancy.search.proposals import Rival, as_described, candidates_of, settled
+from sim.discrepancy.search.proposals import Rival, as_described, bottomed, candidates_of, settled
 from sim.discrepancy.search.proposals import elsewhere as in_other_meshes
 from sim.discrepancy.search.search import Selection
 
@@ -79,6 +79,7 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
     if state.problem.memory != LONG:
         state.problem, state.fit = look_closely(state.problem, state.fit)
     elsewhere(state)
+    state.fit = bottomed(state.problem, state.fit)
     prune(state, every=True)
     return selection_of(state, base)
 
