@@ -71,7 +71,7 @@ def select(problem: Problem, base: Fit, progress: Progress, law: DriveLaw | None
             break
     for step in range(ROUNDS):
         progress(f"candidates, round {step + 1}", 0.25 + 0.07 * step)
-        if advance(state) or revise(state):
+        if advance(state) or (state.problem.memory == LONG and revise(state)):
             continue
         if state.problem.memory == LONG:
             break
