@@ -39,6 +39,7 @@ from sim.discrepancy.assessment.verdict import (
     left,
     predicting,
     terms_said,
+    under_own_noise,
 )
 from sim.discrepancy.data.excitation import excitation_of
 from sim.discrepancy.data.pairing import NOT_COMPARED, check_as_new
@@ -124,7 +125,7 @@ def _of_torque(
     axis, recorded = gate.axis, excitation_of(gate.measurement)
     progress("calibration of the description", 0.08)
     problem, base = calibrate(Problem(axis, gate.measurement, _first_noise(gate), unknown=gate.unknown))
-    weighed = drop_unidentifiable(SEARCHES[criterion](problem, base, progress, gate.law))
+    weighed = under_own_noise(drop_unidentifiable(SEARCHES[criterion](problem, base, progress, gate.law)))
     progress("sound", 0.78)
     heard = listen(axis, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
     strange = mismatch(sounds[0], gate.measurement, sound_offset_s) if sounds else ()

@@ -21,6 +21,8 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.identifiability import ALONE, needs_of, same_over_the_turn, the_same
 from sim.discrepancy.report.wording import explain
 from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
+from sim.discrepancy.search.model_evidence import NAMES
+from sim.discrepancy.search.own_noise import likelier, without
 from sim.discrepancy.search.search import Selection
 from sim.mechanisms.catalogue import kind_of, kind_or_any
 
@@ -101,6 +103,8 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     }
     seen = Evidence(standing.share, others, (standing.shared + inadequacy(fit)) / standing.gain)
     sure = min(selection.probabilities.get(term.key, probability(seen)), WEIGHTS.cap)
+    if term.key in selection.own_noise:
+        sure = min(sure, 1.0 / (1.0 + NAMES * math.exp(min(-selection.own_noise[term.key], 50.0))))
     new = not is_beyond_new(axis, term.mechanism, term.location, estimated)
     if same or new or is_shaken_otherwise(term, fit.terms):
         sure = min(sure, ALONE)
@@ -160,6 +164,18 @@ def drop_unidentifiable(selection: Selection) -> Selection:
                    for o in selection.found)
     )  # fmt: skip
     return replace(selection, found=found)
+
+
+def under_own_noise(selection: Selection) -> Selection:
+    """With each name held against the model without it, under noise of its own; none where the known torque itself is
+    doubted, whose errors are no noise. What every axis has needs no such proof."""
+    problem, fit = selection.problem, selection.fit
+    if problem.measurement.doubts.size:
+        return selection
+    asked = [t for t in selection.found if not t.traits.in_every_axis]
+    fits = [without(problem, fit, term) for term in asked]
+    odds = {t.key: likelier((problem, fit), less) for t, less in zip(asked, fits, strict=True) if less}
+    return replace(selection, own_noise=odds)
 
 
 def looks_like(problem: Problem, term: Term) -> tuple[str, ...]:

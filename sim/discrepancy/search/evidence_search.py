@@ -25,13 +25,13 @@ from sim.discrepancy.search.effect_size import beyond, magnitude
 from sim.discrepancy.search.linear_picture import LinearPicture, Start, is_curve
 from sim.discrepancy.search.model_evidence import (
     NAMES,
-    likelier,
     log_odds,
     occam,
     overdispersion,
     prior,
     wald,
 )
+from sim.discrepancy.search.own_noise import likelier, without
 from sim.discrepancy.search.proposals import Rival, as_described, bottomed, candidates_of, settled
 from sim.discrepancy.search.proposals import elsewhere as in_other_meshes
 from sim.discrepancy.search.search import Selection
@@ -134,9 +134,8 @@ def revise(state: State) -> bool:
     best = (state.problem, state.fit)
     for term in state.fit.terms:
         if term.named and not term.traits.in_every_axis:
-            rest = tuple(t for t in state.fit.terms if t is not term)
-            less = rewhiten(*rewhiten(state.problem, state.problem.fit(rest, state.fit.values, to_end=True)))
-            if likelier(less, best) > LIKELY:
+            less = without(state.problem, state.fit, term)
+            if less and likelier(less, best) > LIKELY:
                 best = less
     if best[1] is state.fit:
         return False

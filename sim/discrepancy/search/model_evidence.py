@@ -16,15 +16,13 @@ from scipy.sparse import csr_array
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.estimation.estimate import Array, Fit
 from sim.discrepancy.estimation.problem import Problem
-from sim.discrepancy.estimation.refit import MOTION_BAND_HZ
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.model.parameters import Values
 from sim.discrepancy.search.effect_size import magnitude
 
 AS_NEW = 0.25  # of the size that no new axis exceeds: the standard deviation of what a new one has
 FAULT = 12.0  # times that: the standard deviation of a fault's
-CLUSTERS = 40  # of each kind, and bands of frequency
-FEWEST_LINES = 8  # in a band
+CLUSTERS = 40  # of each kind
 NAMES = 40.0  # mechanisms and places among which one is looked for
 
 
@@ -155,40 +153,6 @@ def wald(fit: Fit, term: Term) -> float:
     own = _own(fit, term)
     far = np.array([fit.values[fit.parameters[k].name] - fit.parameters[k].expected for k in own])
     return float(far @ _inverse(_covariance(fit, own, 1.0)) @ far)
-
-
-def likelier(more: tuple[Problem, Fit], less: tuple[Problem, Fit]) -> float:
-    """Log odds of two fits, each under its own noise, by the rows of the band of the motion that count in both, and by
-    what is known of their numbers."""
-    a, b = more[0].measurement, less[0].measurement
-    weights = (np.minimum(a.weight, b.weight), np.minimum(a.load_weight, b.load_weight))
-    told = likelihood_in_band(*more, weights) - likelihood_in_band(*less, weights)
-    return told - 0.5 * (more[1].prior_penalty - less[1].prior_penalty)
-
-
-def likelihood_in_band(problem: Problem, fit: Fit, weights: tuple[Array, Array]) -> float:
-    """Log likelihood of what a fit leaves in the band of the motion, under noise that is flat in each of some bands of
-    frequency, the likeliest there is (Whittle, J. R. Stat. Soc. B 15 (1953) 125); but for a constant of the record.
-
-    Two fits, each under its own noise, are compared by it. Above the band an encoder's noise, which the model itself
-    makes louder or quieter, is most of what is left, and no likelihood of a prediction error holds there.
-    """
-    m = problem.measurement
-    channels = zip(
-        problem.raw_residuals(fit.terms, fit.values),
-        (weights[0], weights[1][:: m.load_stride]),
-        (m.rate_hz, m.rate_hz / m.load_stride),
-        strict=True,
-    )
-    out = 0.0
-    for left, weight, rate_hz in channels:
-        if left.size:
-            last = int(min(MOTION_BAND_HZ / rate_hz, 0.5) * left.size)
-            power = np.abs(np.fft.rfft(left * (weight > 0.5))[1:last]) ** 2
-            edges = np.unique(np.geomspace(FEWEST_LINES, power.size, CLUSTERS).astype(np.int64))
-            parts = np.split(power, edges[:-1])
-            out -= float(np.mean(weight > 0.5)) * sum(p.size * math.log(max(float(p.mean()), 1e-300)) for p in parts)
-    return out
 
 
 def told_by(column: Array) -> float:

@@ -70,7 +70,8 @@ class Selection:
     """The last fit; per accepted term what it gains over the fit without it, and its rivals when it came in.
 
     `found`: mechanisms of a size that matters; `fit` also holds what is as new, so that nothing else is blamed for it,
-    and what has no name.
+    and what has no name. `own_noise`: log likelihood of the fit over that without each name, both under noise of their
+    own, of those that act in the band of the motion.
     """
 
     problem: Problem
@@ -82,6 +83,7 @@ class Selection:
     found: tuple[Term, ...]
     standings: Mapping[Key, ModelComparison]
     probabilities: Mapping[Key, float] = field(default_factory=dict)
+    own_noise: Mapping[Key, float] = field(default_factory=dict)
 
     @property
     def nameless(self) -> tuple[Term, ...]:
