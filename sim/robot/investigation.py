@@ -19,10 +19,10 @@ from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, roun
 from sim.mechanisms import LostSamples
 from sim.robot.motion import Motion
 from sim.robot.one_body import as_described, at_the_motor, is_one_body
-from sim.robot.plausibility import check_robot
+from sim.robot.plausibility import check_joints, check_robot
 from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
-from sim.robot.robot import Joint, Robot
+from sim.robot.robot import Joint, Robot, position_key
 from sim.robot.shared_fit import TILT_RAD, PayloadEstimate, SharedFit, shared_fits
 from sim.robot.trend import changed
 
@@ -63,6 +63,7 @@ def investigate_robot(
         raise InvestigationError("nothing to investigate: a robot needs telemetry of its joints")
     progress("rigid body", 0.02)
     body = RigidBody.of(robot)
+    check_joints(robot, body)
     motions = [Motion.of(robot, log.joints) for log in logs]
     for motion in motions:
         check_robot(robot, body, motion)
@@ -90,7 +91,7 @@ def investigate_robot(
         robot, verdict, payload, tuple(joints), shared, _payload_parameters(robot, shared),
         _next_measurement(joints, shared), _provenance(robot, logs, shared),
         (
-            *_recognised(logs), *_unlogged(robot), *_tilt_remarks(shared), *_earlier_payloads(logs, fits),
+            *_recognised(logs), *_taken_as_held(robot), *_tilt_remarks(shared), *_earlier_payloads(logs, fits),
             *map(str, changes), *remarks,
         ),
         tuple(change.document() for change in changes),
@@ -238,16 +239,14 @@ def _recognised(logs: Sequence[RobotLog]) -> list[str]:
     return [f"The log was read as:\n{text}" for text in dict.fromkeys(log.recognised for log in logs) if text]
 
 
-def _unlogged(robot: Robot) -> list[str]:
-    """Joints of the URDF that the log does not have."""
-    logged = {joint.name for joint in robot.joints}
-    missing = [name for name in robot.urdf.moving if name not in logged]
-    if not missing:
+def _taken_as_held(robot: Robot) -> list[str]:
+    """Joints that are not logged, where robot.toml says that they were."""
+    if not robot.held:
         return []
-    return [
-        f"Not logged, and taken to stand at 0: {', '.join(missing)}. Log them, too, if they move or stand elsewhere: "
-        "where they are counts in the torques of the others."
+    places = [
+        f"{name} at {at:.4g} {position_key(robot.urdf, name).rpartition('_')[2]}" for name, at in robot.held.items()
     ]
+    return [f"Not logged, and held still as robot.toml says: {', '.join(places)}."]
 
 
 def _tilt_remarks(shared: SharedFit) -> list[str]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator
 from itertools import combinations, permutations
@@ -12,7 +13,7 @@ from numpy.typing import NDArray
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.robot.motion import Motion
 from sim.robot.rigid_body import PARAMETERS, RigidBody
-from sim.robot.robot import Robot
+from sim.robot.robot import Robot, position_key
 from sim.robot.shared_fit import shared_columns
 
 Array = NDArray[np.float64]
@@ -22,6 +23,29 @@ MOST_ORDERS = 6  # joints, of which all orders are tried
 WORSE = 1.5  # times the squares without any rigid body: masses that are off by several percent do not get there
 FAR_BETTER = 0.25  # of the squares of all joints, multiplied: what else would be right explains the torques
 CHECKED = 0.05  # of a joint's torque, from which the rigid body's counts
+
+
+def check_joints(robot: Robot, body: RigidBody) -> None:
+    """Refuse a description by which nobody knows where a joint was that counts in the torques of those logged.
+
+    Raises
+    ------
+    InvestigationError
+        naming these joints, and the lines of robot.toml that would say it.
+    """
+    unknown = body.unknown(robot.held)
+    if not unknown:
+        return
+    logged = [joint.name for joint in robot.joints]
+    depend = [name for name in logged if any(name in each for each in unknown.values())]
+    whose = "all logged joints" if depend == logged else ", ".join(depend)
+    held = "\n".join(f"[[held]]\nname = {json.dumps(name)}\n{position_key(robot.urdf, name)} = ..." for name in unknown)
+    raise InvestigationError(
+        f"robot.toml does not say where these joints of the URDF are: {', '.join(unknown)}. The torques of {whose} "
+        "depend on how they stand and move. A joint that moved has to be logged: name it under [[joints]], at its place "
+        "in the log's order, and in the channel map. A joint that was held still needs its position in robot.toml:\n"
+        f"{held}"
+    )
 
 
 def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> None:

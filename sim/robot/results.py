@@ -17,7 +17,7 @@ from sim.discrepancy.results import (
     rounded,
     unexplained_document,
 )
-from sim.robot.robot import SCHEMA, Robot
+from sim.robot.robot import SCHEMA, Robot, position_key
 from sim.robot.shared_fit import SharedFit
 
 PAYLOAD = "payload"
@@ -112,6 +112,8 @@ class RobotInvestigation:
         if self.payload is not None and self.payload.probability > 0.5:
             numbers = {e.name: e.value for e in self.payload.parameters}
             mass, center = numbers["mass_kg"], [numbers[f"center_{way}_m"] for way in "xyz"]
+        urdf = self.robot.urdf
+        held = [{"name": name, position_key(urdf, name): at} for name, at in self.robot.held.items()]
         return {
             "schema": SCHEMA,
             "name": self.robot.name,
@@ -119,4 +121,5 @@ class RobotInvestigation:
             "gravity_m_s2": list(self.robot.gravity_m_s2),
             "payload": {"mass_kg": rounded(mass), "center_m": [rounded(x) for x in center]},
             "joints": [{"name": j.name, "axis": j.investigation.extended.to_mapping()} for j in self.joints],
+            **({"held": held} if held else {}),
         }

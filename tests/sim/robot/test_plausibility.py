@@ -8,7 +8,7 @@ import pytest
 
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.robot.motion import Motion
-from sim.robot.plausibility import check_robot
+from sim.robot.plausibility import check_joints, check_robot
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Payload, Robot
 from tests.sim.robot.arms import Array, Link, random_arm, robot, swings, torque, two_links, with_mass
@@ -83,6 +83,18 @@ def test_the_urdf_of_another_robot_is_refused() -> None:
     other = random_arm(np.random.default_rng(9), 4)
     with pytest.raises(InvestigationError, match="may be of another robot"):
         check(moved(), robot([replace(link, mass=5.0 * link.mass) for link in other]))
+
+
+def test_a_joint_of_which_nobody_says_where_it_was_is_refused_with_what_would_say_it() -> None:
+    whole = robot(LINKS)
+    lacking = replace(whole, joints=whole.joints[:-1])
+    with pytest.raises(InvestigationError) as refused:
+        check_joints(lacking, RigidBody.of(lacking))
+    text = str(refused.value)
+    assert "where these joints of the URDF are: joint4. The torques of all logged joints depend on" in text
+    assert text.endswith('[[held]]\nname = "joint4"\nposition_rad = ...')
+    for known in (whole, replace(lacking, held={"joint4": 0.0})):
+        check_joints(known, RigidBody.of(known))
 
 
 def test_a_joint_that_carries_next_to_nothing_refuses_no_log() -> None:
