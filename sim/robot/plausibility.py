@@ -42,9 +42,9 @@ def check_joints(robot: Robot, body: RigidBody) -> None:
     held = "\n".join(f"[[held]]\nname = {json.dumps(name)}\n{position_key(robot.urdf, name)} = ..." for name in unknown)
     raise InvestigationError(
         f"robot.toml does not say where these joints of the URDF are: {', '.join(unknown)}. The torques of {whose} "
-        "depend on how they stand and move. A joint that moved has to be logged: name it under [[joints]], at its place "
-        "in the log's order, and in the channel map. A joint that was held still needs its position in robot.toml:\n"
-        f"{held}"
+        "depend on how they stand and move. A joint that moved has to be logged: name it under [[joints]], at its "
+        "place in the log's order, and in the channel map. A joint that was held still needs its position in "
+        f"robot.toml:\n{held}"
     )
 
 
