@@ -37,6 +37,18 @@ class JointInvestigation:
 
 
 @dataclass(frozen=True)
+class Located:
+    """A finding of a robot; `place`: where it is, `joint`: of which joint, by its place in the log, None of no one."""
+
+    finding: Finding
+    place: str
+    joint: int | None
+
+    def document(self) -> dict[str, object]:
+        return {**finding_document(self.finding), "location": self.place}
+
+
+@dataclass(frozen=True)
 class RobotInvestigation:
     """What the rigid-body model of a robot misses, joint by joint; `document()` is the contract's JSON.
 
@@ -66,23 +78,27 @@ class RobotInvestigation:
         gains = [g.rms_after * ratio for g in one.gain if g.channel == "motor_torque_nm"]
         return out | ({"extended": gains[0]} if gains else {})
 
+    def findings(self) -> list[Located]:
+        """All that was found, the likeliest first."""
+        out = [] if self.payload is None else [Located(self.payload, PAYLOAD, None)]
+        for place, joint in enumerate(self.joints):
+            out += [Located(f, joint.located(f.location), place) for f in joint.investigation.findings]
+        return sorted(out, key=lambda one: -round(one.finding.probability, 4))
+
     def document(self) -> dict[str, object]:
         """JSON of the contract: finite numbers only, the same for the same bytes."""
-        findings = [] if self.payload is None else [finding_document(self.payload)]
         rests: list[tuple[float, dict[str, object]]] = []
         parameters, gains = [], []
         for joint in self.joints:
             one = joint.investigation
-            findings += [{**finding_document(f), "location": joint.located(f.location)} for f in one.findings]
             if one.unexplained is not None:
                 rest = {**unexplained_document(one.unexplained), "joint": joint.name}
                 rests.append((one.unexplained.score, rest))
             parameters += [{**estimate_document(e), "name": f"{joint.name}.{e.name}"} for e in one.parameters]
             gains += [{**gain_document(g), "joint": joint.name} for g in one.gain]
-        findings.sort(key=lambda f: -float(str(f["probability"])))
         return {
             "verdict": self.verdict,
-            "findings": findings,
+            "findings": [one.document() for one in self.findings()],
             "unexplained": max(rests, key=lambda one: one[0])[1] if rests else None,
             "parameters": [*map(estimate_document, self.parameters), *parameters],
             "gain": gains,

@@ -167,6 +167,8 @@ def _over_angle(channel: Channel, term: Term, numbers: Mapping[str, float]) -> O
     order = float(numbers.get(order, 1.0) if isinstance(order, str) else order)
     ratio = axis.ratio_from(shaft) / axis.ratio if shaft in axis.locations else 1.0
     angle = np.degrees(m.angle[:: channel.stride] * ratio)
+    if float(np.ptp(angle)) < 360.0 / order:
+        return Over("angle", f"angle of {name} [°]", angle, np.ones(angle.size))
     if order * PER_PERIOD <= BINS:
         return Over("turn", f"angle of {name} [°]", angle % 360.0, np.ones(angle.size), 360.0)
     label = f"angle of {name} within one of {order:g} periods of a turn [°]"
