@@ -91,7 +91,7 @@ def investigate_robot(
         robot, verdict, payload, tuple(joints), shared, _payload_parameters(robot, shared),
         _next_measurement(joints, shared), _provenance(robot, logs, shared),
         (
-            *_recognised(logs), *_taken_as_held(robot), *_tilt_remarks(shared), *_earlier_payloads(logs, fits),
+            *_recognised(logs), *_taken_as_held(robot), *_weightless(body), *_tilt_remarks(shared), *_earlier_payloads(logs, fits),
             *map(str, changes), *remarks,
         ),
         tuple(change.document() for change in changes),
@@ -247,6 +247,14 @@ def _taken_as_held(robot: Robot) -> list[str]:
         f"{name} at {at:.4g} {position_key(robot.urdf, name).rpartition('_')[2]}" for name, at in robot.held.items()
     ]
     return [f"Not logged, and held still as robot.toml says: {', '.join(places)}."]
+
+
+def _weightless(body: RigidBody) -> list[str]:
+    """Links that move and have no mass, as frames do and as a link has of which the maker says nothing."""
+    names = [name for name, own in zip(body.links, body.parameters, strict=True) if own[0] <= 0.0]
+    if not names:
+        return []
+    return [f"Without a mass in the URDF, and taken to weigh nothing: {', '.join(names)}."]
 
 
 def _tilt_remarks(shared: SharedFit) -> list[str]:
