@@ -91,7 +91,8 @@ def investigate_robot(
         robot, verdict, payload, tuple(joints), shared, _payload_parameters(robot, shared),
         _next_measurement(joints, shared), _provenance(robot, logs, shared),
         (
-            *_recognised(logs), *_taken_as_held(robot), *_weightless(body), *_tilt_remarks(shared), *_earlier_payloads(logs, fits),
+            *_recognised(logs), *_taken_as_held(robot), *_weightless(body), *_tilt_remarks(shared),
+            *_earlier_payloads(logs, fits),
             *map(str, changes), *remarks,
         ),
         tuple(change.document() for change in changes),

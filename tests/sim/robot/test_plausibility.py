@@ -79,6 +79,16 @@ def test_a_robot_on_the_ceiling_is_said() -> None:
         check(moved(), robot(LINKS, gravity=(0.0, 0.0, 9.81)))
 
 
+@pytest.mark.parametrize("payload", [0.0, 2.0])
+def test_a_base_that_was_mounted_askew_is_said_and_one_that_is_levelled_badly_is_not(payload: float) -> None:
+    """Gravity of a base that leans by an angle about y, on joints whose torques no other masses would make."""
+    links = with_mass(LINKS, payload, np.array([0.05, 0.0, 0.1])) if payload else LINKS
+    leaning = {a: (9.81 * np.sin(np.radians(a)), 0.0, -9.81 * np.cos(np.radians(a))) for a in (4.0, 30.0)}
+    check(moved(links), robot(LINKS, gravity=leaning[4.0]))
+    with pytest.raises(InvestigationError, match=r"gravity_m_s2 = \[-?0\.\d+, -?0\.\d+, -9\.8"):
+        check(moved(links), robot(LINKS, gravity=leaning[30.0]))
+
+
 def test_the_urdf_of_another_robot_is_refused() -> None:
     other = random_arm(np.random.default_rng(9), 4)
     with pytest.raises(InvestigationError, match="may be of another robot"):
