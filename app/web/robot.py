@@ -23,6 +23,7 @@ class JointView:
     name: str
     verdict: str
     says: str
+    unit: str
     torque: Mapping[str, float]
     findings: Sequence[tuple[Document, Chart | None, int]]
     unexplained: Document | None
@@ -69,6 +70,7 @@ def _joint(document: Document, joint: Document) -> JointView:
         name,
         joint["verdict"],
         picture.SAYS[joint["verdict"]],
+        joint.get("unit", "N m"),
         joint.get("torque_rms_nm", {}),
         findings,
         joint.get("unexplained"),

@@ -22,13 +22,14 @@ from sim.robot.one_body import as_described, at_the_motor, is_one_body
 from sim.robot.plausibility import check_joints, check_robot
 from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
-from sim.robot.robot import Joint, Robot, position_key
+from sim.robot.robot import Joint, Robot, position_key, slides
 from sim.robot.shared_fit import TILT_RAD, PayloadEstimate, SharedFit, shared_fits
 from sim.robot.trend import changed
 
 Progress = Callable[[str, float], None]
 TILTED = 3.0  # standard deviations from which the base is said to stand askew
 HELD = "The joint was held still: nothing is told of its friction and its drive."
+SLIDING = (("N m s/rad", "N s/m"), ("N m", "N"), ("rad/s", "m/s"), ("kg m2", "kg"), ("torque", "force"))
 OF_THE_LOG = (LostSamples.name,)  # what one logger does to all joints alike is the log's
 
 
@@ -78,7 +79,8 @@ def investigate_robot(
             whose = f" in {log.name}" if len(logs) > 1 else ""
             name = f"joint {k + 1} of {count}, {joint.name}{whose}"
             watch = partial(_within, progress, name, place * count + k, len(logs) * count)
-            joints.append(JointInvestigation(joint.name, _of_joint(joint, telemetry, fit, k, watch)))
+            one = _of_joint(joint, telemetry, fit, k, watch)
+            joints.append(JointInvestigation(joint.name, in_metres(one) if slides(robot, k) else one))
         joints, remarks = _of_log(joints)
         of_logs.append(joints)
     changes = changed([log.name for log in logs], of_logs)
@@ -133,6 +135,31 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int,
     if as_one_body:
         return replace(one, extended=as_described(told, one.extended))
     return one if joint.described else replace(one, findings=tuple(map(_of_the_joint, one.findings)))
+
+
+def in_metres(one: Investigation) -> Investigation:
+    """The investigation of a joint that slides in its units."""
+    findings = tuple(
+        replace(f, explanation=sliding_words(f.explanation), parameters=tuple(map(_in_metres, f.parameters)))
+        for f in one.findings
+    )
+    gain = tuple(replace(g, unit=sliding_words(g.unit)) for g in one.gain)
+    return replace(one, findings=findings, parameters=tuple(map(_in_metres, one.parameters)), gain=gain)
+
+
+def _in_metres(estimate: Estimate) -> Estimate:
+    return replace(estimate, unit=sliding_words(estimate.unit))
+
+
+def sliding_words(text: str) -> str:
+    """Units of a joint that slides, and force for torque.
+
+    >>> sliding_words("Viscous friction of 1.5 N m s/rad above 0.1 rad/s: torque of 2 N m")
+    'Viscous friction of 1.5 N s/m above 0.1 m/s: force of 2 N'
+    """
+    for turning, along in SLIDING:
+        text = text.replace(turning, along)
+    return text
 
 
 def _of_the_joint(finding: Finding) -> Finding:

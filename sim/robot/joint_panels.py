@@ -15,7 +15,7 @@ from sim.discrepancy.report.residual_panels import channels
 from sim.discrepancy.results import SAID
 from sim.robot.results import RobotInvestigation
 from sim.robot.rigid_body import RigidBody
-from sim.robot.robot import Robot
+from sim.robot.robot import Robot, slides
 
 Array = NDArray[np.float64]
 
@@ -42,9 +42,13 @@ def torque_panels(result: RobotInvestigation) -> list[Panel]:
         rows += [] if extended is None else [(EXTENDED, extended[::step])]
         rows.append((REST, measured - rows[-1][1]))
         title = f"{k + 1}. {joint.name}"
-        panel = Panel(title, "time [s]", "torque at the joint [N m]", "time", clock - clock[0], tuple(rows))
-        out.append(in_words_of(result.robot, k, panel))
+        out.append(Panel(title, "time [s]", _at_the_joint(result, k), "time", clock - clock[0], tuple(rows)))
     return out
+
+
+def _at_the_joint(result: RobotInvestigation, place: int) -> str:
+    unit = result.torque_unit(place)
+    return f"{'force' if unit == 'N' else 'torque'} at the joint [{unit}]"
 
 
 def extended_torque(result: RobotInvestigation, place: int) -> Array | None:
@@ -86,9 +90,8 @@ def finding_panels(result: RobotInvestigation) -> list[Panel | None]:
 def in_words_of(robot: Robot, place: int, panel: Panel) -> Panel:
     """A panel with the units of a joint that slides, and without a motor where none is described."""
     joint = robot.joints[place]
-    slides = joint.name in robot.urdf.prismatic and not joint.axis.stages
-    words = ({} if joint.described else OF_THE_JOINT) | (SLIDING if slides else {})
-    x = panel.x * math.radians(1.0) if slides and "[°]" in panel.x_label else panel.x
+    words = ({} if joint.described else OF_THE_JOINT) | (SLIDING if slides(robot, place) else {})
+    x = panel.x * math.radians(1.0) if slides(robot, place) and "[°]" in panel.x_label else panel.x
     start, between, what = panel.title.rpartition(": ")
     x_label, y_label, what = (_replaced(text, words) for text in (panel.x_label, panel.y_label, what))
     return replace(panel, title=f"{start}{between}{what}", x=x, x_label=x_label, y_label=y_label)
@@ -122,6 +125,5 @@ def _of_payload(result: RobotInvestigation) -> Panel | None:
     _, place, left = max(heights, key=lambda one: one[0])
     made, clock = asked[:, place], motion.time_s[::step]
     lines = ((MEASURED, left + made), (AS_DESCRIBED, np.zeros(made.size)), (EXTENDED, made))
-    title = f"Payload: torque of {result.joints[place].name} over time"
-    panel = Panel(title, "time [s]", "torque at the joint [N m]", "time", clock - clock[0], lines)
-    return in_words_of(result.robot, place, panel)
+    title = f"Payload: {_at_the_joint(result, place).split()[0]} of {result.joints[place].name} over time"
+    return Panel(title, "time [s]", _at_the_joint(result, place), "time", clock - clock[0], lines)

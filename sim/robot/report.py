@@ -166,11 +166,14 @@ def _joints(result: RobotInvestigation) -> str:
         one, torque = joint.investigation, result.torque_rms_nm(k - 1)
         said = ", ".join(f.mechanism.replace("_", " ") for f in one.findings if f.probability >= SAID)
         rest = "" if one.unexplained is None else "something without a name"
-        left = [number(torque[name]) if name in torque else "" for name in ("measured", "rigid", "extended")]
+        unit = result.torque_unit(k - 1)
+        left = [
+            f"{number(torque[name])} {unit}" if name in torque else "" for name in ("measured", "rigid", "extended")
+        ]
         rows.append((f"{k}. {joint.name}", *left, said or "nothing", rest))
     heads = (
         "joint",
-        "torque measured [N m]",
+        "torque measured",
         "left by the rigid body",
         "left by the extended model",
         "found",

@@ -78,6 +78,10 @@ class RobotInvestigation:
         gains = [g.rms_after * ratio for g in one.gain if g.channel == "motor_torque_nm"]
         return out | ({"extended": gains[0]} if gains else {})
 
+    def torque_unit(self, place: int) -> str:
+        """Unit of a joint's torque; a force where it slides."""
+        return "N" if self.robot.joints[place].name in self.robot.urdf.prismatic else "N m"
+
     def findings(self) -> list[Located]:
         """All that was found, the likeliest first."""
         out = [] if self.payload is None else [Located(self.payload, PAYLOAD, None)]
@@ -108,6 +112,7 @@ class RobotInvestigation:
                 {
                     "name": joint.name,
                     "verdict": joint.investigation.verdict,
+                    "unit": self.torque_unit(k),
                     "unexplained": None
                     if joint.investigation.unexplained is None
                     else unexplained_document(joint.investigation.unexplained),

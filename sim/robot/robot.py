@@ -63,6 +63,12 @@ class Robot:
     document: Mapping[str, object] = field(default_factory=dict, repr=False, compare=False)
 
 
+def slides(robot: Robot, place: int) -> bool:
+    """Whether what is logged of a joint are a force [N] and a way [m], and not torque and angle."""
+    joint = robot.joints[place]
+    return joint.name in robot.urdf.prismatic and not joint.axis.stages
+
+
 def logged_joints(robot: Robot) -> tuple[LoggedJoint, ...]:
     """What the columns of a log are told by: names, and gears where they are described."""
     return tuple(LoggedJoint(j.name, j.axis.ratio if j.described else None) for j in robot.joints)

@@ -1,5 +1,6 @@
 """Every finding at a robot has the plot that shows it: sizes and units in the picture are those that were hidden."""
 
+import re
 from dataclasses import replace
 from functools import lru_cache
 
@@ -67,6 +68,23 @@ def test_a_payload_stands_over_time_at_a_joint_that_carries_it() -> None:
 def test_the_torques_of_a_sliding_joint_are_forces() -> None:
     first, second = torque_panels(found())
     assert (first.y_label, second.y_label) == ("torque at the joint [N m]", "force at the joint [N]")
+
+
+def test_numbers_of_a_sliding_joint_have_its_units() -> None:
+    document = found().document()
+    units = {(one.finding.mechanism, one.place): one.finding.parameters[0].unit for one in found().findings()}
+    assert (units["coulomb_friction", "joint1"], units["coulomb_friction", "joint2"]) == ("N m", "N")
+    assert (units["viscous_friction", "joint1"], units["viscous_friction", "joint2"]) == ("N m s/rad", "N s/m")
+    (said,) = [
+        one.finding.explanation
+        for one in found().findings()
+        if one.place == "joint2" and "Dry" in one.finding.explanation
+    ]
+    assert re.match(r"Dry friction of [\d.]+ N as felt at the joint", said)
+    joints, gains = document["joints"], document["gain"]
+    assert isinstance(joints, list)
+    assert isinstance(gains, list)
+    assert [joint["unit"] for joint in joints] == [gain["unit"] for gain in gains] == ["N m", "N"]
 
 
 def test_page_and_report_show_each_finding_with_its_plot() -> None:
