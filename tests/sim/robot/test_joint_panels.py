@@ -19,12 +19,13 @@ DRY, VISCOUS, HANGS = 2.0, 1.5, 1.5
 
 @lru_cache
 def found() -> RobotInvestigation:
-    """A turning and a sliding joint with friction, and what hangs there."""
+    """A turning and a sliding joint with friction, what hangs there, and a link that is heavier than described."""
     rng = np.random.default_rng(3)
     time, q, qd, qdd = swings(rng, 2, 15.0, 100.0, size=0.4)
     first, second = two_links()
     links = [first, replace(second, slides=True, axis=(1.0, 0.0, 0.0))]
-    felt = torque(with_mass(links, HANGS, np.array([0.3, 0.0, 0.0])), q, qd, qdd)
+    heavier = [replace(links[0], mass=1.08 * links[0].mass), links[1]]
+    felt = torque(with_mass(heavier, HANGS, np.array([0.3, 0.0, 0.0])), q, qd, qdd)
     felt = felt + DRY * np.tanh(qd / 0.03) + VISCOUS * qd + 0.5 * qdd + 0.05 * rng.normal(size=q.shape)
     log = [Telemetry(time, {"motor_position_rad": q[:, k], "motor_torque_nm": felt[:, k]}) for k in range(2)]
     return investigate_robot(robot(links), [RobotLog("log", tuple(log))])
