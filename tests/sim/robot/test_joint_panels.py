@@ -49,7 +49,7 @@ def test_friction_stands_over_the_speed_of_its_joint_in_its_units() -> None:
     assert (dry.x_label, dry.y_label) == ("speed of the joint [rad/s]", "torque of the joint [N m]")
     fast = np.abs(dry.x) > 0.3
     for name in (MEASURED, EXTENDED):
-        np.testing.assert_allclose(line(dry, name)[fast], DRY * np.sign(dry.x[fast]), atol=0.4)
+        np.testing.assert_allclose(line(dry, name)[fast], DRY * np.sign(dry.x[fast]), atol=0.15)
     assert not np.nan_to_num(line(dry, AS_DESCRIBED)).any()
     sliding = panel_of("viscous_friction", "joint2")
     assert sliding.title == "Viscous friction at joint2: force over speed"
