@@ -6,6 +6,8 @@ from typing import Any
 
 from markupsafe import Markup
 
+from app.web.charts import Chart
+from app.web.story import causes_of
 from sim.robot import picture
 
 Document = Mapping[str, Any]
@@ -13,13 +15,17 @@ Document = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class JointView:
-    """A joint: what was found there, its values without its name before them, and its torques."""
+    """A joint: what was found there, its values without its name before them, and its torques.
+
+    `findings`: each with the chart that shows it, where one was kept, and its place among the charts of causes.
+    """
 
     name: str
     verdict: str
     says: str
+    unit: str
     torque: Mapping[str, float]
-    findings: Sequence[Document]
+    findings: Sequence[tuple[Document, Chart | None, int]]
     unexplained: Document | None
     parameters: Sequence[Document]
     gain: Sequence[Document]
@@ -53,12 +59,18 @@ def _joint(document: Document, joint: Document) -> JointView:
         for one in document["parameters"]
         if one["name"].startswith(f"{name}.")
     ]
-    findings = [f for f in document["findings"] if f["location"] == name or str(f["location"]).startswith(f"{name}/")]
+    shown = causes_of(document)
+    findings = [
+        (f, *shown.get(k, (None, 0)))
+        for k, f in enumerate(document["findings"])
+        if f["location"] == name or str(f["location"]).startswith(f"{name}/")
+    ]
     gain = [one for one in document["gain"] if one.get("joint") == name]
     return JointView(
         name,
         joint["verdict"],
         picture.SAYS[joint["verdict"]],
+        joint.get("unit", "N m"),
         joint.get("torque_rms_nm", {}),
         findings,
         joint.get("unexplained"),

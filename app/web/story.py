@@ -1,6 +1,6 @@
 """The panels and candidates of an investigation, as charts and rows of a page."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -9,8 +9,7 @@ import numpy as np
 from app.errors import NotFound
 from app.web.charts import Chart
 from app.web.svg import Band, Marker, Series
-from sim.description.axis import Axis
-from sim.discrepancy.report.box import Entry, box_of
+from sim.discrepancy.report.box import Entry
 from sim.discrepancy.report.panels import AS_DESCRIBED, style_of
 
 Part = Literal["causes", "overlay", "residual", "sound"]
@@ -48,14 +47,19 @@ class Shown:
         return self.chart is not None and any(one.name == AS_DESCRIBED for one in self.chart.series)
 
 
-def box_shown(document: Mapping[str, Any], axis: Axis | None) -> list[Shown]:
+def box_shown(document: Mapping[str, Any], entries: Iterable[Entry]) -> list[Shown]:
     """Return what a technician reads first, each with the plot that shows it as far as one was kept."""
-    placed = {panel["finding"]: place for place, panel in enumerate(document["story"].get("causes", ()))}
-    charts = panels_of(document, "causes")
+    shown = causes_of(document)
     return [
-        Shown(entry, charts[placed[entry.finding]], placed[entry.finding]) if entry.finding in placed else Shown(entry)
-        for entry in box_of(document, axis)
+        Shown(entry, *shown[entry.finding]) if entry.finding is not None and entry.finding in shown else Shown(entry)
+        for entry in entries
     ]
+
+
+def causes_of(document: Mapping[str, Any]) -> dict[int, tuple[Chart, int]]:
+    """Return the chart of each finding that has one, with its place among them, by the finding's place."""
+    kept = document.get("story", {}).get("causes", ())
+    return {panel["finding"]: (_chart(panel), place) for place, panel in enumerate(kept)}
 
 
 def candidates_of(document: Mapping[str, Any]) -> Sequence[Mapping[str, Any]]:

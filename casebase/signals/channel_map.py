@@ -1,7 +1,7 @@
 """Channel maps: which column of a log is which channel, in what unit (`gearcase-channels/1`)."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from types import MappingProxyType
 from typing import Any
@@ -11,7 +11,7 @@ from casebase.signals.errors import TelemetryError, TextError
 from casebase.signals.formats.layout import Wanted
 from casebase.signals.joint_maps import SCHEMA
 from casebase.signals.telemetry import CHANNELS, TIME
-from casebase.signals.units import COUNT, ISO8601, QUANTITIES, SAMPLE, TIMES, WITH_FACTOR
+from casebase.signals.units import COUNT, ISO8601, QUANTITIES, SAMPLE, TIMES, WITH_FACTOR, unit_of
 
 TABLE_KEYS = {"header": bool, "delimiter": str, "decimal": str, "skip_rows": int}
 CHANNEL_KEYS = ("column", "unit", "factor", "counts_per_rev", "rate_hz")
@@ -95,6 +95,15 @@ def _layout(name: str, value: object) -> Any:
     return value
 
 
+def _meant(unit: object, units: Sequence[str]) -> str:
+    """What a unit that is spelt otherwise may be written as."""
+    known = unit_of(unit) if isinstance(unit, str) else None
+    if known not in units:
+        return ""
+    of_the_column = f", with the factor in N m per {unit}" if known in WITH_FACTOR else ""
+    return f'; write unit = "{known}"{of_the_column}'
+
+
 def _source(channel: str, value: object) -> Source:
     if not isinstance(value, dict):
         raise TelemetryError(f'channel map: {channel} is a table; write [{channel}] and below it column = "..."')
@@ -104,7 +113,9 @@ def _source(channel: str, value: object) -> Source:
     units = units_of(channel)
     unit = value.get("unit", "s" if channel == TIME else units[0])
     if unit not in units:
-        raise TelemetryError(f"channel map: [{channel}] unit = {unit!r} is not known; there are {', '.join(units)}")
+        raise TelemetryError(
+            f"channel map: [{channel}] unit = {unit!r} is not known; there are {', '.join(units)}{_meant(unit, units)}"
+        )
     column = value.get("column")
     if not _is_column(column) and not (column is None and unit == SAMPLE):
         raise TelemetryError(

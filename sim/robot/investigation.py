@@ -19,16 +19,17 @@ from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, roun
 from sim.mechanisms import LostSamples
 from sim.robot.motion import Motion
 from sim.robot.one_body import as_described, at_the_motor, is_one_body
-from sim.robot.plausibility import check_robot
+from sim.robot.plausibility import check_joints, check_robot
 from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
-from sim.robot.robot import Joint, Robot
+from sim.robot.robot import Joint, Robot, position_key, slides
 from sim.robot.shared_fit import TILT_RAD, PayloadEstimate, SharedFit, shared_fits
 from sim.robot.trend import changed
 
 Progress = Callable[[str, float], None]
 TILTED = 3.0  # standard deviations from which the base is said to stand askew
 HELD = "The joint was held still: nothing is told of its friction and its drive."
+SLIDING = (("N m s/rad", "N s/m"), ("N m", "N"), ("rad/s", "m/s"), ("kg m2", "kg"), ("torque", "force"))
 OF_THE_LOG = (LostSamples.name,)  # what one logger does to all joints alike is the log's
 
 
@@ -63,6 +64,7 @@ def investigate_robot(
         raise InvestigationError("nothing to investigate: a robot needs telemetry of its joints")
     progress("rigid body", 0.02)
     body = RigidBody.of(robot)
+    check_joints(robot, body)
     motions = [Motion.of(robot, log.joints) for log in logs]
     for motion in motions:
         check_robot(robot, body, motion)
@@ -77,7 +79,8 @@ def investigate_robot(
             whose = f" in {log.name}" if len(logs) > 1 else ""
             name = f"joint {k + 1} of {count}, {joint.name}{whose}"
             watch = partial(_within, progress, name, place * count + k, len(logs) * count)
-            joints.append(JointInvestigation(joint.name, _of_joint(joint, telemetry, fit, k, watch)))
+            one = _of_joint(joint, telemetry, fit, k, watch)
+            joints.append(JointInvestigation(joint.name, in_metres(one) if slides(robot, k) else one))
         joints, remarks = _of_log(joints)
         of_logs.append(joints)
     changes = changed([log.name for log in logs], of_logs)
@@ -90,7 +93,8 @@ def investigate_robot(
         robot, verdict, payload, tuple(joints), shared, _payload_parameters(robot, shared),
         _next_measurement(joints, shared), _provenance(robot, logs, shared),
         (
-            *_recognised(logs), *_unlogged(robot), *_tilt_remarks(shared), *_earlier_payloads(logs, fits),
+            *_recognised(logs), *_taken_as_held(robot), *_weightless(body), *_tilt_remarks(shared),
+            *_earlier_payloads(logs, fits),
             *map(str, changes), *remarks,
         ),
         tuple(change.document() for change in changes),
@@ -131,6 +135,31 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int,
     if as_one_body:
         return replace(one, extended=as_described(told, one.extended))
     return one if joint.described else replace(one, findings=tuple(map(_of_the_joint, one.findings)))
+
+
+def in_metres(one: Investigation) -> Investigation:
+    """The investigation of a joint that slides in its units."""
+    findings = tuple(
+        replace(f, explanation=sliding_words(f.explanation), parameters=tuple(map(_in_metres, f.parameters)))
+        for f in one.findings
+    )
+    gain = tuple(replace(g, unit=sliding_words(g.unit)) for g in one.gain)
+    return replace(one, findings=findings, parameters=tuple(map(_in_metres, one.parameters)), gain=gain)
+
+
+def _in_metres(estimate: Estimate) -> Estimate:
+    return replace(estimate, unit=sliding_words(estimate.unit))
+
+
+def sliding_words(text: str) -> str:
+    """Units of a joint that slides, and force for torque.
+
+    >>> sliding_words("Viscous friction of 1.5 N m s/rad above 0.1 rad/s: torque of 2 N m")
+    'Viscous friction of 1.5 N s/m above 0.1 m/s: force of 2 N'
+    """
+    for turning, along in SLIDING:
+        text = text.replace(turning, along)
+    return text
 
 
 def _of_the_joint(finding: Finding) -> Finding:
@@ -238,16 +267,22 @@ def _recognised(logs: Sequence[RobotLog]) -> list[str]:
     return [f"The log was read as:\n{text}" for text in dict.fromkeys(log.recognised for log in logs) if text]
 
 
-def _unlogged(robot: Robot) -> list[str]:
-    """Joints of the URDF that the log does not have."""
-    logged = {joint.name for joint in robot.joints}
-    missing = [name for name in robot.urdf.moving if name not in logged]
-    if not missing:
+def _taken_as_held(robot: Robot) -> list[str]:
+    """Joints that are not logged, where robot.toml says that they were."""
+    if not robot.held:
         return []
-    return [
-        f"Not logged, and taken to stand at 0: {', '.join(missing)}. Log them, too, if they move or stand elsewhere: "
-        "where they are counts in the torques of the others."
+    places = [
+        f"{name} at {at:.4g} {position_key(robot.urdf, name).rpartition('_')[2]}" for name, at in robot.held.items()
     ]
+    return [f"Not logged, and held still as robot.toml says: {', '.join(places)}."]
+
+
+def _weightless(body: RigidBody) -> list[str]:
+    """Links that move and have no mass, as frames do and as a link has of which the maker says nothing."""
+    names = [name for name, own in zip(body.links, body.parameters, strict=True) if own[0] <= 0.0]
+    if not names:
+        return []
+    return [f"Without a mass in the URDF, and taken to weigh nothing: {', '.join(names)}."]
 
 
 def _tilt_remarks(shared: SharedFit) -> list[str]:

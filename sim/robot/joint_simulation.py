@@ -46,7 +46,7 @@ def place_of(robot: Robot, joint: str) -> int:
 
 
 def own_motion(robot: Robot, place: int, seconds: float) -> Trajectory:
-    """The joint moves back and forth as its axis says (`[motion]`), from 0 on; the others stand at 0."""
+    """The joint moves back and forth as its axis says (`[motion]`), from 0 on; the other logged joints stand at 0."""
     motion = robot.joints[place].axis.motion
     time_s = np.arange(round(seconds * 2 * LINKS_HZ) + 1) / (2 * LINKS_HZ)
     ways = np.zeros((3, time_s.size, len(robot.joints)))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 from collections.abc import Iterator
 from itertools import combinations, permutations
@@ -12,8 +13,8 @@ from numpy.typing import NDArray
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.robot.motion import Motion
 from sim.robot.rigid_body import PARAMETERS, RigidBody
-from sim.robot.robot import Robot
-from sim.robot.shared_fit import shared_columns
+from sim.robot.robot import Robot, position_key
+from sim.robot.shared_fit import TILT_RAD, shared_columns
 
 Array = NDArray[np.float64]
 
@@ -21,7 +22,31 @@ ROWS = 60  # for each order of the joints that is tried
 MOST_ORDERS = 6  # joints, of which all orders are tried
 WORSE = 1.5  # times the squares without any rigid body: masses that are off by several percent do not get there
 FAR_BETTER = 0.25  # of the squares of all joints, multiplied: what else would be right explains the torques
+ASKEW_RAD = 10.0 * TILT_RAD  # a base that is off by more was mounted so, and no error of masses looks like it
 CHECKED = 0.05  # of a joint's torque, from which the rigid body's counts
+
+
+def check_joints(robot: Robot, body: RigidBody) -> None:
+    """Refuse a description by which nobody knows where a joint was that counts in the torques of those logged.
+
+    Raises
+    ------
+    InvestigationError
+        naming these joints, and the lines of robot.toml that would say it.
+    """
+    unknown = body.unknown(robot.held)
+    if not unknown:
+        return
+    logged = [joint.name for joint in robot.joints]
+    depend = [name for name in logged if any(name in each for each in unknown.values())]
+    whose = "all logged joints" if depend == logged else ", ".join(depend)
+    held = "\n".join(f"[[held]]\nname = {json.dumps(name)}\n{position_key(robot.urdf, name)} = ..." for name in unknown)
+    raise InvestigationError(
+        f"robot.toml does not say where these joints of the URDF are: {', '.join(unknown)}. The torques of {whose} "
+        "depend on how they stand and move. A joint that moved has to be logged: name it under [[joints]], at its "
+        "place in the log's order, and in the channel map. A joint that was held still needs its position in "
+        f"robot.toml:\n{held}"
+    )
 
 
 def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> None:
@@ -40,10 +65,7 @@ def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> None:
     rigid = body.torque(*ways)
     without, with_ = _left(torque, frictions), _left(torque - rigid, frictions)
     if np.any(with_ > WORSE * without):
-        hung = body.regressor(*ways)[:, :, body.tool, :4]
-        numbers = _fitted(hung, torque - rigid, torque, frictions)
-        if numbers[0] > -body.parameters[body.tool, 0]:  # with it, what the last joint moves weighs more than nothing
-            with_ = _left(torque - rigid - hung @ numbers, frictions)
+        with_ = _with_payload(body, motion, few, rigid, frictions, with_)
     asked = rigid.std(axis=0) > CHECKED * np.maximum(torque.std(axis=0), 1e-12)
     wrong = asked & (with_ > WORSE * without)
     if wrong.any():
@@ -53,11 +75,15 @@ def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> None:
     order = _order(body, motion, frictions, few, every=wrong.any() and joints <= MOST_ORDERS)
     least = np.minimum(with_, without)  # what would be right is better than no rigid body at all
     swapped = order is not None and _explains(order[1], least)
-    if not wrong.any() and not swapped:
+    down = _direction(robot, body, motion, few, rigid, frictions)
+    askew = down is not None and _angle(down[0], np.array(robot.gravity_m_s2)) > ASKEW_RAD and _explains(down[1], least)
+    if askew and not wrong.any():
+        least = np.minimum(least, _with_payload(body, motion, few, rigid, frictions, least))
+        askew = down is not None and _explains(down[1], least)
+    if not wrong.any() and not swapped and not askew:
         return
     said = ", ".join(name for name, bad in zip(names, wrong, strict=True) if bad) or "the joints"
     would_fit: list[tuple[Array, str]] = []
-    down = _direction(robot, body, motion, few, rigid, frictions)
     if down is not None:
         x, y, z = (round(float(v), 2) for v in down[0])
         text = f"with gravity along another direction of the base they are: gravity_m_s2 = [{x}, {y}, {z}]"
@@ -76,6 +102,23 @@ def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> None:
         f"{start}, and no other order of the joints, sign or direction of gravity explains them. "
         "The URDF may be of another robot, the torques not at the joints (N m), or the positions not from its zeros."
     )
+
+
+def _angle(one: Array, other: Array) -> float:
+    """Between two vectors [rad]."""
+    return math.atan2(float(np.linalg.norm(np.cross(one, other))), float(one @ other))
+
+
+def _with_payload(
+    body: RigidBody, motion: Motion, few: NDArray[np.int64], rigid: Array, frictions: list[Array], left: Array
+) -> Array:
+    """Mean squares that are left of each joint with the payload that fits best; `left` where that weighs too little."""
+    hung = body.regressor(motion.position[few], motion.speed[few], motion.acceleration[few])[:, :, body.tool, :4]
+    torque = motion.torque[few]
+    numbers = _fitted(hung, torque - rigid, torque, frictions)
+    if numbers[0] <= -body.parameters[body.tool, 0]:  # with it, what the last joint moves weighs less than nothing
+        return left
+    return _left(torque - rigid - hung @ numbers, frictions)
 
 
 def _unsure(robot: Robot, body: RigidBody, motion: Motion) -> Array:

@@ -8,27 +8,25 @@ from __future__ import annotations
 
 import html
 from collections.abc import Iterable, Sequence
+from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.discrepancy.report.box import box_of_robot
+from sim.discrepancy.report.box import box_of_robot, is_shown
 from sim.discrepancy.report.drawing import svg
 from sim.discrepancy.report.formatting import likely, number, words_of
 from sim.discrepancy.report.html import STYLE, drawn_box, estimate_cells, html_report, table
 from sim.discrepancy.report.joint_html import FOLD, STYLES, WIDTH, body_of
-from sim.discrepancy.report.panels import EXTENDED, MEASURED, RIGID, Panel
-from sim.discrepancy.report.residual_panels import channels
-from sim.discrepancy.results import SAID, Finding
+from sim.discrepancy.report.panels import Panel
+from sim.discrepancy.results import SAID, Finding, Investigation
 from sim.mechanisms.catalogue import is_in_every_axis
 from sim.robot import picture
-from sim.robot.motion import Motion
+from sim.robot.joint_panels import finding_panels, torque_panels
 from sim.robot.picture import SAYS
-from sim.robot.results import JointInvestigation, RobotInvestigation
+from sim.robot.results import RobotInvestigation
 from sim.robot.rigid_body import RigidBody
 
-REST = "left by the last"
-MOST_ROWS = 1000  # of a plot
 Array = NDArray[np.float64]
 
 
@@ -54,7 +52,9 @@ def lines(result: RobotInvestigation) -> Iterable[str]:
     for place, f in _findings(result):
         yield f"  {f.mechanism} ({place}), {likely(f.probability, calibrated=f.calibrated)}: {f.explanation}"
         for e in f.parameters:
-            yield f"    {e.name} = {e.value:.5g} {e.unit} ({e.low:.5g} to {e.high:.5g})"
+            if is_shown(f.mechanism, e.name, e.low, e.high):
+                unit = "" if e.unit == "1" else f" {e.unit}"
+                yield f"    {e.name} = {e.value:.5g}{unit} ({e.low:.5g} to {e.high:.5g})"
     for joint in result.joints:
         for g in joint.investigation.gain:
             yield f"  {joint.name}: {g.channel} {g.rms_before:.4g} -> {g.rms_after:.4g} {g.unit} on held-out rows"
@@ -66,17 +66,21 @@ def lines(result: RobotInvestigation) -> Iterable[str]:
 
 
 def robot_story(result: RobotInvestigation) -> dict[str, object]:
-    """Headline, the arm as it is seen, and the torques of all joints, as JSON."""
+    """Headline, the arm as it is seen, the torques of all joints, and the plots of what was found, as JSON."""
     return {
         "headline": headline(result),
         "arm": [[round(float(x), 4) for x in place] for place in picture.seen(_places(result))],
         "overlay": [panel.document() for panel in torque_panels(result)],
+        "causes": [{"finding": k, **panel.document()} for k, panel in enumerate(finding_panels(result)) if panel],
     }
 
 
 def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
     """The investigation of a robot as one HTML page that loads nothing; `files`: names of what it was made of."""
-    pages = [html_report(joint.investigation) for joint in result.joints]
+    causes = finding_panels(result)
+    pages = [
+        html_report(_at_the_joint(result, k), (), _of_joint(result, k, causes)) for k, _ in enumerate(result.joints)
+    ]
     head = "".join(dict.fromkeys(style for page in pages for style in STYLES.findall(page.split("<body")[0])))
     name = html.escape(result.robot.name)
     stories = [
@@ -84,16 +88,17 @@ def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
         f'<div id="joint-{place}">{body_of(page, place)}</div></details>'
         for place, (joint, page) in enumerate(zip(result.joints, pages, strict=True), start=1)
     ]
+    entries = box_of_robot(result.document())
     body = "\n".join(
         [
             drawn_box(
                 ", ".join([result.robot.name, *files]), headline(result),
-                [(entry, None) for entry in box_of_robot(result.document())],
+                [(entry, None if entry.finding is None else causes[entry.finding]) for entry in entries],
                 [("Next measurement", result.next_measurement)],
             ),
             *(f"<p>{html.escape(remark)}</p>" for remark in result.remarks),
             "<h2>The arm and its joints</h2>", _picture(result), _joints(result),
-            "<h2>Findings</h2>", *_told(result),
+            *_frictions(result),
             "<h2>Torque of each joint</h2>", f'<p class="quiet">{TORQUES}</p>',
             '<div class="plots">', *(svg(p) for p in torque_panels(result)), "</div>",
             "<h2>Each joint by itself</h2>", *stories,
@@ -105,66 +110,40 @@ def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
     )
 
 
+def _at_the_joint(result: RobotInvestigation, place: int) -> Investigation:
+    """A joint's own investigation; where no drive is described, what was found is at the joint and at no motor."""
+    joint = result.joints[place]
+    if result.robot.joints[place].described:
+        return joint.investigation
+    found = tuple(replace(f, location=joint.name) for f in joint.investigation.findings)
+    return replace(joint.investigation, findings=found)
+
+
+def _of_joint(result: RobotInvestigation, place: int, causes: Sequence[Panel | None]) -> list[Panel | None]:
+    """The plots of a joint's findings, in the order of its own investigation."""
+    shown = {
+        (one.finding.mechanism, one.finding.location): panel
+        for one, panel in zip(result.findings(), causes, strict=True)
+        if one.joint == place
+    }
+    return [shown[f.mechanism, f.location] for f in result.joints[place].investigation.findings]
+
+
 TORQUES = (
     "Measured, as the rigid body of the description asks for, and with all that was found; and what the last leaves. "
     "At the joint."
 )
 
 
-def torque_panels(result: RobotInvestigation) -> list[Panel]:
-    """Of each joint over time: measured torque, what the rigid body asks for, with what was found, what that leaves."""
-    shared, out = result.shared, []
-    step = -(-len(shared.motion.time_s) // MOST_ROWS)
-    clock = shared.motion.time_s[::step]
-    for k, joint in enumerate(result.joints):
-        measured, rigid = shared.motion.torque[::step, k], shared.rigid[::step, k]
-        extended = _extended(joint, clock, shared.motion, result.robot.joints[k].axis.ratio)
-        rows = [(MEASURED, measured), (RIGID, rigid)] + ([] if extended is None else [(EXTENDED, extended)])
-        rows.append((REST, measured - rows[-1][1]))
-        title = f"{k + 1}. {joint.name}"
-        out.append(Panel(title, "time [s]", "torque at the joint [N m]", "time", clock - clock[0], tuple(rows)))
-    return out
-
-
-def _extended(joint: JointInvestigation, clock: Array, motion: Motion, ratio: float) -> Array | None:
-    """Torque at the joint by the extended model, on the log's clock, shape (n,) [N m]; None without a model.
-
-    A joint's own clock begins with the first row that counts.
-    """
-    one = joint.investigation
-    if one.selection is None:
-        return None
-    m = one.selection.problem.measurement
-    _, left = channels(one.selection)[0].left[-1]
-    modelled, begins = (m.torque - left) * ratio, motion.time_s[motion.counts][0]
-    return np.asarray(np.interp(clock - begins, m.time_s, modelled, left=np.nan, right=np.nan), dtype=np.float64)
-
-
 def _findings(result: RobotInvestigation) -> list[tuple[str, Finding]]:
     """Where, and what; the likeliest first, friction that nearly every robot lacks last."""
-    out = [] if result.payload is None else [("the flange", result.payload)]
-    out += [(joint.located(f.location), f) for joint in result.joints for f in joint.investigation.findings]
-    return sorted(out, key=lambda one: (is_in_every_axis(one[1].mechanism), -one[1].probability))
+    out = [("the flange" if one.joint is None else one.place, one.finding) for one in result.findings()]
+    return sorted(out, key=lambda one: is_in_every_axis(one[1].mechanism))
 
 
-def _told(result: RobotInvestigation) -> Iterable[str]:
-    found = _findings(result)
-    if not found:
-        yield "<p>None.</p>"
-    for place, f in found:
-        if is_in_every_axis(f.mechanism):
-            continue
-        title = (
-            f"{f.mechanism.replace('_', ' ').capitalize()} at {place}: {likely(f.probability, calibrated=f.calibrated)}"
-        )
-        yield f"<h3>{html.escape(title)}</h3><p>{html.escape(f.explanation)}</p>"
-        rows = [(words_of(e.name), *estimate_cells(e)) for e in f.parameters]
-        yield table(("parameter", "value", "90 % interval", "unit"), rows, (1, 2))
-        if f.indistinguishable_from:
-            yield f"<p>These data cannot tell it from {html.escape(', '.join(f.indistinguishable_from))}.</p>"
-        if f.action:
-            yield f"<p>What to do now: {html.escape(f.action)}</p>"
-    usual = [(place, f) for place, f in found if is_in_every_axis(f.mechanism)]
+def _frictions(result: RobotInvestigation) -> Iterable[str]:
+    """Friction that nearly every description lacks: of all joints in one table."""
+    usual = [(place, f) for place, f in _findings(result) if is_in_every_axis(f.mechanism)]
     if usual:
         order = {joint.name: k for k, joint in enumerate(result.joints)}
         usual.sort(key=lambda one: order.get(one[0], len(order)))
@@ -177,7 +156,7 @@ def _told(result: RobotInvestigation) -> Iterable[str]:
             )
             for place, f in usual
         ]
-        yield "<h3>Friction that the description lacks</h3><p>As felt at the motor of each joint. Nearly every description lacks it.</p>"
+        yield "<h2>Friction that the description lacks</h2><p>As felt at each joint, or at its motor where its drive is described. Nearly every description lacks it.</p>"
         yield table(("joint", "friction", "value", "90 % interval", "unit", "how sure"), frictions, (2, 3))
 
 
@@ -187,11 +166,14 @@ def _joints(result: RobotInvestigation) -> str:
         one, torque = joint.investigation, result.torque_rms_nm(k - 1)
         said = ", ".join(f.mechanism.replace("_", " ") for f in one.findings if f.probability >= SAID)
         rest = "" if one.unexplained is None else "something without a name"
-        left = [number(torque[name]) if name in torque else "" for name in ("measured", "rigid", "extended")]
+        unit = result.torque_unit(k - 1)
+        left = [
+            f"{number(torque[name])} {unit}" if name in torque else "" for name in ("measured", "rigid", "extended")
+        ]
         rows.append((f"{k}. {joint.name}", *left, said or "nothing", rest))
     heads = (
         "joint",
-        "torque measured [N m]",
+        "torque measured",
         "left by the rigid body",
         "left by the extended model",
         "found",

@@ -17,7 +17,7 @@ from sim.discrepancy.results import (
     rounded,
     unexplained_document,
 )
-from sim.robot.robot import SCHEMA, Robot
+from sim.robot.robot import SCHEMA, Robot, position_key
 from sim.robot.shared_fit import SharedFit
 
 PAYLOAD = "payload"
@@ -34,6 +34,18 @@ class JointInvestigation:
         """Where a finding of this joint is, as the robot's document says it."""
         axis = self.investigation.axis
         return f"{self.name}/{location}" if location in {stage.name for stage in axis.stages} else self.name
+
+
+@dataclass(frozen=True)
+class Located:
+    """A finding of a robot; `place`: where it is, `joint`: of which joint, by its place in the log, None of no one."""
+
+    finding: Finding
+    place: str
+    joint: int | None
+
+    def document(self) -> dict[str, object]:
+        return {**finding_document(self.finding), "location": self.place}
 
 
 @dataclass(frozen=True)
@@ -66,23 +78,31 @@ class RobotInvestigation:
         gains = [g.rms_after * ratio for g in one.gain if g.channel == "motor_torque_nm"]
         return out | ({"extended": gains[0]} if gains else {})
 
+    def torque_unit(self, place: int) -> str:
+        """Unit of a joint's torque; a force where it slides."""
+        return "N" if self.robot.joints[place].name in self.robot.urdf.prismatic else "N m"
+
+    def findings(self) -> list[Located]:
+        """All that was found, the likeliest first."""
+        out = [] if self.payload is None else [Located(self.payload, PAYLOAD, None)]
+        for place, joint in enumerate(self.joints):
+            out += [Located(f, joint.located(f.location), place) for f in joint.investigation.findings]
+        return sorted(out, key=lambda one: -round(one.finding.probability, 4))
+
     def document(self) -> dict[str, object]:
         """JSON of the contract: finite numbers only, the same for the same bytes."""
-        findings = [] if self.payload is None else [finding_document(self.payload)]
         rests: list[tuple[float, dict[str, object]]] = []
         parameters, gains = [], []
         for joint in self.joints:
             one = joint.investigation
-            findings += [{**finding_document(f), "location": joint.located(f.location)} for f in one.findings]
             if one.unexplained is not None:
                 rest = {**unexplained_document(one.unexplained), "joint": joint.name}
                 rests.append((one.unexplained.score, rest))
             parameters += [{**estimate_document(e), "name": f"{joint.name}.{e.name}"} for e in one.parameters]
             gains += [{**gain_document(g), "joint": joint.name} for g in one.gain]
-        findings.sort(key=lambda f: -float(str(f["probability"])))
         return {
             "verdict": self.verdict,
-            "findings": findings,
+            "findings": [one.document() for one in self.findings()],
             "unexplained": max(rests, key=lambda one: one[0])[1] if rests else None,
             "parameters": [*map(estimate_document, self.parameters), *parameters],
             "gain": gains,
@@ -92,6 +112,7 @@ class RobotInvestigation:
                 {
                     "name": joint.name,
                     "verdict": joint.investigation.verdict,
+                    "unit": self.torque_unit(k),
                     "unexplained": None
                     if joint.investigation.unexplained is None
                     else unexplained_document(joint.investigation.unexplained),
@@ -112,6 +133,8 @@ class RobotInvestigation:
         if self.payload is not None and self.payload.probability > 0.5:
             numbers = {e.name: e.value for e in self.payload.parameters}
             mass, center = numbers["mass_kg"], [numbers[f"center_{way}_m"] for way in "xyz"]
+        urdf = self.robot.urdf
+        held = [{"name": name, position_key(urdf, name): at} for name, at in self.robot.held.items()]
         return {
             "schema": SCHEMA,
             "name": self.robot.name,
@@ -119,4 +142,5 @@ class RobotInvestigation:
             "gravity_m_s2": list(self.robot.gravity_m_s2),
             "payload": {"mass_kg": rounded(mass), "center_m": [rounded(x) for x in center]},
             "joints": [{"name": j.name, "axis": j.investigation.extended.to_mapping()} for j in self.joints],
+            **({"held": held} if held else {}),
         }

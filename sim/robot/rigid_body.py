@@ -7,6 +7,7 @@ inertia about its own frame.
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from typing import Any
 
@@ -26,7 +27,8 @@ class RigidBody:
     """Links that move, and the joints that move them.
 
     `parameters`: of each moving link, with a described payload, shape (links, 10); `tool`: index of the link that the
-    logged joint farthest from the base moves (of several, the last in the log).
+    logged joint farthest from the base moves (of several, the last in the log); `rest`: position of each degree of
+    freedom while the logged joints stand at 0 [rad], [m].
     """
 
     parameters: Array
@@ -34,6 +36,7 @@ class RigidBody:
     tool: int
     model: Any
     columns: tuple[int, ...]
+    rest: Array
 
     @staticmethod
     def of(robot: Robot) -> RigidBody:
@@ -65,7 +68,40 @@ class RigidBody:
         tool = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_BODY, last.parent.name) - 1
         names = tuple(mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_BODY, k) for k in range(1, model.nbody))
         parameters = np.array([_parameters(model, k) for k in range(1, model.nbody)])
-        return RigidBody(parameters, names, tool, model, columns)
+        rest = np.array([robot.held.get(name, 0.0) for name in _joint_names(model)])
+        return RigidBody(parameters, names, tool, model, columns, rest)
+
+    def unknown(self, known: Collection[str]) -> dict[str, tuple[str, ...]]:
+        """Joints that are neither logged nor `known`, and on which torques of logged joints depend: of which each.
+
+        Two joints of one arm depend on each other's motion by the masses that both of them move.
+        """
+        names, bodies = _joint_names(self.model), [int(body) for body in self.model.jnt_bodyid]
+        above: list[set[int]] = [set()]  # each link, and all between it and the base
+        for link in range(1, self.model.nbody):
+            above.append({link} | above[int(self.model.body_parentid[link])])
+        heavy = set().union(*(above[k + 1] for k, own in enumerate(self.parameters) if own[0] > 0.0))
+        logged = [int(self.model.dof_jntid[column]) for column in self.columns]
+        out = {}
+        for k, name in enumerate(names):
+            if k in logged or name in known:
+                continue
+            depends = [
+                names[j]
+                for j in logged
+                if (bodies[j] in heavy and bodies[k] in above[bodies[j]])
+                or (bodies[k] in heavy and bodies[j] in above[bodies[k]])
+            ]
+            if depends:
+                out[name] = tuple(depends)
+        return out
+
+    def _data(self) -> Any:
+        import mujoco
+
+        data = mujoco.MjData(self.model)
+        data.qpos[:] = self.rest
+        return data
 
     def regressor(self, position: Array, speed: Array, acceleration: Array) -> Array:
         """Torques [N m] per unit of each link's parameters, shape (rows, joints, links, 10).
@@ -74,7 +110,7 @@ class RigidBody:
         """
         import mujoco
 
-        model, data = self.model, mujoco.MjData(self.model)
+        model, data = self.model, self._data()
         rows, links, dofs = len(position), len(self.links), model.nv
         along, about = np.zeros((rows, links, 3, dofs)), np.zeros((rows, links, 3, dofs))
         turned = np.zeros((rows, links, 3, 3))
@@ -114,7 +150,7 @@ class RigidBody:
         """Base, logged joints, centre of the last link [m], shape (joints + 2, 3); `position`: shape (joints,)."""
         import mujoco
 
-        data = mujoco.MjData(self.model)
+        data = self._data()
         data.qpos[list(self.columns)] = position
         mujoco.mj_kinematics(self.model, data)
         joints = [int(self.model.dof_jntid[column]) for column in self.columns]
@@ -124,13 +160,20 @@ class RigidBody:
         """The same by MuJoCo's inverse dynamics in one piece: for many short motions."""
         import mujoco
 
-        data, columns = mujoco.MjData(self.model), list(self.columns)
+        data, columns = self._data(), list(self.columns)
         out = np.empty(position.shape)
         for row in range(len(position)):
             data.qpos[columns], data.qvel[columns], data.qacc[columns] = position[row], speed[row], acceleration[row]
             mujoco.mj_inverse(self.model, data)
             out[row] = data.qfrc_inverse[columns]
         return out
+
+
+def _joint_names(model: Any) -> list[str]:
+    """Of each degree of freedom: turning and sliding joints have one each."""
+    import mujoco
+
+    return [mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_JOINT, k) for k in range(model.njnt)]
 
 
 def _depth(joint: Any) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -48,9 +48,10 @@ class Joint:
 
 @dataclass(frozen=True)
 class Robot:
-    """A robot. `joints`: those that are logged, in the log's order; the others stand at 0.
+    """A robot. `joints`: those that are logged, in the log's order.
 
-    `gravity_m_s2`: in the frame of the robot's base, shape (3,) [m/s2].
+    `gravity_m_s2`: in the frame of the robot's base, shape (3,) [m/s2]; `held`: where joints that are not logged were
+    held [rad], sliding ones [m]. A joint that is neither is unknown, and taken to stand at 0.
     """
 
     name: str
@@ -58,7 +59,14 @@ class Robot:
     joints: tuple[Joint, ...]
     gravity_m_s2: Vector = GRAVITY_M_S2
     payload: Payload = field(default_factory=Payload)
+    held: Mapping[str, float] = field(default_factory=dict)
     document: Mapping[str, object] = field(default_factory=dict, repr=False, compare=False)
+
+
+def slides(robot: Robot, place: int) -> bool:
+    """Whether what is logged of a joint are a force [N] and a way [m], and not torque and angle."""
+    joint = robot.joints[place]
+    return joint.name in robot.urdf.prismatic and not joint.axis.stages
 
 
 def logged_joints(robot: Robot) -> tuple[LoggedJoint, ...]:
@@ -99,7 +107,7 @@ def robot_of(document: Mapping[str, object], urdf: bytes, axis_of: Any) -> Robot
     RobotError
         as `read_robot`.
     """
-    _refuse_unknown("", document, ("schema", "name", "urdf", "gravity_m_s2", "payload", "joints"))
+    _refuse_unknown("", document, ("schema", "name", "urdf", "gravity_m_s2", "payload", "joints", "held"))
     if document.get("schema", SCHEMA) != SCHEMA:
         raise RobotError(f"schema: must be {SCHEMA!r}, got {shown(document['schema'])}")
     try:
@@ -111,7 +119,8 @@ def robot_of(document: Mapping[str, object], urdf: bytes, axis_of: Any) -> Robot
     if not isinstance(name, str) or not name.strip() or len(name) > 200:
         raise RobotError(f"name: must be a text of 1 to 200 characters, got {shown(name)}")
     gravity = _vector("gravity_m_s2", document.get("gravity_m_s2", GRAVITY_M_S2), 100.0, "m/s2")
-    return Robot(name, links, joints, gravity, _payload(document.get("payload", {})), dict(document))
+    held = _held(document.get("held", []), links, [joint.name for joint in joints])
+    return Robot(name, links, joints, gravity, _payload(document.get("payload", {})), held, dict(document))
 
 
 def _joints(value: object, links: Urdf, axis_of: Any) -> tuple[Joint, ...]:
@@ -126,16 +135,52 @@ def _joints(value: object, links: Urdf, axis_of: Any) -> tuple[Joint, ...]:
         if not isinstance(table, Mapping):
             raise RobotError(f"joints[{k}]: must be a table, got {shown(table)}")
         _refuse_unknown(f"joints[{k}].", table, ("name", "axis"))
-        name = table.get("name")
-        if name not in links.moving:
-            moving = ", ".join(links.moving)
-            raise RobotError(f"joints[{k}].name: {shown(name)} is no joint that moves in the URDF; there are {moving}")
+        name = _moving(f"joints[{k}].name", table.get("name"), links)
         if any(name == joint.name for joint in out):
             raise RobotError(
                 f"joints[{k}].name: {shown(name)} stands twice; each logged joint once, in the log's order"
             )
-        out.append(_joint(str(name), table.get("axis"), f"joints[{k}].axis", axis_of))
+        out.append(_joint(name, table.get("axis"), f"joints[{k}].axis", axis_of))
     return tuple(out)
+
+
+def _moving(path: str, name: object, links: Urdf) -> str:
+    if not isinstance(name, str) or name not in links.moving:
+        raise RobotError(
+            f"{path}: {shown(name)} is no joint that moves in the URDF; there are {', '.join(links.moving)}"
+        )
+    return name
+
+
+def position_key(links: Urdf, joint: str) -> str:
+    """How robot.toml calls where a joint is held."""
+    return "position_m" if joint in links.prismatic else "position_rad"
+
+
+def _held(value: object, links: Urdf, logged: Sequence[str]) -> dict[str, float]:
+    """Where joints that are not logged were held."""
+    if not isinstance(value, list | tuple):
+        raise RobotError(
+            'held: must be tables; write [[held]] with name = "..." and position_rad = ... for each joint that was held'
+        )
+    out: dict[str, float] = {}
+    for k, table in enumerate(value):
+        path = f"held[{k}]"
+        if not isinstance(table, Mapping):
+            raise RobotError(f"{path}: must be a table, got {shown(table)}")
+        name = _moving(f"{path}.name", table.get("name"), links)
+        if name in logged or name in out:
+            where = "under [[joints]], where the log says how it moves" if name in logged else "twice"
+            raise RobotError(f"{path}.name: {shown(name)} stands {where}; each joint once")
+        key = position_key(links, name)
+        _refuse_unknown(f"{path}.", table, ("name", key))
+        if key not in table:
+            raise RobotError(f"{path}.{key}: missing; where {name} was held, by the zero of the URDF")
+        try:
+            out[name] = number(key, table[key], key.rpartition("_")[2], at_least=-1e3, at_most=1e3)
+        except ParameterError as error:
+            raise RobotError(f"{path}.{error}") from None
+    return out
 
 
 def _joint(name: str, source: object, path: str, axis_of: Any) -> Joint:

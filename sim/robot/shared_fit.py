@@ -238,7 +238,8 @@ def _shared(
         factor = np.linalg.cholesky(without[np.ix_(inside, inside)])
         speed = motion.speed[:, joint]
         losses = LOAD_LOSS * np.tanh(speed / max(TURNS[1] * float(np.abs(speed).max()), 1e-12))
-        errors.append(np.column_stack([_few(own @ factor), losses * np.abs(rigid[:, joint])]))
+        load = np.abs(rigid[:, joint])
+        errors.append(np.column_stack([_few(own @ factor), losses * (load - load[motion.counts].mean())]))
     mean, _, robust = solved
     deviation = np.sqrt(np.diag(robust))[place][columns.tilt] * TILT_RAD
     return SharedFit(

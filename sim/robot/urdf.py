@@ -67,6 +67,7 @@ def read_urdf(text: bytes) -> Urdf:
         names[part.tag].add(name)
         for child in _keep(kept, part).iter():
             _check_numbers(f"{part.tag} {name!r}", child)
+            _check_inertial(name, child)
     kinds = _kinds(kept)
     moving = tuple(name for name, kind in kinds.items() if kind in MOVING)
     if not moving:
@@ -133,6 +134,15 @@ def _parsed(text: bytes) -> ElementTree.Element:
         return builder.close()
     except expat.ExpatError as error:
         raise UrdfError(f"this is no XML: {error}") from None
+
+
+def _check_inertial(link: str, element: ElementTree.Element) -> None:
+    missing = [f"<{tag}>" for tag in ("mass", "inertia") if element.tag == "inertial" and element.find(tag) is None]
+    if missing:
+        raise UrdfError(
+            f"link {link!r}: its <inertial> has no {' and no '.join(missing)}; write both, or leave <inertial> out of "
+            "a link that weighs nothing"
+        )
 
 
 def _check_numbers(where: str, element: ElementTree.Element) -> None:

@@ -116,7 +116,7 @@ def one_joint_missing(scenario: Scenario, folder: Path) -> tuple[str, ...]:
     for channel in ("motor_position_rad", "motor_speed_rad_s", "motor_torque_nm"):
         _shorten(folder / "channels.toml", channel, "column")
     _shorten(folder / "channels.toml", "motor_torque_nm", "factor")
-    return (re.escape(last),)
+    return (re.escape(last), r"\blog", r"\[\[joints\]\]")
 
 
 def joint_misspelt(scenario: Scenario, folder: Path) -> tuple[str, ...]:
@@ -155,6 +155,15 @@ def hangs_from_the_ceiling(scenario: Scenario, folder: Path) -> tuple[str, ...]:
     return (r"gravity",)
 
 
+def base_leans(scenario: Scenario, folder: Path) -> tuple[str, ...]:
+    """A base that was mounted at 30 degrees to what is described."""
+    g = scenario.gravity_in_world
+    across = np.eye(3)[np.argmin(np.abs(g))]
+    side = np.cross(g, across) / np.linalg.norm(across - g * (g @ across) / (g @ g))
+    write(replace(scenario, gravity_in_world=np.cos(np.radians(30)) * g + np.sin(np.radians(30)) * side), folder)
+    return (r"gravity",)
+
+
 def no_such_urdf(scenario: Scenario, folder: Path) -> tuple[str, ...]:
     """A URDF that is not beside the description."""
     write(scenario, folder)
@@ -179,12 +188,13 @@ CASES = tuple(
         (urdf_with_other_names, True),
         (urdf_of_another_robot, False),
         (one_column_missing, True),
-        (one_joint_missing, False),
+        (one_joint_missing, True),
         (joint_misspelt, True),
         (joint_twice, True),
         (currents_without_constants, True),
         (one_constant_missing, True),
         (hangs_from_the_ceiling, False),
+        (base_leans, False),
         (no_such_urdf, True),
         (mass_below_nothing, True),
     )

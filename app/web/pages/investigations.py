@@ -46,7 +46,7 @@ from casebase.signals.table_kinds import TEXT, binary_endings, table_kinds
 from casebase.signals.telemetry import recognise_columns
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
-from sim.discrepancy.report.box import box_of_robot, refused, unexplained_words
+from sim.discrepancy.report.box import box_of, box_of_robot, refused, unexplained_words
 from sim.discrepancy.report.panels import SHOWS
 from sim.discrepancy.results import unexplained_of
 from sim.errors import AxisError
@@ -191,10 +191,10 @@ def box_of_row(row: StoredInvestigation) -> list[Shown]:
     if row.document is None:
         return []
     if row.robot:
-        return [Shown(entry) for entry in box_of_robot(row.document)]
+        return box_shown(row.document, box_of_robot(row.document))
     heard = "telemetry" not in row.inputs  # whose probabilities were never calibrated, nor said so by older versions
     findings = [{"calibrated": not heard, **finding} for finding in row.document["findings"]]
-    return box_shown({**row.document, "findings": findings}, described(row))
+    return box_shown(row.document, box_of({**row.document, "findings": findings}, described(row)))
 
 
 def described(row: StoredInvestigation) -> Axis | None:

@@ -74,15 +74,16 @@ def _held_out(problem: Problem, fit: Fit, terms: Sequence[Term]) -> tuple[Array,
         first, last = fold * m.samples // FOLDS, (fold + 1) * m.samples // FOLDS
         values = without(fit, refits, (rows >= first) & (rows < last))
         a, b = problem.raw_residuals(terms, values, weighted=False)
-        expected = _by_doubts(problem, a, first, last) if terms else np.zeros(m.samples)
+        expected = by_doubts(problem, a, first, last) if terms else np.zeros(m.samples)
         torque[first:last] = (a - expected)[first:last]
         inside = (np.arange(guide.size) * stride >= first) & (np.arange(guide.size) * stride < last)
         guide[inside] = b[inside]
     return torque, guide
 
 
-def _by_doubts(problem: Problem, left: Array, first: int, last: int) -> Array:
-    """What of `left` the other rows expect along the ways in which the known torque may be wrong, shape (n,)."""
+def by_doubts(problem: Problem, left: Array, first: int = 0, last: int = 0) -> Array:
+    """What of `left` all rows but those from `first` to before `last` expect along the ways in which the known torque
+    may be wrong, shape (n,) [N m]."""
     m = problem.measurement
     if not m.doubts.size:
         return np.zeros(m.samples)

@@ -5,6 +5,7 @@ Made of the document alone, so that the page of a stored investigation, its repo
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -132,7 +133,7 @@ def _found(finding: Document, axis: Axis | None, next_measurement: str) -> Entry
         sizes=tuple(
             replace(size_of(mechanism, one), as_new=as_new_of(axis, mechanism, location, one["name"]))
             for one in finding["parameters"]
-            if is_shown(mechanism, one["name"])
+            if is_shown(mechanism, one["name"], one.get("low"), one.get("high"))
         ),
     )
 
@@ -226,10 +227,12 @@ def _nothing(document: Document) -> Entry:
 def box_of_robot(document: Mapping[str, Any]) -> list[Entry]:
     """What a technician reads first; friction that every axis has is one entry."""
     found = document["findings"]
-    beyond = [one for one in found if not is_in_every_axis(one["mechanism"])]
+    places = [k for k, one in enumerate(found) if not is_in_every_axis(one["mechanism"])]
+    beyond = [found[k] for k in places]
     usual = [one for one in found if is_in_every_axis(one["mechanism"]) and one["probability"] >= SAID]
     if beyond or not usual:
-        return box_of({**document, "findings": beyond}, None)
+        entries = box_of({**document, "findings": beyond}, None)
+        return [one if one.finding is None else replace(one, finding=places[one.finding]) for one in entries]
     joints = ", ".join(dict.fromkeys(str(one["location"]) for one in usual))
     return [
         Entry(
@@ -272,9 +275,17 @@ def _places(rest: Unexplained) -> list[str]:
     return out
 
 
-def is_shown(mechanism: str, name: str) -> bool:
-    """Whether a number of a finding says something to a reader."""
-    return not any(p.name == name and not p.shown for p in kind_or_any(mechanism).parameters)
+def is_shown(mechanism: str, name: str, low: object, high: object) -> bool:
+    """Whether a number of a finding says something to a reader: an angle known no closer than a turn does not.
+
+    >>> is_shown("torque_ripple", "phase_rad", 0.1, 0.4), is_shown("torque_ripple", "phase_rad", -30.0, 30.0)
+    (True, False)
+    """
+    kind = next((p for p in kind_or_any(mechanism).parameters if p.name == name), None)
+    if kind is None:
+        return True
+    known = not (isinstance(low, int | float) and isinstance(high, int | float) and high - low >= math.tau)
+    return kind.shown and (known or not kind.periodic)
 
 
 def size_of(mechanism: str, given: Document) -> Size:

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.description.transmission import compliance
+from sim.discrepancy.assessment.cross_validation_gain import by_doubts
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.report.acoustic_panels import along_path, sound_panels
 from sim.discrepancy.report.formatting import named
@@ -93,9 +94,10 @@ def _of_term(selection: Selection, term: Term, numbers: Mapping[str, float]) -> 
     rest = tuple(other for other in fit.terms if other.key != term.key)
     without = problem.raw_residuals(rest, problem.numbers(rest) | dict(fit.values), weighted=False)
     left = problem.raw_residuals(fit.terms, fit.values, weighted=False)
+    wrong = (by_doubts(problem, left[0]), np.zeros(1))  # of the known torque, in each channel: of no cause
     shown = [
-        (channel, lacking, lacking - rest_of_it)
-        for channel, lacking, rest_of_it in zip(channels(selection), without, left, strict=False)
+        (channel, lacking - off, lacking - rest_of_it)
+        for channel, lacking, rest_of_it, off in zip(channels(selection), without, left, wrong, strict=False)
     ]
     sign = kind_or_any(term.mechanism).signature
     if sign.domain in ("twist", "reversal") and problem.guided:
@@ -167,6 +169,8 @@ def _over_angle(channel: Channel, term: Term, numbers: Mapping[str, float]) -> O
     order = float(numbers.get(order, 1.0) if isinstance(order, str) else order)
     ratio = axis.ratio_from(shaft) / axis.ratio if shaft in axis.locations else 1.0
     angle = np.degrees(m.angle[:: channel.stride] * ratio)
+    if float(np.ptp(angle)) < (360.0 if order * PER_PERIOD <= BINS else 360.0 / order):
+        return Over("angle", f"angle of {name} [°]", angle, np.ones(angle.size))
     if order * PER_PERIOD <= BINS:
         return Over("turn", f"angle of {name} [°]", angle % 360.0, np.ones(angle.size), 360.0)
     label = f"angle of {name} within one of {order:g} periods of a turn [°]"

@@ -105,7 +105,7 @@ def _row(finding: Document, before: Document | None, after: Document | None, bec
 def _side(finding: Document | None) -> Side | None:
     if finding is None:
         return None
-    shown = (p for p in finding["parameters"] if is_shown(finding["mechanism"], p["name"]))
+    shown = (p for p in finding["parameters"] if is_shown(finding["mechanism"], p["name"], p.get("low"), p.get("high")))
     sure = likely(finding["probability"], calibrated=finding.get("calibrated", True))
     return Side(sure, tuple(size_of(finding["mechanism"], p) for p in shown))
 

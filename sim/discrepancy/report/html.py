@@ -64,8 +64,11 @@ BELIEVED = f"How accurate described values are assumed to be (one standard devia
 LINEAR = "If this is a linear axis, read N, m and kg for N m, rad and kg m²: N s/m for N m s/rad, m/s for rad/s."
 
 
-def html_report(result: Investigation, files: Sequence[str] = ()) -> str:
-    """The investigation as one HTML page; `files`: names of what was measured, where the caller knows them."""
+def html_report(result: Investigation, files: Sequence[str] = (), causes: Sequence[Panel | None] | None = None) -> str:
+    """The investigation as one HTML page; `files`: names of what was measured, where the caller knows them.
+
+    `causes`: a plot of each finding, where the caller has others than `cause_panels`.
+    """
     overlay, residual, sound = panels(result)
     weighed = candidates(result)
     bodies = (
@@ -80,7 +83,7 @@ def html_report(result: Investigation, files: Sequence[str] = ()) -> str:
         _alike(result, weighed),
         next_steps(result),
     )
-    parts = [box(result, files, cause_panels(result))]
+    parts = [box(result, files, cause_panels(result) if causes is None else causes)]
     for place, (title, body) in enumerate(zip(STEPS, bodies, strict=True), start=1):
         parts += [f"<details><summary><h2>{place}. {title}</h2></summary>", *body, "</details>"]
     parts.append(_provenance(result))
@@ -260,7 +263,7 @@ def _extended(result: Investigation) -> list[str]:
 
 
 def _number(f: Finding, e: Estimate) -> tuple[str, str, str, str, str] | None:
-    if not is_shown(f.mechanism, e.name):
+    if not is_shown(f.mechanism, e.name, e.low, e.high):
         return None
     if e.name == "flank":
         return words_of(e.name), FLANKS.get(e.value, "not known"), "–", "", ""

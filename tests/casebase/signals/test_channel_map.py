@@ -139,6 +139,11 @@ def test_a_parquet_table_has_its_own_types(tmp_path: Path) -> None:
             ('unit = "rad/s"', 'unit = "knots"'),
             "[motor_speed_rad_s] unit = 'knots' is not known; there are rad/s, deg/s",
         ),
+        (
+            ('unit = "N.m"', 'unit = "mA"'),
+            'there are N.m, mN.m, N, A, %; write unit = "A", with the factor in N m per mA',
+        ),
+        (('unit = "rad/s"', 'unit = "1/min"'), '; write unit = "rpm"'),
         (("[motor_torque_nm]", "[torque]"), "[torque] is no channel; there are"),
         (("factor = 1", "factor = 0"), "factor = 0 has to be a number other than 0"),
         (("[time_s]", 'schema = "other/2"\n[time_s]'), 'write schema = "gearcase-channels/1"'),

@@ -78,6 +78,31 @@ def test_friction_and_payload_of_a_simulated_arm(tmp_path: Path) -> None:
     assert all(joint.described for joint in extended.joints)
 
 
+def test_a_joint_that_the_log_lacks_is_logged_or_held(tmp_path: Path) -> None:
+    """The turret stands at 0.3 rad, about the vertical: said so, the answer is that of the log with it."""
+    words = make(tmp_path)
+    whole = json.loads(gearcase("investigate", *words, "--json", data_dir=tmp_path / "data").stdout)
+    path = tmp_path / "robot.toml"
+    path.write_text(path.read_text().replace('[[joints]]\nname = "base/turret"\n', ""))
+    text = channel_map(3).replace("[2, 3, 4]", "[3, 4]").replace("[5, 6, 7]", "[6, 7]")
+    (tmp_path / "map.toml").write_text(text)
+    done = gearcase("investigate", *words, "--json", data_dir=tmp_path / "data")
+    assert done.code == 2
+    assert "where these joints of the URDF are: base/turret" in done.stderr
+    (held,) = re.findall(r"\[\[held\]\]\n.*\n.*", done.stderr)
+    path.write_text(path.read_text() + held.replace("...", "0.3"))
+    done = gearcase("investigate", *words, "--json", data_dir=tmp_path / "data")
+    assert done.code == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert [f["location"] for f in document["findings"]] == [f["location"] for f in whole["findings"]]
+    assert document["findings"][0]["parameters"][0]["value"] == pytest.approx(
+        whole["findings"][0]["parameters"][0]["value"], rel=0.01
+    )
+    assert "held still as robot.toml says: base/turret at 0.3 rad" in document["remarks"][0]
+    path.write_text(json.dumps(document["extended_axis"]))
+    assert read_robot(path).held == {"base/turret": 0.3}
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [

@@ -8,7 +8,7 @@ import pytest
 
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.robot.motion import Motion
-from sim.robot.plausibility import check_robot
+from sim.robot.plausibility import check_joints, check_robot
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Payload, Robot
 from tests.sim.robot.arms import Array, Link, random_arm, robot, swings, torque, two_links, with_mass
@@ -79,10 +79,32 @@ def test_a_robot_on_the_ceiling_is_said() -> None:
         check(moved(), robot(LINKS, gravity=(0.0, 0.0, 9.81)))
 
 
+@pytest.mark.parametrize("payload", [0.0, 2.0])
+def test_a_base_that_was_mounted_askew_is_said_and_one_that_is_levelled_badly_is_not(payload: float) -> None:
+    """Gravity of a base that leans by an angle about y, on joints whose torques no other masses would make."""
+    links = with_mass(LINKS, payload, np.array([0.05, 0.0, 0.1])) if payload else LINKS
+    leaning = {a: (9.81 * np.sin(np.radians(a)), 0.0, -9.81 * np.cos(np.radians(a))) for a in (4.0, 30.0)}
+    check(moved(links), robot(LINKS, gravity=leaning[4.0]))
+    with pytest.raises(InvestigationError, match=r"gravity_m_s2 = \[-?0\.\d+, -?0\.\d+, -9\.8"):
+        check(moved(links), robot(LINKS, gravity=leaning[30.0]))
+
+
 def test_the_urdf_of_another_robot_is_refused() -> None:
     other = random_arm(np.random.default_rng(9), 4)
     with pytest.raises(InvestigationError, match="may be of another robot"):
         check(moved(), robot([replace(link, mass=5.0 * link.mass) for link in other]))
+
+
+def test_a_joint_of_which_nobody_says_where_it_was_is_refused_with_what_would_say_it() -> None:
+    whole = robot(LINKS)
+    lacking = replace(whole, joints=whole.joints[:-1])
+    with pytest.raises(InvestigationError) as refused:
+        check_joints(lacking, RigidBody.of(lacking))
+    text = str(refused.value)
+    assert "where these joints of the URDF are: joint4. The torques of all logged joints depend on" in text
+    assert text.endswith('[[held]]\nname = "joint4"\nposition_rad = ...')
+    for known in (whole, replace(lacking, held={"joint4": 0.0})):
+        check_joints(known, RigidBody.of(known))
 
 
 def test_a_joint_that_carries_next_to_nothing_refuses_no_log() -> None:

@@ -120,13 +120,48 @@ def test_the_payload_hangs_at_the_joint_farthest_from_the_base_in_any_order_of_t
     assert RigidBody.of(whole).tool == RigidBody.of(turned).tool == 2
 
 
-def test_an_unlogged_joint_stands_at_zero() -> None:
+def test_an_unlogged_joint_stands_where_it_is_held() -> None:
     links = random_arm(np.random.default_rng(8), 3)
     whole = robot(links)
     q, qd, qdd = (way * np.array([1.0, 0.0, 1.0]) for way in motion(3))
-    some = RigidBody.of(replace(whole, joints=(whole.joints[0], whole.joints[2])))
-    expected = torque(links, q, qd, qdd)[:, [0, 2]]
-    np.testing.assert_allclose(some.torque(q[:, [0, 2]], qd[:, [0, 2]], qdd[:, [0, 2]]), expected, atol=1e-9)
+    some = replace(whole, joints=(whole.joints[0], whole.joints[2]), held={"joint2": 0.7})
+    body, logged = RigidBody.of(some), (q[:, [0, 2]], qd[:, [0, 2]], qdd[:, [0, 2]])
+    expected = torque(links, q + np.array([0.0, 0.7, 0.0]), qd, qdd)[:, [0, 2]]
+    np.testing.assert_allclose(body.torque(*logged), expected, atol=1e-9)
+    np.testing.assert_allclose(body.torque_of(*logged), expected, atol=1e-9)
+
+
+TREE = (
+    ("torso", "base", "trunk", 9.0), ("left1", "trunk", "upper_left", 3.0), ("left2", "upper_left", "hand_left", 2.0),
+    ("camera", "hand_left", "lens", 0.0), ("right1", "trunk", "upper_right", 3.0),
+)  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    "logged", [("left1",), ("left1", "left2"), ("torso",), ("right1", "camera"), ("torso", "left2")]
+)
+def test_unknown_are_the_joints_whose_motion_changes_a_logged_torque(logged: tuple[str, ...]) -> None:
+    """Two arms on a turning trunk, and a camera without a mass: what moves a torque is tried joint by joint."""
+    links = "".join(
+        f'<link name="{child}"><inertial><origin xyz="0.1 0.05 0.02"/><mass value="{mass}"/>'
+        f'<inertia ixx="{mass}" iyy="{mass}" izz="{mass}" ixy="0" ixz="0" iyz="0"/></inertial></link>'
+        f'<joint name="{name}" type="continuous"><parent link="{parent}"/><child link="{child}"/>'
+        f'<origin xyz="0.2 0 0.1"/><axis xyz="0.3 0.8 0.5"/></joint>'
+        for name, parent, child, mass in TREE
+    )
+    urdf_ = read_urdf(f'<robot name="two arms"><link name="base"/>{links}</robot>'.encode())
+    arms = Robot("two arms", urdf_, tuple(rigid_joint(name) for name in logged))
+    unknown = RigidBody.of(arms).unknown(())
+    turning = np.full((1, len(logged)), 0.4)
+    for name, *_ in TREE:
+        if name in logged:
+            continue
+        there, elsewhere = (
+            RigidBody.of(replace(arms, held={name: at})).torque(turning, turning, turning)[0] for at in (0.0, 0.7)
+        )
+        depend = tuple(j for j, one, other in zip(logged, there, elsewhere, strict=True) if abs(one - other) > 1e-6)
+        assert unknown.get(name, ()) == depend
+        assert name not in RigidBody.of(arms).unknown((name,))
 
 
 def test_what_mujoco_refuses_is_an_error_of_the_urdf() -> None:

@@ -1,5 +1,6 @@
 """Robot descriptions: read from their files, each refusal by its key."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -51,12 +52,35 @@ def test_what_is_not_said_is_a_robot_on_the_floor_with_nothing_at_its_flange(tmp
         ),
         ("", '[[joints]]\nname = "joint1"', "joints[2].name: 'joint1' stands twice"),
         ("[", "", "robot.toml: "),
+        ("held = 3", "", "held: must be tables; write [[held]]"),
+        ("", '[[held]]\nname = "elbow"', "held[0].name: 'elbow' is no joint that moves in the URDF"),
+        ("", '[[held]]\nname = "joint1"', "held[0].name: 'joint1' stands under [[joints]]"),
     ],
 )
 def test_a_refusal_names_its_key(tmp_path: Path, head: str, tail: str, key: str) -> None:
     with pytest.raises(RobotError) as refused:
         read_robot(write_robot(tmp_path, two_links(), head=head, tail=tail))
     assert str(refused.value).startswith(key)
+
+
+def test_a_joint_that_is_held_has_its_place_in_the_unit_of_its_kind(tmp_path: Path) -> None:
+    links = [*two_links(), replace(two_links()[1], slides=True)]
+    path = write_robot(tmp_path, links)
+    text = path.read_text().split('[[joints]]\nname = "joint2"')[0]
+    path.write_text(
+        f'{text}[[held]]\nname = "joint2"\nposition_rad = 0.5\n[[held]]\nname = "joint3"\nposition_m = -0.02'
+    )
+    assert read_robot(path).held == {"joint2": 0.5, "joint3": -0.02}
+    for tail, said in (
+        ('name = "joint3"\nposition_rad = 0.1', "held[0].position_rad: unknown key; known: name, position_m"),
+        ('name = "joint2"', "held[0].position_rad: missing; where joint2 was held"),
+        ('name = "joint2"\nposition_rad = "up"', "held[0].position_rad"),
+        ('name = "joint2"\nposition_rad = 0.1\n[[held]]\nname = "joint2"\nposition_rad = 0.1', "held[1].name"),
+    ):
+        path.write_text(f"{text}[[held]]\n{tail}")
+        with pytest.raises(RobotError) as refused:
+            read_robot(path)
+        assert str(refused.value).startswith(said)
 
 
 def test_files_that_are_not_there_or_no_robots_are_said(tmp_path: Path) -> None:

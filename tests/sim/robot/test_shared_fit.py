@@ -9,7 +9,7 @@ import numpy as np
 from sim.discrepancy.assessment.intervals import NINETY
 from sim.robot.motion import Motion
 from sim.robot.rigid_body import RigidBody
-from sim.robot.shared_fit import SharedFit, shared_fits
+from sim.robot.shared_fit import LOAD_LOSS, SharedFit, shared_fits
 from tests.sim.robot.arms import Array, Link, random_arm, robot, swings, torque, with_mass
 
 DRAWS = 8
@@ -124,3 +124,14 @@ def test_without_weight_a_payload_is_told_by_its_inertia() -> None:
     (fit,) = shared_fits(one, RigidBody.of(one), [motion])
     assert abs(fit.payload.mass_kg - 4.0) < 2.0 * NINETY * fit.payload.mass_deviation_kg
     assert not fit.tilt_rad.any()
+
+
+def test_what_a_load_that_stays_the_same_loses_is_friction_as_felt() -> None:
+    """Of a vertical slide dry friction would else be a doubt about the gear, and nothing would be said of it."""
+    slide = [Link((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), 6.0, (0.0, 0.0, 0.1), 0.02 * np.eye(3), slides=True)]
+    motion, _ = log(np.random.default_rng(4), slide, np.array([0.0, 0.0, -9.81]), np.ones(1), 0.0)
+    one = robot(slide)
+    (fit,) = shared_fits(one, RigidBody.of(one), [motion])
+    way, lost = np.sign(motion.speed[:, 0]), fit.errors[0][:, -1]
+    assert abs(np.mean(lost * way)) < 0.05 * LOAD_LOSS * 6.0 * 9.81
+    assert np.std(lost) > 0.0

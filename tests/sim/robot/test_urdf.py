@@ -1,5 +1,7 @@
 """What of a URDF is read, and each refusal by its words."""
 
+import re
+
 import pytest
 
 from sim.robot.urdf import MOST_ELEMENTS, UrdfError, read_urdf
@@ -38,6 +40,7 @@ def joint(name: str, parent: str, child: str, kind: str = "revolute") -> str:
         (ARM.replace('xyz="0.0 0.0 0.5"', 'xyz="0 0 nan"'), "'joint1': xyz of its origin must be finite numbers"),
         (ARM.replace('mass value="', 'mass value="-', 1), "'link1': its mass of -3 kg is below 0"),
         (ARM.replace("inertial>", "visual>"), "no link has a mass"),
+        (re.sub("<inertia [^>]*>", "", ARM), "link 'link1': its <inertial> has no <inertia>; write both"),
     ],
 )
 def test_a_refusal_says_what_is_wrong(text: str, said: str) -> None:
