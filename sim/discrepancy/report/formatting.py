@@ -27,7 +27,7 @@ WORDS = {
     "load_torque_nm": "torque at the load",
     "load_position_rad": "load position",
 }
-ENDINGS = ("_n_m_s_per_rad", "_n_m_per_rad", "_kg_m2", "_rad_s", "_n_m", "_nm", "_rad", "_hz", "_s")
+ENDINGS = ("_n_m_s_per_rad", "_n_m_per_rad", "_kg_m2", "_rad_s", "_n_m", "_nm", "_rad", "_hz", "_kg", "_m", "_s")
 
 
 def words_of(name: str) -> str:
