@@ -45,7 +45,10 @@ def arm_of(document: Document, robot: str) -> Markup:
     if not places:
         return Markup()
     joints = [
-        (joint.name, picture.marked(joint.verdict, [one["mechanism"] for one in joint.findings]))
+        (
+            joint.name,
+            picture.marked(joint.verdict, [one["mechanism"] for one in joint.findings], rest=bool(joint.unexplained)),
+        )
         for joint in joints_of(document)
     ]
     return Markup(picture.picture(robot, places, joints))  # noqa: S704 - names are escaped there

@@ -75,11 +75,11 @@ def why(standing: Standing | None, zone: str, sure: str | None = None) -> str:
         case Reason.CHANGED if standing.trend is not None:
             grown, fault = risen(standing.trend)
             sign = f", as with {name_of(fault)}" if fault else ""
-            return f"Its sound has changed: {grown} grown since about {on}{sign}."
+            return f"Its sound has changed: {grown} grown since about {on}{sign}. No fault is certain yet."
         case Reason.NAMED_BEFORE:
             return f"{name[:1].upper()}{name[1:]} was heard on {on} and not since, but a worn gear does not heal."
         case Reason.SILENT:
-            return f"Its last recording is of {on}."
+            return f"Its last recording is of {on}: nothing is known of it since."
         case Reason.UNDECIDED:
             return "The newest recording fits more than one kind, so nothing is sure enough."
         case Reason.UNUSABLE:

@@ -71,13 +71,17 @@ def legend() -> str:
     )
 
 
-def marked(verdict: str, mechanisms: Iterable[str]) -> str:
+def marked(verdict: str, mechanisms: Iterable[str], *, rest: bool) -> str:
     """Return the verdict by which a joint is marked: friction alone, which every joint has, is no mark.
 
-    >>> marked("named", ["viscous_friction"]), marked("named", ["viscous_friction", "backlash"])
+    `rest`: whether something is left that no mechanism explains.
+
+    >>> marked("named", ["viscous_friction"], rest=False), marked("named", ["backlash"], rest=True)
     ('nothing_missing', 'named')
     """
-    return "nothing_missing" if verdict == "named" and all(map(is_in_every_axis, mechanisms)) else verdict
+    if verdict != "named" or not all(map(is_in_every_axis, mechanisms)):
+        return verdict
+    return "unnamed" if rest else "nothing_missing"
 
 
 def _mark(number: int, verdict: str, x: float, y: float, size: float = 1.0) -> str:

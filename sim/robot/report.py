@@ -42,9 +42,7 @@ def headline(result: RobotInvestigation) -> str:
     places: dict[str, list[str]] = {}
     for place, f in beyond:
         places.setdefault(f.mechanism, []).append(place)
-    words = [
-        named(mechanism, at[0] if len(at) == 1 else f"{len(at)} joints") for mechanism, at in places.items()
-    ]
+    words = [named(mechanism, at[0] if len(at) == 1 else f"{len(at)} joints") for mechanism, at in places.items()]
     joints = len({place for place, f in said if is_in_every_axis(f.mechanism)})
     friction = f"friction at {joints} joint{'s' if joints > 1 else ''}"
     if words:
@@ -210,8 +208,9 @@ def _joints(result: RobotInvestigation) -> str:
 def _picture(result: RobotInvestigation) -> str:
     """The arm far from the middle of its motion, its joints marked by shape and colour."""
     joints = [
-        (joint.name, picture.marked(joint.investigation.verdict, [f.mechanism for f in joint.investigation.findings]))
+        (joint.name, picture.marked(one.verdict, [f.mechanism for f in one.findings], rest=one.unexplained is not None))
         for joint in result.joints
+        for one in [joint.investigation]
     ]
     drawn = picture.picture(result.robot.name, picture.seen(_places(result)).tolist(), joints)
     return f'<figure>{drawn}<p class="quiet">{picture.legend()}</p></figure>'

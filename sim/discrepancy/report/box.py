@@ -257,7 +257,7 @@ def _one_of(same: Sequence[Entry], findings: Sequence[Document]) -> Entry:
         size = kind_or_any(given["mechanism"]).size
         main = next((one for one in given["parameters"] if one["name"] == size), None)
         if main is not None:
-            sizes.append(replace(size_of(given["mechanism"], main), name=str(given["location"])))
+            sizes.append(replace(size_of(given["mechanism"], main), name=f"at {given['location']}"))
     told = f"The same at {len(same)} joints; each stands below with all its numbers."
     return replace(same[0], what=told, where=", ".join(entry.where for entry in same), sizes=tuple(sizes))
 
