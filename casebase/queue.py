@@ -9,9 +9,9 @@ probable label is least probable.
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Any, Literal
 
-from sqlalchemy import and_, exists, or_, select
+from sqlalchemy import Select, and_, exists, func, or_, select
 from sqlalchemy.orm import Session, aliased
 
 from casebase.labels import BASELINES
@@ -40,6 +40,19 @@ class Place:
 
 def waiting(session: Session) -> Sequence[str]:
     """Return the ids of the diagnoses that need a person, the most informative first; of equals the newest."""
+    unknown = StoredDiagnosis.verdict == UNKNOWN
+    order = (unknown.desc(), StoredDiagnosis.probability, StoredDiagnosis.id.desc())
+    return session.scalars(_open(session, StoredDiagnosis.id).order_by(*order)).all()
+
+
+def kinds_waiting(session: Session) -> dict[str, int]:
+    """Return how many diagnoses need a person, by verdict."""
+    counted = _open(session, StoredDiagnosis.verdict, func.count()).group_by(StoredDiagnosis.verdict)
+    return {verdict: count for verdict, count in session.execute(counted)}  # noqa: C416
+
+
+def _open(session: Session, *columns: Any) -> Select[Any]:
+    """Select columns of the diagnoses that need a person."""
     other, twin = aliased(StoredDiagnosis), aliased(StoredRecording)
     answered = and_(
         other.recording_id == StoredDiagnosis.recording_id,
@@ -48,8 +61,8 @@ def waiting(session: Session) -> Sequence[str]:
     sounds = select(twin.sound_id).join(Case, Case.recording_id == twin.id).where(Case.state == "confirmed")
     fault = and_(StoredDiagnosis.verdict == "diagnosed", StoredDiagnosis.label.not_in(BASELINES))
     unknown = StoredDiagnosis.verdict == UNKNOWN
-    statement = (
-        select(StoredDiagnosis.id)
+    return (
+        select(*columns)
         .join(StoredRecording, StoredRecording.id == StoredDiagnosis.recording_id)
         .where(
             StoredDiagnosis.state == "open",
@@ -58,9 +71,7 @@ def waiting(session: Session) -> Sequence[str]:
             StoredRecording.sound_id.not_in(sounds),  # once for all; asked for each row SQLite reads every case
             *is_measured(session),
         )
-        .order_by(unknown.desc(), StoredDiagnosis.probability, StoredDiagnosis.id.desc())
     )
-    return session.scalars(statement).all()
 
 
 def reason_of(verdict: str) -> Reason:

@@ -108,6 +108,7 @@ class DiagnosisView:
             "trend": self.trend,
             "rms": self.rms,
             "peaks": self.peaks,
+            "outside": outside_of(document),
             "provenance": [(k.replace("_", " "), v) for k, v in document["provenance"].items()],
         }
 
@@ -200,13 +201,18 @@ def facts_of(document: Mapping[str, Any], as_new: str = "") -> list[tuple[str, o
     phase_deg = phase_of(document)
     if phase_deg is not None:
         found.append(_in_the_cycle(phase_deg, period_of(document)))
-    novelty = document["novelty"]
-    if novelty["distance"] is not None and not not_compared(document):
-        limit = novelty["threshold"]
-        beyond = f"not in the library beyond {limit:.2f}" if limit is not None else "too few cases to set a limit"
-        note = f"times the spread of normal recordings; {beyond}"
-        found.append(("Outside the known kinds by", quantity(novelty["distance"], digits=2), note))
     return found
+
+
+def outside_of(document: Mapping[str, Any]) -> str | None:
+    """Say how far a recording lies outside all known kinds; None where that was not compared."""
+    novelty = document["novelty"]
+    if novelty["distance"] is None or not_compared(document):
+        return None
+    limit = novelty["threshold"]
+    beyond = f"it would be none of them beyond {limit:.2f}" if limit is not None else "too few cases to set a limit"
+    far = quantity(novelty["distance"], digits=2)
+    return f"This recording lies outside all known kinds by {far} times the spread of normal recordings; {beyond}."
 
 
 def phase_of(document: Mapping[str, Any]) -> float | None:

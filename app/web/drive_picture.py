@@ -52,8 +52,10 @@ def _heard(standing: Standing | None) -> str | None:
 def _said(heard: str | None, stages: int, marks: Mapping[str, Sequence[str]]) -> str:
     if heard and stages > 1 and not marks:
         return f"The sound names {name_of(heard)}, not the gear pair. An investigation of a telemetry log says where."
+    if marks and heard and stages == 1:
+        return "Marked is what the sound names, and what the newest investigation found."
     if marks:
-        return "Marked is what the newest investigation found, or what the sound names where one gear pair can have it."
+        return "Marked is what the newest investigation found."
     return "Nothing was found at a gear."
 
 

@@ -8,6 +8,8 @@ from markupsafe import Markup
 
 from app.web.charts import Chart
 from app.web.story import causes_of
+from sim.discrepancy.report.formatting import named
+from sim.discrepancy.results import SAID
 from sim.robot import picture
 
 Document = Mapping[str, Any]
@@ -48,8 +50,24 @@ def arm_of(document: Document, robot: str) -> Markup:
     places = document["story"].get("arm")
     if not places:
         return Markup()
-    joints = [(joint["name"], joint["verdict"]) for joint in document["joints"]]
+    joints = [
+        (
+            joint.name,
+            picture.marked(joint.verdict, [one["mechanism"] for one, _, _ in joint.findings], rest=bool(joint.unexplained)),
+        )
+        for joint in joints_of(document)
+    ]
     return Markup(picture.picture(robot, places, joints))  # noqa: S704 - names are escaped there
+
+
+def _says(verdict: str, findings: Sequence[Document]) -> str:
+    """Say in a few words what a joint has.
+
+    >>> _says("named", [{"mechanism": "viscous_friction", "probability": 0.95}])
+    'viscous friction'
+    """
+    likely = [named(str(one["mechanism"])) for one in findings if one["probability"] >= SAID]
+    return ", ".join(dict.fromkeys(likely)) if verdict == "named" and likely else picture.SAYS[verdict]
 
 
 def _joint(document: Document, joint: Document) -> JointView:
@@ -69,7 +87,7 @@ def _joint(document: Document, joint: Document) -> JointView:
     return JointView(
         name,
         joint["verdict"],
-        picture.SAYS[joint["verdict"]],
+        _says(joint["verdict"], [f for f, _, _ in findings]),
         joint.get("unit", "N m"),
         joint.get("torque_rms_nm", {}),
         findings,

@@ -56,8 +56,12 @@ def risen(trend: Trend) -> tuple[str, str | None]:
     return next(told for beginning, told in RISEN.items() if name.startswith(beginning))
 
 
-def why(standing: Standing | None, zone: str) -> str:
-    """Say in one sentence why a gearbox is in its state."""
+def why(standing: Standing | None, zone: str, sure: str | None = None) -> str:
+    """Say shortly why a gearbox is in its state.
+
+    Args:
+        sure: how sure the diagnosis is that names a fault, in words.
+    """
     if standing is None or standing.last is None:
         put_in = None if standing is None else standing.since
         return f"New since {day(put_in, zone)}, and not recorded yet." if put_in else "Nothing was recorded yet."
@@ -65,21 +69,26 @@ def why(standing: Standing | None, zone: str) -> str:
     on = day(standing.since, zone)
     match standing.reason:
         case Reason.NAMED:
-            return f"The newest recording sounds like {name}."
+            return f"The newest recording sounds like {name}.{f' How sure: {sure}.' if sure else ''}"
         case Reason.FOUND:
             return f"A person says that it has {name}."
         case Reason.CHANGED if standing.trend is not None:
-            return f"It sounds otherwise than it did: {risen(standing.trend)[0]} grown since about {on}."
+            grown, fault = risen(standing.trend)
+            sign = f", as with {name_of(fault)}" if fault else ""
+            return f"Its sound has changed: {grown} grown since about {on}{sign}. No fault is certain yet."
         case Reason.NAMED_BEFORE:
             return f"{name[:1].upper()}{name[1:]} was heard on {on} and not since, but a worn gear does not heal."
         case Reason.SILENT:
-            return f"Its last recording is of {on}."
+            return f"Its last recording is of {on}: nothing is known of it since."
         case Reason.UNDECIDED:
             return "The newest recording fits more than one kind, so nothing is sure enough."
         case Reason.UNUSABLE:
             return "Its recordings are too poor to be compared."
         case Reason.UNLIKE:
-            return "The library has no case that sounds like the newest recording."
+            return (
+                "The newest recording sounds like no known case, good or faulty: a fault that the library does not "
+                "know, or a disturbance."
+            )
         case Reason.NOT_DIAGNOSED:
             return "It was recorded, and no recording was diagnosed yet."
         case _:
@@ -100,7 +109,11 @@ def next_steps(standing: Standing | None) -> tuple[str, ...]:
         case Reason.NAMED_BEFORE:
             return (*CHECKS.get(label or "", ())[:1], "Reject that diagnosis if nothing is found, or note the repair.")
         case Reason.UNLIKE:
-            return (AGAIN, "If it is good, keep the recording as a case of the label normal.")
+            return (
+                AGAIN,
+                "If it sounds the same, have it inspected, and keep the recording as a case of what was found.",
+                "If it is good, keep the recording as a case of the label normal.",
+            )
         case Reason.SOUNDS_GOOD:
             return CHECKS["normal"]
         case Reason.NOT_DIAGNOSED:
@@ -109,14 +122,20 @@ def next_steps(standing: Standing | None) -> tuple[str, ...]:
             return (AGAIN,)
 
 
-def watched(trend: Trend | None) -> str:
-    """Say how far the evidence for a change is, and what that means."""
+def trend_words(trend: Trend | None, zone: str) -> str:
+    """Say whether its sound has changed, and since when."""
     if trend is None:
         return "A trend needs two recordings that name the gearbox and can be compared."
-    promise = f"A good gearbox gives a false alarm once in {RECORDINGS_PER_FALSE_ALARM:,} recordings, or less often."
-    of = f"Evidence for a change: {trend.evidence:,.0f}; the limit is {RECORDINGS_PER_FALSE_ALARM:,}."
-    without = f"With no change it is {len(trend.recordings)} on average, the number of recordings."
-    return f"{of} {without} {promise}"
+    if trend.changed:
+        return f"Its sound has changed since about {day(trend.began.at, zone)}: {risen(trend)[0]} grown."
+    return f"No change is certain over its {len(trend.recordings)} recordings."
+
+
+def evidence_words(trend: Trend) -> str:
+    """Say how far the evidence for a change is, and what that means."""
+    of = f"Evidence for a change: {trend.evidence:,.0f}. From {RECORDINGS_PER_FALSE_ALARM:,} on it counts as one"
+    promise = f"a good gearbox gets there once in {RECORDINGS_PER_FALSE_ALARM:,} recordings, or less often."
+    return f"{of}: {promise} With no change it is {len(trend.recordings)} on average, the number of recordings."
 
 
 def day(at: datetime | None, zone: str) -> str:

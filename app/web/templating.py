@@ -105,6 +105,15 @@ def origin_badge(origin: str) -> Markup:
     return Markup('<span class="badge {}">{}</span>').format(origin, origin)
 
 
+def person(actor: str) -> str:
+    """Return the name of who did something, without the ending by which the audit tells keys of one name apart.
+
+    >>> person("night shift#6e0b70")
+    'night shift'
+    """
+    return actor.rsplit("#", 1)[0]
+
+
 def changes(document: Mapping[str, object]) -> str:
     """Write what an audit entry holds as words."""
     entries = [
@@ -135,6 +144,7 @@ def _environment() -> Environment:
     )
     environment.filters.update(
         changes=changes,
+        person=person,
         angle=angle,
         feature_words=feature_words,
         named=named,

@@ -10,6 +10,7 @@ from app.web.charts import Chart
 from app.web.svg import Band, Marker, Series
 from casebase.gearboxes import NOTE, History
 from casebase.signals.band import Band as SignalBand
+from casebase.signals.features import feature_words
 from casebase.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Followed, Trend
 
 LOW = SignalBand.LOW.label
@@ -18,6 +19,12 @@ SHOWN = (
     (f"notch_bump_{LOW}", "Impacts in one direction: rise with tooth damage", "height above noise [dB]"),
     (CREST_FACTOR, "Crest factor below 200 Hz", "crest factor [1]"),
 )
+RISING = {
+    "play_bump": "impacts at the reversal",
+    "notch_bump": "impacts in one direction",
+    "strongest_impulse": "strongest impact of a cycle",
+}
+"""What rises, by the beginning of a feature's name; its band follows."""
 UNITS = (("days", 86400.0, 2.0), ("hours", 3600.0, 2.0), ("minutes", 60.0, 0.0))
 """Name, length [s], and how many of it a trend must span to be drawn in it."""
 
@@ -34,7 +41,7 @@ def charts_of(trend: Trend, history: History, sizes: Mapping[str, Mapping[str, f
     leading = trend.leading
     if leading.name not in {name for name, _, _ in SHOWN} and trend.changed:
         unit = "height above noise [dB]"
-        charts.insert(0, _followed(trend, leading, f"What rises most: {leading.name.replace('_', ' ')}", unit, marks))
+        charts.insert(0, _followed(trend, leading, f"What rises most: {_rising(leading.name)}", unit, marks))
     charts.append(_level(trend, followed, marks))
     sized = _size(trend, sizes, marks)
     return [chart for chart in (*charts, sized) if chart is not None]
@@ -47,11 +54,17 @@ def chart_of(trend: Trend, history: History, label: str | None, here: tuple[date
     return _followed(trend, followed[name], title, unit, _marks(trend, history, here))
 
 
+def _rising(name: str) -> str:
+    words, _, band = feature_words(name).partition(",")
+    return next((told for beginning, told in RISING.items() if name.startswith(beginning)), words) + f",{band}"
+
+
 def _axis_of_time(trend: Trend) -> tuple[str, float, datetime]:
     start, end = trend.recordings[0].at, trend.recordings[-1].at
     span_s = (end - start).total_seconds()
     name, length_s, _ = next(unit for unit in UNITS if span_s >= unit[1] * unit[2])
-    return f"{name} since {start:%Y-%m-%d %H:%M} UTC", length_s, start
+    written = f"{start:%Y-%m-%d}" if name == "days" else f"{start:%Y-%m-%d %H:%M} UTC"
+    return f"{name} since {written}", length_s, start
 
 
 def _times(trend: Trend, rows: Sequence[int]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:

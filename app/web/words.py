@@ -82,6 +82,15 @@ def name_of(label: str | None) -> str:
     return NAMES.get(label or "", (label or "unknown").replace("_", " "))
 
 
+def listed(label: str | None) -> str:
+    """Return a label as a word among others.
+
+    >>> listed("normal"), listed("play")
+    ('no fault', 'backlash (play)')
+    """
+    return "no fault" if label == "normal" else name_of(label)
+
+
 def is_calibrated(document: Mapping[str, Any]) -> bool:
     """Whether how sure a diagnosis is was calibrated on gearboxes, and may stand in per cent."""
     return bool(document["provenance"].get("gearboxes", 0) >= CALIBRATED_FROM)
@@ -171,12 +180,12 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
         )
     out = rejected(document)
     written = percent if is_calibrated(document) else uncalibrated
-    others = [f"{name_of(h['label'])} {written(h['probability'])}" for h in hypotheses[1:] if h["label"] not in out]
+    others = [f"{listed(h['label'])} {written(h['probability'])}" for h in hypotheses[1:] if h["label"] not in out]
     also = f" Also possible: {', '.join(others[:2])}." if others else ""
     if out:
-        also += f" Ruled out: {', '.join(map(name_of, out))}."
+        also += f" Ruled out: {', '.join(map(listed, out))}."
     if kind == "ambiguous":
-        names = " or ".join(name_of(h["label"]) for h in hypotheses[:2])
+        names = " or ".join(listed(h["label"]) for h in hypotheses[:2])
         because = " ".join(map(sentence, poor)) or "It is not sure enough of any label."
         summary = f"{because} {_support(document)}{also}"
         checks = again or _between(h["label"] for h in hypotheses[:2])

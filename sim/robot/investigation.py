@@ -237,8 +237,9 @@ def _payload_finding(robot: Robot, logs: Sequence[RobotLog], fits: Sequence[Shar
         whose = f" in {log.name}" if len(logs) > 1 else ""
         return Finding(
             PAYLOAD, PAYLOAD, payload.probability, numbers, (),
-            f"{payload.mass_kg:.3g} kg hang at the last link{whose} that the description does not have.",
-            action="Describe it under [payload] of the robot, and at its controller.",
+            f"{payload.mass_kg:.3g} kg hang at the flange{whose} that the description does not have.",
+            action="Look what hangs at the flange. If it belongs there, enter its mass and centre in robot.toml under "
+            "[payload], and in the controller.",
         )  # fmt: skip
     return None
 

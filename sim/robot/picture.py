@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import html
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
 
+from sim.mechanisms.catalogue import is_in_every_axis
+
 Array = NDArray[np.float64]
 
-SAYS = {"nothing_missing": "nothing is missing", "named": "something was named", "unnamed": "something without a name"}
+SAYS = {"nothing_missing": "nothing was found", "named": "something was found", "unnamed": "something without a name"}
 WIDTH, ARM, LINE, EDGE = 480.0, 240.0, 34.0, 22.0  # of the picture [px]; names stand to the right of the arm
 LONGEST = 22  # characters of a name
 SHAPES = {
@@ -63,7 +65,23 @@ def picture(robot: str, places: Sequence[Sequence[float]], joints: Sequence[tupl
 
 def legend() -> str:
     """What the shapes mean."""
-    return "Circle: nothing is missing. Triangle: something was named. Diamond: something is left without a name."
+    return (
+        "Circle: nothing was found, or friction alone, which every joint has. Triangle: something else was found. "
+        "Diamond: something is left without a name."
+    )
+
+
+def marked(verdict: str, mechanisms: Iterable[str], *, rest: bool) -> str:
+    """Return the verdict by which a joint is marked: friction alone, which every joint has, is no mark.
+
+    `rest`: whether something is left that no mechanism explains.
+
+    >>> marked("named", ["viscous_friction"], rest=False), marked("named", ["backlash"], rest=True)
+    ('nothing_missing', 'named')
+    """
+    if verdict != "named" or not all(map(is_in_every_axis, mechanisms)):
+        return verdict
+    return "unnamed" if rest else "nothing_missing"
 
 
 def _mark(number: int, verdict: str, x: float, y: float, size: float = 1.0) -> str:

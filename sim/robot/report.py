@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from sim.discrepancy.report.box import box_of_robot, is_shown
 from sim.discrepancy.report.drawing import svg
-from sim.discrepancy.report.formatting import likely, number, words_of
+from sim.discrepancy.report.formatting import likely, named, number, words_of
 from sim.discrepancy.report.html import STYLE, drawn_box, estimate_cells, html_report, table
 from sim.discrepancy.report.joint_html import FOLD, STYLES, WIDTH, body_of
 from sim.discrepancy.report.panels import Panel
@@ -37,13 +37,17 @@ def headline(result: RobotInvestigation) -> str:
     said = [f for f in _findings(result) if f[1].probability >= SAID]
     beyond = [(place, f) for place, f in said if not is_in_every_axis(f.mechanism)]
     usual = sum(is_in_every_axis(f.mechanism) for _, f in said)
-    words = [f"{f.mechanism.replace('_', ' ')} at {place}" for place, f in beyond[:3]]
-    if usual:
-        joints = len({place for place, f in said if is_in_every_axis(f.mechanism)})
-        words.append(f"friction at {joints} joint{'s' if joints > 1 else ''}")
+    places: dict[str, list[str]] = {}
+    for place, f in beyond:
+        places.setdefault(f.mechanism, []).append(place)
+    words = [named(mechanism, at[0] if len(at) == 1 else f"{len(at)} joints") for mechanism, at in places.items()]
+    joints = len({place for place, f in said if is_in_every_axis(f.mechanism)})
+    friction = f"friction at {joints} joint{'s' if joints > 1 else ''}"
     if words:
-        return f"The model of the robot lacks {', '.join(words)}."
-    return "Something is missing from the model of the robot that no mechanism of the catalogue explains."
+        return f"Found: {', '.join(words)}.{f' Not described, but no fault: {friction}.' if usual else ''}"
+    if usual:
+        return f"No fault was named. Not described: {friction}."
+    return "Something is there that no known mechanism explains."
 
 
 def lines(result: RobotInvestigation) -> Iterable[str]:
@@ -156,7 +160,7 @@ def _frictions(result: RobotInvestigation) -> Iterable[str]:
             )
             for place, f in usual
         ]
-        yield "<h2>Friction that the description lacks</h2><p>As felt at each joint, or at its motor where its drive is described. Nearly every description lacks it.</p>"
+        yield "<h2>Friction that the description does not have</h2><p>As felt at each joint, or at its motor where its drive is described. Nearly no description has it.</p>"
         yield table(("joint", "friction", "value", "90 % interval", "unit", "how sure"), frictions, (2, 3))
 
 
@@ -164,7 +168,7 @@ def _joints(result: RobotInvestigation) -> str:
     rows = []
     for k, joint in enumerate(result.joints, start=1):
         one, torque = joint.investigation, result.torque_rms_nm(k - 1)
-        said = ", ".join(f.mechanism.replace("_", " ") for f in one.findings if f.probability >= SAID)
+        said = ", ".join(named(f.mechanism) for f in one.findings if f.probability >= SAID)
         rest = "" if one.unexplained is None else "something without a name"
         unit = result.torque_unit(k - 1)
         left = [
@@ -174,18 +178,22 @@ def _joints(result: RobotInvestigation) -> str:
     heads = (
         "joint",
         "torque measured",
-        "left by the rigid body",
-        "left by the extended model",
+        "not explained by the description",
+        "not explained with what was found",
         "found",
         "left over",
     )
-    note = "Effective values at the joint; of the extended model on rows that its fit has not seen."
+    note = "Effective values at the joint; with what was found on rows that were not used for the fit."
     return f'{table(heads, rows, (1, 2, 3))}<p class="quiet">{note}</p>'
 
 
 def _picture(result: RobotInvestigation) -> str:
     """The arm far from the middle of its motion, its joints marked by shape and colour."""
-    joints = [(joint.name, joint.investigation.verdict) for joint in result.joints]
+    joints = [
+        (joint.name, picture.marked(one.verdict, [f.mechanism for f in one.findings], rest=one.unexplained is not None))
+        for joint in result.joints
+        for one in [joint.investigation]
+    ]
     drawn = picture.picture(result.robot.name, picture.seen(_places(result)).tolist(), joints)
     return f'<figure>{drawn}<p class="quiet">{picture.legend()}</p></figure>'
 

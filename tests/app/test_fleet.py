@@ -59,9 +59,10 @@ def test_the_worst_stands_first(service: Inside) -> None:
         ("Good", "arm, good"),
     ]
     for words in (
-        "The newest recording sounds like backlash (play).",
+        "The newest recording sounds like backlash (play). How sure: 95\N{NO-BREAK SPACE}%.",
+        "Lock the motor and move the arm by hand at the joint",
         "impacts in one direction of the motion have grown since about",
-        "The library has no case that sounds like the newest recording.",
+        "The newest recording sounds like no known case, good or faulty",
         "Nothing was recorded yet.",
     ):
         assert words in page
@@ -85,7 +86,8 @@ def test_only_what_changed_is_worked_out_again(service: Inside) -> None:
 def test_the_page_of_a_gearbox_has_all_of_it(service: Inside) -> None:
     page = service.browse("GET", "/axes/arm/gearboxes/worn").text
     assert "Lock the motor and move the arm by hand" in page
-    assert "A good gearbox gives a false alarm once in 1,000 recordings, or less often." in page
+    assert "The newest recording sounds like backlash (play). How sure: 95\N{NO-BREAK SPACE}%." in page
+    assert "a good gearbox gets there once in 1,000 recordings, or less often." in page
     for title in ("Impacts at the reversal", "Impacts in one direction", "Crest factor below 200 Hz", "RMS and peak"):
         assert title in page
     assert page.count('<td data-label="Recorded">') == 30
@@ -93,6 +95,16 @@ def test_the_page_of_a_gearbox_has_all_of_it(service: Inside) -> None:
     assert "backlash (play) at output" in page
     assert 'class="gear found"' in page
     assert service.browse("GET", "/axes/arm/gearboxes/nobody").status_code == 404
+
+
+def test_what_rises_is_named_in_words_and_not_as_a_feature(service: Inside) -> None:
+    with service.service.library.transaction("test") as session:
+        for day in range(30):
+            told = {"strongest_impulse_12_200_hz": float(np.sin(7.0 * day)) + (9.0 if day >= 20 else 0.0)}
+            keep(session, "arm", "struck", now() - timedelta(days=30 - day), told, "normal")
+    page = service.browse("GET", "/axes/arm/gearboxes/struck").text
+    assert "Its sound has changed since about" in page
+    assert "What rises most: strongest impact of a cycle, 12 to 200 Hz" in page
 
 
 def test_older_recordings_are_on_the_next_page(service: Inside) -> None:

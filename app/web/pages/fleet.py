@@ -1,6 +1,7 @@
 """The fleet, and one gearbox with all that is known of it."""
 
 from collections import Counter
+from collections.abc import Sequence
 from datetime import timedelta
 from typing import Annotated
 
@@ -12,13 +13,13 @@ from sqlalchemy.orm import Session
 from app.service import Reading, Service, TheService
 from app.web.drive_picture import drive_picture
 from app.web.session import PageViewer
-from app.web.standing_words import WORDS, day, next_steps, state_badge, watched, why
+from app.web.standing_words import WORDS, day, evidence_words, next_steps, state_badge, trend_words, why
 from app.web.templating import render
 from app.web.trend import charts_of
-from app.web.words import VERDICTS, investigation_headline
+from app.web.words import VERDICTS, how_sure, investigation_headline
 from casebase.axes import find_axis, is_axis, unknown_axis
 from casebase.errors import NotFoundError
-from casebase.gearbox_state import State, standing
+from casebase.gearbox_state import Reason, Standing, State, standing
 from casebase.gearboxes import History, histories
 from casebase.models import StoredDiagnosis, StoredInvestigation, StoredRecording, now
 from casebase.trend import trend_of
@@ -39,8 +40,12 @@ def fleet(request: Request, session: Reading, service: TheService, principal: Pa
     at, zone = now(), service.settings.time_zone
     rows = service.fleet.gearboxes(session, at, silent_after(service))
     counts = Counter(State.CANNOT_SAY if row.standing is None else row.standing.state for row in rows)
+    sure = certainties(session, [row.standing for row in rows])
     context = {
-        "rows": [(row, state_badge(row.standing, at), why(row.standing, zone)) for row in rows],
+        "rows": [
+            (row, state_badge(row.standing, at), why(row.standing, zone, told), next_steps(row.standing)[0])
+            for row, told in zip(rows, sure, strict=True)
+        ],
         "counts": [(WORDS[state], counts[state]) for state in State if counts[state]],
         "day": lambda value: day(value, zone),
     }
@@ -98,9 +103,10 @@ def gearbox_page(
         "others": [one for one in found if one.number != shown.number],
         "standing": stands,
         "badge": state_badge(stands, at) if stands else None,
-        "why": why(stands, zone) if stands else None,
+        "why": why(stands, zone, certainties(session, [stands])[0]) if stands else None,
         "steps": next_steps(stands) if stands else (),
-        "watched": watched(trend),
+        "changed": trend_words(trend, zone),
+        "evidence": evidence_words(trend) if trend else None,
         "charts": charts_of(trend, shown, sizes_of(session, shown)) if trend else (),
         "picture": drive_picture(described.document, findings_of(session, shown), stands) if described else None,
         "heard": page,
@@ -110,6 +116,18 @@ def gearbox_page(
         "day": lambda value: day(value, zone),
     }
     return render(request, "gearbox.html", context, principal=principal, section=SECTION)
+
+
+def certainties(session: Session, standings: Sequence[Standing | None]) -> list[str | None]:
+    """Return for each gearbox how sure the diagnosis is that names its fault; None where none does."""
+    named = [
+        one.recording.diagnosis_id if one and one.reason is Reason.NAMED and one.recording else None
+        for one in standings
+    ]
+    ids = [each for each in named if each]
+    rows = session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id.in_(ids))) if ids else ()
+    told = {row.id: how_sure(row.document) for row in rows}
+    return [told.get(each) if each else None for each in named]
 
 
 def sizes_of(session: Session, history: History) -> dict[str, dict[str, float]]:

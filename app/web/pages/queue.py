@@ -17,11 +17,12 @@ from app.web.templating import render
 from app.web.words import how_sure, name_of, verdict_of
 from casebase.errors import NotFoundError
 from casebase.models import StoredDiagnosis
-from casebase.queue import UNDECIDED, UNKNOWN, waiting
+from casebase.queue import UNDECIDED, UNKNOWN, kinds_waiting, waiting
 from casebase.steps import undo
 
 router = APIRouter()
 SHOWN = 50
+KINDS = {"diagnosed": "Fault likely, not confirmed", UNDECIDED: "Undecided", UNKNOWN: "Not in the library"}
 LARGEST_NUMBER = 2**31 - 1
 
 
@@ -32,7 +33,9 @@ def queue(request: Request, session: Reading, principal: PageViewer) -> Response
     shown = ids[:SHOWN]
     found = session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id.in_(shown)))
     rows = sorted(found, key=lambda row: shown.index(row.id))
+    kinds = kinds_waiting(session)
     context: dict[str, object] = {
+        "kinds": [(words, kinds[kind]) for kind, words in KINDS.items() if kind in kinds],
         "rows": [(row, verdict_of(row.document).headline, reason_words(row)) for row in rows],
         "count": len(ids),
         "step": told(session, number_of(request, "step")),
@@ -44,10 +47,10 @@ def queue(request: Request, session: Reading, principal: PageViewer) -> Response
 def reason_words(row: StoredDiagnosis) -> str:
     """Say why a diagnosis needs a person, in a sentence."""
     if row.verdict == UNKNOWN:
-        return "It is unlike every known kind: whatever it is, the library learns something new."
+        return "Unlike every known kind. Listen, have it inspected if it comes again, and say what it is."
     if row.verdict == UNDECIDED:
-        return "The library cannot decide: the less sure it is, the more your answer tells it."
-    return f"{name_of(row.label).capitalize()} is likely, and nobody has confirmed it yet."
+        return "The library cannot decide. Listen, do the checks on its page, and say what it is."
+    return f"{name_of(row.label).capitalize()} is likely. Do the checks on its page, then confirm or correct."
 
 
 def number_of(request: Request, name: str) -> int | None:

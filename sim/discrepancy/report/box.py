@@ -39,6 +39,7 @@ KINDS = {
     "encoder makes,",
 }
 UNITS = {"_rad_s": "rad/s", "_hz": "Hz", "_s": "s"}  # by the ending of a number of what has no name
+PAYLOAD, FLANGE = "payload", "the flange"
 WHOLE, UNKNOWN, RECORDING = "the axis as a whole", "these data do not show where", "the recording, not the machine"
 
 
@@ -225,25 +226,55 @@ def _nothing(document: Document) -> Entry:
 
 
 def box_of_robot(document: Mapping[str, Any]) -> list[Entry]:
-    """What a technician reads first; friction that every axis has is one entry."""
+    """What a technician reads first; a mechanism of several joints is one entry, and so is friction."""
     found = document["findings"]
     places = [k for k, one in enumerate(found) if not is_in_every_axis(one["mechanism"])]
     beyond = [found[k] for k in places]
     usual = [one for one in found if is_in_every_axis(one["mechanism"]) and one["probability"] >= SAID]
-    if beyond or not usual:
-        entries = box_of({**document, "findings": beyond}, None)
-        return [one if one.finding is None else replace(one, finding=places[one.finding]) for one in entries]
-    joints = ", ".join(dict.fromkeys(str(one["location"]) for one in usual))
-    return [
-        Entry(
-            title="Friction",
-            what="The joints have friction that the description does not have. Every axis has friction: it is a fault "
-            "only if it is more than it was as new.",
-            where=joints,
-            how_sure="See each joint below.",
-            do_first="Enter it in the description, and compare it with the joints as new or with another such robot.",
-        )
-    ]
+    entries = _together(box_of({**document, "findings": beyond}, None), beyond) if beyond or not usual else []
+    entries = [one if one.finding is None else replace(one, finding=places[one.finding]) for one in entries]
+    return [*entries, *([_friction(usual)] if usual else [])]
+
+
+def _together(entries: Sequence[Entry], findings: Sequence[Document]) -> list[Entry]:
+    """Put what is the same at several joints into one entry, with the size that it has at each."""
+    groups: dict[tuple[str, str, str], list[Entry]] = {}
+    for entry in entries:
+        groups.setdefault((entry.title, entry.how_sure, entry.do_first), []).append(_at_the_joint(entry))
+    return [same[0] if len(same) == 1 else _one_of(same, findings) for same in groups.values()]
+
+
+def _at_the_joint(entry: Entry) -> Entry:
+    """In the words of the finding: of a joint whose drive is not described no turn of a motor is known."""
+    where = FLANGE if entry.where == PAYLOAD else entry.where
+    if "of the joint" not in entry.what:
+        return replace(entry, where=where)
+    sizes = (replace(one, name=one.name.replace("of the motor", "of the joint")) for one in entry.sizes)
+    return replace(entry, where=where, sizes=tuple(sizes))
+
+
+def _one_of(same: Sequence[Entry], findings: Sequence[Document]) -> Entry:
+    sizes = []
+    for entry in same:
+        given = findings[entry.finding or 0]
+        size = kind_or_any(given["mechanism"]).size
+        main = next((one for one in given["parameters"] if one["name"] == size), None)
+        if main is not None:
+            sizes.append(replace(size_of(given["mechanism"], main), name=f"at {given['location']}"))
+    told = f"The same at {len(same)} joints; each stands below with all its numbers."
+    return replace(same[0], what=told, where=", ".join(entry.where for entry in same), sizes=tuple(sizes))
+
+
+def _friction(usual: Sequence[Document]) -> Entry:
+    return Entry(
+        title="Friction",
+        what="The joints have friction that the description does not have. Every axis has friction: it is a fault "
+        "only if it is more than it was as new.",
+        where=", ".join(dict.fromkeys(str(one["location"]) for one in usual)),
+        how_sure="See each joint below.",
+        do_first="Nothing to repair: enter it in the description, and compare it with the joints as new or with "
+        "another such robot.",
+    )
 
 
 def unexplained_words(rest: Unexplained) -> str:

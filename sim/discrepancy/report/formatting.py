@@ -92,7 +92,7 @@ def angle_interval(low_rad: float, high_rad: float) -> str:
     """Both ends of an interval of angles, in the unit of its middle.
 
     >>> angle_interval(0.0011, 0.00128)
-    '3.78 to 4.40\\xa0arc min'
+    '3.8 to 4.4\\xa0arc min'
     """
     times, unit = _angle_unit(0.5 * (low_rad + high_rad), 0.5 * (high_rad - low_rad))
     return f"{interval(times * low_rad, times * high_rad)}{unit}"

@@ -62,8 +62,7 @@ def explain(
         said.append(f"Its bottom is {bottom} (form {numbers['form']:.1f}).")
     said += [f"Where it is is not certain: at {place} it explains the data as well." for place in elsewhere]
     said += [
-        f"{named(other)} looks alike: in its place it explains {percent(share)} as much, but it predicts rows that were "
-        "not used for the fit less well."
+        f"{named(other)[:1].upper()}{named(other)[1:]} is less likely: in its place it explains {percent(share)} as much."
         for other, share in instead.items()
         if share > ALIKE
     ]

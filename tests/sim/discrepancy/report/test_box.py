@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from sim.description.axis_document import read_axis
-from sim.discrepancy.report.box import box_of
+from sim.discrepancy.report.box import box_of, box_of_robot
 
 
 def found(mechanism: str, parameter: str, location: str = "output") -> dict[str, Any]:
@@ -37,3 +37,32 @@ def test_what_a_new_axis_has_at_most_stands_beside_what_was_found(mechanism: str
     assert beside in dict(entry.facts)["What"], "on paper too"
     (of_robot,) = box_of(found(mechanism, parameter), None)
     assert "as new" not in of_robot.sizes[0].beside, "no description, no limit"
+
+
+def at(mechanism: str, location: str, name: str, value: float) -> dict[str, Any]:
+    """A finding of a robot."""
+    size = {"name": name, "value": value, "unit": "N m", "low": 0.9 * value, "high": 1.1 * value}
+    order = {"name": "order", "value": 200.0, "unit": "1", "low": 198.0, "high": 202.0}
+    said = {"mechanism": mechanism, "location": location, "probability": 0.95, "parameters": [size, order]}
+    explanation = "A ripple, 200 times per revolution of the joint."
+    return {**said, "indistinguishable_from": [], "explanation": explanation, "action": "Look."}
+
+
+def test_of_a_robot_the_same_at_several_joints_is_one_entry_and_friction_is_no_fault() -> None:
+    friction = [at("coulomb_friction", f"joint_{k}", "torque_n_m", 2.0) for k in range(1, 7)]
+    ripple = [at("torque_ripple", f"joint_{k}", "torque_n_m", 0.1 * k) for k in (2, 5)]
+    document = {"verdict": "named", "findings": [*friction, *ripple], "unexplained": None, "next_measurement": ""}
+    rippled, rubbing = box_of_robot(document)
+    assert rippled.where == "joint_2, joint_5"
+    assert [size.name for size in rippled.sizes] == ["at joint_2", "at joint_5"]
+    assert rubbing.do_first.startswith("Nothing to repair")
+    (alone,) = box_of_robot({**document, "findings": ripple[:1]})
+    assert [size.name for size in alone.sizes] == ["torque", "times per turn of the joint"]
+
+
+def test_what_hangs_at_a_robot_hangs_at_its_flange() -> None:
+    payload = at("payload", "payload", "mass_kg", 2.4)
+    document = {"verdict": "named", "findings": [payload], "unexplained": None, "next_measurement": ""}
+    (entry,) = box_of_robot(document)
+    assert entry.where == "the flange"
+    assert entry.sizes[0].name == "mass"
