@@ -57,6 +57,13 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
     return tuple(that_show(axis, measurement, all_terms_of(axis, measurement, present)))
 
 
+def torque_carried(axis: Axis, m: Measurement) -> float:
+    """Effective torque that the gears carry, as felt at the motor [N m]: what the motor's own inertia takes away is none
+    of it, and may be nearly all of the motor's torque."""
+    own = m.torque - axis.motor.inertia_kg_m2 * m.slow_acceleration
+    return min(m.torque_rms, float(np.sqrt(np.mean(own**2))))
+
+
 def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term, ...]:
     """Every mechanism of the telemetry at every place where the description lacks it; tooth damage is scanned apart.
 
@@ -80,8 +87,8 @@ def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[
     if not measurement.doubts.size:  # the joints of a robot have one clock, which is asked of all of them together
         out.append(delay("torque_delay_s", "motor", max(6e-4, half)))
     if has_links(axis):
-        twist = twist_range(axis, measurement)
-        out += [term for k in range(len(stages_of(axis))) for term in link_terms(axis, k, level, twist)]
+        twist, carried = twist_range(axis, measurement), torque_carried(axis, measurement)
+        out += [term for k in range(len(stages_of(axis))) for term in link_terms(axis, k, level, carried, twist)]
         fastest = highest_order(excitation_of(measurement))
         out += [term for k in range(len(stages_of(axis))) for term in kinematic_terms(axis, k, level, fastest)]
         if travel / axis.ratio > LEAST_TURN:

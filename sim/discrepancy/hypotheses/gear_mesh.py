@@ -103,9 +103,10 @@ def _torque_of_errors(present: Chain, order: float) -> float:
     return torque
 
 
-def link_terms(axis: Axis, k: int, level: float, seen_twist_rad: float | None) -> list[Term]:
+def link_terms(axis: Axis, k: int, level: float, carried: float, seen_twist_rad: float | None) -> list[Term]:
     """Laws of the spring need the twist: without a load encoder they look like friction at reversals.
 
+    `level`, `carried`: effective torque of the motor, and what of it the gears carry [N m].
     `seen_twist_rad`: range of the twist at the load that both encoders show, None without a load encoder.
     """
     load_encoder = seen_twist_rad is not None
@@ -120,7 +121,8 @@ def link_terms(axis: Axis, k: int, level: float, seen_twist_rad: float | None) -
         out.append(_hysteresis(name, k, level * ratio, twist))
     if stage is None:
         return out
-    out.append(_backlash(name, k, stage.backlash_rad, twist, widest))
+    wound = carried * ratio / stiffness if stiffness else twist
+    out.append(_backlash(name, k, stage.backlash_rad, wound, widest))
     new = max(stage.transmission_error_rad or 0.01 * twist, axis.load_encoder.error_rad / ratio_after(axis, k))
     runout = _error(Eccentricity.name, name, k, 1.0, twist, new)
     out.append(_with_encoder(runout) if load_encoder and k == len(axis.stages) - 1 else runout)
