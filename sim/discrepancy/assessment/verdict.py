@@ -17,6 +17,7 @@ from sim.discrepancy.data.excitation import lacking
 from sim.discrepancy.data.validation import Fault
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
+from sim.discrepancy.estimation.refit import rewhiten
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.identifiability import ALONE, needs_of, same_over_the_turn, the_same
 from sim.discrepancy.report.wording import explain
@@ -174,7 +175,12 @@ def under_own_noise(selection: Selection) -> Selection:
         return selection
     asked = [t for t in selection.found if not t.traits.in_every_axis]
     fits = [without(problem, fit, term) for term in asked]
-    odds = {t.key: likelier((problem, fit), less) for t, less in zip(asked, fits, strict=True) if less}
+    anew = rewhiten(*rewhiten(problem, fit)) if any(fits) else (problem, fit)
+    odds = {
+        t.key: max(likelier(full, less) for full in ((problem, fit), anew))
+        for t, less in zip(asked, fits, strict=True)
+        if less
+    }
     return replace(selection, own_noise=odds)
 
 
