@@ -56,6 +56,7 @@ from sim.discrepancy.report.maintenance_actions import action
 from sim.discrepancy.report.wording import next_measurement, numbers_of
 from sim.discrepancy.results import SAID, Finding, Investigation, Unexplained, rounded
 from sim.discrepancy.search import evidence_search, search
+from sim.discrepancy.search.model_evidence import NAMES
 from sim.discrepancy.search.search import Selection
 from sim.mechanisms.catalogue import kind_of
 
@@ -139,6 +140,7 @@ def _of_torque(
     doubts = misfit_remarks(fit, gained)
     telling = beside_doubts(findings, doubted=bool(gate.measurement.doubts.size))
     verdict, rest = _verdict(telling, rest, places, doubted=bool(doubts))
+    findings = tuple(f for f in findings if f.probability > 1.0 / (1.0 + NAMES))  # as likely as before any data
     progress("next measurement", 0.96)
     told = simulated_advice(weighed, findings)
     advice = in_words(told) or next_measurement(axis, findings, rest, problem.guided)

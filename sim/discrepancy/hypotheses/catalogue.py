@@ -58,8 +58,8 @@ def terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[Term
 
 
 def torque_carried(axis: Axis, m: Measurement) -> float:
-    """Effective torque that the gears carry, as felt at the motor [N m]: what the motor's own inertia takes away is none
-    of it, and may be nearly all of the motor's torque."""
+    """Effective torque that the gears carry, as felt at the motor [N m]: what the motor's own inertia takes away is
+    none of it, and may be nearly all of the motor's torque."""
     own = m.torque - axis.motor.inertia_kg_m2 * m.slow_acceleration
     return min(m.torque_rms, float(np.sqrt(np.mean(own**2))))
 
