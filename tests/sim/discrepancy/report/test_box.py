@@ -19,8 +19,8 @@ def found(mechanism: str, parameter: str, location: str = "output") -> dict[str,
 @pytest.mark.parametrize(
     ("mechanism", "parameter", "allowed"),
     [
-        ("backlash", "gap_rad", "0.000300 rad"),
-        ("mesh_error", "amplitude_rad", "1.00 × 10⁻⁵ rad"),
+        ("backlash", "gap_rad", "1.03\N{NO-BREAK SPACE}arc min"),
+        ("mesh_error", "amplitude_rad", "0.0344\N{NO-BREAK SPACE}arc min"),
         ("tooth_damage", "depth_rad", ""),
     ],
 )
