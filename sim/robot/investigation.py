@@ -276,7 +276,7 @@ def _taken_as_held(robot: Robot) -> list[str]:
     places = [
         f"{name} at {at:.4g} {position_key(robot.urdf, name).rpartition('_')[2]}" for name, at in robot.held.items()
     ]
-    return [f"Not logged, and held still as robot.toml says: {', '.join(places)}."]
+    return [f"Not logged, and held still as the robot's description says: {', '.join(places)}."]
 
 
 def _weightless(body: RigidBody) -> list[str]:

@@ -216,7 +216,7 @@ def _unnamed(document: Document) -> Entry:
         what=unexplained_words(unexplained_of(rest))
         if rest
         else "The measurement has something that no known mechanism explains.",
-        where=UNKNOWN,
+        where=str((rest or {}).get("joint", UNKNOWN)),
         how_sure="It is more than noise. What it is stays open: none of the known mechanisms explains it.",
         do_first=f"Change no parts because of this alone. Measure first: {document['next_measurement']}".strip(),
     )
@@ -242,7 +242,8 @@ def box_of_robot(document: Mapping[str, Any]) -> list[Entry]:
     places = [k for k, one in enumerate(found) if not is_in_every_axis(one["mechanism"])]
     beyond = [found[k] for k in places]
     usual = [one for one in found if is_in_every_axis(one["mechanism"]) and one["probability"] >= SAID]
-    entries = _together(box_of({**document, "findings": beyond}, None), beyond) if beyond or not usual else []
+    only_friction = usual and not beyond and document["verdict"] != "unnamed"
+    entries = [] if only_friction else _together(box_of({**document, "findings": beyond}, None), beyond)
     entries = [one if one.finding is None else replace(one, finding=places[one.finding]) for one in entries]
     return [*entries, *([_friction(usual)] if usual else [])]
 
