@@ -166,8 +166,7 @@ def motion_evidence(extraction: Extraction) -> tuple[Evidence, ...]:
     found = [
         Evidence(
             "motion",
-            f"the motion repeats every {motion.period_s:.3f} s ({frequency:.3f} Hz), {SOURCES[motion.source]}; "
-            f"{motion.cycles:.1f} cycles were heard",
+            f"the motion repeats every {motion.period_s:.3f} s ({frequency:.3f} Hz), {SOURCES[motion.source]}",
             "motion_period",
             motion.period_s,
             "s",

@@ -38,10 +38,19 @@ class Place:
     after: str | None
 
 
-def waiting(session: Session) -> Sequence[str]:
-    """Return the ids of the diagnoses that need a person, the most informative first; of equals the newest."""
-    unknown = StoredDiagnosis.verdict == UNKNOWN
-    order = (unknown.desc(), StoredDiagnosis.probability, StoredDiagnosis.id.desc())
+def waiting(session: Session, *, faults_first: bool = False) -> Sequence[str]:
+    """Return the ids of the diagnoses that need a person, the most informative first; of equals the newest.
+
+    Args:
+        faults_first: likely faults before all others, for whoever acts on them.
+    """
+    unknown, fault = StoredDiagnosis.verdict == UNKNOWN, StoredDiagnosis.verdict == "diagnosed"
+    order = (
+        *((fault.desc(),) if faults_first else ()),
+        unknown.desc(),
+        StoredDiagnosis.probability,
+        StoredDiagnosis.id.desc(),
+    )
     return session.scalars(_open(session, StoredDiagnosis.id).order_by(*order)).all()
 
 

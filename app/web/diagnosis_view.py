@@ -12,7 +12,7 @@ from sqlalchemy.orm import Session
 from app.service import Service
 from app.web import charts as draw
 from app.web.charts import Chart
-from app.web.disturbed import Flag, flags_of, listed, marked, stretches
+from app.web.disturbed import Flag, flags_of, left_out_words, marked, stretches
 from app.web.evidence import Evidence, evidence_of
 from app.web.features import features_of
 from app.web.overlay import laid_over
@@ -94,7 +94,7 @@ class DiagnosisView:
             "verdict": self.verdict,
             "facts": self.facts,
             "quality": [flag for flag in self.quality if not flag.only_left_out],
-            "left_out": listed([flag for flag in self.quality if flag.only_left_out]),
+            "left_out": left_out_words(self.quality),
             "marked": self.marked,
             "usable": document["verdict"] != "unusable",
             "audible": self.sound is not None and document["verdict"] != "unusable",
@@ -129,7 +129,7 @@ def view_of(
         recording=row.recording,
         verdict=verdict_of(document),
         facts=(
-            *facts_of(document, as_new_of_label(session, row.recording.axis, row.label)),
+            *facts_of(document, as_new_of_label(session, row.recording.axis, row.label, document["severity"])),
             *([analysed(found)] if found and document["verdict"] != "unusable" else ()),
         ),
         quality=flags_of(document["quality"], row.recording.duration_s),
@@ -175,13 +175,17 @@ def _drawn(
     return drawn, folded[1] if folded else None, peaks.tolist()
 
 
-def as_new_of_label(session: Session, axis: str | None, label: str | None) -> str:
-    """Return the size that the fault of a label has at most as new; empty where it is not known, or of which gear."""
+def as_new_of_label(session: Session, axis: str | None, label: str | None, severity: Mapping[str, Any] | None) -> str:
+    """Return the size that the fault of a label has at most as new; empty where it is not known, or of which gear.
+
+    Args:
+        severity: the size that was found, beside which it stands.
+    """
     described, mechanism = find_axis(session, axis) if axis else None, LABELS.get(label or "")
     known = None if described is None else read_axis(described.document)
-    if known is None or mechanism is None or len(known.stages) != 1:
+    if severity is None or known is None or mechanism is None or len(known.stages) != 1:
         return ""
-    return as_new_of(known, mechanism, known.stages[0].name, MECHANISMS[mechanism].size)
+    return as_new_of(known, mechanism, known.stages[0].name, MECHANISMS[mechanism].size, severity["value"])
 
 
 def facts_of(document: Mapping[str, Any], as_new: str = "") -> list[tuple[str, object, str]]:

@@ -11,6 +11,8 @@ SHORT_S = 1.0
 """What is shorter has a time, what is longer a beginning and an end [s]."""
 RETURNING = ("handling", "wind", "foreign_sound", "second_machine")
 """What may come more than once between its beginning and its end."""
+ONCE = frozenset(name.replace("_", " ") for name in ("bump", *RETURNING))
+"""In words: what one cycle of the motion has and the others have not."""
 REMEDIES = {
     "bump": "Put the microphone down and do not touch it while it records.",
     "handling": "Put the microphone down and do not touch it while it records.",
@@ -73,6 +75,21 @@ def listed(found: Sequence[Flag]) -> str:
     'bump at 12.0 s (0.1 s), noise'
     """
     return ", ".join(f"{flag.name} {flag.when}".rstrip() for flag in found)
+
+
+def left_out_words(found: Sequence[Flag]) -> str:
+    """Say what was left out, and of what came in some cycles only why; empty where nothing was.
+
+    >>> left_out_words([Flag("bump", "at 12.0 s (0.1 s)", "note", "", "")])
+    'Left out: bump at 12.0 s (0.1 s). What does not come again in every cycle is not of the gear.'
+    """
+    left_out = [flag for flag in found if flag.only_left_out]
+    if not left_out:
+        return ""
+    once = any(flag.name in ONCE for flag in left_out)
+    return (
+        f"Left out: {listed(left_out)}.{' What does not come again in every cycle is not of the gear.' if once else ''}"
+    )
 
 
 def stretches(surveyed: Survey) -> tuple[Stretch, ...]:

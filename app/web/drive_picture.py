@@ -63,7 +63,6 @@ def _drawn(stages: Sequence[Mapping[str, Any]], marks: Mapping[str, Sequence[str
     width = STEP * (len(stages) + 1) + 120
     said = escape(_aloud(stages, marks))
     parts = [
-        f'<svg class="drive" viewBox="0 0 {width:.0f} {HEIGHT:.0f}" role="img" aria-label="{said}">',
         f'<path class="shaft" d="M60 {TOP}H{STEP}"/>',
         f'<rect class="part" x="10" y="{TOP - 24}" width="58" height="48" rx="5"/>',
         _text(39, TOP + 5, "motor"),
@@ -90,6 +89,9 @@ def _drawn(stages: Sequence[Mapping[str, Any]], marks: Mapping[str, Sequence[str
     for number, stage in enumerate(stages, start=1):
         level += SMALL + LARGE if number % 2 else -(SMALL + LARGE)
         at[str(stage["name"])] = (STEP * number, level + (LARGE + 4 if number % 2 else -LARGE - 22))
+    lowest = max((at[place][1] + 19 + ROW * (len(words) - 1) for place, words in marks.items()), default=0.0)
+    size = f"0 0 {width:.0f} {max(HEIGHT, lowest):.0f}"
+    parts.insert(0, f'<svg class="drive" viewBox="{size}" role="img" aria-label="{said}">')
     for place, words in marks.items():
         x, y = at[place]
         parts.append(f'<path class="mark" d="{shape_path("notch", x - 18, y + 8, 7.0)}"/>')

@@ -12,7 +12,7 @@ from markupsafe import Markup
 from app.views import mark_stretches
 from app.web.charts import Chart
 from app.web.diagnosis_view import DiagnosisView
-from app.web.disturbed import listed
+from app.web.disturbed import left_out_words
 from app.web.evidence import Compared
 from app.web.templating import ENVIRONMENT, STATIC, instant
 
@@ -71,8 +71,8 @@ def _first_page(view: DiagnosisView, zone: str) -> "Figure":
         (view.verdict.summary, 11, "normal"),
     ]
     lines += [(f"{name}: {_plain(value)}   {_plain(note)}", 10, "normal") for name, value, note in view.facts]
-    left_out = listed([flag for flag in view.quality if flag.only_left_out])
-    lines += [(f"Left out: {left_out}.", 10, "normal")] if left_out else []
+    left_out = left_out_words(view.quality)
+    lines += [(left_out, 10, "normal")] if left_out else []
     lines += [
         (f"{flag.severity.capitalize()}, {flag.name}: {flag.reason}. {flag.remedy}".strip(), 10, "normal")
         for flag in view.quality

@@ -53,7 +53,9 @@ def arm_of(document: Document, robot: str) -> Markup:
     joints = [
         (
             joint.name,
-            picture.marked(joint.verdict, [f["mechanism"] for f, _, _ in joint.findings], rest=bool(joint.unexplained)),
+            picture.marked(
+                joint.verdict, [one["mechanism"] for one, _, _ in joint.findings], rest=bool(joint.unexplained)
+            ),
         )
         for joint in joints_of(document)
     ]

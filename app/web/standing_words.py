@@ -28,7 +28,10 @@ RISEN = {
 }
 """What is said to have grown, by the beginning of a feature's name, and the fault that it would be a sign of."""
 RECORD = "Record it, in its usual motion and with its usual payload, and diagnose the recording."
-AGAIN = "Record it again soon, in the same motion, with the same payload and the microphone at the same place."
+ALIKE = "in the same motion, with the same payload and the microphone at the same place."
+SOON, TODAY = f"Record it again soon, {ALIKE}", f"Record it today, {ALIKE}"
+AGAIN = "Record it again; if the answer is the same, have it inspected."
+BETTER = "Record it again, as the page of its newest recording says."
 
 
 def state_words(standing: Standing | None, now: datetime) -> str:
@@ -102,24 +105,51 @@ def next_steps(standing: Standing | None) -> tuple[str, ...]:
     label = standing.recording.label if standing.recording else None
     match standing.reason:
         case Reason.NAMED | Reason.FOUND:
-            return CHECKS.get(label or "", ("Have the gearbox inspected at its next stop.", AGAIN))
+            return CHECKS.get(label or "", ("Have the gearbox inspected at its next stop.", SOON))
         case Reason.CHANGED if standing.trend is not None:
             sign = risen(standing.trend)[1] or ""
-            return (AGAIN, CHECKS.get(sign, ("Have it inspected if it keeps on rising.",))[0])
+            return (SOON, CHECKS.get(sign, ("Have it inspected if it keeps on rising.",))[0])
         case Reason.NAMED_BEFORE:
             return (*CHECKS.get(label or "", ())[:1], "Reject that diagnosis if nothing is found, or note the repair.")
         case Reason.UNLIKE:
             return (
-                AGAIN,
-                "If it sounds the same, have it inspected, and keep the recording as a case of what was found.",
+                "Record it again; if it sounds the same, have it inspected.",
+                "Keep the recording as a case of what was found.",
                 "If it is good, keep the recording as a case of the label normal.",
             )
         case Reason.SOUNDS_GOOD:
             return CHECKS["normal"]
         case Reason.NOT_DIAGNOSED:
             return ("Diagnose its newest recording.",)
-        case _:
+        case Reason.SILENT:
+            return (TODAY,)
+        case Reason.UNUSABLE:
+            return (BETTER,)
+        case Reason.UNDECIDED:
             return (AGAIN,)
+        case _:
+            return (SOON,)
+
+
+def since_words(standing: Standing, zone: str) -> str:
+    """Say of what a day is since when a gearbox has been in its state; nothing where it is in none since a day."""
+    if standing.since is None:
+        return ""
+    on, trend = day(standing.since, zone), standing.trend
+    match standing.state:
+        case State.FAULT_LIKELY:
+            changed = (
+                f"; its sound began to change about {day(trend.began.at, zone)}" if trend and trend.changed else ""
+            )
+            return f"Called likely since {on}{changed}."
+        case State.WATCH if standing.reason is Reason.CHANGED:
+            return f"Its sound began to change about {on}."
+        case State.WATCH:
+            return f"Heard on {on}."
+        case State.NOT_HEARD:
+            return f"Last heard on {on}."
+        case _:
+            return f"In this state since {on}."
 
 
 def trend_words(trend: Trend | None, zone: str) -> str:
@@ -127,7 +157,10 @@ def trend_words(trend: Trend | None, zone: str) -> str:
     if trend is None:
         return "A trend needs two recordings that name the gearbox and can be compared."
     if trend.changed:
-        return f"Its sound has changed since about {day(trend.began.at, zone)}: {risen(trend)[0]} grown."
+        began = f"Its sound began to change about {day(trend.began.at, zone)}: {risen(trend)[0]} grown."
+        return (
+            f"{began} In good gearboxes this is seen once in {RECORDINGS_PER_FALSE_ALARM:,} recordings, or less often."
+        )
     return f"No change is certain over its {len(trend.recordings)} recordings."
 
 

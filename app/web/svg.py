@@ -345,6 +345,15 @@ def shape_name(label: str) -> str:
     return label if label in ("normal", "play", "notch") else "other"
 
 
+def sign_of(label: str | None) -> str:
+    """Return the class of shape and colour of an answer: every fault has that of a likely fault, none that of unknown.
+
+    >>> sign_of("play"), sign_of("normal"), sign_of(None)
+    ('notch', 'normal', 'other')
+    """
+    return "other" if label is None else "normal" if label == "normal" else "notch"
+
+
 def shape_path(label: str, x: float, y: float, r: float) -> str:
     """Return the path of a label's shape around (x, y): circle, diamond, triangle, or square."""
     name = shape_name(label)

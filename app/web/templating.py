@@ -17,7 +17,7 @@ from markupsafe import Markup, escape
 
 from app.security import COOKIE, Principal, csrf_token
 from app.service import service_of
-from app.web.svg import shape_name, shape_path
+from app.web.svg import shape_name, shape_path, sign_of
 from casebase.signals.features import feature_words
 from sim.discrepancy.report.formatting import angle, named, words_of
 
@@ -100,6 +100,13 @@ def label_badge(label: str | None) -> Markup:
 
 
 @lru_cache(maxsize=256)
+def answer_badge(label: str | None) -> Markup:
+    """Write the label that was answered with the shape of the state that it means, which every fault has alike."""
+    sign = sign_of(label)
+    return Markup('<span class="label {}">{}{}</span>').format(sign, shape(sign), label or "none")
+
+
+@lru_cache(maxsize=256)
 def origin_badge(origin: str) -> Markup:
     """Write where a case comes from."""
     return Markup('<span class="badge {}">{}</span>').format(origin, origin)
@@ -152,6 +159,7 @@ def _environment() -> Environment:
         parameter_words=words_of,
         percent=percent,
         label_badge=label_badge,
+        answer_badge=answer_badge,
         origin_badge=origin_badge,
         shape=shape,
     )

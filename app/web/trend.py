@@ -42,7 +42,6 @@ def charts_of(trend: Trend, history: History, sizes: Mapping[str, Mapping[str, f
     if leading.name not in {name for name, _, _ in SHOWN} and trend.changed:
         unit = "height above noise [dB]"
         charts.insert(0, _followed(trend, leading, f"What rises most: {_rising(leading.name)}", unit, marks))
-    charts.append(_level(trend, followed, marks))
     sized = _size(trend, sizes, marks)
     return [chart for chart in (*charts, sized) if chart is not None]
 
@@ -90,13 +89,15 @@ def _followed(trend: Trend, one: Followed, title: str, label: str, marks: tuple[
     return Chart(title, (series,), name, label, bands=bands, markers=marks)
 
 
-def _level(trend: Trend, followed: Mapping[str, Followed], marks: tuple[Marker, ...]) -> Chart:
+def level_chart(trend: Trend, history: History) -> Chart:
+    """Return the chart of RMS and peak, which follow the place of the microphone, too."""
     name, _, _ = _axis_of_time(trend)
+    followed = {one.name: one for one in trend.followed}
     rms, peak = (followed[each] for each in ("rms", "peak"))
     series = tuple(
         Series(words, _times(trend, one.rows.tolist()), one.values) for words, one in (("RMS", rms), ("peak", peak))
     )
-    return Chart("RMS and peak as recorded", series, name, "level [unit of the sound]", markers=marks)
+    return Chart("RMS and peak as recorded", series, name, "level [unit of the sound]", markers=_marks(trend, history))
 
 
 def _size(trend: Trend, sizes: Mapping[str, Mapping[str, float]], marks: tuple[Marker, ...]) -> Chart | None:

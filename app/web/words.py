@@ -6,9 +6,11 @@ from typing import Any
 
 from markupsafe import Markup
 
+from app.web.svg import sign_of
 from app.web.templating import percent, quantity, sentence
 from sim.discrepancy.report.comparison import Row
 from sim.discrepancy.report.formatting import angle, likely, named
+from sim.mechanisms.mechanism import SECURED
 
 NAMES = {
     "normal": "no fault indicated",
@@ -18,14 +20,14 @@ NAMES = {
 CHECKS = {
     "normal": ("Nothing to do. Record again at the next inspection, in the same motion and with the same payload.",),
     "notch": (
-        "Move the axis to where it is at the time in the cycle when the impact repeats, and look at the teeth of the "
-        "output gear that mesh there.",
+        "Move the axis to where it is at the time in the cycle when the impact repeats. "
+        f"{SECURED} look at the teeth of the output gear that mesh there.",
         "Take a grease sample and look for steel particles.",
         "Record again with the axis moving through another range: a damaged tooth stays where it is, so its time in "
         "the cycle changes.",
     ),
     "play": (
-        "Lock the motor and move the arm by hand at the joint: measure the free travel, which is the backlash.",
+        f"{SECURED} lock the motor and move the load by hand: the free travel is the backlash.",
         "Check the preload and the fastening of the gear stage.",
         "Record again with another payload: backlash is heard where the torque reverses.",
     ),
@@ -72,6 +74,11 @@ class Verdict:
     told: tuple[str, ...] = ()
     """Remarks of the document that the summary says."""
 
+    @property
+    def sign(self) -> str:
+        """Whose shape and colour it has: those of the state that it means for a gearbox."""
+        return sign_of(self.label)
+
 
 def name_of(label: str | None) -> str:
     """Return a label as words.
@@ -117,13 +124,16 @@ def certainty(document: Mapping[str, Any]) -> tuple[str, str] | None:
 
 
 def how_sure(document: Mapping[str, Any]) -> str:
-    """Say how sure a diagnosis is, in a cell of a table.
+    """Say how sure a diagnosis is, in a cell of a table; of one that is undecided also of what.
 
-    >>> how_sure({"probability": 0.941, "provenance": {"gearboxes": 1}})
+    >>> how_sure({"verdict": "diagnosed", "probability": 0.941, "provenance": {"gearboxes": 1}})
     '0.94 of 1'
     """
     sure = certainty(document)
-    return "–" if sure is None else sure[0]
+    if sure is None:
+        return "–"
+    of = f" {listed(document['hypotheses'][0]['label'])}" if document["verdict"] == "ambiguous" else ""
+    return f"{sure[0]}{of}"
 
 
 def _milliradians(value_rad: float) -> Markup:
@@ -183,7 +193,8 @@ def verdict_of(document: Mapping[str, Any]) -> Verdict:
     others = [f"{listed(h['label'])} {written(h['probability'])}" for h in hypotheses[1:] if h["label"] not in out]
     also = f" Also possible: {', '.join(others[:2])}." if others else ""
     if out:
-        also += f" Ruled out: {', '.join(map(listed, out))}."
+        unlike = ("a good gearbox" if one == "normal" else name_of(one) for one in out)
+        also += f" It does not sound like {' or '.join(unlike)}."
     if kind == "ambiguous":
         names = " or ".join(listed(h["label"]) for h in hypotheses[:2])
         because = " ".join(map(sentence, poor)) or "It is not sure enough of any label."

@@ -247,7 +247,7 @@ class Unexplained:
 
 def unexplained_of(document: Mapping[str, Any]) -> Unexplained:
     """Read back what `unexplained_document` wrote."""
-    told = {"kind", "channel", "share", "score"}
+    told = {"kind", "channel", "share", "score", "joint"}
     numbers = {name: float(value) for name, value in document.items() if name not in told}
     return Unexplained(
         document["kind"], document["channel"], float(document["share"]), float(document.get("score", 0.0)), numbers

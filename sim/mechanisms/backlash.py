@@ -8,7 +8,7 @@ from sim.description.axis import Axis
 from sim.errors import CompositionError
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.heard import Heard
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import SECURED, Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, meshes, stage_at
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.components import ElastoBacklash
@@ -33,8 +33,9 @@ class Backlash(Mechanics):
         "The {where} gear pair has backlash of {gap_rad:.3g} rad ({gap_rad_shown}) from flank to flank: at every "
         "reversal of torque the load moves freely until the opposite tooth flanks meet."
     )
+    urgent: ClassVar[bool] = True
     action: ClassVar[str] = (
-        "Secure the load and lock the motor, move the load by hand to and fro and read the free travel at the {where} "
+        f"{SECURED} lock the motor, move the load by hand to and fro and read the free travel at the {{where}} "
         "gear; compare it with what the maker allows, and check preload, centre distance and fastening of that stage. "
         "Plan it for the next stop; sooner where the axis must hold a position."
     )

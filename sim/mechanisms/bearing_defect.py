@@ -29,6 +29,7 @@ class BearingDefect(Mechanics):
     signature: ClassVar[Signature] = Signature("angle", order="order")
     equations: ClassVar[str] = "tau on the shaft = torque sum of sin(k (order theta + phase)), k = 1 to 5"
     source: ClassVar[str] = "McFadden and Smith, J. Sound Vib. 96 (1984) 69"
+    urgent: ClassVar[bool] = True
     action: ClassVar[str] = (
         "Find the bearing whose data sheet has this order (it is per turn of the motor; for a bearing on a slower"
         " shaft multiply it by the ratio up to there) and order a new one. Listen to all bearings near the motor "

@@ -9,8 +9,9 @@ class Differing(Enum):
     """What to do, the most telling first; of a pair the first in which either differs, or both where both must."""
 
     AT_REST = (
-        "Secure the load, hold the axis at rest with the brake open and log the torque, then move at two speeds in "
-        "both directions: an offset stays, friction that differs by direction does not."
+        "Support the load (it may drop when the brake is released), hold the axis at rest with the brake open and log "
+        "the torque, then move at two speeds in both directions: an offset stays, friction that differs by direction "
+        "does not."
     )
     BY_SECOND_ENCODER = (
         "Put a dial gauge, a second encoder or a laser at the load and turn it slowly once: runout of the gear moves "

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
-from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
+from sim.mechanisms.mechanism import SECURED, Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, stage_at, wheels, with_error
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
@@ -28,8 +28,8 @@ class Eccentricity(Mechanics):
         "The {where} gear has a runout of {amplitude_rad:.3g} rad ({amplitude_rad_shown}) once per revolution."
     )
     action: ClassVar[str] = (
-        "Put a dial gauge on the {where} gear or its shaft and turn it once: check seat, keys and bearings. Do it"
-        " at the next stop; runout wears teeth slowly."
+        f"{SECURED} put a dial gauge on the {{where}} gear or its shaft and turn it once by hand: check seat, keys and "
+        "bearings. Do it at the next stop; runout wears teeth slowly."
     )
     check: ClassVar[str] = (
         "Turn the load slowly through more than one revolution in both directions: runout keeps its place on the "

@@ -5,7 +5,7 @@ from typing import ClassVar
 
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
-from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
+from sim.mechanisms.mechanism import SECURED, Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, meshes
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
@@ -29,8 +29,8 @@ class Hysteresis(Mechanics):
         "loop (hysteresis)."
     )
     action: ClassVar[str] = (
-        "Check clamping and fastening of the {where} gear (slipping fits, loose screws) and its preload. Do it at"
-        " the next stop."
+        f"{SECURED} check clamping and fastening of the {{where}} gear (slipping fits, loose screws) and its preload. "
+        "Do it at the next stop."
     )
     check: ClassVar[str] = (
         "Block the load, let the motor push slowly to and fro up to its torque limit: hysteresis shows a loop, "

@@ -27,6 +27,9 @@ from sim.rotational.drive_train import DriveTrain
 
 Samples = NDArray[np.float32]
 
+SECURED = "Lock out the drive and support the load (it may drop when the brake is released), then"
+"""How every step begins in which somebody moves a machine by hand or opens it."""
+
 
 class Need(Enum):
     """What a record has to have for a mechanism to be told from others: its value is what to record."""
@@ -125,6 +128,8 @@ class Mechanism(ABC):
     """What a finding says, with its numbers in braces; without it, the first line of the docstring and the numbers."""
     action: ClassVar[str] = "Look at the place named here, but change no parts because of it alone."
     """What to do now about a finding."""
+    urgent: ClassVar[bool] = False
+    """Whether it is damage that grows, so that there is a day by which to act."""
     check: ClassVar[str] = (
         "Repeat the same motion at half the speed and in both directions: what stays the same does not come from the "
         "motion."

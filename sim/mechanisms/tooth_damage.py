@@ -7,7 +7,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.heard import Heard
-from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
+from sim.mechanisms.mechanism import SECURED, Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, gear_mesh, teeth, wheels
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
@@ -45,8 +45,10 @@ class ToothDamage(Mechanics):
         "A flank of the {where} gear lacks material near {angle_rad:.3f} rad ({angle_rad_shown}), {depth_rad:.2g} rad "
         "({depth_rad_shown}) deep: once per revolution the torque drops there, in one direction of torque."
     )
+    urgent: ClassVar[bool] = True
     action: ClassVar[str] = (
-        "Open the {where} gear or look into it with an endoscope {place}, and look for steel in the oil. {urgency}"
+        f"{SECURED} open the {{where}} gear or look into it with an endoscope {{place}}, and look for steel in the "
+        "oil. {urgency}"
     )
     check: ClassVar[str] = (
         "Turn the {where} gear slowly through {at} under load in both directions of torque: a damaged tooth makes"

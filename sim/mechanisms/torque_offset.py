@@ -26,8 +26,8 @@ class TorqueOffset(Measurement):
     )
     action: ClassVar[str] = (
         "If the axis lifts something (a hoist, a vertical axis), this is its weight: give it as the channel "
-        "known_torque_nm. Otherwise secure the load and zero the torque channel at standstill, brake open and load "
-        "balanced. It says nothing of the state of the machine."
+        "known_torque_nm. Otherwise support the load (it may drop when the brake is released) and zero the torque "
+        "channel at standstill, brake open and load balanced. It says nothing of the state of the machine."
     )
     check: ClassVar[str] = Differing.AT_REST.value
     differs: ClassVar[frozenset[Differing]] = frozenset({Differing.AT_REST})

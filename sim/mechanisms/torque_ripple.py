@@ -4,7 +4,7 @@ import math
 from typing import ClassVar
 
 from sim.description.axis import Axis
-from sim.mechanisms.mechanism import Mechanics, Parameter, Signature
+from sim.mechanisms.mechanism import SECURED, Mechanics, Parameter, Signature
 from sim.mechanisms.places import axis_of, unused_name
 from sim.mechanisms.traits import Law, Traits
 from sim.rotational.drive_train import DriveTrain
@@ -28,8 +28,8 @@ class TorqueRippleOfMotor(Mechanics):
         "The motor torque has a ripple of {torque_n_m:.3g} N m, {order:g} times per revolution of the motor."
     )
     action: ClassVar[str] = (
-        "Check calibration of current sensors and commutation of the drive; turn the motor without current by hand "
-        "and feel for cogging. Not urgent."
+        f"Check calibration of current sensors and commutation of the drive. {SECURED} turn the motor by hand and feel "
+        "for cogging. Not urgent."
     )
     check: ClassVar[str] = (
         "Repeat the motion at half the speed: ripple keeps its order of the motor, hum its frequency."

@@ -15,6 +15,7 @@ from casebase.signals.telemetry import Telemetry
 from sim.discrepancy.assessment.intervals import NINETY
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.discrepancy.investigation import investigate, telemetry_sha256
+from sim.discrepancy.report.wording import telling_what_is_left
 from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, rounded
 from sim.mechanisms import LostSamples
 from sim.robot.motion import Motion
@@ -238,8 +239,8 @@ def _payload_finding(robot: Robot, logs: Sequence[RobotLog], fits: Sequence[Shar
         return Finding(
             PAYLOAD, PAYLOAD, payload.probability, numbers, (),
             f"{payload.mass_kg:.3g} kg hang at the flange{whose} that the description does not have.",
-            action="Look what hangs at the flange. If it belongs there, enter its mass and centre in robot.toml under "
-            "[payload], and in the controller.",
+            action="Look what hangs at the flange. If it belongs there, enter its mass and centre in the "
+            "robot's description, and in the controller.",
         )  # fmt: skip
     return None
 
@@ -275,7 +276,7 @@ def _taken_as_held(robot: Robot) -> list[str]:
     places = [
         f"{name} at {at:.4g} {position_key(robot.urdf, name).rpartition('_')[2]}" for name, at in robot.held.items()
     ]
-    return [f"Not logged, and held still as robot.toml says: {', '.join(places)}."]
+    return [f"Not logged, and held still as the robot's description says: {', '.join(places)}."]
 
 
 def _weightless(body: RigidBody) -> list[str]:
@@ -302,10 +303,13 @@ def _next_measurement(joints: Sequence[JointInvestigation], shared: SharedFit) -
     unsure = [j for j in joints if j.investigation.verdict == "unnamed"] or [
         j for j in joints if any(f.probability < 0.9 for f in j.investigation.findings)
     ]
+    left = [(j.name, j.investigation.unexplained) for j in joints if j.investigation.unexplained is not None]
     if not unsure and 0.05 < shared.payload.probability < 0.9:
         return (
             "Record the same motion once with nothing at the flange: then what hangs there is told by the difference."
         )
+    if not unsure and left:
+        return f"{left[0][0]}: {telling_what_is_left(left[0][1])}"
     if not unsure:
         return "No further measurement is needed for what was found; record the same motion again to see what changes."
     return f"{unsure[0].name}: {unsure[0].investigation.next_measurement}"

@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.discrepancy.report.box import box_of_robot, is_shown
+from sim.discrepancy.report.box import box_of_robot, is_shown, rests_of_robot
 from sim.discrepancy.report.drawing import svg
 from sim.discrepancy.report.formatting import likely, named, number, words_of
 from sim.discrepancy.report.html import STYLE, drawn_box, estimate_cells, html_report, table
@@ -43,10 +43,12 @@ def headline(result: RobotInvestigation) -> str:
     words = [named(mechanism, at[0] if len(at) == 1 else f"{len(at)} joints") for mechanism, at in places.items()]
     joints = len({place for place, f in said if is_in_every_axis(f.mechanism)})
     friction = f"friction at {joints} joint{'s' if joints > 1 else ''}"
+    rests = [joint.name for joint in result.joints if joint.investigation.unexplained is not None]
+    left = f" Something without a name is left at {', '.join(rests)}." if rests else ""
     if words:
-        return f"Found: {', '.join(words)}.{f' Not described, but no fault: {friction}.' if usual else ''}"
+        return f"Found: {', '.join(words)}.{left}{f' Not described, but no fault: {friction}.' if usual else ''}"
     if usual:
-        return f"No fault was named. Not described: {friction}."
+        return f"No fault was named.{left} Not described: {friction}."
     return "Something is there that no known mechanism explains."
 
 
@@ -92,13 +94,14 @@ def robot_report(result: RobotInvestigation, files: Sequence[str] = ()) -> str:
         f'<div id="joint-{place}">{body_of(page, place)}</div></details>'
         for place, (joint, page) in enumerate(zip(result.joints, pages, strict=True), start=1)
     ]
-    entries = box_of_robot(result.document())
+    document = result.document()
+    entries, rests = box_of_robot(document), rests_of_robot(document)
     body = "\n".join(
         [
             drawn_box(
                 ", ".join([result.robot.name, *files]), headline(result),
                 [(entry, None if entry.finding is None else causes[entry.finding]) for entry in entries],
-                [("Next measurement", result.next_measurement)],
+                [*([("Also unexplained", rests)] if rests else []), ("Next measurement", result.next_measurement)],
             ),
             *(f"<p>{html.escape(remark)}</p>" for remark in result.remarks),
             "<h2>The arm and its joints</h2>", _picture(result), _joints(result),

@@ -11,6 +11,7 @@ import pytest
 from app import fleet
 from casebase.models import now
 from casebase.trend import DECIDING
+from sim.mechanisms.mechanism import SECURED
 from tests.app.inside import Inside, inside
 from tests.casebase.kept import keep
 
@@ -60,12 +61,18 @@ def test_the_worst_stands_first(service: Inside) -> None:
     ]
     for words in (
         "The newest recording sounds like backlash (play). How sure: 95\N{NO-BREAK SPACE}%.",
-        "Lock the motor and move the arm by hand at the joint",
+        SECURED,
+        "Record it today",
         "impacts in one direction of the motion have grown since about",
         "The newest recording sounds like no known case, good or faulty",
         "Nothing was recorded yet.",
     ):
         assert words in page
+
+
+def picture_of(page: str) -> str:
+    """The drive train on the page of a gearbox."""
+    return page.partition('<svg class="drive"')[2].partition("</svg>")[0]
 
 
 def test_whoever_is_signed_in_comes_to_the_fleet(service: Inside) -> None:
@@ -85,7 +92,8 @@ def test_only_what_changed_is_worked_out_again(service: Inside) -> None:
 
 def test_the_page_of_a_gearbox_has_all_of_it(service: Inside) -> None:
     page = service.browse("GET", "/axes/arm/gearboxes/worn").text
-    assert "Lock the motor and move the arm by hand" in page
+    assert SECURED in page
+    assert "Called likely since" in page
     assert "The newest recording sounds like backlash (play). How sure: 95\N{NO-BREAK SPACE}%." in page
     assert "a good gearbox gets there once in 1,000 recordings, or less often." in page
     for title in ("Impacts at the reversal", "Impacts in one direction", "Crest factor below 200 Hz", "RMS and peak"):
@@ -94,6 +102,10 @@ def test_the_page_of_a_gearbox_has_all_of_it(service: Inside) -> None:
     # one gear pair: it is the one that can have it
     assert "backlash (play) at output" in page
     assert 'class="gear found"' in page
+    height = float(re.search(r'class="drive" viewBox="0 0 \d+ (\d+)"', page)[1])  # type: ignore[index]
+    assert all(float(y) < height for y in re.findall(r'<text x="[\d.]+" y="([\d.]+)"', picture_of(page))), (
+        "no word is cut"
+    )
     assert service.browse("GET", "/axes/arm/gearboxes/nobody").status_code == 404
 
 
@@ -103,7 +115,7 @@ def test_what_rises_is_named_in_words_and_not_as_a_feature(service: Inside) -> N
             told = {"strongest_impulse_12_200_hz": float(np.sin(7.0 * day)) + (9.0 if day >= 20 else 0.0)}
             keep(session, "arm", "struck", now() - timedelta(days=30 - day), told, "normal")
     page = service.browse("GET", "/axes/arm/gearboxes/struck").text
-    assert "Its sound has changed since about" in page
+    assert "Its sound began to change about" in page
     assert "What rises most: strongest impact of a cycle, 12 to 200 Hz" in page
 
 

@@ -1,5 +1,6 @@
 """What a page says of a diagnosis: no more than the document bears out."""
 
+import re
 from typing import Any
 
 import numpy as np
@@ -11,10 +12,14 @@ from app.web.charts import envelope
 from app.web.diagnosis_view import facts_of
 from app.web.evidence import evidence_of
 from app.web.map import projected
+from app.web.standing_words import SHAPES
 from app.web.svg import Axis, Marker, Series, line_chart
 from app.web.templating import percent
-from app.web.words import verdict_of
+from app.web.words import CHECKS, how_sure, verdict_of
 from casebase.case_table import CaseTable
+from casebase.gearbox_state import State
+from sim.mechanisms import MECHANISMS
+from sim.mechanisms.differing import Differing
 
 
 def document(**changes: object) -> dict[str, Any]:
@@ -69,10 +74,37 @@ def test_what_is_allowed_as_new_stands_beside_a_size_where_it_is_known() -> None
 
 def test_what_is_rejected_is_not_also_possible() -> None:
     summary = verdict_of(document()).summary
-    possible, rejected = summary.split("Ruled out:")
+    possible, rejected = summary.split("It does not sound like")
     assert "backlash (play)" in possible
     assert "no fault" not in possible
-    assert "no fault" in rejected
+    assert "a good gearbox" in rejected
+
+
+def test_every_fault_has_the_sign_of_a_likely_fault_and_none_that_of_watch() -> None:
+    assert {verdict_of(document(label=label)).sign for label in ("play", "notch", "pitting")} == {"notch"}
+    assert SHAPES[State.FAULT_LIKELY] == "notch"
+    assert SHAPES[State.WATCH] not in {verdict_of(document(label=label)).sign for label in ("play", "normal")}
+
+
+def test_of_what_an_undecided_answer_is_sure_stands_beside_the_figure() -> None:
+    hypotheses = [
+        {"label": "normal", "probability": 0.88, "p_value": 0.5, "support": {"measured": 4, "simulated": 0}},
+        {"label": "notch", "probability": 0.12, "p_value": 0.3, "support": {"measured": 1, "simulated": 0}},
+    ]
+    undecided = document(verdict="ambiguous", label="normal", probability=0.88, hypotheses=hypotheses)
+    assert how_sure(undecided) == "88\N{NO-BREAK SPACE}% no fault"
+    assert how_sure(document()) == "90\N{NO-BREAK SPACE}%"
+
+
+def test_a_step_by_hand_begins_with_securing() -> None:
+    """A load that nobody supports drops when the brake is released."""
+    steps = [step for checks in CHECKS.values() for step in checks]
+    steps += [text for kind in MECHANISMS.values() for text in (kind.action, kind.check)]
+    steps += [way.value for way in Differing]
+    moved = [step for step in steps if re.search(r"by hand|without current|brake open|[Oo]pen the|endoscope {", step)]
+    assert len(moved) >= 7
+    for step in moved:
+        assert "may drop when the brake is released" in step
 
 
 def test_only_of_the_named_fault_it_is_said_when_it_comes_in_the_cycle() -> None:

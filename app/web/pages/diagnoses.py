@@ -177,7 +177,9 @@ def shown(
     context |= {
         "last": last_step(session, subjects),
         "step": None if here else step,
-        "place": place_in(waiting(session), row.id) if principal and request.query_params.get("queue") else None,
+        "place": place_in(waiting(session, faults_first=True), row.id)
+        if principal and request.query_params.get("queue")
+        else None,
         "reason": reason_words(row),
         "ways": VERIFICATIONS,
     }
@@ -229,7 +231,7 @@ def revise(
         return ask(request, principal, question, f"/diagnoses/{diagnosis_id}/revise", list(given.items()))
     name = step_name()
     with service.library.transaction(principal.actor, name) as session:
-        place = place_in(waiting(session), diagnosis_id) if queue else None
+        place = place_in(waiting(session, faults_first=True), diagnosis_id) if queue else None
         revise_diagnosis(
             session,
             diagnosis_id,
@@ -242,7 +244,7 @@ def revise(
             service.library.retain.diagnosis(session, diagnosis_id)
         session.flush()
         step = newest_of(session, name)
-        after = None if place is None else place.after or next(iter(waiting(session)), None)
+        after = None if place is None else place.after or next(iter(waiting(session, faults_first=True)), None)
     root = root_of(service)
     if place is None:
         return RedirectResponse(f"{root}/diagnoses/{diagnosis_id}?step={step}#revise", status_code=303)

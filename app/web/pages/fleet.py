@@ -13,9 +13,9 @@ from sqlalchemy.orm import Session
 from app.service import Reading, Service, TheService
 from app.web.drive_picture import drive_picture
 from app.web.session import PageViewer
-from app.web.standing_words import WORDS, day, evidence_words, next_steps, state_badge, trend_words, why
+from app.web.standing_words import WORDS, day, evidence_words, next_steps, since_words, state_badge, trend_words, why
 from app.web.templating import render
-from app.web.trend import charts_of
+from app.web.trend import charts_of, level_chart
 from app.web.words import VERDICTS, how_sure, investigation_headline
 from casebase.axes import find_axis, is_axis, unknown_axis
 from casebase.errors import NotFoundError
@@ -104,10 +104,12 @@ def gearbox_page(
         "standing": stands,
         "badge": state_badge(stands, at) if stands else None,
         "why": why(stands, zone, certainties(session, [stands])[0]) if stands else None,
+        "since": since_words(stands, zone) if stands else "",
         "steps": next_steps(stands) if stands else (),
         "changed": trend_words(trend, zone),
         "evidence": evidence_words(trend) if trend else None,
         "charts": charts_of(trend, shown, sizes_of(session, shown)) if trend else (),
+        "level": level_chart(trend, shown) if trend else None,
         "picture": drive_picture(described.document, findings_of(session, shown), stands) if described else None,
         "heard": page,
         "older": page[-1].recording_id if first + LISTED < len(heard) else None,

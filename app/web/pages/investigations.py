@@ -46,7 +46,7 @@ from casebase.signals.table_kinds import TEXT, binary_endings, table_kinds
 from casebase.signals.telemetry import recognise_columns
 from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
-from sim.discrepancy.report.box import box_of, box_of_robot, refused, unexplained_words
+from sim.discrepancy.report.box import box_of, box_of_robot, is_urgent, refused, rests_of_robot, unexplained_words
 from sim.discrepancy.report.panels import SHOWS
 from sim.discrepancy.results import unexplained_of
 from sim.errors import AxisError
@@ -148,6 +148,7 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
         "document": document,
         "headline": investigation_headline(document) if document else None,
         "box": box_of_row(row),
+        "bar": bar_of(document),
         "shows": SHOWS,
         "likely_words": likely_words,
         "unexplained": unexplained_in_words(document),
@@ -197,6 +198,13 @@ def box_of_row(row: StoredInvestigation) -> list[Shown]:
     return box_shown(row.document, box_of({**row.document, "findings": findings}, described(row)))
 
 
+def bar_of(document: Mapping[str, Any]) -> str:
+    """Return the class of the bar beside the box: red where something is urgent, green where nothing was found."""
+    if document and document["verdict"] == "nothing_missing":
+        return "normal"
+    return "notch" if document and is_urgent(document) else "unknown"
+
+
 def described(row: StoredInvestigation) -> Axis | None:
     """Return the axis as it was described; None where this version does not read it any more."""
     try:
@@ -214,11 +222,15 @@ def _robot_page(
         "document": document,
         "accepted": accepted,
         "box": box_of_row(row),
+        "bar": bar_of(document),
         "shows": SHOWS,
+        "unexplained": "",
+        "headline": None,
+        "not_examined": (),
     }
-    context |= {"box": box_of_row(row), "shows": SHOWS, "unexplained": "", "headline": None, "not_examined": ()}
     if document:
         context |= {
+            "unexplained": rests_of_robot(document),
             "headline": investigation_headline(document),
             "finding_words": finding_words,
             "unexplained_words": lambda found: unexplained_words(unexplained_of(found)),

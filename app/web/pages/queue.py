@@ -28,8 +28,8 @@ LARGEST_NUMBER = 2**31 - 1
 
 @router.get("/queue")
 def queue(request: Request, session: Reading, principal: PageViewer) -> Response:
-    """The diagnoses that need a person, the most informative first."""
-    ids = waiting(session)
+    """The diagnoses that need a person: likely faults first, then the most informative."""
+    ids = waiting(session, faults_first=True)
     shown = ids[:SHOWN]
     found = session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id.in_(shown)))
     rows = sorted(found, key=lambda row: shown.index(row.id))

@@ -61,7 +61,7 @@ MISSING = (
 )
 STANDS = (
     "load_position_rad: the load does not move; a record of the axis in motion, or of the load moved by hand against "
-    "a motor that holds, is needed"
+    "a motor that holds, is needed; support the load first, for it may drop"
 )
 NOT_HELD = (
     "telemetry: without motor_torque_nm and motor_position_rad the reference_position_rad stands for a motor that "

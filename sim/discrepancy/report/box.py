@@ -19,6 +19,7 @@ from sim.discrepancy.report.formatting import (
     named,
     number,
     percent,
+    sure,
     unit_in_words,
     words_of,
 )
@@ -95,7 +96,7 @@ class Entry:
             ("What", f"{self.title}. {self.what}{sizes}"),
             ("Where", self.where),
             ("How sure", self.how_sure),
-            ("Do now first", self.do_first),
+            ("Do first", self.do_first),
         )
 
 
@@ -132,7 +133,7 @@ def _found(finding: Document, axis: Axis | None, next_measurement: str) -> Entry
         how_sure=_how_sure(finding),
         do_first=first or next_measurement,
         sizes=tuple(
-            replace(size_of(mechanism, one), as_new=as_new_of(axis, mechanism, location, one["name"]))
+            replace(size_of(mechanism, one), as_new=as_new_of(axis, mechanism, location, one["name"], one["value"]))
             for one in finding["parameters"]
             if is_shown(mechanism, one["name"], one.get("low"), one.get("high"))
         ),
@@ -144,14 +145,23 @@ def as_new_words(as_new: str) -> str:
     return f"as new at most {as_new}" if as_new else ""
 
 
-def as_new_of(axis: Axis | None, mechanism: str, location: str | None, parameter: str) -> str:
-    """Return what a new axis has at most of this number of a mechanism, with its unit; empty where it is not known."""
+def as_new_of(
+    axis: Axis | None, mechanism: str, location: str | None, parameter: str, beside: float | None = None
+) -> str:
+    """Return what a new axis has at most of this number of a mechanism, with its unit; empty where it is not known.
+
+    `beside`: the number that was found; an angle is then said in the same unit.
+    """
     kind = MECHANISMS.get(mechanism)
     if axis is None or kind is None or parameter != kind.size:
         return ""
     allowed = kind.as_new(axis, location)
     unit = next(one.unit for one in kind.parameters if one.name == parameter)
-    return size_of(mechanism, {"name": parameter, "value": allowed, "unit": unit}).value if allowed > 0 else ""
+    if allowed <= 0:
+        return ""
+    if unit == "rad" and beside:
+        return angle(allowed, unit_of=beside)
+    return size_of(mechanism, {"name": parameter, "value": allowed, "unit": unit}).value
 
 
 def _kind(mechanism: str) -> str:
@@ -192,7 +202,8 @@ def _part(axis: Axis | None, mechanism: str, location: str | None) -> str:
 
 
 def _how_sure(finding: Document) -> str:
-    said = likely(float(finding["probability"]), calibrated=finding.get("calibrated", True))
+    probability = float(finding["probability"])
+    said = likely(probability, calibrated=True) if finding.get("calibrated", True) else sure(probability)
     alike = " or ".join(named(str(name)) for name in finding["indistinguishable_from"])
     beside = f". In these data it looks the same as {alike}" if alike else ""
     return f"{said}{beside}"
@@ -205,7 +216,7 @@ def _unnamed(document: Document) -> Entry:
         what=unexplained_words(unexplained_of(rest))
         if rest
         else "The measurement has something that no known mechanism explains.",
-        where=UNKNOWN,
+        where=str((rest or {}).get("joint", UNKNOWN)),
         how_sure="It is more than noise. What it is stays open: none of the known mechanisms explains it.",
         do_first=f"Change no parts because of this alone. Measure first: {document['next_measurement']}".strip(),
     )
@@ -231,7 +242,8 @@ def box_of_robot(document: Mapping[str, Any]) -> list[Entry]:
     places = [k for k, one in enumerate(found) if not is_in_every_axis(one["mechanism"])]
     beyond = [found[k] for k in places]
     usual = [one for one in found if is_in_every_axis(one["mechanism"]) and one["probability"] >= SAID]
-    entries = _together(box_of({**document, "findings": beyond}, None), beyond) if beyond or not usual else []
+    only_friction = usual and not beyond and document["verdict"] != "unnamed"
+    entries = [] if only_friction else _together(box_of({**document, "findings": beyond}, None), beyond)
     entries = [one if one.finding is None else replace(one, finding=places[one.finding]) for one in entries]
     return [*entries, *([_friction(usual)] if usual else [])]
 
@@ -275,6 +287,21 @@ def _friction(usual: Sequence[Document]) -> Entry:
         do_first="Nothing to repair: enter it in the description, and compare it with the joints as new or with "
         "another such robot.",
     )
+
+
+def rests_of_robot(document: Document) -> str:
+    """Say at which joints something is left without a name, and what, beside what the box says already."""
+    told = document.get("unexplained") if document["verdict"] == "unnamed" else None
+    return " ".join(
+        f"{joint['name']}: {unexplained_words(unexplained_of(joint['unexplained']))}"
+        for joint in document.get("joints", ())
+        if joint.get("unexplained") and not (told and told.get("joint") == joint["name"])
+    )
+
+
+def is_urgent(document: Document) -> bool:
+    """Whether damage that grows was found, so that there is a day by which to act."""
+    return any(kind_or_any(one["mechanism"]).urgent and one["probability"] >= SAID for one in document["findings"])
 
 
 def unexplained_words(rest: Unexplained) -> str:

@@ -78,13 +78,13 @@ def interval(low: float, high: float) -> str:
     return f"{number(low, half)} to {number(high, half)}" if half > 0.0 else "–"
 
 
-def angle(value_rad: float, half_rad: float = 0.0) -> str:
-    """An angle in degrees, or in minutes of arc where it is small.
+def angle(value_rad: float, half_rad: float = 0.0, *, unit_of: float | None = None) -> str:
+    """An angle in degrees, or in minutes of arc where it is small; or in the unit of another that it stands beside.
 
-    >>> angle(2.7, 0.001), angle(0.0012, 0.0001), angle(2e-5)
-    ('154.70°', '4.1\\xa0arc min', '4.13\\xa0arc s')
+    >>> angle(2.7, 0.001), angle(0.0012, 0.0001), angle(2e-5), angle(2e-5, unit_of=0.003)
+    ('154.70°', '4.1\\xa0arc min', '4.13\\xa0arc s', '0.0688\\xa0arc min')
     """
-    times, unit = _angle_unit(value_rad, half_rad)
+    times, unit = _angle_unit(value_rad if unit_of is None else unit_of, half_rad)
     return f"{number(times * value_rad, times * half_rad)}{unit}"
 
 

@@ -17,8 +17,8 @@ AS_DESCRIBED = "as described, without it"
 TAKEN = "taken away: noise of the channel"
 SOUND = "sound"
 SHOWS = (
-    "Measured: what is left for this alone once the rest of the model is taken away. What was found is right as far as "
-    "it lies on what was measured."
+    "“Measured” stands here after everything else in the model is taken off. Where “with what was found” lies on it, "
+    "the finding explains it."
 )
 STYLES = {DESCRIBED: 1, RIGID: 1, AS_DESCRIBED: 1, EXTENDED: 2, TAKEN: 3, MEASURED: 5, FLOOR: 6, SOUND: 7}
 """Colour and stroke of a thing, by number, in every panel of page and report; others are 1 to 4 as they come."""

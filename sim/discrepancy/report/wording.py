@@ -155,7 +155,7 @@ def next_measurement(axis: Axis, findings: Sequence[Finding], rest: Sequence[Une
         if finding.indistinguishable_from:
             return telling_apart(finding.mechanism, finding.indistinguishable_from[0], load_encoder)
     if not findings and rest:
-        return REST.get(rest[0].kind, REST["frequency"])
+        return telling_what_is_left(rest[0])
     blind = not load_encoder and bool(axis.stages)
     if blind and all(kind_or_any(finding.mechanism).behind_the_motor for finding in findings):
         return (
@@ -165,6 +165,11 @@ def next_measurement(axis: Axis, findings: Sequence[Finding], rest: Sequence[Une
     for finding in sorted(findings, key=lambda f: (of_the_measurement(f.mechanism), f.probability)):
         return measurement(axis, finding.mechanism, finding.location, numbers_of(finding))
     return "Nothing is open. Repeat the same motion after maintenance or in half a year, and compare."
+
+
+def telling_what_is_left(rest: Unexplained) -> str:
+    """The measurement that would show what something without a name is."""
+    return REST.get(rest.kind, REST["frequency"])
 
 
 def numbers_of(finding: Finding) -> dict[str, float]:

@@ -4,12 +4,14 @@ import json
 import re
 from html.parser import HTMLParser
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
 from sim.discrepancy.data.data_fault import InvestigationError
-from sim.robot.investigation import investigate_robot
+from sim.discrepancy.results import Unexplained
+from sim.robot.investigation import _next_measurement, investigate_robot
 from sim.robot.robot import read_robot
 from tests.live import gearcase
 from tests.shared_data import shared
@@ -98,7 +100,7 @@ def test_a_joint_that_the_log_lacks_is_logged_or_held(tmp_path: Path) -> None:
     assert document["findings"][0]["parameters"][0]["value"] == pytest.approx(
         whole["findings"][0]["parameters"][0]["value"], rel=0.01
     )
-    assert "held still as robot.toml says: base/turret at 0.3 rad" in document["remarks"][0]
+    assert "held still as the robot's description says: base/turret at 0.3 rad" in document["remarks"][0]
     path.write_text(json.dumps(document["extended_axis"]))
     assert read_robot(path).held == {"base/turret": 0.3}
 
@@ -181,3 +183,19 @@ def test_friction_and_payload_of_a_real_arm(tmp_path: Path, log: str, holds: flo
         assert isinstance(parameters, list)
         assert 2.4 <= parameters[0]["value"] <= 2.8
         assert parameters[0]["low"] < holds < parameters[0]["high"]
+
+
+def test_where_something_is_left_without_a_name_a_measurement_is_still_asked_for() -> None:
+    """Nothing of a joint is open but what has no name: that is not "No further measurement is needed"."""
+
+    def asked(rest: Unexplained | None) -> str:
+        joint = SimpleNamespace(
+            name="pan",
+            investigation=SimpleNamespace(verdict="named", findings=(), unexplained=rest, next_measurement=""),
+        )
+        return _next_measurement([joint], SimpleNamespace(payload=SimpleNamespace(probability=0.0)))  # type: ignore[list-item, arg-type]
+
+    assert asked(None).startswith("No further measurement is needed")
+    assert asked(Unexplained("frequency", "motor_torque_nm", 0.2, 9.0, {"frequency_hz": 37.0})).startswith(
+        "pan: Repeat the same motion at half the speed"
+    )

@@ -5,7 +5,7 @@ from typing import Any
 import pytest
 
 from sim.description.axis_document import read_axis
-from sim.discrepancy.report.box import box_of, box_of_robot
+from sim.discrepancy.report.box import box_of, box_of_robot, is_urgent, rests_of_robot
 
 
 def found(mechanism: str, parameter: str, location: str = "output") -> dict[str, Any]:
@@ -19,8 +19,8 @@ def found(mechanism: str, parameter: str, location: str = "output") -> dict[str,
 @pytest.mark.parametrize(
     ("mechanism", "parameter", "allowed"),
     [
-        ("backlash", "gap_rad", "0.000300 rad"),
-        ("mesh_error", "amplitude_rad", "1.00 × 10⁻⁵ rad"),
+        ("backlash", "gap_rad", "1.03\N{NO-BREAK SPACE}arc min"),
+        ("mesh_error", "amplitude_rad", "0.0344\N{NO-BREAK SPACE}arc min"),
         ("tooth_damage", "depth_rad", ""),
     ],
 )
@@ -37,6 +37,34 @@ def test_what_a_new_axis_has_at_most_stands_beside_what_was_found(mechanism: str
     assert beside in dict(entry.facts)["What"], "on paper too"
     (of_robot,) = box_of(found(mechanism, parameter), None)
     assert "as new" not in of_robot.sizes[0].beside, "no description, no limit"
+
+
+def test_how_sure_is_a_figure_only_where_that_is_calibrated() -> None:
+    document = found("backlash", "gap_rad")
+    assert box_of(document, None)[0].how_sure == "very likely (95\N{NO-BREAK SPACE}%)"
+    document["findings"][0]["calibrated"] = False
+    assert box_of(document, None)[0].how_sure == "very likely"
+
+
+@pytest.mark.parametrize(
+    ("mechanism", "probability", "urgent"),
+    [("tooth_damage", 0.95, True), ("tooth_damage", 0.4, False), ("torque_ripple", 0.95, False)],
+)
+def test_urgent_is_damage_that_grows_and_that_was_found(mechanism: str, probability: float, urgent: bool) -> None:
+    assert is_urgent({"findings": [{"mechanism": mechanism, "probability": probability}]}) == urgent
+
+
+def test_what_is_left_without_a_name_is_said_with_its_joint_and_once() -> None:
+    rest = {"kind": "frequency", "channel": "motor_torque_nm", "share": 0.2, "score": 9.0, "frequency_hz": 37.0}
+    joints = [{"name": "pan", "unexplained": rest}, {"name": "lift", "unexplained": None}]
+    document = {"verdict": "named", "findings": [], "unexplained": {**rest, "joint": "pan"}, "joints": joints}
+    assert rests_of_robot(document).startswith("pan: A fixed frequency in the motor torque: 37.0 Hz.")
+    assert "lift" not in rests_of_robot(document)
+    unnamed = {**document, "verdict": "unnamed", "next_measurement": "Repeat it."}
+    assert not rests_of_robot(unnamed)
+    assert [one.where for one in box_of_robot(unnamed)] == ["pan"], "the box begins with it"
+    rubbing = {**unnamed, "findings": [at("coulomb_friction", "lift", "torque_n_m", 2.0)]}
+    assert [one.title for one in box_of_robot(rubbing)] == ["Something without a name", "Friction"]
 
 
 def at(mechanism: str, location: str, name: str, value: float) -> dict[str, Any]:

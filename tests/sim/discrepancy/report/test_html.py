@@ -101,7 +101,7 @@ def test_the_report_loads_nothing_and_fits_a_phone(any_result: Investigation) ->
 
 def test_it_begins_with_what_a_technician_needs(rising: Investigation) -> None:
     box = words(page_of(rising).split("</header>")[0])
-    for told in ("What ", "Where ", "How sure ", "Do now first ", "Not examined", "Next measurement "):
+    for told in ("What ", "Where ", "How sure ", "Do first ", "Not examined", "Next measurement "):
         assert told in box
     assert percent(rising.findings[0].probability) in box
     assert "rolling bearings were not examined" in box
@@ -129,7 +129,7 @@ def test_every_mechanism_has_the_four_answers(good: Investigation, mechanism: st
     told = Finding(mechanism, place, 0.95, estimates, (), explain(mechanism, place, known))
     document = replace(good, axis=AXIS, verdict="named", findings=(advised(AXIS, told), finding("backlash", 0.4)))
     entry, suspected = box_of(document.document(), AXIS)
-    assert [name for name, _ in entry.facts] == ["What", "Where", "How sure", "Do now first"]
+    assert [name for name, _ in entry.facts] == ["What", "Where", "How sure", "Do first"]
     assert all(text and "{" not in text for _, text in entry.facts)
     assert "_" not in f"{entry.what}{entry.where}"
     assert entry.do_first.endswith(".")
