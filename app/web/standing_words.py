@@ -95,7 +95,7 @@ def why(standing: Standing | None, zone: str, sure: str | None = None) -> str:
         case Reason.NOT_DIAGNOSED:
             return "It was recorded, and no recording was diagnosed yet."
         case _:
-            return "The newest recording sounds like a good gearbox, and as it did before."
+            return "The newest recording sounds like a good gearbox, and its trend shows no change."
 
 
 def next_steps(standing: Standing | None) -> tuple[str, ...]:
