@@ -23,6 +23,8 @@ MOST_ORDERS = 6  # joints, of which all orders are tried
 WORSE = 1.5  # times the squares without any rigid body: masses that are off by several percent do not get there
 FAR_BETTER = 0.25  # of the squares of all joints, multiplied: what else would be right explains the torques
 ASKEW_RAD = 10.0 * TILT_RAD  # a base that is off by more was mounted so, and no error of masses looks like it
+TURNED = 0.5  # of its dry friction, which a joint that moves has in full
+FEWEST = 20  # rows in motion, for three numbers of friction and the rotor
 CHECKED = 0.05  # of a joint's torque, from which the rigid body's counts
 
 
@@ -145,9 +147,15 @@ def _frictions(motion: Motion, few: NDArray[np.int64]) -> list[Array]:
 
 
 def _left(torque: Array, frictions: list[Array]) -> Array:
-    """Mean squares that friction and rotor leave of each joint's torque, shape (joints,)."""
+    """Mean squares that friction and rotor leave of each joint's torque while it moves, shape (joints,).
+
+    At rest friction holds what the load asks for, and the torque may be any. One that hardly moves is asked at rest.
+    """
     out = []
     for values, columns in zip(torque.T, frictions, strict=True):
+        moves = np.abs(columns[:, 0]) > TURNED
+        if moves.sum() >= FEWEST:
+            values, columns = values[moves], columns[moves]
         left = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
         out.append(float(np.mean(left**2)))
     return np.asarray(np.maximum(out, 1e-300), dtype=np.float64)

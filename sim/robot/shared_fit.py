@@ -15,6 +15,7 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.special import log_ndtr
 
 from sim.discrepancy.estimation.whitening import SHORT, Noise, whitener
 from sim.robot.motion import Motion
@@ -335,17 +336,20 @@ def _projected(
 def _payload(
     columns: _Columns, mean: Array, covariance: Array, robust: Array, place: NDArray[np.int64]
 ) -> PayloadEstimate:
-    """The payload's mass against none, by the ratio of its densities at 0 (Dickey 1971)."""
+    """A payload against none, by the ratio of the densities of its mass and first moments at 0 (Dickey 1971).
+
+    Its place may tell of it more than its weight does, which errors of all links share. None weighs less than nothing.
+    """
     own = place[columns.payload][:4]
     scale = columns.scale[:4]
     pair = np.ix_(own, own)
     spread = robust[pair] if robust[own[0], own[0]] > covariance[own[0], own[0]] else covariance[pair]
-    numbers, spread = mean[own] * scale, 0.5 * (spread + spread.T) * np.outer(scale, scale)
-    spread += np.outer(numbers, numbers) * GAIN_ERROR**2  # what drives tell of torque, they tell of weights
-    deviation = math.sqrt(float(spread[0, 0]))
-    z = float(numbers[0]) / deviation
-    log_odds = math.log(PRIOR / (1.0 - PRIOR)) + math.log(deviation / float(scale[0])) + 0.5 * z * z
-    return PayloadEstimate(numbers, spread, 1.0 / (1.0 + math.exp(-min(max(log_odds, -50.0), 50.0))))
+    spread = 0.5 * (spread + spread.T) + np.outer(mean[own], mean[own]) * GAIN_ERROR**2  # drives tell of torque by it
+    far = float(mean[own] @ np.linalg.solve(spread, mean[own]))
+    weighs = log_ndtr(float(mean[own[0]]) / math.sqrt(float(spread[0, 0]))) + math.log(2.0)
+    log_odds = math.log(PRIOR / (1.0 - PRIOR)) + 0.5 * (np.linalg.slogdet(spread)[1] + far) + float(weighs)
+    likely = 1.0 / (1.0 + math.exp(-min(max(float(log_odds), -50.0), 50.0)))
+    return PayloadEstimate(mean[own] * scale, spread * np.outer(scale, scale), likely)
 
 
 def _few(errors: Array, least: float = 1e-3) -> Array:

@@ -117,3 +117,20 @@ def test_a_joint_that_carries_next_to_nothing_refuses_no_log() -> None:
     rigid = RigidBody.of(one).torque(motion.position[few], motion.speed[few], motion.acceleration[few])[:, -1]
     assert np.corrcoef(rigid, torque(real, motion.position, motion.speed, motion.acceleration)[few, -1])[0, 1] < -0.5
     check(motion, one)
+
+
+def test_what_friction_holds_at_rest_is_no_sign_of_another_robot() -> None:
+    """Each joint moves in its turn and stands the rest of the time: there its friction takes what its load asks for."""
+    motion = moved()
+    count = len(LINKS)
+    turn = np.arange(len(motion.time_s)) * count // len(motion.time_s)
+    moves = turn[:, None] == np.arange(count)
+    still = {name: getattr(motion, name) * moves for name in ("speed", "acceleration")}
+    position = np.where(moves, motion.position, motion.position[:1])
+    asked = torque(LINKS, position, still["speed"], still["acceleration"])
+    own = 3.0 * np.tanh(still["speed"] / 0.03) + 0.5 * still["speed"] + 0.2 * still["acceleration"]
+    held = np.random.default_rng(3).uniform(-3.0, 3.0, (1, count)) * ~moves
+    resting = replace(motion, position=position, torque=np.where(moves, asked + own, asked + held), **still)
+    check(resting)
+    with pytest.raises(InvestigationError):
+        check(ordered(resting, [1, 0, 2, 3]))

@@ -3,13 +3,15 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cache
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 
 from sim.discrepancy.assessment.intervals import NINETY
 from sim.robot.motion import Motion
 from sim.robot.rigid_body import RigidBody
-from sim.robot.shared_fit import LOAD_LOSS, SharedFit, shared_fits
+from sim.robot.shared_fit import LOAD_LOSS, SharedFit, _payload, shared_fits
 from tests.sim.robot.arms import Array, Link, random_arm, robot, swings, torque, with_mass
 
 DRAWS = 8
@@ -135,3 +137,17 @@ def test_what_a_load_that_stays_the_same_loses_is_friction_as_felt() -> None:
     way, lost = np.sign(motion.speed[:, 0]), fit.errors[0][:, -1]
     assert abs(np.mean(lost * way)) < 0.05 * LOAD_LOSS * 6.0 * 9.81
     assert np.std(lost) > 0.0
+
+
+def test_what_hangs_is_told_by_its_place_where_its_weight_is_not() -> None:
+    """Eight deviations of a first moment beside one and a half of a mass; nothing; and a weight below nothing."""
+    columns = cast(Any, SimpleNamespace(payload=slice(0, 10), scale=np.ones(10)))
+    covariance = np.diag([0.1, 0.02, 0.02, 0.02] + 6 * [1.0]) ** 2
+    place = np.arange(10)
+
+    def likely(*first: float) -> float:
+        return _payload(columns, np.array([*first, *np.zeros(6)]), covariance, covariance, place).probability
+
+    assert likely(0.15, 0.0, 0.0, 0.16) > 0.99
+    assert likely(0.0, 0.0, 0.0, 0.0) < 1e-3
+    assert likely(-0.5, 0.0, 0.0, 0.0) < 0.05 < 0.95 < likely(0.8, 0.0, 0.0, 0.0)
