@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from sim.description.axis_document import read_axis
-from sim.discrepancy.hypotheses.catalogue import torque_carried
+from sim.discrepancy.hypotheses.catalogue import beyond_doubts, torque_carried
+from sim.discrepancy.hypotheses.structure import gravity
 
 
 def test_gears_carry_nothing_of_what_turns_the_motor_itself() -> None:
@@ -30,3 +31,12 @@ def test_gears_carry_nothing_of_what_turns_the_motor_itself() -> None:
     assert torque_carried(axis, m) == pytest.approx(float(np.sqrt(np.mean((0.004 * acceleration) ** 2))))
     still = cast(Any, SimpleNamespace(torque=torque, slow_acceleration=-acceleration, torque_rms=m.torque_rms))
     assert torque_carried(axis, still) == m.torque_rms
+
+
+def test_a_weight_matters_beyond_what_masses_may_be_off_by() -> None:
+    """Two ways in which a known torque may be wrong by 0.3 and 0.4 N m; and none."""
+    weight = gravity(10.0, 0)
+    wrong = np.tile([0.3, 0.4], (100, 1))
+    told = beyond_doubts(weight, cast(Any, SimpleNamespace(doubts=wrong)), 2.0)
+    assert told.size == pytest.approx(max(weight.size, 1.0))
+    assert beyond_doubts(weight, cast(Any, SimpleNamespace(doubts=np.zeros((0, 0)))), 2.0) == weight
