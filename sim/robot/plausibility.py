@@ -146,16 +146,21 @@ def _frictions(motion: Motion, few: NDArray[np.int64]) -> list[Array]:
     return out
 
 
-def _left(torque: Array, frictions: list[Array]) -> Array:
-    """Mean squares that friction and rotor leave of each joint's torque while it moves, shape (joints,).
+def _in_motion(friction: Array) -> NDArray[np.bool_]:
+    """Rows of a joint that say what is asked of it, by its columns of friction (rows, 4).
 
     At rest friction holds what the load asks for, and the torque may be any. One that hardly moves is asked at rest.
     """
+    moves = np.abs(friction[:, 0]) > TURNED
+    return moves if moves.sum() >= FEWEST else np.ones(moves.size, dtype=np.bool_)
+
+
+def _left(torque: Array, frictions: list[Array]) -> Array:
+    """Mean squares that friction and rotor leave of each joint's torque while it moves, shape (joints,)."""
     out = []
     for values, columns in zip(torque.T, frictions, strict=True):
-        moves = np.abs(columns[:, 0]) > TURNED
-        if moves.sum() >= FEWEST:
-            values, columns = values[moves], columns[moves]
+        counts = _in_motion(columns)
+        values, columns = values[counts], columns[counts]
         left = values - columns @ np.linalg.lstsq(columns, values, rcond=None)[0]
         out.append(float(np.mean(left**2)))
     return np.asarray(np.maximum(out, 1e-300), dtype=np.float64)
@@ -185,7 +190,8 @@ def _fitted(columns: Array, left: Array, torque: Array, frictions: list[Array]) 
     rows, right = [], []
     count = columns.shape[-1]
     for j, friction in enumerate(frictions):
-        table = np.column_stack([columns[:, j], left[:, j]])
+        counts = _in_motion(friction)
+        table, friction = np.column_stack([columns[:, j], left[:, j]])[counts], friction[counts]
         table = table - friction @ np.linalg.lstsq(friction, table, rcond=None)[0]
         table /= max(float(torque[:, j].std()), 1e-12)
         rows.append(table[:, :count])

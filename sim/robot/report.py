@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.discrepancy.report.box import box_of_robot, is_shown, rests_of_robot
+from sim.discrepancy.report.box import FLANGE, box_of_robot, is_shown, rests_of_robot
 from sim.discrepancy.report.drawing import svg
 from sim.discrepancy.report.formatting import likely, named, number, words_of
 from sim.discrepancy.report.html import STYLE, drawn_box, estimate_cells, html_report, table
@@ -144,7 +144,7 @@ TORQUES = (
 
 def _findings(result: RobotInvestigation) -> list[tuple[str, Finding]]:
     """Where, and what; the likeliest first, friction that nearly every robot lacks last."""
-    out = [("the flange" if one.joint is None else one.place, one.finding) for one in result.findings()]
+    out = [(FLANGE if one.joint is None else one.place, one.finding) for one in result.findings()]
     return sorted(out, key=lambda one: is_in_every_axis(one[1].mechanism))
 
 

@@ -17,13 +17,12 @@ from sim.discrepancy.data.excitation import lacking
 from sim.discrepancy.data.validation import Fault
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
-from sim.discrepancy.estimation.refit import rewhiten
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.identifiability import ALONE, needs_of, same_over_the_turn, the_same
 from sim.discrepancy.report.wording import explain
 from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
 from sim.discrepancy.search.model_evidence import NAMES
-from sim.discrepancy.search.own_noise import likelier, without
+from sim.discrepancy.search.own_noise import in_own_noise, likelier, without
 from sim.discrepancy.search.search import Selection
 from sim.mechanisms.catalogue import kind_of, kind_or_any
 
@@ -175,7 +174,7 @@ def under_own_noise(selection: Selection) -> Selection:
         return selection
     asked = [t for t in selection.found if not t.traits.in_every_axis]
     fits = [without(problem, fit, term) for term in asked]
-    anew = rewhiten(*rewhiten(problem, fit)) if any(fits) else (problem, fit)
+    anew = in_own_noise(problem, fit) if any(fits) else (problem, fit)
     odds = {
         t.key: max(likelier(full, less) for full in ((problem, fit), anew))
         for t, less in zip(asked, fits, strict=True)

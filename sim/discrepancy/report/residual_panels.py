@@ -61,9 +61,8 @@ def channels(selection: Selection) -> list[Channel]:
     m = problem.measurement
     fits = [(DESCRIBED, selection.base)] + ([(EXTENDED, selection.fit)] if selection.fit.terms else [])
     left = [(name, problem.raw_residuals(f.terms, f.values, weighted=False)) for name, f in fits]
-    name, (torque, guide) = left[
-        -1
-    ]  # of the whole model alone: before, what is missing looks like a wrong known torque
+    # of the whole model alone: before, what is missing looks like a wrong known torque
+    name, (torque, guide) = left[-1]
     left[-1] = name, (torque - by_doubts(problem, torque), guide)
     noises = [problem.noise_of(fit) for _, fit in fits]
     motor = tuple((name, torque) for name, (torque, _) in left)

@@ -29,7 +29,12 @@ def without(problem: Problem, fit: Fit, term: Term) -> Fitted | None:
     less = problem.fit(rest, fit.values, to_end=True)
     if share_in_band(problem, less.residual - fit.residual) < MOSTLY:
         return None
-    return rewhiten(*rewhiten(problem, less))
+    return in_own_noise(problem, less)
+
+
+def in_own_noise(problem: Problem, fit: Fit) -> Fitted:
+    """A model under the noise that it leaves: taken from a fit, and once more from the fit under that."""
+    return rewhiten(*rewhiten(problem, fit))
 
 
 def share_in_band(problem: Problem, change: Array) -> float:
@@ -43,7 +48,7 @@ def share_in_band(problem: Problem, change: Array) -> float:
     return inside / max(total, 1e-300)
 
 
-def likelier(more: tuple[Problem, Fit], less: tuple[Problem, Fit]) -> float:
+def likelier(more: Fitted, less: Fitted) -> float:
     """Log odds of two fits, each under its own noise, by the rows of the band of the motion that count in both, and by
     what is known of their numbers."""
     a, b = more[0].measurement, less[0].measurement
@@ -54,11 +59,7 @@ def likelier(more: tuple[Problem, Fit], less: tuple[Problem, Fit]) -> float:
 
 def likelihood_in_band(problem: Problem, fit: Fit, weights: tuple[Array, Array]) -> float:
     """Log likelihood of what a fit leaves in the band of the motion, under noise that is flat in each of some bands of
-    frequency, the likeliest there is (Whittle, J. R. Stat. Soc. B 15 (1953) 125); but for a constant of the record.
-
-    Two fits, each under its own noise, are compared by it. Above the band an encoder's noise, which the model itself
-    makes louder or quieter, is most of what is left, and no likelihood of a prediction error holds there.
-    """
+    frequency, the likeliest there is (Whittle, J. R. Stat. Soc. B 15 (1953) 125); but for a constant of the record."""
     m = problem.measurement
     channels = zip(
         problem.raw_residuals(fit.terms, fit.values),
