@@ -44,7 +44,11 @@ class Service:
     @classmethod
     def open(cls, settings: Settings, metrics: Metrics) -> "Service":
         """Open the library, made or upgraded where needed."""
-        return cls(settings, CaseLibrary.open(settings.data_dir, settings.database_url), metrics)
+        return cls(
+            settings,
+            CaseLibrary.open(settings.data_dir, settings.database_url, two_people=settings.two_people),
+            metrics,
+        )
 
     def tidy(self) -> None:
         """Remove what processes left that were killed."""

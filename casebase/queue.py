@@ -60,6 +60,11 @@ def kinds_waiting(session: Session) -> dict[str, int]:
     return {verdict: count for verdict, count in session.execute(counted)}  # noqa: C416
 
 
+def proposed(session: Session) -> int:
+    """Return how many cases wait to be released."""
+    return session.scalar(select(func.count()).where(Case.state == "proposed")) or 0
+
+
 def _open(session: Session, *columns: Any) -> Select[Any]:
     """Select columns of the diagnoses that need a person."""
     other, twin = aliased(StoredDiagnosis), aliased(StoredRecording)
@@ -67,7 +72,7 @@ def _open(session: Session, *columns: Any) -> Select[Any]:
         other.recording_id == StoredDiagnosis.recording_id,
         or_(other.id > StoredDiagnosis.id, other.state.in_(("confirmed", "corrected"))),
     )
-    sounds = select(twin.sound_id).join(Case, Case.recording_id == twin.id).where(Case.state == "confirmed")
+    sounds = select(twin.sound_id).join(Case, Case.recording_id == twin.id).where(Case.state != "retired")
     fault = and_(StoredDiagnosis.verdict == "diagnosed", StoredDiagnosis.label.not_in(BASELINES))
     unknown = StoredDiagnosis.verdict == UNKNOWN
     return (

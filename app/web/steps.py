@@ -48,7 +48,8 @@ def described(session: Session, entries: Sequence[AuditEntry]) -> Told:
         path = f"/diagnoses/{revised.subject_id}"
     if kept is not None:
         case = session.get(Case, kept)
-        words.append("kept as a case of the library" if revised else "A case was kept")
+        waits = " that another admin has to release" if case and case.state == "proposed" else ""
+        words.append(f"kept as a case of the library{waits}" if revised else f"A case was kept{waits}")
         if revised is None:
             path = f"/diagnoses/{case.diagnosis_id}" if case and case.diagnosis_id else f"/cases/{kept}"
     if changed:

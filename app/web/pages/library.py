@@ -39,6 +39,7 @@ from casebase.teaching import Teaching, teaching
 
 router = APIRouter()
 SECTION = "/library"
+KEPT = "Kept as a case of the library."
 AXES_AND_LABELS = 400
 
 
@@ -95,7 +96,7 @@ def change_several(
     another: Annotated[str, Form()] = "",
     sure: Annotated[str, Form()] = "",
 ) -> Response:
-    """Retire, restore or label all chosen cases together, or none of them."""
+    """Retire, restore, release or label all chosen cases together, or none of them."""
     chosen_ids = list(dict.fromkeys(case_id or []))
     if not chosen_ids:
         raise Unprocessable("No case was chosen: tick the cases first.")
@@ -111,10 +112,12 @@ def change_several(
                 service.library.revise.retire(session, one)
             elif action == "restore":
                 service.library.revise.restore(session, one)
+            elif action == "release":
+                service.library.revise.release(session, one)
             elif action == "label":
                 service.library.revise.case(session, one, {"label": right})
             else:
-                raise Unprocessable(f"Unknown action {action!r}; known: retire, restore, label.")
+                raise Unprocessable(f"Unknown action {action!r}; known: retire, restore, release, label.")
         session.flush()
         step = newest_of(session, name)
     return _changed(service, step)
@@ -138,7 +141,7 @@ def rename(
     name = step_name()
     with service.library.transaction(principal.actor, name) as session:
         for one in session.scalars(select(Case.id).where(Case.label == old)).all():
-            service.library.revise.case(session, one, {"label": right})
+            service.library.revise.case(session, one, {"label": right}, renamed=True)
         session.flush()
         step = newest_of(session, name)
     return _changed(service, step)
@@ -307,7 +310,9 @@ def case(request: Request, session: Reading, service: TheService, principal: Pag
         "described": row.recording.axis is None or find_axis(session, row.recording.axis) is not None,
         "ways": VERIFICATIONS,
         "last": last_step(session, [("case", row.id)]),
+        "releasable": row.state == "proposed" and service.library.revise.may_release(row, principal.actor),
     }
-    said = {"kept": "Kept as a case of the library.", "undone": "Taken back: all is as it was before."}
+    kept = "Kept. It is searched once another admin has released it." if row.state == "proposed" else KEPT
+    said = {"kept": kept, "undone": "Taken back: all is as it was before."}
     notices = tuple(Message(words) for name, words in said.items() if request.query_params.get(name))
     return render(request, "case.html", context, principal=principal, section=SECTION, messages=notices)

@@ -17,7 +17,7 @@ from app.web.templating import render
 from app.web.words import how_sure, name_of, verdict_of
 from casebase.errors import NotFoundError
 from casebase.models import StoredDiagnosis
-from casebase.queue import UNDECIDED, UNKNOWN, kinds_waiting, waiting
+from casebase.queue import UNDECIDED, UNKNOWN, kinds_waiting, proposed, waiting
 from casebase.steps import undo
 
 router = APIRouter()
@@ -38,6 +38,7 @@ def queue(request: Request, session: Reading, principal: PageViewer) -> Response
         "kinds": [(words, kinds[kind]) for kind, words in KINDS.items() if kind in kinds],
         "rows": [(row, verdict_of(row.document).headline, reason_words(row)) for row in rows],
         "count": len(ids),
+        "proposed": proposed(session),
         "step": told(session, number_of(request, "step")),
         "how_sure": how_sure,
     }

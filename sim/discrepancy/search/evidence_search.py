@@ -146,8 +146,10 @@ def revise(state: State) -> bool:
 
 
 def candidates(problem: Problem, fit: Fit, *, dented: bool) -> list[Term]:
-    """Terms that may come in, or in the place of the same of another order; a line without a name was picked by the data
-    among all that the record tells apart."""
+    """Terms that may come in, or in the place of the same of another order.
+
+    A line without a name was picked by the data among all that the record tells apart.
+    """
     among = problem.measurement.samples // 2
     terms = candidates_of(problem, fit, None, dented=dented, other_orders=True)
     return [replace(t, among=among) if t.mechanism == FIXED else t for t in terms]
