@@ -9,7 +9,7 @@ from sqlalchemy import select
 from app.documents import Cursor, DiagnosisAnswer, Limit
 from app.security import Viewer
 from app.service import Reading
-from casebase.errors import InvalidCursorError
+from casebase.errors import ConflictError
 from casebase.models import StoredDiagnosis
 from casebase.queue import reason_of, waiting
 
@@ -43,7 +43,7 @@ def queue(_: Viewer, session: Reading, limit: Limit = 50, cursor: Cursor = None)
     """
     ids = waiting(session)
     if cursor is not None and cursor not in ids:
-        raise InvalidCursorError("the diagnosis of this cursor does not wait any more: ask again without a cursor")
+        raise ConflictError("the diagnosis of this cursor does not wait any more: ask again without a cursor")
     first = 0 if cursor is None else ids.index(cursor) + 1
     wanted = ids[first : first + limit]
     rows = {row.id: row for row in session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id.in_(wanted)))}

@@ -129,7 +129,7 @@ def test_a_program_answers_the_queue_and_takes_it_back(service: Inside) -> None:
     service.ask("PATCH", f"{API}/diagnoses/{identity}", json=said).raise_for_status()
     case = service.ask("POST", f"{API}/cases", json={"diagnosis_id": identity}).raise_for_status().json()["id"]
     assert service.ask("GET", f"{API}/queue").json()["count"] == before["count"] - 1
-    assert service.ask("GET", f"{API}/queue?cursor={identity}").status_code == 422
+    assert service.ask("GET", f"{API}/queue?cursor={identity}").status_code == 409
     (verdict,) = service.ask("GET", f"{API}/steps?kind=diagnosis&subject={identity}").json()["items"]
     (kept,) = service.ask("GET", f"{API}/steps?kind=case&subject={case}").json()["items"]
     assert (verdict["role"], kept["role"]) == ("operator", "admin")
