@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from sim.description.axis import Axis
 from sim.description.transmission import compliance
-from sim.discrepancy.data.angle_series import beyond_twice, is_whole, orders_beyond_twice, over_the_way
+from sim.discrepancy.data.angle_series import beyond_twice, orders_beyond_twice
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.traits import (
@@ -76,16 +76,8 @@ def over_speed(place: str, m: Measurement, step: float, *, even: bool = False, a
 
 
 def over_angle(place: str, m: Measurement, ratio: float, step: float, order: int) -> Term:
-    """Dry and viscous friction whose size is a wave over the angle of the load.
-
-    Of a whole turn `order` times per turn; of less, half waves over the way, two of them for each order: all together
-    are any curve that is no steeper.
-    """
-    angle = m.angle / ratio
-    if is_whole(angle):
-        waves = _waves(m, ratio, (order,))
-    else:
-        waves = np.stack([over_the_way(angle, 2 * order - 1), over_the_way(angle, 2 * order)], axis=1)
+    """Dry and viscous friction whose size is a wave over the angle of the load, which turns half of each at least."""
+    waves = _waves(m, ratio, (order,))
     viscous = m.speed / float(np.abs(m.speed).max())
     shapes = np.concatenate([waves * _turned(m)[:, None], waves * viscous[:, None]], axis=1)
     return _shaped(OVER_ANGLE, place, shapes, step, lambda energy: {"order": float(order)}, f"{order}.")

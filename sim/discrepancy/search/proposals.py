@@ -101,25 +101,15 @@ def try_terms(
     return sorted(best.values(), key=lambda r: (-r.gain, str(r.term.key)))
 
 
-def candidates_of(
-    problem: Problem, fit: Fit, only: Collection[str] | None, *, dented: bool, other_orders: bool = False
-) -> list[Term]:
-    """Terms that are not in yet; what has no name is among them where all are asked for.
-
-    `other_orders`: also what is in, with other numbers than those that are.
-    """
+def candidates_of(problem: Problem, fit: Fit, only: Collection[str] | None, *, dented: bool) -> list[Term]:
+    """Terms that are not in yet; what has no name is among them where all are asked for."""
     present = {term.key for term in fit.terms}
-    own = {p.name for term in fit.terms for p in term.parameters}
     candidates = list(terms_of(problem.axis, problem.measurement, problem.chain(fit.terms, fit.values)))
     if dented:
         candidates += damage_terms(problem, fit.terms, fit.values)
     if only is None:
         candidates += nameless_terms(problem, fit) + ripples(problem, fit) + waves(problem, fit)
-
-    def is_in(term: Term) -> bool:
-        return term.key in present and not (other_orders and own.isdisjoint(p.name for p in term.parameters))
-
-    return [t for t in candidates if not is_in(t) and (only is None or t.mechanism in only)]
+    return [t for t in candidates if t.key not in present and (only is None or t.mechanism in only)]
 
 
 def _promising(screened: Sequence[Screened], fit: Fit, least: float, tries: int) -> list[Job]:

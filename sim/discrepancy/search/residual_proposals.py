@@ -65,7 +65,7 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
     for place, left, stride, step, weight in ends:
         rate_hz, rows = m.rate_hz / stride, (m.speed[::stride], weight[::stride])
         out += [over_speed(place, m, step, even=even) for even in (True, False)]
-        out += [over_angle(place, m, problem.axis.ratio, step, order) for order in ORDERS]
+        out += [over_angle(place, m, problem.axis.ratio, step, order) for order in turned]
         if turned[-2:] == list(ORDERS[1:]):
             out.append(torque_over_angle(place, m, problem.axis.ratio, step))
         frequency = line_of(left, rate_hz, motion_end_hz(m), repetition_s(m))
