@@ -146,13 +146,11 @@ def revise(state: State) -> bool:
 
 
 def candidates(problem: Problem, fit: Fit, *, dented: bool) -> list[Term]:
-    """Terms that may come in, or in the place of the same of another order.
-
-    A line without a name was picked by the data among all that the record tells apart.
-    """
+    """Terms that may come in; a line without a name was picked by the data among all that the record tells apart."""
     among = problem.measurement.samples // 2
-    terms = candidates_of(problem, fit, None, dented=dented, other_orders=True)
-    return [replace(t, among=among) if t.mechanism == FIXED else t for t in terms]
+    return [
+        replace(t, among=among) if t.mechanism == FIXED else t for t in candidates_of(problem, fit, None, dented=dented)
+    ]
 
 
 def in_the_band(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
@@ -213,7 +211,7 @@ def ranking(picture: LinearPicture, chosen: Sequence[Start], *, curves: bool = F
     """Log odds of each start in contact on top of what is chosen, best first; two starts of a term at most. `curves`:
     those of torque without a name and no others."""
     before = picture.posterior(chosen)
-    present = {s.term.key for s in chosen} | {t.key for t in picture.fit.terms}
+    present = {s.term.key for s in chosen}
     promising = []
     for start in picture.starts:
         if start.term.key not in present and not start.term.contact and is_curve(start.term) == curves:
@@ -260,9 +258,8 @@ def instead_of(picture: LinearPicture, term: Term) -> list[Ranked]:
     paid = occam(picture.problem, term, picture.fit)
     own = picture.posterior().log_evidence - paid + prior(term)
     best: dict[Key, Ranked] = {}
-    others = {t.key for t in picture.fit.terms if t is not term}
     for start in picture.starts:
-        if start.term.contact or is_curve(start.term) or start.term.key in others:
+        if start.term.contact or is_curve(start.term):
             continue
         start = gone.as_large(start, ())
         other = gone.posterior([start])
@@ -353,7 +350,7 @@ def selection_of(state: State, base: Fit) -> Selection:
     probabilities = {}
     for term in found:
         excess = overdispersion(problem.measurement, fit, term)
-        others = [r for r in instead_of(picture, term) if r[1].term.key != term.key][:RIVALS]
+        others = instead_of(picture, term)[:RIVALS]
         rivals = [(odds / excess, start) for odds, start in others]
         standings[term.key] = comparison(picture, term, rivals, state.gains[term.key])
         against = sum(math.exp(min(-odds, 50.0)) for odds, s in rivals if s.term.mechanism != term.mechanism)
