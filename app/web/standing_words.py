@@ -8,7 +8,7 @@ from markupsafe import Markup
 from app.web.svg import shape_path
 from app.web.templating import NO_BREAK
 from app.web.words import CHECKS, name_of
-from casebase.gearbox_state import Reason, Standing, State
+from casebase.gearbox_state import NamedFault, Reason, Standing, State
 from casebase.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Trend
 
 SHAPES = {State.FAULT_LIKELY: "notch", State.WATCH: "play", State.GOOD: "normal"}
@@ -80,7 +80,8 @@ def why(standing: Standing | None, zone: str, sure: str | None = None) -> str:
             sign = f", as with {name_of(fault)}" if fault else ""
             return f"Its sound has changed: {grown} grown since about {on}{sign}. No fault is certain yet."
         case Reason.NAMED_BEFORE:
-            return f"{name[:1].upper()}{name[1:]} was heard on {on} and not since, but a worn gear does not heal."
+            also = " Its sound has changed, too." if standing.trend is not None and standing.trend.changed else ""
+            return f"{named_words(standing.fault, zone)} A worn gear does not heal.{also}" if standing.fault else ""
         case Reason.SILENT:
             return f"Its last recording is of {on}: nothing is known of it since."
         case Reason.UNDECIDED:
@@ -95,7 +96,29 @@ def why(standing: Standing | None, zone: str, sure: str | None = None) -> str:
         case Reason.NOT_DIAGNOSED:
             return "It was recorded, and no recording was diagnosed yet."
         case _:
-            return "The newest recording sounds like a good gearbox, and its trend shows no change."
+            outweighed = f" {named_words(standing.fault, zone)}" if standing.fault else ""
+            return f"The newest recording sounds like a good gearbox, and its trend shows no change.{outweighed}"
+
+
+def named_words(fault: NamedFault, zone: str) -> str:
+    """Say which fault was named when, and how many recordings have sounded good since."""
+    newest, count = fault.named[-1], len(fault.named)
+    name, on = name_of(newest.label), day(newest.at, zone)
+    named = (
+        f"{name[:1].upper()}{name[1:]} was named on {on}"
+        if count == 1
+        else (f"{name[:1].upper()}{name[1:]} was named in {count} recordings, last on {on}")
+    )
+    since = "no recording" if not fault.good else f"{fault.good} recording{'s' if fault.good > 1 else ''}"
+    return f"{named}; {since} since {'has' if fault.good < 2 else 'have'} sounded good."
+
+
+def earlier_words(fault: NamedFault, zone: str) -> str:
+    """Say beside an answer that names no fault that one was named of this gearbox before."""
+    return (
+        f"Before this recording: {named_words(fault, zone)} A worn gear does not heal, and no repair was noted: this "
+        "answer alone does not clear the gearbox."
+    )
 
 
 def next_steps(standing: Standing | None) -> tuple[str, ...]:
@@ -110,7 +133,15 @@ def next_steps(standing: Standing | None) -> tuple[str, ...]:
             sign = risen(standing.trend)[1] or ""
             return (SOON, CHECKS.get(sign, ("Have it inspected if it keeps on rising.",))[0])
         case Reason.NAMED_BEFORE:
-            return (*CHECKS.get(label or "", ())[:1], "Reject that diagnosis if nothing is found, or note the repair.")
+            wanted = standing.fault.still_asked_for if standing.fault and not standing.fault.found else 0
+            good = (
+                f"Record it again: after {wanted} more that sound{'s' if wanted == 1 else ''} good it counts as good."
+            )
+            return (
+                *CHECKS.get(label or "", ())[:1],
+                *((good,) if wanted else ()),
+                "Reject that diagnosis if nothing is found, or note the repair or the exchange.",
+            )
         case Reason.UNLIKE:
             return (
                 "Record it again; if it sounds the same, have it inspected.",
@@ -141,11 +172,13 @@ def since_words(standing: Standing, zone: str) -> str:
             changed = (
                 f"; its sound began to change about {day(trend.began.at, zone)}" if trend and trend.changed else ""
             )
-            return f"Called likely since {on}{changed}."
+            fault = standing.fault
+            good = f"; {fault.good} of its recordings since sounded good" if fault and fault.good else ""
+            return f"Called likely since {on}{good}{changed}."
         case State.WATCH if standing.reason is Reason.CHANGED:
             return f"Its sound began to change about {on}."
         case State.WATCH:
-            return f"Heard on {on}."
+            return f"First named on {on}."
         case State.NOT_HEARD:
             return f"Last heard on {on}."
         case _:
