@@ -7,7 +7,7 @@ heard.
 A worn gear does not heal. A fault that was named stands until a person rejects it, the gearbox is repaired, or
 recordings named normal outweigh it. Each answer is right nine times in ten, so were they independent, one normal would
 cancel one fault and the next make good nine times as likely. Recordings of one gearbox err together, so one more is
-asked for. What was heard before the fault speaks neither way, for a fault begins; what a person found nothing outweighs.
+asked for. What was heard before the fault speaks neither way: faults begin. Nothing outweighs what a person found.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,6 @@ from enum import StrEnum
 from casebase.gearboxes import OPEN, REJECTED, Heard, History
 from casebase.labels import BASELINES
 from casebase.trend import Trend
-
 
 OUTWEIGHED_BY = 2
 """By so many more recordings named normal a named fault is outweighed [1]."""
