@@ -1,8 +1,9 @@
 """The state of a gearbox: what its recordings say together, since when, and why.
 
 A fault that the library names is likely a fault: such a name is right nine times in ten. A gearbox that sounds
-otherwise than it did is to be watched, also where the library names nothing. Nothing is said of a gearbox that was not
-heard.
+otherwise than it did is to be watched, also where the library names nothing; where all of its sound changed at once, it
+is asked what happened then, for another gearbox or another place of the microphone sounds so. Nothing is said of a
+gearbox that was not heard.
 
 A worn gear does not heal. A fault that was named stands until a person rejects it, the gearbox is repaired, or
 recordings named normal outweigh it. Each answer is right nine times in ten, so were they independent, one normal would
@@ -39,6 +40,7 @@ class Reason(StrEnum):
     NAMED = "named"
     FOUND = "found"
     CHANGED = "changed"
+    AT_ONCE = "at once"
     NAMED_BEFORE = "named before"
     SILENT = "silent"
     NEVER_HEARD = "never heard"
@@ -139,13 +141,16 @@ def standing(history: History, trend: Trend | None, now: datetime, silent_after:
         return Standing(State.CANNOT_SAY, Reason.NEVER_HEARD, history.renewed)
     usable = said_of(all_heard)
     newest = usable[-1] if usable else None
-    fault, changed = named_fault(usable), trend is not None and trend.changed
+    fault, at_once = named_fault(usable), None if trend is None else trend.at_once
+    changed = trend is not None and trend.changed and at_once is None
     if newest is not None and fault is not None and is_fault(newest):
         reason = Reason.NAMED if newest.review == OPEN else Reason.FOUND
         return Standing(State.FAULT_LIKELY, reason, fault.named[0].at, newest, last, trend, fault)
     if fault is not None and fault.stands:
         state, shows = State.FAULT_LIKELY if changed else State.WATCH, fault.named[-1]
         return Standing(state, Reason.NAMED_BEFORE, fault.named[0].at, shows, last, trend, fault)
+    if at_once is not None:
+        return Standing(State.WATCH, Reason.AT_ONCE, at_once.at, newest, last, trend, fault)
     if trend is not None and changed:
         return Standing(State.WATCH, Reason.CHANGED, trend.began.at, newest, last, trend, fault)
     if now - last.at > silent_after:

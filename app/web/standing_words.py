@@ -31,6 +31,7 @@ RECORD = "Record it, in its usual motion and with its usual payload, and diagnos
 ALIKE = "in the same motion, with the same payload and the microphone at the same place."
 SOON, TODAY = f"Record it again soon, {ALIKE}", f"Record it today, {ALIKE}"
 AGAIN = "Record it again; if the answer is the same, have it inspected."
+NEITHER = "If it was neither, record it again soon, and have it inspected if it sounds the same."
 BETTER = "Record it again, as the page of its newest recording says."
 
 
@@ -79,8 +80,10 @@ def why(standing: Standing | None, zone: str, sure: str | None = None) -> str:
             grown, fault = risen(standing.trend)
             sign = f", as with {name_of(fault)}" if fault else ""
             return f"Its sound has changed: {grown} grown since about {on}{sign}. No fault is certain yet."
+        case Reason.AT_ONCE:
+            return f"Its sound changed at once about {on}. Was the gearbox exchanged, or the microphone moved?"
         case Reason.NAMED_BEFORE:
-            also = " Its sound has changed, too." if standing.trend is not None and standing.trend.changed else ""
+            also = " Its sound has changed, too." if standing.state is State.FAULT_LIKELY else ""
             return f"{named_words(standing.fault, zone)} A worn gear does not heal.{also}" if standing.fault else ""
         case Reason.SILENT:
             return f"Its last recording is of {on}: nothing is known of it since."
@@ -132,6 +135,8 @@ def next_steps(standing: Standing | None) -> tuple[str, ...]:
         case Reason.CHANGED if standing.trend is not None:
             sign = risen(standing.trend)[1] or ""
             return (SOON, CHECKS.get(sign, ("Have it inspected if it keeps on rising.",))[0])
+        case Reason.AT_ONCE:
+            return ("Say on its page what happened: an exchange, or a moved microphone.", NEITHER)
         case Reason.NAMED_BEFORE:
             wanted = standing.fault.still_asked_for if standing.fault and not standing.fault.found else 0
             good = (
@@ -170,13 +175,17 @@ def since_words(standing: Standing, zone: str) -> str:
     match standing.state:
         case State.FAULT_LIKELY:
             changed = (
-                f"; its sound began to change about {day(trend.began.at, zone)}" if trend and trend.changed else ""
+                f"; its sound began to change about {day(trend.began.at, zone)}"
+                if trend and trend.changed and trend.at_once is None
+                else ""
             )
             fault = standing.fault
             good = f"; {fault.good} of its recordings since sounded good" if fault and fault.good else ""
             return f"Called likely since {on}{good}{changed}."
         case State.WATCH if standing.reason is Reason.CHANGED:
             return f"Its sound began to change about {on}."
+        case State.WATCH if standing.reason is Reason.AT_ONCE:
+            return f"Its sound changed about {on}."
         case State.WATCH:
             return f"First named on {on}."
         case State.NOT_HEARD:
@@ -189,6 +198,11 @@ def trend_words(trend: Trend | None, zone: str) -> str:
     """Say whether its sound has changed, and since when."""
     if trend is None:
         return "A trend needs two recordings that name the gearbox and can be compared."
+    if trend.at_once is not None:
+        return (
+            f"Its sound changed at once about {day(trend.at_once.at, zone)}: part of it became louder, part quieter, as "
+            "with another gearbox or with the microphone at another place. A fault changes it bit by bit."
+        )
     if trend.changed:
         began = f"Its sound began to change about {day(trend.began.at, zone)}: {risen(trend)[0]} grown."
         return (

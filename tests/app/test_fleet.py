@@ -11,7 +11,7 @@ import pytest
 
 from app import fleet
 from casebase.models import now
-from casebase.trend import DECIDING
+from casebase.trend import COLOUR, DECIDING
 from sim.mechanisms.mechanism import SECURED
 from tests.app.inside import Inside, inside
 from tests.app.sounds import sound
@@ -180,3 +180,32 @@ def test_an_answer_without_a_fault_says_which_was_named_before(service: Inside) 
     assert "Before this recording: Tooth damage (notch) was named on 6" in after
     assert words in service.browse("GET", f"/diagnoses/{made[2]}/report.html").text
     assert service.browse("GET", f"/diagnoses/{made[2]}/report.pdf").status_code == 200
+
+
+def test_what_changed_at_once_is_asked_and_each_answer_is_one_click(service: Inside) -> None:
+    """Some bands rise and others fall from one recording on: another gearbox, or another place."""
+    rng, today = np.random.default_rng(2), now()
+    with service.service.library.transaction("test") as session:
+        for gearbox in ("swapped", "heard from elsewhere"):
+            for back in range(30, 0, -1):
+                told = {name: float(rng.standard_normal()) for name in (*DECIDING, *COLOUR)}
+                for band, by in ((COLOUR[3], 5.0), (COLOUR[7], -5.0), (COLOUR[9], 4.0)):
+                    told[band] += by * (back <= 10)
+                label = "play" if back == 20 else "normal"
+                keep(session, "arm", gearbox, today - timedelta(days=back), told, label)
+    for gearbox, kind, button, left in (
+        ("swapped", "exchange", "The gearbox was exchanged", 10),
+        ("heard from elsewhere", "microphone", "The microphone was moved", 30),
+    ):
+        path = f"/axes/arm/gearboxes/{gearbox}"
+        page = service.browse("GET", path).text
+        assert "Its sound changed at once about" in page
+        assert button in page
+        form = page.partition(f'name="kind" value="{kind}"')[2].partition("</form>")[0]
+        said = dict(re.findall(r'name="(at|text)" value="([^"]*)"', form))
+        given = {**said, "kind": kind, "gearbox": gearbox, "back": gearbox}
+        assert service.browse("POST", "/axes/arm/marks", data=given).status_code == 303
+        page = service.browse("GET", path).text
+        assert "changed at once" not in page
+        assert "No change is certain over its 10 recordings." in page
+        assert page.count('<td data-label="Recorded">') == left

@@ -170,6 +170,14 @@ def test_a_repair_begins_anew_and_keeps_the_history(session: Session) -> None:
     assert state(session, "repaired").state is State.GOOD
 
 
+def test_a_moved_microphone_begins_a_new_trend_and_clears_no_fault(session: Session) -> None:
+    heard(session, "heard elsewhere", "play", "normal", "normal")
+    mark(session, "heard elsewhere", 0.5, "microphone")
+    (history,) = histories(session, "heard elsewhere", "g")
+    assert (len(history.heard), len(history.since_renewed), len(history.comparable)) == (3, 3, 2)
+    assert state(session, "heard elsewhere").reason is Reason.NAMED_BEFORE
+
+
 def test_what_was_simulated_was_not_heard(library: CaseLibrary) -> None:
     """Neither the recording of a simulated case nor the same sound in another container, as `measured` has it."""
     with library.transaction("test") as session:
