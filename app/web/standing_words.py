@@ -200,7 +200,7 @@ def trend_words(trend: Trend | None, zone: str) -> str:
         return "A trend needs two recordings that name the gearbox and can be compared."
     if trend.at_once is not None:
         return (
-            f"Its sound changed at once about {day(trend.at_once.at, zone)}: part of it became louder, part quieter, as "
+            f"Its sound changed at once about {day(trend.at_once.at, zone)}: part grew louder, part quieter, as "
             "with another gearbox or with the microphone at another place. A fault changes it bit by bit."
         )
     if trend.changed:
