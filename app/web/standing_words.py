@@ -105,15 +105,11 @@ def why(standing: Standing | None, zone: str, sure: str | None = None) -> str:
 
 def named_words(fault: NamedFault, zone: str) -> str:
     """Say which fault was named when, and how many recordings have sounded good since."""
-    newest, count = fault.named[-1], len(fault.named)
-    name, on = name_of(newest.label), day(newest.at, zone)
-    named = (
-        f"{name[:1].upper()}{name[1:]} was named on {on}"
-        if count == 1
-        else (f"{name[:1].upper()}{name[1:]} was named in {count} recordings, last on {on}")
-    )
-    since = "no recording" if not fault.good else f"{fault.good} recording{'s' if fault.good > 1 else ''}"
-    return f"{named}; {since} since {'has' if fault.good < 2 else 'have'} sounded good."
+    name, on = name_of(fault.named[-1].label), day(fault.named[0].at, zone)
+    times = f"in {len(fault.named)} recordings since {on}" if len(fault.named) > 1 else f"on {on}"
+    good = f"{fault.good or 'no'} recording{'s' if fault.good > 1 else ''}"
+    have = "have" if fault.good > 1 else "has"
+    return f"{name[:1].upper()}{name[1:]} was named {times}; {good} since then {have} sounded good."
 
 
 def earlier_words(fault: NamedFault, zone: str) -> str:
@@ -215,7 +211,10 @@ def evidence_words(trend: Trend) -> str:
     """Say how far the evidence for a change is, and what that means."""
     of = f"Evidence for a change: {trend.evidence:,.0f}. From {RECORDINGS_PER_FALSE_ALARM:,} on it counts as one"
     promise = f"a good gearbox gets there once in {RECORDINGS_PER_FALSE_ALARM:,} recordings, or less often."
-    return f"{of}: {promise} With no change it is {len(trend.recordings)} on average, the number of recordings."
+    at_once = f"For a change of all its sound at once it is {trend.colour_evidence:,.0f}, with the same promise."
+    return (
+        f"{of}: {promise} With no change it is {len(trend.recordings)} on average, the number of recordings. {at_once}"
+    )
 
 
 def day(at: datetime | None, zone: str) -> str:

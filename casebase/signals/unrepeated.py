@@ -191,11 +191,12 @@ def _is_own(event: Event, levels_db: Mapping[Band, Floats], peaks_db: Mapping[Ba
 
     With chance each of them is struck then as often as at any other time.
     """
-    if not event.knock:
+    around = round(AROUND_S * HOP_HZ)
+    first, last = round(event.span.start_s * HOP_HZ) + around, round(event.span.end_s * HOP_HZ) - around
+    if not event.knock or last <= first:
         return False
     band = max(event.excess_db, key=lambda each: event.excess_db[each])
-    level_db, around = levels_db[band], round(AROUND_S * HOP_HZ)
-    first, last = round(event.span.start_s * HOP_HZ) + around, round(event.span.end_s * HOP_HZ) - around
+    level_db = levels_db[band]
     own = int(np.argmin(np.abs(strokes.centres - (first + last) / 2)))
     shifts = np.delete(strokes.centres, own) - strokes.centres[own]
     windows = [slice(first + by - strokes.tolerance, last + by + strokes.tolerance) for by in shifts.tolist()]

@@ -156,14 +156,14 @@ def test_a_named_fault_stays_in_mind_until_enough_recordings_sound_good(service:
         for back, label in enumerate(("normal", "play", "normal")):
             keep(session, "arm", "healed", now() - timedelta(days=9 - back), {}, label)
     page = service.browse("GET", "/axes/arm/gearboxes/healed").text
-    assert "; 1 recording since has sounded good. A worn gear does not heal." in page
+    assert "; 1 recording since then has sounded good. A worn gear does not heal." in page
     assert "after 2 more that sound good it counts as good." in page
     with service.service.library.transaction("test") as session:
         for back in range(2):
             keep(session, "arm", "healed", now() - timedelta(days=5 - back), {}, "normal")
     page = service.browse("GET", "/axes/arm/gearboxes/healed").text
     assert "its trend shows no change. Backlash (play) was named on" in page
-    assert "; 3 recordings since have sounded good." in page
+    assert "; 3 recordings since then have sounded good." in page
 
 
 def test_an_answer_without_a_fault_says_which_was_named_before(service: Inside) -> None:
