@@ -84,7 +84,7 @@ field: setup
 	$(FIELD) --library starter
 	$(FIELD) --source axis
 
-# gearboxes whose fault grows over 40 recordings, and 1,000 recordings of good ones
+# gearboxes whose fault grows over 40 recordings, 1,000 recordings of good ones, and good ones exchanged or heard from elsewhere
 trends: setup
 	$(BIN)/python -m tests.trend_bank --worn 12 --good 25
 

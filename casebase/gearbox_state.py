@@ -1,19 +1,27 @@
 """The state of a gearbox: what its recordings say together, since when, and why.
 
 A fault that the library names is likely a fault: such a name is right nine times in ten. A gearbox that sounds
-otherwise than it did is to be watched, also where the library names nothing. A worn gear does not heal, so a fault that
-was named stays in mind until a person rejects it or the gearbox is repaired. Nothing is said of a gearbox that was not
-heard.
+otherwise than it did is to be watched, also where the library names nothing; where all of its sound changed at once, it
+is asked what happened then, for another gearbox or another place of the microphone sounds so. Nothing is said of a
+gearbox that was not heard.
+
+A worn gear does not heal. A fault that was named stands until a person rejects it, the gearbox is repaired, or
+recordings named normal outweigh it. Each answer is right nine times in ten, so were they independent, one normal would
+cancel one fault and the next make good nine times as likely. Recordings of one gearbox err together, so one more is
+asked for. What was heard before the fault speaks neither way: faults begin. Nothing outweighs what a person found.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import datetime, timedelta
 from enum import StrEnum
 
 from casebase.gearboxes import OPEN, REJECTED, Heard, History
 from casebase.labels import BASELINES
 from casebase.trend import Trend
+
+OUTWEIGHED_BY = 2
+"""By so many more recordings named normal a named fault is outweighed [1]."""
 
 
 class State(StrEnum):
@@ -32,6 +40,7 @@ class Reason(StrEnum):
     NAMED = "named"
     FOUND = "found"
     CHANGED = "changed"
+    AT_ONCE = "at once"
     NAMED_BEFORE = "named before"
     SILENT = "silent"
     NEVER_HEARD = "never heard"
@@ -50,6 +59,7 @@ class Standing:
         since: from when on it has been so; None where it was never heard.
         recording: that shows it.
         last: the newest recording.
+        fault: the fault that was named and stands, or was outweighed; None where none was named.
     """
 
     state: State
@@ -58,6 +68,63 @@ class Standing:
     recording: Heard | None = None
     last: Heard | None = None
     trend: Trend | None = None
+    fault: "NamedFault | None" = None
+
+
+@dataclass(frozen=True)
+class NamedFault:
+    """A fault that was named of a gearbox, and what was heard since.
+
+    Args:
+        named: the recordings that name it, oldest first.
+        good: how many recordings since the first of them are named normal.
+    """
+
+    named: tuple[Heard, ...]
+    good: int = 0
+
+    @property
+    def found(self) -> bool:
+        """Whether a person said so."""
+        return any(one.review != OPEN for one in self.named)
+
+    @property
+    def still_asked_for(self) -> int:
+        """How many more recordings named normal would outweigh it; those of a person's finding are never enough."""
+        return len(self.named) + OUTWEIGHED_BY - self.good
+
+    @property
+    def stands(self) -> bool:
+        """Whether it is not outweighed."""
+        return self.found or self.still_asked_for > 0
+
+
+def named_fault(heard: Sequence[Heard]) -> NamedFault | None:
+    """Return the newest fault that recordings, oldest first, name; None where they name none."""
+    fault: NamedFault | None = None
+    for one in heard:
+        if is_fault(one):
+            before = fault if fault is not None and fault.stands else NamedFault(())
+            fault = NamedFault((*before.named, one), before.good)
+        elif is_good(one) and fault is not None:
+            fault = NamedFault(fault.named, fault.good + 1)
+    return fault
+
+
+def fault_before(history: History, recording: Heard) -> NamedFault | None:
+    """Return the fault that stood when a recording was taken, by what was heard before it; None where none did."""
+    then = replace(
+        history,
+        heard=history.heard[: history.heard.index(recording)],
+        done=tuple(each for each in history.done if each.at <= recording.at),
+    )
+    fault = named_fault(said_of(then.since_renewed))
+    return fault if fault is not None and fault.stands else None
+
+
+def said_of(recordings: Sequence[Heard]) -> list[Heard]:
+    """Return the recordings that say something: diagnosed, usable, and not rejected."""
+    return [one for one in recordings if one.verdict not in (None, "unusable") and one.review != REJECTED]
 
 
 def standing(history: History, trend: Trend | None, now: datetime, silent_after: timedelta) -> Standing:
@@ -72,22 +139,25 @@ def standing(history: History, trend: Trend | None, now: datetime, silent_after:
     last = all_heard[-1] if all_heard else None
     if last is None:
         return Standing(State.CANNOT_SAY, Reason.NEVER_HEARD, history.renewed)
-    usable = [one for one in heard if one.verdict != "unusable"]
+    usable = said_of(all_heard)
     newest = usable[-1] if usable else None
-    if newest is not None and is_fault(newest):
-        first = _since(usable, is_fault)
+    fault, at_once = named_fault(usable), None if trend is None else trend.at_once
+    changed = trend is not None and trend.changed and at_once is None
+    if newest is not None and fault is not None and is_fault(newest):
         reason = Reason.NAMED if newest.review == OPEN else Reason.FOUND
-        return Standing(State.FAULT_LIKELY, reason, first.at, newest, last, trend)
-    if trend is not None and trend.changed:
-        return Standing(State.WATCH, Reason.CHANGED, trend.began.at, newest, last, trend)
-    before = next((one for one in reversed(usable) if is_fault(one)), None)
-    if before is not None:
-        return Standing(State.WATCH, Reason.NAMED_BEFORE, before.at, before, last, trend)
+        return Standing(State.FAULT_LIKELY, reason, fault.named[0].at, newest, last, trend, fault)
+    if fault is not None and fault.stands:
+        state, shows = State.FAULT_LIKELY if changed else State.WATCH, fault.named[-1]
+        return Standing(state, Reason.NAMED_BEFORE, fault.named[0].at, shows, last, trend, fault)
+    if at_once is not None:
+        return Standing(State.WATCH, Reason.AT_ONCE, at_once.at, newest, last, trend, fault)
+    if trend is not None and changed:
+        return Standing(State.WATCH, Reason.CHANGED, trend.began.at, newest, last, trend, fault)
     if now - last.at > silent_after:
         return Standing(State.NOT_HEARD, Reason.SILENT, last.at, last, last, trend)
     if newest is None or newest.label not in BASELINES:
         return _undecided(newest, usable, heard, last, trend)
-    return Standing(State.GOOD, Reason.SOUNDS_GOOD, _since(usable, is_good).at, newest, last, trend)
+    return Standing(State.GOOD, Reason.SOUNDS_GOOD, _since(usable, is_good).at, newest, last, trend, fault)
 
 
 def _undecided(

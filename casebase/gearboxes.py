@@ -1,7 +1,8 @@
 """Gearboxes in service: what was heard of each, what was done to it, and where its history begins and ends.
 
 A gearbox is known by its axis and its name. An exchange ends the history of the one that was there; the next one
-begins with it, under the same name or another.
+begins with it, under the same name or another. A microphone that was moved ends the trend alone, for the gearbox is the
+same.
 """
 
 from collections.abc import Collection, Mapping, Sequence
@@ -14,8 +15,8 @@ from sqlalchemy.orm import Session
 from casebase.models import AxisRevision, Case, MaintenanceMark, StoredDiagnosis, StoredRecording
 from casebase.origins import MEASURED, is_measured
 
-NOTE, REPAIR, EXCHANGE = "note", "repair", "exchange"
-KINDS = (NOTE, REPAIR, EXCHANGE)
+NOTE, REPAIR, EXCHANGE, MICROPHONE = "note", "repair", "exchange", "microphone"
+KINDS = (NOTE, REPAIR, EXCHANGE, MICROPHONE)
 REJECTED, OPEN = "rejected", "open"
 Place = tuple[str, str | None]
 """Name of the axis, and of the gearbox as recordings give it; None where they give none."""
@@ -93,6 +94,12 @@ class History:
         """What was heard since."""
         renewed = self.renewed
         return self.heard if renewed is None else tuple(one for one in self.heard if one.at >= renewed)
+
+    @property
+    def comparable(self) -> tuple[Heard, ...]:
+        """What was heard since, from where the microphone stands now."""
+        moved = max((each.at for each in self.done if each.kind == MICROPHONE), default=None)
+        return tuple(one for one in self.since_renewed if moved is None or one.at >= moved)
 
 
 def histories(session: Session, axis: str, gearbox: str | None) -> list[History]:

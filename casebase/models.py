@@ -358,7 +358,7 @@ class MaintenanceMark(Base):
     gearbox: Mapped[str | None] = mapped_column(String(200))
     at: Mapped[datetime]
     kind: Mapped[str] = mapped_column(String(20), server_default="note")
-    """`note`, `repair` or `exchange`."""
+    """`note`, `repair`, `exchange` or `microphone`: that was moved."""
     successor: Mapped[str | None] = mapped_column(String(200))
     """Of an exchange: what the new gearbox is called, if not as the old one."""
     text: Mapped[str] = mapped_column(Text)

@@ -8,6 +8,11 @@ recordings until a false alarm is at least the limit that it is held against: th
 of recordings that is promised. The mean of the statistics of several features has the same property, however they
 depend on each other.
 
+A fault strikes, and grows. A gearbox that was exchanged, or a microphone that was moved, changes the colour of the
+sound at once: some bands rise, others fall. So the bands of the spectrum have a statistic of their own, of steps in
+either direction, held against ramps. Sound does not tell the two apart: mesh orders stay, and what is new is how
+loud each resonance is heard, which place and gearbox both change by as much. Who was there knows.
+
 Sources: Shiryaev, On optimum methods in quickest detection problems, Theory Probab. Appl. 8 (1963); Pollak, Average run
 lengths of an optimal method of detecting a change in distribution, Ann. Statist. 15 (1987); Liang et al., Mixtures of g
 priors for Bayesian variable selection, JASA 103 (2008), the Bayes factor with nuisance coefficients; Hendriksen,
@@ -18,6 +23,7 @@ coefficients and noise; Hampel et al., Robust Statistics (1986), the clipping.
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from enum import Enum
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +35,7 @@ from casebase.models import Extractor, FeatureRow, StoredRecording
 from casebase.recordings import feature_values
 from casebase.signals.band import Band
 from casebase.signals.features import EXTRACTOR_VERSION
+from casebase.signals.features.bands import LogBandEnergies
 
 Floats = NDArray[np.float64]
 
@@ -36,8 +43,11 @@ IMPACTS = tuple(f"{kind}_{band.label}" for kind in ("notch_bump", "play_bump", "
 CREST_FACTOR = "crest_factor_low_pass_200_hz_median_of_cycles"
 DECIDING = (*IMPACTS, CREST_FACTOR)
 """A fault strikes: impacts that repeat with the motion, impacts anywhere, and the peak over the effective value."""
-FOLLOWED = (*DECIDING, "rms", "peak")
-"""RMS and peak follow gain and place of the microphone, too: they are shown, and decide nothing."""
+LEVELS = ("rms", "peak")
+"""They follow gain and place of the microphone, too: they are shown, and decide nothing."""
+COLOUR = tuple(each.name for each in LogBandEnergies.definitions)
+"""The shares of half-octaves in the sound: a change at once of what is heard, or from where."""
+FOLLOWED = (*DECIDING, *LEVELS, *COLOUR)
 FEWEST = 2
 
 RECORDINGS_PER_FALSE_ALARM = 1000
@@ -48,6 +58,14 @@ DEVIATION_OVER_MEDIAN = 1.4826
 """Standard deviation over median absolute deviation of a Gaussian distribution."""
 SAME = 1e-9
 LARGEST_LOGARITHM = 600.0
+
+
+class Kind(Enum):
+    """How a feature changes from some recording on: up at once, at once in either direction, or evenly."""
+
+    RISE = "rise"
+    STEP = "step"
+    RAMP = "ramp"
 
 
 @dataclass(frozen=True, eq=False)
@@ -68,8 +86,8 @@ def change_of(values: NDArray[np.floating], regressors: NDArray[np.floating]) ->
     return changes_of(np.asarray(values)[:, None], regressors)[0]
 
 
-def changes_of(values: NDArray[np.floating], regressors: NDArray[np.floating]) -> list[Change]:
-    """Weigh for each feature whether it has risen at some recording and stayed up.
+def changes_of(values: NDArray[np.floating], regressors: NDArray[np.floating], kind: Kind = Kind.RISE) -> list[Change]:
+    """Weigh for each feature whether it has changed at some recording and stayed so.
 
     Args:
         values: of k features, in the order in which they were recorded, shape (n, k), finite.
@@ -85,15 +103,16 @@ def changes_of(values: NDArray[np.floating], regressors: NDArray[np.floating]) -
         freedom = count - basis.shape[1]
         told = squares > SAME * np.maximum((shown**2).sum(axis=0), 1e-300)
         if freedom >= FEWEST and told.any():
-            nothing[:, told] = bayes_factors(residual[:, told], basis, squares[told], freedom)
+            nothing[:, told] = bayes_factors(residual[:, told], basis, squares[told], freedom, kind)
     totals = nothing.sum(axis=0)
     return [Change(float(total), column / max(total, 1.0)) for total, column in zip(totals, nothing.T, strict=True)]
 
 
-def bayes_factors(residual: Floats, basis: Floats, squares: Floats, freedom: int) -> Floats:
-    """Return the Bayes factor of a step upwards at each recording against no change, shape (n, k).
+def bayes_factors(residual: Floats, basis: Floats, squares: Floats, freedom: int, kind: Kind) -> Floats:
+    """Return the Bayes factor of a change from each recording on against none, shape (n, k).
 
-    The step over the noise has a half-normal prior of one standard deviation: no smaller one matters to anybody.
+    The change over the noise, at the last recording, has a normal prior of one standard deviation, half of it for a
+    rise: no smaller one matters to anybody.
 
     Args:
         residual: of the regression on the state of operation, shape (n, k).
@@ -103,16 +122,21 @@ def bayes_factors(residual: Floats, basis: Floats, squares: Floats, freedom: int
     """
     from scipy.special import stdtr  # slow to import
 
-    along = _from_here_on(residual)
-    free = np.maximum(np.arange(len(residual), 0, -1) - (_from_here_on(basis) ** 2).sum(axis=1), 0.0)[:, None]
+    shape = _ramps(len(residual)) if kind is Kind.RAMP else np.tril(np.ones((len(residual), len(residual))))
+    along = shape.T @ residual
+    free = np.maximum((shape**2).sum(axis=0) - ((shape.T @ basis) ** 2).sum(axis=1), 0.0)[:, None]
     left = np.maximum(squares - along**2 / (free + 1), SAME * squares)
     both_ways = -0.5 * np.log1p(free) - 0.5 * freedom * np.log(left / squares)
-    upwards = stdtr(freedom, along / np.sqrt((free + 1) * left / freedom))
-    return np.asarray(np.exp(np.minimum(both_ways, LARGEST_LOGARITHM)) * 2 * upwards)
+    factors = np.exp(np.minimum(both_ways, LARGEST_LOGARITHM))
+    if kind is not Kind.RISE:
+        return np.asarray(factors)
+    return np.asarray(factors * 2 * stdtr(freedom, along / np.sqrt((free + 1) * left / freedom)))
 
 
-def _from_here_on(values: Floats) -> Floats:
-    return np.asarray(np.cumsum(values[::-1], axis=0)[::-1])
+def _ramps(count: int) -> Floats:
+    """Return ramps from 0 before each recording to 1 at the last one, shape (count, count), one per column."""
+    place = np.arange(count)
+    return np.asarray(np.maximum(place[:, None] - place + 1, 0) / (count - place), np.float64)
 
 
 def clipped(values: Floats) -> Floats:
@@ -156,7 +180,8 @@ class Followed:
         rows: recordings that have it, shape (n,).
         values: as recorded, shape (n,).
         state: of operation, shape (n, p).
-        change: evidence that it has risen.
+        change: evidence that it has risen; of a band of the spectrum that it has stepped up or down.
+        drift: evidence that it changes evenly instead, of a band of the spectrum.
     """
 
     name: str
@@ -164,6 +189,7 @@ class Followed:
     values: Floats
     state: Floats
     change: Change
+    drift: float = 0.0
 
     def expected(self) -> Expected:
         """Return the prediction interval of one more good recording, from those before a change.
@@ -220,6 +246,30 @@ class Trend:
         return self.evidence >= RECORDINGS_PER_FALSE_ALARM
 
     @property
+    def colour(self) -> tuple[Followed, ...]:
+        """The bands of the spectrum that every recording has."""
+        return tuple(one for one in self.followed if one.name in COLOUR and len(one.rows) == len(self.recordings))
+
+    @property
+    def colour_evidence(self) -> float:
+        """Shiryaev-Roberts statistic of a step in the colour of the sound, mean over its bands."""
+        return float(np.mean([one.change.evidence for one in self.colour])) if self.colour else 0.0
+
+    @property
+    def at_once(self) -> Heard | None:
+        """The recording from which on another gearbox, or another place, is heard most probably; None where neither is.
+
+        The colour of the sound has stepped, more clearly than it drifts, and more clearly than impacts have risen.
+        """
+        evidence = self.colour_evidence
+        if evidence < max(RECORDINGS_PER_FALSE_ALARM, self.evidence):
+            return None
+        if evidence < float(np.mean([one.drift for one in self.colour])):
+            return None
+        clearest = max(self.colour, key=lambda one: one.change.evidence)
+        return self.recordings[int(clearest.rows[np.argmax(clearest.change.began)])]
+
+    @property
     def leading(self) -> Followed:
         """The feature with the strongest evidence."""
         return max(self.deciding, key=lambda one: one.change.evidence)
@@ -232,7 +282,7 @@ class Trend:
 
 
 def trend_of(session: Session, history: History) -> Trend | None:
-    """Return the trend since the gearbox was put in or repaired.
+    """Return the trend since the gearbox was put in or repaired, or the microphone moved.
 
     None with fewer than two recordings to compare, and without the name of the gearbox: they may be of several.
     """
@@ -246,7 +296,7 @@ def trends_of(session: Session, several: Sequence[History]) -> list[Trend | None
 
 
 def _trend(history: History, vectors: Mapping[str, Floats]) -> Trend | None:
-    recordings = tuple(one for one in history.since_renewed if one.usable and one.recording_id in vectors)
+    recordings = tuple(one for one in history.comparable if one.usable and one.recording_id in vectors)
     if len(recordings) < FEWEST or history.gearbox is None:
         return None
     return Trend.of(recordings, np.array([vectors[one.recording_id] for one in recordings]))
@@ -269,8 +319,13 @@ def _followed(columns: Floats, state: Floats) -> list[Followed]:
         rows = np.flatnonzero(pattern)
         alike = np.flatnonzero((finite == pattern[:, None]).all(axis=0))
         values, here = columns[np.ix_(rows, alike)], state[rows]
-        for place, own, change in zip(alike, values.T, changes_of(values, here), strict=True):
-            found[int(place)] = Followed(FOLLOWED[place], rows, own, here, change)
+        risen, steps, ramps = (changes_of(values, here, kind) for kind in Kind)
+        for index, place in enumerate(alike.tolist()):
+            name, own = FOLLOWED[place], values[:, index]
+            if name in COLOUR:
+                found[place] = Followed(name, rows, own, here, steps[index], ramps[index].evidence)
+            else:
+                found[place] = Followed(name, rows, own, here, risen[index])
     return [found[place] for place in range(len(FOLLOWED))]
 
 

@@ -113,7 +113,7 @@ def _of_change(facts: Mapping[str, Any], zone: str) -> tuple[str, tuple[str, ...
     return (
         f"{subject_of(facts)}: it sounds otherwise than it did",
         (
-            f"The change began about {_local(facts['began_at'], zone)}. The page of the gearbox shows what has risen.",
+            f"The change began about {_local(facts['began_at'], zone)}. The page of the gearbox shows what changed.",
             "Record it again soon, in the same motion, with the same payload and the microphone at the same place.",
             _rule(facts),
             "You are told once, until this has been over.",

@@ -35,7 +35,9 @@ def tell_changed(library: CaseLibrary, fleet: Fleet) -> None:
 
 def _began(row: Gearbox) -> datetime | None:
     trend = None if row.standing is None else row.standing.trend
-    return trend.began.at if trend is not None and trend.changed else None
+    if trend is None:
+        return None
+    return trend.at_once.at if trend.at_once is not None else trend.began.at if trend.changed else None
 
 
 def alarm_watch(library: CaseLibrary, fleet: Fleet) -> Periodic:

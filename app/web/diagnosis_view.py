@@ -26,12 +26,15 @@ from app.web.recorded import (
     strongest_events,
     surveyed,
 )
+from app.web.standing_words import earlier_words
 from app.web.svg import Stretch
 from app.web.templating import quantity
 from app.web.trend import chart_of
 from app.web.words import Verdict, certainty, not_compared, remarks_beside, size_of, verdict_of
 from casebase.axes import find_axis
-from casebase.gearboxes import histories
+from casebase.gearbox_state import fault_before
+from casebase.gearboxes import History, histories
+from casebase.labels import BASELINES
 from casebase.models import Case, StoredDiagnosis, StoredRecording
 from casebase.signals.crest import root_mean_square
 from casebase.signals.disturbances import Survey
@@ -77,6 +80,7 @@ class DiagnosisView:
     charts: SimpleNamespace
     polar: Markup | None
     trend: Chart | None
+    earlier: str
     rms: float
     peaks: str
     sound: Recording | None
@@ -106,6 +110,7 @@ class DiagnosisView:
             "polar": self.polar,
             "phase": phase_of(document),
             "trend": self.trend,
+            "earlier": self.earlier,
             "rms": self.rms,
             "peaks": self.peaks,
             "outside": outside_of(document),
@@ -123,7 +128,7 @@ def view_of(
     drawn, polar, peaks = (
         (SimpleNamespace(), None, ()) if found is None else _drawn(session, service, row, found, orders, overlay)
     )
-    features = features_of(session, row.recording.id)
+    features, history = features_of(session, row.recording.id), history_of(session, row.recording)
     return DiagnosisView(
         diagnosis=row,
         recording=row.recording,
@@ -144,7 +149,8 @@ def view_of(
         ),
         charts=drawn,
         polar=polar,
-        trend=trend_chart(session, row),
+        trend=trend_chart(session, row, history),
+        earlier=earlier_fault(row, history, service.settings.time_zone),
         rms=features.get("rms") or 0.0 if sound is None else root_mean_square(sound.samples),
         peaks="[" + ",".join(f"{v:.4g}" for v in peaks) + "]",
         sound=sound,
@@ -283,14 +289,25 @@ def _largest(parts: Sequence[tuple[str, float]]) -> list[tuple[str, float]]:
     return [*parts[:SHOWN_PARTS], *others]
 
 
-def trend_chart(session: Session, row: StoredDiagnosis) -> Chart | None:
-    """Return what rises with the fault, over the recordings of this gearbox; None with fewer than two."""
-    recording = row.recording
+def history_of(session: Session, recording: StoredRecording) -> History | None:
+    """Return the gearbox that a recording is of; None where it does not say of which."""
     if recording.axis is None or recording.gearbox is None:
         return None
-    for history in histories(session, recording.axis, recording.gearbox):
-        if any(one.recording_id == recording.id for one in history.heard):
-            trend = trend_of(session, history)
-            at = recording.recorded_at or recording.created_at
-            return None if trend is None else chart_of(trend, history, row.label, (at, "this recording"))
-    return None
+    known = histories(session, recording.axis, recording.gearbox)
+    return next((each for each in known if any(one.recording_id == recording.id for one in each.heard)), None)
+
+
+def trend_chart(session: Session, row: StoredDiagnosis, history: History | None) -> Chart | None:
+    """Return what rises with the fault, over the recordings of this gearbox; None with fewer than two."""
+    trend = None if history is None else trend_of(session, history)
+    at = row.recording.recorded_at or row.recording.created_at
+    return None if trend is None or history is None else chart_of(trend, history, row.label, (at, "this recording"))
+
+
+def earlier_fault(row: StoredDiagnosis, history: History | None, zone: str) -> str:
+    """Say which fault was named of the gearbox before; empty where none stood, or this diagnosis names one itself."""
+    if history is None or (row.verdict == "diagnosed" and row.label not in BASELINES):
+        return ""
+    this = next(one for one in history.heard if one.recording_id == row.recording.id)
+    fault = fault_before(history, this)
+    return "" if fault is None else earlier_words(fault, zone)

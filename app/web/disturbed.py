@@ -81,15 +81,14 @@ def left_out_words(found: Sequence[Flag]) -> str:
     """Say what was left out, and of what came in some cycles only why; empty where nothing was.
 
     >>> left_out_words([Flag("bump", "at 12.0 s (0.1 s)", "note", "", "")])
-    'Left out: bump at 12.0 s (0.1 s). What does not come again in every cycle is not of the gear.'
+    "Left out: bump at 12.0 s (0.1 s). What comes at no fixed time of the motion is not taken for the gear's."
     """
     left_out = [flag for flag in found if flag.only_left_out]
     if not left_out:
         return ""
     once = any(flag.name in ONCE for flag in left_out)
-    return (
-        f"Left out: {listed(left_out)}.{' What does not come again in every cycle is not of the gear.' if once else ''}"
-    )
+    why = " What comes at no fixed time of the motion is not taken for the gear's." if once else ""
+    return f"Left out: {listed(left_out)}.{why}"
 
 
 def stretches(surveyed: Survey) -> tuple[Stretch, ...]:

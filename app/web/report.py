@@ -70,6 +70,7 @@ def _first_page(view: DiagnosisView, zone: str) -> "Figure":
         (view.verdict.headline, 20, "bold"),
         (view.verdict.summary, 11, "normal"),
     ]
+    lines += [(view.earlier, 11, "bold")] if view.earlier else []
     lines += [(f"{name}: {_plain(value)}   {_plain(note)}", 10, "normal") for name, value, note in view.facts]
     left_out = left_out_words(view.quality)
     lines += [(left_out, 10, "normal")] if left_out else []

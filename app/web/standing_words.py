@@ -8,7 +8,7 @@ from markupsafe import Markup
 from app.web.svg import shape_path
 from app.web.templating import NO_BREAK
 from app.web.words import CHECKS, name_of
-from casebase.gearbox_state import Reason, Standing, State
+from casebase.gearbox_state import NamedFault, Reason, Standing, State
 from casebase.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Trend
 
 SHAPES = {State.FAULT_LIKELY: "notch", State.WATCH: "play", State.GOOD: "normal"}
@@ -31,6 +31,7 @@ RECORD = "Record it, in its usual motion and with its usual payload, and diagnos
 ALIKE = "in the same motion, with the same payload and the microphone at the same place."
 SOON, TODAY = f"Record it again soon, {ALIKE}", f"Record it today, {ALIKE}"
 AGAIN = "Record it again; if the answer is the same, have it inspected."
+NEITHER = "If it was neither, record it again soon, and have it inspected if it sounds the same."
 BETTER = "Record it again, as the page of its newest recording says."
 
 
@@ -79,8 +80,11 @@ def why(standing: Standing | None, zone: str, sure: str | None = None) -> str:
             grown, fault = risen(standing.trend)
             sign = f", as with {name_of(fault)}" if fault else ""
             return f"Its sound has changed: {grown} grown since about {on}{sign}. No fault is certain yet."
+        case Reason.AT_ONCE:
+            return f"Its sound changed at once about {on}. Was the gearbox exchanged, or the microphone moved?"
         case Reason.NAMED_BEFORE:
-            return f"{name[:1].upper()}{name[1:]} was heard on {on} and not since, but a worn gear does not heal."
+            also = " Its sound has changed, too." if standing.state is State.FAULT_LIKELY else ""
+            return f"{named_words(standing.fault, zone)} A worn gear does not heal.{also}" if standing.fault else ""
         case Reason.SILENT:
             return f"Its last recording is of {on}: nothing is known of it since."
         case Reason.UNDECIDED:
@@ -95,7 +99,25 @@ def why(standing: Standing | None, zone: str, sure: str | None = None) -> str:
         case Reason.NOT_DIAGNOSED:
             return "It was recorded, and no recording was diagnosed yet."
         case _:
-            return "The newest recording sounds like a good gearbox, and its trend shows no change."
+            outweighed = f" {named_words(standing.fault, zone)}" if standing.fault else ""
+            return f"The newest recording sounds like a good gearbox, and its trend shows no change.{outweighed}"
+
+
+def named_words(fault: NamedFault, zone: str) -> str:
+    """Say which fault was named when, and how many recordings have sounded good since."""
+    name, on = name_of(fault.named[-1].label), day(fault.named[0].at, zone)
+    times = f"in {len(fault.named)} recordings since {on}" if len(fault.named) > 1 else f"on {on}"
+    good = f"{fault.good or 'no'} recording{'s' if fault.good > 1 else ''}"
+    have = "have" if fault.good > 1 else "has"
+    return f"{name[:1].upper()}{name[1:]} was named {times}; {good} since then {have} sounded good."
+
+
+def earlier_words(fault: NamedFault, zone: str) -> str:
+    """Say beside an answer that names no fault that one was named of this gearbox before."""
+    return (
+        f"Before this recording: {named_words(fault, zone)} A worn gear does not heal, and no repair was noted: this "
+        "answer alone does not clear the gearbox."
+    )
 
 
 def next_steps(standing: Standing | None) -> tuple[str, ...]:
@@ -109,8 +131,18 @@ def next_steps(standing: Standing | None) -> tuple[str, ...]:
         case Reason.CHANGED if standing.trend is not None:
             sign = risen(standing.trend)[1] or ""
             return (SOON, CHECKS.get(sign, ("Have it inspected if it keeps on rising.",))[0])
+        case Reason.AT_ONCE:
+            return ("Say on its page what happened: an exchange, or a moved microphone.", NEITHER)
         case Reason.NAMED_BEFORE:
-            return (*CHECKS.get(label or "", ())[:1], "Reject that diagnosis if nothing is found, or note the repair.")
+            wanted = standing.fault.still_asked_for if standing.fault and not standing.fault.found else 0
+            good = (
+                f"Record it again: after {wanted} more that sound{'s' if wanted == 1 else ''} good it counts as good."
+            )
+            return (
+                *CHECKS.get(label or "", ())[:1],
+                *((good,) if wanted else ()),
+                "Reject that diagnosis if nothing is found, or note the repair or the exchange.",
+            )
         case Reason.UNLIKE:
             return (
                 "Record it again; if it sounds the same, have it inspected.",
@@ -139,13 +171,19 @@ def since_words(standing: Standing, zone: str) -> str:
     match standing.state:
         case State.FAULT_LIKELY:
             changed = (
-                f"; its sound began to change about {day(trend.began.at, zone)}" if trend and trend.changed else ""
+                f"; its sound began to change about {day(trend.began.at, zone)}"
+                if trend and trend.changed and trend.at_once is None
+                else ""
             )
-            return f"Called likely since {on}{changed}."
+            fault = standing.fault
+            good = f"; {fault.good} of its recordings since sounded good" if fault and fault.good else ""
+            return f"Called likely since {on}{good}{changed}."
         case State.WATCH if standing.reason is Reason.CHANGED:
             return f"Its sound began to change about {on}."
+        case State.WATCH if standing.reason is Reason.AT_ONCE:
+            return f"Its sound changed about {on}."
         case State.WATCH:
-            return f"Heard on {on}."
+            return f"First named on {on}."
         case State.NOT_HEARD:
             return f"Last heard on {on}."
         case _:
@@ -156,6 +194,11 @@ def trend_words(trend: Trend | None, zone: str) -> str:
     """Say whether its sound has changed, and since when."""
     if trend is None:
         return "A trend needs two recordings that name the gearbox and can be compared."
+    if trend.at_once is not None:
+        return (
+            f"Its sound changed at once about {day(trend.at_once.at, zone)}: part grew louder, part quieter, as "
+            "with another gearbox or with the microphone at another place. A fault changes it bit by bit."
+        )
     if trend.changed:
         began = f"Its sound began to change about {day(trend.began.at, zone)}: {risen(trend)[0]} grown."
         return (
@@ -168,7 +211,10 @@ def evidence_words(trend: Trend) -> str:
     """Say how far the evidence for a change is, and what that means."""
     of = f"Evidence for a change: {trend.evidence:,.0f}. From {RECORDINGS_PER_FALSE_ALARM:,} on it counts as one"
     promise = f"a good gearbox gets there once in {RECORDINGS_PER_FALSE_ALARM:,} recordings, or less often."
-    return f"{of}: {promise} With no change it is {len(trend.recordings)} on average, the number of recordings."
+    at_once = f"For a change of all its sound at once it is {trend.colour_evidence:,.0f}, with the same promise."
+    return (
+        f"{of}: {promise} With no change it is {len(trend.recordings)} on average, the number of recordings. {at_once}"
+    )
 
 
 def day(at: datetime | None, zone: str) -> str:

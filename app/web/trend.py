@@ -74,7 +74,9 @@ def _times(trend: Trend, rows: Sequence[int]) -> np.ndarray[tuple[int], np.dtype
 def _marks(trend: Trend, history: History, *here: tuple[datetime, str]) -> tuple[Marker, ...]:
     _, length_s, start = _axis_of_time(trend)
     words = [(each.at, each.text if each.kind == NOTE else f"{each.kind}: {each.text}") for each in history.done]
-    if trend.changed:
+    if trend.at_once is not None:
+        words.append((trend.at_once.at, "change at once"))
+    elif trend.changed:
         words.append((trend.began.at, "change begins"))
     return tuple(Marker((at - start).total_seconds() / length_s, text[:24]) for at, text in (*words, *here))
 

@@ -1,11 +1,16 @@
 """Unrepeated: what a cycle of the motion has that the other cycles have not, so that it is not the machine.
 
-A gear does the same in every cycle. Stroke by stroke the level of a band is held against the median of the other
+What a tooth does comes in every cycle. Stroke by stroke the level of a band is held against the median of the other
 strokes in the same direction, at the same time from the reversal: what stands out in one stroke alone is an event of
 the surroundings, with a time. Of two others the one that is more like it counts, so that most of three decide. Two
 strokes in a direction are the least of which anything can be said, and of two the louder one is the odd one.
+
+Play strikes where the load reverses, and not in every cycle: the gap is crossed from wherever the gear came to rest in
+it, so its blows scatter down to nothing. What strikes beside the axis does not know when the axis reverses. So a knock
+stays where so many other strokes are struck at the same time from the reversal as chance would hardly bring.
 """
 
+import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -35,6 +40,8 @@ AROUND_S = 0.04
 SHORTEST_CHANGE_S = 0.1
 LONGEST_KNOCK_S = 0.4
 """A blow and its ringing last no longer [s]; what does is a sound."""
+KEPT_BY_CHANCE = 0.05
+"""Probability with which knocks that know nothing of the axis are taken for its own [1]."""
 
 
 @dataclass(frozen=True)
@@ -100,8 +107,9 @@ def find_unrepeated(
     changes = ndimage.binary_opening(changes, np.ones(round(SHORTEST_CHANGE_S * HOP_HZ / SLOW_HOPS), np.bool_))
     changed = np.repeat(changes, SLOW_HOPS)
     knocks[: changed.size] |= changed
-    events = tuple(_event(span, heights, excesses) for span in _spans(knocks))
-    return Unrepeated(events, share)
+    events = [_event(span, heights, excesses) for span in _spans(knocks)]
+    level_db = {band: np.nan_to_num(_level_db(trace[:size]), nan=-np.inf) for band, trace in traces.items()}
+    return Unrepeated(tuple(each for each in events if not _is_own(each, level_db, peaks_db, fast)), share)
 
 
 def _level_db(trace: NDArray[np.float32]) -> Floats:
@@ -121,6 +129,7 @@ def _averaged(trace: NDArray[np.float32]) -> NDArray[np.float32]:
 class _Strokes:
     """Where every stroke lies in the record: place per stroke and time from its start, shape (strokes, m)."""
 
+    centres: NDArray[np.intp]
     index: NDArray[np.intp]
     inside: NDArray[np.bool_]
     size: int
@@ -137,9 +146,10 @@ class _Strokes:
         width = round(stroke_s * rate_hz)
         if width < 4 or len(centres) < 3:
             return None
-        index = np.rint(centres * rate_hz).astype(np.intp)[:, None] + np.arange(width) - width // 2
+        hops = np.rint(centres * rate_hz).astype(np.intp)
+        index = hops[:, None] + np.arange(width) - width // 2
         inside = (index >= 0) & (index < size)
-        return cls(np.clip(index, 0, size - 1), inside, size, round(EARLY_OR_LATE_S * rate_hz))
+        return cls(hops, np.clip(index, 0, size - 1), inside, size, round(EARLY_OR_LATE_S * rate_hz))
 
     def above(self, level_db: Floats, least_db: float, least_excess_db: float) -> Floats:
         """Return by how much what is above a level stands out of the other strokes, shape (n,); 0 elsewhere."""
@@ -174,6 +184,39 @@ class _Strokes:
             excess = np.where(own > above, own - above, np.minimum(own - below, 0.0))
             found[index[here]] = np.where(np.isfinite(above), excess, np.nan)[here]
         return found
+
+
+def _is_own(event: Event, levels_db: Mapping[Band, Floats], peaks_db: Mapping[Band, float], strokes: _Strokes) -> bool:
+    """Whether a knock is the machine's: other strokes are struck at its time from the reversal, and about as hard.
+
+    With chance each of them is struck then as often as at any other time.
+    """
+    around = round(AROUND_S * HOP_HZ)
+    first, last = round(event.span.start_s * HOP_HZ) + around, round(event.span.end_s * HOP_HZ) - around
+    if not event.knock or last <= first:
+        return False
+    band = max(event.excess_db, key=lambda each: event.excess_db[each])
+    level_db = levels_db[band]
+    own = int(np.argmin(np.abs(strokes.centres - (first + last) / 2)))
+    shifts = np.delete(strokes.centres, own) - strokes.centres[own]
+    windows = [slice(first + by - strokes.tolerance, last + by + strokes.tolerance) for by in shifts.tolist()]
+    highest = [float(level_db[each].max()) for each in windows if each.start >= 0 and each.stop <= level_db.size]
+    struck = sum(each > peaks_db[band] for each in highest)
+    if not struck or float(level_db[first:last].max()) - max(highest) > KNOCK_DB:
+        return False
+    width = last - first + 2 * strokes.tolerance
+    anywhere = ndimage.maximum_filter1d((level_db > peaks_db[band]).astype(np.int8), width)
+    elsewhere = np.concatenate([anywhere[: max(0, first - width)], anywhere[last + width :]])
+    return elsewhere.size > 0 and at_least(struck, len(highest), float(elsewhere.mean())) < KEPT_BY_CHANCE
+
+
+def at_least(successes: int, of: int, chance: float) -> float:
+    """Return the probability of so many successes or more, each with the same chance [1].
+
+    >>> at_least(1, 2, 0.5)
+    0.75
+    """
+    return sum(math.comb(of, k) * chance**k * (1 - chance) ** (of - k) for k in range(successes, of + 1))
 
 
 def _median_of_others(rows: Floats, *, upper: bool) -> Floats:

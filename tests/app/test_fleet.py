@@ -1,5 +1,6 @@
 """The fleet and the pages of gearboxes say what the rows say; nothing is worked out twice."""
 
+import json
 import re
 from collections.abc import Iterator
 from datetime import timedelta
@@ -10,9 +11,10 @@ import pytest
 
 from app import fleet
 from casebase.models import now
-from casebase.trend import DECIDING
+from casebase.trend import COLOUR, DECIDING
 from sim.mechanisms.mechanism import SECURED
 from tests.app.inside import Inside, inside
+from tests.app.sounds import sound
 from tests.casebase.kept import keep
 
 API = "/api/v1"
@@ -147,3 +149,63 @@ def test_an_exchange_ends_the_history_on_the_page(service: Inside) -> None:
     assert "arm, old" not in states
     assert states["arm, new"] == "Cannot say"
     assert "and not recorded yet" in service.browse("GET", "/axes/arm/gearboxes/new").text
+
+
+def test_a_named_fault_stays_in_mind_until_enough_recordings_sound_good(service: Inside) -> None:
+    with service.service.library.transaction("test") as session:
+        for back, label in enumerate(("normal", "play", "normal")):
+            keep(session, "arm", "healed", now() - timedelta(days=9 - back), {}, label)
+    page = service.browse("GET", "/axes/arm/gearboxes/healed").text
+    assert "; 1 recording since then has sounded good. A worn gear does not heal." in page
+    assert "after 2 more that sound good it counts as good." in page
+    with service.service.library.transaction("test") as session:
+        for back in range(2):
+            keep(session, "arm", "healed", now() - timedelta(days=5 - back), {}, "normal")
+    page = service.browse("GET", "/axes/arm/gearboxes/healed").text
+    assert "its trend shows no change. Backlash (play) was named on" in page
+    assert "; 3 recordings since then have sounded good." in page
+
+
+def test_an_answer_without_a_fault_says_which_was_named_before(service: Inside) -> None:
+    made = []
+    for seed, day in ((5, 1), (6, 6), (7, 11)):
+        told = {"axis": "arm", "gearbox": "told", "recorded_at": f"2026-01-{day:02d}T06:00:00Z"}
+        files, data = {"file": ("a.wav", sound(seed))}, {"metadata": json.dumps(told)}
+        made.append(service.ask("POST", f"{API}/diagnoses", files=files, data=data).json()["id"])
+    corrected = {"verdict": "corrected", "label": "notch"}
+    service.ask("PATCH", f"{API}/diagnoses/{made[1]}", json=corrected).raise_for_status()
+    before, named, after = (service.browse("GET", f"/diagnoses/{each}").text for each in made)
+    words = "this answer alone does not clear the gearbox"
+    assert (words in before, words in named, words in after) == (False, False, True)
+    assert "Before this recording: Tooth damage (notch) was named on 6" in after
+    assert words in service.browse("GET", f"/diagnoses/{made[2]}/report.html").text
+    assert service.browse("GET", f"/diagnoses/{made[2]}/report.pdf").status_code == 200
+
+
+def test_what_changed_at_once_is_asked_and_each_answer_is_one_click(service: Inside) -> None:
+    """Some bands rise and others fall from one recording on: another gearbox, or another place."""
+    rng, today = np.random.default_rng(2), now()
+    with service.service.library.transaction("test") as session:
+        for gearbox in ("swapped", "heard from elsewhere"):
+            for back in range(30, 0, -1):
+                told = {name: float(rng.standard_normal()) for name in (*DECIDING, *COLOUR)}
+                for band, by in ((COLOUR[3], 5.0), (COLOUR[7], -5.0), (COLOUR[9], 4.0)):
+                    told[band] += by * (back <= 10)
+                label = "play" if back == 20 else "normal"
+                keep(session, "arm", gearbox, today - timedelta(days=back), told, label)
+    for gearbox, kind, button, left in (
+        ("swapped", "exchange", "The gearbox was exchanged", 10),
+        ("heard from elsewhere", "microphone", "The microphone was moved", 30),
+    ):
+        path = f"/axes/arm/gearboxes/{gearbox}"
+        page = service.browse("GET", path).text
+        assert "Its sound changed at once about" in page
+        assert button in page
+        form = page.partition(f'name="kind" value="{kind}"')[2].partition("</form>")[0]
+        said = dict(re.findall(r'name="(at|text)" value="([^"]*)"', form))
+        given = {**said, "kind": kind, "gearbox": gearbox, "back": gearbox}
+        assert service.browse("POST", "/axes/arm/marks", data=given).status_code == 303
+        page = service.browse("GET", path).text
+        assert "changed at once" not in page
+        assert "No change is certain over its 10 recordings." in page
+        assert page.count('<td data-label="Recorded">') == left

@@ -3,17 +3,18 @@
 from collections.abc import Callable, Iterator
 from datetime import UTC, datetime, timedelta
 
+import numpy as np
 import pytest
 from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from casebase.diagnoses import revise_diagnosis
-from casebase.gearbox_state import Reason, Standing, State, standing
+from casebase.gearbox_state import Reason, Standing, State, fault_before, standing
 from casebase.gearboxes import histories, signatures
 from casebase.library import CaseLibrary
 from casebase.models import Case, MaintenanceMark, StoredRecording
 from casebase.origins import measured
-from casebase.trend import trend_of
+from casebase.trend import FOLLOWED, Trend, trend_of
 from tests.casebase.kept import keep
 
 START = datetime(2026, 1, 1, tzinfo=UTC)
@@ -62,6 +63,11 @@ def state(session: Session, axis: str, gearbox: str = "g", now: float = 10) -> S
     [
         (("normal", "normal"), State.GOOD, Reason.SOUNDS_GOOD, 0),
         (("notch", "normal", "normal"), State.WATCH, Reason.NAMED_BEFORE, 0),
+        (("play", "normal", "play"), State.FAULT_LIKELY, Reason.NAMED, 0),
+        (("normal", "normal", "play", "ambiguous"), State.WATCH, Reason.NAMED_BEFORE, 2),
+        (("notch", "normal", "normal", "normal"), State.GOOD, Reason.SOUNDS_GOOD, 1),
+        (("notch", "notch", "normal", "normal", "normal"), State.WATCH, Reason.NAMED_BEFORE, 0),
+        (("notch", "normal", "normal", "normal", "play"), State.FAULT_LIKELY, Reason.NAMED, 4),
         (("normal", "play", "play"), State.FAULT_LIKELY, Reason.NAMED, 1),
         (("play", "unusable"), State.FAULT_LIKELY, Reason.NAMED, 0),
         (("normal", "ambiguous", "ambiguous"), State.CANNOT_SAY, Reason.UNDECIDED, 1),
@@ -108,6 +114,33 @@ def test_what_a_person_says_counts(session: Session) -> None:
     )
 
 
+def test_no_recording_outweighs_what_a_person_found(session: Session) -> None:
+    heard(session, "opened", "play", *["normal"] * 9)
+    first = histories(session, "opened", "g")[-1].heard[0]
+    assert state(session, "opened").state is State.GOOD
+    revise_diagnosis(session, str(first.diagnosis_id), "confirmed")
+    assert (state(session, "opened").state, state(session, "opened").since) == (State.WATCH, day(0))
+
+
+def test_a_named_fault_and_a_changed_sound_are_likely_a_fault(session: Session) -> None:
+    """Two signs that know nothing of each other weigh more than one recording that names none."""
+    heard(session, "both", "normal", "play", "normal")
+    history = histories(session, "both", "g")[-1]
+    rises = np.repeat([[0.0], [9.0]], 20, axis=0) + np.random.default_rng(1).standard_normal((40, len(FOLLOWED)))
+    trend = Trend.of([history.heard[-1]] * 40, rises)
+    found = standing(history, trend, day(10), MONTH)
+    assert trend.changed
+    assert (found.state, found.reason, found.since) == (State.FAULT_LIKELY, Reason.NAMED_BEFORE, day(1))
+
+
+def test_a_fault_stood_before_a_recording_unless_a_repair_lies_between(session: Session) -> None:
+    heard(session, "then", "normal", "play", "normal", "normal")
+    mark(session, "then", 2.5, "repair")
+    (history,) = histories(session, "then", "g")
+    stood = [fault_before(history, one) for one in history.heard]
+    assert [each is not None for each in stood] == [False, False, True, False]
+
+
 def test_an_exchange_ends_the_history_and_begins_that_of_the_next(session: Session) -> None:
     heard(session, "exchanged", "normal", "play", "normal")
     mark(session, "exchanged", 1.5, "exchange")
@@ -135,6 +168,14 @@ def test_a_repair_begins_anew_and_keeps_the_history(session: Session) -> None:
     (history,) = histories(session, "repaired", "g")
     assert len(history.heard) == 2
     assert state(session, "repaired").state is State.GOOD
+
+
+def test_a_moved_microphone_begins_a_new_trend_and_clears_no_fault(session: Session) -> None:
+    heard(session, "heard elsewhere", "play", "normal", "normal")
+    mark(session, "heard elsewhere", 0.5, "microphone")
+    (history,) = histories(session, "heard elsewhere", "g")
+    assert (len(history.heard), len(history.since_renewed), len(history.comparable)) == (3, 3, 2)
+    assert state(session, "heard elsewhere").reason is Reason.NAMED_BEFORE
 
 
 def test_what_was_simulated_was_not_heard(library: CaseLibrary) -> None:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from casebase.gearboxes import Heard, histories
 from casebase.library import CaseLibrary
 from casebase.trend import (
+    COLOUR,
     DECIDING,
     FOLLOWED,
     IMPACTS,
@@ -152,3 +153,49 @@ def test_the_time_of_recording_counts_and_not_that_of_upload(library: CaseLibrar
     in_order = followed(library, "in order", 3.0)
     assert shuffled.evidence == pytest.approx(in_order.evidence)
     assert shuffled.began.at == in_order.began.at
+
+
+def heard_colour(course: Floats) -> Trend:
+    """Trend whose bands of the spectrum follow a course, up and down in turn, and whose impacts stay as they were."""
+    count, rng = len(course), np.random.default_rng(10)
+    columns = rng.standard_normal((count, len(FOLLOWED)))
+    for number, name in enumerate(COLOUR):
+        columns[:, FOLLOWED.index(name)] += course * (-1) ** number
+    heard = [Heard(str(number), START + timedelta(days=number), "", True, None, None) for number in range(count)]
+    return Trend.of(heard, columns)
+
+
+def test_a_colour_that_steps_is_a_change_at_once_and_says_when() -> None:
+    stepped = heard_colour(3.0 * (np.arange(40) >= 25))
+    assert stepped.at_once is not None
+    assert stepped.at_once.at == START + timedelta(days=25)
+    assert not stepped.changed
+
+
+def test_a_colour_that_drifts_or_stays_is_none() -> None:
+    drifts = heard_colour(np.linspace(0.0, 6.0, 40))
+    assert drifts.colour_evidence >= RECORDINGS_PER_FALSE_ALARM
+    assert drifts.at_once is None
+    assert heard_colour(np.zeros(40)).at_once is None
+
+
+def test_impacts_that_rise_more_clearly_are_a_fault_and_no_exchange() -> None:
+    rng = np.random.default_rng(11)
+    columns = rng.standard_normal((40, len(FOLLOWED)))
+    columns[25:, [FOLLOWED.index(name) for name in IMPACTS]] += 6.0
+    columns[25:, [FOLLOWED.index(name) for name in COLOUR]] += 2.0
+    heard = [Heard(str(number), START + timedelta(days=number), "", True, None, None) for number in range(40)]
+    worn = Trend.of(heard, columns)
+    assert worn.changed
+    assert worn.at_once is None
+
+
+def test_the_colour_of_good_gearboxes_gives_no_more_questions_than_promised() -> None:
+    """Of 150 gearboxes of 40 recordings six may be asked about, by the maximal inequality; with 4 sigma above, 14."""
+    rng = np.random.default_rng(12)
+    heard = [Heard(str(number), START + timedelta(days=number), "", True, None, None) for number in range(40)]
+    asked = sum(
+        any(Trend.of(heard[:count], columns[:count]).at_once is not None for count in range(5, 41, 5))
+        for columns in rng.standard_normal((150, 40, len(FOLLOWED)))
+    )
+    assert asked <= 14

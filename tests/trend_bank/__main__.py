@@ -4,16 +4,15 @@ import argparse
 import sys
 import tempfile
 from concurrent.futures import ProcessPoolExecutor
-from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
 
 from casebase.trend import RECORDINGS_PER_FALSE_ALARM
-from tests.trend_bank.lives import RECORDINGS
-from tests.trend_bank.product import alarm, evidence, joined, lived
+from tests.trend_bank.lives import CHANGED_FROM, EXCHANGED, MOVED, RECORDINGS
+from tests.trend_bank.product import alarm, asked, evidence, lived
 
-FAULTS, GOOD = (("notch", 0), ("play", 100)), 200
+FAULTS, GOOD, CHANGES = (("notch", 0), ("play", 100)), 200, ((EXCHANGED, 300), (MOVED, 400))
 """Seeds from that of the command on."""
 
 
@@ -22,6 +21,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(prog="python -m tests.trend_bank", description=__doc__)
     parser.add_argument("--worn", type=int, default=12, help="gearboxes of each fault, which grows over 40 recordings")
     parser.add_argument("--good", type=int, default=25, help="gearboxes without a fault, 40 recordings each")
+    parser.add_argument("--changed", type=int, default=12, help="good ones exchanged, and as many heard from elsewhere")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--jobs", type=int, default=2)
     parser.add_argument("--cache", type=Path, default=Path(tempfile.gettempdir()) / "gearcase-trend-bank")
@@ -29,8 +29,9 @@ def main() -> None:
     first = given.seed
     wanted = [*((label, first + apart + k) for label, apart in FAULTS for k in range(given.worn))]
     good = [("normal", first + GOOD + k) for k in range(given.good)]
+    changes = {label: [(label, first + apart + k) for k in range(given.changed)] for label, apart in CHANGES}
     with ProcessPoolExecutor(given.jobs) as pool:
-        every = [*wanted, *good]
+        every = [*wanted, *good, *(one for some in changes.values() for one in some)]
         for number, _ in enumerate(pool.map(make, every, [given.cache] * len(every))):
             print(f"{number + 1} of {len(every)} gearboxes", file=sys.stderr)
     print("fault  gearbox  heard from [mrad]  alarm at [mrad]  alarm over heard")
@@ -47,9 +48,18 @@ def main() -> None:
     alarms = sum(alarm(evidence(life)) is not None for life in lives)
     print(f"false alarms: {alarms} of {len(lives)} good gearboxes, {RECORDINGS * len(lives)} recordings", end="")
     print(f"; promised: one in {RECORDINGS_PER_FALSE_ALARM} recordings at most")
-    swaps = [alarm(evidence(joined(one, other))) for one, other in pairwise(lives)]
-    noticed = [told - RECORDINGS for told in swaps if told is not None and told >= RECORDINGS]
-    print(f"an exchange of a good gearbox that nobody noted, told as a change: {len(noticed)} of {len(swaps)}")
+    questions = sum(asked(each) is not None for each in lives)
+    print(f"asked what changed at once: {questions} of {len(lives)} good gearboxes; promised: as above, beside it")
+    early = [asked(lived(label, seed, given.cache)) for label, seed in wanted]
+    print(f"asked what changed at once while a fault grew: {sum(each is not None for each in early)} of {len(early)}")
+    for label, some in changes.items():
+        found = [lived(*one, given.cache) for one in some]
+        told = [each for one in found if (each := asked(one)) is not None and each[0] >= CHANGED_FROM]
+        near = sum(abs(began - CHANGED_FROM) <= 2 for _, began in told)
+        later = [number - CHANGED_FROM + 1 for number, _ in told]
+        risen = sum(alarm(evidence(one)) is not None for one in found)
+        print(f"{label}: asked {len(told)} of {len(found)}, the place within 2 recordings {near}", end="")
+        print(f", after recordings: {sorted(later)}; told as a change of impacts {risen}")
 
 
 def make(one: tuple[str, int], cache: Path) -> None:

@@ -12,6 +12,9 @@ RECORDINGS = 40
 SMALLEST_SHARE, LARGEST_SHARE = 0.1, 10.0
 """Size of the fault in the first and the last recording, over one that is barely audible."""
 NONE_RAD = 1e-12
+CHANGED_FROM = 25
+"""From this recording on another good gearbox is in the axis, or the microphone stands elsewhere."""
+EXCHANGED, MOVED = "exchanged", "moved"
 BANDS_HZ = ((12.0, 200.0), (200.0, 3600.0))
 
 
@@ -25,7 +28,7 @@ class Heard:
 
 def sizes(label: str, count: int = RECORDINGS) -> Floats:
     """Return the size of the fault in each recording, shape (count,) [rad]."""
-    if label == "normal":
+    if label in ("normal", EXCHANGED, MOVED):
         return np.zeros(count)
     return np.asarray(SMALLEST_RAD * np.geomspace(SMALLEST_SHARE, LARGEST_SHARE, count))
 
@@ -33,9 +36,13 @@ def sizes(label: str, count: int = RECORDINGS) -> Floats:
 def life(label: str, seed: int, count: int = RECORDINGS) -> Iterator[Heard]:
     """Yield the recordings of one gearbox in the order in which they were made."""
     rng = np.random.default_rng([seed, 77])
-    unit = make_units(rng, 1)[0]
+    first = make_units(rng, 1)[0]
     program = draw_motion(rng)
+    later = {EXCHANGED: another_of_its_type, MOVED: microphone_moved}
+    unit_later = later[label](first, np.random.default_rng([seed, 79])) if label in later else first
+    label = "normal" if label in later else label
     for number, size in enumerate(sizes(label, count)):
+        unit = first if number < CHANGED_FROM else unit_later
         one = np.random.default_rng([seed, 78, number])
         placed, motion, payload = microphone_at_another_place(unit, one), overridden(program, one), one.uniform(20, 50)
         drawn = one.integers(2**31)
@@ -87,6 +94,37 @@ def microphone_at_another_place(unit: Unit, rng: Rng) -> Unit:
         room_gain=unit.room_gain * decibel(3.0),
         level=unit.level * decibel(4.0),
     )
+
+
+def another_of_its_type(unit: Unit, rng: Rng) -> Unit:
+    """Return another gearbox as `make_units` draws those of one axis type; arm, room and microphone stay.
+
+    Two of one type differ by the square root of two more than one from its type.
+    """
+
+    def drawn(value: float, spread: float) -> float:
+        return value * float(1 + spread * np.sqrt(2) * rng.standard_normal())
+
+    modes = []
+    for hz, _, gain in unit.modes:
+        there, quality = drawn(hz, 0.05), float(rng.uniform(7, 25))
+        modes.append((there, quality / np.pi / there, gain * float(10 ** (0.2 * np.sqrt(2) * rng.standard_normal()))))
+    return replace(
+        unit,
+        name=f"{unit.name} after",
+        modes=tuple(modes),
+        mesh_gain=float(rng.uniform(0.4, 1.6)),
+        tilt=float(rng.uniform(0.0, 0.5)),
+        jerk_gain=float(rng.uniform(0.2, 1.6)),
+        friction_n_m=float(rng.uniform(8, 25)),
+        imbalance_n_m=float(rng.uniform(0, 12)),
+        flank=1 if rng.random() < 0.5 else -1,
+    )
+
+
+def microphone_moved(unit: Unit, rng: Rng) -> Unit:
+    """Return the same gearbox heard from another place for good: as far as two recordings, and as far again."""
+    return microphone_at_another_place(microphone_at_another_place(unit, rng), rng)
 
 
 def heard_from(sizes_rad: Floats, ratios: Floats) -> float:

@@ -41,7 +41,7 @@ class Lived:
 
 def lived(label: str, seed: int, folder: Path, count: int = RECORDINGS) -> Lived:
     """Make the recordings of a life and extract their features, or read them where that was done before."""
-    file = folder / f"{label}-{seed}-{count}-{EXTRACTOR_VERSION}.npz"
+    file = folder / f"{label}-{seed}-{count}-{EXTRACTOR_VERSION}-{len(FOLLOWED)}.npz"
     if not file.exists():
         columns, state, size, ratio = [], [], [], []
         for one in life(label, seed, count):
@@ -57,17 +57,23 @@ def lived(label: str, seed: int, folder: Path, count: int = RECORDINGS) -> Lived
         return Lived(*(np.asarray(stored[name], np.float64) for name in ("features", "state", "size_rad", "ratio")))
 
 
-def joined(first: Lived, second: Lived) -> Lived:
-    """Return one life after the other, as where an exchange was not noted."""
-    names = ("features", "state", "size_rad", "ratio")
-    return Lived(*(np.concatenate([getattr(first, name), getattr(second, name)]) for name in names))
+def trends(one: Lived) -> list[Trend]:
+    """Return the trend after each recording but the first."""
+    kept = [kept_as(number, one.state[number]) for number in range(len(one.state))]
+    return [Trend.of(kept[:count], one.features[:count]) for count in range(2, len(kept) + 1)]
 
 
 def evidence(one: Lived) -> Floats:
     """Return the evidence for a change after each recording but the first, shape (n - 1,)."""
-    kept = [kept_as(number, one.state[number]) for number in range(len(one.state))]
-    counts = range(2, len(kept) + 1)
-    return np.array([Trend.of(kept[:count], one.features[:count]).evidence for count in counts])
+    return np.array([each.evidence for each in trends(one)])
+
+
+def asked(one: Lived) -> tuple[int, int] | None:
+    """Return the recording, from 0, after which it is first asked what changed at once, and from which on."""
+    for number, each in enumerate(trends(one), 1):
+        if each.at_once is not None:
+            return number, int(each.at_once.recording_id)
+    return None
 
 
 def kept_as(number: int, state: Sequence[float] | Floats) -> Kept:

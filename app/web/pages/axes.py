@@ -109,7 +109,7 @@ def add_mark(
         check_name("gearbox", gearbox.strip())
     check_choice("kind", kind, KINDS)
     if kind != NOTE and when > now():
-        raise Unprocessable("A repair or an exchange is noted when it is done: its time must not lie in the future.")
+        raise Unprocessable("What was done is noted when it is done: its time must not lie in the future.")
     if successor.strip():
         check_name("name of the new gearbox", successor.strip())
         if kind != EXCHANGE:

@@ -4,6 +4,7 @@ from collections import Counter
 from collections.abc import Sequence
 from datetime import timedelta
 from typing import Annotated
+from zoneinfo import ZoneInfo
 
 from fastapi import APIRouter, Query, Request
 from fastapi.responses import Response
@@ -22,7 +23,7 @@ from casebase.errors import NotFoundError
 from casebase.gearbox_state import Reason, Standing, State, standing
 from casebase.gearboxes import History, histories
 from casebase.models import StoredDiagnosis, StoredInvestigation, StoredRecording, now
-from casebase.trend import trend_of
+from casebase.trend import Trend, trend_of
 
 router = APIRouter()
 SECTION = "/fleet"
@@ -107,6 +108,7 @@ def gearbox_page(
         "since": since_words(stands, zone) if stands else "",
         "steps": next_steps(stands) if stands else (),
         "changed": trend_words(trend, zone),
+        "at_once": question_of(shown, trend, zone),
         "evidence": evidence_words(trend) if trend else None,
         "charts": charts_of(trend, shown, sizes_of(session, shown)) if trend else (),
         "level": level_chart(trend, shown) if trend else None,
@@ -118,6 +120,14 @@ def gearbox_page(
         "day": lambda value: day(value, zone),
     }
     return render(request, "gearbox.html", context, principal=principal, section=SECTION)
+
+
+def question_of(history: History, trend: Trend | None, zone: str) -> tuple[str, str] | None:
+    """Return the day of a change at once, in words and as its form has the time; None where there is nothing to ask."""
+    at_once = None if trend is None or history.until is not None else trend.at_once
+    if at_once is None:
+        return None
+    return day(at_once.at, zone), f"{at_once.at.astimezone(ZoneInfo(zone)):%Y-%m-%dT%H:%M}"
 
 
 def certainties(session: Session, standings: Sequence[Standing | None]) -> list[str | None]:

@@ -80,6 +80,35 @@ def test_a_knock_in_every_stroke_or_in_every_cycle_is_none(every: int) -> None:
     assert [each for each in of(knocked(joint, times)).events if each.knock and each.span.start_s < 24.8] == []
 
 
+def struck_at_some_reversals(strokes: dict[int, float], height: float = 8.0, extra_s: float = 0.25) -> Unrepeated:
+    """Return what does not repeat where some reversals have a knock soon after them, so many times as high."""
+    joint = Joint(seed=12, duration_s=30.0)
+    samples = sound(joint).astype(np.float64)
+    for stroke, factor in strokes.items():
+        start = round((float(joint.reversals_s[stroke]) + extra_s) * RATE_HZ)
+        samples[start : start + round(0.3 * RATE_HZ)] += knock(height * factor)
+    return of(samples)
+
+
+def test_a_knock_at_some_reversals_is_the_machines() -> None:
+    """Play is crossed from wherever the gear came to rest in it: not in every cycle, and not as hard each time."""
+    found = struck_at_some_reversals({1: 1.0, 2: 0.9, 5: 1.3, 8: 1.1})
+    assert [each for each in found.events if each.knock and each.span.start_s < 29.8] == []
+
+
+def test_as_many_knocks_at_no_time_of_the_motion_are_not() -> None:
+    joint = Joint(seed=12, duration_s=30.0)
+    times = tuple(float(joint.reversals_s[stroke]) + 0.25 + 0.5 * place for place, stroke in enumerate((1, 2, 5, 8)))
+    events = [each for each in of(knocked(joint, times, 8.0)).events if each.knock and each.span.start_s < 29.8]
+    assert [each.span.start_s for each in events] == pytest.approx(list(times), abs=0.12)
+
+
+def test_a_blow_far_harder_than_the_others_at_its_time_is_not_theirs() -> None:
+    blow_s = float(Joint(seed=12, duration_s=30.0).reversals_s[5]) + 0.25
+    found = struck_at_some_reversals({1: 1.0, 2: 1.0, 5: 3.0, 8: 1.0})
+    assert any(each.span.start_s == pytest.approx(blow_s, abs=0.12) for each in found.events if each.knock)
+
+
 def test_of_two_cycles_the_louder_one_is_odd() -> None:
     """Two strokes in either direction are not enough to vote, so what is louder is not the machine."""
     joint = Joint(seed=5, duration_s=4 * STROKE_S, start_s=STROKE_S / 2)
