@@ -42,6 +42,8 @@ def of_truth(drive: Drive, result: Investigation, tally: Tally) -> list[str]:
         sizes = {e.name: e for e in f.parameters}
         gap = sizes["gap_rad"].value if "gap_rad" in sizes else 0.0
         good = f.mechanism in truth.wanted | truth.allowed
+        if truth.ripple_orders and f.mechanism == "torque_ripple":
+            good = truth.ripple_orders[0] <= sizes["order"].value <= truth.ripple_orders[1]
         good = good and not (truth.loosest_gap_rad and gap > truth.loosest_gap_rad)
         tally.right += good
         wrong += [] if good else [f"WRONG {f.mechanism}"]
