@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from sim.discrepancy.data.preprocessing import Bridge
+from sim.discrepancy.estimation.doubts import by_doubts
 from sim.discrepancy.estimation.estimate import Fit, Refits
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
@@ -74,25 +74,11 @@ def _held_out(problem: Problem, fit: Fit, terms: Sequence[Term]) -> tuple[Array,
         first, last = fold * m.samples // FOLDS, (fold + 1) * m.samples // FOLDS
         values = without(fit, refits, (rows >= first) & (rows < last))
         a, b = problem.raw_residuals(terms, values, weighted=False)
-        expected = by_doubts(problem, a, first, last) if terms else np.zeros(m.samples)
+        expected = by_doubts(m, problem.noise, a, first, last) if terms else np.zeros(m.samples)
         torque[first:last] = (a - expected)[first:last]
         inside = (np.arange(guide.size) * stride >= first) & (np.arange(guide.size) * stride < last)
         guide[inside] = b[inside]
     return torque, guide
-
-
-def by_doubts(problem: Problem, left: Array, first: int = 0, last: int = 0) -> Array:
-    """What of `left` all rows but those from `first` to before `last` expect along the ways in which the known torque
-    may be wrong, shape (n,) [N m]."""
-    m = problem.measurement
-    if not m.doubts.size:
-        return np.zeros(m.samples)
-    noise = replace(problem.noise, ways=np.zeros((0, 0)), less=np.zeros(0))
-    rows = (*m.known_wrong_ways.T, m.bridge.across(left) * m.counts)
-    table = np.stack([noise.whiten(np.ascontiguousarray(row), np.zeros(0)) for row in rows], axis=1)
-    table[first:last] = 0.0
-    ways, seen = table[:, :-1], table[:, -1]
-    return np.asarray(m.doubts @ np.linalg.solve(np.eye(ways.shape[1]) + ways.T @ ways, ways.T @ seen))
 
 
 def without(fit: Fit, refits: Refits, left_out: NDArray[np.bool_]) -> dict[str, float]:
