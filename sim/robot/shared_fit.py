@@ -2,7 +2,8 @@
 
 Torques are linear in all of it, so the posterior is a Gaussian; products of two (the gain of a drive, tilt or delay
 times what a payload weighs) are taken at what was found the round before. Friction of each joint is any curve over its
-speed here, and what its load adds to it: its form is asked for joint by joint, later. For that, each joint is given the
+speed here, with what its load adds to it, and may build up over a way after each reversal (Dahl 1968), which would be
+taken for a delay and for other masses: its form is asked for joint by joint, later. For that, each joint is given the
 rigid torque as the *other* joints correct it, and what is left uncertain of it as directions in which it may be wrong.
 """
 
@@ -15,10 +16,13 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.linalg import eigh
+from scipy.ndimage import binary_opening
 from scipy.special import log_ndtr
 
 from sim.discrepancy.estimation.whitening import SHORT, Noise, whitener
-from sim.robot.motion import Motion
+from sim.robot.motion import Motion, smoothed
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Robot
 
@@ -32,6 +36,8 @@ LOAD_LOSS = 0.1  # of what a joint carries, lost in its gears: a harmonic drive 
 ROUNDS = 4  # of noise taken anew
 BLOCK_S = 2.0  # rows apart by more are independent; for intervals that hold where noise is not white
 TURNS = (0.01, 0.03, 0.1)  # of the largest speed, over which friction may turn its sign
+WAYS = (2e-4, 1e-3, 5e-3)  # rad or m of a joint, over which friction may build up after a reversal
+FINE = 8  # rows of a law of friction per row: it turns within one, and is smoothed as the torque was
 RESTING = 0.005  # of the largest speed, below which friction is whatever holds
 AGAINST = 0.5  # of the prior: a payload of which data say no more than this stays among what may be wrong
 PRIOR = 0.1  # that something hangs at the flange that nobody described
@@ -143,6 +149,7 @@ def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tup
     ]
     kept = np.setdiff1d(every, np.concatenate(empty)) if empty else every
     solved = _solved(precision, right, parts, places, kept)
+    pulled = _pulled(solved[0], parts, places)
     return tuple(
         _shared(
             part,
@@ -150,7 +157,7 @@ def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tup
             found if found.probability < AGAINST * PRIOR else _payload(part.columns, *solved, place),
             solved,
             kept,
-            (precision, right),
+            (precision, right, pulled),
         )
         for part, place, found in zip(parts, places, payloads, strict=True)
     )
@@ -160,13 +167,26 @@ def _solved(
     precision: Array, right: Array, parts: Sequence[_Log], places: Sequence[NDArray[np.int64]], kept: NDArray[np.int64]
 ) -> tuple[Array, Array, Array]:
     """Mean, covariance, and covariance by blocks of rows, of all numbers, those that are not `kept` at 0."""
-    mean, covariance, middle = np.zeros(right.size), np.zeros_like(precision), np.eye(right.size)
+    mean, covariance = np.zeros(right.size), np.zeros_like(precision)
     inside = np.ix_(kept, kept)
     covariance[inside] = np.linalg.inv(precision[inside])
     mean[kept] = covariance[inside] @ right[kept]
+    return mean, covariance, covariance @ _pulled(mean, parts, places) @ covariance
+
+
+def _pulled(mean: Array, parts: Sequence[_Log], places: Sequence[NDArray[np.int64]]) -> Array:
+    """Sum of squares of what blocks of rows of all logs, and what is known beforehand, pull each number by."""
+    out = np.eye(mean.size)
     for part, place in zip(parts, places, strict=True):
-        middle[np.ix_(place, place)] += part.scores(mean[place])
-    return mean, covariance, covariance @ middle @ covariance
+        out[np.ix_(place, place)] += sum(part.scores(mean[place]))
+    return out
+
+
+def _wider(precision: Array, pulled: Array) -> Array:
+    """Covariance of a posterior, in every direction in which Huber's sandwich is wider that of the sandwich: what is
+    left of a joint that does not follow its model is no noise that its rows average out."""
+    share, ways = eigh(pulled, precision)
+    return np.asarray((ways * np.maximum(share, 1.0)) @ ways.T)
 
 
 @dataclass(frozen=True)
@@ -186,9 +206,8 @@ class _Log:
         rigid = np.asarray(np.einsum("njbp,bp->nj", regressor, body.parameters))
         columns = _columns(robot, body, motion, regressor)
         joints = range(rigid.shape[1])
-        frictions = [friction_curves(motion.speed[:, j], motion.acceleration[:, j], rigid[:, j]) for j in joints]
-        resting = np.abs(motion.speed) < RESTING * np.abs(motion.speed).max(axis=0)
-        used = ~resting & motion.counts[:, None]
+        frictions = [_friction(motion, j, rigid[:, j]) for j in joints]
+        used = ~np.apply_along_axis(_felt_at_rest, 0, motion.speed, motion.rate_hz) & motion.counts[:, None]
         mean: Array = np.zeros(columns.values.shape[-1])
         for _ in range(ROUNDS):
             columns = columns.around(body, mean)
@@ -205,14 +224,16 @@ class _Log:
     def own(self) -> int:
         return int(self.columns.values.shape[-1]) - self.common
 
-    def scores(self, mean: Array) -> Array:
-        """Sum of squares of what blocks of rows pull each number by (Huber's sandwich holds for noise of any kind)."""
+    def scores(self, mean: Array) -> list[Array]:
+        """Sum of squares of what blocks of rows of each joint pull each number by (Huber's sandwich holds for noise of
+        any kind)."""
         block = max(1, int(BLOCK_S * self.motion.rate_hz))
-        out = np.zeros((mean.size, mean.size))
+        out = []
         for columns, torque in self.rows:
             left = torque - columns @ mean
             pulls = [columns[k : k + block].T @ left[k : k + block] for k in range(0, left.size, block)]
-            out += sum(np.outer(pull, pull) for pull in pulls)
+            stacked = np.stack(pulls)
+            out.append(stacked.T @ stacked)
         return out
 
 
@@ -222,21 +243,23 @@ def _shared(
     payload: PayloadEstimate,
     solved: tuple[Array, Array, Array],
     kept: NDArray[np.int64],
-    normal: tuple[Array, Array],
+    normal: tuple[Array, Array, Array],
 ) -> SharedFit:
     """What all logs and the other joints say of each joint of `log`."""
     columns, motion, rigid = log.columns, log.motion, log.rigid
     used = np.flatnonzero(np.isin(place, kept))
     inside = np.searchsorted(kept, place[used])
-    known, errors = rigid.copy(), []
+    known, errors, scores = rigid.copy(), [], log.scores(solved[0][place])
     for joint in range(rigid.shape[1]):
         precision, right = normal[0].copy(), normal[1].copy()
         precision[np.ix_(place, place)] -= log.grams[joint]
         right[place] -= log.moments[joint]
-        without = np.linalg.inv(precision[np.ix_(kept, kept)])
+        pulled = normal[2].copy()
+        pulled[np.ix_(place, place)] -= scores[joint]
+        told = np.ix_(kept, kept)
         own = columns.values[:, joint, used]
-        known[:, joint] += own @ (without @ right[kept])[inside]
-        factor = np.linalg.cholesky(without[np.ix_(inside, inside)])
+        known[:, joint] += own @ np.linalg.solve(precision[told], right[kept])[inside]
+        factor = np.linalg.cholesky(_wider(precision[told], pulled[told])[np.ix_(inside, inside)])
         speed = motion.speed[:, joint]
         losses = LOAD_LOSS * np.tanh(speed / max(TURNS[1] * float(np.abs(speed).max()), 1e-12))
         load = np.abs(rigid[:, joint])
@@ -292,13 +315,65 @@ def _level(robot: Robot) -> list[Array]:
     return [size * axis for axis in across]
 
 
-def friction_curves(speed: Array, acceleration: Array, load: Array) -> Array:
+def friction_curves(position: Array, speed: Array, acceleration: Array, load: Array) -> Array:
     """Return friction as any curve over the speed, with what the load adds to it, and the rotor; shape (rows, p)."""
-    top = max(float(np.abs(speed).max()), 1e-12)
-    u = speed / top
+    return np.column_stack([_laws(position, speed, load), _even(speed, acceleration)])
+
+
+def _friction(motion: Motion, joint: int, load: Array) -> Array:
+    """The same of a joint, smoothed as its torque was."""
+    position, speed, acceleration = (each[:, joint] for each in (motion.position, motion.speed, motion.acceleration))
+    if math.isinf(motion.cut_hz):
+        return friction_curves(position, speed, acceleration, load)
+    clock = motion.time_s
+    fine = np.linspace(clock[0], clock[-1], (clock.size - 1) * FINE + 1)
+    way = CubicSpline(clock, position)
+    laws = _laws(way(fine), way(fine, 1), np.interp(fine, clock, load))
+    rate = motion.rate_hz * FINE
+    smooth = [smoothed(law, motion.cut_hz, rate, 0)[::FINE] for law in laws.T]
+    return np.column_stack([*smooth, _even(speed, acceleration)])
+
+
+def _felt_at_rest(speed: Array, rate_hz: float) -> NDArray[np.bool_]:
+    """Rows in which friction is whatever holds, and those after a long rest in which noise remembers that."""
+    resting = np.abs(speed) < RESTING * float(np.abs(speed).max())
+    long = np.ones(1 + int(SHORT.filter_s * rate_hz))
+    rested = binary_opening(resting, long)
+    return np.asarray(resting | (np.convolve(rested, long)[: speed.size] > 0.5))
+
+
+def _laws(position: Array, speed: Array, load: Array) -> Array:
+    """What turns its sign within a few rows, shape (rows, p)."""
+    u = speed / max(float(np.abs(speed).max()), 1e-12)
     turns = [np.tanh(u / width) for width in TURNS]
-    columns = [*turns, u, u * np.abs(u), np.abs(u), np.ones_like(u), turns[1] * np.abs(load), acceleration]
-    return np.stack(columns, axis=1)
+    return np.column_stack(
+        [*turns, *(built_up(position, way) for way in WAYS), u * np.abs(u), np.abs(u), turns[1] * np.abs(load)]
+    )
+
+
+def _even(speed: Array, acceleration: Array) -> Array:
+    """What does not, shape (rows, p)."""
+    return np.column_stack([speed / max(float(np.abs(speed).max()), 1e-12), np.ones_like(speed), acceleration])
+
+
+def built_up(position: Array, way: float) -> Array:
+    """Dry friction over its full value, between -1 and 1: after each reversal it builds up over a way, in the unit of
+    `position`, as contacts give way before they slide (Dahl 1968); shape (rows,).
+
+    >>> built_up(np.array([0.0, 1.0, 2.0, 1.9, 0.0]), 0.1).round(2)
+    array([ 0.  ,  1.  ,  1.  , -0.26, -1.  ])
+    """
+    step = np.diff(position, prepend=position[0])
+    sides = np.sign(step)
+    gone = np.cumsum(np.abs(step)) / way
+    out = np.empty_like(position)
+    ends = np.flatnonzero(np.diff(sides)) + 1
+    held, since = 0.0, 0.0
+    for first, last in pairwise([0, *ends.tolist(), position.size]):
+        side = float(sides[first])
+        out[first:last] = side + (held - side) * np.exp(since - gone[first:last]) if side else held
+        held, since = float(out[last - 1]), float(gone[last - 1])
+    return out
 
 
 def _whitened(
