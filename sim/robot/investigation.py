@@ -12,19 +12,21 @@ from importlib.metadata import version
 import numpy as np
 
 from casebase.signals.telemetry import Telemetry
+from sim.description.axis import MechanismEntry
+from sim.discrepancy.assessment.calibration import WEIGHTS
 from sim.discrepancy.assessment.intervals import NINETY
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.discrepancy.investigation import investigate, telemetry_sha256
 from sim.discrepancy.report.wording import telling_what_is_left
 from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, rounded
-from sim.mechanisms import LostSamples
+from sim.mechanisms import LostSamples, TimeDelay
 from sim.robot.motion import Motion
 from sim.robot.one_body import as_described, at_the_motor, is_one_body
 from sim.robot.plausibility import check_joints, check_robot
 from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Joint, Robot, position_key, slides
-from sim.robot.shared_fit import TILT_RAD, PayloadEstimate, SharedFit, shared_fits
+from sim.robot.shared_fit import TILT_RAD, Late, PayloadEstimate, SharedFit, shared_fits
 from sim.robot.trend import changed
 
 Progress = Callable[[str, float], None]
@@ -70,17 +72,18 @@ def investigate_robot(
     for motion in motions:
         check_robot(robot, body, motion)
     progress("what the joints share", 0.08)
-    fits = shared_fits(robot, body, motions)
+    fits, late = _in_time(robot, body, motions, [0.5 / log.joints[0].sample_rate_hz for log in logs])
     shared, count = fits[-1], len(robot.joints)
     of_logs: list[list[JointInvestigation]] = []
     remarks: list[str] = []
-    for place, (log, fit) in enumerate(zip(logs, fits, strict=True)):
+    for place, (log, fit, delays) in enumerate(zip(logs, fits, late, strict=True)):
         joints = []
         for k, (joint, telemetry) in enumerate(zip(robot.joints, log.joints, strict=True)):
             whose = f" in {log.name}" if len(logs) > 1 else ""
             name = f"joint {k + 1} of {count}, {joint.name}{whose}"
             watch = partial(_within, progress, name, place * count + k, len(logs) * count)
-            one = _of_joint(joint, telemetry, fit, k, watch)
+            one = _of_joint(joint, _earlier(telemetry, delays.get(k)), fit, k, watch)
+            one = _late(one, delays[k]) if k in delays else one
             joints.append(JointInvestigation(joint.name, in_metres(one) if slides(robot, k) else one))
         joints, remarks = _of_log(joints)
         of_logs.append(joints)
@@ -100,6 +103,62 @@ def investigate_robot(
         ),
         tuple(change.document() for change in changes),
     )  # fmt: skip
+
+
+def _in_time(
+    robot: Robot, body: RigidBody, motions: Sequence[Motion], half_s: Sequence[float]
+) -> tuple[tuple[SharedFit, ...], list[dict[int, Late]]]:
+    """What the joints share once torques that are late by themselves are back in time, and those of each log.
+
+    The likeliest first: what it leaves in the others looks like delays, too. `half_s`: half a row of each log; channels
+    are read one after the other.
+    """
+    late: list[dict[int, Late]] = [{} for _ in motions]
+    fits = shared_fits(robot, body, motions)
+    for _ in robot.joints:
+        found = [
+            (one.probability, k, j)
+            for k, fit in enumerate(fits)
+            for j, one in enumerate(fit.late)
+            if one.probability >= SAID and one.is_delay and abs(one.delay_s) > half_s[k]
+        ]
+        if not found:
+            break
+        _, k, j = max(found)
+        before = late[k].get(j)
+        more = fits[k].late[j]
+        total = more if before is None else replace(before, delay_s=before.delay_s + more.delay_s)
+        late[k][j] = total
+        motions = [m.with_earlier_torque(j, more.delay_s) if k == place else m for place, m in enumerate(motions)]
+        fits = shared_fits(robot, body, motions)
+    for fit, delays in zip(fits, late, strict=True):
+        for j, one in delays.items():
+            left = fit.late[j]
+            delays[j] = replace(one, delay_s=one.delay_s + left.delay_s, deviation_s=left.deviation_s)
+    return fits, late
+
+
+def _earlier(telemetry: Telemetry, late: Late | None) -> Telemetry:
+    """With the torque where it belongs."""
+    if late is None:
+        return telemetry
+    torque = np.interp(telemetry.time_s + late.delay_s, telemetry.time_s, telemetry["motor_torque_nm"])
+    return replace(telemetry, channels={**telemetry.channels, "motor_torque_nm": torque})
+
+
+def _late(one: Investigation, late: Late) -> Investigation:
+    """With the delay of its torque as a finding."""
+    half = NINETY * late.deviation_s
+    numbers = (Estimate("delay_s", late.delay_s, "s", late.delay_s - half, late.delay_s + half),)
+    finding = Finding(
+        TimeDelay.name, "motor", min(late.probability, WEIGHTS.cap), numbers, (),
+        f"The torque of this joint is {abs(late.delay_s):.2g} s {'later' if late.delay_s > 0.0 else 'earlier'} in the log "
+        "than its motion and the torques of the other joints.",
+        action=TimeDelay.action,
+    )  # fmt: skip
+    entry = MechanismEntry(TimeDelay.name, "motor", {"delay_s": late.delay_s})
+    extended = replace(one.extended, mechanisms=(*one.extended.mechanisms, entry))
+    return replace(one, verdict="named", findings=(*one.findings, finding), extended=extended)
 
 
 def _within(progress: Progress, name: str, place: int, joints: int, stage: str, share: float) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -77,6 +77,12 @@ class Motion:
         if not moves.any():
             raise InvestigationError("motor_position_rad: no joint moves; a log of the robot in motion is needed")
         return Motion(grid[::stride], rate / stride, position, speed, acceleration, torque, counts, moves, cut)
+
+    def with_earlier_torque(self, joint: int, by_s: float) -> Motion:
+        """The same with the torque of one joint so much earlier."""
+        torque = self.torque.copy()
+        torque[:, joint] = np.interp(self.time_s + by_s, self.time_s, torque[:, joint])
+        return replace(self, torque=torque)
 
     def on(self, values: Array, time_s: Array) -> Array:
         """`values` along the rows, at other times, by cubic splines; shape (len(time_s), ...)."""

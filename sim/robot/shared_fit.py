@@ -21,7 +21,9 @@ from scipy.linalg import eigh
 from scipy.ndimage import binary_opening
 from scipy.special import log_ndtr
 
+from sim.discrepancy.assessment.intervals import NINETY
 from sim.discrepancy.estimation.whitening import SHORT, Noise, whitener
+from sim.discrepancy.hypotheses.sensors import LATEST_S
 from sim.robot.motion import Motion, smoothed
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Robot
@@ -32,6 +34,7 @@ LINK_ERROR = 0.05  # of a link's mass and of the mean link's: two editions of a 
 GAIN_ERROR = 0.05  # of the N m per ampere of a drive: what data sheets of motors allow, gears included
 TILT_RAD = 0.02  # of the base: what feet are levelled to without an instrument
 LATE_S = 0.005  # torque against position: half a period of a log of 100 Hz
+OWN_LATE = 0.025  # that one joint's torque alone is late: one name in forty
 LOAD_LOSS = 0.1  # of what a joint carries, lost in its gears: a harmonic drive or a cycloid passes on 70 to 95 %
 ROUNDS = 4  # of noise taken anew
 BLOCK_S = 2.0  # rows apart by more are independent; for intervals that hold where noise is not white
@@ -62,11 +65,26 @@ class PayloadEstimate:
 
 
 @dataclass(frozen=True)
+class Late:
+    """By how much the torque of one joint alone is later than those of the others [s], and how likely it is late."""
+
+    delay_s: float
+    deviation_s: float
+    probability: float
+
+    @property
+    def is_delay(self) -> bool:
+        """Whether its interval of 90 % reaches down to what may be one: what wants to be later is none."""
+        return abs(self.delay_s) - NINETY * self.deviation_s < LATEST_S
+
+
+@dataclass(frozen=True)
 class SharedFit:
     """What all joints say together, of one log.
 
     `known`: torque that the rigid body asks for of each joint, corrected by the others, shape (rows, joints) [N m];
     `rigid`: the same as described; `errors`: of each joint, directions in which `known` may be wrong, shape (rows, p).
+    `late_s`: delay of all torques against the positions [s]; `late`: of each joint beyond that.
     """
 
     motion: Motion
@@ -77,6 +95,7 @@ class SharedFit:
     tilt_rad: Array
     tilt_deviation_rad: Array
     late_s: float
+    late: tuple[Late, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -268,8 +287,43 @@ def _shared(
     deviation = np.sqrt(np.diag(robust))[place][columns.tilt] * TILT_RAD
     return SharedFit(
         motion, rigid, known, tuple(errors), payload, mean[place][columns.tilt] * TILT_RAD, deviation,
-        float(mean[place][columns.late][0]) * LATE_S,
+        float(mean[place][columns.late][0]) * LATE_S, _late(log, place, kept, (normal[0], normal[1])),
     )  # fmt: skip
+
+
+def _late(
+    log: _Log, place: NDArray[np.int64], kept: NDArray[np.int64], normal: tuple[Array, Array]
+) -> tuple[Late, ...]:
+    """Of each joint whether its torque is late by itself, beside all that joints share.
+
+    By what the rigid body asks for alone: friction that is late looks as if it built up over a longer way.
+    """
+    precision, right = normal[0][np.ix_(kept, kept)], normal[1][kept]
+    used = np.flatnonzero(np.isin(place, kept))
+    inside = np.searchsorted(kept, place[used])
+    alone = np.linalg.solve(precision, right)
+    block = max(1, int(BLOCK_S * log.motion.rate_hz))
+    least = (LATE_S / LATEST_S) ** 2
+    out = []
+    for joint, (columns, torque) in enumerate(log.rows):
+        own = columns[:, log.columns.late.start]
+        met = np.zeros(kept.size)
+        met[inside] = columns[:, used].T @ own
+        goes_along = np.linalg.solve(precision, met)
+        known = float(own @ own) + least - float(met @ goes_along)
+        late = (float(own @ torque) - float(met @ alone)) / known
+        mean = alone - goes_along * late
+        pulls = least + float(goes_along @ goes_along)
+        for other, (its, felt) in enumerate(log.rows):
+            mine = own if other == joint else np.zeros(felt.size)
+            left = felt - its[:, used] @ mean[inside] - mine * late
+            pulled = (mine - its[:, used] @ goes_along[inside]) * left
+            pulls += sum(float(pulled[k : k + block].sum()) ** 2 for k in range(0, left.size, block))
+        deviation = max(1.0 / math.sqrt(known), math.sqrt(pulls) / known) * LATE_S
+        log_odds = math.log(OWN_LATE / (1.0 - OWN_LATE)) + math.log(deviation / LATEST_S)
+        log_odds += 0.5 * (late * LATE_S / deviation) ** 2
+        out.append(Late(late * LATE_S, deviation, 1.0 / (1.0 + math.exp(-min(log_odds, 50.0)))))
+    return tuple(out)
 
 
 def _columns(robot: Robot, body: RigidBody, motion: Motion, regressor: Array) -> _Columns:
