@@ -17,6 +17,7 @@ from sim.discrepancy.assessment.calibration import WEIGHTS
 from sim.discrepancy.assessment.intervals import NINETY
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.discrepancy.investigation import investigate, telemetry_sha256
+from sim.discrepancy.next_measurement.advice import of_a_joint
 from sim.discrepancy.report.wording import telling_what_is_left
 from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, rounded
 from sim.mechanisms import LostSamples, TimeDelay
@@ -27,12 +28,12 @@ from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Joint, Robot, position_key, slides
 from sim.robot.shared_fit import TILT_RAD, Late, PayloadEstimate, SharedFit, shared_fits
+from sim.robot.sliding import sliding_words
 from sim.robot.trend import changed
 
 Progress = Callable[[str, float], None]
 TILTED = 3.0  # standard deviations from which the base is said to stand askew
 HELD = "The joint was held still: nothing is told of its friction and its drive."
-SLIDING = (("N m s/rad", "N s/m"), ("N m", "N"), ("rad/s", "m/s"), ("kg m2", "kg"), ("torque", "force"))
 OF_THE_LOG = (LostSamples.name,)  # what one logger does to all joints alike is the log's
 
 
@@ -192,6 +193,8 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int,
         one = investigate(axis, replace(telemetry, channels=channels), progress=progress, known_doubts=doubts)
     except InvestigationError as error:
         raise InvestigationError(f"{joint.name}: {error}") from None
+    if advice := of_a_joint(one.next_measurements, "motor" if told.stages else "joint"):
+        one = replace(one, next_measurement=advice)
     if as_one_body:
         return replace(one, extended=as_described(told, one.extended))
     return one if joint.described else replace(one, findings=tuple(map(_of_the_joint, one.findings)))
@@ -204,22 +207,14 @@ def in_metres(one: Investigation) -> Investigation:
         for f in one.findings
     )
     gain = tuple(replace(g, unit=sliding_words(g.unit)) for g in one.gain)
-    return replace(one, findings=findings, parameters=tuple(map(_in_metres, one.parameters)), gain=gain)
+    return replace(
+        one, findings=findings, parameters=tuple(map(_in_metres, one.parameters)), gain=gain,
+        next_measurement=sliding_words(one.next_measurement),
+    )  # fmt: skip
 
 
 def _in_metres(estimate: Estimate) -> Estimate:
     return replace(estimate, unit=sliding_words(estimate.unit))
-
-
-def sliding_words(text: str) -> str:
-    """Units of a joint that slides, and force for torque.
-
-    >>> sliding_words("Viscous friction of 1.5 N m s/rad above 0.1 rad/s: torque of 2 N m")
-    'Viscous friction of 1.5 N s/m above 0.1 m/s: force of 2 N'
-    """
-    for turning, along in SLIDING:
-        text = text.replace(turning, along)
-    return text
 
 
 def _of_the_joint(finding: Finding) -> Finding:

@@ -31,7 +31,7 @@ def term_estimates(fit: Fit, term: Term, m: Measurement) -> tuple[Estimate, ...]
     limits = {p.name: (p.low, p.high) for p in term.parameters}
     out = []
     for name, value in term.report(fit.values).items():
-        half = NINETY * inflation(fit) * spread[name]
+        half = NINETY * inflation(fit, m) * spread[name]
         if name not in NO_SIZE:
             half = max(half, term.traits.size_open * abs(value))
         if name == "frequency_hz":
@@ -44,14 +44,18 @@ def term_estimates(fit: Fit, term: Term, m: Measurement) -> tuple[Estimate, ...]
     return tuple(out)
 
 
-def inflation(fit: Fit) -> float:
-    """Widen intervals by what the residual has beyond white noise (form of the model, slow noise)."""
-    return INFLATION * math.sqrt(max(1.0, fit.misfit / fit.residual.size))
+def inflation(fit: Fit, m: Measurement) -> float:
+    """Widen intervals by what the residual has beyond white noise (form of the model, slow noise).
+
+    By no more where the known torque is doubted, as of a robot's joint: its doubts are among what is fitted, and noise
+    of any colour among the deviations.
+    """
+    return (1.0 if m.doubts.size else INFLATION) * math.sqrt(max(1.0, fit.misfit / fit.residual.size))
 
 
 def estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
     deviations = fit.deviations()
-    scale = inflation(fit)
+    scale = inflation(fit, problem.measurement)
     out = []
     for p in fit.parameters:
         if p.owner is not Owner.DESCRIPTION:
