@@ -225,11 +225,12 @@ class _Log:
         rigid = np.asarray(np.einsum("njbp,bp->nj", regressor, body.parameters))
         columns = _columns(robot, body, motion, regressor)
         joints = range(rigid.shape[1])
-        frictions = [_friction(motion, j, rigid[:, j]) for j in joints]
         used = ~np.apply_along_axis(_felt_at_rest, 0, motion.speed, motion.rate_hz) & motion.counts[:, None]
         mean: Array = np.zeros(columns.values.shape[-1])
         for _ in range(ROUNDS):
+            carried = rigid + columns.values @ mean
             columns = columns.around(body, mean)
+            frictions = [_friction(motion, j, carried[:, j]) for j in joints]
             rows = _whitened(columns.values, motion.torque - rigid, frictions, used, motion.rate_hz, mean)
             grams, moments = [c.T @ c for c, _ in rows], [c.T @ y for c, y in rows]
             mean = np.asarray(np.linalg.solve(np.eye(mean.size) + sum(grams), sum(moments)), dtype=np.float64)
@@ -296,7 +297,8 @@ def _late(
 ) -> tuple[Late, ...]:
     """Of each joint whether its torque is late by itself, beside all that joints share.
 
-    By what the rigid body asks for alone: friction that is late looks as if it built up over a longer way.
+    By what the rigid body asks for alone: friction that is late looks as if it built up over a longer way. As little
+    torque as no drive measures may go along with it.
     """
     precision, right = normal[0][np.ix_(kept, kept)], normal[1][kept]
     used = np.flatnonzero(np.isin(place, kept))
@@ -319,7 +321,10 @@ def _late(
             left = felt - its[:, used] @ mean[inside] - mine * late
             pulled = (mine - its[:, used] @ goes_along[inside]) * left
             pulls += sum(float(pulled[k : k + block].sum()) ** 2 for k in range(0, left.size, block))
+        form = LEAST_NOISE * float(np.std(log.motion.torque[:, joint]))
+        rises = float(np.std(log.columns.values[:, joint, log.columns.late.start])) / LATE_S
         deviation = max(1.0 / math.sqrt(known), math.sqrt(pulls) / known) * LATE_S
+        deviation = math.hypot(deviation, form / max(rises, 1e-300))
         log_odds = math.log(OWN_LATE / (1.0 - OWN_LATE)) + math.log(deviation / LATEST_S)
         log_odds += 0.5 * (late * LATE_S / deviation) ** 2
         out.append(Late(late * LATE_S, deviation, 1.0 / (1.0 + math.exp(-min(log_odds, 50.0)))))
