@@ -24,6 +24,7 @@ from scipy.special import log_ndtr
 from sim.discrepancy.assessment.intervals import NINETY
 from sim.discrepancy.estimation.whitening import SHORT, Noise, whitener
 from sim.discrepancy.hypotheses.sensors import LATEST_S
+from sim.discrepancy.results import SAID
 from sim.robot.motion import Motion, smoothed
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Robot
@@ -34,7 +35,7 @@ LINK_ERROR = 0.05  # of a link's mass and of the mean link's: two editions of a 
 GAIN_ERROR = 0.05  # of the N m per ampere of a drive: what data sheets of motors allow, gears included
 TILT_RAD = 0.02  # of the base: what feet are levelled to without an instrument
 LATE_S = 0.005  # torque against position: half a period of a log of 100 Hz
-OWN_LATE = 0.025  # that one joint's torque alone is late: one name in forty
+OWN = 0.025  # that one joint alone is late, or has a weight of its own: one name in forty
 LOAD_LOSS = 0.1  # of what a joint carries, lost in its gears: a harmonic drive or a cycloid passes on 70 to 95 %
 ROUNDS = 4  # of noise taken anew
 BLOCK_S = 2.0  # rows apart by more are independent; for intervals that hold where noise is not white
@@ -149,8 +150,25 @@ def shared_columns(robot: Robot, body: RigidBody, motion: Motion) -> Shared:
 
 
 def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tuple[SharedFit, ...]:
-    """Fit what the joints share over all logs: links, drives and base are the same in them, payloads may not be."""
-    parts = [_Log.of(robot, body, motion) for motion in motions]
+    """Fit what the joints share over all logs: links, drives and base are the same in them, payloads may not be.
+
+    A weight at one joint alone (a counterweight that is missing, a hose) would be taken for masses, and what the others
+    are told would be wrong. Where there is one, what that joint's torque does over its own angle tells the others nothing.
+    """
+    free: frozenset[int] = frozenset()
+    while True:
+        fits, weights = _fitted(robot, body, motions, free)
+        likeliest = max(weights, key=lambda joint: weights[joint], default=-1)
+        if likeliest < 0 or weights[likeliest] < SAID:
+            return fits
+        free |= {likeliest}
+
+
+def _fitted(
+    robot: Robot, body: RigidBody, motions: Sequence[Motion], free: frozenset[int]
+) -> tuple[tuple[SharedFit, ...], dict[int, float]]:
+    """The fits, and how likely each joint that is not `free` has a weight of its own."""
+    parts = [_Log.of(robot, body, motion, free) for motion in motions]
     common = parts[0].common
     size = common + sum(part.own for part in parts)
     places = [np.r_[0:common, common + k * part.own : common + (k + 1) * part.own] for k, part in enumerate(parts)]
@@ -159,8 +177,8 @@ def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tup
         precision[np.ix_(place, place)] += sum(part.grams)
         right[place] += sum(part.moments)
     every = np.arange(size)
-    free = _solved(precision, right, parts, places, every)
-    payloads = [_payload(p.columns, *free, place) for p, place in zip(parts, places, strict=True)]
+    loaded = _solved(precision, right, parts, places, every)
+    payloads = [_payload(p.columns, *loaded, place) for p, place in zip(parts, places, strict=True)]
     empty = [
         place[p.columns.payload]
         for p, place, found in zip(parts, places, payloads, strict=True)
@@ -169,7 +187,17 @@ def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tup
     kept = np.setdiff1d(every, np.concatenate(empty)) if empty else every
     solved = _solved(precision, right, parts, places, kept)
     pulled = _pulled(solved[0], parts, places)
-    return tuple(
+    turning = [j for j, joint in enumerate(robot.joints) if not (j in free or joint.name in robot.urdf.prismatic)]
+    weights = {
+        j: max(
+            _weight(part, place, kept, (precision, right), j)
+            for part, place in zip(parts, places, strict=True)
+            if part.motion.moves[j]
+        )
+        for j in turning
+        if any(part.motion.moves[j] for part in parts)
+    }
+    fits = tuple(
         _shared(
             part,
             place,
@@ -180,6 +208,7 @@ def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tup
         )
         for part, place, found in zip(parts, places, payloads, strict=True)
     )
+    return fits, weights
 
 
 def _solved(
@@ -218,23 +247,26 @@ class _Log:
     grams: list[Array]
     moments: list[Array]
     rows: list[tuple[Array, Array]]
+    weights: list[Array]  # of a weight at each joint alone, whitened as its rows, shape (rows, 2)
 
     @staticmethod
-    def of(robot: Robot, body: RigidBody, motion: Motion) -> _Log:
+    def of(robot: Robot, body: RigidBody, motion: Motion, free: frozenset[int] = frozenset()) -> _Log:
         regressor = body.regressor(motion.position, motion.speed, motion.acceleration)
         rigid = np.asarray(np.einsum("njbp,bp->nj", regressor, body.parameters))
         columns = _columns(robot, body, motion, regressor)
         joints = range(rigid.shape[1])
         used = ~np.apply_along_axis(_felt_at_rest, 0, motion.speed, motion.rate_hz) & motion.counts[:, None]
         mean: Array = np.zeros(columns.values.shape[-1])
+        weights = [np.stack([np.sin(q), np.cos(q)], axis=1) for q in motion.position.T]
         for _ in range(ROUNDS):
             carried = rigid + columns.values @ mean
             columns = columns.around(body, mean)
-            frictions = [_friction(motion, j, carried[:, j]) for j in joints]
-            rows = _whitened(columns.values, motion.torque - rigid, frictions, used, motion.rate_hz, mean)
+            own = [_friction(motion, j, carried[:, j]) for j in joints]
+            own = [np.hstack([own[j], weights[j]]) if j in free else own[j] for j in joints]
+            rows, white = _whitened(columns.values, motion.torque - rigid, own, weights, used, motion.rate_hz, mean)
             grams, moments = [c.T @ c for c, _ in rows], [c.T @ y for c, y in rows]
             mean = np.asarray(np.linalg.solve(np.eye(mean.size) + sum(grams), sum(moments)), dtype=np.float64)
-        return _Log(motion, rigid, columns, grams, moments, rows)
+        return _Log(motion, rigid, columns, grams, moments, rows, white)
 
     @property
     def common(self) -> int:
@@ -300,35 +332,69 @@ def _late(
     By what the rigid body asks for alone: friction that is late looks as if it built up over a longer way. As little
     torque as no drive measures may go along with it.
     """
+    out = []
+    late = log.columns.late.start
+    for joint, (columns, _) in enumerate(log.rows):
+        size, covariance = _beside(log, place, kept, normal, joint, columns[:, [late]], LATE_S / LATEST_S)
+        form = LEAST_NOISE * float(np.std(log.motion.torque[:, joint]))
+        rises = float(np.std(log.columns.values[:, joint, late])) / LATE_S
+        deviation = math.hypot(math.sqrt(float(covariance[0, 0])) * LATE_S, form / max(rises, 1e-300))
+        delay = float(size[0]) * LATE_S
+        there = _there(np.array([delay]), np.array([[deviation**2]]), LATEST_S)
+        out.append(Late(delay, deviation, there))
+    return tuple(out)
+
+
+def _weight(
+    log: _Log, place: NDArray[np.int64], kept: NDArray[np.int64], normal: tuple[Array, Array], joint: int
+) -> float:
+    """How likely a joint has a weight of its own, which follows its own angle and is felt by no other."""
+    large = max(float(np.std(log.motion.torque[:, joint])), 1e-300)
+    return _there(*_beside(log, place, kept, normal, joint, log.weights[joint], 1.0 / large), large)
+
+
+def _there(size: Array, covariance: Array, large: float) -> float:
+    """How likely something of one joint alone is not 0, by the ratio of the densities there (Dickey 1971); `large`: the
+    deviation of what it may be."""
+    log_odds = math.log(OWN / (1.0 - OWN)) + 0.5 * float(np.linalg.slogdet(covariance)[1]) - size.size * math.log(large)
+    log_odds += 0.5 * float(size @ np.linalg.solve(covariance, size))
+    return 1.0 / (1.0 + math.exp(-min(max(log_odds, -50.0), 50.0)))
+
+
+def _beside(
+    log: _Log,
+    place: NDArray[np.int64],
+    kept: NDArray[np.int64],
+    normal: tuple[Array, Array],
+    joint: int,
+    own: Array,
+    known: float,
+) -> tuple[Array, Array]:
+    """Sizes of columns that one joint alone has, shape (rows, p), beside all that joints share, and their covariance.
+
+    `known`: one over the deviation of what they may be.
+    """
     precision, right = normal[0][np.ix_(kept, kept)], normal[1][kept]
     used = np.flatnonzero(np.isin(place, kept))
     inside = np.searchsorted(kept, place[used])
     alone = np.linalg.solve(precision, right)
+    columns, torque = log.rows[joint]
+    met = np.zeros((kept.size, own.shape[1]))
+    met[inside] = columns[:, used].T @ own
+    along = np.linalg.solve(precision, met)
+    prior = known**2 * np.eye(own.shape[1])
+    information = own.T @ own + prior - met.T @ along
+    size = np.linalg.solve(information, own.T @ torque - met.T @ alone)
+    mean = alone - along @ size
+    pulled = prior + along.T @ along
     block = max(1, int(BLOCK_S * log.motion.rate_hz))
-    least = (LATE_S / LATEST_S) ** 2
-    out = []
-    for joint, (columns, torque) in enumerate(log.rows):
-        own = columns[:, log.columns.late.start]
-        met = np.zeros(kept.size)
-        met[inside] = columns[:, used].T @ own
-        goes_along = np.linalg.solve(precision, met)
-        known = float(own @ own) + least - float(met @ goes_along)
-        late = (float(own @ torque) - float(met @ alone)) / known
-        mean = alone - goes_along * late
-        pulls = least + float(goes_along @ goes_along)
-        for other, (its, felt) in enumerate(log.rows):
-            mine = own if other == joint else np.zeros(felt.size)
-            left = felt - its[:, used] @ mean[inside] - mine * late
-            pulled = (mine - its[:, used] @ goes_along[inside]) * left
-            pulls += sum(float(pulled[k : k + block].sum()) ** 2 for k in range(0, left.size, block))
-        form = LEAST_NOISE * float(np.std(log.motion.torque[:, joint]))
-        rises = float(np.std(log.columns.values[:, joint, log.columns.late.start])) / LATE_S
-        deviation = max(1.0 / math.sqrt(known), math.sqrt(pulls) / known) * LATE_S
-        deviation = math.hypot(deviation, form / max(rises, 1e-300))
-        log_odds = math.log(OWN_LATE / (1.0 - OWN_LATE)) + math.log(deviation / LATEST_S)
-        log_odds += 0.5 * (late * LATE_S / deviation) ** 2
-        out.append(Late(late * LATE_S, deviation, 1.0 / (1.0 + math.exp(-min(log_odds, 50.0)))))
-    return tuple(out)
+    for other, (its, felt) in enumerate(log.rows):
+        mine = own if other == joint else np.zeros((felt.size, own.shape[1]))
+        left = felt - its[:, used] @ mean[inside] - mine @ size
+        pulls = (mine - its[:, used] @ along[inside]) * left[:, None]
+        sums = np.add.reduceat(pulls, np.arange(0, felt.size, block))
+        pulled += sums.T @ sums
+    return size, _wider(information, pulled)
 
 
 def _columns(robot: Robot, body: RigidBody, motion: Motion, regressor: Array) -> _Columns:
@@ -439,12 +505,14 @@ def _whitened(
     columns: Array,
     torque: Array,
     frictions: Sequence[Array],
+    weights: Sequence[Array],
     counting: NDArray[np.bool_],
     rate_hz: float,
     mean: Array,
-) -> list[tuple[Array, Array]]:
-    """Rows of each joint once its friction is projected out, white by the noise that `mean` leaves."""
-    rows = []
+) -> tuple[list[tuple[Array, Array]], list[Array]]:
+    """Rows of each joint once its friction is projected out, white by the noise that `mean` leaves, and `weights`."""
+    rows, white = [], []
+    count = columns.shape[-1]
     for j in range(torque.shape[1]):
         beyond = torque[:, j] - columns[:, j] @ mean
         used = counting[:, j]
@@ -452,8 +520,11 @@ def _whitened(
         left = (beyond - frictions[j] @ shape) * used
         least = LEAST_NOISE * float(np.std(torque[:, j]))
         taps, level = whitener(left, used.astype(float), rate_hz, SHORT, teeth=False, least=least)
-        rows.append(_projected(Noise(taps, np.ones(1), level), columns[:, j], torque[:, j], frictions[j], used))
-    return rows
+        every = np.hstack([columns[:, j], weights[j]])
+        its, felt = _projected(Noise(taps, np.ones(1), level), every, torque[:, j], frictions[j], used)
+        rows.append((its[:, :count], felt))
+        white.append(its[:, count:])
+    return rows, white
 
 
 def _projected(
