@@ -67,6 +67,8 @@ def investigate_robot(
     if not logs:
         raise InvestigationError("nothing to investigate: a robot needs telemetry of its joints")
     progress("rigid body", 0.02)
+    described, robot = [_described_delay(joint) for joint in robot.joints], _without_delays(robot)
+    logs = [replace(log, joints=tuple(map(_earlier, log.joints, described))) for log in logs]
     body = RigidBody.of(robot)
     check_joints(robot, body)
     motions = [Motion.of(robot, log.joints) for log in logs]
@@ -83,8 +85,9 @@ def investigate_robot(
             whose = f" in {log.name}" if len(logs) > 1 else ""
             name = f"joint {k + 1} of {count}, {joint.name}{whose}"
             watch = partial(_within, progress, name, place * count + k, len(logs) * count)
-            one = _of_joint(joint, _earlier(telemetry, delays.get(k)), fit, k, watch)
-            one = _late(one, delays[k]) if k in delays else one
+            late_s = delays[k].delay_s if k in delays else 0.0
+            one = _of_joint(joint, _earlier(telemetry, late_s), fit, k, watch)
+            one = _late(one, delays.get(k), described[k])
             joints.append(JointInvestigation(joint.name, in_metres(one) if slides(robot, k) else one))
         joints, remarks = _of_log(joints)
         of_logs.append(joints)
@@ -139,27 +142,45 @@ def _in_time(
     return fits, late
 
 
-def _earlier(telemetry: Telemetry, late: Late | None) -> Telemetry:
+def _described_delay(joint: Joint) -> float:
+    """By how much the torque of a joint is described to be late [s]."""
+    return sum(e.parameters["delay_s"] for e in joint.axis.mechanisms if e.name == TimeDelay.name)
+
+
+def _without_delays(robot: Robot) -> Robot:
+    """The robot as it is once its torques are where they belong."""
+
+    def plain(joint: Joint) -> Joint:
+        rest = tuple(e for e in joint.axis.mechanisms if e.name != TimeDelay.name)
+        return replace(joint, axis=replace(joint.axis, mechanisms=rest))
+
+    return replace(robot, joints=tuple(map(plain, robot.joints)))
+
+
+def _earlier(telemetry: Telemetry, by_s: float) -> Telemetry:
     """With the torque where it belongs."""
-    if late is None:
+    if not by_s or "motor_torque_nm" not in telemetry:
         return telemetry
-    torque = np.interp(telemetry.time_s + late.delay_s, telemetry.time_s, telemetry["motor_torque_nm"])
+    torque = np.interp(telemetry.time_s + by_s, telemetry.time_s, telemetry["motor_torque_nm"])
     return replace(telemetry, channels={**telemetry.channels, "motor_torque_nm": torque})
 
 
-def _late(one: Investigation, late: Late) -> Investigation:
-    """With the delay of its torque as a finding."""
+def _late(one: Investigation, late: Late | None, described_s: float) -> Investigation:
+    """With the delay of its torque beyond that described as a finding."""
+    if total_s := described_s + (late.delay_s if late else 0.0):
+        entry = MechanismEntry(TimeDelay.name, "motor", {"delay_s": total_s})
+        one = replace(one, extended=replace(one.extended, mechanisms=(*one.extended.mechanisms, entry)))
+    if late is None:
+        return one
     half = NINETY * late.deviation_s
     numbers = (Estimate("delay_s", late.delay_s, "s", late.delay_s - half, late.delay_s + half),)
     finding = Finding(
         TimeDelay.name, "motor", min(late.probability, WEIGHTS.cap), numbers, (),
-        f"The torque of this joint is {abs(late.delay_s):.2g} s {'later' if late.delay_s > 0.0 else 'earlier'} in the log "
-        "than its motion and the torques of the other joints.",
+        f"The torque of this joint is {abs(late.delay_s):.2g} s {'later' if late.delay_s > 0.0 else 'earlier'} in the "
+        "log than its motion and the torques of the other joints.",
         action=TimeDelay.action,
     )  # fmt: skip
-    entry = MechanismEntry(TimeDelay.name, "motor", {"delay_s": late.delay_s})
-    extended = replace(one.extended, mechanisms=(*one.extended.mechanisms, entry))
-    return replace(one, verdict="named", findings=(*one.findings, finding), extended=extended)
+    return replace(one, verdict="named", findings=(*one.findings, finding))
 
 
 def _within(progress: Progress, name: str, place: int, joints: int, stage: str, share: float) -> None:

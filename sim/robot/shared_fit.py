@@ -153,8 +153,8 @@ def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tup
     """Fit what the joints share over all logs: links, drives and base are the same in them, payloads may not be.
 
     A weight at one joint alone (a counterweight that is missing, a hose) would be taken for masses, and what the others
-    are told would be wrong. Where there is one, what that joint's torque does over its own angle tells the others nothing.
-    Two at once are less likely than a model that is wrong otherwise.
+    are told would be wrong. Where there is one, what that joint's torque does over its own angle tells the others
+    nothing. Two at once are less likely than a model that is wrong otherwise.
     """
     fits, weights = _fitted(robot, body, motions, frozenset())
     likeliest = max(weights, key=lambda joint: weights[joint], default=-1)
@@ -393,7 +393,7 @@ def _beside(
         pulls = (mine - its[:, used] @ along[inside]) * left[:, None]
         sums = np.add.reduceat(pulls, np.arange(0, felt.size, block))
         pulled += sums.T @ sums
-    return size, _wider(information, pulled)
+    return np.asarray(size, dtype=np.float64), _wider(information, pulled)
 
 
 def _columns(robot: Robot, body: RigidBody, motion: Motion, regressor: Array) -> _Columns:
@@ -461,7 +461,7 @@ def _friction(motion: Motion, joint: int, load: Array) -> Array:
 def _felt_at_rest(speed: Array, rate_hz: float) -> NDArray[np.bool_]:
     """Rows in which friction is whatever holds, and those after a long rest in which noise remembers that."""
     resting = np.abs(speed) < RESTING * float(np.abs(speed).max())
-    long = np.ones(1 + int(SHORT.filter_s * rate_hz))
+    long = np.ones(1 + int(SHORT.filter_s * rate_hz), dtype=np.bool_)
     rested = binary_opening(resting, long)
     return np.asarray(resting | (np.convolve(rested, long)[: speed.size] > 0.5))
 

@@ -157,12 +157,16 @@ def is_beyond_new(axis: Axis, mechanism: str, location: str | None, estimated: S
 
 
 def likelier_than_new(axis: Axis, term: Term, estimated: Sequence[Estimate]) -> float:
-    """Probability that a size is more than that of a new axis, one in 40 names beforehand, by the ratio of the densities
-    there (Dickey 1971) where it is expected to be about as large as it was found."""
+    """Probability that a size is more than that of a new axis, one in 40 names beforehand.
+
+    By the ratio of the densities there (Dickey 1971), where it is expected to be about as large as it was found.
+    """
     kind = kind_of(term.mechanism)
     new = kind.as_new(axis, term.location)
     far = max(
-        (abs(e.value) - new) / max(e.high - e.value, e.value - e.low, 1e-300) for e in estimated if e.name in kind.sizes()
+        (abs(e.value) - new) / max(e.high - e.value, e.value - e.low, 1e-300)
+        for e in estimated
+        if e.name in kind.sizes()
     )
     z = max(far * NINETY, 0.0)
     return 1.0 / (1.0 + NAMES * max(z, 1.0) * math.exp(-0.5 * z * z))

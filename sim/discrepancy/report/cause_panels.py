@@ -94,7 +94,10 @@ def _of_term(selection: Selection, term: Term, numbers: Mapping[str, float]) -> 
     rest = tuple(other for other in fit.terms if other.key != term.key)
     without = problem.raw_residuals(rest, problem.numbers(rest) | dict(fit.values), weighted=False)
     left = problem.raw_residuals(fit.terms, fit.values, weighted=False)
-    wrong = (by_doubts(problem.measurement, problem.noise, left[0]), np.zeros(1))  # of the known torque, in each channel: of no cause
+    wrong = (
+        by_doubts(problem.measurement, problem.noise, left[0]),
+        np.zeros(1),
+    )  # of the known torque, in each channel: of no cause
     shown = [
         (channel, lacking - off, lacking - rest_of_it)
         for channel, lacking, rest_of_it, off in zip(channels(selection), without, left, wrong, strict=False)
