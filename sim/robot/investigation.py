@@ -114,10 +114,12 @@ def _in_time(
 ) -> tuple[tuple[SharedFit, ...], list[dict[int, Late]]]:
     """What the joints share once torques that are late by themselves are back in time, and those of each log.
 
-    The likeliest first: what it leaves in the others looks like delays, too. `half_s`: half a row of each log; channels
-    are read one after the other.
+    The likeliest first: what it leaves in the others looks like delays, too. What leaves another delay once it is put
+    back, and what wants to be later than any delay, is none. `half_s`: half a row of each log; channels are read one
+    after the other.
     """
     late: list[dict[int, Late]] = [{} for _ in motions]
+    none: set[tuple[int, int]] = set()
     fits = shared_fits(robot, body, motions)
     for _ in robot.joints:
         found = [
@@ -125,20 +127,20 @@ def _in_time(
             for k, fit in enumerate(fits)
             for j, one in enumerate(fit.late)
             if one.probability >= SAID and one.is_delay and abs(one.delay_s) > half_s[k]
+            if j not in late[k] and (k, j) not in none
         ]
         if not found:
             break
         _, k, j = max(found)
-        before = late[k].get(j)
-        more = fits[k].late[j]
-        total = more if before is None else replace(before, delay_s=before.delay_s + more.delay_s)
-        late[k][j] = total
-        motions = [m.with_earlier_torque(j, more.delay_s) if k == place else m for place, m in enumerate(motions)]
-        fits = shared_fits(robot, body, motions)
-    for fit, delays in zip(fits, late, strict=True):
-        for j, one in delays.items():
-            left = fit.late[j]
-            delays[j] = replace(one, delay_s=one.delay_s + left.delay_s, deviation_s=left.deviation_s)
+        first = fits[k].late[j]
+        moved = [m.with_earlier_torque(j, first.delay_s) if k == place else m for place, m in enumerate(motions)]
+        anew = shared_fits(robot, body, moved)
+        left = anew[k].late[j]
+        total = replace(first, delay_s=first.delay_s + left.delay_s, deviation_s=left.deviation_s)
+        if left.probability >= SAID or not total.is_delay:
+            none.add((k, j))
+            continue
+        late[k][j], motions, fits = total, moved, anew
     return fits, late
 
 
