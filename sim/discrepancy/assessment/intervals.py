@@ -14,6 +14,7 @@ from sim.discrepancy.model.parameters import Owner
 from sim.discrepancy.results import Estimate
 from sim.discrepancy.search.effect_size import deviations
 from sim.mechanisms.catalogue import kind_of
+from sim.mechanisms.traits import SIZE_SHARE
 
 NINETY = 1.645
 INFLATION = 3.0  # of deviations, so that intervals hold on the calibration seeds
@@ -61,6 +62,8 @@ def estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
         if p.owner is not Owner.DESCRIPTION:
             continue
         half = NINETY * deviations[p.name] * scale
+        if problem.measurement.doubts.size and "_friction_" in p.name:  # its law is as open as that of one that was found
+            half = max(half, SIZE_SHARE * abs(fit.values[p.name]))
         out.append(
             Estimate(
                 p.name,
