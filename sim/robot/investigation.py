@@ -216,7 +216,12 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int,
         one = investigate(axis, replace(telemetry, channels=channels), progress=progress, known_doubts=doubts)
     except InvestigationError as error:
         raise InvestigationError(f"{joint.name}: {error}") from None
-    if advice := of_a_joint(one.next_measurements, "motor" if told.stages else "joint"):
+    moved = "motor" if told.stages else "joint"
+    if advice := of_a_joint(one.next_measurements, moved):
+        for place, word in (
+            ((" at motor", ""), (" at load", ""), ("the load", f"the {moved}")) if not axis.stages else ()
+        ):
+            advice = advice.replace(place, word)
         one = replace(one, next_measurement=advice)
     if as_one_body:
         return replace(one, extended=as_described(told, one.extended))
