@@ -218,11 +218,7 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int,
         raise InvestigationError(f"{joint.name}: {error}") from None
     moved = "motor" if told.stages else "joint"
     if advice := of_a_joint(one.next_measurements, moved):
-        for place, word in (
-            ((" at motor", ""), (" at load", ""), ("the load", f"the {moved}")) if not axis.stages else ()
-        ):
-            advice = advice.replace(place, word)
-        one = replace(one, next_measurement=advice)
+        one = replace(one, next_measurement=advice if axis.stages else _of_one_body(advice, moved))
     if as_one_body:
         return replace(one, extended=as_described(told, one.extended))
     return one if joint.described else replace(one, findings=tuple(map(_of_the_joint, one.findings)))
@@ -249,6 +245,15 @@ def _of_the_joint(finding: Finding) -> Finding:
     """In the words of a joint whose drive is not described: there is no motor that turns otherwise."""
     words = finding.explanation.replace("at the motor", "at the joint").replace("of the motor", "of the joint")
     return replace(finding, explanation=words)
+
+
+def _of_one_body(advice: str, moved: str) -> str:
+    """Advice for a joint that is one body: there is no place in it, and no load apart.
+
+    >>> _of_one_body("Reach 2 rad/s of the load. That tells drift from stribeck friction at motor.", "joint")
+    'Reach 2 rad/s of the joint. That tells drift from stribeck friction.'
+    """
+    return advice.replace(" at motor", "").replace(" at load", "").replace("the load", f"the {moved}")
 
 
 def _held(joint: Joint) -> Investigation:
