@@ -27,6 +27,7 @@ from sim.discrepancy.search.search import Selection
 from sim.mechanisms.catalogue import kind_of, kind_or_any
 
 UNLIKELY = 0.4  # less likely than not
+JOINTS = 6.0  # of an arm: each is another place at which a name is looked for
 AT_LOAD = 1.02  # times as much left on unseen rows
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
 NOT_NOISE = 2.0  # the same, where something is left whatever its place: without a cause 1.3 in 117 recordings at most
@@ -157,7 +158,7 @@ def is_beyond_new(axis: Axis, mechanism: str, location: str | None, estimated: S
 
 
 def likelier_than_new(axis: Axis, term: Term, estimated: Sequence[Estimate]) -> float:
-    """Probability that a size is more than that of a new axis, one in 40 names beforehand.
+    """Probability that a size of a joint is more than as new, one in 40 names at each of an arm's joints beforehand.
 
     By the ratio of the densities there (Dickey 1971), where it is expected to be about as large as it was found.
     """
@@ -169,7 +170,7 @@ def likelier_than_new(axis: Axis, term: Term, estimated: Sequence[Estimate]) -> 
         if e.name in kind.sizes()
     )
     z = max(far * NINETY, 0.0)
-    return 1.0 / (1.0 + NAMES * max(z, 1.0) * math.exp(-0.5 * z * z))
+    return 1.0 / (1.0 + JOINTS * NAMES * max(z, 1.0) * math.exp(-0.5 * z * z))
 
 
 def drop_unidentifiable(selection: Selection) -> Selection:
