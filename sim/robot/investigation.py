@@ -12,25 +12,28 @@ from importlib.metadata import version
 import numpy as np
 
 from casebase.signals.telemetry import Telemetry
+from sim.description.axis import MechanismEntry
+from sim.discrepancy.assessment.calibration import WEIGHTS
 from sim.discrepancy.assessment.intervals import NINETY
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.discrepancy.investigation import investigate, telemetry_sha256
+from sim.discrepancy.next_measurement.advice import of_a_joint
 from sim.discrepancy.report.wording import telling_what_is_left
 from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, rounded
-from sim.mechanisms import LostSamples
+from sim.mechanisms import LostSamples, TimeDelay
 from sim.robot.motion import Motion
 from sim.robot.one_body import as_described, at_the_motor, is_one_body
 from sim.robot.plausibility import check_joints, check_robot
 from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Joint, Robot, position_key, slides
-from sim.robot.shared_fit import TILT_RAD, PayloadEstimate, SharedFit, shared_fits
+from sim.robot.shared_fit import TILT_RAD, Late, PayloadEstimate, SharedFit, shared_fits
+from sim.robot.sliding import sliding_words
 from sim.robot.trend import changed
 
 Progress = Callable[[str, float], None]
 TILTED = 3.0  # standard deviations from which the base is said to stand askew
 HELD = "The joint was held still: nothing is told of its friction and its drive."
-SLIDING = (("N m s/rad", "N s/m"), ("N m", "N"), ("rad/s", "m/s"), ("kg m2", "kg"), ("torque", "force"))
 OF_THE_LOG = (LostSamples.name,)  # what one logger does to all joints alike is the log's
 
 
@@ -64,23 +67,27 @@ def investigate_robot(
     if not logs:
         raise InvestigationError("nothing to investigate: a robot needs telemetry of its joints")
     progress("rigid body", 0.02)
+    described, robot = [_described_delay(joint) for joint in robot.joints], _without_delays(robot)
+    logs = [replace(log, joints=tuple(map(_earlier, log.joints, described))) for log in logs]
     body = RigidBody.of(robot)
     check_joints(robot, body)
     motions = [Motion.of(robot, log.joints) for log in logs]
     for motion in motions:
         check_robot(robot, body, motion)
     progress("what the joints share", 0.08)
-    fits = shared_fits(robot, body, motions)
+    fits, late = _in_time(robot, body, motions, [0.5 / log.joints[0].sample_rate_hz for log in logs])
     shared, count = fits[-1], len(robot.joints)
     of_logs: list[list[JointInvestigation]] = []
     remarks: list[str] = []
-    for place, (log, fit) in enumerate(zip(logs, fits, strict=True)):
+    for place, (log, fit, delays) in enumerate(zip(logs, fits, late, strict=True)):
         joints = []
         for k, (joint, telemetry) in enumerate(zip(robot.joints, log.joints, strict=True)):
             whose = f" in {log.name}" if len(logs) > 1 else ""
             name = f"joint {k + 1} of {count}, {joint.name}{whose}"
             watch = partial(_within, progress, name, place * count + k, len(logs) * count)
-            one = _of_joint(joint, telemetry, fit, k, watch)
+            late_s = delays[k].delay_s if k in delays else 0.0
+            one = _of_joint(joint, _earlier(telemetry, late_s), fit, k, watch)
+            one = _late(one, delays.get(k), described[k])
             joints.append(JointInvestigation(joint.name, in_metres(one) if slides(robot, k) else one))
         joints, remarks = _of_log(joints)
         of_logs.append(joints)
@@ -100,6 +107,82 @@ def investigate_robot(
         ),
         tuple(change.document() for change in changes),
     )  # fmt: skip
+
+
+def _in_time(
+    robot: Robot, body: RigidBody, motions: Sequence[Motion], half_s: Sequence[float]
+) -> tuple[tuple[SharedFit, ...], list[dict[int, Late]]]:
+    """What the joints share once torques that are late by themselves are back in time, and those of each log.
+
+    The likeliest first: what it leaves in the others looks like delays, too. What leaves another delay once it is put
+    back, and what wants to be later than any delay, is none. `half_s`: half a row of each log; channels are read one
+    after the other.
+    """
+    late: list[dict[int, Late]] = [{} for _ in motions]
+    none: set[tuple[int, int]] = set()
+    fits = shared_fits(robot, body, motions)
+    for _ in robot.joints:
+        found = [
+            (one.probability, k, j)
+            for k, fit in enumerate(fits)
+            for j, one in enumerate(fit.late)
+            if one.probability >= SAID and one.is_delay and abs(one.delay_s) > half_s[k]
+            if j not in late[k] and (k, j) not in none
+        ]
+        if not found:
+            break
+        _, k, j = max(found)
+        first = fits[k].late[j]
+        moved = [m.with_earlier_torque(j, first.delay_s) if k == place else m for place, m in enumerate(motions)]
+        anew = shared_fits(robot, body, moved)
+        left = anew[k].late[j]
+        total = replace(first, delay_s=first.delay_s + left.delay_s, deviation_s=left.deviation_s)
+        if left.probability >= SAID or not total.is_delay:
+            none.add((k, j))
+            continue
+        late[k][j], motions, fits = total, moved, anew
+    return fits, late
+
+
+def _described_delay(joint: Joint) -> float:
+    """By how much the torque of a joint is described to be late [s]."""
+    return sum(e.parameters["delay_s"] for e in joint.axis.mechanisms if e.name == TimeDelay.name)
+
+
+def _without_delays(robot: Robot) -> Robot:
+    """The robot as it is once its torques are where they belong."""
+
+    def plain(joint: Joint) -> Joint:
+        rest = tuple(e for e in joint.axis.mechanisms if e.name != TimeDelay.name)
+        return replace(joint, axis=replace(joint.axis, mechanisms=rest))
+
+    return replace(robot, joints=tuple(map(plain, robot.joints)))
+
+
+def _earlier(telemetry: Telemetry, by_s: float) -> Telemetry:
+    """With the torque where it belongs."""
+    if not by_s or "motor_torque_nm" not in telemetry:
+        return telemetry
+    torque = np.interp(telemetry.time_s + by_s, telemetry.time_s, telemetry["motor_torque_nm"])
+    return replace(telemetry, channels={**telemetry.channels, "motor_torque_nm": torque})
+
+
+def _late(one: Investigation, late: Late | None, described_s: float) -> Investigation:
+    """With the delay of its torque beyond that described as a finding."""
+    if total_s := described_s + (late.delay_s if late else 0.0):
+        entry = MechanismEntry(TimeDelay.name, "motor", {"delay_s": total_s})
+        one = replace(one, extended=replace(one.extended, mechanisms=(*one.extended.mechanisms, entry)))
+    if late is None:
+        return one
+    half = NINETY * late.deviation_s
+    numbers = (Estimate("delay_s", late.delay_s, "s", late.delay_s - half, late.delay_s + half),)
+    finding = Finding(
+        TimeDelay.name, "motor", min(late.probability, WEIGHTS.cap), numbers, (),
+        f"The torque of this joint is {abs(late.delay_s):.2g} s {'later' if late.delay_s > 0.0 else 'earlier'} in the "
+        "log than its motion and the torques of the other joints.",
+        action=TimeDelay.action,
+    )  # fmt: skip
+    return replace(one, verdict="named", findings=(*one.findings, finding))
 
 
 def _within(progress: Progress, name: str, place: int, joints: int, stage: str, share: float) -> None:
@@ -133,6 +216,9 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int,
         one = investigate(axis, replace(telemetry, channels=channels), progress=progress, known_doubts=doubts)
     except InvestigationError as error:
         raise InvestigationError(f"{joint.name}: {error}") from None
+    moved = "motor" if told.stages else "joint"
+    if advice := of_a_joint(one.next_measurements, moved):
+        one = replace(one, next_measurement=advice if axis.stages else _of_one_body(advice, moved))
     if as_one_body:
         return replace(one, extended=as_described(told, one.extended))
     return one if joint.described else replace(one, findings=tuple(map(_of_the_joint, one.findings)))
@@ -145,28 +231,29 @@ def in_metres(one: Investigation) -> Investigation:
         for f in one.findings
     )
     gain = tuple(replace(g, unit=sliding_words(g.unit)) for g in one.gain)
-    return replace(one, findings=findings, parameters=tuple(map(_in_metres, one.parameters)), gain=gain)
+    return replace(
+        one, findings=findings, parameters=tuple(map(_in_metres, one.parameters)), gain=gain,
+        next_measurement=sliding_words(one.next_measurement),
+    )  # fmt: skip
 
 
 def _in_metres(estimate: Estimate) -> Estimate:
     return replace(estimate, unit=sliding_words(estimate.unit))
 
 
-def sliding_words(text: str) -> str:
-    """Units of a joint that slides, and force for torque.
-
-    >>> sliding_words("Viscous friction of 1.5 N m s/rad above 0.1 rad/s: torque of 2 N m")
-    'Viscous friction of 1.5 N s/m above 0.1 m/s: force of 2 N'
-    """
-    for turning, along in SLIDING:
-        text = text.replace(turning, along)
-    return text
-
-
 def _of_the_joint(finding: Finding) -> Finding:
     """In the words of a joint whose drive is not described: there is no motor that turns otherwise."""
     words = finding.explanation.replace("at the motor", "at the joint").replace("of the motor", "of the joint")
     return replace(finding, explanation=words)
+
+
+def _of_one_body(advice: str, moved: str) -> str:
+    """Advice for a joint that is one body: there is no place in it, and no load apart.
+
+    >>> _of_one_body("Reach 2 rad/s of the load. That tells drift from stribeck friction at motor.", "joint")
+    'Reach 2 rad/s of the joint. That tells drift from stribeck friction.'
+    """
+    return advice.replace(" at motor", "").replace(" at load", "").replace("the load", f"the {moved}")
 
 
 def _held(joint: Joint) -> Investigation:

@@ -16,6 +16,7 @@ from sim.discrepancy.results import SAID
 from sim.robot.results import RobotInvestigation
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Robot, slides
+from sim.robot.sliding import sliding_words
 
 Array = NDArray[np.float64]
 
@@ -26,7 +27,6 @@ OF_THE_JOINT = {
     "motor torque": "torque of the joint", "motor ahead": "joint ahead",
 }  # fmt: skip
 """Words for a joint of which nothing is described that turns otherwise."""
-SLIDING = {"torque": "force", "[N m]": "[N]", "[rad/s]": "[m/s]", "angle": "position", "[°]": "[m]"}
 
 
 def torque_panels(result: RobotInvestigation) -> list[Panel]:
@@ -90,10 +90,11 @@ def finding_panels(result: RobotInvestigation) -> list[Panel | None]:
 def in_words_of(robot: Robot, place: int, panel: Panel) -> Panel:
     """A panel with the units of a joint that slides, and without a motor where none is described."""
     joint = robot.joints[place]
-    words = ({} if joint.described else OF_THE_JOINT) | (SLIDING if slides(robot, place) else {})
+    words = {} if joint.described else OF_THE_JOINT
+    in_units = sliding_words if slides(robot, place) else str
     x = panel.x * math.radians(1.0) if slides(robot, place) and "[°]" in panel.x_label else panel.x
     start, between, what = panel.title.rpartition(": ")
-    x_label, y_label, what = (_replaced(text, words) for text in (panel.x_label, panel.y_label, what))
+    x_label, y_label, what = (in_units(_replaced(text, words)) for text in (panel.x_label, panel.y_label, what))
     return replace(panel, title=f"{start}{between}{what}", x=x, x_label=x_label, y_label=y_label)
 
 

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +28,7 @@ class Motion:
     own coordinates [rad], [rad/s], [rad/s2], [N m]; `time_s` on the log's clock, shape (rows,).
 
     `counts`: rows that rest on measured values of all joints alone, shape (rows,): what one joint asks for depends on
-    how all of them move. `moves`: joints that do, shape (joints,).
+    how all of them move. `moves`: joints that do, shape (joints,). `cut_hz`: all is smoothed up to that frequency.
     """
 
     time_s: Array
@@ -38,6 +39,7 @@ class Motion:
     torque: Array
     counts: NDArray[np.bool_]
     moves: NDArray[np.bool_]
+    cut_hz: float = math.inf
 
     @staticmethod
     def of(robot: Robot, log: Sequence[Telemetry]) -> Motion:
@@ -59,8 +61,8 @@ class Motion:
             torque, position = _channels(robot, joint.name, telemetry, joint.axis.ratio)
             _check_range(robot, joint.name, position)
             even = np.interp(grid, telemetry.time_s, position)
-            ways = [_smoothed(even, cut, rate, order)[::stride] for order in range(3)]
-            felt = _smoothed(np.interp(grid, telemetry.time_s, torque * joint.axis.ratio), cut, rate, 0)[::stride]
+            ways = [smoothed(even, cut, rate, order)[::stride] for order in range(3)]
+            felt = smoothed(np.interp(grid, telemetry.time_s, torque * joint.axis.ratio), cut, rate, 0)[::stride]
             out.append([*ways, felt])
         position, speed, acceleration, torque = (np.stack(each, axis=1) for each in zip(*out, strict=True))
         counts = _measured(log, grid, stride / rate, gaussian_kernel(cut, rate, 0).size)[::stride]
@@ -74,7 +76,13 @@ class Motion:
         moves = np.ptp(position[counts], axis=0) > np.array(held)
         if not moves.any():
             raise InvestigationError("motor_position_rad: no joint moves; a log of the robot in motion is needed")
-        return Motion(grid[::stride], rate / stride, position, speed, acceleration, torque, counts, moves)
+        return Motion(grid[::stride], rate / stride, position, speed, acceleration, torque, counts, moves, cut)
+
+    def with_earlier_torque(self, joint: int, by_s: float) -> Motion:
+        """The same with the torque of one joint so much earlier."""
+        torque = self.torque.copy()
+        torque[:, joint] = np.interp(self.time_s + by_s, self.time_s, torque[:, joint])
+        return replace(self, torque=torque)
 
     def on(self, values: Array, time_s: Array) -> Array:
         """`values` along the rows, at other times, by cubic splines; shape (len(time_s), ...)."""
@@ -128,7 +136,7 @@ def _check_range(robot: Robot, name: str, position: Array) -> None:
     )
 
 
-def _smoothed(values: Array, cut_hz: float, rate_hz: float, derivative: int) -> Array:
+def smoothed(values: Array, cut_hz: float, rate_hz: float, derivative: int) -> Array:
     """Smoothed over all rows; those at the ends, by odd reflection, do not count."""
     half = gaussian_kernel(cut_hz, rate_hz, derivative).size // 2
     return smooth(np.pad(values, half, "reflect", reflect_type="odd"), cut_hz, rate_hz, derivative, half)

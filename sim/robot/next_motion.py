@@ -221,7 +221,7 @@ class _Worth:
             load = np.interp(made.time_s, motion.time_s, rigid)
             speed = made.speed / ratio
             turn = np.tanh(speed / max(TURNS[1] * float(np.abs(speed).max()), 1e-12))
-            any_friction = friction_curves(speed, made.acceleration / ratio, load)
+            any_friction = friction_curves(made.angle / ratio, speed, made.acceleration / ratio, load)
             beside = [LOAD_LOSS * turn * np.abs(load), *CubicSpline(coarse.time_s, shared.values[:, k])(made.time_s).T]
             own, white = model.columns(made, np.column_stack([*beside, any_friction]))
             count = shared.values.shape[-1]

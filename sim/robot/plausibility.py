@@ -71,7 +71,7 @@ def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> None:
     asked = rigid.std(axis=0) > CHECKED * np.maximum(torque.std(axis=0), 1e-12)
     wrong = asked & (with_ > WORSE * without)
     if wrong.any():
-        wrong &= rigid.std(axis=0) > _unsure(robot, body, motion)
+        wrong &= with_ - without > _unsure(robot, body, motion) ** 2  # worse than errors of the description make it
     names = [joint.name for joint in robot.joints]
     joints = len(names)
     order = _order(body, motion, frictions, few, every=wrong.any() and joints <= MOST_ORDERS)

@@ -2,7 +2,8 @@
 
 Torques are linear in all of it, so the posterior is a Gaussian; products of two (the gain of a drive, tilt or delay
 times what a payload weighs) are taken at what was found the round before. Friction of each joint is any curve over its
-speed here, and what its load adds to it: its form is asked for joint by joint, later. For that, each joint is given the
+speed here, with what its load adds to it, and may build up over a way after each reversal (Dahl 1968), which would be
+taken for a delay and for other masses: its form is asked for joint by joint, later. For that, each joint is given the
 rigid torque as the *other* joints correct it, and what is left uncertain of it as directions in which it may be wrong.
 """
 
@@ -15,10 +16,16 @@ from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.interpolate import CubicSpline
+from scipy.linalg import eigh
+from scipy.ndimage import binary_opening
 from scipy.special import log_ndtr
 
+from sim.discrepancy.assessment.intervals import NINETY
 from sim.discrepancy.estimation.whitening import SHORT, Noise, whitener
-from sim.robot.motion import Motion
+from sim.discrepancy.hypotheses.sensors import LATEST_S
+from sim.discrepancy.results import SAID
+from sim.robot.motion import Motion, smoothed
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Robot
 
@@ -28,10 +35,13 @@ LINK_ERROR = 0.05  # of a link's mass and of the mean link's: two editions of a 
 GAIN_ERROR = 0.05  # of the N m per ampere of a drive: what data sheets of motors allow, gears included
 TILT_RAD = 0.02  # of the base: what feet are levelled to without an instrument
 LATE_S = 0.005  # torque against position: half a period of a log of 100 Hz
+OWN = 0.025  # that one joint alone is late, or has a weight of its own: one name in forty
 LOAD_LOSS = 0.1  # of what a joint carries, lost in its gears: a harmonic drive or a cycloid passes on 70 to 95 %
 ROUNDS = 4  # of noise taken anew
 BLOCK_S = 2.0  # rows apart by more are independent; for intervals that hold where noise is not white
 TURNS = (0.01, 0.03, 0.1)  # of the largest speed, over which friction may turn its sign
+WAYS = (2e-4, 1e-3, 5e-3)  # rad or m of a joint, over which friction may build up after a reversal
+FINE = 8  # rows of a law of friction per row: it turns within one, and is smoothed as the torque was
 RESTING = 0.005  # of the largest speed, below which friction is whatever holds
 AGAINST = 0.5  # of the prior: a payload of which data say no more than this stays among what may be wrong
 PRIOR = 0.1  # that something hangs at the flange that nobody described
@@ -56,11 +66,26 @@ class PayloadEstimate:
 
 
 @dataclass(frozen=True)
+class Late:
+    """By how much the torque of one joint alone is later than those of the others [s], and how likely it is late."""
+
+    delay_s: float
+    deviation_s: float
+    probability: float
+
+    @property
+    def is_delay(self) -> bool:
+        """Whether its interval of 90 % reaches down to what may be one: what wants to be later is none."""
+        return abs(self.delay_s) - NINETY * self.deviation_s < LATEST_S
+
+
+@dataclass(frozen=True)
 class SharedFit:
     """What all joints say together, of one log.
 
     `known`: torque that the rigid body asks for of each joint, corrected by the others, shape (rows, joints) [N m];
     `rigid`: the same as described; `errors`: of each joint, directions in which `known` may be wrong, shape (rows, p).
+    `late_s`: delay of all torques against the positions [s]; `late`: of each joint beyond that.
     """
 
     motion: Motion
@@ -71,6 +96,7 @@ class SharedFit:
     tilt_rad: Array
     tilt_deviation_rad: Array
     late_s: float
+    late: tuple[Late, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -124,8 +150,24 @@ def shared_columns(robot: Robot, body: RigidBody, motion: Motion) -> Shared:
 
 
 def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tuple[SharedFit, ...]:
-    """Fit what the joints share over all logs: links, drives and base are the same in them, payloads may not be."""
-    parts = [_Log.of(robot, body, motion) for motion in motions]
+    """Fit what the joints share over all logs: links, drives and base are the same in them, payloads may not be.
+
+    A weight at one joint alone (a counterweight that is missing, a hose) would be taken for masses, and what the others
+    are told would be wrong. Where there is one, what that joint's torque does over its own angle tells the others
+    nothing. Two at once are less likely than a model that is wrong otherwise.
+    """
+    fits, weights = _fitted(robot, body, motions, frozenset())
+    likeliest = max(weights, key=lambda joint: weights[joint], default=-1)
+    if likeliest < 0 or weights[likeliest] < SAID:
+        return fits
+    return _fitted(robot, body, motions, frozenset({likeliest}))[0]
+
+
+def _fitted(
+    robot: Robot, body: RigidBody, motions: Sequence[Motion], free: frozenset[int]
+) -> tuple[tuple[SharedFit, ...], dict[int, float]]:
+    """The fits, and how likely each joint that is not `free` has a weight of its own."""
+    parts = [_Log.of(robot, body, motion, free) for motion in motions]
     common = parts[0].common
     size = common + sum(part.own for part in parts)
     places = [np.r_[0:common, common + k * part.own : common + (k + 1) * part.own] for k, part in enumerate(parts)]
@@ -134,8 +176,8 @@ def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tup
         precision[np.ix_(place, place)] += sum(part.grams)
         right[place] += sum(part.moments)
     every = np.arange(size)
-    free = _solved(precision, right, parts, places, every)
-    payloads = [_payload(p.columns, *free, place) for p, place in zip(parts, places, strict=True)]
+    loaded = _solved(precision, right, parts, places, every)
+    payloads = [_payload(p.columns, *loaded, place) for p, place in zip(parts, places, strict=True)]
     empty = [
         place[p.columns.payload]
         for p, place, found in zip(parts, places, payloads, strict=True)
@@ -143,30 +185,55 @@ def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tup
     ]
     kept = np.setdiff1d(every, np.concatenate(empty)) if empty else every
     solved = _solved(precision, right, parts, places, kept)
-    return tuple(
+    pulled = _pulled(solved[0], parts, places)
+    turning = [j for j, joint in enumerate(robot.joints) if not (j in free or joint.name in robot.urdf.prismatic)]
+    weights = {
+        j: max(
+            _weight(part, place, kept, (precision, right), j)
+            for part, place in zip(parts, places, strict=True)
+            if part.motion.moves[j]
+        )
+        for j in turning
+        if any(part.motion.moves[j] for part in parts)
+    }
+    fits = tuple(
         _shared(
             part,
             place,
             found if found.probability < AGAINST * PRIOR else _payload(part.columns, *solved, place),
             solved,
             kept,
-            (precision, right),
+            (precision, right, pulled),
         )
         for part, place, found in zip(parts, places, payloads, strict=True)
     )
+    return fits, weights
 
 
 def _solved(
     precision: Array, right: Array, parts: Sequence[_Log], places: Sequence[NDArray[np.int64]], kept: NDArray[np.int64]
 ) -> tuple[Array, Array, Array]:
     """Mean, covariance, and covariance by blocks of rows, of all numbers, those that are not `kept` at 0."""
-    mean, covariance, middle = np.zeros(right.size), np.zeros_like(precision), np.eye(right.size)
+    mean, covariance = np.zeros(right.size), np.zeros_like(precision)
     inside = np.ix_(kept, kept)
     covariance[inside] = np.linalg.inv(precision[inside])
     mean[kept] = covariance[inside] @ right[kept]
+    return mean, covariance, covariance @ _pulled(mean, parts, places) @ covariance
+
+
+def _pulled(mean: Array, parts: Sequence[_Log], places: Sequence[NDArray[np.int64]]) -> Array:
+    """Sum of squares of what blocks of rows of all logs, and what is known beforehand, pull each number by."""
+    out = np.eye(mean.size)
     for part, place in zip(parts, places, strict=True):
-        middle[np.ix_(place, place)] += part.scores(mean[place])
-    return mean, covariance, covariance @ middle @ covariance
+        out[np.ix_(place, place)] += sum(part.scores(mean[place]))
+    return out
+
+
+def _wider(precision: Array, pulled: Array) -> Array:
+    """Covariance of a posterior, in every direction in which Huber's sandwich is wider that of the sandwich: what is
+    left of a joint that does not follow its model is no noise that its rows average out."""
+    share, ways = eigh(pulled, precision)
+    return np.asarray((ways * np.maximum(share, 1.0)) @ ways.T)
 
 
 @dataclass(frozen=True)
@@ -179,23 +246,26 @@ class _Log:
     grams: list[Array]
     moments: list[Array]
     rows: list[tuple[Array, Array]]
+    weights: list[Array]  # of a weight at each joint alone, whitened as its rows, shape (rows, 2)
 
     @staticmethod
-    def of(robot: Robot, body: RigidBody, motion: Motion) -> _Log:
+    def of(robot: Robot, body: RigidBody, motion: Motion, free: frozenset[int] = frozenset()) -> _Log:
         regressor = body.regressor(motion.position, motion.speed, motion.acceleration)
         rigid = np.asarray(np.einsum("njbp,bp->nj", regressor, body.parameters))
         columns = _columns(robot, body, motion, regressor)
         joints = range(rigid.shape[1])
-        frictions = [friction_curves(motion.speed[:, j], motion.acceleration[:, j], rigid[:, j]) for j in joints]
-        resting = np.abs(motion.speed) < RESTING * np.abs(motion.speed).max(axis=0)
-        used = ~resting & motion.counts[:, None]
+        used = ~np.apply_along_axis(_felt_at_rest, 0, motion.speed, motion.rate_hz) & motion.counts[:, None]
         mean: Array = np.zeros(columns.values.shape[-1])
+        weights = [np.stack([np.sin(q), np.cos(q)], axis=1) for q in motion.position.T]
         for _ in range(ROUNDS):
+            carried = rigid + columns.values @ mean
             columns = columns.around(body, mean)
-            rows = _whitened(columns.values, motion.torque - rigid, frictions, used, motion.rate_hz, mean)
+            own = [_friction(motion, j, carried[:, j]) for j in joints]
+            own = [np.hstack([own[j], weights[j]]) if j in free else own[j] for j in joints]
+            rows, white = _whitened(columns.values, motion.torque - rigid, own, weights, used, motion.rate_hz, mean)
             grams, moments = [c.T @ c for c, _ in rows], [c.T @ y for c, y in rows]
             mean = np.asarray(np.linalg.solve(np.eye(mean.size) + sum(grams), sum(moments)), dtype=np.float64)
-        return _Log(motion, rigid, columns, grams, moments, rows)
+        return _Log(motion, rigid, columns, grams, moments, rows, white)
 
     @property
     def common(self) -> int:
@@ -205,14 +275,16 @@ class _Log:
     def own(self) -> int:
         return int(self.columns.values.shape[-1]) - self.common
 
-    def scores(self, mean: Array) -> Array:
-        """Sum of squares of what blocks of rows pull each number by (Huber's sandwich holds for noise of any kind)."""
+    def scores(self, mean: Array) -> list[Array]:
+        """Sum of squares of what blocks of rows of each joint pull each number by (Huber's sandwich holds for noise of
+        any kind)."""
         block = max(1, int(BLOCK_S * self.motion.rate_hz))
-        out = np.zeros((mean.size, mean.size))
+        out = []
         for columns, torque in self.rows:
             left = torque - columns @ mean
             pulls = [columns[k : k + block].T @ left[k : k + block] for k in range(0, left.size, block)]
-            out += sum(np.outer(pull, pull) for pull in pulls)
+            stacked = np.stack(pulls)
+            out.append(stacked.T @ stacked)
         return out
 
 
@@ -222,21 +294,23 @@ def _shared(
     payload: PayloadEstimate,
     solved: tuple[Array, Array, Array],
     kept: NDArray[np.int64],
-    normal: tuple[Array, Array],
+    normal: tuple[Array, Array, Array],
 ) -> SharedFit:
     """What all logs and the other joints say of each joint of `log`."""
     columns, motion, rigid = log.columns, log.motion, log.rigid
     used = np.flatnonzero(np.isin(place, kept))
     inside = np.searchsorted(kept, place[used])
-    known, errors = rigid.copy(), []
+    known, errors, scores = rigid.copy(), [], log.scores(solved[0][place])
     for joint in range(rigid.shape[1]):
         precision, right = normal[0].copy(), normal[1].copy()
         precision[np.ix_(place, place)] -= log.grams[joint]
         right[place] -= log.moments[joint]
-        without = np.linalg.inv(precision[np.ix_(kept, kept)])
+        pulled = normal[2].copy()
+        pulled[np.ix_(place, place)] -= scores[joint]
+        told = np.ix_(kept, kept)
         own = columns.values[:, joint, used]
-        known[:, joint] += own @ (without @ right[kept])[inside]
-        factor = np.linalg.cholesky(without[np.ix_(inside, inside)])
+        known[:, joint] += own @ np.linalg.solve(precision[told], right[kept])[inside]
+        factor = np.linalg.cholesky(_wider(precision[told], pulled[told])[np.ix_(inside, inside)])
         speed = motion.speed[:, joint]
         losses = LOAD_LOSS * np.tanh(speed / max(TURNS[1] * float(np.abs(speed).max()), 1e-12))
         load = np.abs(rigid[:, joint])
@@ -245,8 +319,81 @@ def _shared(
     deviation = np.sqrt(np.diag(robust))[place][columns.tilt] * TILT_RAD
     return SharedFit(
         motion, rigid, known, tuple(errors), payload, mean[place][columns.tilt] * TILT_RAD, deviation,
-        float(mean[place][columns.late][0]) * LATE_S,
+        float(mean[place][columns.late][0]) * LATE_S, _late(log, place, kept, (normal[0], normal[1])),
     )  # fmt: skip
+
+
+def _late(
+    log: _Log, place: NDArray[np.int64], kept: NDArray[np.int64], normal: tuple[Array, Array]
+) -> tuple[Late, ...]:
+    """Of each joint whether its torque is late by itself, beside all that joints share.
+
+    By what the rigid body asks for alone: friction that is late looks as if it built up over a longer way. As little
+    torque as no drive measures may go along with it.
+    """
+    out = []
+    late = log.columns.late.start
+    for joint, (columns, _) in enumerate(log.rows):
+        size, covariance = _beside(log, place, kept, normal, joint, columns[:, [late]], LATE_S / LATEST_S)
+        form = LEAST_NOISE * float(np.std(log.motion.torque[:, joint]))
+        rises = float(np.std(log.columns.values[:, joint, late])) / LATE_S
+        deviation = math.hypot(math.sqrt(float(covariance[0, 0])) * LATE_S, form / max(rises, 1e-300))
+        delay = float(size[0]) * LATE_S
+        there = _there(np.array([delay]), np.array([[deviation**2]]), LATEST_S)
+        out.append(Late(delay, deviation, there))
+    return tuple(out)
+
+
+def _weight(
+    log: _Log, place: NDArray[np.int64], kept: NDArray[np.int64], normal: tuple[Array, Array], joint: int
+) -> float:
+    """How likely a joint has a weight of its own, which follows its own angle and is felt by no other."""
+    large = max(float(np.std(log.motion.torque[:, joint])), 1e-300)
+    return _there(*_beside(log, place, kept, normal, joint, log.weights[joint], 1.0 / large), large)
+
+
+def _there(size: Array, covariance: Array, large: float) -> float:
+    """How likely something of one joint alone is not 0, by the ratio of the densities there (Dickey 1971); `large`: the
+    deviation of what it may be."""
+    log_odds = math.log(OWN / (1.0 - OWN)) + 0.5 * float(np.linalg.slogdet(covariance)[1]) - size.size * math.log(large)
+    log_odds += 0.5 * float(size @ np.linalg.solve(covariance, size))
+    return 1.0 / (1.0 + math.exp(-min(max(log_odds, -50.0), 50.0)))
+
+
+def _beside(
+    log: _Log,
+    place: NDArray[np.int64],
+    kept: NDArray[np.int64],
+    normal: tuple[Array, Array],
+    joint: int,
+    own: Array,
+    known: float,
+) -> tuple[Array, Array]:
+    """Sizes of columns that one joint alone has, shape (rows, p), beside all that joints share, and their covariance.
+
+    `known`: one over the deviation of what they may be.
+    """
+    precision, right = normal[0][np.ix_(kept, kept)], normal[1][kept]
+    used = np.flatnonzero(np.isin(place, kept))
+    inside = np.searchsorted(kept, place[used])
+    alone = np.linalg.solve(precision, right)
+    columns, torque = log.rows[joint]
+    met = np.zeros((kept.size, own.shape[1]))
+    met[inside] = columns[:, used].T @ own
+    along = np.linalg.solve(precision, met)
+    prior = known**2 * np.eye(own.shape[1])
+    information = own.T @ own + prior - met.T @ along
+    size = np.linalg.solve(information, own.T @ torque - met.T @ alone)
+    mean = alone - along @ size
+    pulled = prior + along.T @ along
+    block = max(1, int(BLOCK_S * log.motion.rate_hz))
+    for other, (its, felt) in enumerate(log.rows):
+        mine = own if other == joint else np.zeros((felt.size, own.shape[1]))
+        left = felt - its[:, used] @ mean[inside] - mine @ size
+        pulls = (mine - its[:, used] @ along[inside]) * left[:, None]
+        sums = np.add.reduceat(pulls, np.arange(0, felt.size, block))
+        pulled += sums.T @ sums
+    return np.asarray(size, dtype=np.float64), _wider(information, pulled)
 
 
 def _columns(robot: Robot, body: RigidBody, motion: Motion, regressor: Array) -> _Columns:
@@ -292,25 +439,79 @@ def _level(robot: Robot) -> list[Array]:
     return [size * axis for axis in across]
 
 
-def friction_curves(speed: Array, acceleration: Array, load: Array) -> Array:
+def friction_curves(position: Array, speed: Array, acceleration: Array, load: Array) -> Array:
     """Return friction as any curve over the speed, with what the load adds to it, and the rotor; shape (rows, p)."""
-    top = max(float(np.abs(speed).max()), 1e-12)
-    u = speed / top
+    return np.column_stack([_laws(position, speed, load), _even(speed, acceleration)])
+
+
+def _friction(motion: Motion, joint: int, load: Array) -> Array:
+    """The same of a joint, smoothed as its torque was."""
+    position, speed, acceleration = (each[:, joint] for each in (motion.position, motion.speed, motion.acceleration))
+    if math.isinf(motion.cut_hz):
+        return friction_curves(position, speed, acceleration, load)
+    clock = motion.time_s
+    fine = np.linspace(clock[0], clock[-1], (clock.size - 1) * FINE + 1)
+    way = CubicSpline(clock, position)
+    laws = _laws(way(fine), way(fine, 1), np.interp(fine, clock, load))
+    rate = motion.rate_hz * FINE
+    smooth = [smoothed(law, motion.cut_hz, rate, 0)[::FINE] for law in laws.T]
+    return np.column_stack([*smooth, _even(speed, acceleration)])
+
+
+def _felt_at_rest(speed: Array, rate_hz: float) -> NDArray[np.bool_]:
+    """Rows in which friction is whatever holds, and those after a long rest in which noise remembers that."""
+    resting = np.abs(speed) < RESTING * float(np.abs(speed).max())
+    long = np.ones(1 + int(SHORT.filter_s * rate_hz), dtype=np.bool_)
+    rested = binary_opening(resting, long)
+    return np.asarray(resting | (np.convolve(rested, long)[: speed.size] > 0.5))
+
+
+def _laws(position: Array, speed: Array, load: Array) -> Array:
+    """What turns its sign within a few rows, shape (rows, p)."""
+    u = speed / max(float(np.abs(speed).max()), 1e-12)
     turns = [np.tanh(u / width) for width in TURNS]
-    columns = [*turns, u, u * np.abs(u), np.abs(u), np.ones_like(u), turns[1] * np.abs(load), acceleration]
-    return np.stack(columns, axis=1)
+    return np.column_stack(
+        [*turns, *(built_up(position, way) for way in WAYS), u * np.abs(u), np.abs(u), turns[1] * np.abs(load)]
+    )
+
+
+def _even(speed: Array, acceleration: Array) -> Array:
+    """What does not, shape (rows, p)."""
+    return np.column_stack([speed / max(float(np.abs(speed).max()), 1e-12), np.ones_like(speed), acceleration])
+
+
+def built_up(position: Array, way: float) -> Array:
+    """Dry friction over its full value, between -1 and 1: after each reversal it builds up over a way, in the unit of
+    `position`, as contacts give way before they slide (Dahl 1968); shape (rows,).
+
+    >>> built_up(np.array([0.0, 1.0, 2.0, 1.9, 0.0]), 0.1).round(2)
+    array([ 0.  ,  1.  ,  1.  , -0.26, -1.  ])
+    """
+    step = np.diff(position, prepend=position[0])
+    sides = np.sign(step)
+    gone = np.cumsum(np.abs(step)) / way
+    out = np.empty_like(position)
+    ends = np.flatnonzero(np.diff(sides)) + 1
+    held, since = 0.0, 0.0
+    for first, last in pairwise([0, *ends.tolist(), position.size]):
+        side = float(sides[first])
+        out[first:last] = side + (held - side) * np.exp(since - gone[first:last]) if side else held
+        held, since = float(out[last - 1]), float(gone[last - 1])
+    return out
 
 
 def _whitened(
     columns: Array,
     torque: Array,
     frictions: Sequence[Array],
+    weights: Sequence[Array],
     counting: NDArray[np.bool_],
     rate_hz: float,
     mean: Array,
-) -> list[tuple[Array, Array]]:
-    """Rows of each joint once its friction is projected out, white by the noise that `mean` leaves."""
-    rows = []
+) -> tuple[list[tuple[Array, Array]], list[Array]]:
+    """Rows of each joint once its friction is projected out, white by the noise that `mean` leaves, and `weights`."""
+    rows, white = [], []
+    count = columns.shape[-1]
     for j in range(torque.shape[1]):
         beyond = torque[:, j] - columns[:, j] @ mean
         used = counting[:, j]
@@ -318,8 +519,11 @@ def _whitened(
         left = (beyond - frictions[j] @ shape) * used
         least = LEAST_NOISE * float(np.std(torque[:, j]))
         taps, level = whitener(left, used.astype(float), rate_hz, SHORT, teeth=False, least=least)
-        rows.append(_projected(Noise(taps, np.ones(1), level), columns[:, j], torque[:, j], frictions[j], used))
-    return rows
+        every = np.hstack([columns[:, j], weights[j]])
+        its, felt = _projected(Noise(taps, np.ones(1), level), every, torque[:, j], frictions[j], used)
+        rows.append((its[:, :count], felt))
+        white.append(its[:, count:])
+    return rows, white
 
 
 def _projected(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import butter, sosfiltfilt
 
 from sim.discrepancy.data.preprocessing import Bridge
+from sim.discrepancy.estimation.doubts import by_doubts
 from sim.discrepancy.estimation.estimate import Fit, Refits
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
@@ -28,11 +28,13 @@ def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple
     friction turns by its reversals, which are few: all are kept.
 
     Before: the description as it is given or calibrated, whichever leaves less of the torque; numbers that a fit bends
-    to stand for something missing may be worse than any data sheet. After: numbers of `fit`, by `terms` alone.
+    to stand for something missing may be worse than any data sheet. After: numbers of `fit`, by `terms` alone. A number
+    of the description that a term of `fit` stands for (an offset, a delay) is as described where that term is not in.
     """
     m = problem.measurement
     given = problem.raw_residuals((), {p.name: p.start for p in base.parameters}, weighted=False)
-    before, after = _held_out(problem, base, base.terms), _held_out(problem, fit, terms)
+    freed = [t for t in fit.terms if t.named]
+    before, after = _held_out(problem, base, base.terms, freed), _held_out(problem, fit, terms, freed)
     trusted, over = m.valid > 0.5, Bridge.over(m.valid <= 0.5)
     as_given, calibrated = (_motion_band(over.across(one[0]), m.rate_hz)[trusted] for one in (given, before))
     if _rms(as_given) < _rms(calibrated):
@@ -64,35 +66,24 @@ def _motion_band(values: Array, rate_hz: float) -> Array:
     return np.asarray(sosfiltfilt(butter(4, CUT_HZ, fs=rate_hz, output="sos"), values))
 
 
-def _held_out(problem: Problem, fit: Fit, terms: Sequence[Term]) -> tuple[Array, Array]:
+def _held_out(problem: Problem, fit: Fit, terms: Sequence[Term], freed: Sequence[Term]) -> tuple[Array, Array]:
     m = problem.measurement
+    said = {t.key for t in terms}
+    given = problem.numbers()
+    as_described = {n: given.get(n, 0.0) for t in freed if t.key not in said for n in t.replaces if n in fit.values}
     stride = m.load_stride
     torque, guide = np.zeros(m.samples), np.zeros((m.samples + stride - 1) // stride if problem.guided else 0)
     rows = np.concatenate([np.arange(m.samples), np.arange(guide.size) * stride])
     refits = Refits.of(fit, (*START, MOTOR_RELEASE, MOTOR_STRETCH))
     for fold in range(FOLDS):
         first, last = fold * m.samples // FOLDS, (fold + 1) * m.samples // FOLDS
-        values = without(fit, refits, (rows >= first) & (rows < last))
+        values = without(fit, refits, (rows >= first) & (rows < last)) | as_described
         a, b = problem.raw_residuals(terms, values, weighted=False)
-        expected = by_doubts(problem, a, first, last) if terms else np.zeros(m.samples)
+        expected = by_doubts(m, problem.noise, a, first, last) if terms else np.zeros(m.samples)
         torque[first:last] = (a - expected)[first:last]
         inside = (np.arange(guide.size) * stride >= first) & (np.arange(guide.size) * stride < last)
         guide[inside] = b[inside]
     return torque, guide
-
-
-def by_doubts(problem: Problem, left: Array, first: int = 0, last: int = 0) -> Array:
-    """What of `left` all rows but those from `first` to before `last` expect along the ways in which the known torque
-    may be wrong, shape (n,) [N m]."""
-    m = problem.measurement
-    if not m.doubts.size:
-        return np.zeros(m.samples)
-    noise = replace(problem.noise, ways=np.zeros((0, 0)), less=np.zeros(0))
-    rows = (*m.known_wrong_ways.T, m.bridge.across(left) * m.counts)
-    table = np.stack([noise.whiten(np.ascontiguousarray(row), np.zeros(0)) for row in rows], axis=1)
-    table[first:last] = 0.0
-    ways, seen = table[:, :-1], table[:, -1]
-    return np.asarray(m.doubts @ np.linalg.solve(np.eye(ways.shape[1]) + ways.T @ ways, ways.T @ seen))
 
 
 def without(fit: Fit, refits: Refits, left_out: NDArray[np.bool_]) -> dict[str, float]:

@@ -14,6 +14,7 @@ from sim.discrepancy.model.parameters import Owner
 from sim.discrepancy.results import Estimate
 from sim.discrepancy.search.effect_size import deviations
 from sim.mechanisms.catalogue import kind_of
+from sim.mechanisms.traits import SIZE_SHARE
 
 NINETY = 1.645
 INFLATION = 3.0  # of deviations, so that intervals hold on the calibration seeds
@@ -31,7 +32,7 @@ def term_estimates(fit: Fit, term: Term, m: Measurement) -> tuple[Estimate, ...]
     limits = {p.name: (p.low, p.high) for p in term.parameters}
     out = []
     for name, value in term.report(fit.values).items():
-        half = NINETY * inflation(fit) * spread[name]
+        half = NINETY * inflation(fit, m) * spread[name]
         if name not in NO_SIZE:
             half = max(half, term.traits.size_open * abs(value))
         if name == "frequency_hz":
@@ -44,19 +45,27 @@ def term_estimates(fit: Fit, term: Term, m: Measurement) -> tuple[Estimate, ...]
     return tuple(out)
 
 
-def inflation(fit: Fit) -> float:
-    """Widen intervals by what the residual has beyond white noise (form of the model, slow noise)."""
-    return INFLATION * math.sqrt(max(1.0, fit.misfit / fit.residual.size))
+def inflation(fit: Fit, m: Measurement) -> float:
+    """Widen intervals by what the residual has beyond white noise (form of the model, slow noise).
+
+    By no more where the known torque is doubted, as of a robot's joint: its doubts are among what is fitted, and noise
+    of any colour among the deviations.
+    """
+    return (1.0 if m.doubts.size else INFLATION) * math.sqrt(max(1.0, fit.misfit / fit.residual.size))
 
 
 def estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
     deviations = fit.deviations()
-    scale = inflation(fit)
+    scale = inflation(fit, problem.measurement)
     out = []
     for p in fit.parameters:
         if p.owner is not Owner.DESCRIPTION:
             continue
         half = NINETY * deviations[p.name] * scale
+        if (
+            problem.measurement.doubts.size and "_friction_" in p.name
+        ):  # its law is as open as that of one that was found
+            half = max(half, SIZE_SHARE * abs(fit.values[p.name]))
         out.append(
             Estimate(
                 p.name,

@@ -10,7 +10,7 @@ from sim.description.axis import Axis
 from sim.discrepancy.acoustic.evidence import AcousticFinding
 from sim.discrepancy.assessment.calibration import WEIGHTS
 from sim.discrepancy.assessment.cross_validation_gain import gains
-from sim.discrepancy.assessment.intervals import term_estimates, unit_of
+from sim.discrepancy.assessment.intervals import NINETY, term_estimates, unit_of
 from sim.discrepancy.assessment.posterior import Evidence, is_close, probability
 from sim.discrepancy.assessment.residual_structure import stands_out
 from sim.discrepancy.data.excitation import lacking
@@ -27,6 +27,7 @@ from sim.discrepancy.search.search import Selection
 from sim.mechanisms.catalogue import kind_of, kind_or_any
 
 UNLIKELY = 0.4  # less likely than not
+JOINTS = 6.0  # of an arm: each is another place at which a name is looked for
 AT_LOAD = 1.02  # times as much left on unseen rows
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
 NOT_NOISE = 2.0  # the same, where something is left whatever its place: without a cause 1.3 in 117 recordings at most
@@ -106,6 +107,9 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     if term.key in selection.own_noise:
         sure = min(sure, 1.0 / (1.0 + NAMES * math.exp(min(-selection.own_noise[term.key], 50.0))))
     new = not is_beyond_new(axis, term.mechanism, term.location, estimated)
+    if m.doubts.size and not term.traits.in_every_axis:
+        there = likelier_than_new(axis, term, estimated)
+        sure, new = min(sure, there), there < SAID
     if same or new or is_shaken_otherwise(term, fit.terms):
         sure = min(sure, ALONE)
     return Finding(
@@ -151,6 +155,22 @@ def is_beyond_new(axis: Axis, mechanism: str, location: str | None, estimated: S
     new = kind.as_new(axis, location)
     sizes = [e for e in estimated if e.name in kind.sizes()]
     return any(e.low > new or e.high < -new for e in sizes)
+
+
+def likelier_than_new(axis: Axis, term: Term, estimated: Sequence[Estimate]) -> float:
+    """Probability that a size of a joint is more than as new, one in 40 names at each of an arm's joints beforehand.
+
+    By the ratio of the densities there (Dickey 1971), where it is expected to be about as large as it was found.
+    """
+    kind = kind_of(term.mechanism)
+    new = kind.as_new(axis, term.location)
+    far = max(
+        (abs(e.value) - new) / max(e.high - e.value, e.value - e.low, 1e-300)
+        for e in estimated
+        if e.name in kind.sizes()
+    )
+    z = max(far * NINETY, 0.0)
+    return 1.0 / (1.0 + JOINTS * NAMES * max(z, 1.0) * math.exp(-0.5 * z * z))
 
 
 def drop_unidentifiable(selection: Selection) -> Selection:

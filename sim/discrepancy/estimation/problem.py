@@ -14,6 +14,7 @@ import numpy as np
 from sim.description.axis import Axis
 from sim.discrepancy.data import chatter
 from sim.discrepancy.data.preprocessing import Measurement
+from sim.discrepancy.estimation.doubts import by_doubts
 from sim.discrepancy.estimation.estimate import Array, Fit, Raw, Start
 from sim.discrepancy.estimation.levenberg_marquardt import (
     DAMPINGS,
@@ -331,9 +332,13 @@ class Problem:
         return fit.cost + doubted + self.noise.log_scale(fit.torque_rows, fit.residual.size - fit.torque_rows)
 
     def noise_of(self, fit: Fit) -> Noise:
-        """Filters that make the noise under the residual of `fit` white."""
+        """Filters that make the noise under the residual of `fit` white.
+
+        What the known torque is wrong by along its doubted ways is counted there, and is no noise.
+        """
         torque, guide = self.raw_residuals(fit.terms, fit.values)
         m = self.measurement
+        torque = torque - by_doubts(m, self.noise, torque) * m.counts
         unseen, teeth = has_links(self.axis) and not self.guided, bool(self.axis.stages)
         mode_hz = locked_mode_hz(self.axis) if unseen else None
         least = LEAST_NOISE * m.torque_rms

@@ -8,6 +8,7 @@ import numpy as np
 
 from sim.discrepancy.data.controller_law import DriveLaw, quiet, told
 from sim.discrepancy.data.preprocessing import MOTION_CUT_HZ, gaussian_kernel
+from sim.discrepancy.estimation.doubts import by_doubts
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import LONG, Noise
@@ -149,9 +150,11 @@ def final_fit(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     terms = tuple(t for t in fit.terms if t.mechanism != OVER_SPEED)
     plain = fit if len(terms) == len(fit.terms) else problem.fit(terms, fit.values)
     torque, _ = problem.raw_residuals(terms, plain.values)
-    kernel = gaussian_kernel(MOTION_BAND_HZ, problem.measurement.rate_hz, 0)
+    m = problem.measurement
+    kernel = gaussian_kernel(MOTION_BAND_HZ, m.rate_hz, 0)
+    torque = torque - by_doubts(m, problem.noise, torque) * m.counts
     left = float(np.std(np.convolve(torque, kernel, "same")))
-    noise = Noise(kernel / max(left, 1e-300), np.ones(1)).with_inflated_prior(problem.measurement.known_wrong_ways)
+    noise = Noise(kernel / max(left, 1e-300), np.ones(1)).with_inflated_prior(m.known_wrong_ways)
     in_band = problem.with_noise(noise)
     return in_band, in_band.fit(terms, plain.values, held=plain.sensitivities)
 

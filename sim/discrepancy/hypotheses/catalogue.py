@@ -91,7 +91,7 @@ def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[
     out += [ripple(order, level, axis, present) for order in RIPPLE_ORDERS if travel * order > 2.0 * math.pi]
     out += [hum(frequency, level) for frequency in HUM_HZ if frequency < HIGHEST_HUM * measurement.rate_hz]
     half = 0.5 / measurement.rate_hz  # channels of a log are read one after the other
-    if not measurement.doubts.size:  # the joints of a robot have one clock, which is asked of all of them together
+    if not measurement.doubts.size:  # late friction looks as if it built up over a way: of all joints' torques together
         out.append(delay("torque_delay_s", "motor", max(6e-4, half)))
     if has_links(axis):
         twist, carried = twist_range(axis, measurement), torque_carried(axis, measurement)

@@ -161,7 +161,7 @@ def calibrated(parts: Sequence[Part]) -> tuple[Estimate, ...]:
     """What the description has, by all recordings; the data sheet counts once."""
     by_name: dict[str, list[tuple[Estimate, float]]] = {}
     for part in parts:
-        before = {p.name: inflation(part.fit) * p.spread for p in part.fit.parameters}
+        before = {p.name: inflation(part.fit, part.problem.measurement) * p.spread for p in part.fit.parameters}
         for e in estimates(part.problem, part.fit):
             by_name.setdefault(e.name, []).append((e, before[e.name]))
     return tuple(pooled_estimate([e for e, _ in same], [sd for _, sd in same]) for same in by_name.values())

@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sim.description.transmission import compliance
-from sim.discrepancy.assessment.cross_validation_gain import by_doubts
+from sim.discrepancy.estimation.doubts import by_doubts
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.report.acoustic_panels import along_path, sound_panels
 from sim.discrepancy.report.formatting import named
@@ -94,7 +94,10 @@ def _of_term(selection: Selection, term: Term, numbers: Mapping[str, float]) -> 
     rest = tuple(other for other in fit.terms if other.key != term.key)
     without = problem.raw_residuals(rest, problem.numbers(rest) | dict(fit.values), weighted=False)
     left = problem.raw_residuals(fit.terms, fit.values, weighted=False)
-    wrong = (by_doubts(problem, left[0]), np.zeros(1))  # of the known torque, in each channel: of no cause
+    wrong = (
+        by_doubts(problem.measurement, problem.noise, left[0]),
+        np.zeros(1),
+    )  # of the known torque, in each channel: of no cause
     shown = [
         (channel, lacking - off, lacking - rest_of_it)
         for channel, lacking, rest_of_it, off in zip(channels(selection), without, left, wrong, strict=False)

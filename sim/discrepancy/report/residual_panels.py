@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.signal import welch
 
-from sim.discrepancy.assessment.cross_validation_gain import by_doubts
+from sim.discrepancy.estimation.doubts import by_doubts
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.report.panels import DESCRIBED, EXTENDED, FLOOR, MEASURED, TAKEN, Panel
 from sim.discrepancy.search.search import Selection
@@ -63,7 +63,7 @@ def channels(selection: Selection) -> list[Channel]:
     left = [(name, problem.raw_residuals(f.terms, f.values, weighted=False)) for name, f in fits]
     # of the whole model alone: before, what is missing looks like a wrong known torque
     name, (torque, guide) = left[-1]
-    left[-1] = name, (torque - by_doubts(problem, torque), guide)
+    left[-1] = name, (torque - by_doubts(m, problem.noise, torque), guide)
     noises = [problem.noise_of(fit) for _, fit in fits]
     motor = tuple((name, torque) for name, (torque, _) in left)
     out = [Channel("Motor torque", problem, 1, m.weight, motor, tuple(n.torque for n in noises))]

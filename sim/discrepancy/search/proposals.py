@@ -94,7 +94,8 @@ def try_terms(
     loose = _loosening(problem, fit, candidates, dented=dented)
     refits = each(lambda job: _tried(fit, job[0], _refitted(problem, fit, *job)), jobs)
     refits += each(lambda job: _tried(fit, job[0], problem.best((job[0],), [(job[1], {})], to_end=False)), loose)
-    rivals = _with_finished(problem, fit, [t for t in refits if t])
+    curve = max((r.gain for r in straight), default=0.0)
+    rivals = _with_finished(problem, fit, [t for t in refits if t], curve)
     best: dict[Key, Rival] = {}
     for r in [*rivals, *straight]:
         best.setdefault(r.term.key, r)
@@ -141,18 +142,19 @@ def _loosening(problem: Problem, fit: Fit, candidates: Sequence[Term], *, dented
     return [job for t in terms for job in as_described(problem, t)]
 
 
-def _with_finished(problem: Problem, fit: Fit, tried: list[Tried]) -> list[Rival]:
+def _with_finished(problem: Problem, fit: Fit, tried: list[Tried], curve: float) -> list[Rival]:
     """What was tried, best first, those fitted to their end that may be first and are not far below what matters.
 
     Sensitivities change where contact is lost, where the rest moves far, and where friction comes in that may hold at
-    rest.
+    rest. `curve`: the most that something without a name gains, which is linear and at its best at once: a mechanism
+    that gains less is compared with it once it is at its best, too.
     """
     tried.sort(key=lambda t: (-t[0].gain, str(t[0].term.key)))
     far = [
         place
         for place, (r, _) in enumerate(tried[:CLOSE])
         if r.gain > 0.3 * tried[0][0].gain
-        and (r.term.nonlinear or r.term.traits.in_every_axis or r.gain > FAR_MOVED)
+        and (r.term.nonlinear or r.term.traits.in_every_axis or r.gain > FAR_MOVED or r.gain < curve)
         and wanted(r.term, r.beyond + GROWTH)
     ]
     near = [tried[place] for place in far]

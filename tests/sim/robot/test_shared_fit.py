@@ -11,7 +11,7 @@ import numpy as np
 from sim.discrepancy.assessment.intervals import NINETY
 from sim.robot.motion import Motion
 from sim.robot.rigid_body import RigidBody
-from sim.robot.shared_fit import LOAD_LOSS, SharedFit, _payload, shared_fits
+from sim.robot.shared_fit import LOAD_LOSS, SharedFit, _payload, built_up, shared_fits
 from tests.sim.robot.arms import Array, Link, random_arm, robot, swings, torque, with_mass
 
 DRAWS = 8
@@ -151,3 +151,51 @@ def test_what_hangs_is_told_by_its_place_where_its_weight_is_not() -> None:
     assert likely(0.15, 0.0, 0.0, 0.16) > 0.99
     assert likely(0.0, 0.0, 0.0, 0.0) < 1e-3
     assert likely(-0.5, 0.0, 0.0, 0.0) < 0.05 < 0.95 < likely(0.8, 0.0, 0.0, 0.0)
+
+
+def alone(seed: int, at: int, **own: float) -> tuple[Motion, Array, SharedFit]:
+    """An arm as described of which one joint has something that no other feels; its log, rigid torque and fit.
+
+    `late`: its torque comes later [s]; `weight`: what pulls at it along its own angle [N m].
+    """
+    rng = np.random.default_rng(seed)
+    links = random_arm(rng, 3)
+    motion, rigid = log(rng, links, np.array([0.0, 0.0, -9.81]), np.ones(3), 0.0)
+    felt = motion.torque.copy()
+    felt[:, at] += own.get("weight", 0.0) * np.sin(motion.position[:, at])
+    felt[:, at] = np.interp(motion.time_s - own.get("late", 0.0), motion.time_s, felt[:, at])
+    motion = replace(motion, torque=felt)
+    one = robot(links)
+    (fit,) = shared_fits(one, RigidBody.of(one), [motion])
+    return motion, rigid, fit
+
+
+def test_friction_that_builds_up_after_a_reversal_is_no_delay_and_no_mass() -> None:
+    """A curve over the speed alone left a delay of 10 to 26 ms of it."""
+    rng = np.random.default_rng(4)
+    links = random_arm(rng, 3)
+    motion, rigid = log(rng, links, np.array([0.0, 0.0, -9.81]), np.ones(3), 0.0)
+    dry = np.stack([built_up(q, 2e-3) for q in motion.position.T], axis=1)
+    felt = rigid + 3.0 * dry + 1.5 * motion.speed + 0.5 * motion.acceleration + 0.05 * rng.normal(size=rigid.shape)
+    one = robot(links)
+    (fit,) = shared_fits(one, RigidBody.of(one), [replace(motion, torque=felt)])
+    assert abs(fit.late_s) < 1e-3
+    assert fit.payload.probability < 0.5
+    for joint, errors in enumerate(fit.errors):
+        wrong = np.sqrt(np.mean((fit.known[:, joint] - rigid[:, joint]) ** 2))
+        assert wrong < 2.0 * NINETY * np.sqrt(np.mean(np.sum(errors**2, axis=1)))
+
+
+def test_the_torque_of_one_joint_alone_is_late() -> None:
+    _, _, fit = alone(5, 1, late=0.02)
+    assert [one.probability > 0.5 for one in fit.late] == [False, True, False]
+    assert abs(fit.late[1].delay_s - 0.02) < 0.01
+    _, _, fit = alone(5, 1)
+    assert not any(one.probability > 0.5 for one in fit.late)
+
+
+def test_a_weight_at_one_joint_alone_does_not_mislead_the_others() -> None:
+    _, rigid, fit = alone(6, 0, weight=20.0)
+    for joint in (1, 2):
+        wrong = np.sqrt(np.mean((fit.known[:, joint] - rigid[:, joint]) ** 2))
+        assert wrong < 2.0 * NINETY * np.sqrt(np.mean(np.sum(fit.errors[joint] ** 2, axis=1)))

@@ -77,6 +77,22 @@ def test_friction_that_builds_up_over_a_way_is_no_inertia() -> None:
     assert math.exp(fit.values[MOTOR_STRETCH]) == pytest.approx(way, rel=0.05)
 
 
+def test_what_a_known_torque_is_doubted_by_is_no_noise_as_well() -> None:
+    """It was counted twice: along its doubted ways, and in the noise that hid whatever is as slow."""
+    t, angle, speed, acceleration = swing()
+    doubts = 2.0 * np.stack([np.ones(t.size), np.sin(0.3 * t)], axis=1)
+    wrong = doubts @ np.array([1.0, -1.5])
+    torque = 0.003 * acceleration + 0.02 * speed + 0.05 * np.random.default_rng(1).standard_normal(t.size)
+    light = read_axis({"motor": {**AXIS["motor"], "inertia_kg_m2": 0.003}, "load": {"inertia_kg_m2": 0.0}})
+    squares = []
+    for off in (0.0 * wrong, wrong):
+        channels = {"motor_torque_nm": torque + off, "motor_position_rad": angle, "known_torque_nm": np.zeros(t.size)}
+        one = Problem(light, examine(light, Telemetry(t, channels), doubts).measurement, Noise.flat(0.05, 1.0))
+        one, fit = calibrate(one)
+        squares.append(fit.misfit / fit.residual.size)
+    assert squares[1] == pytest.approx(squares[0], rel=0.1)
+
+
 def test_what_friction_holds_at_rest_is_no_misfit() -> None:
     """A servo leaves any torque that friction bears while it stands, and a model of the motion cannot tell which."""
     t = np.arange(12 * int(RATE_HZ)) / RATE_HZ

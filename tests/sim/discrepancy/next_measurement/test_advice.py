@@ -18,14 +18,14 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.hypotheses.catalogue import terms_of
 from sim.discrepancy.investigation import investigate
-from sim.discrepancy.next_measurement.advice import NOTHING, in_words
+from sim.discrepancy.next_measurement.advice import NOTHING, in_words, of_a_joint
 from sim.discrepancy.next_measurement.discrimination import SEPARATES, told_by
 from sim.discrepancy.next_measurement.plans import PLANS, REPEAT, Plan, Present, even_speeds, there_and_back
 from sim.discrepancy.pooling.joint_investigation import investigate_together
 from sim.discrepancy.pooling.pooled_estimates import Taken
 from sim.discrepancy.report.html import html_report
 from sim.discrepancy.report.joint_html import html_report_together
-from sim.discrepancy.results import Investigation, MeasurementUtility
+from sim.discrepancy.results import Difference, Investigation, MeasurementUtility
 from sim.discrepancy.search.comparison import Model
 from sim.torsional.model import Array
 from tests.sim.discrepancy.telemetry_of import RATE_HZ, geared, one_body, swing
@@ -219,3 +219,18 @@ def test_every_plan_moves_within_what_was_measured_and_is_a_sentence_to_be(plan:
     assert motion.size <= present.rows
     assert float(np.abs(np.diff(motion)).max()) * RATE_HZ < 2.05 * present.top
     assert "{" not in plan.says(present, motion)
+
+
+def test_of_a_joint_is_said_what_to_do_and_what_would_be_seen() -> None:
+    """For robots it was "an axis without it still needs 1.30 N m more motor torque than one with it"."""
+    seen = Difference("motor_torque_nm", 1.3, 0.0, 0.2, 1)
+    told = MeasurementUtility("Repeat it slowly, for 20 s", ("low-speed friction", NOTHING), 90.0, 9.0, 1.0, 1.0, seen)
+    assert of_a_joint([told], "joint") == (
+        "Repeat it slowly, for 20 s, and log it. That tells whether there is low-speed friction. "
+        "If so, the joint needs 1.30 N m more torque below 0.200 rad/s of the joint."
+    )
+    less = replace(told, difference=replace(seen, more=-1))
+    assert "needs 1.30 N m less torque" in of_a_joint([less], "joint")
+    other = replace(told, between=("weight", "offset"))
+    assert "That tells weight from offset. With weight the motor needs 1.30 N m more" in of_a_joint([other], "motor")
+    assert of_a_joint([replace(told, separation=0.0)], "joint") == ""
