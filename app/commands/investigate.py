@@ -19,7 +19,7 @@ from casebase.signals.telemetry import Telemetry, read_telemetry
 from casebase.signals.text import text_of
 from sim.description.axis_document import read_axis, write_axis
 from sim.discrepancy.data.pairing import check_pairs
-from sim.discrepancy.investigation import Criterion, Progress, investigate
+from sim.discrepancy.investigation import Progress, investigate
 from sim.discrepancy.pooling.joint_investigation import investigate_together
 from sim.discrepancy.pooling.pooled_estimates import Taken
 from sim.discrepancy.report.box import unexplained_words
@@ -90,15 +90,10 @@ def run(
         Path | None,
         typer.Option(metavar="OUT.toml", help="the description with all that was found, for the next investigation"),
     ] = None,
-    criterion: Annotated[
-        Criterion, typer.Option(help="of one telemetry: what decides which causes come in; evidence is on trial")
-    ] = Criterion.THRESHOLDS,
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
     """Find what the simulation of an axis gets wrong and why, and how much an extended model improves it."""
     frame = frame_of(context)
-    if criterion is not Criterion.THRESHOLDS and (robot is not None or len(telemetry or ()) != 1):
-        raise typer.BadParameter("--criterion is of one axis with one --telemetry; leave it out for anything else")
     if (axis is None) == (robot is None):
         raise typer.BadParameter("give --axis AXIS.toml for one axis, or --robot ROBOT.toml for a whole robot")
     if axis is None:
@@ -124,9 +119,7 @@ def run(
         whose = [f"{part.taken.name}: " for part in together.parts for _ in part.gain]
     else:
         first = measured[0] if measured else None
-        result = _watched(
-            frame, lambda watch: investigate(described, first, heard, watch, sound_offset, before, criterion=criterion)
-        )
+        result = _watched(frame, lambda watch: investigate(described, first, heard, watch, sound_offset, before))
         files = [path.name for path in (axis, *(telemetry or ()), *(sound or ()), *(as_new or ()))]
         document, page, whose = result.document, partial(html_report, result, files), ["" for _ in result.gain]
     if report is not None:

@@ -6,7 +6,6 @@ import hashlib
 import math
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
-from enum import Enum
 from importlib.metadata import version
 
 import numpy as np
@@ -55,23 +54,12 @@ from sim.discrepancy.next_measurement.advice import in_words, simulated_advice
 from sim.discrepancy.report.maintenance_actions import action
 from sim.discrepancy.report.wording import next_measurement, numbers_of
 from sim.discrepancy.results import SAID, Finding, Investigation, Unexplained, rounded
-from sim.discrepancy.search import evidence_search, search
-from sim.discrepancy.search.model_evidence import NAMES
-from sim.discrepancy.search.search import Selection
+from sim.discrepancy.search.own_noise import NAMES
+from sim.discrepancy.search.search import Selection, select
 from sim.mechanisms.catalogue import kind_of
 
 VERSION = "1"
 Progress = Callable[[str, float], None]
-
-
-class Criterion(Enum):
-    """By what terms come in: many thresholds, or one evidence, which is tried beside them."""
-
-    THRESHOLDS = "thresholds"
-    EVIDENCE = "evidence"
-
-
-SEARCHES = {Criterion.THRESHOLDS: search.select, Criterion.EVIDENCE: evidence_search.select}
 
 
 def investigate(
@@ -82,14 +70,13 @@ def investigate(
     sound_offset_s: float = 0.0,
     as_new: Sequence[Recording] = (),
     known_doubts: Array | None = None,
-    criterion: Criterion = Criterion.THRESHOLDS,
 ) -> Investigation:
     """Hold measured data of an axis against its description.
 
     Several recordings of the same axis can be given without telemetry; their evidence is taken together. `as_new` are
     recordings of the same motion from when the axis was in good order: sound without telemetry is compared with them.
     `known_doubts`: ways in which `known_torque_nm` may be wrong as a whole, each by a standard deviation [N m], shape
-    (rows, p). `criterion`: by what terms come in.
+    (rows, p).
 
     Raises
     ------
@@ -111,7 +98,7 @@ def investigate(
     if "motor_torque_nm" not in telemetry:
         return _encoders_alone(axis, telemetry, sounds, sound_offset_s, progress)
     gate = examine(axis, telemetry, known_doubts)
-    return _of_torque(gate, telemetry, sounds, sound_offset_s, progress, criterion)
+    return _of_torque(gate, telemetry, sounds, sound_offset_s, progress)
 
 
 def _of_torque(
@@ -120,13 +107,12 @@ def _of_torque(
     sounds: tuple[Recording, ...],
     sound_offset_s: float,
     progress: Progress,
-    criterion: Criterion,
 ) -> Investigation:
     """Hold what came through the gate against the model of its description."""
     axis, recorded = gate.axis, excitation_of(gate.measurement)
     progress("calibration of the description", 0.08)
     problem, base = calibrate(Problem(axis, gate.measurement, _first_noise(gate), unknown=gate.unknown))
-    weighed = under_own_noise(drop_unidentifiable(SEARCHES[criterion](problem, base, progress, gate.law)))
+    weighed = under_own_noise(drop_unidentifiable(select(problem, base, progress, gate.law)))
     progress("sound", 0.78)
     heard = listen(axis, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
     strange = mismatch(sounds[0], gate.measurement, sound_offset_s) if sounds else ()

@@ -277,13 +277,6 @@ def test_a_channel_map_that_cannot_be_read_is_said(tmp_path: Path, content: byte
     assert (done.code, words in done.stderr) == (2, True), done.stderr
 
 
-def test_a_criterion_on_trial_is_not_taken_and_then_ignored(tmp_path: Path) -> None:
-    """Several recordings and sound alone have no such choice."""
-    for files in ((), ("--telemetry", "a.csv", "--telemetry", "b.csv"), ("--sound", "a.wav")):
-        done = gearcase("investigate", "--axis", "axis.toml", *files, "--criterion", "evidence", data_dir=tmp_path)
-        assert (done.code, "--criterion is of one axis" in done.stderr) == (2, True), done.stderr
-
-
 def test_no_telemetry_is_dropped(tmp_path: Path) -> None:
     """Several recordings of one axis become one document; one that is bad is named."""
     (tmp_path / "axis.toml").write_text("[motor]\ninertia_kg_m2 = 0.3\n[load]\ninertia_kg_m2 = 0.0\n")

@@ -10,7 +10,6 @@ import argparse
 import hashlib
 import importlib.util
 import json
-import os
 from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
@@ -21,7 +20,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from tests.hidden_effects.bank import BANK_SEED, Entry, full_bank
 from tests.hidden_effects.figure import draw
 from tests.hidden_effects.generator import Scenario
-from tests.hidden_effects.product import CRITERION, ROOT, investigate, investigate_folder, peak_mib
+from tests.hidden_effects.product import ROOT, investigate, investigate_folder, peak_mib
 from tests.hidden_effects.scoring import Scored, complete, judge, several_table, tables
 
 KEPT = ("verdict", "findings", "unexplained", "parameters", "gain", "rejected", "remarks")
@@ -92,10 +91,7 @@ def _arguments() -> argparse.Namespace:
     parser.add_argument("--twice", action="store_true", help="with --folder: run each twice, compare the documents")
     parser.add_argument("--figure", type=Path, help="also draw the results, as PNG or SVG")
     parser.add_argument("--out", type=Path, default=ROOT / "out" / "hidden_effects", help="where results are kept")
-    parser.add_argument("--criterion", help="what decides which causes come in; default the product's own")
     options = parser.parse_args()
-    if options.criterion:
-        os.environ[CRITERION] = options.criterion
     if options.peers and importlib.util.find_spec("pysindy") is None:
         parser.error("--peers needs PySINDy, which is not installed: `make bench` installs it")
     return options
@@ -165,7 +161,7 @@ def main() -> None:
         _run_folder(options.folder, options.twice)
         return
     options.out.mkdir(parents=True, exist_ok=True)
-    file = options.out / f"{_state_of_product()}{options.criterion or ''}.jsonl"
+    file = options.out / f"{_state_of_product()}.jsonl"
     done = _read(file)
     bank = _wanted(options)
     todo = [e for e in bank if e.seed not in done or (options.peers and "peers" not in done[e.seed])]

@@ -20,7 +20,6 @@ from tests.hidden_effects.generator import Scenario, write
 ROOT = Path(__file__).resolve().parents[2]
 COMMAND = (sys.executable, "-m", "app")
 TIME_LIMIT_S = 300
-CRITERION = "GEARCASE_TRIED_CRITERION"  # in the environment, so that worker processes have it too
 FILES = (
     ("--telemetry", "telemetry.csv"),
     ("--telemetry", "telemetry_2.csv"),
@@ -91,8 +90,6 @@ def investigate_together(scenarios: Sequence[Scenario]) -> list[dict[str, Any]]:
 def investigate_folder(folder: Path) -> Answer:
     """Let the product investigate axis.toml with whichever recordings the folder holds."""
     arguments = ["investigate", "--axis", str(folder / "axis.toml"), "--json"]
-    if criterion := os.environ.get(CRITERION):
-        arguments += ["--criterion", criterion]
     for option, file in FILES:
         if (folder / file).exists():
             arguments += [option, str(folder / file)]

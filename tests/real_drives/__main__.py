@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from casebase.signals.errors import TelemetryError
 from sim.discrepancy.data.validation import InvestigationError
-from sim.discrepancy.investigation import Criterion, investigate
+from sim.discrepancy.investigation import investigate
 from sim.discrepancy.results import Investigation
 from sim.errors import SimulationError
 from tests.real_drives.drives import Drive, cut, dressed, drives
@@ -62,11 +62,11 @@ def of_truth(drive: Drive, result: Investigation, tally: Tally) -> list[str]:
     return wrong
 
 
-def line(drive: Drive, tally: Tally, criterion: Criterion = Criterion.THRESHOLDS) -> str:
+def line(drive: Drive, tally: Tally) -> str:
     tally.runs += 1
     began = time.monotonic()
     try:
-        result = investigate(drive.description(), drive.telemetry(), criterion=criterion)
+        result = investigate(drive.description(), drive.telemetry())
     except (InvestigationError, TelemetryError, SimulationError) as refused:
         tally.refused += 1
         tally.names = ("refused",)
@@ -96,7 +96,6 @@ def main() -> None:
     parser.add_argument("--parts", action="store_true", help="also halves of each record, and every second row")
     parser.add_argument("--dresses", action="store_true", help="each log in three dresses: is the same named?")
     parser.add_argument("--not", dest="out", nargs="*", default=[], help="no drive whose name has one of these")
-    parser.add_argument("--criterion", type=Criterion, default=Criterion.THRESHOLDS, help="what decides what comes in")
     chosen = parser.parse_args()
     tally = Tally()
     same = dresses = 0
@@ -106,12 +105,12 @@ def main() -> None:
         if chosen.dresses:
             names = []
             for one in dressed(drive):
-                print(line(one, tally, chosen.criterion), flush=True)
+                print(line(one, tally), flush=True)
                 names.append(tally.names)
             dresses, same = dresses + len(names) - 1, same + sum(name == names[0] for name in names[1:])
             continue
         for one in cut(drive) if chosen.parts else [drive]:
-            print(line(one, tally, chosen.criterion), flush=True)
+            print(line(one, tally), flush=True)
     if chosen.dresses:
         print(f"the same is named in {same} of {dresses} dresses")
     print(

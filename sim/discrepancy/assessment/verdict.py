@@ -21,8 +21,7 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.identifiability import ALONE, needs_of, same_over_the_turn, the_same
 from sim.discrepancy.report.wording import explain
 from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
-from sim.discrepancy.search.model_evidence import NAMES
-from sim.discrepancy.search.own_noise import in_own_noise, likelier, without
+from sim.discrepancy.search.own_noise import NAMES, in_own_noise, likelier, without
 from sim.discrepancy.search.search import Selection
 from sim.mechanisms.catalogue import kind_of, kind_or_any
 
@@ -103,7 +102,7 @@ def finding_of(selection: Selection, term: Term) -> Finding:
         if t > 0.0 and r.mechanism not in (term.mechanism, *close) and r.key in brought and brought.get(term.key)
     }
     seen = Evidence(standing.share, others, (standing.shared + inadequacy(fit)) / standing.gain)
-    sure = min(selection.probabilities.get(term.key, probability(seen)), WEIGHTS.cap)
+    sure = min(probability(seen), WEIGHTS.cap)
     if term.key in selection.own_noise:
         sure = min(sure, 1.0 / (1.0 + NAMES * math.exp(min(-selection.own_noise[term.key], 50.0))))
     new = not is_beyond_new(axis, term.mechanism, term.location, estimated)

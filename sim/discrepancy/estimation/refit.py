@@ -81,19 +81,14 @@ def plainly(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     return problem, more
 
 
-def noise_in_band(problem: Problem, fit: Fit, *, independent: bool = False) -> Noise:
-    """As loud as what `fit` leaves in the band of the motion, and white in it.
-
-    `independent`: of the rows that the band makes alike only one counts.
-    """
+def noise_in_band(problem: Problem, fit: Fit) -> Noise:
+    """As loud as what `fit` leaves in the band of the motion, and white in it."""
     m = problem.measurement
     taps = []
     left = problem.raw_residuals(fit.terms, fit.values)
     for values, rate_hz in zip(left, (m.rate_hz, m.rate_hz / m.load_stride), strict=True):
-        cut_hz = min(MOTION_CUT_HZ, 0.1 * rate_hz)
-        kernel = gaussian_kernel(cut_hz, rate_hz, 0)
+        kernel = gaussian_kernel(min(MOTION_CUT_HZ, 0.1 * rate_hz), rate_hz, 0)
         level = float(np.std(np.convolve(values, kernel, "same"))) if values.size else 0.0
-        level *= math.sqrt(0.5 * rate_hz / cut_hz) if independent else 1.0
         taps.append(kernel / level if level else np.ones(1))
     return Noise(taps[0], taps[1])
 

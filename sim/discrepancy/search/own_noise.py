@@ -17,6 +17,7 @@ from sim.discrepancy.estimation.refit import MOTION_BAND_HZ, rewhiten
 from sim.discrepancy.hypotheses.hypothesis import Term
 
 Fitted = tuple[Problem, Fit]
+NAMES = 40.0  # mechanisms and places among which one is looked for
 BANDS = 40
 FEWEST_LINES = 8  # in a band
 MOSTLY = 0.5  # of the squares of what a term changes

@@ -82,7 +82,6 @@ class Selection:
     rejected: tuple[Rival, ...]
     found: tuple[Term, ...]
     standings: Mapping[Key, ModelComparison]
-    probabilities: Mapping[Key, float] = field(default_factory=dict)
     own_noise: Mapping[Key, float] = field(default_factory=dict)
 
     @property
