@@ -91,9 +91,9 @@ def test_a_label_that_is_renamed_stays_searched_and_all_is_taken_back(anna: Insi
 
 def test_the_pages_say_who_has_to_do_what(anna: Inside, otto: Inside) -> None:
     case = kept(anna, 5)
-    assert "1 case waits for an admin to be released" in otto.browse("GET", "/queue").text
+    assert "1 case waits for an admin to release it" in otto.browse("GET", "/queue").text
     own, other = (who.browse("GET", f"/cases/{case}").text for who in (anna, otto))
-    assert "Another admin than who labelled it has to release it" in own
+    assert "An admin other than the one who labelled it has to release it" in own
     assert 'value="release"' not in own
     assert 'value="release"' in other
     assert otto.browse("POST", "/library/change", data={"action": "release", "case_id": case}).status_code == 303
