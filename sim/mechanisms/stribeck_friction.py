@@ -41,7 +41,6 @@ class StribeckFriction(Mechanics):
         least_gain=15.0,
         laws=frozenset({Law.FRICTION, Law.DISSIPATION}),
         over_strokes=True,
-        at_low_speed=True,
         like_noise=True,
     )
 

@@ -85,8 +85,6 @@ class Traits:
         It is torque over the angle of its shaft, which on one stiff body others have as well.
     shakes_load
         It is seen by what shakes the load.
-    at_low_speed
-        Rows near standstill tell more of it.
     gap
         Its size is the gap of a mesh: the same lost motion may lie in another mesh.
     dent
@@ -112,7 +110,6 @@ class Traits:
     restless: bool = False
     torque_over_angle: bool = False
     shakes_load: bool = False
-    at_low_speed: bool = False
     gap: bool = False
     dent: bool = False
     like_noise: bool = False

@@ -27,7 +27,6 @@ MOTION_CUT_HZ = (
 REACH = 4  # rows on either side of a gap that are felt, per row of it
 PIER = 50  # rows on either side of lost ones from whose mean a line leads over them
 STANDSTILL_SHARE = 0.012  # of the largest speed: below, dry friction is whatever it needs to be
-NEAR_STANDSTILL_SHARE = 0.006  # the same where no teeth leave each other, which they do first at reversals
 
 
 @dataclass(frozen=True)

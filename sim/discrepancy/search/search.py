@@ -8,10 +8,10 @@ from functools import cache
 
 from sim.description.axis import MechanismEntry
 from sim.discrepancy.data.controller_law import DriveLaw
-from sim.discrepancy.data.preprocessing import NEAR_STANDSTILL_SHARE, STANDSTILL_SHARE
+from sim.discrepancy.data.preprocessing import STANDSTILL_SHARE
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
-from sim.discrepancy.estimation.refit import all_rows, look_closely, multistart, quieted, rattling, rewhiten
+from sim.discrepancy.estimation.refit import look_closely, multistart, quieted, rattling, rewhiten
 from sim.discrepancy.estimation.whitening import LONG
 from sim.discrepancy.hypotheses.hypothesis import Key, Term
 from sim.discrepancy.hypotheses.traits import AS_NEW, mechanisms_with
@@ -148,8 +148,6 @@ class SelectionState:
         tried, entry = self._tried(only)
         last = tried if only is None else self.rejected  # some alone say nothing of the others
         self.promised = frozenset(r.term.mechanism for r in tried if is_large(r, self.fit))
-        if not entry.new:
-            tried, entry = self._tried_on_other_rows(tried, entry, all_too=only is None)
         names = {r.term.key for r in entry.new}
         self.rejected = tuple(r for r in last if r.term.key not in names and r.term.named)
         if entry.new:
@@ -165,21 +163,6 @@ class SelectionState:
         if not entry.new and self.problem.memory != LONG:
             self.problem, self.fit = look_closely(self.problem, self.fit)
             tried, entry = search(self.problem, self.fit, self.entered, only)
-        return tried, entry
-
-    def _tried_on_other_rows(self, tried: list[Rival], entry: Entry, *, all_too: bool) -> tuple[list[Rival], Entry]:
-        """The same near standstill, and where teeth rattle."""
-        if asks_low_speed(self.problem, self.fit):
-            slow = mechanisms_with(lambda t: t.at_low_speed)
-            near_rest = rewhiten(self.problem.down_to(NEAR_STANDSTILL_SHARE), self.fit)
-            more, entry = search(*near_rest, self.entered, slow)
-            anew = {r.term.key for r in more}
-            tried = sorted(
-                [*more, *(r for r in tried if r.term.key not in anew)], key=lambda r: (-r.gain, str(r.term.key))
-            )
-        if not entry.new and all_too and not self.problem.measurement.told.all():
-            loosening = mechanisms_with(lambda t: t.loses_contact)
-            _, entry = search(*all_rows(self.problem, self.fit), self.entered, loosening)
         return tried, entry
 
     def _take(self, tried: Sequence[Rival], entry: Entry) -> None:
@@ -321,13 +304,6 @@ def likely(tried: Sequence[Rival]) -> list[Rival]:
 
 def _is_shift(term: Term) -> bool:
     return term.traits.known_within_a_little or term.traits.like_an_offset
-
-
-def asks_low_speed(problem: Problem, fit: Fit) -> bool:
-    """Whether the rows near standstill may tell more: not yet asked, and no teeth leave each other there."""
-    m = problem.measurement
-    there = problem.has_contact_loss(fit.terms) or any(t.traits.at_low_speed for t in fit.terms)
-    return not (there or m.rests) and m.standstill > NEAR_STANDSTILL_SHARE
 
 
 def search(

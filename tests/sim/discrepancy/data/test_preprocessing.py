@@ -5,7 +5,6 @@ import pytest
 
 from sim.discrepancy.data.preprocessing import (
     LOAD_MOTION_CUT_HZ,
-    NEAR_STANDSTILL_SHARE,
     PIER,
     Bridge,
     gaussian_kernel,
@@ -66,19 +65,6 @@ def test_the_guide_rests_while_the_load_turns_back_later_than_the_motor() -> Non
     assert prepared.load_weight[near].max() == 0.0
     assert prepared.weight[near].min() == 1.0
     assert prepared.load_weight[np.abs(prepared.time_s - np.pi) < 0.5].min() == 1.0
-
-
-def test_where_no_teeth_leave_each_other_rows_count_down_to_half_the_speed() -> None:
-    t = np.arange(8000) / 1000.0
-    prepared = prepare(1000.0, np.zeros(t.size), 40.0 * np.sin(t), None, valid=np.where(t > 6.0, 0.0, 1.0))
-    closer = replace(prepared, standstill=NEAR_STANDSTILL_SHARE)
-    assert (closer.weight >= prepared.weight).all()
-    rising = np.argsort(np.abs(prepared.speed))
-    rising = rising[prepared.valid[rising] > 0.0]
-    top = np.abs(prepared.speed).max()
-    slowest = [np.abs(m.speed[rising][m.weight[rising] > 0.0]).min() / top for m in (closer, prepared)]
-    assert slowest == pytest.approx([0.006, 0.012], abs=1e-3)
-    assert closer.weight[closer.time_s > 6.2].max() == 0.0  # what cannot be trusted stays out
 
 
 def test_lost_rows_are_bridged_by_what_is_on_either_side() -> None:
