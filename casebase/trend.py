@@ -122,9 +122,12 @@ def bayes_factors(residual: Floats, basis: Floats, squares: Floats, freedom: int
     """
     from scipy.special import stdtr  # slow to import
 
-    shape = _ramps(len(residual)) if kind is Kind.RAMP else np.tril(np.ones((len(residual), len(residual))))
-    along = shape.T @ residual
-    free = np.maximum((shape**2).sum(axis=0) - ((shape.T @ basis) ** 2).sum(axis=1), 0.0)[:, None]
+    since = np.arange(len(residual), 0.0, -1.0)[:, None]  # recordings from each one on
+    along, within, length = _from_here_on(residual), _from_here_on(basis), since
+    if kind is Kind.RAMP:  # from 0 before each recording to 1 at the last one
+        along, within = _from_here_on(along) / since, _from_here_on(within) / since
+        length = (since + 1.0) * (2.0 * since + 1.0) / (6.0 * since)
+    free = np.maximum(length - (within**2).sum(axis=1, keepdims=True), 0.0)
     left = np.maximum(squares - along**2 / (free + 1), SAME * squares)
     both_ways = -0.5 * np.log1p(free) - 0.5 * freedom * np.log(left / squares)
     factors = np.exp(np.minimum(both_ways, LARGEST_LOGARITHM))
@@ -133,10 +136,9 @@ def bayes_factors(residual: Floats, basis: Floats, squares: Floats, freedom: int
     return np.asarray(factors * 2 * stdtr(freedom, along / np.sqrt((free + 1) * left / freedom)))
 
 
-def _ramps(count: int) -> Floats:
-    """Return ramps from 0 before each recording to 1 at the last one, shape (count, count), one per column."""
-    place = np.arange(count)
-    return np.asarray(np.maximum(place[:, None] - place + 1, 0) / (count - place), np.float64)
+def _from_here_on(values: Floats) -> Floats:
+    """Return the sums over each recording and all later ones, shape (n, k)."""
+    return np.asarray(np.cumsum(values[::-1], axis=0)[::-1])
 
 
 def clipped(values: Floats) -> Floats:
@@ -313,19 +315,20 @@ def state_of_operation(recordings: Sequence[Heard]) -> Floats:
 
 def _followed(columns: Floats, state: Floats) -> list[Followed]:
     """Follow features, shape (n, k); those that the same recordings have are weighed together."""
-    finite = np.isfinite(columns)
+    finite, coloured = np.isfinite(columns), np.isin(FOLLOWED, COLOUR)
     found: dict[int, Followed] = {}
     for pattern in np.unique(finite, axis=1).T:
-        rows = np.flatnonzero(pattern)
-        alike = np.flatnonzero((finite == pattern[:, None]).all(axis=0))
-        values, here = columns[np.ix_(rows, alike)], state[rows]
-        risen, steps, ramps = (changes_of(values, here, kind) for kind in Kind)
-        for index, place in enumerate(alike.tolist()):
-            name, own = FOLLOWED[place], values[:, index]
-            if name in COLOUR:
-                found[place] = Followed(name, rows, own, here, steps[index], ramps[index].evidence)
-            else:
-                found[place] = Followed(name, rows, own, here, risen[index])
+        rows, alike = np.flatnonzero(pattern), (finite == pattern[:, None]).all(axis=0)
+        here = state[rows]
+        places = np.flatnonzero(alike & ~coloured)
+        values = columns[np.ix_(rows, places)]
+        for place, own, risen in zip(places.tolist(), values.T, changes_of(values, here), strict=True):
+            found[place] = Followed(FOLLOWED[place], rows, own, here, risen)
+        places = np.flatnonzero(alike & coloured)
+        values = columns[np.ix_(rows, places)]
+        steps, ramps = changes_of(values, here, Kind.STEP), changes_of(values, here, Kind.RAMP)
+        for place, own, step, ramp in zip(places.tolist(), values.T, steps, ramps, strict=True):
+            found[place] = Followed(FOLLOWED[place], rows, own, here, step, ramp.evidence)
     return [found[place] for place in range(len(FOLLOWED))]
 
 
