@@ -10,7 +10,6 @@ it, so its blows scatter down to nothing. What strikes beside the axis does not 
 stays where so many other strokes are struck at the same time from the reversal as chance would hardly bring.
 """
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 
@@ -191,6 +190,8 @@ def _is_own(event: Event, levels_db: Mapping[Band, Floats], peaks_db: Mapping[Ba
 
     With chance each of them is struck then as often as at any other time.
     """
+    from scipy.special import bdtrc  # slow to import
+
     around = round(AROUND_S * HOP_HZ)
     first, last = round(event.span.start_s * HOP_HZ) + around, round(event.span.end_s * HOP_HZ) - around
     if not event.knock or last <= first:
@@ -207,16 +208,7 @@ def _is_own(event: Event, levels_db: Mapping[Band, Floats], peaks_db: Mapping[Ba
     width = last - first + 2 * strokes.tolerance
     anywhere = ndimage.maximum_filter1d((level_db > peaks_db[band]).astype(np.int8), width)
     elsewhere = np.concatenate([anywhere[: max(0, first - width)], anywhere[last + width :]])
-    return elsewhere.size > 0 and at_least(struck, len(highest), float(elsewhere.mean())) < KEPT_BY_CHANCE
-
-
-def at_least(successes: int, of: int, chance: float) -> float:
-    """Return the probability of so many successes or more, each with the same chance [1].
-
-    >>> at_least(1, 2, 0.5)
-    0.75
-    """
-    return sum(math.comb(of, k) * chance**k * (1 - chance) ** (of - k) for k in range(successes, of + 1))
+    return elsewhere.size > 0 and bool(bdtrc(struck - 1, len(highest), float(elsewhere.mean())) < KEPT_BY_CHANCE)
 
 
 def _median_of_others(rows: Floats, *, upper: bool) -> Floats:
