@@ -62,9 +62,8 @@ def estimates(problem: Problem, fit: Fit) -> tuple[Estimate, ...]:
         if p.owner is not Owner.DESCRIPTION:
             continue
         half = NINETY * deviations[p.name] * scale
-        if (
-            problem.measurement.doubts.size and "_friction_" in p.name
-        ):  # its law is as open as that of one that was found
+        # a law of friction that is described is as open as one that was found
+        if problem.measurement.doubts.size and "_friction_" in p.name:
             half = max(half, SIZE_SHARE * abs(fit.values[p.name]))
         out.append(
             Estimate(
