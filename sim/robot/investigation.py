@@ -10,6 +10,7 @@ from functools import partial
 from importlib.metadata import version
 
 import numpy as np
+from scipy.optimize import root_scalar
 
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import MechanismEntry
@@ -32,6 +33,7 @@ from sim.robot.sliding import sliding_words
 from sim.robot.trend import changed
 
 Progress = Callable[[str, float], None]
+CLOSE_S, STEPS = 1e-4, 6  # of the secant method that finds a delay
 TILTED = 3.0  # standard deviations from which the base is said to stand askew
 HELD = "The joint was held still: nothing is told of its friction and its drive."
 OF_THE_LOG = (LostSamples.name,)  # what one logger does to all joints alike is the log's
@@ -114,9 +116,10 @@ def _in_time(
 ) -> tuple[tuple[SharedFit, ...], list[dict[int, Late]]]:
     """What the joints share once torques that are late by themselves are back in time, and those of each log.
 
-    The likeliest first: what it leaves in the others looks like delays, too. What leaves another delay once it is put
-    back, and what wants to be later than any delay, is none. `half_s`: half a row of each log; channels are read one
-    after the other.
+    The likeliest first: what it leaves in the others looks like delays, too. By the secant method, since a torque bends
+    within a delay, and friction that is late looks as if it built up while friction that is early looks like nothing
+    else. What does not converge and what wants to be later than any delay is none. `half_s`: half a row of each log;
+    channels are read one after the other.
     """
     late: list[dict[int, Late]] = [{} for _ in motions]
     none: set[tuple[int, int]] = set()
@@ -126,22 +129,48 @@ def _in_time(
             (one.probability, k, j)
             for k, fit in enumerate(fits)
             for j, one in enumerate(fit.late)
-            if one.probability >= SAID and one.is_delay and abs(one.delay_s) > half_s[k]
+            if one.probability >= SAID and abs(one.delay_s) > half_s[k]
             if j not in late[k] and (k, j) not in none
         ]
         if not found:
             break
         _, k, j = max(found)
         first = fits[k].late[j]
-        moved = [m.with_earlier_torque(j, first.delay_s) if k == place else m for place, m in enumerate(motions)]
-        anew = shared_fits(robot, body, moved)
-        left = anew[k].late[j]
-        total = replace(first, delay_s=first.delay_s + left.delay_s, deviation_s=left.deviation_s)
-        if left.probability >= SAID or not total.is_delay:
-            none.add((k, j))
-            continue
-        late[k][j], motions, fits = total, moved, anew
+        earlier = _Earlier(robot, body, motions, k, j, {0.0: fits})
+        found_s = root_scalar(earlier.left_s, method="secant", x0=0.0, x1=first.delay_s, xtol=CLOSE_S, maxiter=STEPS)
+        by_s = float(found_s.root)
+        if found_s.converged:
+            one = first.found_at(by_s, earlier.fitted(by_s)[k].late[j].deviation_s)
+            if one.probability >= SAID and one.is_delay:
+                late[k][j], motions, fits = one, earlier.motions(by_s), earlier.fitted(by_s)
+                continue
+        none.add((k, j))
     return fits, late
+
+
+@dataclass(frozen=True)
+class _Earlier:
+    """The logs with the torque of one joint of one of them earlier; `fits`: what the joints share, by how much [s]."""
+
+    robot: Robot
+    body: RigidBody
+    logs: Sequence[Motion]
+    log: int
+    joint: int
+    fits: dict[float, tuple[SharedFit, ...]]
+
+    def motions(self, by_s: float) -> list[Motion]:
+        moved = self.logs[self.log].with_earlier_torque(self.joint, by_s)
+        return [moved if place == self.log else m for place, m in enumerate(self.logs)]
+
+    def fitted(self, by_s: float) -> tuple[SharedFit, ...]:
+        if by_s not in self.fits:
+            self.fits[by_s] = shared_fits(self.robot, self.body, self.motions(by_s))
+        return self.fits[by_s]
+
+    def left_s(self, by_s: float) -> float:
+        """By how much it is still late [s]."""
+        return self.fitted(by_s)[self.log].late[self.joint].delay_s
 
 
 def _described_delay(joint: Joint) -> float:

@@ -78,6 +78,12 @@ class Late:
         """Whether its interval of 90 % reaches down to what may be one: what wants to be later is none."""
         return abs(self.delay_s) - NINETY * self.deviation_s < LATEST_S
 
+    def found_at(self, delay_s: float, deviation_s: float) -> Late:
+        """The same as it was found beyond the linear picture: the log likelihood is the area below its slope, which
+        falls from that of this picture to 0 there."""
+        nats = 0.5 * self.delay_s * delay_s / self.deviation_s**2
+        return Late(delay_s, deviation_s, _odds(math.log(deviation_s / LATEST_S) + nats))
+
 
 @dataclass(frozen=True)
 class SharedFit:
@@ -355,9 +361,13 @@ def _weight(
 def _there(size: Array, covariance: Array, large: float) -> float:
     """How likely something of one joint alone is not 0, by the ratio of the densities there (Dickey 1971); `large`: the
     deviation of what it may be."""
-    log_odds = math.log(OWN / (1.0 - OWN)) + 0.5 * float(np.linalg.slogdet(covariance)[1]) - size.size * math.log(large)
-    log_odds += 0.5 * float(size @ np.linalg.solve(covariance, size))
-    return 1.0 / (1.0 + math.exp(-min(max(log_odds, -50.0), 50.0)))
+    log_ratio = 0.5 * float(np.linalg.slogdet(covariance)[1]) - size.size * math.log(large)
+    return _odds(log_ratio + 0.5 * float(size @ np.linalg.solve(covariance, size)))
+
+
+def _odds(log_ratio: float) -> float:
+    """How likely something of one joint alone is by the log ratio of the likelihoods with it and without."""
+    return 1.0 / (1.0 + math.exp(-min(max(math.log(OWN / (1.0 - OWN)) + log_ratio, -50.0), 50.0)))
 
 
 def _beside(
