@@ -131,16 +131,23 @@ def check_description(axis: Axis, m: Measurement, used: Rows, unknown: frozenset
 
 
 def with_first_inertia(axis: Axis, m: Measurement, used: Rows) -> tuple[Axis, frozenset[str]]:
-    """The axis with the inertia of its motor that torque and acceleration show where nobody knows it, and its name."""
+    """The axis with the inertia of its motor that torque and acceleration show where nobody knows it, and its name.
+
+    The larger one of those that they show with weight of the load aside and counted in, which over one stroke goes with
+    the acceleration: a number is looked for near its first value, and one that is too small would hold it down.
+    """
     if axis.motor.inertia_kg_m2:
         return axis, frozenset()
-    (felt, *_), _ = one_body(_of_drive(axis, m), m.slow_acceleration, m.speed, used)
+    torque, turn = _of_drive(axis, m), m.angle / axis.ratio
+    laws = [(), [np.sin(turn), np.cos(turn)]] if float(np.ptp(turn)) > LEAST_TURN else [()]
+    felt = max(float(one_body(torque, m.slow_acceleration, m.speed, used, law)[0][0]) for law in laws)
+    felt = min(felt, float(np.std(torque[used])) / max(float(np.std(m.slow_acceleration[used])), 1e-300))
     beyond = sum(inertias(axis).values())
     carried = 0.0
     if m.known_torque is not None:
         (carried, *_), _ = one_body(m.known_torque / axis.ratio, m.slow_acceleration, m.speed, used)
-    least = LEAST_OF_ALL * max(float(felt), beyond, abs(float(carried)), 1e-12)
-    motor = replace(axis.motor, inertia_kg_m2=max(float(felt) - beyond, least))
+    least = LEAST_OF_ALL * max(felt, beyond, abs(float(carried)), 1e-12)
+    motor = replace(axis.motor, inertia_kg_m2=max(felt - beyond, least))
     return replace(axis, motor=motor), frozenset({"motor.inertia_kg_m2"})
 
 
