@@ -18,7 +18,7 @@ from sim.discrepancy.hypotheses.gear_mesh import MOTOR, kinematic_terms, link_te
 from sim.discrepancy.hypotheses.generic import ORDERS as RIPPLE_ORDERS
 from sim.discrepancy.hypotheses.generic import terms_of_catalogue
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.hypotheses.identifiability import highest_order, that_show
+from sim.discrepancy.hypotheses.identifiability import highest_order, lowest_order, that_show
 from sim.discrepancy.hypotheses.sensors import HIGHEST_HUM, HUM_HZ, delay, encoder_error, hum, offset
 from sim.discrepancy.hypotheses.structure import gravity, resonance
 from sim.discrepancy.model.nominal import (
@@ -88,7 +88,8 @@ def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[
         places = ((MOTOR, None) if seen_apart else (MOTOR,)) if most > 0.0 else ()
         out += [asymmetry(level, top, most, place) for place in places]
     travel = float(np.ptp(measurement.angle))
-    out += [ripple(order, level, axis, present) for order in RIPPLE_ORDERS if travel * order > 2.0 * math.pi]
+    lowest = lowest_order(excitation_of(measurement), doubted=measurement.doubts.size > 0)
+    out += [ripple(order, level, axis, present) for order in RIPPLE_ORDERS if order >= lowest]
     out += [hum(frequency, level) for frequency in HUM_HZ if frequency < HIGHEST_HUM * measurement.rate_hz]
     half = 0.5 / measurement.rate_hz  # channels of a log are read one after the other
     if not measurement.doubts.size:  # late friction looks as if it built up over a way: of all joints' torques together

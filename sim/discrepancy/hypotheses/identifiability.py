@@ -79,6 +79,13 @@ def highest_order(e: Excitation) -> int:
     return min(int(math.pi * e.rate_hz / pace), MOST_ORDERS) if pace else 0
 
 
+def lowest_order(e: Excitation, *, doubted: bool) -> int:
+    """Times per turn of the motor from which a ripple is passed once, or twice where the load's torque is `doubted`:
+    masses that are wrong bend it once over any way."""
+    waves = 2.0 if doubted else 1.0
+    return math.ceil(waves * 2.0 * math.pi / e.travel_rad) if e.travel_rad else MOST_ORDERS + 1
+
+
 def _teeth(axis: Axis) -> Mapping[str, int | None]:
     """Teeth of each wheel by its name, of the driven gears and of the motor's pinion."""
     first = {MOTOR: axis.stages[0].driver_teeth} if axis.stages else {}

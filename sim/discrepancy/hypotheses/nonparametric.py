@@ -63,8 +63,7 @@ def over_speed(place: str, m: Measurement, step: float, *, even: bool = False, a
     shapes = tents * turned if even else np.concatenate([tents * way for way in ways], axis=1)
     if apart:
         friction = np.hstack([*ways, np.abs(m.speed)[:, None] * ways[0], np.abs(m.speed)[:, None] * ways[1]])
-        counts = np.sqrt(m.moving)[:, None]
-        shapes = shapes - friction @ np.linalg.lstsq(friction * counts, shapes * counts, rcond=None)[0]
+        shapes = _beyond(shapes, friction, m)
 
     def where(energy: Array) -> Mapping[str, float]:
         at = int(np.argmax(energy))
@@ -84,8 +83,12 @@ def over_angle(place: str, m: Measurement, ratio: float, step: float, order: int
 
 
 def torque_over_angle(place: str, m: Measurement, ratio: float, step: float) -> Term:
-    """The same in both directions, beyond weight and runout: errors as new, which must not pass for friction."""
-    return _shaped(AS_NEW, place, _waves(m, ratio, ORDERS[1:]), step, lambda energy: {})
+    """The same in both directions, beyond offset and weight: errors as new, which must not pass for friction.
+
+    Over less than a turn waves of any order would stand for a weight.
+    """
+    weight = np.hstack([np.ones((m.samples, 1)), _waves(m, ratio, ORDERS[:1])])
+    return _shaped(AS_NEW, place, _beyond(_waves(m, ratio, ORDERS[1:]), weight, m), step, lambda energy: {})
 
 
 def error_over_angle(axis: Axis, m: Measurement) -> list[Term]:
@@ -140,6 +143,12 @@ def _half_teeth(k: int, stage: str, order: float, new_rad: float) -> Term:
         AS_NEW, stage, numbers, (tuple({name: step} for name in names),), lambda values: {}, apply,
         named=False, magnitude=lambda values: math.inf,
     )  # fmt: skip
+
+
+def _beyond(shapes: Array, others: Array, m: Measurement) -> Array:
+    """`shapes` without what `others` are of them in the rows that count, all of shape (n, k)."""
+    counts = np.sqrt(m.moving)[:, None]
+    return np.asarray(shapes - others @ np.linalg.lstsq(others * counts, shapes * counts, rcond=None)[0])
 
 
 def _waves(m: Measurement, ratio: float, orders: Sequence[int]) -> Array:

@@ -18,7 +18,7 @@ from sim.discrepancy.hypotheses.gear_mesh import ripple
 from sim.discrepancy.hypotheses.generic import ORDERS as ALWAYS_TRIED
 from sim.discrepancy.hypotheses.generic import frequency_of, terms_of_kind
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.hypotheses.identifiability import highest_order
+from sim.discrepancy.hypotheses.identifiability import highest_order, lowest_order
 from sim.discrepancy.hypotheses.nonparametric import (
     ORDERS,
     Rows,
@@ -85,14 +85,15 @@ def ripples(problem: Problem, fit: Fit) -> list[Term]:
     more often than the torque of any motor is of a gear before it, which no description has: it stands aside, unnamed.
     """
     m = problem.measurement
+    seen = excitation_of(m)
     counts = m.weight > 0.5
     turn = np.exp(-1j * m.angle[counts])
-    orders = range(1, highest_order(excitation_of(m)) + 1)
-    wave, left = fit.residual[: m.samples][counts].astype(complex), []
-    for _ in orders:
+    orders = range(lowest_order(seen, doubted=m.doubts.size > 0), highest_order(seen) + 1)
+    wave, left = fit.residual[: m.samples][counts] * turn ** (orders.start - 1), {}
+    for order in orders:
         wave *= turn
-        left.append(abs(wave.sum()) ** 2 / turn.size)
-    likely = sorted(orders, key=lambda order: -left[order - 1])[:RIPPLES]
+        left[order] = abs(wave.sum()) ** 2 / turn.size
+    likely = sorted(orders, key=lambda order: -left[order])[:RIPPLES]
     present = problem.chain(fit.terms, fit.values)
     terms = (ripple(float(order), m.torque_rms, problem.axis, present) for order in likely if order not in ALWAYS_TRIED)
     return [replace(term, among=len(orders)) for term in terms]
