@@ -21,11 +21,7 @@ SAID = 0.5  # probability from which a name is said
 
 @dataclass(frozen=True)
 class Gain:
-    """Root mean square of what a model leaves in a channel, on held-out rows, before and after the extension.
-
-    `moving`: what was measured and what is left after, of the rows in motion alone: at rest dry friction holds what it
-    likes, and no model tells what.
-    """
+    """Root mean square of what a model leaves in a channel, of held-out rows in motion, before and after."""
 
     channel: str
     unit: str
@@ -33,7 +29,6 @@ class Gain:
     rms_after: float
     significant: bool
     rms_measured: float
-    moving: tuple[float, float] = (0.0, 0.0)
 
 
 @dataclass(frozen=True)

@@ -122,7 +122,7 @@ class _Model:
         values = {p.name: self.values.get(p.name, p.start) for p in parameters}
         raw = problem.sensitivities(self.terms, values, parameters, problem.raw_residuals(self.terms, values))
         own = problem.whitened(parameters, raw)
-        felt = [problem.noise.whiten(-column / self.ratio * made.counts, np.zeros(0)) for column in beside.T]
+        felt = [problem.white((made.across(-column / self.ratio), np.zeros(0))) for column in beside.T]
         return own[: made.samples], np.stack(felt, axis=1)
 
     @property

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +23,8 @@ CUT_HZ = 40.0
 
 
 def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple[Gain, ...]:
-    """Per channel, of the rows that can be trusted; folds are quarters of the record, predicted from the others.
+    """Per channel, of the rows that count: at rest dry friction holds what it likes, and no model tells what. Folds are
+    quarters of them, each predicted from the others.
 
     The state in which the record begins is known by its first rows alone, and the speed and the way over which dry
     friction turns by its reversals, which are few: all are kept.
@@ -32,11 +34,12 @@ def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple
     of the description that a term of `fit` stands for (an offset, a delay) is as described where that term is not in.
     """
     m = problem.measurement
+    folds = _folds(m.weight)
     given = problem.raw_residuals((), {p.name: p.start for p in base.parameters}, weighted=False)
     freed = [t for t in fit.terms if t.named]
-    before, after = _held_out(problem, base, base.terms, freed), _held_out(problem, fit, terms, freed)
-    trusted, over = m.valid > 0.5, Bridge.over(m.valid <= 0.5)
-    as_given, calibrated = (_motion_band(over.across(one[0]), m.rate_hz)[trusted] for one in (given, before))
+    before, after = _held_out(problem, base, base.terms, freed, folds), _held_out(problem, fit, terms, freed, folds)
+    over = Bridge.over(m.valid <= 0.5)
+    as_given, calibrated = (_motion_band(over.across(one[0]), m.rate_hz)[m.weight > 0.5] for one in (given, before))
     if _rms(as_given) < _rms(calibrated):
         before = given
     out = []
@@ -48,15 +51,19 @@ def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple
         trusted = (m.valid if index == 0 else m.load_valid[:: m.load_stride]) > 0.5
         over = Bridge.over(~trusted)
         trusted[:settle] = False
+        if index == 0 and np.any(trusted & (m.counts > 0.5)):
+            trusted &= m.counts > 0.5
         a, b = (_motion_band(over.across(values), rate)[trusted] for values in (a, b))
         told = _significant(a, b)
-        if index == 0:
-            measured, counts = m.torque[trusted], m.counts[trusted] > 0.5
-            moving = _rms(measured[counts]), _rms(b[counts])
-            out.append(Gain(channel, unit, _rms(a), _rms(b), told, _rms(measured), moving))
-        else:
-            out.append(Gain(channel, unit, _rms(a), _rms(b), told, 0.0))
+        out.append(Gain(channel, unit, _rms(a), _rms(b), told, _rms(m.torque[trusted]) if index == 0 else 0.0))
     return tuple(out)
+
+
+def _folds(weight: Array) -> list[tuple[int, int]]:
+    """First row of each fold and of the one behind it: as many rows that count in each."""
+    gone = np.cumsum(weight)
+    edges = np.searchsorted(gone, np.linspace(0.0, float(gone[-1]), FOLDS + 1)[1:-1])
+    return list(pairwise([0, *edges.tolist(), weight.size]))
 
 
 def _motion_band(values: Array, rate_hz: float) -> Array:
@@ -66,7 +73,9 @@ def _motion_band(values: Array, rate_hz: float) -> Array:
     return np.asarray(sosfiltfilt(butter(4, CUT_HZ, fs=rate_hz, output="sos"), values))
 
 
-def _held_out(problem: Problem, fit: Fit, terms: Sequence[Term], freed: Sequence[Term]) -> tuple[Array, Array]:
+def _held_out(
+    problem: Problem, fit: Fit, terms: Sequence[Term], freed: Sequence[Term], folds: Sequence[tuple[int, int]]
+) -> tuple[Array, Array]:
     m = problem.measurement
     said = {t.key for t in terms}
     given = problem.numbers()
@@ -75,8 +84,7 @@ def _held_out(problem: Problem, fit: Fit, terms: Sequence[Term], freed: Sequence
     torque, guide = np.zeros(m.samples), np.zeros((m.samples + stride - 1) // stride if problem.guided else 0)
     rows = np.concatenate([np.arange(m.samples), np.arange(guide.size) * stride])
     refits = Refits.of(fit, (*START, MOTOR_RELEASE, MOTOR_STRETCH))
-    for fold in range(FOLDS):
-        first, last = fold * m.samples // FOLDS, (fold + 1) * m.samples // FOLDS
+    for first, last in folds:
         values = without(fit, refits, (rows >= first) & (rows < last)) | as_described
         a, b = problem.raw_residuals(terms, values, weighted=False)
         expected = by_doubts(m, problem.noise, a, first, last) if terms else np.zeros(m.samples)

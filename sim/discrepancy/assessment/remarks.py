@@ -30,7 +30,7 @@ def misfit_remarks(fit: Fit, gained: Sequence[Gain]) -> tuple[str, ...]:
     """Why the numbers of the last fit are not to be trusted, if anything says so."""
     out = []
     torque = gained[0]
-    measured, left = torque.moving
+    measured, left = torque.rms_measured, torque.rms_after
     if left > UNREACHED * measured:
         out.append(
             f"The model does not fit the measurement: of {measured:.3g} {torque.unit} rms torque in motion, "

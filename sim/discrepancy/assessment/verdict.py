@@ -21,12 +21,14 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.identifiability import ALONE, needs_of, same_over_the_turn, the_same
 from sim.discrepancy.report.wording import explain
 from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
+from sim.discrepancy.search.effect_size import beyond
 from sim.discrepancy.search.own_noise import NAMES, in_own_noise, likelier, without
 from sim.discrepancy.search.search import Selection
 from sim.mechanisms.catalogue import kind_of, kind_or_any
 
 UNLIKELY = 0.4  # less likely than not
 JOINTS = 6.0  # of an arm: each is another place at which a name is looked for
+SHOWN = 3.0  # standard deviations of friction, of which every axis has some
 AT_LOAD = 1.02  # times as much left on unseen rows
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
 NOT_NOISE = 2.0  # the same, where something is left whatever its place: without a cause 1.3 in 117 recordings at most
@@ -109,6 +111,8 @@ def finding_of(selection: Selection, term: Term) -> Finding:
     if m.doubts.size and not term.traits.in_every_axis:
         there = likelier_than_new(axis, term, estimated)
         sure, new = min(sure, there), there < SAID
+    if new and term.traits.in_every_axis and beyond(term, fit) < SHOWN:
+        sure = min(sure, 1.0 / (1.0 + NAMES))  # every axis has some, and this record shows none
     if same or new or is_shaken_otherwise(term, fit.terms):
         sure = min(sure, ALONE)
     return Finding(

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter1d
+from scipy.ndimage import binary_opening, minimum_filter1d
 from scipy.signal import fftconvolve, upfirdn
 
 Array = NDArray[np.float64]
@@ -25,6 +25,8 @@ MOTION_CUT_HZ = (
     12.0  # acceleration below it is the motion's own; above, mostly the encoder's noise, which would shrink inertias
 )
 REACH = 4  # rows on either side of a gap that are felt, per row of it
+REST_S = 0.4  # a shorter one is a reversal
+SLIPPED_RAD = 0.01  # of the motor after a rest, over which friction slides whatever it held: five times the way of most
 PIER = 50  # rows on either side of lost ones from whose mean a line leads over them
 STANDSTILL_SHARE = 0.012  # of the largest speed: below, dry friction is whatever it needs to be
 
@@ -67,21 +69,32 @@ class Measurement:
 
     @cached_property
     def wrong_ways(self) -> Array:
-        """Ways in which torque or known torque may be wrong, shape (n, p), with no lost rows [N m]."""
-        return self._counting([column for each in (self.unsure, self.doubts) if each.size for column in each.T])
+        """Ways in which torque or known torque may be wrong, shape (n, p), across rows that do not count [N m]."""
+        return self._across([column for each in (self.unsure, self.doubts) if each.size for column in each.T])
 
     @cached_property
     def known_wrong_ways(self) -> Array:
         """The same of the known torque alone."""
-        return self._counting(list(self.doubts.T) if self.doubts.size else [])
+        return self._across(list(self.doubts.T) if self.doubts.size else [])
 
-    def _counting(self, ways: list[Array]) -> Array:
-        return np.stack([self.bridge.across(w) * self.counts for w in ways], axis=1) if ways else np.zeros((0, 0))
+    def _across(self, ways: list[Array]) -> Array:
+        return np.stack([self.across(w) for w in ways], axis=1) if ways else np.zeros((0, 0))
 
     @cached_property
     def moving(self) -> Array:
         """1 in motion, 0 at standstill, shape (n,)."""
-        return standstill_weight(self.speed, self.standstill)
+        return standstill_weight(self.slow_speed, self.standstill) * (1.0 - self.resting)
+
+    @cached_property
+    def resting(self) -> Array:
+        """1 at rest and until friction slides after it, 0 in motion and where that turns back, shape (n,)."""
+        still = standstill_weight(self.slow_speed, self.standstill) < 0.5
+        return _resting(still, self.slow_angle, self.rate_hz).astype(np.float64)
+
+    @cached_property
+    def awake(self) -> Array:
+        """0 in rests that do not count, else 1, shape (n,)."""
+        return np.maximum(1.0 - self.resting, self.counts > 0.5)
 
     @cached_property
     def counts(self) -> Array:
@@ -95,8 +108,12 @@ class Measurement:
 
     @cached_property
     def bridge(self) -> Bridge:
-        """Over rows of the motor torque that cannot be trusted or told."""
-        return Bridge.over(self.valid * self.told < 0.5)
+        """Over rests that do not count, and rows of the motor torque that cannot be trusted or told."""
+        return Bridge.over(self.valid * self.told * self.awake < 0.5)
+
+    def across(self, torque: Array) -> Array:
+        """What of a torque counts, shape (n,): 0 where the motion turns back, lines over longer gaps."""
+        return self.bridge.across(torque * self.counts)
 
     @cached_property
     def load_weight(self) -> Array:
@@ -283,6 +300,15 @@ def prepare(
         load_valid=load_trusted,
         known_torque=None if known_torque is None else channel(known_torque, wide, 0),
     )
+
+
+def _resting(still: NDArray[np.bool_], angle: Array, rate_hz: float) -> NDArray[np.bool_]:
+    """Rows of rests, and after each until friction slides whatever it held there, which no motion tells; shape (n,)."""
+    long = np.ones(1 + int(REST_S * rate_hz), dtype=np.bool_)
+    rested = binary_opening(still, long)
+    last = np.maximum.accumulate(np.where(rested, np.arange(rested.size), -1))
+    gone = np.cumsum(np.abs(np.diff(angle, prepend=angle[0])))
+    return np.asarray((last >= 0) & (gone - gone[last] < SLIPPED_RAD))
 
 
 def standstill_weight(speed: Array, share: float) -> Array:

@@ -17,8 +17,8 @@ def by_doubts(m: Measurement, noise: Noise, left: Array, first: int = 0, last: i
     if not m.doubts.size:
         return np.zeros(m.samples)
     plain = replace(noise, ways=np.zeros((0, 0)), less=np.zeros(0))
-    rows = (*m.known_wrong_ways.T, m.bridge.across(left) * m.counts)
-    table = np.stack([plain.whiten(np.ascontiguousarray(row), np.zeros(0)) for row in rows], axis=1)
+    rows = (*m.known_wrong_ways.T, m.across(left))
+    table = np.stack([plain.whiten(np.ascontiguousarray(row), np.zeros(0), m.awake) for row in rows], axis=1)
     table[first:last] = 0.0
     ways, seen = table[:, :-1], table[:, -1]
     return np.asarray(m.doubts @ np.linalg.solve(np.eye(ways.shape[1]) + ways.T @ ways, ways.T @ seen))

@@ -59,10 +59,15 @@ class Fit:
         """Which parameters lie as low or as high as they may, shape (p,)."""
         return np.array([not p.low < self.values[p.name] < p.high for p in self.parameters], dtype=np.bool_)
 
-    def blocks(self, count: int) -> list[NDArray[np.int64]]:
-        """Rows of each of `count` equal parts of the time, of both channels."""
+    def blocks(self, count: int, *, counting: bool = False) -> list[NDArray[np.int64]]:
+        """Rows of each of `count` equal parts of the time, or of that in which the torque is `counting`, of both
+        channels."""
         torque = np.linspace(0, self.torque_rows, count + 1).astype(np.int64)
-        guide = np.linspace(self.torque_rows, self.residual.size, count + 1).astype(np.int64)
+        if counting:
+            gone = np.cumsum(self.residual[: self.torque_rows] != 0.0)
+            torque[1:-1] = np.searchsorted(gone, np.linspace(0, gone[-1], count + 1)[1:-1])
+        share = (self.residual.size - self.torque_rows) / max(self.torque_rows, 1)
+        guide = self.torque_rows + (torque * share).astype(np.int64)
         return [
             np.concatenate([np.arange(a, b), np.arange(c, d)])
             for (a, b), (c, d) in zip(pairwise(torque), pairwise(guide), strict=True)

@@ -157,12 +157,15 @@ class Problem:
             return torque, guide
         if self.load_noise is not None:
             guide = guide * m.load_weight[:: m.load_stride] * self.load_noise.factor(terms, values)
-        return m.bridge.across(torque) * m.counts, guide
+        return m.across(torque), guide
+
+    def white(self, raw: Raw) -> Array:
+        """Both residuals in one row, white and of unit level, 0 in rests."""
+        return self.noise.whiten(*raw, self.measurement.awake)
 
     def residual(self, terms: Sequence[Term], values: Mapping[str, float]) -> Array:
         """Whitened residuals of all channels in one row."""
-        torque, guide = self.raw_residuals(terms, values)
-        return self.noise.whiten(torque, guide)
+        return self.white(self.raw_residuals(terms, values))
 
     def sensitivities(
         self, terms: Sequence[Term], values: Mapping[str, float], parameters: Sequence[Parameter], base: Raw
@@ -182,7 +185,7 @@ class Problem:
         out = np.empty((rows, len(parameters)), order="F")
 
         def fill(k: int) -> None:
-            out[:, k] = self.noise.whiten(*raw[parameters[k].name]) * parameters[k].step
+            out[:, k] = self.white(raw[parameters[k].name]) * parameters[k].step
 
         each(fill, range(len(parameters)))
         return out
@@ -210,7 +213,7 @@ class Problem:
         values.update({k: v for k, v in (start or {}).items() if k in values})
         values = {p.name: min(max(values[p.name], p.low), p.high) for p in parameters}
         raw = self.raw_residuals(terms, values)
-        state = State(values, raw, self.noise.whiten(*raw), 0.0)
+        state = State(values, raw, self.white(raw), 0.0)
         state.cost = cost_of(state.residual, parameters, values)
         acts = {name for name, column in held.items() if any(part.any() for part in column)}  # what did not, may now
         known = {p.name: held[p.name] for p in parameters if p.name in acts - follow}
@@ -281,7 +284,7 @@ class Problem:
                 raw = self.raw_residuals(terms, values)
             except ChainError:
                 return None
-            residual = self.noise.whiten(*raw)
+            residual = self.white(raw)
             return State(values, raw, residual, cost_of(residual, parameters, values))
 
         for _ in range(DAMPINGS // 2):
@@ -338,19 +341,19 @@ class Problem:
         """
         torque, guide = self.raw_residuals(fit.terms, fit.values)
         m = self.measurement
-        torque = torque - by_doubts(m, self.noise, torque) * m.counts
+        torque = torque - m.across(by_doubts(m, self.noise, torque))
         unseen, teeth = has_links(self.axis) and not self.guided, bool(self.axis.stages)
         mode_hz = locked_mode_hz(self.axis) if unseen else None
         least = LEAST_NOISE * m.torque_rms
         first, level = whitener(torque, m.weight, m.rate_hz, self.memory, mode_hz, teeth=teeth, least=least)
         unsure = m.wrong_ways
         if not guide.size:
-            return Noise(first, np.ones(1), level).with_inflated_prior(unsure)
+            return Noise(first, np.ones(1), level).with_inflated_prior(unsure, m.awake)
         stride = m.load_stride
         least = LEAST_GUIDE_NOISE * m.torque_rms * self.axis.ratio
         weight, rate_hz = m.load_weight[::stride], m.rate_hz / stride
         second, other = whitener(guide, weight, rate_hz, self.memory, teeth=teeth, least=least)
-        return Noise(first, second, level, other).with_inflated_prior(unsure)
+        return Noise(first, second, level, other).with_inflated_prior(unsure, m.awake)
 
     def measuring(self, measurement: Measurement) -> Problem:
         """The same of other rows, or of another torque, along the same motion."""

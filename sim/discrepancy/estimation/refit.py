@@ -14,11 +14,12 @@ from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import LONG, Noise
 from sim.discrepancy.hypotheses.nonparametric import apart
 from sim.discrepancy.hypotheses.traits import OVER_SPEED
-from sim.discrepancy.model.nominal import MOTOR_RELEASE, MOTOR_STRETCH, has_links
+from sim.discrepancy.model.nominal import MOTOR_RELEASE, MOTOR_STRETCH, MOTOR_STRETCH_RAD, has_links
 
 MOTION_BAND_HZ = 40.0
 PLAIN_FITS = 2  # the second by what the first leaves of each channel
 FAR_BENT = 2.5  # standard deviations of what is known of a number
+LONGER = (10.0, 100.0)  # times the way of a contact: one and two of its deviations, up to a motor ahead of a gear
 TOLD = 0.5  # weight of a row that counts
 AT_REST = 1.3  # times the mean square in motion: what is more is not the noise of rows whose friction is known
 LEAST_STRETCH_RAD = 1.5e-4  # a micrometre and a half on a centimetre, three steps of an encoder of 17 bits
@@ -57,6 +58,7 @@ def multistart(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     also at plain least squares in the band of the motion: noise taken without that friction holds it, and a fit that
     leaves it to the noise stays there.
     """
+    problem, fit = _slid(problem, fit)
     if fit.prior_penalty <= BENT:
         return problem, fit
     near = {p.name: fit.values[p.name] for p in fit.parameters if p.deviation(fit.values) < FAR_BENT}
@@ -69,6 +71,18 @@ def multistart(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
         if more.prior_penalty < fit.prior_penalty and anew.neg2_log_posterior(more) < problem.neg2_log_posterior(fit):
             return anew, more
     return problem, fit
+
+
+def _slid(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
+    """The same, or likelier with friction of a joint that builds up over a way ten or a hundred times as long: one that
+    is passed within a row has no slope that would lead to another."""
+    if MOTOR_STRETCH not in fit.values or not problem.measurement.doubts.size:
+        return problem, fit
+    longer = [math.log(times * MOTOR_STRETCH_RAD) for times in LONGER]
+    anew = problem.best(fit.terms, [({**fit.values, MOTOR_STRETCH: way}, {}) for way in longer])
+    if anew is None or fit.cost - anew.cost < problem.memory.least_drop:
+        return problem, fit
+    return rewhiten(problem, anew)
 
 
 def plainly(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
@@ -147,9 +161,9 @@ def final_fit(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     torque, _ = problem.raw_residuals(terms, plain.values)
     m = problem.measurement
     kernel = gaussian_kernel(MOTION_BAND_HZ, m.rate_hz, 0)
-    torque = torque - by_doubts(m, problem.noise, torque) * m.counts
+    torque = torque - m.across(by_doubts(m, problem.noise, torque))
     left = float(np.std(np.convolve(torque, kernel, "same")))
-    noise = Noise(kernel / max(left, 1e-300), np.ones(1)).with_inflated_prior(m.known_wrong_ways)
+    noise = Noise(kernel / max(left, 1e-300), np.ones(1)).with_inflated_prior(m.known_wrong_ways, m.awake)
     in_band = problem.with_noise(noise)
     return in_band, in_band.fit(terms, plain.values, held=plain.sensitivities)
 

@@ -34,7 +34,7 @@ class Memory:
     least_drop: float
 
     def within(self, seconds: float) -> Memory:
-        """As long as a record of so many seconds lets a spectrum be known: from a few blocks it is that of the motion,
+        """As long as so many seconds that count let a spectrum be known: from a few blocks it is that of the motion,
         and whitening takes friction for noise."""
         share = min(1.0, 2.0 * seconds / (LEAST_BLOCKS + 1) / self.block_s)
         return self if share == 1.0 else replace(self, block_s=share * self.block_s, filter_s=share * self.filter_s)
@@ -63,9 +63,12 @@ class Noise:
     def flat(torque_sd: float, guide_sd: float) -> Noise:
         return Noise(np.array([1.0 / torque_sd]), np.array([1.0 / guide_sd]))
 
-    def whiten(self, torque: Array, guide: Array) -> Array:
-        """Both residuals in one row, white and of unit level."""
-        first = self._filtered("torque", torque) / self.torque_level
+    def whiten(self, torque: Array, guide: Array, counts: Array | float = 1.0) -> Array:
+        """Both residuals in one row, white and of unit level; `counts`: of the torque's rows, 0 in rests.
+
+        Rests are taken out once white: before, noise would seem to begin from nothing behind each of them.
+        """
+        first = self._filtered("torque", torque) / self.torque_level * counts
         if self.less.size:
             first -= self.ways @ (self.less * (self.ways.T @ first))
         if not guide.size:
@@ -80,11 +83,11 @@ class Noise:
             2.0 * rows * (float(np.mean(np.log(level))) - math.log(abs(taps[0]))) for taps, level, rows in loud if rows
         )
 
-    def with_inflated_prior(self, unsure: Array) -> Noise:
+    def with_inflated_prior(self, unsure: Array, counts: Array | float = 1.0) -> Noise:
         """The same where the torque may also be wrong as a whole by each column of `unsure`, shape (rows, p) [N m]."""
         if not unsure.size:
             return self
-        white = np.stack([self._filtered("torque", column) / self.torque_level for column in unsure.T], axis=1)
+        white = np.stack([self._filtered("torque", c) / self.torque_level * counts for c in unsure.T], axis=1)
         ways, size, _ = np.linalg.svd(white, full_matrices=False)
         less = 1.0 - 1.0 / np.hypot(1.0, size)
         return replace(self, ways=np.ascontiguousarray(ways[:, less > LITTLE]), less=less[less > LITTLE])
@@ -121,7 +124,7 @@ def whitener(
     torque is predicted, is not independent of the noise, and a fit would damp the load to make it quiet.
     """
     deaf = None if mode_hz is None else mode_hz / rate_hz * np.array([1.0 - MODE_BAND, 1.0 + MODE_BAND])
-    memory = memory.within(values.size / rate_hz)
+    memory = memory.within(float(weight.sum()) / rate_hz)
     block, length = int(memory.block_s * rate_hz), int(memory.filter_s * rate_hz)
     smooth = max(1, int(SMOOTH_BINS * memory.block_s))
     taps = floor_filter(values, weight, block, length, deaf, teeth=teeth, smooth=smooth, least=least)

@@ -28,7 +28,7 @@ def advantage(less: Fit, more: Fit) -> Array:
 def gain_elsewhere(less: Fit, more: Fit) -> float:
     """What `more` gains, as it was fitted, on all blocks but the one that `advantage` leaves out."""
     out = largest(held_out_squares(less) - held_out_squares(more))
-    there = [float(np.sum(fit.residual[fit.blocks(BLOCKS)[out]] ** 2)) for fit in (less, more)]
+    there = [float(np.sum(fit.residual[fit.blocks(BLOCKS, counting=True)[out]] ** 2)) for fit in (less, more)]
     return less.cost - more.cost - (there[0] - there[1])
 
 
@@ -51,14 +51,14 @@ def paired(drop: Array) -> float:
 
 
 def held_out_squares(fit: Fit) -> Array:
-    """Sum of squares per block of time after one linear refit on the other blocks, shape (BLOCKS,).
+    """Sum of squares per block of time in motion after one linear refit on the other blocks, shape (BLOCKS,).
 
     A `KEPT` part of all that is known goes into every refit: the other blocks cannot be asked for what one block alone
     knows.
     """
     refits = Refits.of(fit)
     out = np.zeros(BLOCKS)
-    for k, part in enumerate(fit.blocks(BLOCKS)):
+    for k, part in enumerate(fit.blocks(BLOCKS, counting=True)):
         columns, rows = refits.jacobian[part], fit.residual[part]
         out[k] = float(np.sum((rows + columns @ refits.steps(columns, rows, KEPT)) ** 2))
     return out

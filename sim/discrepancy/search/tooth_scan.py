@@ -78,7 +78,7 @@ def scan(problem: Problem, terms: Sequence[Term], values: Mapping[str, float], t
     gains = (inertia * GUIDE_RAD_S**2, 1.4 * inertia * GUIDE_RAD_S) if problem.guided else (0.0, 0.0)
     to_torque, to_guide = displacement_response(chain, frequency, gains)
     to_guide *= m.passed_at_load(frequency)
-    whitened = problem.noise.whiten(torque, guide)
+    whitened = problem.white((torque, guide))
     first = np.fft.rfft(whitened[:count])
     turn = 2.0 * np.pi * frequency / m.rate_hz
     filter_torque = to_torque * freqz(problem.noise.torque, worN=turn)[1]

@@ -14,7 +14,7 @@ from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.discrepancy.assessment.cross_validation_gain import gains
 from sim.discrepancy.assessment.remarks import misfit_remarks
-from sim.discrepancy.data.preprocessing import prepare
+from sim.discrepancy.data.preprocessing import prepare, standstill_weight
 from sim.discrepancy.data.validation import examine
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.levenberg_marquardt import MOST_STEPS, NormalEquations, State, cost_of
@@ -244,7 +244,8 @@ def looked_at_closely(stretch_rad: float, release: float, held_n_m: float = 0.0)
     holds = replace(nuisance_of(start), stretch_rad=(stretch_rad, 1e-9), friction_width=(release, 1e-3))
     moved = one.observer.predict(one.chain((), start), holds).torque
     noise = 0.02 * rng.standard_normal(moved.size)
-    noise += rng.uniform(-held_n_m, held_n_m, 16)[(still.time_s // 2.0).astype(int)] * (still.moving == 0.0)
+    held = standstill_weight(still.slow_speed, still.standstill) == 0.0
+    noise += rng.uniform(-held_n_m, held_n_m, 16)[(still.time_s // 2.0).astype(int)] * held
     return look_closely(*calibrate(Problem(geared, replace(still, torque=moved + noise), Noise.flat(0.05, 1.0))))
 
 
