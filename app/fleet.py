@@ -7,7 +7,7 @@ from threading import Lock
 
 from sqlalchemy.orm import Session
 
-from casebase.gearbox_state import Standing, State, standing
+from casebase.gearbox_state import NamedFault, Standing, State, standing, standing_fault
 from casebase.gearboxes import History, Place, described, histories_of, signatures
 from casebase.trend import Trend, trends_of
 
@@ -34,6 +34,11 @@ class Known:
     histories: tuple[History, ...]
     trend: Trend | None
 
+    @property
+    def in_service(self) -> History | None:
+        """The gearbox that is in the place now."""
+        return self.histories[-1] if self.histories and self.histories[-1].until is None else None
+
 
 @dataclass
 class Fleet:
@@ -45,13 +50,22 @@ class Fleet:
     def gearboxes(self, session: Session, now: datetime, silent_after: timedelta) -> Sequence[Gearbox]:
         """Return every gearbox in service and every axis without one, the worst first."""
         rows = [
-            Gearbox(place[0], place[1], standing(known.histories[-1], known.trend, now, silent_after))
-            for place, known in self._current(session).items()
-            if known.histories and known.histories[-1].until is None
+            Gearbox(axis, gearbox, standing(known.histories[-1], known.trend, now, silent_after))
+            for (axis, gearbox), known in self._current(session).items()
+            if axis is not None and known.in_service is not None
         ]
         heard = {row.axis for row in rows}
         rows += [Gearbox(axis, None, None) for axis in described(session) if axis not in heard]
         return sorted(rows, key=_rank)
+
+    def in_service(self, session: Session) -> Sequence[History]:
+        """Return every gearbox in service, those of which the axis is not known too."""
+        return [each for known in self._current(session).values() if (each := known.in_service) is not None]
+
+    def naming(self, session: Session) -> dict[str, NamedFault]:
+        """Return the faults that stand, by the id of each recording that names them."""
+        faults = (standing_fault(history) for history in self.in_service(session))
+        return {one.recording_id: fault for fault in faults if fault is not None for one in fault.named}
 
     def _current(self, session: Session) -> dict[Place, Known]:
         wanted = signatures(session)

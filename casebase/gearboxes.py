@@ -18,8 +18,8 @@ from casebase.origins import MEASURED, is_measured
 NOTE, REPAIR, EXCHANGE, MICROPHONE = "note", "repair", "exchange", "microphone"
 KINDS = (NOTE, REPAIR, EXCHANGE, MICROPHONE)
 REJECTED, OPEN = "rejected", "open"
-Place = tuple[str, str | None]
-"""Name of the axis, and of the gearbox as recordings give it; None where they give none."""
+Place = tuple[str | None, str | None]
+"""Name of the axis, and of the gearbox as recordings give it; None where they give none, of one of the two alone."""
 HEARD_AT: ColumnElement[datetime] = case(
     (StoredRecording.recorded_at <= StoredRecording.created_at, StoredRecording.recorded_at),
     else_=StoredRecording.created_at,
@@ -75,7 +75,7 @@ class History:
         done: oldest first, the exchanges at both ends included.
     """
 
-    axis: str
+    axis: str | None
     gearbox: str | None
     number: int
     since: datetime | None
@@ -102,7 +102,7 @@ class History:
         return tuple(one for one in self.since_renewed if moved is None or one.at >= moved)
 
 
-def histories(session: Session, axis: str, gearbox: str | None) -> list[History]:
+def histories(session: Session, axis: str | None, gearbox: str | None) -> list[History]:
     """Return the gearboxes that had this name at this axis, oldest first; see `histories_of`."""
     return histories_of(session, [(axis, gearbox)])[axis, gearbox]
 
@@ -113,9 +113,9 @@ def histories_of(session: Session, places: Sequence[Place]) -> dict[Place, list[
     The last one is in service if its history has no end. An exchange with a successor of another name leaves nothing
     under the old one, unless it is heard again.
     """
-    done = _done(session, {axis for axis, _ in places})
+    done = _done(session, {axis for axis, _ in places if axis is not None})
     heard = _heard(session, places)
-    return {place: _histories(place, heard.get(place, []), done.get(place[0], [])) for place in places}
+    return {place: _histories(place, heard.get(place, []), done.get(place[0] or "", [])) for place in places}
 
 
 def _histories(place: Place, heard: Sequence[Heard], done: Sequence[Done]) -> list[History]:
@@ -163,7 +163,7 @@ def _heard(session: Session, places: Sequence[Place]) -> dict[Place, list[Heard]
     said = _said(session, places, {row[2]: Heard(*row[2:]) for row in recordings})
     found: dict[Place, list[Heard]] = {}
     for axis, gearbox, identity, *_ in recordings:
-        found.setdefault((str(axis), gearbox), []).append(said[identity])
+        found.setdefault((axis, gearbox), []).append(said[identity])
     return {place: sorted(heard, key=lambda one: (one.at, one.recording_id)) for place, heard in found.items()}
 
 
@@ -206,12 +206,7 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, Heard]) ->
 
 def of_places(places: Sequence[Place]) -> ColumnElement[bool]:
     """Return the condition that leaves the recordings of some gearboxes."""
-    return or_(
-        *(
-            and_(StoredRecording.axis == axis, StoredRecording.gearbox.is_not_distinct_from(gearbox))
-            for axis, gearbox in places
-        )
-    )
+    return or_(*(and_(StoredRecording.axis == axis, StoredRecording.gearbox == gearbox) for axis, gearbox in places))
 
 
 def _done(session: Session, axes: Collection[str]) -> dict[str, list[Done]]:
@@ -225,18 +220,26 @@ def _done(session: Session, axes: Collection[str]) -> dict[str, list[Done]]:
     return found
 
 
+def places_of(session: Session, mark: MaintenanceMark) -> list[Place]:
+    """Return the gearboxes that a mark is of: one and its successor, or all that the axis was heard with."""
+    if mark.gearbox is not None:
+        return [(mark.axis, name) for name in {mark.gearbox, mark.successor or mark.gearbox}]
+    names = session.scalars(select(StoredRecording.gearbox).where(StoredRecording.axis == mark.axis).distinct())
+    return [(mark.axis, name) for name in names]
+
+
 def signatures(session: Session) -> dict[Place, tuple[object, ...]]:
     """Return for every gearbox that was heard or put in what changes when anything is added to or changed of it."""
     place = (StoredRecording.axis, StoredRecording.gearbox)
     heard = select(*place, func.count(), func.max(StoredRecording.id)).where(*is_measured(session))
     found: dict[Place, tuple[object, ...]] = {}
     for axis, gearbox, *told in session.execute(heard.group_by(*place)):
-        if axis is not None:
+        if (axis, gearbox) != (None, None):
             found[axis, gearbox] = tuple(told)
     for row in (StoredDiagnosis, Case):
         changes = select(*place, func.count(), func.sum(row.version)).join(row.recording).group_by(*place)
         for axis, gearbox, *told in session.execute(changes):
-            if axis is not None and (axis, gearbox) in found:
+            if (axis, gearbox) in found:
                 found[axis, gearbox] += tuple(told)
     marks = session.scalars(select(MaintenanceMark).order_by(MaintenanceMark.id)).all()
     of_axis: dict[str, list[str]] = {}
@@ -244,7 +247,7 @@ def signatures(session: Session) -> dict[Place, tuple[object, ...]]:
         of_axis.setdefault(mark.axis, []).append(mark.id)
         if mark.successor is not None:
             found.setdefault((mark.axis, mark.successor), ())
-    return {(axis, gearbox): (*told, *of_axis.get(axis, ())) for (axis, gearbox), told in found.items()}
+    return {(axis, gearbox): (*told, *of_axis.get(axis or "", ())) for (axis, gearbox), told in found.items()}
 
 
 def described(session: Session) -> Mapping[str, int]:

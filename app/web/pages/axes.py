@@ -19,10 +19,11 @@ from app.web.standing_words import state_badge, why
 from app.web.templating import render
 from app.web.words import investigation_headline
 from casebase import audit, revisions
+from casebase.alarms import rules
 from casebase.axes import get_axis, is_axis, list_axes, unknown_axis
 from casebase.description import check_choice, check_name
 from casebase.errors import NotFoundError
-from casebase.gearboxes import EXCHANGE, KINDS, NOTE
+from casebase.gearboxes import EXCHANGE, KINDS, NOTE, places_of
 from casebase.models import AxisRevision, MaintenanceMark, RobotRevision, StoredInvestigation, StoredRecording, now
 
 router = APIRouter(prefix="/axes")
@@ -128,7 +129,14 @@ def add_mark(
         session.add(mark)
         session.flush()
         audit.record(session, "mark.added", ("mark", mark.id), after=_said(mark))
+        _review(session, mark)
     return _back(service, name, back)
+
+
+def _review(session: Session, mark: MaintenanceMark) -> None:
+    """Hold the rules against the gearboxes that a mark is of: a repair and an exchange end what was said of them."""
+    for axis, gearbox in places_of(session, mark):
+        rules.review(session, axis, gearbox)
 
 
 @router.post("/{name}/marks/{mark_id}/remove", dependencies=[FromOurPage])
@@ -146,6 +154,8 @@ def remove_mark(
             raise NotFoundError(f"no such note of axis {name!r}; it may have been removed already")
         audit.record(session, "mark.removed", ("mark", mark.id), before=_said(mark))
         session.delete(mark)
+        session.flush()
+        _review(session, mark)
     return _back(service, name, back)
 
 
