@@ -12,6 +12,7 @@ import numpy as np
 from sqlalchemy import insert, select
 from sqlalchemy.orm import Session
 
+from casebase.counter import count_change
 from casebase.models import (
     Alarm,
     AlarmRule,
@@ -21,7 +22,6 @@ from casebase.models import (
     Delivery,
     Extractor,
     FeatureRow,
-    LibraryCounter,
     MaintenanceMark,
     StoredDiagnosis,
     StoredInvestigation,
@@ -67,7 +67,7 @@ def fill(session: Session, size: Size) -> str:
     """
     axis = session.scalars(select(AxisRevision).limit(1)).one().document
     diagnosis = session.scalars(select(StoredDiagnosis).limit(1)).one().written
-    count = size.cases + size.waiting + size.heard
+    count, version = size.cases + size.waiting + size.heard, count_change(session)
     if session.get(Extractor, EXTRACTOR_VERSION) is None:
         session.add(Extractor(version=EXTRACTOR_VERSION, names=list(NAMES)))
         session.flush()
@@ -79,11 +79,10 @@ def fill(session: Session, size: Size) -> str:
         ],
     )
     _insert(session, StoredRecording, (_recording(size, number) for number in range(count)))
-    _insert(session, Case, (_case(number) for number in range(size.cases)))
+    _insert(session, Case, (_case(number, version) for number in range(size.cases)))
     _insert(session, FeatureRow, _features(count))
     _insert(session, StoredDiagnosis, (_diagnosis(size, number, diagnosis) for number in range(size.cases, count)))
     _others(session, size)
-    session.scalars(select(LibraryCounter)).one().value += 1
     return session.scalars(select(StoredJob.id).limit(1)).one()
 
 
@@ -189,7 +188,7 @@ def _recording(size: Size, number: int) -> Fields:
     }
 
 
-def _case(number: int) -> Fields:
+def _case(number: int, version: int) -> Fields:
     key = f"{number:032x}"
     return {
         "id": key,
@@ -200,5 +199,5 @@ def _case(number: int) -> Fields:
         "labelled_by": "large",
         "parameters": {},
         "version": 1,
-        "library_version": 1,
+        "library_version": version,
     }
