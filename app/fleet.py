@@ -25,6 +25,11 @@ class Gearbox:
     standing: Standing | None
     """None where nothing of the axis was ever heard or put in."""
 
+    @property
+    def state(self) -> State:
+        """What is said of it."""
+        return State.CANNOT_SAY if self.standing is None else self.standing.state
+
 
 @dataclass(frozen=True)
 class Known:
@@ -47,16 +52,22 @@ class Fleet:
     known: dict[Place, Known] = field(default_factory=dict)
     lock: Lock = field(default_factory=Lock)
 
-    def gearboxes(self, session: Session, now: datetime, silent_after: timedelta) -> Sequence[Gearbox]:
-        """Return every gearbox in service and every axis without one, the worst first."""
+    def gearboxes(
+        self, session: Session, now: datetime, silent_after: timedelta, axis: str | None = None
+    ) -> Sequence[Gearbox]:
+        """Return every gearbox in service and every axis without one, the worst first; of one axis, or of all."""
         rows = [
-            Gearbox(axis, gearbox, standing(known.histories[-1], known.trend, now, silent_after))
-            for (axis, gearbox), known in self._current(session).items()
-            if axis is not None and known.in_service is not None
+            Gearbox(here, gearbox, standing(known.in_service, known.trend, now, silent_after))
+            for (here, gearbox), known in self._current(session, axis).items()
+            if here is not None and known.in_service is not None
         ]
         heard = {row.axis for row in rows}
-        rows += [Gearbox(axis, None, None) for axis in described(session) if axis not in heard]
+        rows += [Gearbox(name, None, None) for name in described(session, axis) if name not in heard]
         return sorted(rows, key=_rank)
+
+    def place(self, session: Session, axis: str, gearbox: str | None) -> Known | None:
+        """Return what is known of one place; None where nothing was recorded there or put in."""
+        return self._current(session, axis, gearbox).get((axis, gearbox))
 
     def in_service(self, session: Session) -> Sequence[History]:
         """Return every gearbox in service, those of which the axis is not known too."""
@@ -67,11 +78,13 @@ class Fleet:
         faults = (standing_fault(history) for history in self.in_service(session))
         return {one.recording_id: fault for fault in faults if fault is not None for one in fault.named}
 
-    def _current(self, session: Session) -> dict[Place, Known]:
-        wanted = signatures(session)
+    def _current(self, session: Session, axis: str | None = None, gearbox: str | None = None) -> dict[Place, Known]:
+        """Return what is known of all gearboxes, of those of an axis, or of one, worked out anew where it changed."""
+        wanted = signatures(session, axis, gearbox)
         with self.lock:
-            for place in self.known.keys() - wanted.keys():
-                del self.known[place]
+            if axis is None:
+                for place in self.known.keys() - wanted.keys():
+                    del self.known[place]
             changed = [
                 place
                 for place, signature in wanted.items()
@@ -80,7 +93,7 @@ class Fleet:
             for first in range(0, len(changed), TOGETHER):
                 some = changed[first : first + TOGETHER]
                 self.known |= _worked_out(session, {place: wanted[place] for place in some})
-            return dict(self.known)
+            return {place: self.known[place] for place in wanted}
 
 
 def _worked_out(session: Session, wanted: Mapping[Place, tuple[object, ...]]) -> dict[Place, Known]:
@@ -92,5 +105,4 @@ def _worked_out(session: Session, wanted: Mapping[Place, tuple[object, ...]]) ->
 
 
 def _rank(row: Gearbox) -> tuple[int, str, str]:
-    state = State.CANNOT_SAY if row.standing is None else row.standing.state
-    return ORDER.index(state), row.axis, row.gearbox or ""
+    return ORDER.index(row.state), row.axis, row.gearbox or ""

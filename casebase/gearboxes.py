@@ -8,12 +8,13 @@ same.
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from typing import Any
 
-from sqlalchemy import ColumnElement, and_, case, func, or_, select
-from sqlalchemy.orm import Session
+from sqlalchemy import ColumnElement, Select, and_, case, false, func, or_, select
+from sqlalchemy.orm import Session, aliased
 
 from casebase.models import AxisRevision, Case, MaintenanceMark, StoredDiagnosis, StoredRecording
-from casebase.origins import MEASURED, is_measured
+from casebase.origins import MEASURED, SIMULATED, demonstrations, is_measured
 
 NOTE, REPAIR, EXCHANGE, MICROPHONE = "note", "repair", "exchange", "microphone"
 KINDS = (NOTE, REPAIR, EXCHANGE, MICROPHONE)
@@ -206,7 +207,9 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, Heard]) ->
 
 def of_places(places: Sequence[Place]) -> ColumnElement[bool]:
     """Return the condition that leaves the recordings of some gearboxes."""
-    return or_(*(and_(StoredRecording.axis == axis, StoredRecording.gearbox == gearbox) for axis, gearbox in places))
+    return or_(
+        false(), *(and_(StoredRecording.axis == axis, StoredRecording.gearbox == gearbox) for axis, gearbox in places)
+    )
 
 
 def _done(session: Session, axes: Collection[str]) -> dict[str, list[Done]]:
@@ -228,29 +231,58 @@ def places_of(session: Session, mark: MaintenanceMark) -> list[Place]:
     return [(mark.axis, name) for name in names]
 
 
-def signatures(session: Session) -> dict[Place, tuple[object, ...]]:
-    """Return for every gearbox that was heard or put in what changes when anything is added to or changed of it."""
+def signatures(
+    session: Session, axis: str | None = None, gearbox: str | None = None
+) -> dict[Place, tuple[object, ...]]:
+    """Return for every gearbox that was recorded or put in what changes when anything is added to or changed of it.
+
+    Args:
+        axis: only its gearboxes; those of all axes where None.
+        gearbox: only this one of the axis; all of it where None.
+    """
     place = (StoredRecording.axis, StoredRecording.gearbox)
-    heard = select(*place, func.count(), func.max(StoredRecording.id)).where(*is_measured(session))
+    wanted = [] if axis is None else [StoredRecording.axis == axis]
+    wanted += [] if gearbox is None else [StoredRecording.gearbox == gearbox]
+    shown = tuple(demonstrations(session))
     found: dict[Place, tuple[object, ...]] = {}
-    for axis, gearbox, *told in session.execute(heard.group_by(*place)):
-        if (axis, gearbox) != (None, None):
-            found[axis, gearbox] = tuple(told)
-    for row in (StoredDiagnosis, Case):
-        changes = select(*place, func.count(), func.sum(row.version)).join(row.recording).group_by(*place)
-        for axis, gearbox, *told in session.execute(changes):
-            if (axis, gearbox) in found:
-                found[axis, gearbox] += tuple(told)
-    marks = session.scalars(select(MaintenanceMark).order_by(MaintenanceMark.id)).all()
+    # whether a recording counts as heard hangs on cases: its own are counted below, those of the same sound here
+    recorded = select(*place, func.count(), func.max(StoredRecording.id)).where(*wanted).group_by(*place)
+    for here, gearbox_here, *told in session.execute(recorded):
+        if (here, gearbox_here) != (None, None):
+            found[here, gearbox_here] = (*told, *shown)
+    changes = [
+        select(*place, func.count(), func.sum(row.version)).join(row.recording).where(*wanted).group_by(*place)
+        for row in (StoredDiagnosis, Case)
+    ]
+    for number, statement in enumerate((*changes, _simulated_elsewhere(wanted))):
+        for here, gearbox_here, *told in session.execute(statement):
+            if (here, gearbox_here) in found:
+                found[here, gearbox_here] += (number, *told)
+    marks = select(MaintenanceMark).order_by(MaintenanceMark.id)
     of_axis: dict[str, list[str]] = {}
-    for mark in marks:
+    for mark in session.scalars(marks if axis is None else marks.where(MaintenanceMark.axis == axis)):
         of_axis.setdefault(mark.axis, []).append(mark.id)
-        if mark.successor is not None:
+        if mark.successor is not None and gearbox in (None, mark.successor):
             found.setdefault((mark.axis, mark.successor), ())
-    return {(axis, gearbox): (*told, *of_axis.get(axis or "", ())) for (axis, gearbox), told in found.items()}
+    return {(here, name): (*told, *of_axis.get(here or "", ())) for (here, name), told in found.items()}
 
 
-def described(session: Session) -> Mapping[str, int]:
-    """Return the axes that are described, with their current revision."""
+def _simulated_elsewhere(wanted: Sequence[ColumnElement[bool]]) -> Select[Any]:
+    """Select how many recordings of each gearbox have the sound of a simulated case that is another recording's."""
+    made = aliased(StoredRecording)
+    columns: tuple[Any, ...] = (StoredRecording.axis, StoredRecording.gearbox, func.count())
+    return (
+        select(*columns)
+        .join(made, and_(made.sound_id == StoredRecording.sound_id, made.id != StoredRecording.id))
+        .join(Case, Case.recording_id == made.id)
+        .where(Case.origin == SIMULATED, made.sound_id != "", *wanted)
+        .group_by(StoredRecording.axis, StoredRecording.gearbox)
+    )
+
+
+def described(session: Session, axis: str | None = None) -> Mapping[str, int]:
+    """Return the axes that are described, with their current revision; one alone, or all."""
     newest = select(AxisRevision.name, func.max(AxisRevision.revision)).group_by(AxisRevision.name)
+    if axis is not None:
+        newest = newest.where(AxisRevision.name == axis)
     return {name: revision for name, revision in session.execute(newest.order_by(AxisRevision.name))}  # noqa: C416

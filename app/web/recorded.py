@@ -1,7 +1,7 @@
 """What the pages take from a stored recording: its samples, its analysis, what stood out, where its meshes lie."""
 
+import json
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -11,7 +11,8 @@ from app import views
 from app.errors import NotFound
 from app.service import Service
 from app.web import charts
-from app.web.svg import Marker, Stretch
+from app.web.disturbed import stretches
+from app.web.svg import Marker
 from casebase.description import condition_of
 from casebase.models import FeatureRow, StoredRecording
 from casebase.signals.analysis import Analysis
@@ -58,11 +59,16 @@ def order_markers(analysis: Analysis) -> tuple[Marker, ...]:
     return tuple(Marker(order * speed / (2 * math.pi), f"mesh {order:g}×") for order in orders)
 
 
-def spectrogram_png(recording: Recording, marked: Sequence[Stretch], *, dark: bool = False) -> bytes:
-    """Return the spectrogram as PNG with what is left out of the recording."""
-    return views.spectrogram_png(
-        recording, COLUMNS, dark=dark, marked=[(each.start_s, each.end_s, each.text) for each in marked]
-    )
+def spectrogram_png(service: Service, row: StoredRecording, *, dark: bool = False) -> bytes:
+    """Return the spectrogram as PNG with what is left out of the recording; drawn once for who looks next."""
+
+    def drawn() -> bytes:
+        recording = decoded(service, row)
+        marked = [(each.start_s, each.end_s, each.text) for each in stretches(surveyed(recording, row))]
+        return views.spectrogram_png(recording, COLUMNS, dark=dark, marked=marked)
+
+    path, description = service.library.retrieve.audio_path(row), json.dumps(row.description, sort_keys=True)
+    return views.kept((path, row.channel, row.unit, "marked spectrogram", description, dark), drawn)
 
 
 def chart_of(

@@ -37,8 +37,8 @@ def database_url(server: str) -> str:
 
 def lines(costs: Sequence[Cost]) -> list[str]:
     """Write a table."""
-    head = f"{'page':<62}{'first':>10}{'ready':>9}{'page':>9}{'SQL':>9}{'most':>9}{'':>9}{'stmts':>6}{'rows':>8}{'kB read':>9}{'kB sent':>9}"
-    found = [head]
+    head = f"{'page':<62}{'first':>10}" + "".join(f"{word:>9}" for word in ("ready", "page", "SQL", "most", ""))
+    found = [f"{head}{'stmts':>6}{'rows':>8}{'kB read':>9}{'kB sent':>9}"]
     for one in sorted(costs, key=lambda each: -each.over):
         name = one.path if len(one.path) < 61 else f"{one.path[:58]}..."
         times = "".join(f"{1000 * each:9.1f}" for each in (one.page_s, one.sql_s, one.bound_s))

@@ -34,7 +34,7 @@ from casebase.signals.features import EXTRACTOR_VERSION, NAMES
 
 LABELS = ("normal", "notch", "play")
 AXES = 8
-LONG = ("a0", "heard every day")
+LONG = ("bench", "g1")
 """Axis and name of the gearbox that was heard most."""
 TOGETHER = 1000
 Fields = dict[str, object]
