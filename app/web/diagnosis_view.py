@@ -7,6 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from markupsafe import Markup
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.service import Service
@@ -14,7 +15,7 @@ from app.web import charts as draw
 from app.web.charts import Chart
 from app.web.disturbed import Flag, flags_of, left_out_words, marked
 from app.web.evidence import Evidence, evidence_of
-from app.web.features import features_of
+from app.web.features import features_of, read_together
 from app.web.overlay import laid_over
 from app.web.recorded import (
     CREST_WINDOW_S,
@@ -258,9 +259,12 @@ def analysed(found: Survey) -> tuple[str, object, str]:
 
 
 def _neighbours(session: Session, entries: Sequence[Mapping[str, Any]]) -> list[Neighbour]:
+    ids = [entry["case_id"] for entry in entries]
+    cases = {case.id: case for case in session.scalars(select(Case).where(Case.id.in_(ids)))} if ids else {}
+    read_together(session, [case.recording_id for case in cases.values()])
     found = []
     for entry in entries:
-        case = session.get(Case, entry["case_id"])
+        case = cases.get(entry["case_id"])
         parts = sorted(entry["contributions"].items(), key=lambda item: -item[1])
         total = entry["distance"] or 1.0
         rms = features_of(session, case.recording_id).get("rms") if case else None

@@ -12,12 +12,12 @@ from app.errors import NotFound
 from app.service import Service
 from app.web import charts
 from app.web.disturbed import stretches
+from app.web.features import stored_features
 from app.web.svg import Marker
 from casebase.description import condition_of
-from casebase.models import FeatureRow, StoredRecording
+from casebase.models import StoredRecording
 from casebase.signals.analysis import Analysis
 from casebase.signals.disturbances import Survey, survey
-from casebase.signals.features import EXTRACTOR_VERSION
 from casebase.signals.recording import Recording
 
 PlotName = Literal["waveform", "crest", "level", "spectrum", "orders", "fold"]
@@ -36,7 +36,7 @@ def surveyed(recording: Recording, row: StoredRecording) -> Survey:
 
 
 def _events(session: Session, row: StoredRecording) -> list[dict[str, Any]]:
-    stored = session.get(FeatureRow, (row.id, EXTRACTOR_VERSION))
+    stored = stored_features(session, row.id)
     return [event for event in (stored.events if stored else []) if isinstance(event, dict)]
 
 

@@ -18,9 +18,8 @@ from tests.app.sounds import sound
 from tests.large.library import LONG, Size, fill
 from tests.web.conftest import AXIS, KNOWN, investigated
 from tests.web.test_pages import EVERY_PAGE
+from tests.worked_out import WORKING
 
-WORKING = "Being worked out"
-"""What a page says while it waits for what is worked out once for a version of the library."""
 SHARE, OVERHEAD_S = 1.5, 0.050
 """A page of a library of 10,000 cases takes at most this share of its SQL, and so much more [s]."""
 HEARD_EVERY_DAY = f"/axes/{LONG[0]}/gearboxes/{LONG[1]}"
@@ -206,7 +205,7 @@ def cost_of(service: Inside, path: str, *, rounds: int = 7, patience_s: float = 
     first_s = time.perf_counter() - began
     waited = False
     answer = first
-    while answer.status_code == 503 or WORKING in answer.text:
+    while WORKING in answer.text:
         waited = True
         if time.perf_counter() - began > patience_s:
             raise TimeoutError(path)
