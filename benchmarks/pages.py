@@ -24,7 +24,7 @@ def run() -> list[Row]:
     with tempfile.TemporaryDirectory() as folder:
         with inside(Path(folder) / "data") as service:
             site = built(service, Size())
-            costs = sorted((cost_of(service, page) for page in site.pages), key=lambda one: -one.over)
+            costs = sorted((cost_of(service, page) for page in site.pages.values()), key=lambda one: -one.over)
         server = started(Path(folder) / "plots")
         try:
             return [*map(_row, costs), *drawn(server)]

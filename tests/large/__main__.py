@@ -63,7 +63,7 @@ def main(words: Sequence[str] | None = None) -> int:
     given = parser.parse_args(words)
     with service(given.postgres) as found:
         site = built(found, Size(cases=given.cases))
-        pages = [page for page in site.pages if not given.only or any(one in page for one in given.only)]
+        pages = [page for page in site.pages.values() if not given.only or any(one in page for one in given.only)]
         costs = []
         for page in pages:
             costs.append(cost_of(found, page))

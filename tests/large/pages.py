@@ -83,9 +83,9 @@ class Site:
     known: Mapping[str, str]
 
     @property
-    def pages(self) -> list[str]:
-        """The addresses of all pages."""
-        return list(dict.fromkeys(page.format(**self.known) for page in (*EVERY_PAGE, *OF_LARGE)))
+    def pages(self) -> dict[str, str]:
+        """The addresses of all pages, by what they look like without ids."""
+        return {page: page.format(**self.known) for page in (*EVERY_PAGE, *OF_LARGE)}
 
 
 def built(service: Inside, size: Size) -> Site:
@@ -209,7 +209,7 @@ def cost_of(service: Inside, path: str, *, rounds: int = 7, patience_s: float = 
         waited = True
         if time.perf_counter() - began > patience_s:
             raise TimeoutError(path)
-        time.sleep(0.5)
+        time.sleep(0.1)
         answer = service.browse("GET", path)
     ready_s = time.perf_counter() - began if waited else 0.0
     if answer.status_code >= 400:

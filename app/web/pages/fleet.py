@@ -157,8 +157,13 @@ def certainties(session: Session, standings: Sequence[Standing | None]) -> list[
         for one in standings
     ]
     ids = [each for each in named if each]
-    rows = session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id.in_(ids))) if ids else ()
-    told = {row.id: how_sure(row.document) for row in rows}
+    part = StoredDiagnosis.written["provenance"]  # a document is long
+    columns = (StoredDiagnosis.id, StoredDiagnosis.verdict, StoredDiagnosis.probability, part)
+    rows = session.execute(select(*columns).where(StoredDiagnosis.id.in_(ids))) if ids else ()
+    told = {
+        identity: how_sure({"verdict": verdict, "probability": probability, "provenance": provenance or {}})
+        for identity, verdict, probability, provenance in rows
+    }
     return [told.get(each) if each else None for each in named]
 
 
