@@ -3,6 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from functools import cached_property
 from threading import Lock
 
 from sqlalchemy.orm import Session
@@ -44,6 +45,11 @@ class Known:
         """The gearbox that is in the place now."""
         return self.histories[-1] if self.histories and self.histories[-1].until is None else None
 
+    @cached_property
+    def fault(self) -> NamedFault | None:
+        """The fault of it that stands; None where none does."""
+        return None if self.in_service is None else standing_fault(self.in_service)
+
 
 @dataclass
 class Fleet:
@@ -75,7 +81,7 @@ class Fleet:
 
     def naming(self, session: Session) -> dict[str, NamedFault]:
         """Return the faults that stand, by the id of each recording that names them."""
-        faults = (standing_fault(history) for history in self.in_service(session))
+        faults = (known.fault for known in self._current(session).values())
         return {one.recording_id: fault for fault in faults if fault is not None for one in fault.named}
 
     def _current(self, session: Session, axis: str | None = None, gearbox: str | None = None) -> dict[Place, Known]:
