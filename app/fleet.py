@@ -1,5 +1,6 @@
 """The fleet: every gearbox in service with its state, worked out again only for those of which something changed."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
@@ -13,6 +14,7 @@ from casebase.gearboxes import History, Place, described, histories_of, signatur
 from casebase.trend import Trend, trends_of
 
 ORDER = tuple(State)
+DIGITS = "0123456789"
 TOGETHER = 50
 """Gearboxes that are read from the database at once."""
 
@@ -110,5 +112,15 @@ def _worked_out(session: Session, wanted: Mapping[Place, tuple[object, ...]]) ->
     return {place: Known(wanted[place], tuple(found[place]), trends.get(place)) for place in wanted}
 
 
-def _rank(row: Gearbox) -> tuple[int, str, str]:
-    return ORDER.index(row.state), row.axis, row.gearbox or ""
+def _rank(row: Gearbox) -> tuple[int, list[tuple[int, str]], list[tuple[int, str]]]:
+    return ORDER.index(row.state), natural(row.axis), natural(row.gearbox or "")
+
+
+def natural(name: str) -> list[tuple[int, str]]:
+    """Return by what a name is sorted as people do: numbers in it by their size.
+
+    >>> sorted(["g10", "g9", "a 2"], key=natural)
+    ['a 2', 'g9', 'g10']
+    """
+    parts = re.findall(r"[0-9]{1,18}|[^0-9]+", name)
+    return [(int(part), "") if part[0] in DIGITS else (-1, part) for part in parts]

@@ -80,7 +80,8 @@ class Service:
             return self.library.reuse.evaluate(session, group=group, origin=origin, without=without, axis=axis)
 
         kind = "evaluation" if axis is None else "evaluation of an axis"
-        return Asked(kind, self._state(session), (group, origin, without, axis), work)
+        # what was learned last is used where it was learned from these cases; else they are learned from here
+        return Asked(kind, library_version(session), (group, origin, without, axis), work)
 
     def review_soon(self, session: Session) -> Review | Begun:
         """What is wrong or missing in the library as it is now, or what is begun."""
@@ -88,11 +89,8 @@ class Service:
         def work(session: Session) -> Review:
             return review(session, self.library.reuse.reasoner(session))
 
-        return self.beside.soon(Asked("review", self._state(session), None, work))
-
-    def _state(self, session: Session) -> tuple[int, int | None]:
-        """Return what changes with any case, and with what was learned of them."""
-        return library_version(session), active_version(session, EXTRACTOR_VERSION)
+        state = library_version(session), active_version(session, EXTRACTOR_VERSION)
+        return self.beside.soon(Asked("review", state, None, work))
 
     @cached_property
     def beside(self) -> Beside:
