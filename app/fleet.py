@@ -15,6 +15,8 @@ from casebase.trend import Trend, trends_of
 
 ORDER = tuple(State)
 DIGITS = "0123456789"
+LARGE = 200
+"""From so many gearboxes on nobody is kept waiting, after a start, until all are worked out."""
 TOGETHER = 50
 """Gearboxes that are read from the database at once."""
 
@@ -58,7 +60,13 @@ class Fleet:
     """All gearboxes of an installation, as one process knows them."""
 
     known: dict[Place, Known] = field(default_factory=dict)
+    whole: bool = False
+    """Whether all of them were worked out once, which takes seconds where they are thousands."""
     lock: Lock = field(default_factory=Lock)
+
+    def is_begun(self, session: Session) -> bool:
+        """Whether it is large, and was not worked out yet."""
+        return not self.whole and len(signatures(session)) >= LARGE
 
     def gearboxes(
         self, session: Session, now: datetime, silent_after: timedelta, axis: str | None = None
@@ -101,6 +109,7 @@ class Fleet:
             for first in range(0, len(changed), TOGETHER):
                 some = changed[first : first + TOGETHER]
                 self.known |= _worked_out(session, {place: wanted[place] for place in some})
+            self.whole = self.whole or axis is None
             return {place: self.known[place] for place in wanted}
 
 

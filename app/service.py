@@ -83,6 +83,13 @@ class Service:
         # what was learned last is used where it was learned from these cases; else they are learned from here
         return Asked(kind, library_version(session), (group, origin, without, axis), work)
 
+    def fleet_soon(self, session: Session) -> Begun | None:
+        """What is begun of a large fleet after a start of the service; None where it is known."""
+        if not self.fleet.is_begun(session):
+            return None
+        found = self.beside.soon(Asked("fleet", None, None, self.fleet.in_service))
+        return found if isinstance(found, Begun) else None
+
     def review_soon(self, session: Session) -> Review | Begun:
         """What is wrong or missing in the library as it is now, or what is begun."""
 

@@ -12,15 +12,21 @@ from app.web.session import below_root
 from app.web.templating import render
 
 
+def of_library(session: Session, service: Service) -> str:
+    """Say that something is worked out from all cases, and how often."""
+    cases = sum(counts_of(service.library, session).values())
+    return f"the {cases:,} cases of the library, once until a case changes"
+
+
 def waiting_page(
     request: Request,
-    session: Session,
-    service: Service,
     principal: Principal,
     begun: Begun,
     title: str,
     words: str,
+    basis: str,
     *,
+    section: str = "/library",
     tab: str = "",
     crumb: tuple[str, str] | None = None,
 ) -> Response:
@@ -29,6 +35,7 @@ def waiting_page(
     Args:
         title: of the page that will stand here.
         words: what it will say.
+        basis: what it is worked out from, and how often.
         tab: of the library, if it is one.
         crumb: path and words of the page above it, if there is one.
     """
@@ -39,7 +46,7 @@ def waiting_page(
         "words": words,
         "tab": tab,
         "crumb": crumb,
-        "cases": sum(counts_of(service.library, session).values()),
+        "basis": basis,
         "again": f"{below_root(request)}{f'?{query}' if query else ''}",
     }
-    return render(request, "waiting.html", context, principal=principal, section="/library")
+    return render(request, "waiting.html", context, principal=principal, section=section)

@@ -15,7 +15,7 @@ from app.service import Reading, TheService
 from app.uploads import TheUpload
 from app.web.session import PageAdmin, PageViewer
 from app.web.templating import render
-from app.web.waiting import waiting_page
+from app.web.waiting import of_library, waiting_page
 from casebase.bundle import export_cases, import_cases
 from casebase.case_filter import CaseFilter
 
@@ -35,7 +35,8 @@ def evaluation(
     """Leave-one-gearbox-out confusion matrix; its cells open the cases."""
     found = service.evaluation_soon(session, origin)
     if isinstance(found, Begun):
-        return waiting_page(request, session, service, principal, found, "Evaluation", HOW, tab="/library/evaluation")
+        basis = of_library(session, service)
+        return waiting_page(request, principal, found, "Evaluation", HOW, basis, tab="/library/evaluation")
     context = {"evaluation": found, "origin": origin, "labels": sorted(found.confusion), "how": HOW}
     return render(request, "evaluation.html", context, principal=principal, section=SECTION)
 

@@ -18,6 +18,7 @@ from app.web.session import PageViewer
 from app.web.standing_words import WORDS, day, evidence_words, next_steps, since_words, state_badge, trend_words, why
 from app.web.templating import render
 from app.web.trend import charts_of, level_chart
+from app.web.waiting import waiting_page
 from app.web.words import VERDICTS, how_sure
 from casebase.axes import find_axis, is_axis, unknown_axis
 from casebase.errors import NotFoundError
@@ -50,6 +51,11 @@ def fleet(
     first: Annotated[int, Query(ge=0, le=LARGEST)] = 0,
 ) -> Response:
     """The gearboxes with their states, the worst first: all of them or those in one state, a page of them."""
+    begun = service.fleet_soon(session)
+    if begun is not None:
+        words = "Every gearbox with its state, the worst first."
+        basis = "all recordings, once after each start of the service"
+        return waiting_page(request, principal, begun, "Fleet", words, basis, section=SECTION)
     at, zone = now(), service.settings.time_zone
     known = [(row, row.state) for row in service.fleet.gearboxes(session, at, silent_after(service))]
     counts = Counter(here for _, here in known)

@@ -30,7 +30,7 @@ from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.steps import told as told_step
 from app.web.svg import map_chart
 from app.web.templating import Message, render, sentence
-from app.web.waiting import waiting_page
+from app.web.waiting import of_library, waiting_page
 from casebase.axes import find_axis, is_axis, unknown_axis
 from casebase.case_filter import CaseFilter
 from casebase.evaluation import Evaluation
@@ -264,8 +264,8 @@ def taught(request: Request, session: Reading, service: TheService, principal: P
     having = service.evaluation_soon(session, "both")
     for one in (without, having):
         if isinstance(one, Begun):
-            above = (f"/cases/{row.id}", f"Case {row.label}")
-            return waiting_page(request, session, service, principal, one, TAUGHT, row.recording.file_name, crumb=above)
+            above, basis = (f"/cases/{row.id}", f"Case {row.label}"), of_library(session, service)
+            return waiting_page(request, principal, one, TAUGHT, row.recording.file_name, basis, crumb=above)
     assert isinstance(without, Evaluation)
     assert isinstance(having, Evaluation)
     found = teaching(without, having, row.id)

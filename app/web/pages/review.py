@@ -14,7 +14,7 @@ from app.generation import KIND as GENERATION
 from app.service import Reading, TheJobs, TheService
 from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.templating import Message, render
-from app.web.waiting import waiting_page
+from app.web.waiting import of_library, waiting_page
 from app.web.words import name_of
 from casebase import review as care
 from casebase.axes import get_axis, list_axes
@@ -47,7 +47,8 @@ def review(
     found = service.review_soon(session)
     if isinstance(found, Begun):
         words = "Cases that contradict each other, that add nothing, and what is missing."
-        return waiting_page(request, session, service, principal, found, "Review", words, tab="/library/review")
+        basis = of_library(session, service)
+        return waiting_page(request, principal, found, "Review", words, basis, tab="/library/review")
     context = {
         "review": found,
         "kinds": [(kind, title, words, getattr(found, kind)) for kind, title, words in KINDS],
