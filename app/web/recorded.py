@@ -32,7 +32,8 @@ def decoded(service: Service, row: StoredRecording) -> Recording:
 
 def surveyed(recording: Recording, row: StoredRecording) -> Survey:
     """Return what of it is analysed, and what is left out, under the condition that was told."""
-    return survey(recording, condition_of(row.description))
+    key = (row.file_sha256, row.channel, row.unit, json.dumps(row.description, sort_keys=True))
+    return views.SURVEYED.get(key, lambda: survey(recording, condition_of(row.description)))
 
 
 def _events(session: Session, row: StoredRecording) -> list[dict[str, Any]]:
