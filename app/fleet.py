@@ -1,17 +1,22 @@
 """The fleet: every gearbox in service with its state, worked out again only for those of which something changed."""
 
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
+from functools import cached_property
 from threading import Lock
 
 from sqlalchemy.orm import Session
 
-from casebase.gearbox_state import Standing, State, standing
+from casebase.gearbox_state import NamedFault, Standing, State, standing, standing_fault
 from casebase.gearboxes import History, Place, described, histories_of, signatures
 from casebase.trend import Trend, trends_of
 
 ORDER = tuple(State)
+DIGITS = "0123456789"
+LARGE = 200
+"""From so many gearboxes on nobody is kept waiting, after a start, until all are worked out."""
 TOGETHER = 50
 """Gearboxes that are read from the database at once."""
 
@@ -25,6 +30,11 @@ class Gearbox:
     standing: Standing | None
     """None where nothing of the axis was ever heard or put in."""
 
+    @property
+    def state(self) -> State:
+        """What is said of it."""
+        return State.CANNOT_SAY if self.standing is None else self.standing.state
+
 
 @dataclass(frozen=True)
 class Known:
@@ -34,30 +44,63 @@ class Known:
     histories: tuple[History, ...]
     trend: Trend | None
 
+    @property
+    def in_service(self) -> History | None:
+        """The gearbox that is in the place now."""
+        return self.histories[-1] if self.histories and self.histories[-1].until is None else None
+
+    @cached_property
+    def fault(self) -> NamedFault | None:
+        """The fault of it that stands; None where none does."""
+        return None if self.in_service is None else standing_fault(self.in_service)
+
 
 @dataclass
 class Fleet:
     """All gearboxes of an installation, as one process knows them."""
 
     known: dict[Place, Known] = field(default_factory=dict)
+    whole: bool = False
+    """Whether all of them were worked out once, which takes seconds where they are thousands."""
     lock: Lock = field(default_factory=Lock)
 
-    def gearboxes(self, session: Session, now: datetime, silent_after: timedelta) -> Sequence[Gearbox]:
-        """Return every gearbox in service and every axis without one, the worst first."""
+    def is_begun(self, session: Session) -> bool:
+        """Whether it is large, and was not worked out yet."""
+        return not self.whole and len(signatures(session)) >= LARGE
+
+    def gearboxes(
+        self, session: Session, now: datetime, silent_after: timedelta, axis: str | None = None
+    ) -> Sequence[Gearbox]:
+        """Return every gearbox in service and every axis without one, the worst first; of one axis, or of all."""
         rows = [
-            Gearbox(place[0], place[1], standing(known.histories[-1], known.trend, now, silent_after))
-            for place, known in self._current(session).items()
-            if known.histories and known.histories[-1].until is None
+            Gearbox(here, gearbox, standing(known.in_service, known.trend, now, silent_after))
+            for (here, gearbox), known in self._current(session, axis).items()
+            if here is not None and known.in_service is not None
         ]
         heard = {row.axis for row in rows}
-        rows += [Gearbox(axis, None, None) for axis in described(session) if axis not in heard]
+        rows += [Gearbox(name, None, None) for name in described(session, axis) if name not in heard]
         return sorted(rows, key=_rank)
 
-    def _current(self, session: Session) -> dict[Place, Known]:
-        wanted = signatures(session)
+    def place(self, session: Session, axis: str, gearbox: str | None) -> Known | None:
+        """Return what is known of one place; None where nothing was recorded there or put in."""
+        return self._current(session, axis, gearbox).get((axis, gearbox))
+
+    def in_service(self, session: Session) -> Sequence[History]:
+        """Return every gearbox in service, those of which the axis is not known too."""
+        return [each for known in self._current(session).values() if (each := known.in_service) is not None]
+
+    def naming(self, session: Session) -> dict[str, NamedFault]:
+        """Return the faults that stand, by the id of each recording that names them."""
+        faults = (known.fault for known in self._current(session).values())
+        return {one.recording_id: fault for fault in faults if fault is not None for one in fault.named}
+
+    def _current(self, session: Session, axis: str | None = None, gearbox: str | None = None) -> dict[Place, Known]:
+        """Return what is known of all gearboxes, of those of an axis, or of one, worked out anew where it changed."""
+        wanted = signatures(session, axis, gearbox)
         with self.lock:
-            for place in self.known.keys() - wanted.keys():
-                del self.known[place]
+            if axis is None:
+                for place in self.known.keys() - wanted.keys():
+                    del self.known[place]
             changed = [
                 place
                 for place, signature in wanted.items()
@@ -66,7 +109,8 @@ class Fleet:
             for first in range(0, len(changed), TOGETHER):
                 some = changed[first : first + TOGETHER]
                 self.known |= _worked_out(session, {place: wanted[place] for place in some})
-            return dict(self.known)
+            self.whole = self.whole or axis is None
+            return {place: self.known[place] for place in wanted}
 
 
 def _worked_out(session: Session, wanted: Mapping[Place, tuple[object, ...]]) -> dict[Place, Known]:
@@ -77,6 +121,15 @@ def _worked_out(session: Session, wanted: Mapping[Place, tuple[object, ...]]) ->
     return {place: Known(wanted[place], tuple(found[place]), trends.get(place)) for place in wanted}
 
 
-def _rank(row: Gearbox) -> tuple[int, str, str]:
-    state = State.CANNOT_SAY if row.standing is None else row.standing.state
-    return ORDER.index(state), row.axis, row.gearbox or ""
+def _rank(row: Gearbox) -> tuple[int, list[tuple[int, str]], list[tuple[int, str]]]:
+    return ORDER.index(row.state), natural(row.axis), natural(row.gearbox or "")
+
+
+def natural(name: str) -> list[tuple[int, str]]:
+    """Return by what a name is sorted as people do: numbers in it by their size.
+
+    >>> sorted(["g10", "g9", "a 2"], key=natural)
+    ['a 2', 'g9', 'g10']
+    """
+    parts = re.findall(r"[0-9]{1,18}|[^0-9]+", name)
+    return [(int(part), "") if part[0] in DIGITS else (-1, part) for part in parts]

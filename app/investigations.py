@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import Any
 
 from sqlalchemy import select
-from sqlalchemy.orm import Session
+from sqlalchemy.orm import Session, defer
 
 from app.jobs.job import JobError, JobKind, JobNotFoundError, Json, Report
 from app.jobs.jobs import Jobs
@@ -434,14 +434,18 @@ def compared(session: Session, first: str, second: str) -> Compared:
 
 
 def comparable(session: Session, row: StoredInvestigation) -> Sequence[StoredInvestigation]:
-    """Return other finished investigations of the same axis or robot, newest first."""
+    """Return other finished investigations of the same axis or robot, newest first, their documents left out."""
     same = (
         StoredInvestigation.axis == row.axis if row.robot is None else StoredInvestigation.robot == row.robot,
         StoredInvestigation.state == "done",
         StoredInvestigation.id != row.id,
     )
     return session.scalars(
-        select(StoredInvestigation).where(*same).order_by(StoredInvestigation.id.desc()).limit(MOST_COMPARABLE)
+        select(StoredInvestigation)
+        .options(defer(StoredInvestigation.written))
+        .where(*same)
+        .order_by(StoredInvestigation.id.desc())
+        .limit(MOST_COMPARABLE)
     ).all()
 
 

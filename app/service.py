@@ -13,7 +13,7 @@ from limits.strategies import MovingWindowRateLimiter
 from sqlalchemy.orm import Session
 
 from app.alarms.watch import alarm_watch
-from app.evaluations import Evaluations
+from app.beside import Asked, Begun, Beside
 from app.fleet import Fleet
 from app.jobs.feed import JobFeed
 from app.jobs.jobs import Jobs
@@ -25,9 +25,12 @@ from app.metrics import Metrics
 from app.periodic import Periodic
 from app.retention import retention
 from app.settings import Settings
+from casebase.artifacts import active_version
 from casebase.counter import library_version
 from casebase.evaluation import Evaluation
 from casebase.library import CaseLibrary
+from casebase.review import Review, review
+from casebase.signals.features import EXTRACTOR_VERSION
 
 
 @dataclass(frozen=True)
@@ -54,21 +57,52 @@ class Service:
         """Remove what processes left that were killed."""
         leftovers(self.library, self.settings.incoming, remove=True)
 
-    def evaluation(self, session: Session, group: str, origin: str, without: str | None = None) -> Evaluation:
-        """The library's cross-validation as it is now, without a case if one is named.
+    def evaluation(self, session: Session, group: str, origin: str) -> Evaluation:
+        """The library's cross-validation as it is now.
 
         Raises:
             Unavailable: if it is not ready yet.
         """
-        return self.evaluations.get(library_version(session), group, origin, without)
+        return self.beside.get(self._evaluation(session, group, origin))
 
-    def evaluation_of_axis(self, session: Session, axis: str) -> Evaluation | None:
-        """What the library as it is now says of the held-out cases of an axis; None where it is not ready yet."""
-        return self.evaluations.of_axis(library_version(session), axis)
+    def evaluation_soon(self, session: Session, origin: str, without: str | None = None) -> Evaluation | Begun:
+        """The library's cross-validation by gearbox as it is now, without a case if one is named, or what is begun."""
+        return self.beside.soon(self._evaluation(session, "gearbox", origin, without))
+
+    def evaluation_of_axis(self, session: Session, axis: str) -> Evaluation | Begun:
+        """What the library as it is now says of the held-out cases of an axis, or what is begun."""
+        return self.beside.soon(self._evaluation(session, "gearbox", "both", axis=axis), wait_s=0.0)
+
+    def _evaluation(
+        self, session: Session, group: str, origin: str, without: str | None = None, axis: str | None = None
+    ) -> Asked[Evaluation]:
+        def work(session: Session) -> Evaluation:
+            return self.library.reuse.evaluate(session, group=group, origin=origin, without=without, axis=axis)
+
+        kind = "evaluation" if axis is None else "evaluation of an axis"
+        # what was learned last is used where it was learned from these cases; else they are learned from here
+        return Asked(kind, library_version(session), (group, origin, without, axis), work)
+
+    def fleet_soon(self, session: Session) -> Begun | None:
+        """What is begun of a large fleet after a start of the service; None where it is known."""
+        if not self.fleet.is_begun(session):
+            return None
+        found = self.beside.soon(Asked("fleet", None, None, self.fleet.in_service))
+        return found if isinstance(found, Begun) else None
+
+    def review_soon(self, session: Session) -> Review | Begun:
+        """What is wrong or missing in the library as it is now, or what is begun."""
+
+        def work(session: Session) -> Review:
+            return review(session, self.library.reuse.reasoner(session))
+
+        state = library_version(session), active_version(session, EXTRACTOR_VERSION)
+        return self.beside.soon(Asked("review", state, None, work))
 
     @cached_property
-    def evaluations(self) -> Evaluations:
-        return Evaluations(self.library, self.stopping)
+    def beside(self) -> Beside:
+        """What is worked out once for each state of the library."""
+        return Beside(self.library, self.stopping)
 
     @cached_property
     def fleet(self) -> Fleet:

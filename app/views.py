@@ -23,6 +23,7 @@ from casebase.signals.crest import (
     root_mean_square_trace,
 )
 from casebase.signals.decode import read_recording
+from casebase.signals.disturbances import Survey
 from casebase.signals.recording import Recording
 
 if TYPE_CHECKING:
@@ -117,6 +118,8 @@ class Kept(Generic[Value]):
 DECODED: Kept[Recording] = Kept(128 << 20, lambda recording: recording.samples.nbytes)
 """Ten minutes at 48 kHz, or many short ones."""
 ANSWERS: Kept[bytes] = Kept(32 << 20, len)
+SURVEYED: Kept[Survey] = Kept(128 << 20, lambda survey: 4 * survey.recording.samples.nbytes)
+"""A recording with the analysed piece of it, and about as much again that was worked out of that."""
 
 
 def decoded(path: Path, channel: int) -> Recording:
@@ -133,6 +136,7 @@ def forget() -> None:
     """Keep nothing of what was decoded or computed: something was erased."""
     DECODED.clear()
     ANSWERS.clear()
+    SURVEYED.clear()
 
 
 class View(ABC):

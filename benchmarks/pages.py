@@ -1,212 +1,43 @@
 """Every page of a library of 10,000 cases against the SQL that it sends; plots of 100,000 points in Chromium.
 
-The pages are those that the browser tests open. What a page sends to the database is listened to and sent again bare.
-Both are times of the processor in this process, the best of several rounds: other load on the machine changes little.
+`python -m tests.large` says the same with more columns, on SQLite or on PostgreSQL.
 """
 
 import shutil
 import statistics
 import tempfile
-import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
-import numpy as np
 from playwright.sync_api import sync_playwright
-from sqlalchemy import event, insert, select
-from sqlalchemy.orm import Session
 
 from benchmarks import Row, table
-from casebase.models import Case, Extractor, FeatureRow, StoredDiagnosis, StoredRecording, new_id
-from casebase.signals.features import EXTRACTOR_VERSION
-from tests.app.inside import Inside, inside
+from tests.app.inside import inside
+from tests.large.library import Size
+from tests.large.pages import Cost, built, cost_of
 from tests.live import LiveServer, started
-from tests.web.conftest import Site
-from tests.web.conftest import fill as fill_site
-from tests.web.test_pages import EVERY_PAGE, address
 
-CASES, WAITING, ROUNDS, WARM = 10_000, 2_000, 7, 3
-PATIENCE_S = 1800.0
-WORKING = "Being worked out"
-"""What a page says while it waits for what is worked out once for a version of the library."""
-LABELS = ("normal", "notch", "play")
-DEEP = f"{CASES // 2:032x}"
-PAGES = (*EVERY_PAGE, "/library?label=notch", "/library?axis=a3", f"/library?cursor={DEEP}", "/axes/a3/first-hour")
-Statement = tuple[str, Any]
+WARM = 3
 
 
 def run() -> list[Row]:
-    """Ask for each page and for the rows behind it, in turns."""
+    """Ask for each page and for the rows behind it, the worst page first."""
     with tempfile.TemporaryDirectory() as folder:
-        site = Site(started(Path(folder) / "data"), Path(folder))
+        with inside(Path(folder) / "data") as service:
+            site = built(service, Size())
+            costs = sorted((cost_of(service, page) for page in site.pages.values()), key=lambda one: -one.over)
+        server = started(Path(folder) / "plots")
         try:
-            fill_site(site)
-            library = site.library()
-            with library.transaction("benchmark") as session:
-                fill(session)
-            library.close()
-            rows = compared(site)
-            return [*rows, *drawn(site.server)]
+            return [*map(_row, costs), *drawn(server)]
         finally:
-            site.server.stop()
+            server.stop()
 
 
-def fill(session: Session) -> None:
-    """Put cases of 40 gearboxes of 8 axes into the tables, and recordings that wait for a person."""
-    given = session.scalars(select(StoredDiagnosis).limit(1)).one().written
-    recordings = [_recording(number) for number in range(CASES + WAITING)]
-    session.execute(insert(StoredRecording), recordings)
-    session.execute(insert(Case), [_case(number) for number in range(CASES)])
-    session.execute(insert(FeatureRow), list(_features(session)))
-    session.execute(insert(StoredDiagnosis), [_diagnosis(number, given) for number in range(CASES, CASES + WAITING)])
-
-
-def _features(session: Session) -> Iterator[dict[str, object]]:
-    extractor = session.get(Extractor, EXTRACTOR_VERSION)
-    assert extractor is not None
-    size = len(extractor.names)
-    random = np.random.default_rng(1)
-    middle = random.normal(size=(len(LABELS), size))
-    for number in range(CASES):
-        values = middle[number % 3] + random.normal(size=size)
-        yield {
-            "recording_id": f"{number:032x}",
-            "extractor_version": EXTRACTOR_VERSION,
-            "finite": values.astype(np.float32),
-            "missing": bytes(-(-size // 8)),
-            "motion": {},
-            "events": [],
-        }
-
-
-def _diagnosis(number: int, given: dict[str, object]) -> dict[str, object]:
-    identity = new_id()
-    verdict = ("ambiguous", "not_in_library")[number % 2]
-    return {
-        "id": identity,
-        "recording_id": f"{number:032x}",
-        "verdict": verdict,
-        "label": None,
-        "probability": 0.5,
-        "written": {**given, "id": identity, "verdict": verdict, "label": None},
-        "state": "open",
-        "version": 1,
-        "created_by": "benchmark",
-    }
-
-
-def _recording(number: int) -> dict[str, object]:
-    key = f"{number:032x}"
-    return {
-        "id": key,
-        "fingerprint": f"{number:064x}",
-        "samples_sha256": f"{number:064x}",
-        "sound_id": key,
-        "file_sha256": f"{number:064x}",
-        "file_name": f"recording {number}.wav",
-        "media_type": "audio/wav",
-        "byte_count": 96_044,
-        "sample_rate_hz": 8000.0,
-        "channel": 0,
-        "channels": 1,
-        "duration_s": 6.0,
-        "unit": "1",
-        "usable": True,
-        "quality": [],
-        "axis": f"a{number % 8}",
-        "gearbox": f"g{number % 40}",
-        "payload_kg_m2": 40.0,
-        "speed_rad_s": 2.5,
-        "description": {},
-        "created_by": "benchmark",
-    }
-
-
-def _case(number: int) -> dict[str, object]:
-    key = f"{number:032x}"
-    return {
-        "id": key,
-        "recording_id": key,
-        "label": LABELS[number % 3],
-        "origin": "measured" if number % 5 else "simulated",
-        "state": "confirmed",
-        "labelled_by": "benchmark",
-        "parameters": {},
-        "version": 1,
-        "library_version": 1,
-    }
-
-
-def compared(site: Site) -> list[Row]:
-    """Compare every page with its SQL; what is worked out once for a version of the library is waited for."""
-    rows = []
-    with inside(site.server.data_dir) as service:
-        for path in (address(site, page) for page in PAGES):
-            if not _ready(service, path):
-                rows.append(Row(f"GET {path}", PATIENCE_S, note="was not ready in time"))
-                continue
-            with listening(service) as sent:
-                service.browse("GET", path).raise_for_status()
-            rows.append(_compared(service, path, sent))
-    return rows
-
-
-def _ready(service: Inside, path: str) -> bool:
-    """Ask until the page is there, and then some times more."""
-    until = time.perf_counter() + PATIENCE_S
-    ready = 0
-    while ready < WARM and time.perf_counter() < until:
-        answer = service.browse("GET", path)
-        ready += answer.status_code == 200 and WORKING not in answer.text
-        if answer.status_code not in (200, 503):
-            answer.raise_for_status()
-    return ready == WARM
-
-
-@contextmanager
-def listening(service: Inside) -> Iterator[list[Statement]]:
-    """Collect what a service sends to its database."""
-    sent: list[Statement] = []
-
-    def hear(_connection: Any, _cursor: Any, statement: str, parameters: Any, _context: Any, _many: bool) -> None:
-        if statement.startswith("SELECT"):
-            sent.append((statement, parameters))
-
-    engine = service.service.library.engine
-    event.listen(engine, "before_cursor_execute", hear)
-    yield sent
-    event.remove(engine, "before_cursor_execute", hear)
-
-
-def _compared(service: Inside, path: str, sent: list[Statement]) -> Row:
-    connection = service.service.library.engine.raw_connection()
-
-    def plain() -> None:
-        for statement, parameters in sent:
-            cursor = connection.cursor()
-            cursor.execute(statement, parameters)
-            cursor.fetchall()
-            cursor.close()
-
-    def page() -> None:
-        service.browse("GET", path).raise_for_status()
-
-    sql_s, page_s = (min(_processor_s(call) for _ in range(ROUNDS)) for call in (plain, page))
-    connection.rollback()
-    connection.close()
-    bound = 1.5 * sql_s + 0.050
-    word = "reached" if page_s <= bound else "NOT reached"
-    name = path if len(path) < 48 else f"{path[:45]}..."
-    note = f"{len(sent)} statements, {1000 * sql_s:.1f} ms; at most {1000 * bound:.1f} ms: {word}"
-    return Row(f"GET {name}", page_s, page_s / max(sql_s, 1e-6), "its SQL", note)
-
-
-def _processor_s(call: Callable[[], None]) -> float:
-    began = time.process_time()
-    call()
-    return time.process_time() - began
+def _row(cost: Cost) -> Row:
+    word = "reached" if cost.over <= 1 else "NOT reached"
+    name = cost.path if len(cost.path) < 48 else f"{cost.path[:45]}..."
+    bound = f"at most {1000 * cost.bound_s:.1f} ms: {word}"
+    note = f"{cost.statements} statements, {1000 * cost.sql_s:.1f} ms; {bound}"
+    return Row(f"GET {name}", cost.page_s, cost.page_s / max(cost.sql_s, 1e-6), "its SQL", note)
 
 
 DRAW = """async () => {

@@ -111,6 +111,15 @@ def named_fault(heard: Sequence[Heard]) -> NamedFault | None:
     return fault
 
 
+def standing_fault(history: History) -> NamedFault | None:
+    """Return the fault that stands: named since it was put in or repaired, and not outweighed. None where none does.
+
+    The one criterion of the page of a gearbox, of the queue of what needs a person, and of the alarms.
+    """
+    fault = named_fault(said_of(history.since_renewed))
+    return fault if fault is not None and fault.stands else None
+
+
 def fault_before(history: History, recording: Heard) -> NamedFault | None:
     """Return the fault that stood when a recording was taken, by what was heard before it; None where none did."""
     then = replace(
@@ -118,8 +127,7 @@ def fault_before(history: History, recording: Heard) -> NamedFault | None:
         heard=history.heard[: history.heard.index(recording)],
         done=tuple(each for each in history.done if each.at <= recording.at),
     )
-    fault = named_fault(said_of(then.since_renewed))
-    return fault if fault is not None and fault.stands else None
+    return standing_fault(then)
 
 
 def said_of(recordings: Sequence[Heard]) -> list[Heard]:

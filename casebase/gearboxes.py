@@ -8,18 +8,19 @@ same.
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
+from typing import Any
 
-from sqlalchemy import ColumnElement, and_, case, func, or_, select
-from sqlalchemy.orm import Session
+from sqlalchemy import ColumnElement, Select, and_, case, false, func, or_, select
+from sqlalchemy.orm import Session, aliased
 
 from casebase.models import AxisRevision, Case, MaintenanceMark, StoredDiagnosis, StoredRecording
-from casebase.origins import MEASURED, is_measured
+from casebase.origins import MEASURED, SIMULATED, demonstrations, is_measured
 
 NOTE, REPAIR, EXCHANGE, MICROPHONE = "note", "repair", "exchange", "microphone"
 KINDS = (NOTE, REPAIR, EXCHANGE, MICROPHONE)
 REJECTED, OPEN = "rejected", "open"
-Place = tuple[str, str | None]
-"""Name of the axis, and of the gearbox as recordings give it; None where they give none."""
+Place = tuple[str | None, str | None]
+"""Name of the axis, and of the gearbox as recordings give it; None where they give none, of one of the two alone."""
 HEARD_AT: ColumnElement[datetime] = case(
     (StoredRecording.recorded_at <= StoredRecording.created_at, StoredRecording.recorded_at),
     else_=StoredRecording.created_at,
@@ -75,7 +76,7 @@ class History:
         done: oldest first, the exchanges at both ends included.
     """
 
-    axis: str
+    axis: str | None
     gearbox: str | None
     number: int
     since: datetime | None
@@ -102,7 +103,7 @@ class History:
         return tuple(one for one in self.since_renewed if moved is None or one.at >= moved)
 
 
-def histories(session: Session, axis: str, gearbox: str | None) -> list[History]:
+def histories(session: Session, axis: str | None, gearbox: str | None) -> list[History]:
     """Return the gearboxes that had this name at this axis, oldest first; see `histories_of`."""
     return histories_of(session, [(axis, gearbox)])[axis, gearbox]
 
@@ -113,9 +114,9 @@ def histories_of(session: Session, places: Sequence[Place]) -> dict[Place, list[
     The last one is in service if its history has no end. An exchange with a successor of another name leaves nothing
     under the old one, unless it is heard again.
     """
-    done = _done(session, {axis for axis, _ in places})
+    done = _done(session, {axis for axis, _ in places if axis is not None})
     heard = _heard(session, places)
-    return {place: _histories(place, heard.get(place, []), done.get(place[0], [])) for place in places}
+    return {place: _histories(place, heard.get(place, []), done.get(place[0] or "", [])) for place in places}
 
 
 def _histories(place: Place, heard: Sequence[Heard], done: Sequence[Done]) -> list[History]:
@@ -163,7 +164,7 @@ def _heard(session: Session, places: Sequence[Place]) -> dict[Place, list[Heard]
     said = _said(session, places, {row[2]: Heard(*row[2:]) for row in recordings})
     found: dict[Place, list[Heard]] = {}
     for axis, gearbox, identity, *_ in recordings:
-        found.setdefault((str(axis), gearbox), []).append(said[identity])
+        found.setdefault((axis, gearbox), []).append(said[identity])
     return {place: sorted(heard, key=lambda one: (one.at, one.recording_id)) for place, heard in found.items()}
 
 
@@ -207,10 +208,7 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, Heard]) ->
 def of_places(places: Sequence[Place]) -> ColumnElement[bool]:
     """Return the condition that leaves the recordings of some gearboxes."""
     return or_(
-        *(
-            and_(StoredRecording.axis == axis, StoredRecording.gearbox.is_not_distinct_from(gearbox))
-            for axis, gearbox in places
-        )
+        false(), *(and_(StoredRecording.axis == axis, StoredRecording.gearbox == gearbox) for axis, gearbox in places)
     )
 
 
@@ -225,29 +223,66 @@ def _done(session: Session, axes: Collection[str]) -> dict[str, list[Done]]:
     return found
 
 
-def signatures(session: Session) -> dict[Place, tuple[object, ...]]:
-    """Return for every gearbox that was heard or put in what changes when anything is added to or changed of it."""
+def places_of(session: Session, mark: MaintenanceMark) -> list[Place]:
+    """Return the gearboxes that a mark is of: one and its successor, or all that the axis was heard with."""
+    if mark.gearbox is not None:
+        return [(mark.axis, name) for name in {mark.gearbox, mark.successor or mark.gearbox}]
+    names = session.scalars(select(StoredRecording.gearbox).where(StoredRecording.axis == mark.axis).distinct())
+    return [(mark.axis, name) for name in names]
+
+
+def signatures(
+    session: Session, axis: str | None = None, gearbox: str | None = None
+) -> dict[Place, tuple[object, ...]]:
+    """Return for every gearbox that was recorded or put in what changes when anything is added to or changed of it.
+
+    Args:
+        axis: only its gearboxes; those of all axes where None.
+        gearbox: only this one of the axis; all of it where None.
+    """
     place = (StoredRecording.axis, StoredRecording.gearbox)
-    heard = select(*place, func.count(), func.max(StoredRecording.id)).where(*is_measured(session))
+    wanted = [] if axis is None else [StoredRecording.axis == axis]
+    wanted += [] if gearbox is None else [StoredRecording.gearbox == gearbox]
+    shown = tuple(demonstrations(session))
     found: dict[Place, tuple[object, ...]] = {}
-    for axis, gearbox, *told in session.execute(heard.group_by(*place)):
-        if axis is not None:
-            found[axis, gearbox] = tuple(told)
-    for row in (StoredDiagnosis, Case):
-        changes = select(*place, func.count(), func.sum(row.version)).join(row.recording).group_by(*place)
-        for axis, gearbox, *told in session.execute(changes):
-            if axis is not None and (axis, gearbox) in found:
-                found[axis, gearbox] += tuple(told)
-    marks = session.scalars(select(MaintenanceMark).order_by(MaintenanceMark.id)).all()
+    # whether a recording counts as heard hangs on cases: its own are counted below, those of the same sound here
+    recorded = select(*place, func.count(), func.max(StoredRecording.id)).where(*wanted).group_by(*place)
+    for here, gearbox_here, *told in session.execute(recorded):
+        if (here, gearbox_here) != (None, None):
+            found[here, gearbox_here] = (*told, *shown)
+    changes = [
+        select(*place, func.count(), func.sum(row.version)).join(row.recording).where(*wanted).group_by(*place)
+        for row in (StoredDiagnosis, Case)
+    ]
+    for number, statement in enumerate((*changes, _simulated_elsewhere(wanted))):
+        for here, gearbox_here, *told in session.execute(statement):
+            if (here, gearbox_here) in found:
+                found[here, gearbox_here] += (number, *told)
+    marks = select(MaintenanceMark).order_by(MaintenanceMark.id)
     of_axis: dict[str, list[str]] = {}
-    for mark in marks:
+    for mark in session.scalars(marks if axis is None else marks.where(MaintenanceMark.axis == axis)):
         of_axis.setdefault(mark.axis, []).append(mark.id)
-        if mark.successor is not None:
+        if mark.successor is not None and gearbox in (None, mark.successor):
             found.setdefault((mark.axis, mark.successor), ())
-    return {(axis, gearbox): (*told, *of_axis.get(axis, ())) for (axis, gearbox), told in found.items()}
+    return {(here, name): (*told, *of_axis.get(here or "", ())) for (here, name), told in found.items()}
 
 
-def described(session: Session) -> Mapping[str, int]:
-    """Return the axes that are described, with their current revision."""
+def _simulated_elsewhere(wanted: Sequence[ColumnElement[bool]]) -> Select[Any]:
+    """Select how many recordings of each gearbox have the sound of a simulated case that is another recording's."""
+    made = aliased(StoredRecording)
+    columns: tuple[Any, ...] = (StoredRecording.axis, StoredRecording.gearbox, func.count())
+    return (
+        select(*columns)
+        .join(made, and_(made.sound_id == StoredRecording.sound_id, made.id != StoredRecording.id))
+        .join(Case, Case.recording_id == made.id)
+        .where(Case.origin == SIMULATED, made.sound_id != "", *wanted)
+        .group_by(StoredRecording.axis, StoredRecording.gearbox)
+    )
+
+
+def described(session: Session, axis: str | None = None) -> Mapping[str, int]:
+    """Return the axes that are described, with their current revision; one alone, or all."""
     newest = select(AxisRevision.name, func.max(AxisRevision.revision)).group_by(AxisRevision.name)
+    if axis is not None:
+        newest = newest.where(AxisRevision.name == axis)
     return {name: revision for name, revision in session.execute(newest.order_by(AxisRevision.name))}  # noqa: C416

@@ -145,7 +145,7 @@ class Case(Base):
     id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
     key: Mapped[str | None] = mapped_column(String(200), unique=True)
     """Given by whoever generates cases, so that doing it twice makes one."""
-    recording_id: Mapped[str] = mapped_column(ForeignKey("recordings.id"), index=True)
+    recording_id: Mapped[str] = mapped_column(ForeignKey("recordings.id"))
     diagnosis_id: Mapped[str | None] = mapped_column(ForeignKey("diagnoses.id"), index=True)
     label: Mapped[str] = mapped_column(String(100))
     origin: Mapped[str] = mapped_column(String(20))
@@ -177,6 +177,7 @@ class Case(Base):
     __table_args__ = (
         Index("ix_cases_label_origin", "label", "origin", "id"),
         Index("ix_cases_state", "state", "id"),
+        Index("ix_cases_recording_version", "recording_id", "version"),
     )
     __mapper_args__ = {  # noqa: RUF012
         "version_id_col": version
@@ -189,7 +190,7 @@ class StoredDiagnosis(Base):
     __tablename__ = "diagnoses"
 
     id: Mapped[str] = mapped_column(String(32), primary_key=True, default=new_id)
-    recording_id: Mapped[str] = mapped_column(ForeignKey("recordings.id"), index=True)
+    recording_id: Mapped[str] = mapped_column(ForeignKey("recordings.id"))
     verdict: Mapped[str] = mapped_column(String(20))
     label: Mapped[str | None] = mapped_column(String(100))
     probability: Mapped[float | None]
@@ -211,6 +212,7 @@ class StoredDiagnosis(Base):
     __table_args__ = (
         Index("ix_diagnoses_verdict", "verdict", "id"),
         Index("ix_diagnoses_state", "state", "id"),
+        Index("ix_diagnoses_recording_version", "recording_id", "version"),
     )
     __mapper_args__ = {  # noqa: RUF012
         "version_id_col": version

@@ -7,7 +7,7 @@ Source: Lewis and Gale, A sequential algorithm for training text classifiers, SI
 probable label is least probable.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
@@ -18,7 +18,7 @@ from casebase.labels import BASELINES
 from casebase.models import Case, StoredDiagnosis, StoredRecording
 from casebase.origins import is_measured
 
-UNKNOWN, UNDECIDED = "not_in_library", "ambiguous"
+UNKNOWN, UNDECIDED, FAULT = "not_in_library", "ambiguous", "diagnosed"
 Reason = Literal["not_in_library", "ambiguous", "fault"]
 
 
@@ -38,26 +38,30 @@ class Place:
     after: str | None
 
 
-def waiting(session: Session, *, faults_first: bool = False) -> Sequence[str]:
-    """Return the ids of the diagnoses that need a person, the most informative first; of equals the newest.
+def waiting(session: Session, naming: Collection[str], *, faults_first: bool = False) -> dict[str, str]:
+    """Return the diagnoses that need a person, by id with their verdict, the most informative first.
+
+    Of equals the newest stands first.
 
     Args:
+        naming: ids of the recordings that name a fault that stands; see `casebase.gearbox_state`. A fault that was
+            outweighed, or ended with a repair or an exchange, waits for nobody.
         faults_first: likely faults before all others, for whoever acts on them.
     """
-    unknown, fault = StoredDiagnosis.verdict == UNKNOWN, StoredDiagnosis.verdict == "diagnosed"
+    unknown, fault = StoredDiagnosis.verdict == UNKNOWN, StoredDiagnosis.verdict == FAULT
     order = (
         *((fault.desc(),) if faults_first else ()),
         unknown.desc(),
         StoredDiagnosis.probability,
         StoredDiagnosis.id.desc(),
     )
-    return session.scalars(_open(session, StoredDiagnosis.id).order_by(*order)).all()
-
-
-def kinds_waiting(session: Session) -> dict[str, int]:
-    """Return how many diagnoses need a person, by verdict."""
-    counted = _open(session, StoredDiagnosis.verdict, func.count()).group_by(StoredDiagnosis.verdict)
-    return {verdict: count for verdict, count in session.execute(counted)}  # noqa: C416
+    of_gearbox = or_(StoredRecording.axis.is_not(None), StoredRecording.gearbox.is_not(None))
+    columns = (StoredDiagnosis.id, StoredDiagnosis.verdict, StoredDiagnosis.recording_id, of_gearbox)
+    return {
+        identity: verdict
+        for identity, verdict, recording_id, known in session.execute(_open(session, *columns).order_by(*order))
+        if verdict != FAULT or not known or recording_id in naming
+    }
 
 
 def proposed(session: Session) -> int:
@@ -73,7 +77,7 @@ def _open(session: Session, *columns: Any) -> Select[Any]:
         or_(other.id > StoredDiagnosis.id, other.state.in_(("confirmed", "corrected"))),
     )
     sounds = select(twin.sound_id).join(Case, Case.recording_id == twin.id).where(Case.state != "retired")
-    fault = and_(StoredDiagnosis.verdict == "diagnosed", StoredDiagnosis.label.not_in(BASELINES))
+    fault = and_(StoredDiagnosis.verdict == FAULT, StoredDiagnosis.label.not_in(BASELINES))
     unknown = StoredDiagnosis.verdict == UNKNOWN
     return (
         select(*columns)

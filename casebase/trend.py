@@ -24,6 +24,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from enum import Enum
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -231,12 +232,12 @@ class Trend:
         """Follow the features of `FOLLOWED`, shape (n, k), NaN where missing, over two recordings or more."""
         return cls(tuple(recordings), tuple(_followed(columns, state_of_operation(recordings))))
 
-    @property
+    @cached_property
     def evidence(self) -> float:
         """Shiryaev-Roberts statistic, mean over the features that decide."""
         return float(np.mean([one.change.evidence for one in self.deciding]))
 
-    @property
+    @cached_property
     def deciding(self) -> tuple[Followed, ...]:
         """The features whose rise is a sign of a fault, and that at least half of the recordings have."""
         known = [one for one in self.followed if one.name in DECIDING]
@@ -247,17 +248,17 @@ class Trend:
         """Whether the evidence is beyond the limit."""
         return self.evidence >= RECORDINGS_PER_FALSE_ALARM
 
-    @property
+    @cached_property
     def colour(self) -> tuple[Followed, ...]:
         """The bands of the spectrum that every recording has."""
         return tuple(one for one in self.followed if one.name in COLOUR and len(one.rows) == len(self.recordings))
 
-    @property
+    @cached_property
     def colour_evidence(self) -> float:
         """Shiryaev-Roberts statistic of a step in the colour of the sound, mean over its bands."""
         return float(np.mean([one.change.evidence for one in self.colour])) if self.colour else 0.0
 
-    @property
+    @cached_property
     def at_once(self) -> Heard | None:
         """The recording from which on another gearbox, or another place, is heard most probably; None where neither is.
 

@@ -1,10 +1,13 @@
-"""Work that notices what no single recording tells: a gearbox that is silent, or sounds otherwise than it did."""
+"""Work that notices what no single recording tells: a gearbox that is silent, or sounds otherwise than it did.
+
+It also brings the alarms of states to what the pages say after a repair, a case, or an undone step.
+"""
 
 from datetime import datetime, timedelta
 
 from app.fleet import Fleet, Gearbox
 from app.periodic import Periodic
-from casebase.alarms.rules import asks_for_changes, newly_silent, review, review_changes
+from casebase.alarms.rules import asks_for_changes, newly_silent, review, review_changes, unsettled
 from casebase.library import CaseLibrary
 from casebase.models import now
 
@@ -18,6 +21,15 @@ def tell_silent(library: CaseLibrary) -> None:
     with library.reading() as session:
         silent = newly_silent(session)
     for axis, gearbox in silent:
+        with library.transaction(ACTOR) as session:
+            review(session, axis, gearbox)
+
+
+def tell_states(library: CaseLibrary, fleet: Fleet) -> None:
+    """Bring the alarms of states to what is known of the gearboxes, and put into the outbox what is to be told."""
+    with library.reading() as session:
+        places = unsettled(session, fleet.in_service(session))
+    for axis, gearbox in places:
         with library.transaction(ACTOR) as session:
             review(session, axis, gearbox)
 
@@ -41,9 +53,10 @@ def _began(row: Gearbox) -> datetime | None:
 
 
 def alarm_watch(library: CaseLibrary, fleet: Fleet) -> Periodic:
-    """Return what looks for both every ten minutes; several at once tell nobody twice."""
+    """Return what looks for all of this every ten minutes; several at once tell nobody twice."""
 
     def work() -> None:
+        tell_states(library, fleet)
         tell_silent(library)
         tell_changed(library, fleet)
 

@@ -65,11 +65,12 @@ class NewReceiver(ReceiverAnswer):
 
 
 class RuleRequest(Question):
-    """What is to be told: a state of a gearbox, by its newest diagnosis, or its silence."""
+    """What is to be told: a state of a gearbox, a change of its sound, or its silence."""
 
     name: Word = Field(description="what it is called in messages", examples=["any fault"])
     kind: Literal["state", "change", "silence"] = Field(
-        description="state: its newest diagnosis; change: it sounds otherwise than it did; silence: not heard"
+        description="state: a fault stands, or the newest diagnosis has a verdict; change: it sounds otherwise than it "
+        "did; silence: not heard"
     )
     axis: AxisName | None = Field(None, description="only of this axis", examples=[None])
     gearbox: Word | None = Field(None, description="only of this gearbox", examples=[None])

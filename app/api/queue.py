@@ -8,7 +8,7 @@ from sqlalchemy import select
 
 from app.documents import Cursor, DiagnosisAnswer, Limit
 from app.security import Viewer
-from app.service import Reading
+from app.service import Reading, TheService
 from casebase.errors import ConflictError
 from casebase.models import StoredDiagnosis
 from casebase.queue import reason_of, waiting
@@ -35,13 +35,13 @@ class QueueAnswer(BaseModel):
 
 
 @router.get("/queue")
-def queue(_: Viewer, session: Reading, limit: Limit = 50, cursor: Cursor = None) -> QueueAnswer:
+def queue(_: Viewer, service: TheService, session: Reading, limit: Limit = 50, cursor: Cursor = None) -> QueueAnswer:
     """The diagnoses that need a person: `PATCH /diagnoses/{id}` answers one, and it is gone from here.
 
     First stands where the library knows least. An answer may change the order of the others, so whoever answers while
     reading asks for the first page again.
     """
-    ids = waiting(session)
+    ids = list(waiting(session, service.fleet.naming(session)))
     if cursor is not None and cursor not in ids:
         raise ConflictError("the diagnosis of this cursor does not wait any more: ask again without a cursor")
     first = 0 if cursor is None else ids.index(cursor) + 1

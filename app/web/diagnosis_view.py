@@ -1,20 +1,21 @@
 """Everything the page and the report of one diagnosis show, gathered once."""
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from types import SimpleNamespace
 from typing import Any
 
 from markupsafe import Markup
+from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.service import Service
 from app.web import charts as draw
 from app.web.charts import Chart
-from app.web.disturbed import Flag, flags_of, left_out_words, marked, stretches
+from app.web.disturbed import Flag, flags_of, left_out_words, marked
 from app.web.evidence import Evidence, evidence_of
-from app.web.features import features_of
+from app.web.features import features_of, read_together
 from app.web.overlay import laid_over
 from app.web.recorded import (
     CREST_WINDOW_S,
@@ -27,19 +28,18 @@ from app.web.recorded import (
     surveyed,
 )
 from app.web.standing_words import earlier_words
-from app.web.svg import Stretch
 from app.web.templating import quantity
 from app.web.trend import chart_of
 from app.web.words import Verdict, certainty, not_compared, remarks_beside, size_of, verdict_of
 from casebase.axes import find_axis
 from casebase.gearbox_state import fault_before
-from casebase.gearboxes import History, histories
+from casebase.gearboxes import History
 from casebase.labels import BASELINES
 from casebase.models import Case, StoredDiagnosis, StoredRecording
 from casebase.signals.crest import root_mean_square
 from casebase.signals.disturbances import Survey
 from casebase.signals.recording import Recording
-from casebase.trend import trend_of
+from casebase.trend import Trend, trend_of
 from sim.description.axis_document import read_axis
 from sim.discrepancy.report.box import as_new_of, as_new_words
 from sim.experiment.design_of_experiments import LABELS
@@ -72,7 +72,8 @@ class DiagnosisView:
     verdict: Verdict
     facts: tuple[tuple[str, object, str], ...]
     quality: tuple[Flag, ...]
-    stretches: tuple[Stretch, ...]
+    spectrogram: Callable[[], bytes | None]
+    """Draws it as PNG; None where the audio was erased."""
     marked: str
     neighbours: tuple[Neighbour, ...]
     features: Mapping[str, float | None]
@@ -84,10 +85,6 @@ class DiagnosisView:
     rms: float
     peaks: str
     sound: Recording | None
-
-    def spectrogram(self) -> bytes | None:
-        """Draw the spectrogram as PNG; None where the audio was erased."""
-        return None if self.sound is None else spectrogram_png(self.sound, self.stretches)
 
     def context(self) -> dict[str, object]:
         """Return it for a template."""
@@ -128,7 +125,8 @@ def view_of(
     drawn, polar, peaks = (
         (SimpleNamespace(), None, ()) if found is None else _drawn(session, service, row, found, orders, overlay)
     )
-    features, history = features_of(session, row.recording.id), history_of(session, row.recording)
+    features = features_of(session, row.recording.id)
+    history, trend = history_of(session, service, row.recording)
     return DiagnosisView(
         diagnosis=row,
         recording=row.recording,
@@ -138,7 +136,7 @@ def view_of(
             *([analysed(found)] if found and document["verdict"] != "unusable" else ()),
         ),
         quality=flags_of(document["quality"], row.recording.duration_s),
-        stretches=stretches(found) if found else (),
+        spectrogram=lambda: None if sound is None else spectrogram_png(service, row.recording),
         marked=marked(found) if found else "",
         neighbours=tuple(_neighbours(session, document["neighbours"])),
         features=features,
@@ -149,7 +147,7 @@ def view_of(
         ),
         charts=drawn,
         polar=polar,
-        trend=trend_chart(session, row, history),
+        trend=trend_chart(row, history, trend),
         earlier=earlier_fault(row, history, service.settings.time_zone),
         rms=features.get("rms") or 0.0 if sound is None else root_mean_square(sound.samples),
         peaks="[" + ",".join(f"{v:.4g}" for v in peaks) + "]",
@@ -261,9 +259,12 @@ def analysed(found: Survey) -> tuple[str, object, str]:
 
 
 def _neighbours(session: Session, entries: Sequence[Mapping[str, Any]]) -> list[Neighbour]:
+    ids = [entry["case_id"] for entry in entries]
+    cases = {case.id: case for case in session.scalars(select(Case).where(Case.id.in_(ids)))} if ids else {}
+    read_together(session, [case.recording_id for case in cases.values()])
     found = []
     for entry in entries:
-        case = session.get(Case, entry["case_id"])
+        case = cases.get(entry["case_id"])
         parts = sorted(entry["contributions"].items(), key=lambda item: -item[1])
         total = entry["distance"] or 1.0
         rms = features_of(session, case.recording_id).get("rms") if case else None
@@ -289,17 +290,20 @@ def _largest(parts: Sequence[tuple[str, float]]) -> list[tuple[str, float]]:
     return [*parts[:SHOWN_PARTS], *others]
 
 
-def history_of(session: Session, recording: StoredRecording) -> History | None:
-    """Return the gearbox that a recording is of; None where it does not say of which."""
+def history_of(session: Session, service: Service, recording: StoredRecording) -> tuple[History | None, Trend | None]:
+    """Return the gearbox that a recording is of, with its trend; None where it does not say of which."""
     if recording.axis is None or recording.gearbox is None:
-        return None
-    known = histories(session, recording.axis, recording.gearbox)
-    return next((each for each in known if any(one.recording_id == recording.id for one in each.heard)), None)
+        return None, None
+    known = service.fleet.place(session, recording.axis, recording.gearbox)
+    found = known.histories if known else ()
+    history = next((each for each in found if any(one.recording_id == recording.id for one in each.heard)), None)
+    if history is None or known is None:
+        return None, None
+    return history, known.trend if history is known.in_service else trend_of(session, history)
 
 
-def trend_chart(session: Session, row: StoredDiagnosis, history: History | None) -> Chart | None:
+def trend_chart(row: StoredDiagnosis, history: History | None, trend: Trend | None) -> Chart | None:
     """Return what rises with the fault, over the recordings of this gearbox; None with fewer than two."""
-    trend = None if history is None else trend_of(session, history)
     at = row.recording.recorded_at or row.recording.created_at
     return None if trend is None or history is None else chart_of(trend, history, row.label, (at, "this recording"))
 

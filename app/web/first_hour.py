@@ -132,6 +132,11 @@ class Hour:
     def is_simulating(self) -> bool:
         return self.job is not None and self.job.state in ("queued", "running")
 
+    @property
+    def is_asked(self) -> bool:
+        """Whether it is being worked out how well the library does."""
+        return self.evaluation is None and bool(self.measured or self.simulated)
+
     def answers(self, origin: str) -> tuple[Answers, ...]:
         """Return what became of the held-out cases of an origin, label by label; labels without any are left out."""
         outcomes = self.evaluation.outcomes if self.evaluation else ()
@@ -164,6 +169,8 @@ class Hour:
             return completed(self.obstacles)[0]
         if self.lacking:
             return Advice("Simulate its cases.", "It has none of faults that you could not record yet.", "#simulate")
+        if self.is_asked:
+            return Advice("Wait for the fourth step.", "It is being worked out, and the page goes on by itself.")
         return next(iter(self.advice), None)
 
     @property

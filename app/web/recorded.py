@@ -1,7 +1,7 @@
 """What the pages take from a stored recording: its samples, its analysis, what stood out, where its meshes lie."""
 
+import json
 import math
-from collections.abc import Sequence
 from dataclasses import replace
 from typing import Any, Literal
 
@@ -11,12 +11,13 @@ from app import views
 from app.errors import NotFound
 from app.service import Service
 from app.web import charts
-from app.web.svg import Marker, Stretch
+from app.web.disturbed import stretches
+from app.web.features import stored_features
+from app.web.svg import Marker
 from casebase.description import condition_of
-from casebase.models import FeatureRow, StoredRecording
+from casebase.models import StoredRecording
 from casebase.signals.analysis import Analysis
 from casebase.signals.disturbances import Survey, survey
-from casebase.signals.features import EXTRACTOR_VERSION
 from casebase.signals.recording import Recording
 
 PlotName = Literal["waveform", "crest", "level", "spectrum", "orders", "fold"]
@@ -31,11 +32,12 @@ def decoded(service: Service, row: StoredRecording) -> Recording:
 
 def surveyed(recording: Recording, row: StoredRecording) -> Survey:
     """Return what of it is analysed, and what is left out, under the condition that was told."""
-    return survey(recording, condition_of(row.description))
+    key = (row.file_sha256, row.channel, row.unit, json.dumps(row.description, sort_keys=True))
+    return views.SURVEYED.get(key, lambda: survey(recording, condition_of(row.description)))
 
 
 def _events(session: Session, row: StoredRecording) -> list[dict[str, Any]]:
-    stored = session.get(FeatureRow, (row.id, EXTRACTOR_VERSION))
+    stored = stored_features(session, row.id)
     return [event for event in (stored.events if stored else []) if isinstance(event, dict)]
 
 
@@ -58,11 +60,16 @@ def order_markers(analysis: Analysis) -> tuple[Marker, ...]:
     return tuple(Marker(order * speed / (2 * math.pi), f"mesh {order:g}×") for order in orders)
 
 
-def spectrogram_png(recording: Recording, marked: Sequence[Stretch], *, dark: bool = False) -> bytes:
-    """Return the spectrogram as PNG with what is left out of the recording."""
-    return views.spectrogram_png(
-        recording, COLUMNS, dark=dark, marked=[(each.start_s, each.end_s, each.text) for each in marked]
-    )
+def spectrogram_png(service: Service, row: StoredRecording, *, dark: bool = False) -> bytes:
+    """Return the spectrogram as PNG with what is left out of the recording; drawn once for who looks next."""
+
+    def drawn() -> bytes:
+        recording = decoded(service, row)
+        marked = [(each.start_s, each.end_s, each.text) for each in stretches(surveyed(recording, row))]
+        return views.spectrogram_png(recording, COLUMNS, dark=dark, marked=marked)
+
+    path, description = service.library.retrieve.audio_path(row), json.dumps(row.description, sort_keys=True)
+    return views.kept((path, row.channel, row.unit, "marked spectrogram", description, dark), drawn)
 
 
 def chart_of(

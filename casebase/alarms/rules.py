@@ -3,7 +3,7 @@
 A rule is told when it begins to hold of a gearbox, and again only after it has ceased to hold in between.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict, dataclass
 from datetime import datetime, timedelta
 
@@ -12,10 +12,10 @@ from sqlalchemy.orm import Session
 
 from casebase import audit
 from casebase.alarms import outbox
-from casebase.alarms.state import State, heard_last, state_of
+from casebase.alarms.state import State, heard_last, state_of, states_of
 from casebase.description import check_choice
 from casebase.errors import InvalidRequestError, NotFoundError
-from casebase.gearboxes import histories
+from casebase.gearboxes import Heard, History, Place
 from casebase.labels import BASELINES
 from casebase.models import ALARM_KINDS, Alarm, AlarmReceiver, AlarmRule, now
 
@@ -27,7 +27,7 @@ class Condition:
     Args:
         kind: `state`, `change` or `silence`.
         axis, gearbox: of which; of any where None.
-        verdict: of the newest diagnosis; `diagnosed` where None.
+        verdict: of the newest diagnosis; where None or `diagnosed` it is the fault that stands.
         label: the fault; any where None. Only of what is diagnosed, like the next two.
         least_probability, least_size_rad: no less than this; a size that is not known is less.
         silent_days: no recording for so long [d].
@@ -61,7 +61,7 @@ class Condition:
 
 
 def add_rule(session: Session, name: str, condition: Condition, receivers: Sequence[str]) -> AlarmRule:
-    """Make a rule; it looks at what comes from now on.
+    """Make a rule; what holds already is told when all gearboxes are looked at next.
 
     Raises:
         InvalidRequestError: if it has no receiver, or one that is not there.
@@ -108,10 +108,26 @@ def review(session: Session, axis: str | None, gearbox: str | None) -> None:
     rules = session.scalars(of_it).all()
     state = state_of(session, axis, gearbox) if rules else None
     for rule in rules:
-        facts = None if state is None else matched(rule, state)
-        if facts is not None and rule.kind == "silence" and not _is_in_service(session, axis, gearbox):
-            facts = None
-        _settle(session, rule, Subject(axis, gearbox), facts)
+        _settle(session, rule, Subject(axis, gearbox), None if state is None else matched(rule, state))
+
+
+def unsettled(session: Session, serving: Iterable[History]) -> list[Place]:
+    """Return the gearboxes whose state is not what the alarms say: those that `review` has something to do for.
+
+    Args:
+        serving: all gearboxes in service.
+    """
+    rules = session.scalars(select(AlarmRule).where(AlarmRule.kind == "state")).all()
+    states = states_of(session, list(serving)) if rules else []
+    meant = {
+        (rule.id, state.axis or "", state.gearbox or "")
+        for state in states
+        for rule in rules
+        if rule.axis in (None, state.axis) and rule.gearbox in (None, state.gearbox) and matched(rule, state)
+    }
+    of_rules = {rule.id for rule in rules}
+    told = {(row.rule_id, row.axis, row.gearbox) for row in standing(session) if row.rule_id in of_rules}
+    return sorted({(axis or None, gearbox or None) for _, axis, gearbox in meant ^ told}, key=str)
 
 
 def asks_for_changes(session: Session) -> bool:
@@ -144,9 +160,10 @@ def newly_silent(session: Session) -> list[tuple[str | None, str | None]]:
     found: dict[tuple[str | None, str | None], None] = {}
     for rule in session.scalars(select(AlarmRule).where(AlarmRule.kind == "silence")).all():
         for axis, gearbox, heard_at in heard_last(session, rule.axis, rule.gearbox):
-            told = not _is_silent(rule, heard_at) or _standing(session, rule, Subject(axis, gearbox)) is not None
-            if not told and _is_in_service(session, axis, gearbox):
-                found[axis, gearbox] = None
+            if _is_silent(rule, heard_at) and _standing(session, rule, Subject(axis, gearbox)) is None:
+                state = state_of(session, axis, gearbox)
+                if state is not None and matched(rule, state):
+                    found[axis, gearbox] = None
     return list(found)
 
 
@@ -154,37 +171,35 @@ def _is_silent(rule: AlarmRule, heard_at: datetime) -> bool:
     return heard_at < now() - timedelta(days=rule.silent_days or 0.0)
 
 
-def _is_in_service(session: Session, axis: str | None, gearbox: str | None) -> bool:
-    """Whether a gearbox was not exchanged since it was heard last."""
-    found = [] if axis is None else histories(session, axis, gearbox)
-    return not found or found[-1].until is None
-
-
 def matched(rule: AlarmRule, state: State) -> dict[str, object] | None:
     """Return the facts by which a rule holds of a state, JSON; None where it does not hold."""
-    facts: dict[str, object] = {"heard_at": state.heard_at.isoformat(), "diagnosis_id": state.diagnosis_id}
     if rule.kind == "silence":
-        return facts | {"silent_days": rule.silent_days} if _is_silent(rule, state.heard_at) else None
-    facts["verdict"] = state.verdict
-    if state.verdict != (rule.verdict or "diagnosed"):
+        return _told_of(state.newest, silent_days=rule.silent_days) if _is_silent(rule, state.newest.at) else None
+    if rule.verdict not in (None, "diagnosed"):
+        return _told_of(state.newest, verdict=rule.verdict) if state.verdict == rule.verdict else None
+    if state.fault is None:
         return None
-    if state.verdict != "diagnosed":
-        return facts
-    for place, (label, probability) in enumerate(state.faults):
-        size_rad = state.size_rad if place == 0 else None
+    for place, (label, probability) in enumerate(state.fault.faults):
+        size_rad = state.fault.size_rad if place == 0 else None
         if (
             label not in BASELINES
             and rule.label in (None, label)
             and (rule.least_probability is None or (probability or 0.0) >= rule.least_probability)
             and (rule.least_size_rad is None or (size_rad or 0.0) >= rule.least_size_rad)
         ):
-            return facts | {
-                "label": label,
-                "probability": probability,
-                "calibrated": state.calibrated,
-                "size_rad": size_rad,
-            }
+            return _told_of(
+                state.fault.heard,
+                verdict="diagnosed",
+                label=label,
+                probability=probability,
+                calibrated=state.fault.calibrated,
+                size_rad=size_rad,
+            )
     return None
+
+
+def _told_of(heard: Heard, **facts: object) -> dict[str, object]:
+    return {"heard_at": heard.at.isoformat(), "diagnosis_id": heard.diagnosis_id, **facts}
 
 
 @dataclass(frozen=True)

@@ -1,54 +1,75 @@
-"""The state of a gearbox: what its newest diagnosis says of it, and when it was heard last."""
+"""What the rules look at: the fault that stands of a gearbox, its newest diagnosis, and when it was heard last.
 
-from collections.abc import Iterator
+Whether a fault stands is asked of `casebase.gearbox_state`, as the page of the gearbox and the queue do.
+"""
+
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from datetime import datetime
-from typing import Any
 
 from sqlalchemy import func, or_, select
 from sqlalchemy.orm import Session
 
-from casebase.gearboxes import HEARD_AT
+from casebase.gearbox_state import NamedFault, standing_fault
+from casebase.gearboxes import HEARD_AT, REJECTED, Heard, History, histories
 from casebase.models import StoredDiagnosis, StoredRecording
 from casebase.origins import demonstrations
 
 
 @dataclass(frozen=True)
-class State:
-    """What is known of a gearbox.
+class Told:
+    """The newest recording that names the fault that stands.
 
     Args:
-        faults: labels of the faults that are present, each with its probability.
-        size_rad: of the fault that the diagnosis names, at the driven gear [rad]; None where it cannot be said.
+        faults: labels of the faults that it names, each with its probability.
+        size_rad: of the first, at the driven gear [rad]; None where it cannot be said.
         calibrated: whether the probabilities were calibrated on gearboxes.
+    """
+
+    heard: Heard
+    faults: tuple[tuple[str, float | None], ...]
+    size_rad: float | None
+    calibrated: bool
+
+
+@dataclass(frozen=True)
+class State:
+    """What is known of a gearbox in service.
+
+    Args:
+        newest: the newest recording with a diagnosis that nobody rejected.
+        verdict: of it; None where it was recorded before the last repair.
+        fault: None where none stands.
     """
 
     axis: str | None
     gearbox: str | None
-    diagnosis_id: str
-    verdict: str
-    faults: tuple[tuple[str, float | None], ...]
-    size_rad: float | None
-    heard_at: datetime
-    calibrated: bool
+    newest: Heard
+    verdict: str | None
+    fault: Told | None
 
 
 def state_of(session: Session, axis: str | None, gearbox: str | None) -> State | None:
-    """Return the state of a gearbox by its newest diagnosis that nobody rejected; None where there is none.
+    """Return the state of a gearbox; None where it is not in service, or nothing was diagnosed of it."""
+    found = histories(session, axis, gearbox)
+    return next(iter(states_of(session, found[-1:])), None)
 
-    The newest is the one of the newest recording, however late that came. What a person said of it counts more than
-    what the library said.
+
+def states_of(session: Session, several: Sequence[History]) -> list[State]:
+    """Return the states of those gearboxes that are in service and of which something was diagnosed.
+
+    What was kept as a case and never diagnosed is no news: a library that is imported tells nobody.
     """
-    newest = (
-        select(StoredDiagnosis, HEARD_AT)
-        .join(StoredDiagnosis.recording)
-        .where(StoredDiagnosis.state != "rejected")
-        .where(StoredRecording.axis == axis, StoredRecording.gearbox == gearbox)
-        .order_by(HEARD_AT.desc(), StoredDiagnosis.id.desc())
-        .limit(1)
-    )
-    found = session.execute(newest).unique().first()
-    return None if found is None else _state(*found)
+    diagnosed = [(history, _newest(history)) for history in several if history.until is None]
+    serving = [(history, newest, standing_fault(history)) for history, newest in diagnosed if newest is not None]
+    documents = _documents(session, [fault for _, _, fault in serving if fault is not None])
+    states = []
+    for history, newest, fault in serving:
+        renewed = history.renewed
+        verdict = newest.verdict if renewed is None or newest.at >= renewed else None
+        told = None if fault is None else _told(fault.named[-1], documents.get(fault.named[-1].diagnosis_id or ""))
+        states.append(State(history.axis, history.gearbox, newest, verdict, told))
+    return states
 
 
 def heard_last(
@@ -63,7 +84,7 @@ def heard_last(
         select(StoredRecording.axis, StoredRecording.gearbox, func.max(HEARD_AT))
         .join(StoredDiagnosis, StoredDiagnosis.recording_id == StoredRecording.id)
         .where(or_(StoredRecording.axis.is_not(None), StoredRecording.gearbox.is_not(None)))
-        .where(StoredDiagnosis.state != "rejected", StoredRecording.id.not_in(demonstrations(session)))
+        .where(StoredDiagnosis.state != REJECTED, StoredRecording.id.not_in(demonstrations(session)))
         .group_by(StoredRecording.axis, StoredRecording.gearbox)
     )
     for column, wanted in ((StoredRecording.axis, axis), (StoredRecording.gearbox, gearbox)):
@@ -73,19 +94,26 @@ def heard_last(
         yield each[0], each[1], each[2]
 
 
-def _state(row: StoredDiagnosis, heard_at: datetime) -> State:
-    document = row.document
+def _newest(history: History) -> Heard | None:
+    said = (one for one in reversed(history.heard) if one.diagnosis_id is not None and one.review != REJECTED)
+    return next(said, None)
+
+
+def _documents(session: Session, faults: Sequence[NamedFault]) -> dict[str, StoredDiagnosis]:
+    ids = [fault.named[-1].diagnosis_id for fault in faults]
+    if not ids:
+        return {}
+    return {row.id: row for row in session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id.in_(ids)))}
+
+
+def _told(heard: Heard, row: StoredDiagnosis | None) -> Told:
+    """Say what a recording names; what a person said of it counts, with what was measured of the same fault."""
+    document = {} if row is None else row.document
     severity = document.get("severity")
     size_rad = None if severity is None else float(severity["value"])
-    common: dict[str, Any] = {
-        "axis": row.recording.axis,
-        "gearbox": row.recording.gearbox,
-        "diagnosis_id": row.id,
-        "heard_at": heard_at,
-        "calibrated": document["provenance"].get("gearboxes", 0) > 1,
-    }
-    if row.revised_label is not None:
-        size_rad = size_rad if row.revised_label == row.label else None
-        return State(verdict="diagnosed", faults=((row.revised_label, 1.0),), size_rad=size_rad, **common)
+    calibrated = document.get("provenance", {}).get("gearboxes", 0) > 1
+    if row is None or row.revised_label is not None or heard.label != row.label:
+        same = row is not None and heard.label == row.label
+        return Told(heard, ((str(heard.label), 1.0),), size_rad if same else None, calibrated)
     faults = tuple((str(each["label"]), each["probability"]) for each in document["faults"])
-    return State(verdict=row.verdict, faults=faults, size_rad=size_rad, **common)
+    return Told(heard, faults, size_rad, calibrated)

@@ -65,9 +65,12 @@ class Inside:
 
 
 @contextmanager
-def inside(data_dir: Path) -> Iterator[Inside]:
+def inside(data_dir: Path, database_url: str | None = None) -> Iterator[Inside]:
     """Open the service of a data directory in this process."""
-    service = Service.open(settings_of(data_dir), Metrics())
+    settings = settings_of(data_dir)
+    if database_url is not None:
+        settings = settings.model_copy(update={"database_url": database_url})
+    service = Service.open(settings, Metrics())
     with service.library.transaction("test") as session:
         _, key = create_key(session, name="test", role=Role.ADMIN)
     app = create_app(service=service)

@@ -209,3 +209,18 @@ def test_what_changed_at_once_is_asked_and_each_answer_is_one_click(service: Ins
         assert "changed at once" not in page
         assert "No change is certain over its 10 recordings." in page
         assert page.count('<td data-label="Recorded">') == left
+
+
+def test_a_large_fleet_is_read_page_by_page_and_state_by_state(service: Inside) -> None:
+    whole = rows(service.browse("GET", "/fleet").text)
+    good = [row for row in whole if row[0] == "Good"]
+    with patch("app.web.pages.fleet.SHOWN", 2):
+        first = service.browse("GET", "/fleet").text
+        assert rows(first) == whole[:2]
+        assert f"1 to 2 of {len(whole)}." in first
+        then = re.search(r'href="(\?first=\d+)">The next', first)
+        assert then is not None
+        assert rows(service.browse("GET", f"/fleet{then[1]}").text) == whole[2:4]
+    assert rows(service.browse("GET", "/fleet?state=good").text) == good
+    assert f'<a href="?state=good">Good: {len(good)}</a>' in first
+    assert service.browse("GET", "/fleet?state=unheard").status_code == 422

@@ -54,8 +54,12 @@ def keep(
     row.missing = np.packbits(np.zeros(len(NAMES), bool)).tobytes()
     session.add_all((recording, row))
     if label is not None or verdict != "diagnosed":
-        document = {"severity": None, "id": identity, "probability": 0.95, "provenance": {"gearboxes": 5}}
-        given = StoredDiagnosis(recording=recording, verdict=verdict, label=label, probability=0.95, created_by="test")
+        said = {"verdict": verdict, "label": label, "probability": 0.95}
+        document = {**said, "severity": None, "id": identity, "provenance": {"gearboxes": 5}}
+        document["recording"] = {"axis": axis, "gearbox": gearbox}
+        given = StoredDiagnosis(
+            id=identity, recording=recording, verdict=verdict, label=label, probability=0.95, created_by="test"
+        )
         given.written = document
         session.add(given)
     session.flush()

@@ -215,5 +215,21 @@ def test_whatever_changes_a_gearbox_changes_its_signature_alone(library: CaseLib
             session.flush()
             after = signatures(session)
             assert {place for place in after if after[place] != before.get(place)} == {("signed", "g")}
+            assert signatures(session, "signed") == signatures(session, "signed", "g")
+            assert signatures(session, "signed") == {place: after[place] for place in after if place[0] == "signed"}
             before = after
         assert trend_of(session, histories(session, "signed", "g")[-1]) is not None
+
+
+def test_a_gearbox_changes_when_its_sound_turns_out_to_be_simulated_elsewhere(library: CaseLibrary) -> None:
+    """It is then not heard any more, though nothing was added to it."""
+    with library.transaction("test") as session:
+        here, there = (keep(session, axis, "g", day(0), {}, "play") for axis in ("here", "there"))
+        there.sound_id = here.sound_id
+        session.flush()
+        before = signatures(session)
+        told = {"label": "play", "origin": "simulated", "state": "confirmed", "labelled_by": "test"}
+        session.add(Case(recording_id=there.id, library_version=1, **told))
+        session.flush()
+        assert histories(session, "here", "g") == []
+        assert signatures(session)["here", "g"] != before["here", "g"]

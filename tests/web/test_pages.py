@@ -15,6 +15,7 @@ from tests.casebase.signals.synthetic import disturbed
 from tests.live import gearcase, sign_in
 from tests.web.conftest import Site, Tab, browsing, parts, settle
 from tests.web.reading import Markup
+from tests.worked_out import worked_out
 
 pytestmark = pytest.mark.browser
 
@@ -151,8 +152,8 @@ def test_pages_need_no_script_and_have_one_word_for_a_verdict(site: Site) -> Non
 
 def test_evaluation_with_simulated_cases_stands_beside_that_without(site: Site) -> None:
     with browsing(site, "viewer") as client:
-        both = Markup(client.get("/library/evaluation").raise_for_status().text)
-        alone = Markup(client.get("/library/evaluation?origin=measured").raise_for_status().text)
+        both = Markup(worked_out(client.get, "/library/evaluation"))
+        alone = Markup(worked_out(client.get, "/library/evaluation?origin=measured"))
     with site.server.client("viewer") as client:
         document = client.get("/api/v1/library/evaluation").json()
     assert "without" in both.ids

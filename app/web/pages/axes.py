@@ -13,16 +13,17 @@ from sqlalchemy.orm import Session
 
 from app.errors import Unprocessable
 from app.service import Reading, Service, TheService
+from app.web.headlines import Headlined, headlined, light
 from app.web.pages.fleet import silent_after
 from app.web.session import FromOurPage, PageOperator, PageViewer
 from app.web.standing_words import state_badge, why
 from app.web.templating import render
-from app.web.words import investigation_headline
 from casebase import audit, revisions
+from casebase.alarms import rules
 from casebase.axes import get_axis, is_axis, list_axes, unknown_axis
 from casebase.description import check_choice, check_name
 from casebase.errors import NotFoundError
-from casebase.gearboxes import EXCHANGE, KINDS, NOTE
+from casebase.gearboxes import EXCHANGE, KINDS, NOTE, places_of
 from casebase.models import AxisRevision, MaintenanceMark, RobotRevision, StoredInvestigation, StoredRecording, now
 
 router = APIRouter(prefix="/axes")
@@ -51,15 +52,13 @@ def axis(request: Request, session: Reading, service: TheService, principal: Pag
     history = revisions.history(session, AxisRevision, name)
     marks = session.scalars(select(MaintenanceMark).where(MaintenanceMark.axis == name).order_by(MaintenanceMark.at))
     at, zone = now(), service.settings.time_zone
-    fleet = service.fleet.gearboxes(session, at, silent_after(service))
+    fleet = service.fleet.gearboxes(session, at, silent_after(service), name)
     context = {
         "name": name,
         "history": list(reversed(history)),
         "toml": tomli_w.dumps(dict(history[-1].document)) if history else None,
         "gearboxes": [
-            (row, state_badge(row.standing, at), why(row.standing, zone))
-            for row in fleet
-            if row.axis == name and row.standing is not None
+            (row, state_badge(row.standing, at), why(row.standing, zone)) for row in fleet if row.standing is not None
         ],
         "marks": marks.all(),
         "investigations": investigations_of(session, name),
@@ -78,11 +77,10 @@ def check_known(session: Session, name: str) -> None:
         raise NotFoundError(unknown_axis(session, name))
 
 
-def investigations_of(session: Session, axis: str) -> list[tuple[StoredInvestigation, str | None]]:
+def investigations_of(session: Session, axis: str) -> list[Headlined]:
     """Return the newest investigations of an axis, with what each found."""
-    statement = select(StoredInvestigation).where(StoredInvestigation.axis == axis)
-    rows = session.scalars(statement.order_by(StoredInvestigation.id.desc()).limit(LISTED))
-    return [(row, investigation_headline(row.document) if row.document else None) for row in rows]
+    statement = light().where(StoredInvestigation.axis == axis)
+    return headlined(session, session.scalars(statement.order_by(StoredInvestigation.id.desc()).limit(LISTED)).all())
 
 
 @router.post("/{name}/marks", dependencies=[FromOurPage])
@@ -128,7 +126,14 @@ def add_mark(
         session.add(mark)
         session.flush()
         audit.record(session, "mark.added", ("mark", mark.id), after=_said(mark))
+        _review(session, mark)
     return _back(service, name, back)
+
+
+def _review(session: Session, mark: MaintenanceMark) -> None:
+    """Hold the rules against the gearboxes that a mark is of: a repair and an exchange end what was said of them."""
+    for axis, gearbox in places_of(session, mark):
+        rules.review(session, axis, gearbox)
 
 
 @router.post("/{name}/marks/{mark_id}/remove", dependencies=[FromOurPage])
@@ -146,6 +151,8 @@ def remove_mark(
             raise NotFoundError(f"no such note of axis {name!r}; it may have been removed already")
         audit.record(session, "mark.removed", ("mark", mark.id), before=_said(mark))
         session.delete(mark)
+        session.flush()
+        _review(session, mark)
     return _back(service, name, back)
 
 

@@ -9,16 +9,19 @@ from fastapi import APIRouter, Request
 from fastapi.responses import FileResponse, Response
 from starlette.background import BackgroundTask
 
+from app.beside import Begun
 from app.security import check_csrf
 from app.service import Reading, TheService
 from app.uploads import TheUpload
 from app.web.session import PageAdmin, PageViewer
 from app.web.templating import render
+from app.web.waiting import of_library, waiting_page
 from casebase.bundle import export_cases, import_cases
 from casebase.case_filter import CaseFilter
 
 router = APIRouter(prefix="/library")
 SECTION = "/library"
+HOW = "Each gearbox is left out once, the library learns from the others and diagnoses it."
 
 
 @router.get("/evaluation")
@@ -30,8 +33,11 @@ def evaluation(
     origin: Literal["measured", "simulated", "both"] = "both",
 ) -> Response:
     """Leave-one-gearbox-out confusion matrix; its cells open the cases."""
-    found = service.evaluation(session, "gearbox", origin)
-    context = {"evaluation": found, "origin": origin, "labels": sorted(found.confusion)}
+    found = service.evaluation_soon(session, origin)
+    if isinstance(found, Begun):
+        basis = of_library(session, service)
+        return waiting_page(request, principal, found, "Evaluation", HOW, basis, tab="/library/evaluation")
+    context = {"evaluation": found, "origin": origin, "labels": sorted(found.confusion), "how": HOW}
     return render(request, "evaluation.html", context, principal=principal, section=SECTION)
 
 

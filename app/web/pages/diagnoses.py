@@ -174,13 +174,13 @@ def shown(
     subjects = [("diagnosis", row.id), *(("case", case.id) for case in kept)]
     step = told_step(session, number_of(request, "step")) if principal else None
     here = step is not None and step.path == f"/diagnoses/{row.id}"
+    queued = principal is not None and bool(request.query_params.get("queue"))
+    naming = service.fleet.naming(session) if queued else {}
     context |= {
         "last": last_step(session, subjects),
         "step": None if here else step,
-        "place": place_in(waiting(session, faults_first=True), row.id)
-        if principal and request.query_params.get("queue")
-        else None,
-        "reason": reason_words(row),
+        "place": place_in(list(waiting(session, naming, faults_first=True)), row.id) if queued else None,
+        "reason": reason_words(row, naming.get(row.recording_id)),
         "ways": VERIFICATIONS,
     }
     notices = (Message(step.words, ""),) if step is not None and here else ()
@@ -230,8 +230,8 @@ def revise(
         given |= {"keep": keep, "queue": queue}
         return ask(request, principal, question, f"/diagnoses/{diagnosis_id}/revise", list(given.items()))
     name = step_name()
+    place = place_in(queue_of(service), diagnosis_id) if queue else None
     with service.library.transaction(principal.actor, name) as session:
-        place = place_in(waiting(session, faults_first=True), diagnosis_id) if queue else None
         revise_diagnosis(
             session,
             diagnosis_id,
@@ -244,12 +244,19 @@ def revise(
             service.library.retain.diagnosis(session, diagnosis_id)
         session.flush()
         step = newest_of(session, name)
-        after = None if place is None else place.after or next(iter(waiting(session, faults_first=True)), None)
     root = root_of(service)
     if place is None:
         return RedirectResponse(f"{root}/diagnoses/{diagnosis_id}?step={step}#revise", status_code=303)
+    left = queue_of(service)
+    after = place.after if place.after in left else next(iter(left), None)
     path = f"/diagnoses/{after}?queue=1&step={step}" if after else f"/queue?step={step}"
     return RedirectResponse(f"{root}{path}", status_code=303)
+
+
+def queue_of(service: Service) -> list[str]:
+    """Return the ids of the diagnoses that need a person, likely faults first."""
+    with service.library.reading() as session:
+        return list(waiting(session, service.fleet.naming(session), faults_first=True))
 
 
 def may_keep(principal: Principal) -> None:

@@ -10,6 +10,7 @@ from fastapi.responses import RedirectResponse, Response
 
 from app.api.simulations import SimulationRequest, campaign_of
 from app.axis_templates import TEMPLATES
+from app.beside import Begun
 from app.errors import Unprocessable
 from app.generation import KIND as GENERATION
 from app.intake import take_in
@@ -63,6 +64,8 @@ def first_hour(
     check_known(session, name)
     axis, cases = find_axis(session, name), cases_of_axis(session, name)
     known = any(each.measured or each.simulated for each in cases.values())
+    evaluation = service.evaluation_of_axis(session, name) if known else None
+    begun = evaluation if isinstance(evaluation, Begun) else None
     hour = Hour(
         name,
         axis,
@@ -70,13 +73,13 @@ def first_hour(
         cases,
         newest_recordings(session, name, SHOWN),
         jobs.newest_of_axis(GENERATION, name),
-        service.evaluation_of_axis(session, name) if known else None,
+        None if isinstance(evaluation, Begun) else evaluation,
         counted(service.library, session, "gearboxes", lambda: gearboxes_known(session)),
     )
     context = {
         "hour": hour,
         "name": name,
-        "waiting": known and hour.evaluation is None,
+        "waiting": begun,
         "recordings": [(one, checked(one), said(one)) for one in hour.taken],
         "answers": {origin: {one.label: one for one in hour.answers(origin)} for origin in (MEASURED, SIMULATED)},
         "choices": choices(label for label, _ in counts_of(service.library, session)),

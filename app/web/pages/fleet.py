@@ -13,21 +13,27 @@ from sqlalchemy.orm import Session
 
 from app.service import Reading, Service, TheService
 from app.web.drive_picture import drive_picture
+from app.web.headlines import Headlined, headlined, light
 from app.web.session import PageViewer
 from app.web.standing_words import WORDS, day, evidence_words, next_steps, since_words, state_badge, trend_words, why
 from app.web.templating import render
 from app.web.trend import charts_of, level_chart
-from app.web.words import VERDICTS, how_sure, investigation_headline
+from app.web.waiting import waiting_page
+from app.web.words import VERDICTS, how_sure
 from casebase.axes import find_axis, is_axis, unknown_axis
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import Reason, Standing, State, standing
-from casebase.gearboxes import History, histories
+from casebase.gearboxes import History
+from casebase.labels import BASELINES
 from casebase.models import StoredDiagnosis, StoredInvestigation, StoredRecording, now
 from casebase.trend import Trend, trend_of
 
 router = APIRouter()
 SECTION = "/fleet"
 LISTED = 50
+SHOWN = 100
+"""Gearboxes on a page of the fleet: more than one reads at once."""
+LARGEST = 10**6
 
 
 def silent_after(service: Service) -> timedelta:
@@ -36,18 +42,36 @@ def silent_after(service: Service) -> timedelta:
 
 
 @router.get("/fleet")
-def fleet(request: Request, session: Reading, service: TheService, principal: PageViewer) -> Response:
-    """Every gearbox with its state, the worst first."""
+def fleet(
+    request: Request,
+    session: Reading,
+    service: TheService,
+    principal: PageViewer,
+    state: State | None = None,
+    first: Annotated[int, Query(ge=0, le=LARGEST)] = 0,
+) -> Response:
+    """The gearboxes with their states, the worst first: all of them or those in one state, a page of them."""
+    begun = service.fleet_soon(session)
+    if begun is not None:
+        words = "Every gearbox with its state, the worst first."
+        basis = "all recordings, once after each start of the service"
+        return waiting_page(request, principal, begun, "Fleet", words, basis, section=SECTION)
     at, zone = now(), service.settings.time_zone
-    rows = service.fleet.gearboxes(session, at, silent_after(service))
-    counts = Counter(State.CANNOT_SAY if row.standing is None else row.standing.state for row in rows)
+    known = [(row, row.state) for row in service.fleet.gearboxes(session, at, silent_after(service))]
+    counts = Counter(here for _, here in known)
+    wanted = [row for row, here in known if state in (None, here)]
+    rows = wanted[first : first + SHOWN]
     sure = certainties(session, [row.standing for row in rows])
     context = {
         "rows": [
             (row, state_badge(row.standing, at), why(row.standing, zone, told), next_steps(row.standing)[0])
             for row, told in zip(rows, sure, strict=True)
         ],
-        "counts": [(WORDS[state], counts[state]) for state in State if counts[state]],
+        "counts": [(each, WORDS[each], counts[each]) for each in State if counts[each]],
+        "state": state,
+        "first": first,
+        "of": len(wanted),
+        "shown": SHOWN,
         "day": lambda value: day(value, zone),
     }
     return render(request, "fleet.html", context, principal=principal, section=SECTION)
@@ -84,19 +108,21 @@ def gearbox_page(
         history: which of the gearboxes that had this name, from 1; the last one where 0.
         before: the newest recordings before this one.
     """
-    found = histories(session, name, gearbox or None)
-    if not found or history > len(found):
+    known = service.fleet.place(session, name, gearbox or None)
+    found = known.histories if known else ()
+    if known is None or not found or history > len(found):
         if not is_axis(session, name):
             raise NotFoundError(unknown_axis(session, name))
         raise NotFoundError(f"no gearbox {gearbox!r} is known at axis {name!r}")
     shown = found[history - 1 if history else -1]
-    trend = trend_of(session, shown)
+    trend = known.trend if shown.until is None else trend_of(session, shown)
     at, zone = now(), service.settings.time_zone
     stands = standing(shown, trend, at, silent_after(service)) if shown.until is None else None
     heard = list(reversed(shown.heard))
     first = next((k + 1 for k, one in enumerate(heard) if one.recording_id == before), 0)
     page = heard[first : first + LISTED]
     described = find_axis(session, name)
+    investigations = investigations_of(session, shown)
     context = {
         "name": name,
         "gearbox": gearbox or None,
@@ -112,10 +138,10 @@ def gearbox_page(
         "evidence": evidence_words(trend) if trend else None,
         "charts": charts_of(trend, shown, sizes_of(session, shown)) if trend else (),
         "level": level_chart(trend, shown) if trend else None,
-        "picture": drive_picture(described.document, findings_of(session, shown), stands) if described else None,
+        "picture": drive_picture(described.document, findings_of(investigations, shown), stands) if described else None,
         "heard": page,
         "older": page[-1].recording_id if first + LISTED < len(heard) else None,
-        "investigations": investigations_of(session, shown),
+        "investigations": investigations,
         "verdicts": VERDICTS,
         "day": lambda value: day(value, zone),
     }
@@ -137,39 +163,43 @@ def certainties(session: Session, standings: Sequence[Standing | None]) -> list[
         for one in standings
     ]
     ids = [each for each in named if each]
-    rows = session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id.in_(ids))) if ids else ()
-    told = {row.id: how_sure(row.document) for row in rows}
+    part = StoredDiagnosis.written["provenance"]  # a document is long
+    columns = (StoredDiagnosis.id, StoredDiagnosis.verdict, StoredDiagnosis.probability, part)
+    rows = session.execute(select(*columns).where(StoredDiagnosis.id.in_(ids))) if ids else ()
+    told = {
+        identity: how_sure({"verdict": verdict, "probability": probability, "provenance": provenance or {}})
+        for identity, verdict, probability, provenance in rows
+    }
     return [told.get(each) if each else None for each in named]
 
 
 def sizes_of(session: Session, history: History) -> dict[str, dict[str, float]]:
     """Return the size of the fault that the diagnosis of a recording gives, by the recording's id."""
-    named = StoredRecording.gearbox.is_(None) if history.gearbox is None else StoredRecording.gearbox == history.gearbox
     size = StoredDiagnosis.written["severity"]
     rows = session.execute(
         select(StoredDiagnosis.recording_id, size)
         .join(StoredDiagnosis.recording)
-        .where(StoredRecording.axis == history.axis, named)
+        .where(StoredRecording.axis == history.axis, StoredRecording.gearbox == history.gearbox)
+        .where(StoredDiagnosis.label.not_in(BASELINES))  # what is good has no size, and its document is long
         .order_by(StoredDiagnosis.id)
     )
     return {recording_id: found for recording_id, found in rows if found}
 
 
-def investigations_of(session: Session, history: History) -> list[tuple[StoredInvestigation, str | None]]:
+def investigations_of(session: Session, history: History) -> list[Headlined]:
     """Return the newest investigations of the axis while the gearbox was in it, with what each found."""
-    statement = select(StoredInvestigation).where(StoredInvestigation.axis == history.axis)
+    statement = light().where(StoredInvestigation.axis == history.axis)
     if history.since is not None:
         statement = statement.where(StoredInvestigation.created_at >= history.since)
     if history.until is not None:
         statement = statement.where(StoredInvestigation.created_at < history.until)
-    rows = session.scalars(statement.order_by(StoredInvestigation.id.desc()).limit(10))
-    return [(row, investigation_headline(row.document) if row.document else None) for row in rows]
+    return headlined(session, session.scalars(statement.order_by(StoredInvestigation.id.desc()).limit(10)).all())
 
 
-def findings_of(session: Session, history: History) -> list[dict[str, object]]:
+def findings_of(investigations: Sequence[Headlined], history: History) -> list[dict[str, object]]:
     """Return what the newest finished investigation found since the gearbox was put in or repaired."""
     renewed = history.renewed
-    for row, _ in investigations_of(session, history):
-        if row.document and (renewed is None or row.created_at >= renewed):
-            return [dict(each) for each in row.document.get("findings", ())]
+    for row, headline in investigations:
+        if headline is not None and (renewed is None or row.created_at >= renewed):
+            return [dict(each) for each in (row.document or {}).get("findings", ())]
     return []

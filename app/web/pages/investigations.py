@@ -28,6 +28,7 @@ from app.investigations import (
 from app.security import Principal, check_csrf
 from app.service import Reading, TheJobs, TheService
 from app.uploads import TheUpload, Upload
+from app.web.headlines import Headlined, headlined, light
 from app.web.log_preview import log_preview, sound_preview
 from app.web.robot import arm_of, joints_of, of_robot
 from app.web.self_contained import self_contained
@@ -61,9 +62,8 @@ def investigation_list(
     request: Request, session: Reading, principal: PageViewer, cursor: str | None = None
 ) -> Response:
     """Investigations, newest first."""
-    found = page(session, select(StoredInvestigation), StoredInvestigation.id, cursor=cursor)
-    rows = [(row, investigation_headline(row.document) if row.document else None) for row in found.items]
-    context = {"rows": rows, "next_cursor": found.next_cursor}
+    found = page(session, light(), StoredInvestigation.id, cursor=cursor)
+    context = {"rows": headlined(session, found.items), "next_cursor": found.next_cursor}
     return render(request, "investigations.html", context, principal=principal, section=SECTION)
 
 
@@ -165,11 +165,11 @@ def story(request: Request, session: Reading, principal: PageViewer, investigati
     return render(request, "investigation.html", context, principal=principal, section=SECTION)
 
 
-def others_of(session: Session, row: StoredInvestigation) -> list[tuple[StoredInvestigation, str]]:
+def others_of(session: Session, row: StoredInvestigation) -> list[Headlined]:
     """Return what a finished investigation can be compared with, and what each found."""
     if row.document is None:
         return []
-    return [(one, investigation_headline(one.document or {})) for one in comparable(session, row)]
+    return headlined(session, comparable(session, row))
 
 
 def diagnosis_words(session: Session, row: StoredInvestigation) -> str | None:

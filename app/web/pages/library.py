@@ -9,6 +9,7 @@ from fastapi.responses import RedirectResponse, Response
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
+from app.beside import Begun
 from app.errors import Conflict, Unprocessable
 from app.gate import Looking
 from app.intake import take_in
@@ -29,8 +30,10 @@ from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.steps import told as told_step
 from app.web.svg import map_chart
 from app.web.templating import Message, render, sentence
+from app.web.waiting import of_library, waiting_page
 from casebase.axes import find_axis, is_axis, unknown_axis
 from casebase.case_filter import CaseFilter
+from casebase.evaluation import Evaluation
 from casebase.models import Case, StoredRecording
 from casebase.origins import MEASURED
 from casebase.signals.features import catalogue
@@ -39,6 +42,7 @@ from casebase.teaching import Teaching, teaching
 
 router = APIRouter()
 SECTION = "/library"
+TAUGHT = "What this case taught the library"
 KEPT = "Kept as a case of the library."
 AXES_AND_LABELS = 400
 
@@ -256,11 +260,15 @@ def taught(request: Request, session: Reading, service: TheService, principal: P
         raise Conflict(
             "This case has no vote, so it teaches nothing: it is not in use, or its sound is a case already."
         )
-    found = teaching(
-        service.evaluation(session, "gearbox", "both", without=row.id),
-        service.evaluation(session, "gearbox", "both"),
-        row.id,
-    )
+    without = service.evaluation_soon(session, "both", without=row.id)
+    having = service.evaluation_soon(session, "both")
+    for one in (without, having):
+        if isinstance(one, Begun):
+            above, basis = (f"/cases/{row.id}", f"Case {row.label}"), of_library(session, service)
+            return waiting_page(request, principal, one, TAUGHT, row.recording.file_name, basis, crumb=above)
+    assert isinstance(without, Evaluation)
+    assert isinstance(having, Evaluation)
+    found = teaching(without, having, row.id)
     context = {"case": row, "taught": found, "headline": taught_words(found), "explained": own_words(found, row.label)}
     return render(request, "taught.html", context, principal=principal, section=SECTION)
 

@@ -80,8 +80,7 @@ def try_parameters(
     """Simulate the axis with the parameters of the query, beside a recording of it: measured, or a simulated case."""
     with service.library.reading() as session:
         axis = read_axis(get_axis(session, name).document)
-        rows = _recordings(session, name)
-        known = simulated(session, rows)
+        rows, known = _recordings(session, name)
     if not axis.stages:
         raise Unprocessable(
             f"The axis {name!r} has no gear stage, so it has no teeth whose sound could be simulated. Describe its "
@@ -151,15 +150,15 @@ def _value(request: Request, slider: Slider) -> float:
     return min(max(value, slider.low), slider.high) if math.isfinite(value) else slider.start
 
 
-def _recordings(session: Session, axis: str) -> list[StoredRecording]:
-    """Return the recordings of an axis, measured ones first, the newest first of each."""
+def _recordings(session: Session, axis: str) -> tuple[list[StoredRecording], frozenset[str]]:
+    """Return the recordings of an axis, measured ones first, the newest first of each; and ids of the simulated."""
     statement = select(StoredRecording).where(
         StoredRecording.axis == axis, StoredRecording.usable, StoredRecording.erased_at.is_(None)
     )
     generated = exists().where(Case.recording_id == StoredRecording.id, Case.origin == SIMULATED)
     rows = session.scalars(statement.order_by(generated, StoredRecording.id.desc()).limit(SHOWN_RECORDINGS)).all()
     known = simulated(session, rows)
-    return sorted(rows, key=lambda row: row.id in known)
+    return sorted(rows, key=lambda row: row.id in known), known
 
 
 @dataclass(frozen=True)

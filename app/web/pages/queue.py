@@ -1,5 +1,6 @@
 """What needs a person, one after the other; and every step that somebody took, taken back."""
 
+from collections import Counter
 from collections.abc import Sequence
 from typing import Annotated
 
@@ -16,28 +17,32 @@ from app.web.steps import told
 from app.web.templating import render
 from app.web.words import how_sure, name_of, verdict_of
 from casebase.errors import NotFoundError
+from casebase.gearbox_state import NamedFault
 from casebase.models import StoredDiagnosis
-from casebase.queue import UNDECIDED, UNKNOWN, kinds_waiting, proposed, waiting
+from casebase.queue import FAULT, UNDECIDED, UNKNOWN, proposed, waiting
 from casebase.steps import undo
 
 router = APIRouter()
 SHOWN = 50
-KINDS = {"diagnosed": "Fault likely, not confirmed", UNDECIDED: "Undecided", UNKNOWN: "Not in the library"}
+KINDS = {FAULT: "Fault likely, not confirmed", UNDECIDED: "Undecided", UNKNOWN: "Not in the library"}
 LARGEST_NUMBER = 2**31 - 1
 
 
 @router.get("/queue")
-def queue(request: Request, session: Reading, principal: PageViewer) -> Response:
+def queue(request: Request, service: TheService, session: Reading, principal: PageViewer) -> Response:
     """The diagnoses that need a person: likely faults first, then the most informative."""
-    ids = waiting(session, faults_first=True)
-    shown = ids[:SHOWN]
-    found = session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id.in_(shown)))
-    rows = sorted(found, key=lambda row: shown.index(row.id))
-    kinds = kinds_waiting(session)
+    naming = service.fleet.naming(session)
+    found = waiting(session, naming, faults_first=True)
+    shown = list(found)[:SHOWN]
+    given = session.scalars(select(StoredDiagnosis).where(StoredDiagnosis.id.in_(shown)))
+    rows = sorted(given, key=lambda row: shown.index(row.id))
+    kinds = Counter(found.values())
     context: dict[str, object] = {
         "kinds": [(words, kinds[kind]) for kind, words in KINDS.items() if kind in kinds],
-        "rows": [(row, verdict_of(row.document).headline, reason_words(row)) for row in rows],
-        "count": len(ids),
+        "rows": [
+            (row, verdict_of(row.document).headline, reason_words(row, naming.get(row.recording_id))) for row in rows
+        ],
+        "count": len(found),
         "proposed": proposed(session),
         "step": told(session, number_of(request, "step")),
         "how_sure": how_sure,
@@ -45,13 +50,21 @@ def queue(request: Request, session: Reading, principal: PageViewer) -> Response
     return render(request, "queue.html", context, principal=principal, section="/diagnoses")
 
 
-def reason_words(row: StoredDiagnosis) -> str:
-    """Say why a diagnosis needs a person, in a sentence."""
+def reason_words(row: StoredDiagnosis, fault: NamedFault | None = None) -> str:
+    """Say why a diagnosis needs a person.
+
+    Args:
+        fault: that it names and that stands of its gearbox.
+    """
     if row.verdict == UNKNOWN:
         return "Unlike every known kind. Listen, have it inspected if it comes again, and say what it is."
     if row.verdict == UNDECIDED:
         return "The library cannot decide. Listen, do the checks on its page, and say what it is."
-    return f"{name_of(row.label).capitalize()} is likely. Do the checks on its page, then confirm or correct."
+    name = name_of(row.label).capitalize()
+    if fault is not None and fault.good:
+        since = "1 recording since then has" if fault.good == 1 else f"{fault.good} recordings since then have"
+        return f"{name} was named, and {since} sounded good. A worn gear does not heal: do the checks on its page."
+    return f"{name} is likely. Do the checks on its page, then confirm or correct."
 
 
 def number_of(request: Request, name: str) -> int | None:

@@ -1,6 +1,5 @@
 """Plots and sound of a recording, for pages; the demo recording is open to anybody."""
 
-import json
 import re
 from typing import Annotated, Literal
 
@@ -16,9 +15,8 @@ from app.intake import DEMO
 from app.security import Role
 from app.service import Reading, TheService
 from app.web import charts
-from app.web.disturbed import stretches
 from app.web.overlay import laid_over
-from app.web.recorded import PlotName, chart_of, decoded, spectrogram_png, surveyed
+from app.web.recorded import PlotName, chart_of, spectrogram_png
 from app.web.session import FromOurPage, PageAdmin, SignInNeeded, Visitor, below_root
 from casebase import erasing
 from casebase.artifacts import active_artifact
@@ -122,12 +120,5 @@ def spectrogram(
     """The spectrogram, drawn here because browsers resample sound."""
     allowed(session, principal, request, recording_id)
     row = service.library.retrieve.recording(session, recording_id)
-    path, dark = service.library.retrieve.audio_path(row), theme == "dark"
-    description = json.dumps(row.description, sort_keys=True)
-
-    def drawn() -> bytes:
-        recording = decoded(service, row)
-        return spectrogram_png(recording, stretches(surveyed(recording, row)), dark=dark)
-
-    image = views.kept((path, row.channel, row.unit, "marked spectrogram", description, dark), drawn)
+    image = spectrogram_png(service, row, dark=theme == "dark")
     return Response(image, headers=api.UNTIL_ERASED, media_type="image/png")

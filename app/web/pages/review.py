@@ -8,11 +8,13 @@ from pydantic import Field
 from sqlalchemy import select
 
 from app.api.simulations import SimulationRequest, campaign_of
+from app.beside import Begun
 from app.errors import Unprocessable
 from app.generation import KIND as GENERATION
 from app.service import Reading, TheJobs, TheService
 from app.web.session import FromOurPage, PageAdmin, PageViewer
 from app.web.templating import Message, render
+from app.web.waiting import of_library, waiting_page
 from app.web.words import name_of
 from casebase import review as care
 from casebase.axes import get_axis, list_axes
@@ -42,7 +44,11 @@ def review(
     request: Request, session: Reading, service: TheService, principal: PageViewer, edit: int = 0, undone: int = 0
 ) -> Response:
     """The findings, worst first within each kind; edits are offered to admins and can be taken back as a whole."""
-    found = care.review(session, service.library.reuse.reasoner(session))
+    found = service.review_soon(session)
+    if isinstance(found, Begun):
+        words = "Cases that contradict each other, that add nothing, and what is missing."
+        basis = of_library(session, service)
+        return waiting_page(request, principal, found, "Review", words, basis, tab="/library/review")
     context = {
         "review": found,
         "kinds": [(kind, title, words, getattr(found, kind)) for kind, title, words in KINDS],

@@ -1,19 +1,17 @@
 """Robots: descriptions with their joints, revisions and investigations."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import tomli_w
 from fastapi import APIRouter, Request
 from fastapi.responses import Response
-from sqlalchemy import select
 from sqlalchemy.orm import Session
 
 from app.service import Reading
+from app.web.headlines import Headlined, headlined, light
 from app.web.pages.axes import LISTED, SECTION
 from app.web.session import PageViewer
 from app.web.templating import render
-from app.web.words import investigation_headline
 from casebase import revisions
 from casebase.errors import NotFoundError
 from casebase.models import RobotRevision, StoredInvestigation
@@ -68,11 +66,10 @@ def joints_of(robot: Robot) -> list[JointRow]:
     return rows
 
 
-def investigations_of(session: Session, name: str) -> Sequence[tuple[StoredInvestigation, str | None]]:
+def investigations_of(session: Session, name: str) -> list[Headlined]:
     """Return the newest investigations of a robot, with what each found."""
-    statement = select(StoredInvestigation).where(StoredInvestigation.robot == name)
-    rows = session.scalars(statement.order_by(StoredInvestigation.id.desc()).limit(LISTED))
-    return [(row, investigation_headline(row.document) if row.document else None) for row in rows]
+    statement = light().where(StoredInvestigation.robot == name)
+    return headlined(session, session.scalars(statement.order_by(StoredInvestigation.id.desc()).limit(LISTED)).all())
 
 
 @router.get("/{name}/robot.toml")

@@ -78,8 +78,8 @@ def ruled(session: Session, name: str = "rule", kind: str = "state", **condition
 def test_a_state_is_told_once_until_it_was_over(library: CaseLibrary) -> None:
     with library.transaction("test") as session:
         ruled(session)
-        for labels in (("normal",), ("notch",), ("notch",), ("normal",), ("play",)):
-            diagnosed(session, *labels)
+        for label in ("normal", "notch", "notch", "normal", "normal", "normal", "normal", "play"):
+            diagnosed(session, label)
         assert told(session) == ["rule", "rule"]
         assert [(alarm.axis, alarm.gearbox) for alarm in rules.standing(session)] == [("bench", "g1")]
         delivery = session.scalars(select(Delivery).order_by(Delivery.id)).first()
@@ -112,18 +112,24 @@ def test_what_a_rule_asks(sqlite_library: CaseLibrary, condition: dict[str, obje
         assert bool(told(session)) == tells
 
 
-def test_a_recording_that_comes_late_does_not_change_the_state(sqlite_library: CaseLibrary) -> None:
+def test_a_recording_counts_for_when_it_was_taken_however_late_it_comes(sqlite_library: CaseLibrary) -> None:
     with sqlite_library.transaction("test") as session:
         ruled(session)
         newest = diagnosed(session, "normal", recorded_at=now() - timedelta(days=1))
         diagnosed(session, "notch", recorded_at=now() - timedelta(days=2))
         state = state_of(session, "bench", "g1")
         assert state is not None
-        assert state.diagnosis_id == newest
-        assert told(session) == []
-        diagnosed(session, "notch", recorded_at=now() + timedelta(days=300))  # a clock that is ahead
-        diagnosed(session, "normal")
+        assert state.newest.diagnosis_id == newest
+        assert state.fault is not None
+        assert told(session) == ["rule"], "a worn gear does not heal"
+        for _ in range(3):
+            diagnosed(session, "normal", recorded_at=now() - timedelta(days=3))
+        assert len(rules.standing(session)) == 1, "what sounded good before the fault does not outweigh it"
+        for _ in range(2):
+            diagnosed(session, "normal", recorded_at=now() + timedelta(days=300))  # a clock that is ahead
         assert rules.standing(session) == []
+        diagnosed(session, "notch")
+        assert told(session) == ["rule", "rule"]
 
 
 def test_what_a_person_says_counts(sqlite_library: CaseLibrary) -> None:

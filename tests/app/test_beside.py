@@ -1,0 +1,98 @@
+"""What takes longer than a page may is worked out beside it, once; the page says so and goes on by itself."""
+
+import re
+from collections.abc import Iterator
+from datetime import timedelta
+from functools import partial
+from threading import Event
+from typing import Any
+from unittest.mock import patch
+
+import pytest
+
+from app import fleet
+from app.beside import Asked, Begun
+from casebase.errors import NotFoundError
+from casebase.evaluation import Evaluation, evaluate
+from casebase.models import now
+from tests.app.inside import Inside, inside
+from tests.app.sounds import sound
+from tests.casebase.kept import keep
+from tests.worked_out import worked_out
+
+
+@pytest.fixture(scope="module")
+def service(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Inside]:
+    with inside(tmp_path_factory.mktemp("beside") / "data") as found:
+        for seed in range(4):
+            known = f'{{"axis": "arm", "gearbox": "g{seed}", "label": "{("normal", "notch")[seed % 2]}"}}'
+            parts = {"file": (f"{seed}.wav", sound(seed, impacts=seed % 2 == 1)), "metadata": (None, known)}
+            found.ask("POST", "/api/v1/cases", files=parts).raise_for_status()
+        yield found
+
+
+def progress(page: str) -> str:
+    """The bar of what is waited for."""
+    found = re.search(r"<progress[^>]*>", page.partition('id="waiting"')[2])
+    assert found is not None
+    return found[0]
+
+
+def test_an_evaluation_is_waited_for_in_words_and_asked_for_once(service: Inside) -> None:
+    go_on, asked = Event(), []
+
+    def slow(*told: Any, **more: Any) -> Evaluation:
+        asked.append(more["origin"])
+        assert go_on.wait(60)
+        return evaluate(*told, **more)
+
+    address = "/library/evaluation?origin=measured"
+    with patch("casebase.cycle.reuse.evaluate", slow):
+        for _ in range(2):
+            page = service.browse("GET", address)
+            assert page.status_code == 200
+            assert "Being worked out from the 4 cases of the library" in page.text
+            assert f'hx-get="{address}"' in page.text
+            assert "value=" not in progress(page.text), "nobody knows how long it takes"
+        go_on.set()
+        assert "Confusion by gearbox" in worked_out(partial(service.browse, "GET"), address)
+        go_on.clear()
+        page = service.browse("GET", "/library/evaluation?origin=simulated")
+        assert 'max="1" value=' in progress(page.text), "as long as the last one"
+        assert "The last time it took" in page.text
+        go_on.set()
+    assert asked == ["measured", "simulated"]
+
+
+def test_what_cannot_be_told_is_said_and_another_state_is_asked_anew(service: Inside) -> None:
+    def refuse(_: object) -> int:
+        raise NotFoundError("there is none")
+
+    beside = service.service.beside
+    with pytest.raises(NotFoundError):
+        beside.soon(Asked("a", 1, None, refuse), 60.0)
+    asked: list[int] = []
+    for state in (1, 1, 2, 1):
+        beside.soon(Asked("b", state, None, lambda _: asked.append(0)), 60.0)
+    assert len(asked) == 3, "what was worked out for an older state is not kept"
+
+
+def test_a_large_fleet_is_waited_for_in_words_after_a_start(service: Inside) -> None:
+    with service.service.library.transaction("test") as session:
+        for number in range(3):
+            keep(session, "arm", f"g{number}", now() - timedelta(days=1), {}, "normal")
+    go_on = Event()
+    known = service.service.fleet
+
+    def slow(*told: Any) -> Any:
+        assert go_on.wait(60)
+        return fleet.Fleet.in_service(known, *told)
+
+    known.whole = False
+    with patch.object(fleet, "LARGE", 2), patch.object(known, "in_service", slow):
+        page = service.browse("GET", "/fleet").text
+        assert "Being worked out from all recordings, once after each start of the service." in page
+        go_on.set()
+        assert "arm," in worked_out(partial(service.browse, "GET"), "/fleet")
+    with service.service.library.reading() as session:
+        assert not isinstance(service.service.fleet_soon(session), Begun), "known until the next start"
