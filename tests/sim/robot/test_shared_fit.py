@@ -7,11 +7,13 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 import numpy as np
+import pytest
 
 from sim.discrepancy.assessment.intervals import NINETY
+from sim.discrepancy.hypotheses.sensors import LATEST_S
 from sim.robot.motion import Motion
 from sim.robot.rigid_body import RigidBody
-from sim.robot.shared_fit import LOAD_LOSS, SharedFit, _payload, built_up, shared_fits
+from sim.robot.shared_fit import LOAD_LOSS, OWN, Late, SharedFit, _payload, _there, built_up, shared_fits
 from tests.sim.robot.arms import Array, Link, random_arm, robot, swings, torque, with_mass
 
 DRAWS = 8
@@ -199,3 +201,11 @@ def test_a_weight_at_one_joint_alone_does_not_mislead_the_others() -> None:
     for joint in (1, 2):
         wrong = np.sqrt(np.mean((fit.known[:, joint] - rigid[:, joint]) ** 2))
         assert wrong < 2.0 * NINETY * np.sqrt(np.mean(np.sum(fit.errors[joint] ** 2, axis=1)))
+
+
+def test_a_delay_that_is_as_late_as_the_linear_picture_says_is_as_likely_as_there() -> None:
+    first = Late(0.012, 0.003, 0.0)
+    plain = first.found_at(0.012, 0.003).probability
+    assert plain == pytest.approx(_there(np.array([0.012]), np.array([[0.003**2]]), LATEST_S))
+    assert first.found_at(0.004, 0.003).probability < plain  # the slope fell to nothing sooner
+    assert first.found_at(-0.004, 0.003).probability < OWN  # and was climbed the wrong way
