@@ -70,13 +70,14 @@ def investigate(
     sound_offset_s: float = 0.0,
     as_new: Sequence[Recording] = (),
     known_doubts: Array | None = None,
+    gear: float = 1.0,
 ) -> Investigation:
     """Hold measured data of an axis against its description.
 
     Several recordings of the same axis can be given without telemetry; their evidence is taken together. `as_new` are
     recordings of the same motion from when the axis was in good order: sound without telemetry is compared with them.
     `known_doubts`: ways in which `known_torque_nm` may be wrong as a whole, each by a standard deviation [N m], shape
-    (rows, p).
+    (rows, p). `gear`: of an axis that is described as one body at its motor, turns of it per turn of the load.
 
     Raises
     ------
@@ -97,7 +98,7 @@ def investigate(
     progress("condition of the channels", 0.02)
     if "motor_torque_nm" not in telemetry:
         return _encoders_alone(axis, telemetry, sounds, sound_offset_s, progress)
-    gate = examine(axis, telemetry, known_doubts)
+    gate = examine(axis, telemetry, known_doubts, gear)
     return _of_torque(gate, telemetry, sounds, sound_offset_s, progress)
 
 

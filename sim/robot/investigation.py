@@ -242,7 +242,13 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int,
         known, doubts = known / ratio, doubts / ratio
     channels["known_torque_nm"] = known
     try:
-        one = investigate(axis, replace(telemetry, channels=channels), progress=progress, known_doubts=doubts)
+        one = investigate(
+            axis,
+            replace(telemetry, channels=channels),
+            progress=progress,
+            known_doubts=doubts,
+            gear=ratio if as_one_body else 1.0,
+        )
     except InvestigationError as error:
         raise InvestigationError(f"{joint.name}: {error}") from None
     moved = "motor" if told.stages else "joint"

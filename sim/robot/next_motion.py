@@ -108,7 +108,7 @@ class _Model:
         cut = SLOW_ANGLE_CUT_HZ if axis.stages else SLOW_DIRECT_ANGLE_CUT_HZ
         torque = np.full(clock.size, m.torque_rms)
         made = prepare(m.rate_hz, torque, angle, None, slow_angle_cut_hz=cut, known_torque=known)
-        return replace(made, standstill=m.standstill, rests=m.rests)
+        return replace(made, standstill=m.standstill, rests=m.rests, gear=m.gear)
 
     def columns(self, made: Measurement, beside: Array) -> tuple[Array, Array]:
         """White torque of the motor per step of each of the model's numbers, shape (rows, p); and of torques at the

@@ -96,7 +96,7 @@ def _range(values: Iterable[float]) -> tuple[float, float]:
 
 def _beside(axis: Axis, m: Measurement) -> list[list[Array]]:
     """What else may explain a torque that goes with the acceleration: weight of the load, where it turns far enough."""
-    turn = m.angle / axis.ratio
+    turn = m.angle / (axis.ratio * m.gear)
     known = [] if m.known_torque is None else [m.known_torque]
     weight = [np.sin(turn), np.cos(turn)]
     return [[*known, *weight]] if float(np.ptp(turn)) > LEAST_TURN else [known] if known else []
@@ -138,7 +138,7 @@ def with_first_inertia(axis: Axis, m: Measurement, used: Rows) -> tuple[Axis, fr
     """
     if axis.motor.inertia_kg_m2:
         return axis, frozenset()
-    torque, turn = _of_drive(axis, m), m.angle / axis.ratio
+    torque, turn = _of_drive(axis, m), m.angle / (axis.ratio * m.gear)
     laws = [(), [np.sin(turn), np.cos(turn)]] if float(np.ptp(turn)) > LEAST_TURN else [()]
     felt = max(float(one_body(torque, m.slow_acceleration, m.speed, used, law)[0][0]) for law in laws)
     felt = min(felt, float(np.std(torque[used])) / max(float(np.std(m.slow_acceleration[used])), 1e-300))

@@ -42,7 +42,7 @@ class Measurement:
     `known_torque`: what the load is known to ask for besides [N m], None where nothing is known;
     `told`: 1 where a model can tell what the motor's torque must have been, 0 where teeth rattle; `unsure`, shape
     (n, p): ways in which the torque may be wrong as a whole, each by a standard deviation [N m]; `doubts`: the same of
-    the known torque, felt at the motor.
+    the known torque, felt at the motor; `gear`: turns of the motor per turn of what it moves as one body.
     """
 
     rate_hz: float
@@ -66,6 +66,7 @@ class Measurement:
     unsure: Array = field(default_factory=lambda: np.zeros((0, 0)))
     known_torque: Array | None = None
     doubts: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    gear: float = 1.0
 
     @cached_property
     def wrong_ways(self) -> Array:

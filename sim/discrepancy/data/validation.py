@@ -51,11 +51,11 @@ class Gate:
     unknown: frozenset[str] = frozenset()
 
 
-def examine(axis: Axis, telemetry: Telemetry, doubts: Array | None = None) -> Gate:
+def examine(axis: Axis, telemetry: Telemetry, doubts: Array | None = None, gear: float = 1.0) -> Gate:
     """Check, repair what can be repaired (saying so), refuse what cannot.
 
     `doubts`: ways in which the known torque may be wrong as a whole, each by a standard deviation, shape (rows, p)
-    [N m at the load].
+    [N m at the load]. `gear`: turns of the motor per turn of what it moves as one body.
 
     Raises
     ------
@@ -88,6 +88,7 @@ def examine(axis: Axis, telemetry: Telemetry, doubts: Array | None = None) -> Ga
         load_valid *= np.interp(grid, telemetry.time_s, (~load_lost).astype(float))
     cut = SLOW_ANGLE_CUT_HZ if axis.stages else SLOW_DIRECT_ANGLE_CUT_HZ
     measurement = prepare(rate, even["torque"], even["angle"], even.get("load"), valid, load_valid, cut, known)
+    measurement = replace(measurement, gear=gear)
     if doubts is not None:
         measurement = _doubted(measurement, grid[0], times, doubts / axis.ratio)
     used = _used(measurement)

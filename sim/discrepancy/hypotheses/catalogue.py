@@ -20,7 +20,7 @@ from sim.discrepancy.hypotheses.generic import terms_of_catalogue
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.identifiability import highest_order, lowest_order, that_show
 from sim.discrepancy.hypotheses.sensors import HIGHEST_HUM, HUM_HZ, delay, encoder_error, hum, offset
-from sim.discrepancy.hypotheses.structure import gravity, resonance
+from sim.discrepancy.hypotheses.structure import gravity, resonance, weight
 from sim.discrepancy.model.nominal import (
     has_links,
     stages_of,
@@ -105,7 +105,7 @@ def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[
             out.append(encoder_error(axis))
             out.append(delay("load_delay_s", "load", max(4e-4, half)))
             out.append(resonance(axis))
-    elif travel > LEAST_TURN:
-        out.append(beyond_doubts(gravity(0.05 * level, 0), measurement, 1.0))
+    elif travel / measurement.gear > LEAST_TURN:
+        out.append(beyond_doubts(weight(0.05 * level * measurement.gear), measurement, measurement.gear))
     known = (term for term in out if term.mechanism in mechanisms.MECHANISMS)
     return (*known, *terms_of_catalogue(axis, measurement))

@@ -138,9 +138,10 @@ def _can_be(axis: Axis, kind: type[Mechanism], place: str | None) -> bool:
 def same_over_the_turn(axis: Axis, m: Measurement, mechanism: str, order: float | None) -> tuple[str, ...]:
     """What has the same torque over the angle: once per turn of one stiff body an unbalanced mass and a ripple.
 
-    `order`: of one that may have any. Within less than a turn none of so low an order is looked for.
+    `order`: of one that may have any. Within less than a turn none of so low an order is looked for; behind a gear a
+    weight has another angle.
     """
-    if has_links(axis) or float(np.ptp(m.angle)) < 2.0 * math.pi:
+    if has_links(axis) or m.gear != 1.0 or float(np.ptp(m.angle)) < 2.0 * math.pi:
         return ()
     kind = mechanisms.MECHANISMS.get(mechanism)
     if kind is None or not kind.traits.torque_over_angle:

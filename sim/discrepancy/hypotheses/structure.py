@@ -37,6 +37,20 @@ def gravity(step: float, shaft: int) -> Term:
     return Term(GravityImbalance.name, "load", pair, probes, report, apply, size=0.05 * step)
 
 
+def weight(step: float) -> Term:
+    """The same of one body at its motor, over the angle of what that moves and felt there."""
+    pair = cosine_and_sine(f"{GravityImbalance.name}@load", step, "N m")
+    sine, cosine = (p.name for p in pair)
+
+    def torque(m: Measurement, values: Values) -> Array:
+        angle = m.angle / m.gear
+        return np.asarray((values[sine] * np.sin(angle) + values[cosine] * np.cos(angle)) / m.gear)
+
+    probes = (tuple({p.name: step} for p in pair),)
+    report = amplitude(pair, "torque_n_m", "phase_rad")
+    return Term(GravityImbalance.name, "load", pair, probes, report, torque=torque, size=0.05 * step)
+
+
 def resonance(axis: Axis) -> Term:
     """A part of the load that swings on a spring of its own, where the load's motion is known well enough."""
     names = [parameter_key(StructuralResonance.name, "load", p) for p in ("share", "frequency_hz", "damping_ratio")]

@@ -171,6 +171,7 @@ def _over_angle(channel: Channel, term: Term, numbers: Mapping[str, float]) -> O
         order = next((stage.driven_teeth or 1 for stage in axis.stages if stage.name == shaft), 1)
     order = float(numbers.get(order, 1.0) if isinstance(order, str) else order)
     ratio = axis.ratio_from(shaft) / axis.ratio if shaft in axis.locations else 1.0
+    ratio = ratio / m.gear if name == "load" else ratio
     angle = np.degrees(m.angle[:: channel.stride] * ratio)
     if float(np.ptp(angle)) < (360.0 if order * PER_PERIOD <= BINS else 360.0 / order):
         return Over("angle", f"angle of {name} [°]", angle, np.ones(angle.size))

@@ -61,13 +61,14 @@ def nameless_terms(problem: Problem, fit: Fit) -> list[Term]:
     if problem.guided:
         ends.append(("load", fit.residual[n:], m.load_stride, level * problem.axis.ratio, m.load_weight))
         out += error_over_angle(problem.axis, m)
-    turned = [order for order in ORDERS if order * float(np.ptp(m.angle)) > math.pi * problem.axis.ratio]
+    ratio = problem.axis.ratio * m.gear
+    turned = [order for order in ORDERS if order * float(np.ptp(m.angle)) > math.pi * ratio]
     for place, left, stride, step, weight in ends:
         rate_hz, rows = m.rate_hz / stride, (m.speed[::stride], weight[::stride])
         out += [over_speed(place, m, step, even=even) for even in (True, False)]
-        out += [over_angle(place, m, problem.axis.ratio, step, order) for order in turned]
+        out += [over_angle(place, m, ratio, step, order) for order in turned]
         if turned[-2:] == list(ORDERS[1:]):
-            out.append(torque_over_angle(place, m, problem.axis.ratio, step))
+            out.append(torque_over_angle(place, m, ratio, step))
         frequency = line_of(left, rate_hz, motion_end_hz(m), repetition_s(m))
         if frequency is not None and is_fixed(left, rate_hz, frequency, *rows):
             mains = place == "motor" and any(abs(frequency / f - 1.0) < MAINS for f in HUM_HZ)

@@ -8,6 +8,7 @@ import pytest
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import MechanismEntry
 from sim.description.axis_document import read_axis
+from sim.discrepancy.investigation import investigate
 from sim.robot.one_body import as_described, at_the_motor, is_one_body
 
 AXIS = read_axis(
@@ -50,3 +51,21 @@ def test_what_may_act_at_a_gear_is_not_one_body() -> None:
     assert not is_one_body(loose, LOG)
     assert not is_one_body(AXIS, seen)
     assert not is_one_body(replace(AXIS, mechanisms=(OFFSET,)), LOG)
+
+
+def test_a_weight_behind_a_gear_goes_with_the_angle_of_what_it_hangs_at() -> None:
+    """tau = J a + D sign(w) + V w + M sin(theta / 20 + phase) / 20 at the motor, which turns five times a second."""
+    rng = np.random.default_rng(3)
+    t = np.arange(20 * 200) / 200.0
+    slow, fast = 2.0 * np.pi * 0.11, 2.0 * np.pi * 0.31
+    angle = 20.0 * (0.9 * np.sin(slow * t) + 0.2 * np.sin(fast * t))
+    speed = 20.0 * (0.9 * slow * np.cos(slow * t) + 0.2 * fast * np.cos(fast * t))
+    acceleration = -20.0 * (0.9 * slow**2 * np.sin(slow * t) + 0.2 * fast**2 * np.sin(fast * t))
+    torque = 0.0425 * acceleration + 0.2 * np.tanh(speed / 0.1) + 0.1 * speed
+    torque += 30.0 / 20.0 * np.sin(angle / 20.0 + 0.5) + 0.02 * rng.standard_normal(t.size)
+    log = Telemetry(t, {"motor_position_rad": angle + 1e-4 * rng.standard_normal(t.size), "motor_torque_nm": torque})
+    (finding,) = investigate(at_the_motor(AXIS), log, gear=20.0).findings
+    assert (finding.mechanism, finding.location) == ("gravity_imbalance", "load")
+    sizes = {e.name: e.value for e in finding.parameters}
+    assert sizes["torque_n_m"] == pytest.approx(30.0, rel=0.1)
+    assert sizes["phase_rad"] == pytest.approx(0.5, abs=0.1)
