@@ -141,7 +141,7 @@ def _in_time(
         by_s = float(found_s.root)
         if found_s.converged:
             one = first.found_at(by_s, earlier.fitted(by_s)[k].late[j].deviation_s)
-            if one.probability >= SAID and one.is_delay:
+            if one.probability >= SAID and one.is_delay(2.0 * half_s[k]):
                 late[k][j], motions, fits = one, earlier.motions(by_s), earlier.fitted(by_s)
                 continue
         none.add((k, j))

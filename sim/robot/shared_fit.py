@@ -35,6 +35,7 @@ LINK_ERROR = 0.05  # of a link's mass and of the mean link's: two editions of a 
 GAIN_ERROR = 0.05  # of the N m per ampere of a drive: what data sheets of motors allow, gears included
 TILT_RAD = 0.02  # of the base: what feet are levelled to without an instrument
 LATE_S = 0.005  # torque against position: half a period of a log of 100 Hz
+BUFFERED = 2.0  # rows by which a channel of a log is late at most
 OWN = 0.025  # that one joint alone is late, or has a weight of its own: one name in forty
 LOAD_LOSS = 0.1  # of what a joint carries, lost in its gears: a harmonic drive or a cycloid passes on 70 to 95 %
 ROUNDS = 4  # of noise taken anew
@@ -73,10 +74,10 @@ class Late:
     deviation_s: float
     probability: float
 
-    @property
-    def is_delay(self) -> bool:
-        """Whether its interval of 90 % reaches down to what may be one: what wants to be later is none."""
-        return abs(self.delay_s) - NINETY * self.deviation_s < LATEST_S
+    def is_delay(self, row_s: float) -> bool:
+        """Whether its interval of 90 % reaches down to what may be one, at most two rows where they are long: what
+        wants to be later is none."""
+        return abs(self.delay_s) - NINETY * self.deviation_s < max(LATEST_S, BUFFERED * row_s)
 
     def found_at(self, delay_s: float, deviation_s: float) -> Late:
         """The same as it was found beyond the linear picture: the log likelihood is the area below its slope, which

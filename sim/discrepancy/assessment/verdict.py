@@ -109,7 +109,7 @@ def finding_of(selection: Selection, term: Term) -> Finding:
         sure = min(sure, 1.0 / (1.0 + NAMES * math.exp(min(-selection.own_noise[term.key], 50.0))))
     new = not is_beyond_new(axis, term.mechanism, term.location, estimated)
     if m.doubts.size and not term.traits.in_every_axis:
-        there = likelier_than_new(axis, term, estimated)
+        there = likelier_than_new(axis, term, estimated, selection.gains.get(term.key, math.inf))
         sure, new = min(sure, there), there < SAID
     if new and term.traits.in_every_axis and beyond(term, fit) < SHOWN:
         sure = min(sure, 1.0 / (1.0 + NAMES))  # every axis has some, and this record shows none
@@ -160,10 +160,11 @@ def is_beyond_new(axis: Axis, mechanism: str, location: str | None, estimated: S
     return any(e.low > new or e.high < -new for e in sizes)
 
 
-def likelier_than_new(axis: Axis, term: Term, estimated: Sequence[Estimate]) -> float:
+def likelier_than_new(axis: Axis, term: Term, estimated: Sequence[Estimate], gain: float) -> float:
     """Probability that a size of a joint is more than as new, one in 40 names at each of an arm's joints beforehand.
 
-    By the ratio of the densities there (Dickey 1971), where it is expected to be about as large as it was found.
+    By the ratio of the densities there (Dickey 1971), where it is expected to be about as large as it was found; it is no
+    further from nothing than the `gain` of whitened squares says, in which slow noise is counted.
     """
     kind = kind_of(term.mechanism)
     new = kind.as_new(axis, term.location)
@@ -172,7 +173,7 @@ def likelier_than_new(axis: Axis, term: Term, estimated: Sequence[Estimate]) -> 
         for e in estimated
         if e.name in kind.sizes()
     )
-    z = max(far * NINETY, 0.0)
+    z = min(max(far * NINETY, 0.0), math.sqrt(max(gain, 0.0)))
     return 1.0 / (1.0 + JOINTS * NAMES * max(z, 1.0) * math.exp(-0.5 * z * z))
 
 

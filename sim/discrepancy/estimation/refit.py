@@ -9,7 +9,7 @@ import numpy as np
 from sim.discrepancy.data.controller_law import DriveLaw, quiet, told
 from sim.discrepancy.data.preprocessing import MOTION_CUT_HZ, gaussian_kernel
 from sim.discrepancy.estimation.doubts import by_doubts
-from sim.discrepancy.estimation.estimate import Fit
+from sim.discrepancy.estimation.estimate import Array, Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.whitening import LONG, Noise
 from sim.discrepancy.hypotheses.nonparametric import apart
@@ -100,11 +100,18 @@ def noise_in_band(problem: Problem, fit: Fit) -> Noise:
     m = problem.measurement
     taps = []
     left = problem.raw_residuals(fit.terms, fit.values)
-    for values, rate_hz in zip(left, (m.rate_hz, m.rate_hz / m.load_stride), strict=True):
+    rates = (m.rate_hz, m.rate_hz / m.load_stride)
+    for values, weight, rate_hz in zip(left, (m.weight, m.load_weight[:: m.load_stride]), rates, strict=True):
         kernel = gaussian_kernel(min(MOTION_CUT_HZ, 0.1 * rate_hz), rate_hz, 0)
-        level = float(np.std(np.convolve(values, kernel, "same"))) if values.size else 0.0
+        level = _level(np.asarray(np.convolve(values, kernel, "same"), np.float64), weight) if values.size else 0.0
         taps.append(kernel / level if level else np.ones(1))
     return Noise(taps[0], taps[1])
+
+
+def _level(values: Array, weight: Array) -> float:
+    """Deviation in the rows that count."""
+    counts = weight > TOLD
+    return float(np.std(values[counts] if counts.any() else values))
 
 
 def all_rows(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
@@ -162,7 +169,7 @@ def final_fit(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     m = problem.measurement
     kernel = gaussian_kernel(MOTION_BAND_HZ, m.rate_hz, 0)
     torque = torque - m.across(by_doubts(m, problem.noise, torque))
-    left = float(np.std(np.convolve(torque, kernel, "same")))
+    left = _level(np.asarray(np.convolve(torque, kernel, "same"), np.float64), m.weight)
     noise = Noise(kernel / max(left, 1e-300), np.ones(1)).with_inflated_prior(m.known_wrong_ways, m.awake)
     in_band = problem.with_noise(noise)
     return in_band, in_band.fit(terms, plain.values, held=plain.sensitivities)
