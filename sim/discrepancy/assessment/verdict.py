@@ -163,7 +163,7 @@ def is_beyond_new(axis: Axis, mechanism: str, location: str | None, estimated: S
 def likelier_than_new(axis: Axis, term: Term, estimated: Sequence[Estimate], gain: float) -> float:
     """Probability that a size of a joint is more than as new, one in 40 names at each of an arm's joints beforehand.
 
-    By the ratio of the densities there (Dickey 1971), where it is expected to be about as large as it was found; it is no
+    By the ratio of the densities there (Dickey 1971), where it is expected to be about as large as it was found. No
     further from nothing than the `gain` of whitened squares says, in which slow noise is counted.
     """
     kind = kind_of(term.mechanism)
