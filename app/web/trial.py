@@ -3,8 +3,10 @@
 A light wheel in a stiff mesh takes thousands of steps for each one of the sound, and who tries is not made to know.
 """
 
+import json
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, replace
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -29,6 +31,8 @@ LIMITS: Mapping[str, float] = {"seconds": 40.0, "cpu_seconds": 15.0, "memory_byt
 TRIED = (Backlash.name, ToothDamage.name)
 """Mechanisms that sliders stand for, at the last mesh."""
 TRIALS = LimitedPool(1, "app.web.trial")
+KEPT = 8
+"""Trials whose sounds are kept: who opens the page again, or moves a slider back, hears the same."""
 
 
 @dataclass(frozen=True)
@@ -91,9 +95,17 @@ def simulate(trial: Trial) -> NDArray[np.float32]:
         SimulationError: if these parameters cannot be simulated, or not within the limits.
         DecoderUnavailableError: if the limited process cannot be started.
     """
-    asked = {**asdict(trial), "axis": trial.axis.to_mapping()}
+    content = _performed(json.dumps({**asdict(trial), "axis": trial.axis.to_mapping()}, sort_keys=True))
+    return np.frombuffer(content, dtype=np.float32)
+
+
+@lru_cache(KEPT)
+def _performed(asked: str) -> bytes:
+    """Samples (float32) of what is asked, as JSON; the same trial sounds the same."""
     try:
-        content, _ = TRIALS.perform("app.web.trial:task", asked, LIMITS, round(8 * SHOWN_S * SAMPLE_RATE_HZ))
+        content, _ = TRIALS.perform(
+            "app.web.trial:task", json.loads(asked), LIMITS, round(8 * SHOWN_S * SAMPLE_RATE_HZ)
+        )
     except RefusedError as refused:
         raise SimulationError(str(refused)) from None
     except GaveUpError as error:
@@ -102,7 +114,7 @@ def simulate(trial: Trial) -> NDArray[np.float32]:
             "steps too small to try here; bring the description's inertias, stiffness and friction nearer to those of "
             "a gearbox"
         ) from error
-    return np.frombuffer(content, dtype=np.float32)
+    return bytes(content)
 
 
 def task(request: Mapping[str, Any], _: Mapping[str, float], send: Send) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from sim.description.axis_document import read_axis
 from sim.discrepancy.assessment.verdict import beside_doubts, is_shaken_otherwise, likelier_than_new
 from sim.discrepancy.hypotheses.hypothesis import Term
@@ -39,10 +41,11 @@ def test_of_a_doubted_torque_what_may_be_as_new_is_no_missing_mechanism() -> Non
 def test_of_a_doubted_torque_a_size_is_as_sure_as_it_is_many_deviations_from_none() -> None:
     axis = read_axis({"motor": {"inertia_kg_m2": 1.0}, "load": {"inertia_kg_m2": 0.0}})
 
-    def sure(deviations: float) -> float:
+    def sure(deviations: float, gain: float = math.inf) -> float:
         size = Estimate("torque_n_m", deviations, "N m", deviations - 1.645, deviations + 1.645)
-        return likelier_than_new(axis, term(GravityImbalance.name, "load"), [size])
+        return likelier_than_new(axis, term(GravityImbalance.name, "load"), [size], gain)
 
     assert sure(0.0) < sure(2.0) < 0.1
     assert sure(3.0) < 0.5 < sure(4.0) < 0.9
     assert sure(6.0) > 0.99
+    assert sure(6.0, 9.0) == sure(3.0)  # of squares that count slow noise it gains three deviations
