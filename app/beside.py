@@ -1,8 +1,7 @@
 """What takes longer than a page may: worked out once for each state of the library, beside the requests that ask."""
 
 from collections.abc import Callable, Hashable
-from concurrent.futures import Future
-from contextlib import suppress
+from concurrent.futures import Future, wait
 from dataclasses import dataclass, field
 from threading import Event, Lock, Thread
 from time import monotonic
@@ -70,8 +69,9 @@ class Beside:
         begun = self.begun(asked)
         until = monotonic() + WAIT_S
         while monotonic() < until and not self._stopping.is_set():
-            with suppress(TimeoutError):
-                found: Value = begun.future.result(STEP_S)
+            wait([begun.future], STEP_S)
+            if begun.future.done():
+                found: Value = begun.future.result()
                 return found
         raise Unavailable(
             "What was asked of this library takes longer than a request may; ask again in a minute.",
@@ -85,10 +85,11 @@ class Beside:
             LibraryError: if it cannot be told.
         """
         begun = self.begun(asked)
-        with suppress(TimeoutError):
-            found: Value = begun.future.result(wait_s)
-            return found
-        return begun
+        wait([begun.future], wait_s)
+        if not begun.future.done():
+            return begun
+        found: Value = begun.future.result()
+        return found
 
     def begun(self, asked: Asked[Any]) -> Begun:
         """Return what will be the answer; who asks first has it worked out."""
@@ -106,9 +107,11 @@ class Beside:
     def _compute(self, asked: Asked[Any], begun: Begun) -> None:
         try:
             with self._library.reading() as session:
-                begun.future.set_result(asked.work(session))
+                found = asked.work(session)
+            begun.future.set_result(found)
             self._took_s[asked.kind] = monotonic() - begun.began
-        except LibraryError as error:
+        except Exception as error:  # noqa: BLE001 - raised again in the request that asked
+            if not isinstance(error, LibraryError):  # a fault is no answer: who asks next has it begun anew
+                with self._lock:
+                    self._found = {key: one for key, one in self._found.items() if one is not begun}
             begun.future.set_exception(error)
-        finally:
-            begun.future.cancel()  # does nothing to what is done; a fault of ours must not keep anybody waiting

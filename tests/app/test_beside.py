@@ -77,6 +77,21 @@ def test_what_cannot_be_told_is_said_and_another_state_is_asked_anew(service: In
     assert len(asked) == 3, "what was worked out for an older state is not kept"
 
 
+def test_after_a_fault_of_ours_whoever_asks_next_has_it_worked_out_anew(service: Inside) -> None:
+    """A database that was away for a moment must not stand for the answer until the library changes."""
+    faults = [RuntimeError("away")]
+
+    def work(_: object) -> str:
+        if faults:
+            raise faults.pop()
+        return "answer"
+
+    beside, asked = service.service.beside, Asked("c", None, None, work)
+    with pytest.raises(RuntimeError, match="away"):
+        beside.soon(asked, 60.0)
+    assert beside.soon(asked, 60.0) == "answer"
+
+
 def test_a_large_fleet_is_waited_for_in_words_after_a_start(service: Inside) -> None:
     with service.service.library.transaction("test") as session:
         for number in range(3):
