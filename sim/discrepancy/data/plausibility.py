@@ -96,10 +96,15 @@ def _range(values: Iterable[float]) -> tuple[float, float]:
 
 def _beside(axis: Axis, m: Measurement) -> list[list[Array]]:
     """What else may explain a torque that goes with the acceleration: weight of the load, where it turns far enough."""
-    turn = m.angle / (axis.ratio * m.gear)
     known = [] if m.known_torque is None else [m.known_torque]
-    weight = [np.sin(turn), np.cos(turn)]
-    return [[*known, *weight]] if float(np.ptp(turn)) > LEAST_TURN else [known] if known else []
+    laws = known + _weight(axis, m)
+    return [laws] if laws else []
+
+
+def _weight(axis: Axis, m: Measurement) -> list[Array]:
+    """Torque of a weight at the load, two laws; none where the load does not turn far enough to show it."""
+    turn = m.angle / (axis.ratio * m.gear)
+    return [np.sin(turn), np.cos(turn)] if float(np.ptp(turn)) > LEAST_TURN else []
 
 
 def _of_drive(axis: Axis, m: Measurement) -> Array:
@@ -138,9 +143,9 @@ def with_first_inertia(axis: Axis, m: Measurement, used: Rows) -> tuple[Axis, fr
     """
     if axis.motor.inertia_kg_m2:
         return axis, frozenset()
-    torque, turn = _of_drive(axis, m), m.angle / (axis.ratio * m.gear)
-    laws = [(), [np.sin(turn), np.cos(turn)]] if float(np.ptp(turn)) > LEAST_TURN else [()]
-    felt = max(float(one_body(torque, m.slow_acceleration, m.speed, used, law)[0][0]) for law in laws)
+    torque = _of_drive(axis, m)
+    asides: tuple[list[Array], ...] = ([], _weight(axis, m))
+    felt = max(float(one_body(torque, m.slow_acceleration, m.speed, used, aside)[0][0]) for aside in asides)
     felt = min(felt, float(np.std(torque[used])) / max(float(np.std(m.slow_acceleration[used])), 1e-300))
     beyond = sum(inertias(axis).values())
     carried = 0.0

@@ -88,7 +88,8 @@ def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[
         places = ((MOTOR, None) if seen_apart else (MOTOR,)) if most > 0.0 else ()
         out += [asymmetry(level, top, most, place) for place in places]
     travel = float(np.ptp(measurement.angle))
-    lowest = lowest_order(excitation_of(measurement), doubted=measurement.doubts.size > 0)
+    excited = excitation_of(measurement)
+    lowest = lowest_order(excited, doubted=measurement.doubts.size > 0)
     out += [ripple(order, level, axis, present) for order in RIPPLE_ORDERS if order >= lowest]
     out += [hum(frequency, level) for frequency in HUM_HZ if frequency < HIGHEST_HUM * measurement.rate_hz]
     half = 0.5 / measurement.rate_hz  # channels of a log are read one after the other
@@ -97,7 +98,7 @@ def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[
     if has_links(axis):
         twist, carried = twist_range(axis, measurement), torque_carried(axis, measurement)
         out += [term for k in range(len(stages_of(axis))) for term in link_terms(axis, k, level, carried, twist)]
-        fastest = highest_order(excitation_of(measurement))
+        fastest = highest_order(excited)
         out += [term for k in range(len(stages_of(axis))) for term in kinematic_terms(axis, k, level, fastest)]
         if travel / axis.ratio > LEAST_TURN:
             out.append(beyond_doubts(gravity(0.05 * level * axis.ratio, len(stages_of(axis))), measurement, axis.ratio))

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import LOAD_CUT_HZ, Array, Measurement
 from sim.discrepancy.hypotheses.harmonics import amplitude, cosine_and_sine, parameter_key
-from sim.discrepancy.hypotheses.hypothesis import Term
+from sim.discrepancy.hypotheses.hypothesis import Term, unchanged
 from sim.discrepancy.model.effects import swing, swing_response
 from sim.discrepancy.model.nominal import (
     locked_mode_hz,
@@ -39,16 +40,14 @@ def gravity(step: float, shaft: int) -> Term:
 
 def weight(step: float) -> Term:
     """The same of one body at its motor, over the angle of what that moves and felt there."""
-    pair = cosine_and_sine(f"{GravityImbalance.name}@load", step, "N m")
-    sine, cosine = (p.name for p in pair)
+    term = gravity(step, 0)
+    sine, cosine = (p.name for p in term.parameters)
 
     def torque(m: Measurement, values: Values) -> Array:
         angle = m.angle / m.gear
         return np.asarray((values[sine] * np.sin(angle) + values[cosine] * np.cos(angle)) / m.gear)
 
-    probes = (tuple({p.name: step} for p in pair),)
-    report = amplitude(pair, "torque_n_m", "phase_rad")
-    return Term(GravityImbalance.name, "load", pair, probes, report, torque=torque, size=0.05 * step)
+    return replace(term, apply=unchanged, torque=torque)
 
 
 def resonance(axis: Axis) -> Term:

@@ -255,7 +255,7 @@ class Channel:
         if self.stride > 1:
             return left * self.weight[: self.size]
         m = self.problem.measurement
-        return np.asarray(m.across(left) * m.counts)
+        return np.asarray(m.across(left) * m.awake)
 
     @property
     def _share(self) -> float:
