@@ -37,6 +37,7 @@ from sim.discrepancy.assessment.verdict import (
     finding_of_sound,
     left,
     predicting,
+    said_alone,
     terms_said,
     under_own_noise,
 )
@@ -122,7 +123,8 @@ def _of_torque(
     progress("residual", 0.92)
     problem, fit = selection.problem, selection.fit
     findings = beside_what_is_left(_found(gate, selection, heard), rest, doubted=bool(gate.measurement.doubts.size))
-    findings, gained = predicting(problem, selection.base, fit, findings)
+    findings, fit = said_alone(selection, findings)
+    findings, fit, gained = predicting(selection, fit, findings)
     findings = tuple(advised(axis, f) for f in findings)
     doubts = misfit_remarks(fit, gained)
     telling = beside_doubts(findings, doubted=bool(gate.measurement.doubts.size))

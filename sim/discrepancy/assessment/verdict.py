@@ -41,26 +41,63 @@ def terms_said(fit: Fit, findings: Sequence[Finding]) -> tuple[Term, ...]:
     return tuple(t for t in fit.terms if t.named and (t.mechanism, t.location) in said)
 
 
+def said_alone(selection: Selection, findings: Sequence[Finding]) -> tuple[tuple[Finding, ...], Fit]:
+    """Findings, and the fit without those that are not said, by which the numbers of the others are.
+
+    Two of a fit may stand against each other, as an offset and friction unlike in both directions do. Where one of them
+    is not said, the other is as large as the data need it without.
+    """
+    found, fit = tuple(findings), selection.fit
+    for _ in findings:
+        anew = _without(selection.problem, fit, [f for f in found if f.probability < SAID])
+        if anew is fit:
+            break
+        fit = anew
+        found = tuple(_again(selection, f, fit) for f in found)
+    return found, fit
+
+
+def _without(problem: Problem, fit: Fit, gone: Sequence[Finding]) -> Fit:
+    """The fit without the terms of these findings."""
+    names = {(f.mechanism, f.location) for f in gone}
+    kept = tuple(t for t in fit.terms if (t.mechanism, t.location) not in names)
+    if len(kept) == len(fit.terms):
+        return fit
+    return problem.fit(kept, fit.values, held=fit.sensitivities, to_end=True)
+
+
+def _again(selection: Selection, finding: Finding, fit: Fit) -> Finding:
+    """The finding by the numbers of `fit`, if it has it; no more likely than it was."""
+    name = (finding.mechanism, finding.location)
+    term = next((t for t in selection.found if (t.mechanism, t.location) == name and t in fit.terms), None)
+    if term is None:
+        return finding
+    anew = finding_of(selection, term, fit)
+    return replace(anew, probability=min(anew.probability, finding.probability))
+
+
 def predicting(
-    problem: Problem, base: Fit, fit: Fit, findings: Sequence[Finding]
-) -> tuple[tuple[Finding, ...], tuple[Gain, ...]]:
-    """Findings with which unseen rows are predicted no worse than without any, and what those gain.
+    selection: Selection, fit: Fit, findings: Sequence[Finding]
+) -> tuple[tuple[Finding, ...], Fit, tuple[Gain, ...]]:
+    """Findings with which unseen rows are predicted no worse than without any, their fit, and what they gain.
 
     Where a channel is predicted worse, the one goes first whose lack betters the prediction of all channels most: what
     it explains of the rows it was fitted to it does not explain of others. What another channel needs stays.
     """
+    problem, base = selection.problem, selection.base
     kept = tuple(findings)
     gained = gains(problem, base, fit, terms_said(fit, kept))
     while (said := terms_said(fit, kept)) and any(is_worse(g) for g in gained):
-        without = {
-            t.key: tuple(f for f in kept if (f.mechanism, f.location) != (t.mechanism, t.location)) for t in said
-        }
-        tried = {key: gains(problem, base, fit, terms_said(fit, rest)) for key, rest in without.items()}
-        best = min(tried, key=lambda key: left_over(tried[key]))
+        names = [(t.mechanism, t.location) for t in said]
+        without = [tuple(f for f in kept if (f.mechanism, f.location) != name) for name in names]
+        fits = [_without(problem, fit, [f for f in kept if (f.mechanism, f.location) == name]) for name in names]
+        tried = [gains(problem, base, f, terms_said(f, rest)) for f, rest in zip(fits, without, strict=True)]
+        best = min(range(len(said)), key=lambda k: left_over(tried[k]))
         if left_over(tried[best]) >= left_over(gained):
             break
-        kept, gained = without[best], tried[best]
-    return kept, gained
+        fit, gained = fits[best], tried[best]
+        kept = tuple(_again(selection, f, fit) for f in without[best])
+    return kept, fit, gained
 
 
 def left_over(gained: Sequence[Gain]) -> float:
@@ -84,9 +121,12 @@ def inadequacy(fit: Fit) -> float:
     return max(0.0, fit.misfit - FAR * fit.residual.size) + max(0.0, fit.prior_penalty - MOST_STRAIN)
 
 
-def finding_of(selection: Selection, term: Term) -> Finding:
-    """The probability is that of the name or one of those that it cannot be told from, wherever it acts."""
-    fit, standing = selection.fit, selection.standings[term.key]
+def finding_of(selection: Selection, term: Term, numbers_of: Fit | None = None) -> Finding:
+    """The probability is that of the name or one of those that it cannot be told from, wherever it acts.
+
+    `numbers_of`: a fit with fewer terms than the selection's, whose numbers are said.
+    """
+    fit, standing = numbers_of or selection.fit, selection.standings[term.key]
     axis, m = selection.problem.axis, selection.problem.measurement
     missing, numbers = lacking(m), term.report(fit.values)
     same = (*the_same(term.mechanism, missing), *same_over_the_turn(axis, m, term.mechanism, numbers.get("order")))
@@ -103,7 +143,7 @@ def finding_of(selection: Selection, term: Term) -> Finding:
         for r, t in standing.rivals
         if t > 0.0 and r.mechanism not in (term.mechanism, *close) and r.key in brought and brought.get(term.key)
     }
-    seen = Evidence(standing.share, others, (standing.shared + inadequacy(fit)) / standing.gain)
+    seen = Evidence(standing.share, others, (standing.shared + inadequacy(selection.fit)) / standing.gain)
     sure = min(probability(seen), WEIGHTS.cap)
     if term.key in selection.own_noise:
         sure = min(sure, 1.0 / (1.0 + NAMES * math.exp(min(-selection.own_noise[term.key], 50.0))))
@@ -113,7 +153,7 @@ def finding_of(selection: Selection, term: Term) -> Finding:
         sure, new = min(sure, there), there < SAID
     if new and term.traits.in_every_axis and beyond(term, fit) < SHOWN:
         sure = min(sure, 1.0 / (1.0 + NAMES))  # every axis has some, and this record shows none
-    if same or new or is_shaken_otherwise(term, fit.terms):
+    if same or new or is_shaken_otherwise(term, selection.fit.terms):
         sure = min(sure, ALONE)
     return Finding(
         term.mechanism, term.location, sure, estimated, tuple(close),
