@@ -10,7 +10,7 @@ from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.model.parameters import Owner
+from sim.discrepancy.model.parameters import Owner, Values
 from sim.discrepancy.results import Estimate
 from sim.discrepancy.search.effect_size import deviations
 from sim.mechanisms.catalogue import kind_of
@@ -24,14 +24,15 @@ BESIDES = {  # units of what is said of a fault or of a sound beside the paramet
 }  # fmt: skip
 
 
-def term_estimates(fit: Fit, term: Term, m: Measurement) -> tuple[Estimate, ...]:
-    """Reported parameters with intervals, no wider than a parameter may be; a frequency is not known better than the
-    record is long, nor an order of the motor than its way is: over that way the next one gains or loses a turn."""
+def term_estimates(fit: Fit, term: Term, m: Measurement, numbers: Values) -> tuple[Estimate, ...]:
+    """Reported `numbers` with the intervals of `fit`, no wider than a parameter may be; a frequency is not known better
+    than the record is long, nor an order of the motor than its way is: over that way the next one gains or loses a turn.
+    """
     duration_s, turns = float(m.time_s[-1]), float(np.ptp(m.angle)) / (2.0 * math.pi)
     spread = deviations(fit, term, term.report)
     limits = {p.name: (p.low, p.high) for p in term.parameters}
     out = []
-    for name, value in term.report(fit.values).items():
+    for name, value in numbers.items():
         half = NINETY * inflation(fit, m) * spread[name]
         if name not in NO_SIZE:
             half = max(half, term.traits.size_open * abs(value))

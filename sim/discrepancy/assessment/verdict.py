@@ -19,6 +19,7 @@ from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.identifiability import ALONE, needs_of, same_over_the_turn, the_same
+from sim.discrepancy.model.parameters import Values
 from sim.discrepancy.report.wording import explain
 from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
 from sim.discrepancy.search.effect_size import beyond
@@ -45,7 +46,8 @@ def said_alone(selection: Selection, findings: Sequence[Finding]) -> tuple[tuple
     """Findings, and the fit without those that are not said, by which the numbers of the others are.
 
     Two of a fit may stand against each other, as an offset and friction unlike in both directions do. Where one of them
-    is not said, the other is as large as the data need it without.
+    is not said, the other is as large as the data need it without; how sure its size is it tells beside all that may be
+    there.
     """
     found, fit = tuple(findings), selection.fit
     for _ in findings:
@@ -72,7 +74,7 @@ def _again(selection: Selection, finding: Finding, fit: Fit) -> Finding:
     term = next((t for t in selection.found if (t.mechanism, t.location) == name and t in fit.terms), None)
     if term is None:
         return finding
-    anew = finding_of(selection, term, fit)
+    anew = finding_of(selection, term, fit.values)
     return replace(anew, probability=min(anew.probability, finding.probability))
 
 
@@ -121,19 +123,19 @@ def inadequacy(fit: Fit) -> float:
     return max(0.0, fit.misfit - FAR * fit.residual.size) + max(0.0, fit.prior_penalty - MOST_STRAIN)
 
 
-def finding_of(selection: Selection, term: Term, numbers_of: Fit | None = None) -> Finding:
+def finding_of(selection: Selection, term: Term, values: Values | None = None) -> Finding:
     """The probability is that of the name or one of those that it cannot be told from, wherever it acts.
 
-    `numbers_of`: a fit with fewer terms than the selection's, whose numbers are said.
+    `values`: numbers of a fit with fewer terms than the selection's, which are said then.
     """
-    fit, standing = numbers_of or selection.fit, selection.standings[term.key]
+    fit, standing = selection.fit, selection.standings[term.key]
     axis, m = selection.problem.axis, selection.problem.measurement
-    missing, numbers = lacking(m), term.report(fit.values)
+    missing, numbers = lacking(m), term.report(fit.values if values is None else values)
     same = (*the_same(term.mechanism, missing), *same_over_the_turn(axis, m, term.mechanism, numbers.get("order")))
     alike = (*looks_like(selection.problem, term), *same)
     near = {r.mechanism for r, t in standing.rivals if is_close(t)} - {term.mechanism, *alike}
     close = [*alike, *sorted(near)][:2]
-    estimated = term_estimates(fit, term, m)
+    estimated = term_estimates(fit, term, m, numbers)
     others = tuple(t for r, t in standing.rivals if r.mechanism not in (term.mechanism, *close))
     places = [r.location for r, t in standing.rivals if r.mechanism == term.mechanism and is_close(t)]
     elsewhere = tuple(place for place in places if place)
@@ -143,7 +145,7 @@ def finding_of(selection: Selection, term: Term, numbers_of: Fit | None = None) 
         for r, t in standing.rivals
         if t > 0.0 and r.mechanism not in (term.mechanism, *close) and r.key in brought and brought.get(term.key)
     }
-    seen = Evidence(standing.share, others, (standing.shared + inadequacy(selection.fit)) / standing.gain)
+    seen = Evidence(standing.share, others, (standing.shared + inadequacy(fit)) / standing.gain)
     sure = min(probability(seen), WEIGHTS.cap)
     if term.key in selection.own_noise:
         sure = min(sure, 1.0 / (1.0 + NAMES * math.exp(min(-selection.own_noise[term.key], 50.0))))
@@ -153,7 +155,7 @@ def finding_of(selection: Selection, term: Term, numbers_of: Fit | None = None) 
         sure, new = min(sure, there), there < SAID
     if new and term.traits.in_every_axis and beyond(term, fit) < SHOWN:
         sure = min(sure, 1.0 / (1.0 + NAMES))  # every axis has some, and this record shows none
-    if same or new or is_shaken_otherwise(term, selection.fit.terms):
+    if same or new or is_shaken_otherwise(term, fit.terms):
         sure = min(sure, ALONE)
     return Finding(
         term.mechanism, term.location, sure, estimated, tuple(close),

@@ -123,7 +123,9 @@ def sizes(parts: Sequence[Part], name: Name, sayings: Sequence[LogOdds]) -> dict
         terms = [t for t in part.fit.terms if t.named and term_name(t, part.fit.values) == name]
         finding = said_by(part.result, name)
         if terms and (finding is not None or saying.exists > 0.0):
-            out[part.taken.name] = term_estimates(part.fit, terms[0], part.problem.measurement)
+            out[part.taken.name] = term_estimates(
+                part.fit, terms[0], part.problem.measurement, terms[0].report(part.fit.values)
+            )
         elif finding is not None:
             out[part.taken.name] = finding.parameters
     return out
