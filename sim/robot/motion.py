@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +19,8 @@ Array = NDArray[np.float64]
 
 ROWS_PER_CUT = 4.0  # rows per period of the cut-off frequency: what is faster is below 1 %
 HELD_RAD, HELD_M = 1e-3, 1e-5  # less is the twist of a gear that friction holds: the joint does not slide
+FOURTH = 4  # differences, from which the noise of an encoder is taken
+PLACES = 129  # frequencies at which it is known
 OUTSIDE = 1.05  # of a joint's range in the URDF: soft limits and zeros are set by hand
 
 
@@ -29,6 +31,8 @@ class Motion:
 
     `counts`: rows that rest on measured values of all joints alone, shape (rows,): what one joint asks for depends on
     how all of them move. `moves`: joints that do, shape (joints,). `cut_hz`: all is smoothed up to that frequency.
+    `acceleration_noise`: power of what noise of the encoders makes of the accelerations, at even frequencies from 0 to
+    half the rate of the rows, shape (frequencies, joints) [rad2/s4/Hz].
     """
 
     time_s: Array
@@ -40,6 +44,7 @@ class Motion:
     counts: NDArray[np.bool_]
     moves: NDArray[np.bool_]
     cut_hz: float = math.inf
+    acceleration_noise: Array = field(default_factory=lambda: np.zeros((0, 0)))
 
     @staticmethod
     def of(robot: Robot, log: Sequence[Telemetry]) -> Motion:
@@ -57,6 +62,7 @@ class Motion:
         cut = min(MOTION_CUT_HZ, 0.1 * rate)
         stride = max(1, int(rate / (ROWS_PER_CUT * cut)))
         out: list[list[Array]] = []
+        noise: list[Array] = []
         for joint, telemetry in zip(robot.joints, log, strict=True):
             torque, position = _channels(robot, joint.name, telemetry, joint.axis.ratio)
             _check_range(robot, joint.name, position)
@@ -64,6 +70,7 @@ class Motion:
             ways = [smoothed(even, cut, rate, order)[::stride] for order in range(3)]
             felt = smoothed(np.interp(grid, telemetry.time_s, torque * joint.axis.ratio), cut, rate, 0)[::stride]
             out.append([*ways, felt])
+            noise.append(_acceleration_noise(even, cut, rate, rate / stride))
         position, speed, acceleration, torque = (np.stack(each, axis=1) for each in zip(*out, strict=True))
         counts = _measured(log, grid, stride / rate, gaussian_kernel(cut, rate, 0).size)[::stride]
         if counts.sum() < LEAST_ROWS:
@@ -76,7 +83,10 @@ class Motion:
         moves = np.ptp(position[counts], axis=0) > np.array(held)
         if not moves.any():
             raise InvestigationError("motor_position_rad: no joint moves; a log of the robot in motion is needed")
-        return Motion(grid[::stride], rate / stride, position, speed, acceleration, torque, counts, moves, cut)
+        return Motion(
+            grid[::stride], rate / stride, position, speed, acceleration, torque, counts, moves, cut,
+            np.stack(noise, axis=1),
+        )  # fmt: skip
 
     def with_earlier_torque(self, joint: int, by_s: float) -> Motion:
         """The same with the torque of one joint so much earlier."""
@@ -134,6 +144,20 @@ def _check_range(robot: Robot, name: str, position: Array) -> None:
         f"{name}: the position reaches {seen:.4g} {unit}; in the URDF the joint moves from {low:.4g} to {high:.4g} "
         f"{unit}; {hint}"
     )
+
+
+def _acceleration_noise(position: Array, cut_hz: float, rate_hz: float, rows_hz: float) -> Array:
+    """Power of what white noise of an encoder makes of the acceleration of rows, at even frequencies [rad2/s4/Hz].
+
+    By fourth differences, of which a motion has hardly any, by the median over blocks of a second.
+    """
+    rough = np.diff(position, FOURTH) / math.sqrt(math.comb(2 * FOURTH, FOURTH))
+    blocks = np.array_split(rough**2, max(1, int(rough.size / rate_hz)))
+    variance = float(np.median([block.mean() for block in blocks]))
+    kernel = gaussian_kernel(cut_hz, rate_hz, 2)
+    places_hz = np.linspace(0.0, 0.5 * rows_hz, PLACES)
+    turns = np.exp(-2j * np.pi * np.outer(places_hz / rate_hz, np.arange(kernel.size)))
+    return np.asarray(2.0 * variance / rate_hz * np.abs(turns @ kernel) ** 2, dtype=np.float64)
 
 
 def smoothed(values: Array, cut_hz: float, rate_hz: float, derivative: int) -> Array:
