@@ -26,7 +26,7 @@ BESIDES = {  # units of what is said of a fault or of a sound beside the paramet
 
 def term_estimates(fit: Fit, term: Term, m: Measurement, numbers: Values) -> tuple[Estimate, ...]:
     """Reported `numbers` with the intervals of `fit`, no wider than a parameter may be; a frequency is not known better
-    than the record is long, nor an order of the motor than its way is: over that way the next one gains or loses a turn.
+    than the record is long, nor an order of the motor than its way is: over that the next one gains or loses a turn.
     """
     duration_s, turns = float(m.time_s[-1]), float(np.ptp(m.angle)) / (2.0 * math.pi)
     spread = deviations(fit, term, term.report)
