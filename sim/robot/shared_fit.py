@@ -18,16 +18,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
-from scipy.ndimage import binary_opening, minimum_filter1d
-from scipy.signal import oaconvolve, welch
+from scipy.ndimage import binary_opening
 from scipy.special import log_ndtr
 
 from sim.discrepancy.assessment.intervals import NINETY
-from sim.discrepancy.data.preprocessing import gaussian_kernel
 from sim.discrepancy.estimation.whitening import SHORT, Noise, whitener
 from sim.discrepancy.hypotheses.sensors import LATEST_S
 from sim.discrepancy.results import SAID
-from sim.robot.motion import ROWS_PER_CUT, Motion, smoothed
+from sim.robot.band import Band
+from sim.robot.motion import Motion, smoothed
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Robot
 
@@ -48,9 +47,6 @@ FINE = 8  # rows of a law of friction per row: it turns within one, and is smoot
 RESTING = 0.005  # of the largest speed, below which friction is whatever holds
 AGAINST = 0.5  # of the prior: a payload of which data say no more than this stays among what may be wrong
 PRIOR = 0.1  # that something hangs at the flange that nobody described
-SEGMENT_S = 4.0  # of a spectrum of inertia's torques
-LEAST_BAND_HZ = 1.0  # in which a robot's motion is in any case
-FELT = 0.1  # of a smoothed row, that a joint was at rest
 LEAST_NOISE = 2e-3  # of the torque: no drive measures better
 
 
@@ -249,74 +245,6 @@ def _wider(precision: Array, pulled: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class _Band:
-    """Rows smoothed once more and thinned; as they are where `stride` is 0."""
-
-    cut_hz: float
-    rows_hz: float
-    stride: int
-
-    @staticmethod
-    def of(body: RigidBody, motion: Motion) -> _Band:
-        """Up to the first octave in which what accelerations ask for is more noise of the encoders than motion.
-
-        Beyond, inertias would seem smaller than they are (errors in variables: the noise turns with what is fitted),
-        and masses, tilt and payload would make up for what that changes of gravity.
-        """
-        noise = motion.acceleration_noise
-        if not noise.any():
-            return _Band(motion.cut_hz, motion.rate_hz, 0)
-        asked = _inertial(body, motion, motion.acceleration)[motion.counts]
-        segment = min(asked.shape[0], int(SEGMENT_S * motion.rate_hz))
-        places_hz, power = welch(asked, motion.rate_hz, nperseg=segment, axis=0)
-        at = np.linspace(0.0, 0.5 * motion.rate_hz, noise.shape[0])
-        by_noise = np.zeros_like(power)
-        for joint in range(noise.shape[1]):
-            unit = np.zeros_like(motion.acceleration)
-            unit[:, joint] = 1.0
-            felt = np.mean(_inertial(body, motion, unit)[motion.counts] ** 2, axis=0)
-            by_noise += np.interp(places_hz, at, noise[:, joint])[:, None] * felt
-        loud = np.var(motion.torque[motion.counts], axis=0)
-        asks, noisy = (np.cumsum(np.sum(each / loud, axis=1)) for each in (power, by_noise))
-        octave = np.minimum(2 * np.arange(places_hz.size), places_hz.size - 1)
-        mostly = np.flatnonzero((noisy[octave] - noisy > 0.5 * (asks[octave] - asks)) & (places_hz >= LEAST_BAND_HZ))
-        if not mostly.size or places_hz[mostly[0]] >= motion.cut_hz:
-            return _Band(motion.cut_hz, motion.rate_hz, 0)
-        cut_hz = float(places_hz[mostly[0]])
-        stride = max(1, int(motion.rate_hz / (ROWS_PER_CUT * cut_hz)))
-        return _Band(cut_hz, motion.rate_hz, stride)
-
-    @property
-    def rate_hz(self) -> float:
-        return self.rows_hz / max(self.stride, 1)
-
-    def smooth(self, values: Array) -> Array:
-        """Columns of rows, shape (rows, ...)."""
-        if not self.stride:
-            return values
-        kernel = gaussian_kernel(self.cut_hz, self.rows_hz, 0)
-        half = kernel.size // 2
-        ends = [(half, half), *[(0, 0)] * (values.ndim - 1)]
-        padded = np.pad(values, ends, "reflect", reflect_type="odd")
-        shaped = kernel.reshape(-1, *[1] * (values.ndim - 1))
-        return np.asarray(oaconvolve(padded, shaped, "valid", axes=0)[:: self.stride], dtype=np.float64)
-
-    def counting(self, counts: NDArray[np.bool_], rested: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        """Rows of a joint whose smoothing meets none that does not count, and hardly any of a rest."""
-        if not self.stride:
-            return counts & ~rested
-        size = gaussian_kernel(self.cut_hz, self.rows_hz, 0).size
-        all_count = minimum_filter1d(counts, size, mode="constant", cval=0)[:: self.stride]
-        return np.asarray(all_count & (self.smooth(rested.astype(float)) < FELT), dtype=np.bool_)
-
-
-def _inertial(body: RigidBody, motion: Motion, acceleration: Array) -> Array:
-    """Torque of the links' inertias alone, shape (rows, joints) [N m]."""
-    still = np.zeros_like(motion.speed)
-    return body.torque(motion.position, still, acceleration) - body.torque(motion.position, still, still)
-
-
-@dataclass(frozen=True)
 class _Log:
     """One log's share of the normal equations. The first `common` columns are the same quantities in every log."""
 
@@ -335,7 +263,7 @@ class _Log:
         rigid = np.asarray(np.einsum("njbp,bp->nj", regressor, body.parameters))
         columns = _columns(robot, body, motion, regressor)
         joints = range(rigid.shape[1])
-        band = _Band.of(body, motion)
+        band = Band.of(body, motion)
         rested = np.apply_along_axis(_felt_at_rest, 0, motion.speed, motion.rate_hz)
         used = np.stack([band.counting(motion.counts, rested[:, j]) for j in joints], axis=1)
         torque = band.smooth(motion.torque - rigid)

@@ -9,9 +9,10 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from casebase.signals.telemetry import Telemetry
 from sim.discrepancy.data.data_fault import InvestigationError
 from sim.discrepancy.results import Unexplained
-from sim.robot.investigation import _next_measurement, investigate_robot
+from sim.robot.investigation import RobotLog, _next_measurement, investigate_robot
 from sim.robot.robot import read_robot
 from tests.live import gearcase
 from tests.shared_data import shared
@@ -183,6 +184,44 @@ def test_friction_and_payload_of_a_real_arm(tmp_path: Path, log: str, holds: flo
         assert isinstance(parameters, list)
         assert 2.4 <= parameters[0]["value"] <= 2.8
         assert parameters[0]["low"] < holds < parameters[0]["high"]
+
+
+GAINS = (10.0, 10.6956, 8.4566, 9.0029, 9.48, 10.1232)  # N m per ampere
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("log", ["harmonics_20s.csv", "without_payload.csv", "with_payload.csv"])
+def test_unseen_torque_of_a_real_arm_is_told_as_well_as_by_least_squares(tmp_path: Path, log: str) -> None:
+    """Of each joint: dry friction that turns over a share of its largest speed, viscous friction, offset and rotor, on
+    the same rows and folds, of what the rigid body leaves of the torque."""
+    source = shared("data", "robots", "ur10e", log)
+    rows = np.loadtxt(source, delimiter=",")
+    (tmp_path / "ur10e.urdf").write_bytes((source.parent / "ur10e.urdf").read_bytes())
+    joints = "".join(f'[[joints]]\nname = "{name}"\n' for name in UR10E)
+    (tmp_path / "robot.toml").write_text(f'schema = "gearcase-robot/1"\nurdf = "ur10e.urdf"\n{joints}')
+    channels = [{"motor_position_rad": rows[:, 1 + j], "motor_torque_nm": GAINS[j] * rows[:, 13 + j]} for j in range(6)]
+    time_s = rows[:, 0] - rows[0, 0]
+    found = investigate_robot(
+        read_robot(tmp_path / "robot.toml"), [RobotLog(log, tuple(Telemetry(time_s, each) for each in channels))]
+    )
+    for joint in found.joints:
+        assert joint.investigation.gate is not None
+        m = joint.investigation.gate.measurement
+        assert m.known_torque is not None
+        counting = np.flatnonzero((m.weight > 0.5) & (np.arange(m.samples) > 0.1 * m.rate_hz))
+        left = []
+        for width in (0.003, 0.01, 0.03, 0.1):
+            turned = np.tanh(m.speed / (width * np.abs(m.speed).max()))
+            columns = np.stack([turned, m.speed, np.ones(m.samples), m.acceleration], axis=1)
+            torque = m.torque - m.known_torque
+            errors = []
+            for fold in np.array_split(counting, 4):
+                others = np.setdiff1d(counting, fold)
+                numbers = np.linalg.lstsq(columns[others], torque[others], rcond=None)[0]
+                errors.append(torque[fold] - columns[fold] @ numbers)
+            left.append(float(np.sqrt(np.mean(np.concatenate(errors) ** 2))))
+        (gain,) = joint.investigation.gain
+        assert gain.rms_after < 1.15 * min(left), joint.name
 
 
 def test_where_something_is_left_without_a_name_a_measurement_is_still_asked_for() -> None:
