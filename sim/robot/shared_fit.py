@@ -23,7 +23,6 @@ from scipy.special import log_ndtr
 
 from sim.discrepancy.assessment.intervals import NINETY
 from sim.discrepancy.estimation.whitening import SHORT, Noise, whitener
-from sim.discrepancy.hypotheses.sensors import LATEST_S
 from sim.discrepancy.results import SAID
 from sim.robot.band import Band
 from sim.robot.motion import Motion, smoothed
@@ -36,6 +35,7 @@ LINK_ERROR = 0.05  # of a link's mass and of the mean link's: two editions of a 
 GAIN_ERROR = 0.05  # of the N m per ampere of a drive: what data sheets of motors allow, gears included
 TILT_RAD = 0.02  # of the base: what feet are levelled to without an instrument
 LATE_S = 0.005  # torque against position: half a period of a log of 100 Hz
+LATEST_S = 0.05  # of one joint alone: a current that its drive smooths at 3 Hz
 BUFFERED = 2.0  # rows by which a channel of a log is late at most
 OWN = 0.025  # that one joint alone is late, or has a weight of its own: one name in forty
 LOAD_LOSS = 0.1  # of what a joint carries, lost in its gears: a harmonic drive or a cycloid passes on 70 to 95 %

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Collection
 
 import numpy as np
 
@@ -24,12 +25,15 @@ BESIDES = {  # units of what is said of a fault or of a sound beside the paramet
 }  # fmt: skip
 
 
-def term_estimates(fit: Fit, term: Term, m: Measurement, numbers: Values) -> tuple[Estimate, ...]:
+def term_estimates(
+    fit: Fit, term: Term, m: Measurement, numbers: Values, known: Collection[str] = ()
+) -> tuple[Estimate, ...]:
     """Reported `numbers` with the intervals of `fit`, no wider than a parameter may be; a frequency is not known better
     than the record is long, nor an order of the motor than its way is: over that the next one gains or loses a turn.
+    `known`: parameters that are taken as they are.
     """
     duration_s, turns = float(m.time_s[-1]), float(np.ptp(m.angle)) / (2.0 * math.pi)
-    spread = deviations(fit, term, term.report)
+    spread = deviations(fit, term, term.report, known)
     limits = {p.name: (p.low, p.high) for p in term.parameters}
     out = []
     for name, value in numbers.items():

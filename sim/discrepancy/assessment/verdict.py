@@ -151,7 +151,8 @@ def finding_of(selection: Selection, term: Term, values: Values | None = None) -
         sure = min(sure, 1.0 / (1.0 + NAMES * math.exp(min(-selection.own_noise[term.key], 50.0))))
     new = not is_beyond_new(axis, term.mechanism, term.location, estimated)
     if m.doubts.size and not term.traits.in_every_axis:
-        there = likelier_than_new(axis, term, estimated, selection.gains.get(term.key, math.inf))
+        as_shaped = term_estimates(fit, term, m, numbers, term.shape)
+        there = likelier_than_new(axis, term, as_shaped, selection.gains.get(term.key, math.inf))
         sure, new = min(sure, there), there < SAID
     if new and term.traits.in_every_axis and beyond(term, fit) < SHOWN:
         sure = min(sure, 1.0 / (1.0 + NAMES))  # every axis has some, and this record shows none
@@ -204,6 +205,8 @@ def is_beyond_new(axis: Axis, mechanism: str, location: str | None, estimated: S
 
 def likelier_than_new(axis: Axis, term: Term, estimated: Sequence[Estimate], gain: float) -> float:
     """Probability that a size of a joint is more than as new, one in 40 names at each of an arm's joints beforehand.
+
+    `estimated`: of the shape as it was found; what a size trades with its shape does not make it nothing.
 
     By the ratio of the densities there (Dickey 1971), where it is expected to be about as large as it was found. No
     further from nothing than the `gain` of whitened squares says, in which slow noise is counted.

@@ -28,6 +28,7 @@ REACH = 4  # rows on either side of a gap that are felt, per row of it
 REST_S = 0.4  # a shorter one is a reversal
 SLIPPED_RAD = 0.01  # of the motor after a rest, over which friction slides whatever it held: five times the way of most
 PIER = 50  # rows on either side of lost ones from whose mean a line leads over them
+TURNED_ROWS = 2  # on either side of a reversal, over which the torque's kernel spreads all but a hundredth of it
 STANDSTILL_SHARE = 0.012  # of the largest speed: below, dry friction is whatever it needs to be
 
 
@@ -83,8 +84,14 @@ class Measurement:
 
     @cached_property
     def moving(self) -> Array:
-        """1 in motion, 0 at standstill, shape (n,)."""
-        return standstill_weight(self.slow_speed, self.standstill) * (1.0 - self.resting)
+        """1 in motion, 0 at standstill, shape (n,); of a robot's joint also where smoothing reaches a reversal.
+
+        Friction of one body turns its sign there in an instant, and its torque within the kernel that smoothed it.
+        """
+        moves = standstill_weight(self.slow_speed, self.standstill)
+        if self.doubts.size:
+            moves = minimum_filter1d(moves, 2 * TURNED_ROWS + 1)
+        return np.asarray(moves * (1.0 - self.resting))
 
     @cached_property
     def resting(self) -> Array:

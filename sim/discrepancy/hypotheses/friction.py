@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from itertools import zip_longest
 
+import numpy as np
+
 from sim.description.axis import Axis
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.discrepancy.hypotheses.harmonics import parameter_key
@@ -13,6 +15,7 @@ from sim.discrepancy.model.nominal import (
     has_links,
     stages_of,
     turning_over,
+    turning_width,
 )
 from sim.discrepancy.model.parameters import Parameter, Values
 from sim.mechanisms import CoulombFriction, FrictionAsymmetry, FrictionDrift, StribeckFriction, ViscousFriction
@@ -71,8 +74,9 @@ def _both(
 def stribeck(level: float, top: float, seen: float = 0.0) -> Term:
     """It falls with an exponent between 1 and 2 (Armstrong-Helouvry et al., Automatica 30 (1994) 1083).
 
-    `seen`: speed that a motor which turns back gains within the rows over which torque is smoothed [rad/s]; what has
-    fallen by then does not show.
+    As large as dry friction is above what it has fallen to at the largest speed `top` [rad/s]: beside dry friction that
+    turns over a wide range a large law of a small speed only bends it, and nothing falls. `seen`: speed that a motor
+    which turns back gains within the rows over which torque is smoothed [rad/s]; what has fallen by then does not show.
     """
     names = ("torque_n_m", "speed_rad_s", "exponent")
     torque, speed, exponent = (parameter_key(StribeckFriction.name, "motor", p) for p in names)
@@ -84,6 +88,17 @@ def stribeck(level: float, top: float, seen: float = 0.0) -> Term:
     def report(values: Values) -> dict[str, float]:
         return {"torque_n_m": values[torque], "speed_rad_s": values[speed], "exponent": values[exponent]}
 
+    def fallen(values: Values) -> float:
+        if values[speed] <= 1.01 * seen:
+            return 0.0
+        dry = sum(
+            values.get(name, 0.0) for name in ("motor.coulomb_friction_n_m", friction_key(CoulombFriction, "motor"))
+        )
+        rises = values[torque] * np.exp(-((along / values[speed]) ** values[exponent]))
+        felt = np.tanh(along / turning_width(values) / top) * (dry + rises)
+        return float(felt.max() - felt[-1])
+
+    along = top * np.geomspace(1e-3, 1.0, 64)
     step = 0.05 * level
     parameters = (
         Parameter(torque, 0.0, 0.3 * step, low=0.0, unit="N m"),
@@ -93,7 +108,7 @@ def stribeck(level: float, top: float, seen: float = 0.0) -> Term:
     probes = tuple(({torque: step, speed: max(share * top, seen)},) for share in (0.03, 0.08, 0.2))
     return Term(
         StribeckFriction.name, "motor", parameters, probes, report, apply, positive=True, size=0.1 * step,
-        shape=(speed, exponent), magnitude=lambda v: v[torque] if v[speed] > 1.01 * seen else 0.0,
+        shape=(speed, exponent), magnitude=fallen,
     )  # fmt: skip
 
 

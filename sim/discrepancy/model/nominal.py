@@ -26,6 +26,7 @@ STATED_SPREAD = 0.03  # of what a data sheet states: inertias of motor and gears
 LOSS_SPREAD = 0.09  # of a mesh's losses, which it states as what is left of all
 PAYLOAD_SPREAD = 0.3  # of the load's inertia
 DAMPING_SPREAD = 0.4  # of a stage's damping
+JOINT_FRICTION_SPREAD = 0.15  # of a robot's joints: three logs of one arm differ by 5 to 17 %, as gears warm up
 SHARED_SPREAD = 0.4  # of a stage's stiffness, where it is what the others leave of the whole transmission's
 MOTOR_STRETCH_RAD, LOAD_STRETCH_RAD = 2e-3, 3e-5  # contacts give way by micrometres, of millimetres and decimetres
 BODY_STRETCH_SPREAD = math.log(10.0)  # of the way of a body that turns as fast as a motor, or as its load
@@ -45,6 +46,10 @@ TWICE = 0.25  # of what a load encoder errs by at most: its error twice per turn
 
 def _stated(name: str, unit: str, value: float) -> Parameter:
     return replace(_share(name, unit, value, STATED_SPREAD), stated=Stated.WELL)
+
+
+def _friction(name: str, unit: str, value: float, *, of_joint: bool) -> Parameter:
+    return _share(name, unit, value, JOINT_FRICTION_SPREAD) if of_joint else _stated(name, unit, value)
 
 
 def _share(name: str, unit: str, value: float, spread: float) -> Parameter:
@@ -90,11 +95,11 @@ def base_parameters(
     """
     out = [_stated("motor.inertia_kg_m2", "kg m2", axis.motor.inertia_kg_m2)]
     if axis.motor.coulomb_friction_n_m:
-        out.append(_stated("motor.coulomb_friction_n_m", "N m", axis.motor.coulomb_friction_n_m))
+        out.append(_friction("motor.coulomb_friction_n_m", "N m", axis.motor.coulomb_friction_n_m, of_joint=of_joint))
         out += [] if rests else turning_over(of_joint=of_joint and not has_links(axis))
     if axis.motor.viscous_friction_n_m_s_per_rad:
         viscous = axis.motor.viscous_friction_n_m_s_per_rad
-        out.append(_stated("motor.viscous_friction_n_m_s_per_rad", "N m s/rad", viscous))
+        out.append(_friction("motor.viscous_friction_n_m_s_per_rad", "N m s/rad", viscous, of_joint=of_joint))
     if rests:
         out += _at_rest("motor", MOTOR_STRETCH_RAD)
         out += [] if load_encoder else _at_rest("load", LOAD_STRETCH_RAD)
@@ -294,6 +299,11 @@ def wave(shaft: int, order: float, sine: float, cosine: float) -> tuple[Line, ..
     return (Line(shaft, order, math.hypot(sine, cosine), math.atan2(cosine, sine)),)
 
 
+def turning_width(values: Values) -> float:
+    """Over which share of the largest speed dry friction at the motor turns its sign [1]."""
+    return 1e-3 * math.exp(values.get(MOTOR_RELEASE, 0.0))
+
+
 def nuisance_of(values: Values) -> Nuisance:
     """The measurement's own numbers among `values`."""
     get = values.get
@@ -305,7 +315,7 @@ def nuisance_of(values: Values) -> Nuisance:
         _curve(values),
         get("load_offset_rad", 0.0),
         (get(DRIVING, 1.0), get(DRIVING, 1.0) * get(DRIVEN, 0.5)),
-        (1e-3 * math.exp(get(MOTOR_RELEASE, 0.0)), width * math.exp(get("log_release.load", 0.0))),
+        (turning_width(values), width * math.exp(get("log_release.load", 0.0))),
         math.exp(get(LOSS_WIDTH, math.log(LOSS_TURNS))),
         (math.exp(get(MOTOR_STRETCH, NONE)), math.exp(get("log_stretch_rad.load", NONE))),
         (get(START[0], 0.0), get(START[1], 0.0)),

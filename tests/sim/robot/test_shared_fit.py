@@ -10,10 +10,9 @@ import numpy as np
 import pytest
 
 from sim.discrepancy.assessment.intervals import NINETY
-from sim.discrepancy.hypotheses.sensors import LATEST_S
 from sim.robot.motion import Motion
 from sim.robot.rigid_body import RigidBody
-from sim.robot.shared_fit import LOAD_LOSS, OWN, Late, SharedFit, _payload, _there, built_up, shared_fits
+from sim.robot.shared_fit import LATEST_S, LOAD_LOSS, OWN, Late, SharedFit, _payload, _there, built_up, shared_fits
 from tests.sim.robot.arms import Array, Link, random_arm, robot, swings, torque, with_mass
 
 DRAWS = 8
