@@ -1,4 +1,4 @@
-"""Robots of five builds, drawn by seed: their lines, their links as sums of solid pieces, and what programs use of them."""
+"""Robots of five builds, drawn by seed: lines of joints, links as sums of solid pieces, and what programs use."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ DENSITY = 2700.0
 class Build:
     """A robot at rest in its pose of all zeros, base frame.
 
-    sliding: (n,) whether a joint slides: its angles, speeds and torques are then m, m/s and N. directions, points: (n, 3)
-    its line. bodies: of the links; base_kg: what stands still. flange: rotation (3, 3) and place (3,) [m], z outward.
-    gear: (n,) rad of the motor per rad or m of the joint. speed: (n,) largest. limit: (n,) both ways. home, range: (n,)
-    middle and half width of what programs use.
+    sliding: (n,) whether a joint slides: its angles, speeds and torques are then m, m/s and N. directions, points:
+    (n, 3) its line. bodies: of the links; base_kg: what stands still. flange: rotation (3, 3) and place (3,) [m], z
+    outward. gear: (n,) rad of the motor per rad or m of the joint. speed: (n,) largest. limit: (n,) both ways.
+    home, range: (n,) middle and half width of what programs use.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""One robot in closed loop, its description with errors, a log of it, and what it hides; everything follows from the seed."""
+"""One robot in closed loop, its description with errors, its log and what it hides; all follows from the seed."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ class Description:
 
 @dataclass(frozen=True, eq=False)
 class Scenario:
-    """A case of the bank. `hidden`, `neutral` and `friction` are the truth that an answer is judged by; noise (n,) [N m]."""
+    """A case of the bank; `hidden`, `neutral` and `friction` are what an answer is judged by; noise (n,) [N m]."""
 
     seed: int
     kind: str
@@ -154,7 +154,12 @@ def _attempt(seed: int, rng: np.random.Generator, kind: str, level: str, seconds
     drives = tuple(_draw_drives(rng, build, rated, payload, gravity, elastic, recorder.seconds))
     robot = Robot(build, gravity, payload, drives, elastic)
     bodies = tuple(_mistaken(rng, body) for body in build.bodies)
-    sheets = tuple(_sheet(rng, drive, build.speed[j]) for j, drive in enumerate(drives)) if described else None
+    sheets = None
+    if described:
+        believed = dynamics.model(build, _loaded(bodies, believed_payload), nominal)
+        moved = dynamics.inertias(believed, build.home[None])[0] if elastic else np.zeros(build.joints)
+        each = zip(drives, build.speed, moved, strict=True)
+        sheets = tuple(_sheet(rng, drive, float(fastest), float(behind)) for drive, fastest, behind in each)
     description = Description(bodies, believed_payload, nominal, sheets, geared)
     program = _affordable(rng, robot, rated, recorder.seconds)
     if program is None:
@@ -192,7 +197,7 @@ def _attempt(seed: int, rng: np.random.Generator, kind: str, level: str, seconds
     if effect is not None:
         offsets[joint] = effect.offset * amplitude
         delays[joint] = amplitude if effect.late else 0.0
-    log, _ = record(rng, recorder, run, offsets, delays)
+    log = record(rng, recorder, run, offsets, delays)
     friction = {}
     for j, name in enumerate(written.names):
         dry, viscous = courses[j].straight(drives[j])
@@ -205,7 +210,7 @@ def _attempt(seed: int, rng: np.random.Generator, kind: str, level: str, seconds
 
 
 def _draw_stand(rng: np.random.Generator, build: Build) -> Array:
-    """Draw gravity (3,) [m/s2] in the base frame: the robot stands, or, where its kind does that, hangs or is at a wall."""
+    """Draw gravity (3,) [m/s2] in the base frame: robots stand; those whose joints all turn may hang, or at a wall."""
     down = np.array([0.0, 0.0, -GRAVITY])
     if any(build.sliding) or rng.random() < 0.6:
         return down
@@ -258,7 +263,7 @@ def _draw_drives(
     elastic: bool,
     seconds: float,
 ) -> list[Drive]:
-    """Draw the drives. All joints of a robot are of one make: their gears lose much or little of the torque they carry."""
+    """Draw the drives, all of one make: their gears lose much or little of the torque they carry."""
     rigid = dynamics.model(build, _loaded(build.bodies, payload), gravity)
     poses = build.home + build.range * rng.uniform(-1, 1, (10, build.joints))
     felt, free = dynamics.inertias(rigid, poses)
@@ -276,7 +281,7 @@ def _draw_drives(
         lag = rng.uniform(5, 12)
         if elastic:
             mode = 2 * np.pi * rng.uniform(8, 25)
-            # a gear that its joint's torque would twist by more is not made, nor one stiffer than the castings beside it
+            # no gear is made that its torque would twist by more, nor one stiffer than the castings beside it
             stiff = max(mode**2 * float(felt[j]), most / 6e-3)
             stiffness = min(stiff, (2 * np.pi * 120) ** 2 * float(free[j]))
             locked = np.sqrt(stiffness / felt[j])
@@ -322,7 +327,7 @@ def _mistaken(rng: np.random.Generator, body: Body) -> Body:
     return Body(body.mass * mass, center, body.inertia * inertia)
 
 
-def _sheet(rng: np.random.Generator, drive: Drive, fastest: float) -> Sheet:
+def _sheet(rng: np.random.Generator, drive: Drive, fastest: float, moved: float) -> Sheet:
     """Return a drive's sheet: the straight line through its friction up to its speed, all off by up to 10 %."""
     speed = np.linspace(0.03, 1, 40) * fastest
     matrix = np.column_stack([np.ones_like(speed), speed])
@@ -336,6 +341,7 @@ def _sheet(rng: np.random.Generator, drive: Drive, fastest: float) -> Sheet:
         drive.gear,
         drive.stiffness * stiffness,
         drive.damping * (1 + 0.3 * rng.uniform(-1, 1)),
+        moved,
     )
 
 
@@ -439,7 +445,7 @@ def _payload_shown(
 def _columns(course: Course, rivals: tuple[str, ...]) -> list[Array]:
     """Return what other numbers of the joint's own drive could do to its torque, columns (m,)."""
     columns = {"dry": course.side, "viscous": course.speed, "offset": np.ones_like(course.time)}
-    return [course.acceleration, *(columns[name] for name in rivals)]
+    return [column * course.moving for column in (course.acceleration, *(columns[name] for name in rivals))]
 
 
 def _placed(
@@ -452,13 +458,21 @@ def _placed(
     courses: list[Course],
     noise: Array,
 ) -> tuple[int, Effect, float, float] | None:
-    """Return a joint, the effect there, its amplitude and its strength; None where no joint can show it within its cap."""
+    """Return a joint, the effect there, its amplitude and strength; None where no joint can show it within its cap."""
     tolerance: Array | None = None
+    rigid = dynamics.model(robot.build, robot.bodies(), robot.gravity)
+    felt = dynamics.inertias(rigid, _of(courses)[0][::5])[0]
     for joint in (int(j) for j in rng.permutation(robot.build.joints)):
         course, drive = courses[joint], robot.drives[joint]
-        draw = Draw(rng, drive, course, description.geared, robot.build.sliding[joint], recorder.rate_hz)
+        if not np.any(course.moving):
+            continue
+        draw = Draw(
+            rng, drive, course, description.geared, robot.build.sliding[joint],
+            float(felt[joint]) + drive.rotor, float(noise[joint]), recorder.rate_hz,
+            *recorder.errors(drive.servo.step, drive.gear if description.geared else 1.0),
+        )  # fmt: skip
         effect = EFFECTS[kind](draw)
-        change = effect.change(course)
+        change = effect.change(course) * effect.shown(course) * course.moving
         unit = beyond(change, _columns(course, effect.rivals)) / float(noise[joint])
         if effect.amplitude is not None:
             turns = np.count_nonzero(np.diff(np.sign(course.carried[np.abs(course.carried) > 0.02 * drive.rated])))
@@ -505,12 +519,14 @@ def _neutral(
     for j, (name, drive, own) in enumerate(zip(written.names, robot.drives, courses, strict=True)):
         columns = _columns(own, ("dry", "viscous"))
         few = [column[::50] for column in _columns(own, ("dry", "viscous", "offset"))]
-        loss = drive.friction.loss * np.abs(own.carried) * own.side
-        warming = drive.friction.warming * own.time / own.time[-1] * own.friction(drive)
+        if not np.any(own.moving):
+            continue
+        loss = drive.friction.loss * np.abs(own.carried) * own.side * own.moving
+        warming = drive.friction.warming * own.time / own.time[-1] * own.friction(drive) * own.moving
         felt = {
             "load_dependent_loss": beyond(loss, columns),
             "friction_drift": beyond(warming, columns),
-            "gravity_imbalance": beyond(leaning[:, j], few),
+            "gravity_imbalance": beyond(leaning[:, j] * own.moving[::50], few),
         }
         found += [
             {"mechanism": mechanism, "location": name, "felt": round(rms / float(noise[j]), 2)}

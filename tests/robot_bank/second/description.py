@@ -16,7 +16,7 @@ from tests.robot_bank.second.builds import Build
 @dataclass(frozen=True)
 class Sheet:
     """A drive as its sheet has it, at the joint: rotor [kg m2], dry [N m] and viscous friction [N m s/rad], its gear's
-    ratio, stiffness [N m/rad] and damping [N m s/rad], 0 where it is rigid."""
+    ratio, stiffness [N m/rad] and damping [N m s/rad], 0 where it is rigid; about what its spring moves [kg m2]."""
 
     rotor: float
     dry: float
@@ -24,11 +24,12 @@ class Sheet:
     gear: float
     stiffness: float = 0.0
     damping: float = 0.0
+    moved: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
 class Written:
-    """How a robot is written: joint names, and of each link the frame (3, 3) and origin (3,) [m] in the pose of zeros."""
+    """How a robot is written: joint names; of each link frame (3, 3) and origin (3,) [m] in the pose of zeros."""
 
     names: tuple[str, ...]
     frames: tuple[tuple[Array, Array], ...]
@@ -157,4 +158,4 @@ def write_axis(name: str, sheet: Sheet, geared: bool) -> str:
         ]
         if sheet.stiffness > 0:
             lines += [f"stiffness_n_m_per_rad = {sheet.stiffness:.6g}", f"damping_n_m_s_per_rad = {sheet.damping:.6g}"]
-    return "\n".join([*lines, "", "[load]", "inertia_kg_m2 = 0.0"]) + "\n"
+    return "\n".join([*lines, "", "[load]", f"inertia_kg_m2 = {sheet.moved:.6g}"]) + "\n"

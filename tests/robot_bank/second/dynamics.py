@@ -19,8 +19,8 @@ def model(
 ) -> mujoco.MjModel:
     """Return the model of a robot; gravity (3,) [m/s2] is in the base frame, rotors (n,) [kg m2 or kg] at the joints.
 
-    Of an elastic robot each joint is two: the motor's angle over the ratio, which alone turns the rotor, and after it the
-    twist of the gear; the link goes by their sum.
+    Of an elastic robot each joint is two: the motor's angle over the ratio, which alone turns the rotor, and after it
+    the twist of the gear; the link goes by their sum.
     """
     lines = [
         "<mujoco>",

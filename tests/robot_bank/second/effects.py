@@ -13,8 +13,8 @@ from tests.robot_bank.second.servo import Drive
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """What one joint's motor did (m,): time [s], angle [rad], speed and acceleration, torque carried [N m], state of its
-    dry friction."""
+    """What one joint's motor did (m,): time [s], angle [rad], speed, acceleration, torque carried [N m], and the state
+    of its dry friction."""
 
     time: Array
     angle: Array
@@ -22,6 +22,11 @@ class Course:
     acceleration: Array
     carried: Array
     side: Array
+
+    @property
+    def moving(self) -> Array:
+        """Where the joint moves (m,): at rest dry friction holds whatever there is, and no torque tells of anything."""
+        return np.asarray(np.abs(self.speed) > 2e-3 * np.max(np.abs(self.speed)))
 
     def friction(self, drive: Drive) -> Array:
         """Return what friction takes (m,) [N m], without what is wrong with it."""
@@ -32,7 +37,8 @@ class Course:
     def straight(self, drive: Drive) -> tuple[float, float]:
         """Return the dry and viscous friction of the straight line that is nearest to the true friction here."""
         matrix = np.column_stack([self.side, self.speed])
-        dry, viscous = np.linalg.lstsq(matrix, self.friction(drive), rcond=None)[0]
+        moving = self.moving
+        dry, viscous = np.linalg.lstsq(matrix[moving], self.friction(drive)[moving], rcond=None)[0]
         return float(dry), float(viscous)
 
 
@@ -40,9 +46,10 @@ class Course:
 class Effect:
     """One effect.
 
-    `act` puts it into a drive with an amplitude, `change` is the torque (m,) [N m] that it makes along a course per unit of
-    it; `sizes` its parameters as felt at the joint, `names` by which it may be called. rivals: what may stand for it besides
-    the rotor; cap, least, amplitude, beyond_masses, may_be_missed: as in the first bank. late, offset: it is in the log alone.
+    `act` puts it into a drive with an amplitude, `change` is the torque (m,) [N m] that it makes along a course per
+    unit of it, `sizes` are its parameters as felt at the joint. rivals: what may stand for it besides the rotor; cap,
+    amplitude, beyond_masses, may_be_missed: as in the first bank. late, offset: it is in the log alone. shown: the
+    share of it (m,) that a log shows.
     """
 
     mechanism: str
@@ -56,18 +63,32 @@ class Effect:
     may_be_missed: bool = False
     offset: float = 0.0
     late: bool = False
+    shown: Callable[[Course], Array] = lambda course: np.ones_like(course.time)
 
 
 @dataclass(frozen=True, eq=False)
 class Draw:
-    """What an effect is drawn from: the joint's drive and course, what a log of it resolves; see `Recorder`."""
+    """What an effect is drawn from: the joint's drive and course, the inertia felt there with its rotor [kg m2], the noise
+    of its torque [N m], and how a log shows it: its rate, the errors of its angles [rad] and of its stamps [s], rms."""
 
     rng: np.random.Generator
     drive: Drive
     course: Course
     geared: bool
     sliding: bool
+    inertia: float
+    noise: float
     rate_hz: float
+    angle_error: float
+    stamp_error: float
+
+    def shown(self, course: Course, frequency: Array) -> Array:
+        """Return the share (m,) of a torque of a frequency [rad/s] that stands out of noise as that of slow ones does.
+
+        What the motor does not follow has to be seen in its acceleration, which is as uncertain as its angles are.
+        """
+        error = np.hypot(self.angle_error, self.stamp_error * course.speed)
+        return np.asarray(1 / np.hypot(1.0, self.inertia * frequency**2 * error / self.noise))
 
 
 def coulomb_friction(draw: Draw) -> Effect:
@@ -148,7 +169,8 @@ def torque_ripple(draw: Draw) -> Effect:
     return Effect(
         "torque_ripple", lambda d, a: replace(d, ripple=a, ripple_order=order * gear, ripple_phase=phase),
         lambda c: -np.sin(order * gear * c.angle + phase), lambda a: {"torque_n_m": a, "order": seen},
-        cap=0.0 if fast else 0.1 * draw.drive.rated,
+        cap=0.0 if fast else 0.1 * draw.drive.rated, rivals=("dry", "viscous", "offset"),
+        shown=lambda c: draw.shown(c, order * gear * np.abs(c.speed)),
     )  # fmt: skip
 
 

@@ -43,7 +43,7 @@ class _Maker:
         return self.build.home + self.build.range * self.rng.uniform(-1, 1, self.build.joints)
 
     def steps_for(self, course: Callable[[Array], Array], hurry: float) -> int:
-        """Return how many steps a course (angles (m, n) by the share of its time) takes within speeds and accelerations."""
+        """Return how many steps a course, angles (m, n) by the share of its time, takes within what joints can do."""
         at = course(np.linspace(0, 1, 400))
         fast = np.max(np.abs(np.gradient(at, 1 / 399, axis=0)) / (hurry * self.build.speed))
         rise = np.gradient(np.gradient(at, 1 / 399, axis=0), 1 / 399, axis=0)
@@ -147,7 +147,7 @@ def _line(maker: _Maker, start: Array, goal: Array) -> Array | None:
 
 
 def _lines(maker: _Maker, steps: int) -> Array:
-    """Return straight lines of the flange between places, by inverse kinematics; by the joints where there is no line."""
+    """Return straight lines of the flange, by inverse kinematics; a move of the joints where there is no line."""
     parts, now, done = [], maker.pose(), 0
     hurry = maker.hurry * maker.rng.uniform(0.5, 1.0)
     while done < steps:
@@ -213,7 +213,7 @@ def _harmonics(maker: _Maker, steps: int) -> Array:
 
 
 def _slow_runs(maker: _Maker, steps: int) -> Array:
-    """Return each joint to and fro in its turn at one speed after another, all others held: how friction is measured."""
+    """Return each joint to and fro in its turn at one speed after another, all others held, to measure friction."""
     build = maker.build
     pose, parts = maker.pose(), []
     slot = steps // build.joints

@@ -1,4 +1,4 @@
-"""A log as a controller writes it: rows on ticks of its servos, some late or lost, what was measured in units of its own."""
+"""A log as a controller writes it: rows on ticks of its servos, some late or lost, in units of its own."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from tests.robot_bank.second.servo import Run
 class Recorder:
     """How a controller records.
 
-    late: share of rows that come a tick or two late, their stamps being right; shaken: error of stamps [s], rms; stamp: to
-    what they are rounded [s]; lost: share of rows that are missing. filtered: all channels are means over the period.
-    sensor: noise (n,) of the measured torques [N m], rms, the share `coloured` of its variance below corner_hz; bits: their
-    steps (n,) [N m]. speeds: whether they are logged. unit: of torques, N.m, A or %; constants: (n,) N m for one of it.
-    digits: behind the point, of angles.
+    late: share of rows that come a tick or more late, their stamps being right; shaken: error of stamps [s], rms;
+    stamp: to what they are rounded [s]; lost: share of rows that are missing. filtered: all channels are means over the
+    period. sensor: noise (n,) of the measured torques [N m], rms, the share `coloured` of its variance below corner_hz;
+    bits: their steps (n,) [N m]. speeds: whether they are logged. unit: of torques, N.m, A or %; constants: (n,) N m
+    for one of it. digits: behind the point, of angles.
     """
 
     rate_hz: float
@@ -44,6 +44,11 @@ class Recorder:
     header: bool
     delimiter: str
     start: float
+
+    def errors(self, step: float, gear: float) -> tuple[float, float]:
+        """Return the errors of angles [rad, at the joint] and of stamps [s], rms; step: of the encoder [rad]."""
+        written = 10.0**-self.digits * (np.pi / 180 if self.degrees else 1.0) / gear
+        return float(np.hypot(step, written) / 12**0.5), float(np.hypot(self.shaken, self.stamp / 12**0.5))
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,16 +111,12 @@ def seen(recorder: Recorder, course: Array) -> Array:
     return np.asarray(ndimage.uniform_filter1d(course, width, axis=0, mode="nearest"))
 
 
-def record(rng: np.random.Generator, recorder: Recorder, run: Run, offsets: Array, delays: Array) -> tuple[Log, Array]:
-    """Return the log of a run, torques late by delays (n,) [s] and with offsets (n,) [N m] at the joints, and its ticks."""
-    ticks = rows(rng, recorder)
-    first = int(np.searchsorted(run.time, -0.5 * STEP_S))
-    at = first + ticks
+def record(rng: np.random.Generator, recorder: Recorder, run: Run, offsets: Array, delays: Array) -> Log:
+    """Return the log of a run, torques late by delays (n,) [s] and with offsets (n,) [N m], all at the joints."""
+    at = int(np.searchsorted(run.time, -0.5 * STEP_S)) + rows(rng, recorder)
     torques = seen(recorder, run.torques)
-    late = np.column_stack(
-        [np.interp(run.time[at] - delays[j], run.time, torques[:, j]) for j in range(torques.shape[1])]
-    )
-    late = late + offsets
+    joints = range(torques.shape[1])
+    late = np.column_stack([np.interp(run.time[at] - delays[j], run.time, torques[:, j]) for j in joints]) + offsets
     for j in range(late.shape[1]):
         slow = np.sqrt(recorder.coloured) * coloured_noise(rng, len(at), recorder.rate_hz, recorder.corner_hz)
         white = np.sqrt(1 - recorder.coloured) * rng.standard_normal(len(at))
@@ -125,7 +126,7 @@ def record(rng: np.random.Generator, recorder: Recorder, run: Run, offsets: Arra
     speeds = seen(recorder, run.measured_speeds)[at] if recorder.speeds else None
     stamps = run.time[at] + recorder.shaken * np.clip(rng.standard_normal(len(at)), -2, 2)
     stamps = np.round((stamps - stamps[0]) / recorder.stamp) * recorder.stamp
-    return Log(stamps, angles, speeds, late), ticks
+    return Log(stamps, angles, speeds, late)
 
 
 def _columns(recorder: Recorder, log: Log, gears: Array) -> dict[str, tuple[list[str], Array, int]]:
@@ -133,14 +134,11 @@ def _columns(recorder: Recorder, log: Log, gears: Array) -> dict[str, tuple[list
     n = log.angles.shape[1]
     turn = 180 / np.pi if recorder.degrees else 1.0
     numbers = range(1, n + 1)
+    torques = log.torques / (gears if recorder.unit == "N.m" else recorder.constants)
     out = {
         "time_s": (["t"], (log.time + recorder.start)[:, None], 6),
         "motor_position_rad": ([f"pos{j}" for j in numbers], log.angles * gears * turn, recorder.digits),
-        "motor_torque_nm": (
-            [f"load{j}" for j in numbers],
-            log.torques / (gears if recorder.unit == "N.m" else recorder.constants),
-            5,
-        ),
+        "motor_torque_nm": ([f"load{j}" for j in numbers], torques, 5),
     }
     if log.speeds is not None:
         out["motor_speed_rad_s"] = ([f"vel{j}" for j in numbers], log.speeds * gears * turn, 5)
@@ -162,7 +160,7 @@ _ALONG = {"rad": "m", "rad/s": "m/s", "N.m": "N"}
 
 
 def write_map(recorder: Recorder, log: Log, gears: Array, sliding: tuple[bool, ...]) -> str:
-    """Return the channel map: columns by name, or by number where the log has no header; sliding: (n,) joints that do."""
+    """Return the channel map: columns by name, or by number where the log has no header; sliding: (n,)."""
     angle = "deg" if recorder.degrees else "rad"
     lines = ['schema = "gearcase-channels/1"', *([] if recorder.header else ["header = false"])]
     number = 1
@@ -170,14 +168,10 @@ def write_map(recorder: Recorder, log: Log, gears: Array, sliding: tuple[bool, .
         listed = [f'"{label}"' if recorder.header else str(number + k) for k, label in enumerate(labels)]
         number += len(labels)
         column = listed[0] if channel == "time_s" else f"[{', '.join(listed)}]"
-        words = {"time_s": "s", "motor_position_rad": angle, "motor_speed_rad_s": f"{angle}/s"}
-        lines += ["", f"[{channel}]", f"column = {column}"]
-        unit = words.get(channel, recorder.unit)
-        per_joint = [_ALONG.get(unit, unit) if slides else unit for slides in sliding]
-        one = channel == "time_s" or len(set(per_joint)) == 1
-        lines.append(
-            f'unit = "{per_joint[0] if channel != "time_s" else unit}"' if one else f"unit = {json.dumps(per_joint)}"
-        )
+        unit = {"motor_position_rad": angle, "motor_speed_rad_s": f"{angle}/s"}.get(channel, recorder.unit)
+        units = ["s"] if channel == "time_s" else [_ALONG.get(unit, unit) if slides else unit for slides in sliding]
+        said = f'"{units[0]}"' if len(set(units)) == 1 else json.dumps(units)
+        lines += ["", f"[{channel}]", f"column = {column}", f"unit = {said}"]
         if channel == "motor_torque_nm" and recorder.unit != "N.m":
             lines.append(f"factor = [{', '.join(f'{value:.8g}' for value in recorder.constants / gears)}]")
     return "\n".join(lines) + "\n"

@@ -23,9 +23,9 @@ from tests.robot_bank.second.dynamics import STEP_S
 class Friction:
     """Friction of one joint.
 
-    dry [N m]; loss: friction per torque carried; viscous [N m] at 1 rad/s and its power of the speed; way: over which dry
-    friction builds up [rad]; inner: damping of the bristles [N m s/rad]; warming: growth of all of it over the log. Of what
-    is wrong: stribeck [N m] is gone above stribeck_speed [rad/s]; asymmetry and drift [1/s] are shares of all friction.
+    dry [N m]; loss: friction per torque carried; viscous [N m] at 1 rad/s and its power of the speed; way: over which
+    dry friction builds up [rad]; inner: damping of the bristles [N m s/rad]; warming: growth of all of it over the log.
+    Of what is wrong: stribeck [N m] is gone above stribeck_speed [rad/s]; asymmetry and drift [1/s] are shares of all.
     """
 
     dry: float
@@ -41,7 +41,7 @@ class Friction:
     drift: float = 0.0
 
     def steady(self, speed: Array, carried: Array | float = 0.0) -> Array:
-        """Return the friction (n,) [N m] of speeds kept long [rad/s] under torques carried [N m], at the log's start."""
+        """Return the friction (n,) [N m] of speeds kept long [rad/s] under a torque carried [N m], at the start."""
         side = np.sign(speed)
         dry = self.dry + self.loss * np.abs(carried) + self.stribeck * np.exp(-((speed / self.stribeck_speed) ** 2))
         whole = side * dry + self.viscous * side * np.abs(speed) ** self.power
@@ -67,8 +67,9 @@ class Servo:
 class Drive:
     """A joint's drive. rotor [kg m2]; stiffness [N m/rad] and damping [N m s/rad] of its gear, 0 where it is rigid.
 
-    constant: torque that the motor makes over what its drive counts. Of what is wrong: gap [rad] of the gear at its output;
-    a missing counterweight asks imbalance sin(angle + imbalance_phase) [N m]; ripple [N m] has an order of the joint.
+    constant: torque that the motor makes over what its drive counts. Of what is wrong: gap [rad] of the gear at its
+    output; a missing counterweight asks imbalance sin(angle + imbalance_phase) [N m]; ripple [N m] has an order of the
+    joint's angle.
     """
 
     friction: Friction
@@ -90,8 +91,8 @@ class Drive:
 @dataclass(frozen=True, eq=False)
 class Run:
     """What happened, at every step (m,): motors' angles, speeds, accelerations (m, n) over their gears, what the servos
-    measured of angles and speeds, the torques that the drives count [N m], the torques carried by the gears and the state
-    of dry friction, -1 to 1."""
+    measured of angles and speeds, the torques that the drives count [N m], those that the gears carry, and the state of
+    dry friction, -1 to 1."""
 
     time: Array
     angles: Array
@@ -122,8 +123,9 @@ def _row(drive: Drive) -> list[float]:
 
 @numba.njit(cache=True)  # type: ignore[misc]
 def _step(
-    k, time, share, elastic, angle, speed, rate, applied, wanted, wanted_speed, forward, shaken, numbers, state, out
-):
+    k: int, time: float, share: float, elastic: bool, angle: Array, speed: Array, rate: Array, applied: Array,
+    wanted: Array, wanted_speed: Array, forward: Array, shaken: Array, numbers: Array, state: Array, out: Array,
+) -> None:  # fmt: skip
     """Set the torques `applied` of one step; the arrays are those of the engine, `out` is what is kept of the step."""
     for j in range(numbers.shape[0]):
         p, s = numbers[j], state[j]
@@ -187,9 +189,9 @@ def run(
 ) -> Run:
     """Let the servos follow a program.
 
-    program: angles and speeds wanted (m, n), one every step; forward: torques of the nominal robot (m, n); shaken: torques
-    (m, n) [N m] that disturb the motors; the log begins lead_s after the first step. hold: torques (n,) that carry the
-    robot in the first pose, the springs of its gears and its integrals being there before.
+    program: angles and speeds wanted (m, n), one every step; forward: torques of the nominal robot (m, n); shaken:
+    torques (m, n) [N m] that disturb the motors; the log begins lead_s after the first step and ends as long before the
+    last. hold: torques (n,) that carry the robot in the first pose, its springs and integrals being there before.
     """
     wanted, wanted_speed = (np.ascontiguousarray(part) for part in program)
     steps, n = wanted.shape
@@ -211,7 +213,7 @@ def run(
     mujoco.mj_forward(moving, data)
     angle, speed, rate, applied = data.qpos, data.qvel, data.qacc, data.qfrc_applied
     forward, shaken = np.ascontiguousarray(forward), np.ascontiguousarray(shaken)
-    seconds = steps * STEP_S - lead_s
+    seconds = steps * STEP_S - 2 * lead_s
     advance, kept = mujoco.mj_step, out[:, :, _RATE]
     motors = slice(None, None, 2 if elastic else 1)
     for k in range(steps):
