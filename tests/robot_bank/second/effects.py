@@ -38,6 +38,8 @@ class Course:
         """Return the dry and viscous friction of the straight line that is nearest to the true friction here."""
         matrix = np.column_stack([self.side, self.speed])
         moving = self.moving
+        if not np.any(moving):
+            return drive.friction.dry, drive.friction.viscous
         dry, viscous = np.linalg.lstsq(matrix[moving], self.friction(drive)[moving], rcond=None)[0]
         return float(dry), float(viscous)
 
@@ -68,8 +70,8 @@ class Effect:
 
 @dataclass(frozen=True, eq=False)
 class Draw:
-    """What an effect is drawn from: the joint's drive and course, the inertia felt there with its rotor [kg m2], the noise
-    of its torque [N m], and how a log shows it: its rate, the errors of its angles [rad] and of its stamps [s], rms."""
+    """What an effect is drawn from: the joint's drive and course, the inertia felt there with its rotor [kg m2], the
+    noise of its torque [N m], and how a log shows it: its rate, the errors of its angles [rad] and of its stamps [s], rms."""
 
     rng: np.random.Generator
     drive: Drive
