@@ -355,8 +355,11 @@ def _affordable(rng: np.random.Generator, robot: Robot, rated: Array, seconds: f
     """Return a program that the drives suffice for."""
     rigid = dynamics.model(robot.build, robot.bodies(), robot.gravity)
     rotors = np.array([drive.rotor for drive in robot.drives])
+    felt = dynamics.inertias(rigid, robot.build.home[None])[0]
+    stiffness = np.array([drive.stiffness for drive in robot.drives])
+    rings_hz = float(np.min(np.sqrt(stiffness / felt))) / (2 * np.pi) if robot.elastic else None
     for _ in range(4):
-        program = draw_program(rng, robot.build, rigid, seconds)
+        program = draw_program(rng, robot.build, rigid, seconds, rings_hz=rings_hz)
         course = _sparse(program)
         if np.all(np.abs(dynamics.asked(rigid, *course) + rotors * course[2]) < 1.2 * rated):
             return program

@@ -253,9 +253,14 @@ KINDS: dict[str, Callable[[_Maker, int], Array]] = {
 
 
 def draw_program(
-    rng: np.random.Generator, build: Build, rigid: mujoco.MjModel, seconds: float, kind: str | None = None
+    rng: np.random.Generator,
+    build: Build,
+    rigid: mujoco.MjModel,
+    seconds: float,
+    kind: str | None = None,
+    rings_hz: float | None = None,
 ) -> Program:
-    """Draw a program of a kind, of any, or of two after each other."""
+    """Draw a program of a kind, of any, or of two after each other; rings_hz: lowest frequency of an elastic robot."""
     names = [*KINDS, "mixture"]
     kind = str(rng.choice(names, p=[0.18, 0.15, 0.15, 0.1, 0.17, 0.08, 0.17])) if kind is None else kind
     maker = _Maker(rng, build, rigid, float(rng.uniform(0.35, 0.85)))
@@ -271,8 +276,11 @@ def draw_program(
     else:
         angles = KINDS[kind](maker, steps)
     angles = np.concatenate([np.repeat(angles[:1], lead, axis=0), angles])
-    # jerk is limited by a mean over some steps, twice
-    width = round(float(rng.choice([0.008, 0.02, 0.05])) / STEP_S)
+    # jerk is limited by a mean over some steps, twice; planners of robots that ring take about a period of it
+    mean_s = float(rng.choice([0.008, 0.02, 0.05]))
+    if rings_hz is not None:
+        mean_s = float(rng.uniform(0.5, 1.2)) / rings_hz
+    width = round(mean_s / STEP_S)
     for _ in range(2):
         angles = ndimage.uniform_filter1d(angles, width, axis=0, mode="nearest")
     return Program(kind, angles, np.gradient(angles, STEP_S, axis=0))
