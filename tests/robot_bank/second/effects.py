@@ -70,8 +70,8 @@ class Effect:
 
 @dataclass(frozen=True, eq=False)
 class Draw:
-    """What an effect is drawn from: a joint's drive and course, the inertia felt there with its rotor [kg m2], the noise
-    of its torque [N m], and what logs it: its rate, and the errors of its angles [rad] and of its stamps [s], rms."""
+    """What an effect is drawn from: a joint's drive and course, the inertia felt there with its rotor [kg m2], the
+    noise of its torque [N m], and what logs it: its rate, the errors of its angles [rad] and of its stamps [s], rms."""
 
     rng: np.random.Generator
     drive: Drive
