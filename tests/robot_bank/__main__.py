@@ -7,61 +7,15 @@ that was stopped goes on where it was.
 from __future__ import annotations
 
 import argparse
-import hashlib
-import json
 import tempfile
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from pathlib import Path
-from typing import Any
-
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeRemainingColumn
 
 from tests.robot_bank import wrong_input
-from tests.robot_bank.plan import Entry, plan
-from tests.robot_bank.product import ROOT, investigate, peak_mib, takes_robots
-from tests.robot_bank.scenario import KINDS, write
-from tests.robot_bank.score import judge, tables
-
-KEPT = ("verdict", "findings", "unexplained", "parameters", "gain", "joints", "remarks")
-
-
-def _state() -> str:
-    """Return a short hash of the sources of the product and of the generator."""
-    digest = hashlib.sha256()
-    for folder in ("app", "casebase", "sim", "tests/robot_bank"):
-        for file in sorted((ROOT / folder).rglob("*.py")):
-            digest.update(file.read_bytes())
-    return digest.hexdigest()[:12]
-
-
-def run_entry(entry: Entry) -> dict[str, Any]:
-    """Run one case; the result is JSON data."""
-    scenario = entry.scenario()
-    with tempfile.TemporaryDirectory() as name:
-        write(scenario, Path(name))
-        said = investigate(Path(name))
-    document = said.document
-    return {
-        "key": f"{entry.seed} {entry.kind} {entry.level}",
-        "answer": scenario.answer(),
-        "document": None if document is None else {key: document.get(key) for key in KEPT},
-        "failure": said.failure,
-        "seconds": said.seconds,
-        "peak_mib": peak_mib(),
-    }
-
-
-def _line(result: dict[str, Any]) -> str:
-    """Return one run as a line."""
-    answer, judgement = result["answer"], judge(result["answer"], result["document"])
-    hidden = answer["hidden"][0]["location"] if answer["hidden"] else ""
-    invented = f" invented: {', '.join(judgement.invented)}" if judgement.invented else ""
-    off = "".join(f" {size.name} off by {size.error:.2g}" for size in judgement.sizes if size.covered is False)
-    failure = f" {result['failure']}" if result["failure"] else ""
-    return (
-        f"{judgement.outcome:11s} {answer['kind']:18s} {hidden:18s} {answer['level']:6s} {answer['drives']:9s} "
-        f"{answer['motion']:10s} seed {answer['seed']} {result['seconds']:.0f} s{invented}{off}{failure}"
-    )
+from tests.robot_bank.plan import plan
+from tests.robot_bank.product import ROOT, investigate, takes_robots
+from tests.robot_bank.run import options as add_options
+from tests.robot_bank.run import run, state, write
+from tests.robot_bank.scenario import KINDS
 
 
 def _wrong_inputs(seed: int) -> None:
@@ -83,27 +37,12 @@ def _wrong_inputs(seed: int) -> None:
 
 def _arguments() -> argparse.Namespace:
     parser = argparse.ArgumentParser(prog="python -m tests.robot_bank", description=__doc__)
-    parser.add_argument("--count", type=int, default=150, help="cases; of every 150 a hundred hide something")
-    parser.add_argument("--seed", type=int, default=1, help="of the bank")
-    parser.add_argument("--kind", nargs="+", choices=KINDS, default=[], help="only these kinds")
-    parser.add_argument("--jobs", type=int, default=2, help="processes side by side")
+    add_options(parser, KINDS, ROOT / "out" / "robot_bank")
     parser.add_argument("--wrong-input", action="store_true", help="instead: descriptions that do not fit their log")
-    parser.add_argument("--write", type=Path, help="instead: write the files of the cases and answers.json there")
-    parser.add_argument("--out", type=Path, default=ROOT / "out" / "robot_bank", help="where results are kept")
     options = parser.parse_args()
     if options.write is None and not takes_robots():
         parser.error("`gearcase investigate` has no option --robot")
     return options
-
-
-def _write(entries: list[Entry], folder: Path) -> None:
-    answers = []
-    for entry in entries:
-        scenario = entry.scenario()
-        write(scenario, folder / str(entry.seed))
-        answers.append(scenario.answer())
-        (folder / "answers.json").write_text(json.dumps(answers, indent=1))
-        print(f"{entry.seed} {entry.kind} {entry.level}", flush=True)
 
 
 def main() -> None:
@@ -114,29 +53,9 @@ def main() -> None:
         return
     entries = plan(options.count, options.seed, tuple(options.kind))
     if options.write is not None:
-        _write(entries, options.write)
+        write(entries, options.write)
         return
-    options.out.mkdir(parents=True, exist_ok=True)
-    file = options.out / f"{_state()}.jsonl"
-    done = {}
-    if file.exists():
-        done = {result["key"]: result for result in map(json.loads, file.read_text().splitlines())}
-    keys = [f"{entry.seed} {entry.kind} {entry.level}" for entry in entries]
-    todo = [entry for entry, key in zip(entries, keys, strict=True) if key not in done]
-    bar = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn(), TimeRemainingColumn())
-    with ProcessPoolExecutor(options.jobs) as pool, Progress(*bar) as progress, file.open("a") as kept:
-        task = progress.add_task("robots", total=len(todo))
-        for future in as_completed([pool.submit(run_entry, entry) for entry in todo]):
-            result = future.result()
-            done[result["key"]] = result
-            kept.write(json.dumps(result) + "\n")
-            kept.flush()
-            progress.console.print(_line(result), highlight=False, soft_wrap=True)
-            progress.advance(task)
-    results = [done[key] for key in keys]
-    scored = [(result["answer"], judge(result["answer"], result["document"])) for result in results]
-    print(tables(scored, [r["seconds"] for r in results], max(r["peak_mib"] for r in results)))
-    print(f"results: {file}")
+    run(entries, options.out / f"{state('tests/robot_bank')}.jsonl", options.jobs)
 
 
 if __name__ == "__main__":
