@@ -16,7 +16,7 @@ from casebase.signals.telemetry import Telemetry
 from sim.description.axis import MechanismEntry
 from sim.discrepancy.assessment.calibration import WEIGHTS
 from sim.discrepancy.assessment.intervals import NINETY
-from sim.discrepancy.data.data_fault import InvestigationError
+from sim.discrepancy.data.data_fault import InvestigationError, TooLittleMotion
 from sim.discrepancy.investigation import investigate, telemetry_sha256
 from sim.discrepancy.next_measurement.advice import of_a_joint
 from sim.discrepancy.report.wording import telling_what_is_left
@@ -36,6 +36,7 @@ Progress = Callable[[str, float], None]
 CLOSE_S, STEPS = 1e-4, 6  # of the secant method that finds a delay
 TILTED = 3.0  # standard deviations from which the base is said to stand askew
 HELD = "The joint was held still: nothing is told of its friction and its drive."
+BRIEFLY = "The joint moved too briefly: nothing is told of its friction and its drive."
 OF_THE_LOG = (LostSamples.name,)  # what one logger does to all joints alike is the log's
 
 
@@ -223,7 +224,7 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int,
     """One joint, whose load asks for what the rigid body does besides the inertia that its description has."""
     motion, axis = shared.motion, joint.axis
     if not motion.moves[place]:
-        return _held(joint)
+        return _untold(joint, HELD)
     load, ratio, told = axis.load.inertia_kg_m2, axis.ratio, axis
     if as_one_body := is_one_body(axis, telemetry):
         axis, load = at_the_motor(axis), 0.0
@@ -249,6 +250,8 @@ def _of_joint(joint: Joint, telemetry: Telemetry, shared: SharedFit, place: int,
             known_doubts=doubts,
             gear=ratio if as_one_body else 1.0,
         )
+    except TooLittleMotion:
+        return _untold(joint, BRIEFLY)
     except InvestigationError as error:
         raise InvestigationError(f"{joint.name}: {error}") from None
     moved = "motor" if told.stages else "joint"
@@ -291,10 +294,10 @@ def _of_one_body(advice: str, moved: str) -> str:
     return advice.replace(" at motor", "").replace(" at load", "").replace("the load", f"the {moved}")
 
 
-def _held(joint: Joint) -> Investigation:
-    """A joint that stood still: it counts in the torques of the others, and nothing is told of its own."""
+def _untold(joint: Joint, why: str) -> Investigation:
+    """A joint that moved too little: it counts in the torques of the others, and nothing is told of its own."""
     return Investigation(
-        joint.axis, "nothing_missing", (), None, (), (), "Move this joint, too.", joint.axis, {}, remarks=(HELD,)
+        joint.axis, "nothing_missing", (), None, (), (), "Move this joint, too.", joint.axis, {}, remarks=(why,)
     )
 
 
@@ -319,7 +322,7 @@ def _of_log(joints: Sequence[JointInvestigation]) -> tuple[list[JointInvestigati
         told = [
             [f for f in joint.investigation.findings if f.mechanism == name]
             for joint in joints
-            if HELD not in joint.investigation.remarks
+            if not {HELD, BRIEFLY} & set(joint.investigation.remarks)
         ]
         if len(joints) > 1 and all(told):
             common.append((name, f"All joints alike, so of the log: {told[0][0].explanation}"))

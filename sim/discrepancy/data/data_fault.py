@@ -12,6 +12,10 @@ class InvestigationError(SimulationError):
     """The data cannot be investigated; the text says what is wrong and what would be right."""
 
 
+class TooLittleMotion(InvestigationError):
+    """Too few rows in motion count to tell anything of an axis."""
+
+
 @dataclass(frozen=True)
 class Fault:
     """A fault of the measurement itself, found before any physics."""

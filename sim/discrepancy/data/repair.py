@@ -10,7 +10,7 @@ from scipy.ndimage import binary_dilation, find_objects, label, uniform_filter1d
 
 from sim.discrepancy.data.data_fault import Fault
 from sim.discrepancy.data.rigid_body import one_body
-from sim.discrepancy.data.sample_defects import QUANTA, Rows, bridged, jumps, quantum, spikes, stays
+from sim.discrepancy.data.sample_defects import QUANTA, Rows, bridged, jumps, moves_on, quantum, spikes, stays
 from sim.mechanisms import EncoderError, LostSamples
 from sim.torsional.model import Array
 
@@ -175,7 +175,8 @@ def _motor(r: Repaired, ratio: float, irregular: Rows) -> None:
 
 
 def _held_back(angle: Array, step_rad: float) -> Rows:
-    """Rows in which the encoder stays, up to a step by far more than any around: the way that was not shown.
+    """Rows in which the encoder stays, up to a step by far more than any around: the way that was not shown, by a motor
+    that moved on as before.
 
     `step_rad`: of the encoder.
     """
@@ -188,8 +189,10 @@ def _held_back(angle: Array, step_rad: float) -> Rows:
         before, into = steps[rows.start - REACH_ROWS - 2 : rows.start - 2], steps[rows.start - 2 : rows.start]
         around = np.concatenate([before, steps[last + 1 : last + 1 + REACH_ROWS]])
         far = 3.0 * float(around.max()) + QUANTA * step_rad
-        if steps[last] > far:
-            away = into.max() > far  # it leads to 0, maybe by a row in between that an even clock has made
+        away = into.max() > far  # it leads to 0, maybe by a row in between that an even clock has made
+        first = rows.start - 2 if away else rows.start
+        pace = (angle[last + 1] - angle[first]) / (last + 1 - first)
+        if steps[last] > far and moves_on(np.diff(angle[: first + 1]), float(pace)):
             out[rows.start - 1 if away else rows.start + 1 : rows.stop] = True
     return out
 

@@ -20,6 +20,8 @@ QUANTA = 5.0  # steps of an encoder that noise may make within one row
 COMMON = 0.98  # share of rows whose changes of speed are noise and steps of the encoder
 ABOVE_COMMON = 3.0
 NEIGHBOURS = 6  # increments on either side that say how fast a channel changes
+BEFORE_ROWS = 8  # that say how a channel moved before a spell
+MOVED_ON = 0.5  # of the pace over it
 STAYS = 5  # rows of one and the same value that are looked at
 CHANCE = 1e-6  # that quantised noise stays so long anywhere in the record
 
@@ -92,6 +94,15 @@ def _largest_beside(values: Array, near: int, far: int) -> Array:
     out[: values.size - far] = around[near + size // 2 :][: values.size - far]
     np.maximum(out[far:], around[size // 2 :][: values.size - far], out=out[far:])
     return out
+
+
+def moves_on(steps: Array, pace: float) -> bool:
+    """Whether the last `steps` before a spell lead the same way as the `pace` over it, and half as fast at least.
+
+    >>> moves_on(np.array([0.9, 0.0, 1.1, 1.0]), 1.0), moves_on(np.array([0.0, 0.0, -0.1, 0.1]), 1.0)
+    (True, False)
+    """
+    return bool(steps.size and steps[-BEFORE_ROWS:].mean() * np.sign(pace) > MOVED_ON * abs(pace))
 
 
 def stays(values: Array) -> list[slice]:

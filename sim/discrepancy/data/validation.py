@@ -13,7 +13,7 @@ from sim.description.axis import Axis
 from sim.discrepancy.data.channel_checks import check_channels
 from sim.discrepancy.data.clock import evened, irregular
 from sim.discrepancy.data.controller_law import DriveLaw, drive_law
-from sim.discrepancy.data.data_fault import Fault, InvestigationError
+from sim.discrepancy.data.data_fault import Fault, InvestigationError, TooLittleMotion
 from sim.discrepancy.data.plausibility import check_description, with_first_inertia
 from sim.discrepancy.data.preprocessing import (
     LEAST_ROWS,
@@ -23,7 +23,7 @@ from sim.discrepancy.data.preprocessing import (
     prepare,
 )
 from sim.discrepancy.data.repair import repair
-from sim.discrepancy.data.sample_defects import bridged, quantum
+from sim.discrepancy.data.sample_defects import bridged, moves_on, quantum
 from sim.mechanisms import Clipping, LostSamples
 from sim.torsional.model import Array
 
@@ -184,10 +184,12 @@ def _present(t: Telemetry, grid: Array) -> Array:
 def _held(angle: Array, torque: Array, valid: Array) -> NDArray[np.bool_]:
     """Rows that repeat the row before although the motor moves, by many steps of its encoder per row.
 
-    How far it has moved is told by the first row that repeats no more, however long that lasts. Beside such rows also
-    short spells in which it hardly moves, where chance would not repeat the torque as often.
+    How far it has moved is told by the first row that repeats no more, however long that lasts: about as fast, and the
+    same way, as before. A motor that breaks away, creeps or turns back has not moved on. Beside such rows also short
+    spells in which it hardly moves, where chance would not repeat the torque as often.
     """
-    step = np.abs(np.diff(angle))
+    steps = np.diff(angle)
+    step = np.abs(steps)
     usual = float(np.median(step))
     jump = np.abs(np.diff(torque))
     again = jump <= 1e-4 * float(np.median(jump))
@@ -199,7 +201,11 @@ def _held(angle: Array, torque: Array, valid: Array) -> NDArray[np.bool_]:
     longest = 0
     for (rows,) in find_objects(spells):
         length = rows.stop - rows.start
-        if rows.stop < step.size and step[rows.stop] / (length + 1) > max(0.01 * usual, 8.0 * quantum(angle)):
+        if (
+            rows.stop < step.size
+            and step[rows.stop] / (length + 1) > max(0.01 * usual, 8.0 * quantum(angle))
+            and moves_on(steps[: rows.start], steps[rows.stop] / (length + 1))
+        ):
             held[rows.start + 1 : rows.stop + 1] = True
             longest = max(longest, length)
         elif length >= fewest:
@@ -270,7 +276,7 @@ def _unclipped(torque: Array, faults: list[Fault]) -> Array:
 def _used(m: Measurement) -> NDArray[np.bool_]:
     used = m.weight > 0.5
     if used.sum() < LEAST_ROWS:
-        raise InvestigationError(
+        raise TooLittleMotion(
             "telemetry: too few rows in motion that count; a longer record of the axis in motion is needed"
         )
     return np.asarray(used)

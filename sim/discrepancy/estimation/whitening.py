@@ -125,7 +125,7 @@ def whitener(
     """
     deaf = None if mode_hz is None else mode_hz / rate_hz * np.array([1.0 - MODE_BAND, 1.0 + MODE_BAND])
     memory = memory.within(float(weight.sum()) / rate_hz)
-    block, length = int(memory.block_s * rate_hz), int(memory.filter_s * rate_hz)
+    block, length = (max(1, int(seconds * rate_hz)) for seconds in (memory.block_s, memory.filter_s))
     smooth = max(1, int(SMOOTH_BINS * memory.block_s))
     taps = floor_filter(values, weight, block, length, deaf, teeth=teeth, smooth=smooth, least=least)
     white = oaconvolve(values, taps)[: values.size]
