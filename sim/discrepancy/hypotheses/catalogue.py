@@ -76,9 +76,9 @@ def all_terms_of(axis: Axis, measurement: Measurement, present: Chain) -> tuple[
 
     `present`: the model so far; friction can rise at low speed only where there is dry friction.
     """
-    level = measurement.torque_rms
+    level, peak = measurement.torque_rms, float(np.abs(measurement.torque).max())
     top = float(np.abs(measurement.speed).max())
-    out = [*friction_terms(axis, level, top, measurement), offset(level)]
+    out = [*friction_terms(axis, level, top, measurement), offset(level, peak)]
     if any(shaft.coulomb_n_m > 0.0 for shaft in present.shafts):
         seen = speed_within_a_row(measurement)
         out += [stribeck(level, top, seen)] if seen < MOST_OF_SPEED * top else []

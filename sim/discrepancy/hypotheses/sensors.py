@@ -26,11 +26,16 @@ LATEST_S = 0.02  # what wants to be later is no delay
 HUM_SHARE = 0.003  # of the torque: less hum does not matter
 
 
-def offset(level: float) -> Term:
+def offset(level: float, peak: float = math.inf) -> Term:
+    """Of the torque channel; `level`: rms of the torque, `peak`: the largest of it [N m].
+
+    What wants to be larger than all that was measured is no offset: it stands against something else.
+    """
     name, step = "offset_n_m", 0.01 * level
     return Term(
-        TorqueOffset.name, "motor", (Parameter(name, 0.0, step, unit="N m"),), (({name: step},),),
+        TorqueOffset.name, "motor", (Parameter(name, 0.0, step, low=-peak, high=peak, unit="N m"),), (({name: step},),),
         lambda v: {"torque_n_m": v[name]}, replaces=(name,), size=0.5 * step,
+        magnitude=lambda v: v[name] if abs(v[name]) < 0.99 * peak else 0.0,
     )  # fmt: skip
 
 
