@@ -57,13 +57,14 @@ def test_of_a_doubted_torque_what_may_be_as_new_is_no_missing_mechanism() -> Non
 def test_of_a_doubted_torque_a_size_is_as_sure_as_it_is_many_deviations_from_none() -> None:
     axis = read_axis({"motor": {"inertia_kg_m2": 1.0}, "load": {"inertia_kg_m2": 0.0}})
 
-    def sure(deviations: float, gain: float = math.inf) -> float:
+    def sure(deviations: float, gain: float = math.inf, usual: float = 0.0) -> float:
         size = Estimate("torque_n_m", deviations, "N m", deviations - 1.645, deviations + 1.645)
-        return likelier_than_new(axis, term(GravityImbalance.name, "load"), [size], gain)
+        return likelier_than_new(axis, term(GravityImbalance.name, "load"), [size], gain, {"torque_n_m": usual})
 
     assert sure(0.0) < sure(2.0) < 0.1
     assert sure(3.0) < 0.5 < sure(4.0) < 0.9
     assert sure(6.0) > 0.99
+    assert sure(6.0, usual=3.0) == pytest.approx(sure(3.0))
     assert sure(6.0, 9.0) == sure(3.0)  # of squares that count slow noise it gains three deviations
 
 
