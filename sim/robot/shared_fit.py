@@ -302,8 +302,7 @@ class _Log:
         out = []
         for columns, torque in self.rows:
             left = torque - columns @ mean
-            pulls = [columns[k : k + block].T @ left[k : k + block] for k in range(0, left.size, block)]
-            stacked = np.stack(pulls)
+            stacked = _by_blocks(columns * left[:, None], block)
             out.append(stacked.T @ stacked)
         return out
 
@@ -384,6 +383,12 @@ def _odds(log_ratio: float) -> float:
     return 1.0 / (1.0 + math.exp(-min(max(math.log(OWN / (1.0 - OWN)) + log_ratio, -50.0), 50.0)))
 
 
+def _by_blocks(rows: Array, block: int) -> Array:
+    """Sums over blocks of so many rows, shape (blocks, p)."""
+    starts = np.arange(0, len(rows), block)
+    return np.asarray(np.add.reduceat(rows, starts)) if starts.size else rows
+
+
 def _beside(
     log: _Log,
     place: NDArray[np.int64],
@@ -415,7 +420,7 @@ def _beside(
         mine = own if other == joint else np.zeros((felt.size, own.shape[1]))
         left = felt - its[:, used] @ mean[inside] - mine @ size
         pulls = (mine - its[:, used] @ along[inside]) * left[:, None]
-        sums = np.add.reduceat(pulls, np.arange(0, felt.size, block))
+        sums = _by_blocks(pulls, block)
         pulled += sums.T @ sums
     return np.asarray(size, dtype=np.float64), _wider(information, pulled)
 

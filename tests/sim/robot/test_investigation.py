@@ -26,14 +26,18 @@ ARM = [Link((0.0, 0.0, 0.2), (0.0, 0.0, 1.0), 6.0, (0.0, 0.0, 0.1), 0.02 * np.ey
 FRICTION = {"coulomb_friction": 2.0, "viscous_friction": 1.5}
 
 
-def make(folder: Path, payload_kg: float = 0.0) -> list[str]:
-    """Two joints with friction and rotors, and what hangs there, that no description has, on a turret that is held.
+def make(folder: Path, payload_kg: float = 0.0, *, briefly: bool = False) -> list[str]:
+    """Two joints with friction and rotors, and what hangs there, that no description has, on a turret that is held, or
+    moves for a tenth of a second.
 
     Arguments to investigate are returned.
     """
     rng = np.random.default_rng(3)
     time, q, qd, qdd = swings(rng, 3, 15.0, 100.0)
     q[:, 0], qd[:, 0], qdd[:, 0] = 0.3, 0.0, 0.0
+    if briefly:
+        u = np.clip((time - 7.0) / 0.1, 0.0, 1.0)
+        q[:, 0] += 0.005 * u * u * (3.0 - 2.0 * u)
     links = with_mass(ARM, payload_kg, np.array([0.3, 0.0, 0.0])) if payload_kg else ARM
     felt = torque(links, q, qd, qdd) + 2.0 * np.tanh(qd / 0.03) + 1.5 * qd + 0.5 * qdd
     write_log(folder / "log.csv", time, q, felt + 0.05 * rng.normal(size=q.shape))
@@ -79,6 +83,14 @@ def test_friction_and_payload_of_a_simulated_arm(tmp_path: Path) -> None:
     assert extended.payload.mass_kg == pytest.approx(1.5, rel=0.2)
     assert extended.joints[1].axis.motor.coulomb_friction_n_m == pytest.approx(2.0, rel=0.1)
     assert all(joint.described for joint in extended.joints)
+
+
+def test_a_joint_that_moves_too_briefly_refuses_no_robot(tmp_path: Path) -> None:
+    done = gearcase("investigate", *make(tmp_path, briefly=True), "--json", data_dir=tmp_path / "data")
+    assert done.code == 0, done.stderr
+    document = json.loads(done.stdout)
+    assert "too briefly" in document["joints"][0]["remarks"][0]
+    assert {f["location"] for f in document["findings"]} == {"base/shoulder", "base/elbow"}
 
 
 def test_a_joint_that_the_log_lacks_is_logged_or_held(tmp_path: Path) -> None:

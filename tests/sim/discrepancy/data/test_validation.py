@@ -99,6 +99,22 @@ def test_missing_and_repeated_rows_are_named_lost_samples() -> None:
     assert [f.mechanism for f in examine(AXIS, repeated).faults] == ["lost_samples"]
 
 
+def test_a_motor_that_sticks_and_breaks_away_has_lost_no_rows() -> None:
+    """Torque of few bits may stay for a row while it sticks, and then it moves at once by many steps of its encoder."""
+    rng = np.random.default_rng(4)
+    time = np.arange(9000) / 500.0
+    phase, forth = time % 0.6, np.where((time // 0.6) % 2 == 0, 1.0, -1.0)
+    rate = 2.0 * np.clip(np.minimum(phase - 0.15, 0.6 - phase) / 0.02, 0.0, 1.0) * forth
+    rate += np.where(time < 0.1, 1e-3, 0.0)  # at first it creeps
+    angle = np.cumsum(rate) / 500.0
+    torque = 150.0 * np.diff(rate, prepend=0.0) + np.sign(rate) + 0.05 * rng.standard_normal(time.size)
+    logged = {
+        "motor_position_rad": np.round(angle / 1e-6) * 1e-6,
+        "motor_torque_nm": np.round(torque / 0.1) * 0.1,
+    }
+    assert "lost_samples" not in [f.mechanism for f in examine(AXIS, Telemetry(time, logged)).faults]
+
+
 @pytest.mark.parametrize("length", [1, 29, 60])
 def test_rows_are_held_however_long_the_motor_has_gone_on_meanwhile(length: int) -> None:
     telemetry = one_body(0.3, 1.0, 0.0, 5)
