@@ -37,7 +37,6 @@ CLOSE_S, STEPS = 1e-4, 6  # of the secant method that finds a delay
 TILTED = 3.0  # standard deviations from which the base is said to stand askew
 HELD = "The joint was held still: nothing is told of its friction and its drive."
 BRIEFLY = "The joint moved too briefly: nothing is told of its friction and its drive."
-OF_THE_LOG = (LostSamples.name,)  # what one logger does to all joints alike is the log's
 
 
 @dataclass(frozen=True)
@@ -316,24 +315,25 @@ def _counting(telemetry: Telemetry, motion: Motion) -> Telemetry:
 
 
 def _of_log(joints: Sequence[JointInvestigation]) -> tuple[list[JointInvestigation], list[str]]:
-    """Joints without faults that all of them have alike, and a remark for each."""
-    common = []
-    for name in OF_THE_LOG:
-        told = [
-            [f for f in joint.investigation.findings if f.mechanism == name]
-            for joint in joints
-            if not {HELD, BRIEFLY} & set(joint.investigation.remarks)
-        ]
-        if len(joints) > 1 and all(told):
-            common.append((name, f"All joints alike, so of the log: {told[0][0].explanation}"))
+    """Joints without faults of the log, and a remark for each that most joints show.
+
+    A row that a logger leaves out or repeats, it does so of all joints: what few of them show is chance.
+    """
+    moved = [joint for joint in joints if not {HELD, BRIEFLY} & set(joint.investigation.remarks)]
+    told = [f for joint in moved for f in joint.investigation.findings if _is_of_the_log(f)]
     out = []
     for joint in joints:
-        kept = tuple(f for f in joint.investigation.findings if f.mechanism not in {name for name, _ in common})
+        kept = tuple(f for f in joint.investigation.findings if not _is_of_the_log(f))
         verdict = joint.investigation.verdict
         if verdict == "named" and not any(f.probability >= SAID for f in kept):
             verdict = "unnamed" if joint.investigation.unexplained is not None else "nothing_missing"
         out.append(replace(joint, investigation=replace(joint.investigation, findings=kept, verdict=verdict)))
-    return out, [remark for _, remark in common]
+    remarks = [f"The log of all joints: {told[0].explanation}"] if 2 * len(told) > len(moved) else []
+    return out, remarks
+
+
+def _is_of_the_log(finding: Finding) -> bool:
+    return finding.mechanism == LostSamples.name and finding.location is None
 
 
 def _payload_numbers(robot: Robot, payload: PayloadEstimate) -> tuple[Estimate, ...]:
