@@ -23,6 +23,8 @@ Array = NDArray[np.float64]
 SEGMENT_S = 4.0  # of a spectrum
 LEAST_HZ = 1.0  # in which a robot's motion is in any case
 MOSTLY = 0.5  # of the power in an octave
+POSES = 100  # in which it is asked what an acceleration of each joint asks for
+ENOUGH = 0.5  # of the rows that count, else a log is too short for a narrower band
 FELT = 0.1  # of a smoothed row, that a joint was at rest
 
 
@@ -40,25 +42,26 @@ class Band:
         noise = motion.acceleration_noise
         if not noise.any():
             return Band(motion.cut_hz, motion.rate_hz, 0)
-        asked = _inertial(body, motion, motion.acceleration)[motion.counts]
-        segment = min(asked.shape[0], int(SEGMENT_S * motion.rate_hz))
+        rows = np.flatnonzero(motion.counts)
+        asked = _inertial(body, motion.position[rows], motion.acceleration[rows])
+        segment = min(rows.size, int(SEGMENT_S * motion.rate_hz))
         places_hz, power = welch(asked, motion.rate_hz, nperseg=segment, axis=0)
         at = np.linspace(0.0, 0.5 * motion.rate_hz, noise.shape[0])
+        few = motion.position[rows[:: max(1, rows.size // POSES)]]
         by_noise = np.zeros_like(power)
-        for joint in range(noise.shape[1]):
-            unit = np.zeros_like(motion.acceleration)
-            unit[:, joint] = 1.0
-            felt = np.mean(_inertial(body, motion, unit)[motion.counts] ** 2, axis=0)
+        for joint, unit in enumerate(np.eye(noise.shape[1])):
+            felt = np.mean(_inertial(body, few, np.tile(unit, (len(few), 1))) ** 2, axis=0)
             by_noise += np.interp(places_hz, at, noise[:, joint])[:, None] * felt
-        loud = np.var(motion.torque[motion.counts], axis=0)
+        loud = np.maximum(np.var(motion.torque[rows], axis=0), 1e-300)
         asks, noisy = (np.cumsum(np.sum(each / loud, axis=1)) for each in (power, by_noise))
         octave = np.minimum(2 * np.arange(places_hz.size), places_hz.size - 1)
         mostly = np.flatnonzero((noisy[octave] - noisy > MOSTLY * (asks[octave] - asks)) & (places_hz >= LEAST_HZ))
         if not mostly.size or places_hz[mostly[0]] >= motion.cut_hz:
             return Band(motion.cut_hz, motion.rate_hz, 0)
         cut_hz = float(places_hz[mostly[0]])
-        stride = max(1, int(motion.rate_hz / (ROWS_PER_CUT * cut_hz)))
-        return Band(cut_hz, motion.rate_hz, stride)
+        band = Band(cut_hz, motion.rate_hz, max(1, int(motion.rate_hz / (ROWS_PER_CUT * cut_hz))))
+        left = band.counting(motion.counts, np.zeros_like(motion.counts)).sum() * band.stride
+        return band if left > ENOUGH * rows.size else Band(motion.cut_hz, motion.rate_hz, 0)
 
     @property
     def rate_hz(self) -> float:
@@ -84,7 +87,7 @@ class Band:
         return np.asarray(all_count & (self.smooth(rested.astype(float)) < FELT), dtype=np.bool_)
 
 
-def _inertial(body: RigidBody, motion: Motion, acceleration: Array) -> Array:
+def _inertial(body: RigidBody, position: Array, acceleration: Array) -> Array:
     """Torque of the links' inertias alone, shape (rows, joints) [N m]."""
-    still = np.zeros_like(motion.speed)
-    return body.torque(motion.position, still, acceleration) - body.torque(motion.position, still, still)
+    still = np.zeros_like(position)
+    return body.torque(position, still, acceleration) - body.torque(position, still, still)
