@@ -8,7 +8,7 @@ from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, ends, friction_at, with_friction
-from sim.mechanisms.traits import Law, Traits
+from sim.mechanisms.traits import UNLIKE, Law, Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -41,6 +41,7 @@ class FrictionAsymmetry(Mechanics):
         least_gain=18.0,
         laws=frozenset({Law.FRICTION, Law.DISSIPATION, Law.OFFSET}),
         like_an_offset=True,
+        in_good_order=UNLIKE,
         over_strokes=True,
     )
 

@@ -6,7 +6,7 @@ from typing import ClassVar
 from sim.description.axis import Axis
 from sim.mechanisms.mechanism import Mechanics, Need, Parameter, Signature
 from sim.mechanisms.places import axis_of, friction_at, with_friction
-from sim.mechanisms.traits import Traits
+from sim.mechanisms.traits import WARMED, Traits
 from sim.rotational.drive_train import DriveTrain
 
 
@@ -35,6 +35,7 @@ class FrictionDrift(Mechanics):
     own_hypothesis: ClassVar[bool] = True
     traits: ClassVar[Traits] = Traits(
         least_gain=16.0,
+        in_good_order=WARMED,
     )
 
     @classmethod

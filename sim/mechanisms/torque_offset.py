@@ -7,7 +7,7 @@ from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Measurement, Need, Parameter, Signature
-from sim.mechanisms.traits import Law, Traits
+from sim.mechanisms.traits import UNLIKE, Law, Traits
 
 
 class TorqueOffset(Measurement):
@@ -40,6 +40,7 @@ class TorqueOffset(Measurement):
         laws=frozenset({Law.OFFSET}),
         known_within_a_little=True,
         over_strokes=True,
+        in_good_order=UNLIKE,
         restless=True,
     )
 

@@ -15,6 +15,10 @@ FORM_SHARE = 0.015  # of another's gain: what any law leaves of its form
 SIZE_SHARE = 0.08  # of a size, which the form of its law leaves open
 
 
+UNLIKE = 0.03  # of a joint's friction, in both directions: published offsets of six joints of one arm are 0.4 to 5.6 %
+WARMED = 0.05  # of a joint's friction, within a log: 6 and 10 % at two joints of that arm within 20 s
+
+
 class Law(Enum):
     """Laws of one part of the machine: of two that follow it, each leaves its errors of form to the other."""
 
@@ -77,6 +81,8 @@ class Traits:
         A number of the description itself: what it gains over that is no error of a form.
     like_an_offset
         The same torque as an offset while anything moves.
+    in_good_order
+        Share of a robot's joint's friction that a joint in good order has of it, within a log.
     over_strokes
         It acts over whole strokes, so that few rows say something of their own.
     restless
@@ -106,6 +112,7 @@ class Traits:
     in_every_axis: bool = False
     known_within_a_little: bool = False
     like_an_offset: bool = False
+    in_good_order: float = 0.0
     over_strokes: bool = False
     restless: bool = False
     torque_over_angle: bool = False

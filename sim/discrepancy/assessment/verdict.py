@@ -28,14 +28,11 @@ from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
 from sim.discrepancy.search.effect_size import beyond
 from sim.discrepancy.search.own_noise import NAMES, in_own_noise, likelier, without
 from sim.discrepancy.search.search import Selection
-from sim.mechanisms import FrictionAsymmetry, FrictionDrift, TorqueOffset
 from sim.mechanisms.catalogue import kind_of, kind_or_any
+from sim.mechanisms.traits import Law
 
 UNLIKELY = 0.4  # less likely than not
 JOINTS = 6.0  # of an arm: each is another place at which a name is looked for
-SAME_IN_MOTION = {TorqueOffset.name, FrictionAsymmetry.name}  # they differ where a joint turns back
-UNLIKE = 0.03  # of a joint's friction, in good order: published offsets of six joints of one arm are 0.4 to 5.6 % of it
-WARMED = 0.05  # of a joint's friction, within a log: 6 and 10 % at two joints of that arm within 20 s
 SHOWN = 3.0  # standard deviations of friction, of which every axis has some
 AT_LOAD = 1.02  # times as much left on unseen rows
 FAR = 4.0  # mean square of the whitened residual: 1 is noise
@@ -212,18 +209,16 @@ def is_beyond_new(axis: Axis, mechanism: str, location: str | None, estimated: S
 
 
 def usual_at_joint(problem: Problem, term: Term, fit: Fit) -> dict[str, float]:
-    """Numbers that any joint of a robot may have in good order: its friction a little unlike in both directions, which
+    """Numbers that a joint of a robot in good order may have: its friction is a little unlike in both directions, which
     in motion is an offset as well, and a little less once it has warmed up within a log."""
     m, chain = problem.measurement, problem.chain(fit.terms, fit.values)
     top = float(np.abs(m.speed).max())
     dry = friction_felt(chain, 0.0)
     viscous = (friction_felt(chain, top) - dry) / top
-    of = {
-        TorqueOffset.name: {"torque_n_m": UNLIKE * dry},
-        FrictionAsymmetry.name: {"torque_n_m": UNLIKE * dry, "coefficient_n_m_s_per_rad": UNLIKE * viscous},
-        FrictionDrift.name: {"rate_per_s": WARMED / float(m.time_s[-1])},
-    }
-    return of.get(term.mechanism, {})
+    all_of_it = {
+        "torque_n_m": dry, "coefficient_n_m_s_per_rad": viscous, "rate_per_s": 1.0 / float(m.time_s[-1]),
+    }  # fmt: skip
+    return {name: term.traits.in_good_order * number for name, number in all_of_it.items()}
 
 
 def likelier_than_new(
@@ -255,7 +250,7 @@ def drop_unidentifiable(selection: Selection) -> Selection:
     doubted = selection.problem.measurement.doubts.size > 0
     same = {frozenset((t.key, o.key)) for t in selection.found for o in selection.found
             if (t.mechanism in alike[o.key] and o.mechanism in alike[t.key])
-            or (doubted and {t.mechanism, o.mechanism} == SAME_IN_MOTION)}  # fmt: skip
+            or (doubted and Law.OFFSET in t.traits.laws & o.traits.laws and t is not o)}  # fmt: skip
     found = tuple(
         t
         for t in selection.found
