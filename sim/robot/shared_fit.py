@@ -77,7 +77,10 @@ class Late:
 
     def is_delay(self, row_s: float) -> bool:
         """Whether its interval of 90 % reaches down to what may be one, at most two rows where they are long: what
-        wants to be later is none."""
+        wants to be later is none. A torque is smoothed and so late; it is early by the row in which a position is read
+        at most."""
+        if self.delay_s < 0.0:
+            return -self.delay_s < row_s
         return abs(self.delay_s) - NINETY * self.deviation_s < max(LATEST_S, BUFFERED * row_s)
 
     def found_at(self, delay_s: float, deviation_s: float) -> Late:

@@ -208,3 +208,11 @@ def test_a_delay_that_is_as_late_as_the_linear_picture_says_is_as_likely_as_ther
     assert plain == pytest.approx(_there(np.array([0.012]), np.array([[0.003**2]]), LATEST_S))
     assert first.found_at(0.004, 0.003).probability < plain  # the slope fell to nothing sooner
     assert first.found_at(-0.004, 0.003).probability < OWN  # and was climbed the wrong way
+
+
+def test_a_torque_is_late_and_hardly_early() -> None:
+    row_s = 0.01
+    assert Late(0.03, 0.003, 0.9).is_delay(row_s)
+    assert not Late(0.1, 0.003, 0.9).is_delay(row_s)
+    assert Late(-0.008, 0.003, 0.9).is_delay(row_s)
+    assert not Late(-0.012, 0.004, 0.9).is_delay(row_s)
