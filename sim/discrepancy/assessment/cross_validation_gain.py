@@ -30,18 +30,22 @@ def gains(problem: Problem, base: Fit, fit: Fit, terms: Sequence[Term]) -> tuple
     friction turns by its reversals, which are few: all are kept.
 
     Before: the description as it is given or calibrated, whichever leaves less of the torque; numbers that a fit bends
-    to stand for something missing may be worse than any data sheet. After: numbers of `fit`, by `terms` alone. A number
-    of the description that a term of `fit` stands for (an offset, a delay) is as described where that term is not in.
+    to stand for something missing may be worse than any data sheet. After: numbers of `fit`, by `terms` alone, and with
+    what the other rows say of the known torque, if that leaves less. A number of the description that a term of `fit`
+    stands for (an offset, a delay) is as described where that term is not in.
     """
     m = problem.measurement
     folds = _folds(m.weight)
     given = problem.raw_residuals((), {p.name: p.start for p in base.parameters}, weighted=False)
     freed = [t for t in fit.terms if t.named]
-    before, after = _held_out(problem, base, base.terms, freed, folds), _held_out(problem, fit, terms, freed, folds)
+    before, _ = _held_out(problem, base, base.terms, freed, folds)
+    after, corrected = _held_out(problem, fit, terms, freed, folds)
     over = Bridge.over(m.valid <= 0.5)
-    as_given, calibrated = (_motion_band(over.across(one[0]), m.rate_hz)[m.weight > 0.5] for one in (given, before))
-    if _rms(as_given) < _rms(calibrated):
-        before = given
+
+    def left(one: tuple[Array, Array]) -> float:
+        return _rms(_motion_band(over.across(one[0]), m.rate_hz)[m.weight > 0.5])
+
+    before, after = min(given, before, key=left), min(after, corrected, key=left)
     out = []
     names = [("motor_torque_nm", "N m")] + ([("load_torque_nm", "N m")] if before[1].size else [])
     for index, (channel, unit) in enumerate(names):
@@ -75,23 +79,28 @@ def _motion_band(values: Array, rate_hz: float) -> Array:
 
 def _held_out(
     problem: Problem, fit: Fit, terms: Sequence[Term], freed: Sequence[Term], folds: Sequence[tuple[int, int]]
-) -> tuple[Array, Array]:
+) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
+    """What is left of unseen rows of both channels [N m]; the same once corrected by what others say of the doubts."""
     m = problem.measurement
     said = {t.key for t in terms}
     given = problem.numbers()
     as_described = {n: given.get(n, 0.0) for t in freed if t.key not in said for n in t.replaces if n in fit.values}
     stride = m.load_stride
-    torque, guide = np.zeros(m.samples), np.zeros((m.samples + stride - 1) // stride if problem.guided else 0)
+    torque, corrected, guide = (
+        np.zeros(m.samples),
+        np.zeros(m.samples),
+        np.zeros((m.samples + stride - 1) // stride if problem.guided else 0),
+    )
     rows = np.concatenate([np.arange(m.samples), np.arange(guide.size) * stride])
     refits = Refits.of(fit, (*START, MOTOR_RELEASE, MOTOR_STRETCH))
     for first, last in folds:
         values = without(fit, refits, (rows >= first) & (rows < last)) | as_described
         a, b = problem.raw_residuals(terms, values, weighted=False)
         expected = by_doubts(m, problem.noise, a, first, last) if terms else np.zeros(m.samples)
-        torque[first:last] = (a - expected)[first:last]
+        torque[first:last], corrected[first:last] = a[first:last], (a - expected)[first:last]
         inside = (np.arange(guide.size) * stride >= first) & (np.arange(guide.size) * stride < last)
         guide[inside] = b[inside]
-    return torque, guide
+    return (torque, guide), (corrected, guide)
 
 
 def without(fit: Fit, refits: Refits, left_out: NDArray[np.bool_]) -> dict[str, float]:
