@@ -48,15 +48,22 @@ class Repaired:
 
 
 def repair(
-    channels: dict[str, Array], ratio: float, rate_hz: float, start_s: float, lost: Rows, irregular: Rows | None = None
+    channels: dict[str, Array],
+    ratio: float,
+    rate_hz: float,
+    start_s: float,
+    lost: Rows,
+    step_rad: float,
+    irregular: Rows | None = None,
 ) -> Repaired:
-    """Leave out rows that were never measured, put back what an encoder has slipped; `lost`: rows known as such.
+    """Leave out rows that were never measured, put back what an encoder has slipped; `lost`: rows known as such;
+    `step_rad`: of the motor's encoder.
 
     `irregular`: rows beside a step of the clock unlike all others, where a jump is as likely one of the clock.
     """
     out = Repaired(dict(channels), rate_hz, start_s, lost.copy(), lost.copy(), lost.copy())
     _torque(out)
-    _motor(out, ratio, np.zeros_like(lost) if irregular is None else irregular)
+    _motor(out, ratio, step_rad, np.zeros_like(lost) if irregular is None else irregular)
     out.torque_lost |= out.lost
     out.channels["torque"] = bridged(out.channels["torque"], ~out.torque_lost)
     if "load" in channels:
@@ -133,7 +140,7 @@ def _off(left: Array, rows: slice, used: Rows) -> bool:
     return bool(np.mean(left[rows] ** 2) > OFF**2 * np.mean(left[used] ** 2))
 
 
-def _motor(r: Repaired, ratio: float, irregular: Rows) -> None:
+def _motor(r: Repaired, ratio: float, step_rad: float, irregular: Rows) -> None:
     angle = r.channels["angle"]
     alone = spikes(bridged(angle, ~r.lost)) & ~r.lost
     again = alone & binary_dilation(r.lost, iterations=2)  # of the same kind as those beside them
@@ -142,7 +149,7 @@ def _motor(r: Repaired, ratio: float, irregular: Rows) -> None:
     if alone.any():
         _name_lost(r, alone, "motor", f"Of motor_position_rad, {_spells(alone)} stand alone, at {_times(r, alone)}")
         r.lost |= alone
-    held = _held_back(angle, quantum(angle, r.lost)) & ~r.lost
+    held = _held_back(angle, step_rad) & ~r.lost
     if held.any():
         _name_lost(
             r,

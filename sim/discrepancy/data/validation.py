@@ -63,6 +63,7 @@ def examine(axis: Axis, telemetry: Telemetry, doubts: Array | None = None, gear:
         for missing channels, a standing axis, units that are wrong by a factor, channels swapped or turned.
     """
     times = telemetry.time_s
+    step_rad = quantum(telemetry.channels.get("motor_position_rad", np.zeros(0)))  # as it is read: a clock divides it
     telemetry, uneven = evened(telemetry)
     rate, torque, angle, load = _channels(telemetry)
     valid, grid = _clock(telemetry, rate)
@@ -75,12 +76,12 @@ def examine(axis: Axis, telemetry: Telemetry, doubts: Array | None = None, gear:
     known = None if known is None else _even(telemetry, grid, known)
     check_channels(axis, even | beside, rate)
     valid = valid * _present(telemetry, grid)
-    held = _held(even["angle"], even["torque"], valid)
+    held = _held(even["angle"], even["torque"], valid, step_rad)
     faults = _lost(valid, held) + _clipped(even["torque"])
     lost = held | (valid <= 0.5)
     even = {name: bridged(values, ~lost) for name, values in even.items()}
     odd = np.ones_like(lost) if uneven else irregular(telemetry, grid)
-    mended = repair(even, axis.ratio, rate, float(grid[0]), lost, odd)
+    mended = repair(even, axis.ratio, rate, float(grid[0]), lost, step_rad, odd)
     even, faults = mended.channels, _together([*faults, *mended.faults])
     valid = (~mended.torque_lost).astype(float) * _unclipped(even["torque"], faults)
     load_valid = (~((mended.load_lost & ~lost) | _long(mended.lost, rate))).astype(float)
@@ -181,8 +182,8 @@ def _present(t: Telemetry, grid: Array) -> Array:
     return out
 
 
-def _held(angle: Array, torque: Array, valid: Array) -> NDArray[np.bool_]:
-    """Rows that repeat the row before although the motor moves, by many steps of its encoder per row.
+def _held(angle: Array, torque: Array, valid: Array, step_rad: float) -> NDArray[np.bool_]:
+    """Rows that repeat the row before although the motor moves, by many steps `step_rad` of its encoder per row.
 
     How far it has moved is told by the first row that repeats no more, however long that lasts: about as fast, and the
     same way, as before. A motor that breaks away, creeps or turns back has not moved on. Beside such rows also short
@@ -203,7 +204,7 @@ def _held(angle: Array, torque: Array, valid: Array) -> NDArray[np.bool_]:
         length = rows.stop - rows.start
         if (
             rows.stop < step.size
-            and step[rows.stop] / (length + 1) > max(0.01 * usual, 8.0 * quantum(angle))
+            and step[rows.stop] / (length + 1) > max(0.01 * usual, 8.0 * step_rad)
             and moves_on(steps[: rows.start], steps[rows.stop] / (length + 1))
         ):
             held[rows.start + 1 : rows.stop + 1] = True
