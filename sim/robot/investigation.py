@@ -91,6 +91,10 @@ def investigate_robot(
             one = _of_joint(joint, _earlier(telemetry, late_s), fit, k, watch)
             one = _late(one, delays.get(k), described[k])
             joints.append(JointInvestigation(joint.name, in_metres(one) if slides(robot, k) else one))
+        if all(_is_untold(joint.investigation) for joint in joints):
+            raise InvestigationError(
+                "telemetry: all joints move too briefly; a longer record of the robot in motion is needed"
+            )
         joints, remarks = _of_log(joints)
         of_logs.append(joints)
     changes = changed([log.name for log in logs], of_logs)
@@ -300,6 +304,10 @@ def _untold(joint: Joint, why: str) -> Investigation:
     )
 
 
+def _is_untold(one: Investigation) -> bool:
+    return HELD in one.remarks or BRIEFLY in one.remarks
+
+
 def _counting(telemetry: Telemetry, motion: Motion) -> Telemetry:
     """From the first to the last row that counts; those between that do not are lost."""
     counting = motion.time_s[motion.counts]
@@ -319,7 +327,7 @@ def _of_log(joints: Sequence[JointInvestigation]) -> tuple[list[JointInvestigati
 
     A row that a logger leaves out or repeats, it does so of all joints: what few of them show is chance.
     """
-    moved = [joint for joint in joints if not {HELD, BRIEFLY} & set(joint.investigation.remarks)]
+    moved = [joint for joint in joints if not _is_untold(joint.investigation)]
     told = [f for joint in moved for f in joint.investigation.findings if _is_of_the_log(f)]
     out = []
     for joint in joints:

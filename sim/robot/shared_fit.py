@@ -271,21 +271,14 @@ class _Log:
         used = np.stack([band.counting(motion.counts, rested[:, j]) for j in joints], axis=1)
         torque = band.smooth(motion.torque - rigid)
         mean: Array = np.zeros(columns.values.shape[-1])
-        weights = [np.stack([np.sin(q), np.cos(q)], axis=1) for q in motion.position.T]
+        weights = [band.smooth(np.stack([np.sin(q), np.cos(q)], axis=1)) for q in motion.position.T]
         for _ in range(ROUNDS):
             carried = rigid + columns.values @ mean
             columns = columns.around(body, mean)
-            own = [_friction(motion, j, carried[:, j]) for j in joints]
+            own = [band.smooth(_friction(motion, j, carried[:, j])) for j in joints]
             own = [np.hstack([own[j], weights[j]]) if j in free else own[j] for j in joints]
-            rows, white = _whitened(
-                band.smooth(columns.values),
-                torque,
-                [band.smooth(each) for each in own],
-                [band.smooth(each) for each in weights],
-                used,
-                band.rate_hz,
-                mean,
-            )
+            values = band.smooth(columns.values)
+            rows, white = _whitened(values, torque, own, weights, used, band.rate_hz, mean)
             grams, moments = [c.T @ c for c, _ in rows], [c.T @ y for c, y in rows]
             mean = np.asarray(np.linalg.solve(np.eye(mean.size) + sum(grams), sum(moments)), dtype=np.float64)
         return _Log(motion, band.rate_hz, rigid, columns, grams, moments, rows, white)
@@ -370,7 +363,9 @@ def _weight(
     log: _Log, place: NDArray[np.int64], kept: NDArray[np.int64], normal: tuple[Array, Array], joint: int
 ) -> float:
     """How likely a joint has a weight of its own, which follows its own angle and is felt by no other."""
-    large = max(float(np.std(log.motion.torque[:, joint])), 1e-300)
+    large = float(np.std(log.motion.torque[:, joint]))
+    if not large:
+        return 0.0
     return _there(*_beside(log, place, kept, normal, joint, log.weights[joint], 1.0 / large), large)
 
 

@@ -16,7 +16,7 @@ from sim.robot.investigation import RobotLog, _next_measurement, investigate_rob
 from sim.robot.robot import read_robot
 from tests.live import gearcase
 from tests.shared_data import shared
-from tests.sim.robot.arms import Link, channel_map, swings, torque, two_links, with_mass, write_log, write_robot
+from tests.sim.robot.arms import Link, channel_map, robot, swings, torque, two_links, with_mass, write_log, write_robot
 
 KEYS = {
     "verdict", "findings", "unexplained", "parameters", "gain", "next_measurement", "extended_axis", "joints",
@@ -91,6 +91,27 @@ def test_a_joint_that_moves_too_briefly_refuses_no_robot(tmp_path: Path) -> None
     document = json.loads(done.stdout)
     assert "too briefly" in document["joints"][0]["remarks"][0]
     assert {f["location"] for f in document["findings"]} == {"base/shoulder", "base/elbow"}
+
+
+def test_a_robot_of_which_all_joints_move_too_briefly_is_refused() -> None:
+    time = np.arange(1500) / 100.0
+    u = np.clip((time - 7.0) / 0.1, 0.0, 1.0)
+    way = 0.005 * u * u * (3.0 - 2.0 * u)
+    rng = np.random.default_rng(6)
+    noises = [0.1 * rng.normal(size=time.size) for _ in two_links()]
+    joints = tuple(Telemetry(time, {"motor_position_rad": way, "motor_torque_nm": noise}) for noise in noises)
+    with pytest.raises(InvestigationError, match="all joints move too briefly"):
+        investigate_robot(robot(two_links(), (0.0, 0.0, 0.0)), [RobotLog("short.csv", joints)])
+
+
+def test_a_joint_whose_torque_is_dead_is_named() -> None:
+    rng = np.random.default_rng(1)
+    time, q, qd, qdd = swings(rng, 2, 15.0, 100.0)
+    felt = torque(two_links(), q, qd, qdd) + 2.0 * np.tanh(qd / 0.03) + 0.05 * rng.normal(size=q.shape)
+    felt[:, 1] = 0.0
+    joints = tuple(Telemetry(time, {"motor_position_rad": q[:, j], "motor_torque_nm": felt[:, j]}) for j in range(2))
+    with pytest.raises(InvestigationError, match="joint2: motor_torque_nm: stays at 0 N m"):
+        investigate_robot(robot(two_links()), [RobotLog("dead.csv", joints)])
 
 
 def test_a_joint_that_the_log_lacks_is_logged_or_held(tmp_path: Path) -> None:
