@@ -32,8 +32,8 @@ SHARES = {
 
 
 @dataclass(frozen=True)
-class Entry:
-    """One case of a bank; the seed says all of it."""
+class Drawn:
+    """What a case of a bank is drawn as; the seed says all of it."""
 
     seed: int
     kind: str
@@ -43,6 +43,10 @@ class Entry:
     def key(self) -> str:
         """What tells it from all others."""
         return f"{self.seed} {self.kind} {self.level}"
+
+
+class Entry(Drawn):
+    """A case of this bank."""
 
     def scenario(self) -> Scenario:
         """Generate it. Raises ValueError where no robot of this seed can show the effect at this level."""

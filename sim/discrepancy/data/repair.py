@@ -188,7 +188,8 @@ def _held_back(angle: Array, step_rad: float) -> Rows:
     `step_rad`: of the encoder.
     """
     out = np.zeros(angle.size, dtype=np.bool_)
-    steps = np.abs(np.diff(angle))
+    ways = np.diff(angle)
+    steps = np.abs(ways)
     for rows in stays(angle):
         last = rows.stop - 1
         if rows.start < REACH_ROWS + 2 or last + REACH_ROWS >= steps.size:
@@ -199,7 +200,7 @@ def _held_back(angle: Array, step_rad: float) -> Rows:
         away = into.max() > far  # it leads to 0, maybe by a row in between that an even clock has made
         first = rows.start - 2 if away else rows.start
         pace = (angle[last + 1] - angle[first]) / (last + 1 - first)
-        if steps[last] > far and moves_on(np.diff(angle[: first + 1]), float(pace)):
+        if steps[last] > far and moves_on(ways[:first], float(pace)):
             out[rows.start - 1 if away else rows.start + 1 : rows.stop] = True
     return out
 

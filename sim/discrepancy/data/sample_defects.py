@@ -26,14 +26,9 @@ STAYS = 5  # rows of one and the same value that are looked at
 CHANCE = 1e-6  # that quantised noise stays so long anywhere in the record
 
 
-def quantum(values: Array, lost: Rows | None = None) -> float:
-    """Smallest step between rows, beyond what rounding makes of an even clock; 0 where there is none.
-
-    `lost`: rows that stand for others, whose steps are parts of those of the encoder.
-    """
+def quantum(values: Array) -> float:
+    """Smallest step between rows, beyond what rounding makes of an even clock; 0 where there is none."""
     steps = np.abs(np.diff(values))
-    if lost is not None:
-        steps = steps[~(lost[1:] | lost[:-1])]
     steps = steps[steps > ROUNDING * float(np.abs(values).max(initial=0.0))]
     return float(steps.min()) if steps.size else 0.0
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from tests.robot_bank.plan import drawn
+from tests.robot_bank.plan import Drawn, drawn
 from tests.robot_bank.second.cases import Scenario, generate, write
 
 SHARES = {
@@ -26,18 +25,8 @@ SHARES = {
 """Cases of a kind among 150."""
 
 
-@dataclass(frozen=True)
-class Entry:
-    """One case; the seed says all of it."""
-
-    seed: int
-    kind: str
-    level: str
-
-    @property
-    def key(self) -> str:
-        """What tells it from all others."""
-        return f"{self.seed} {self.kind} {self.level}"
+class Entry(Drawn):
+    """A case of this bank."""
 
     def scenario(self) -> Scenario:
         """Generate it. Raises ValueError where no robot of this seed can show the effect at this level."""
