@@ -79,14 +79,15 @@ class Door:
 
 def terms_for(scope: Scope) -> Terms:
     """Return the terms of the route that a request is for; the strictest where there is none."""
-    for route, terms in _terms(scope["app"]):
+    for route, terms in terms_of_all(scope["app"]):
         if route.matches(scope)[0] is Match.FULL:
             return terms
     return Terms()
 
 
 @cache
-def _terms(app: FastAPI) -> tuple[tuple[RouteContext, Terms], ...]:
+def terms_of_all(app: FastAPI) -> tuple[tuple[RouteContext, Terms], ...]:
+    """Return the terms of every route; half a second, once."""
     return tuple((route, terms_of(route)) for route in iter_route_contexts(app.routes))
 
 

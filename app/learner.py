@@ -7,6 +7,7 @@ from sqlalchemy.exc import SQLAlchemyError
 
 from casebase.errors import LibraryError
 from casebase.library import CaseLibrary
+from casebase.signals.errors import SignalError
 from casebase.upkeep import keep_learned, keep_table
 
 ACTOR = "learning"
@@ -23,6 +24,8 @@ class Learner:
 
     def __init__(self, library: CaseLibrary) -> None:
         self._library = library
+        self.loaded = Event()
+        """Set once no first request waits any more."""
         self._closed = Event()
         self._thread = Thread(target=self._work, name="learner", daemon=True)
 
@@ -37,7 +40,12 @@ class Learner:
             self._thread.join()
 
     def _work(self) -> None:
-        load_what_is_compiled()
+        try:
+            diagnose_once(self._library)
+        except (LibraryError, SQLAlchemyError, SignalError, OSError) as error:
+            LOG.warning("not loaded beforehand", error=str(error))
+        finally:
+            self.loaded.set()
         while self._library.touched.wait() and not self._closed.wait(APART_S):
             self._library.touched.clear()
             try:
@@ -49,13 +57,29 @@ class Learner:
                 LOG.warning("weights not learned", error=str(error))
 
 
-def load_what_is_compiled() -> None:
-    """Simulate for a moment and search once, so that no first request waits for compiled code to be loaded."""
+def diagnose_once(library: CaseLibrary) -> None:
+    """Simulate a recording and diagnose it, keeping nothing: modules, compiled code and the cases are loaded by it."""
     import scipy.signal  # noqa: F401 - half a second, for the first plot and the first slider
 
+    from app.intake import mesh_orders, shaft_orders
     from casebase.__main__ import search_once
+    from casebase.labels import PARAMETERS
+    from casebase.origins import SIMULATED
+    from casebase.signals.condition import OperatingCondition
+    from casebase.signals.features import extract
+    from casebase.signals.recording import Recording
+    from sim.acoustics.microphone import SAMPLE_RATE_HZ
     from sim.experiment.paper_axis import PAPER_AXIS
     from sim.experiment.virtual_measurement import measure
 
-    search_once()
-    measure(PAPER_AXIS, 0.2, seed=0)
+    motion = PAPER_AXIS.motion
+    sound = measure(PAPER_AXIS, 4 * motion.period_s, seed=0).sound
+    condition = OperatingCondition(
+        speed_rad_s=motion.load_speed_rad_s, shaft_orders=shaft_orders(PAPER_AXIS), mesh_orders=mesh_orders(PAPER_AXIS)
+    )
+    extraction = extract(Recording(sound, SAMPLE_RATE_HZ), condition)
+    search_once()  # an empty library has nothing to search in
+    with library.reading() as session:
+        library.reuse.reasoner(session).diagnose(extraction, axis=PAPER_AXIS.name)
+        for label in PARAMETERS:
+            library.reuse.severity(session, extraction, PAPER_AXIS.name, label, SIMULATED)

@@ -26,7 +26,7 @@ from app.api import (
     simulations,
     steps,
 )
-from app.door import Door
+from app.door import Door, terms_of_all
 from app.errors import add_problem_handlers
 from app.gate import Gate
 from app.metrics import Metrics
@@ -75,6 +75,7 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
         app.state.gate = Gate(settings.uploads_at_once, settings.uploads_per_key)
         app.state.looking = Gate(settings.looks_at_once, settings.looks_per_key)
         warm_up()
+        terms_of_all(app)
         running.learner.start()
         for work in running.by_itself:
             work.start()

@@ -89,6 +89,8 @@ def only_known_query(request: Request) -> None:
         Unprocessable: naming it and those that are known.
     """
     given = [name for name, _ in request.query_params.multi_items()]
+    if not given:
+        return
     twice = sorted({name for name in given if given.count(name) > 1})
     if twice:
         raise Unprocessable(f"Query parameters given more than once: {', '.join(twice)}. Give each once.")

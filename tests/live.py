@@ -78,6 +78,13 @@ class LiveServer:
             assert time.monotonic() < deadline, "the service did not start"
         raise AssertionError(f"the service ended: {self.log()[-3000:]}")
 
+    def until_ready(self) -> None:
+        """Wait until the service says that it is ready."""
+        deadline = time.monotonic() + START_S
+        while not httpx.get(f"{self.url}/readyz").is_success:
+            assert time.monotonic() < deadline, "the service did not become ready"
+            time.sleep(0.02)
+
     def stop(self, number: signal.Signals = signal.SIGTERM) -> int:
         """Send a signal and wait for the end; return the exit code."""
         assert self.process is not None
@@ -152,5 +159,6 @@ def started(data_dir: Path, *, worker: bool = False, **environment: str) -> Live
 def live_server(tmp_path_factory: pytest.TempPathFactory) -> Iterator[LiveServer]:
     """One service for the whole run: leave it as you found it, and make names of your own."""
     server = started(tmp_path_factory.mktemp("live") / "data")
+    server.until_ready()
     yield server
     server.stop()

@@ -34,7 +34,7 @@ async def live() -> dict[str, str]:
 
 @router.get("/readyz")
 async def ready(request: Request) -> dict[str, str]:
-    """The service can do its work: database, data folder and disk are as they should be."""
+    """The service can do its work: all is loaded, and database, data folder and disk are as they should be."""
     wrong = await asyncio.get_running_loop().run_in_executor(PROBES, faults, service_of(request))
     if wrong:
         raise Unavailable(" ".join(wrong))
@@ -44,6 +44,8 @@ async def ready(request: Request) -> dict[str, str]:
 def faults(service: Service) -> list[str]:
     """Return a sentence for each thing that keeps the service from its work."""
     found = []
+    if not service.learner.loaded.is_set():
+        found.append("What diagnoses need is still being loaded: ask again in a second.")
     try:
         with service.library.reading() as session:
             session.execute(text("SELECT value FROM library_counter"))

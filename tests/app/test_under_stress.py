@@ -83,8 +83,8 @@ def test_kill_9_loses_no_acknowledged_upload(server: LiveServer) -> None:
     for thread in threads:
         thread.join()
     server.start()
+    server.until_ready()
     with server.client() as client:
-        assert client.get("/readyz").status_code == 200
         for recording, content in acknowledged.items():
             assert client.get(f"/api/v1/recordings/{recording}/audio").content == content
 
@@ -128,6 +128,7 @@ def test_upload_that_never_arrives_is_given_up(server: LiveServer) -> None:
 
 def test_readiness_tells_the_truth(server: LiveServer) -> None:
     away = server.data_dir.with_name("away")
+    server.until_ready()
     with server.client(None) as client:
         assert client.get("/readyz").json() == {"status": "ready"}
         shutil.move(server.data_dir, away)
