@@ -122,6 +122,12 @@ def build(verb: str | None) -> typer.Typer:
     return app
 
 
+def _print_version(wanted: bool) -> None:
+    if wanted:
+        print(version("gearcase"))
+        raise typer.Exit
+
+
 def options(
     context: typer.Context,
     data_dir: Annotated[
@@ -130,12 +136,11 @@ def options(
             envvar="GEARCASE_DATA_DIR", help="folder with the data of this installation [.gearcase]", show_default=False
         ),
     ] = None,
-    show_version: Annotated[bool, typer.Option("--version", help="print the version and end")] = False,
+    _version: Annotated[
+        bool, typer.Option("--version", callback=_print_version, is_eager=True, help="print the version and end")
+    ] = False,
 ) -> None:
     context.obj = data_dir
-    if show_version:
-        print(version("gearcase"))
-        raise typer.Exit
 
 
 def _elsewhere() -> None:

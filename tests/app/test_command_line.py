@@ -4,6 +4,7 @@ import json
 import os
 import subprocess
 import sys
+from importlib.metadata import version
 from pathlib import Path
 
 import httpx
@@ -301,3 +302,8 @@ def test_no_telemetry_is_dropped(tmp_path: Path) -> None:
     sounds = [w for _ in range(3) for w in ("--sound", tmp_path / "s.wav")]
     many = gearcase(*words, *sounds, data_dir=tmp_path)
     assert (many.code, "3 sounds beside 2 telemetries" in many.stderr) == (2, True)
+
+
+def test_version(tmp_path: Path) -> None:
+    done = gearcase("--version", data_dir=tmp_path)
+    assert (done.code, done.stdout.strip()) == (0, version("gearcase"))
