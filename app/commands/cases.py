@@ -6,9 +6,11 @@ from typing import Annotated, Any
 import typer
 from rich.table import Table
 
+from app.commands.axis import MEANT as AXIS_MEANT
+from app.commands.axis import METAVAR, axis_of
 from app.commands.exit_codes import BAD_INPUT
 from app.commands.faults import sentence
-from app.commands.frame import ACTOR, Json, frame_of
+from app.commands.frame import ACTOR, Json, Steady, frame_of
 from app.commands.review import review
 from app.commands.sounds import MEANT, Sound, sounds
 from app.documents import CaseAnswer
@@ -22,7 +24,6 @@ from casebase.fields import Verified
 from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError
 from sim.description.axis import Axis
-from sim.description.axis_document import read_axis
 
 cases = typer.Typer(help="Add, list, export and import cases.", no_args_is_help=True)
 
@@ -37,11 +38,12 @@ def add(
     context: typer.Context,
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help=MEANT)],
     label: Annotated[str, typer.Option(help="normal, notch, play or any other")],
-    axis: Annotated[Path | None, typer.Option(metavar="AXIS.toml", help="description of the axis")] = None,
+    axis: Annotated[str | None, typer.Option(metavar=METAVAR, help=AXIS_MEANT)] = None,
     gearbox: Annotated[str | None, typer.Option(help="serial number of the gearbox")] = None,
     speed: Annotated[float | None, typer.Option(help="largest speed of the output [rad/s]")] = None,
     payload: Annotated[float | None, typer.Option(help="inertia carried by the output [kg m2]")] = None,
     period: Annotated[float | None, typer.Option(help="one full cycle of the motion [s]")] = None,
+    steady: Steady = None,
     channel: Annotated[int | None, typer.Option(help="channel to use, from 0")] = None,
     verified_by: Annotated[str | None, typer.Option(help="how the label was verified")] = None,
     verification: Annotated[Verified | None, typer.Option(help="the same in one word")] = None,
@@ -64,12 +66,13 @@ def add(
         speed_rad_s=speed,
         payload_kg_m2=payload,
         motion_period_s=period,
+        steady=steady,
         channel=channel,
         verified_by=verified_by,
         verification=verification,
         size_rad=size,
     )
-    described = read_axis(axis) if axis else None
+    described = axis_of(frame, axis) if axis else None
     entries = []
     limit = frame.settings.upload_bytes
     with frame.current_library() as library, frame.progress() as progress, sounds(files, limit) as found:

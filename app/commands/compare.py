@@ -4,16 +4,15 @@ from __future__ import annotations
 
 import os
 from dataclasses import asdict
-from pathlib import Path
 from typing import Annotated
 
 import typer
 
+from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import Frame, frame_of
 from app.comparison import CAUSES, Comparison, FamilyGap, Gain, compare
 from app.place import measured_recordings
 from casebase.signals.features import feature_words
-from sim.description.axis_document import read_axis
 
 SURE = 0.05
 
@@ -24,7 +23,7 @@ def register(app: typer.Typer) -> None:
 
 def compare_sound(
     context: typer.Context,
-    axis: Annotated[Path, typer.Option(metavar="AXIS.toml", help="description of the axis")],
+    axis: Annotated[str, typer.Option(metavar=METAVAR, help=MEANT)],
     label: Annotated[str, typer.Option(help="label that is compared")] = "normal",
     simulated: Annotated[int, typer.Option(min=4, max=1000, metavar="N", help="simulated recordings")] = 16,
     cause: Annotated[list[str] | None, typer.Option(help=f"try these alone; of {', '.join(CAUSES)}")] = None,
@@ -35,7 +34,7 @@ def compare_sound(
     """Hold the library's measured recordings of an axis against simulated ones of the same label: which features lie
     apart, which part of the sound model is the cause, and what replacing it gains on gearboxes left out."""
     frame = frame_of(context)
-    described = read_axis(axis)
+    described = axis_of(frame, axis)
     with frame.library() as library, library.reading() as session:
         recordings = measured_recordings(library, session, described, label)
         normal = measured_recordings(library, session, described, "normal")

@@ -5,19 +5,21 @@ from typing import Annotated, Any, Literal
 
 import typer
 
+from app.commands.axis import MEANT as AXIS_MEANT
+from app.commands.axis import METAVAR, axis_of
 from app.commands.exit_codes import BAD_INPUT, DONE, FAULT_FOUND
 from app.commands.faults import sentence
-from app.commands.frame import ACTOR, Frame, frame_of
+from app.commands.frame import ACTOR, Frame, Steady, frame_of
 from app.commands.sounds import MEANT, Sound, sounds
 from app.documents import DiagnosisAnswer
 from app.intake import media_type_of, take_in
 from app.metadata import RecordingMetadata
+from app.web.templating import sentence as sentence_of
 from app.web.words import is_poor, remarks_beside, verdict_of
 from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError
 from casebase.upkeep import keep_learned
 from sim.description.axis import Axis
-from sim.description.axis_document import read_axis
 
 NORMAL = "normal"
 
@@ -29,10 +31,11 @@ def register(app: typer.Typer) -> None:
 def diagnose(
     context: typer.Context,
     files: Annotated[list[Path], typer.Argument(metavar="FILE...", help=MEANT)],
-    axis: Annotated[Path | None, typer.Option(metavar="AXIS.toml", help="description of the axis")] = None,
+    axis: Annotated[str | None, typer.Option(metavar=METAVAR, help=AXIS_MEANT)] = None,
     speed: Annotated[float | None, typer.Option(help="largest speed of the output [rad/s]")] = None,
     payload: Annotated[float | None, typer.Option(help="inertia carried by the output [kg m2]")] = None,
     period: Annotated[float | None, typer.Option(help="one full cycle of the motion [s]")] = None,
+    steady: Steady = None,
     gearbox: Annotated[str | None, typer.Option(help="serial number of the gearbox")] = None,
     channel: Annotated[int | None, typer.Option(help="channel to use, from 0")] = None,
     fail_on: Annotated[Literal["fault"] | None, typer.Option(help="end with 3 if a fault is found")] = None,
@@ -41,9 +44,14 @@ def diagnose(
     """Diagnose recordings against the local library."""
     frame = frame_of(context)
     metadata = RecordingMetadata(
-        speed_rad_s=speed, payload_kg_m2=payload, motion_period_s=period, gearbox=gearbox, channel=channel
+        speed_rad_s=speed,
+        payload_kg_m2=payload,
+        motion_period_s=period,
+        steady=steady,
+        gearbox=gearbox,
+        channel=channel,
     )
-    described = read_axis(axis) if axis else None
+    described = axis_of(frame, axis) if axis else None
     entries = []
     with frame.current_library() as library, frame.progress() as progress:
         keep_learned(library, ACTOR)
@@ -85,16 +93,30 @@ def _code(entries: list[dict[str, Any]], fail_on: str | None) -> int:
     return BAD_INPUT if any("error" in entry for entry in entries) else DONE
 
 
+def _first(entry: dict[str, Any]) -> list[str]:
+    """What stands before the answer: why a recording is too short, and all remarks where one label at most is known."""
+    short = [flag["reason"] for flag in entry["quality"] if flag["name"].startswith("too_short")]
+    limited = short or entry["verdict"] == "unusable" or len(entry["hypotheses"]) < 2
+    return [*short, *entry["remarks"]] if limited else []
+
+
 def _show(frame: Frame, entries: list[dict[str, Any]]) -> None:
     for entry in entries:
         if "error" in entry:
             frame.print(f"{entry['file']}: failed: {entry['error']}")
             continue
-        words = verdict_of(entry)
-        frame.print(f"{entry['file']}: {words.headline}. {words.summary}")
+        words, first = verdict_of(entry), _first(entry)
+        if first:
+            frame.print(f"{entry['file']}: {' '.join(map(sentence_of, first))}")
+            told = list(words.told) == entry["remarks"]
+            frame.print(f"  {words.headline}.{'' if told else f' {words.summary}'}")
+        else:
+            frame.print(f"{entry['file']}: {words.headline}. {words.summary}")
         for flag in entry["quality"]:
-            frame.print(f"  {flag['severity']}, {flag['name'].replace('_', ' ')}: {flag['reason']}")
+            if flag["reason"] not in first:
+                frame.print(f"  {flag['severity']}, {flag['name'].replace('_', ' ')}: {flag['reason']}")
         for remark in remarks_beside(entry):
-            frame.print(f"  note: {remark}")
+            if remark not in first:
+                frame.print(f"  note: {remark}")
         if is_poor(entry):
             frame.print(f"  next: {words.checks[0]}")

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Annotated
 
 import typer
 from rich.table import Table
 
+from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import ACTOR, Frame, frame_of
 from app.place import FittedPlace, fit_place, keep, measured_recordings
-from sim.description.axis_document import read_axis
 
 SHOWN = 8
 
@@ -21,7 +20,7 @@ def register(app: typer.Typer) -> None:
 
 def fit(
     context: typer.Context,
-    axis: Annotated[Path, typer.Option(metavar="AXIS.toml", help="description of the axis")],
+    axis: Annotated[str, typer.Option(metavar=METAVAR, help=MEANT)],
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
     """Fit housing modes, rubbing, ambient noise and loudness to the measured normal recordings of an axis.
@@ -29,7 +28,7 @@ def fit(
     No recording of a fault is looked at. `generate` uses the newest fit; what it cannot match is said with numbers.
     """
     frame = frame_of(context)
-    described = read_axis(axis)
+    described = axis_of(frame, axis)
     with frame.library() as library:
         with library.reading() as session:
             recordings = measured_recordings(library, session, described)

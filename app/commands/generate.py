@@ -10,12 +10,12 @@ from typing import Annotated, Any
 import typer
 from pydantic import BaseModel, ConfigDict
 
+from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import Frame, frame_of
 from app.generation import Campaign, Outcome, RobotJoint, fitted_microphones, generate
 from casebase.library import CaseLibrary
 from casebase.signals.text import text_of
 from sim.description.axis import Axis
-from sim.description.axis_document import read_axis
 from sim.experiment.design_of_experiments import DURATION_S, LABELS, labels
 
 
@@ -25,7 +25,7 @@ def register(app: typer.Typer) -> None:
 
 def generate_cases(
     context: typer.Context,
-    axis: Annotated[Path | None, typer.Option(metavar="AXIS.toml", help="description of the axis")] = None,
+    axis: Annotated[str | None, typer.Option(metavar=METAVAR, help=MEANT)] = None,
     robot: Annotated[
         Path | None,
         typer.Option(metavar="ROBOT.toml", help="instead of an axis: a robot, whose links are the load of its joint"),
@@ -50,7 +50,7 @@ def generate_cases(
     frame = frame_of(context)
     if (per_label is None) == (plan is None):
         raise typer.BadParameter("give either --per-label or --plan")
-    described, place = subject(axis, robot, joint)
+    described, place = subject(frame, axis, robot, joint)
     entries = [{"counts": dict.fromkeys(label or LABELS, per_label)}] if plan is None else read_plan(plan)
     with frame.library() as library:
         microphones, version = ((), None) if generic else fitted_microphones(library, described)
@@ -76,10 +76,10 @@ def generate_cases(
         frame.print(f"{new} cases generated with {sound}, {known} were there already")
 
 
-def subject(axis: Path | None, robot: Path | None, joint: str | None) -> tuple[Axis, RobotJoint | None]:
+def subject(frame: Frame, axis: str | None, robot: Path | None, joint: str | None) -> tuple[Axis, RobotJoint | None]:
     """Whose gearbox is heard, and where that is in a robot. Raises BadParameter unless it is one of both."""
     if axis is not None and robot is None and joint is None:
-        return read_axis(axis), None
+        return axis_of(frame, axis), None
     if axis is None and robot is not None and joint is not None:
         from sim.robot.joint_simulation import place_of
         from sim.robot.robot import read_robot
@@ -87,7 +87,7 @@ def subject(axis: Path | None, robot: Path | None, joint: str | None) -> tuple[A
         described = read_robot(robot)
         found = RobotJoint(described, place_of(described, joint))
         return found.axis, found
-    raise typer.BadParameter("give --axis AXIS.toml for an axis, or --robot ROBOT.toml with --joint NAME")
+    raise typer.BadParameter("give --axis AXIS for an axis, or --robot ROBOT.toml with --joint NAME")
 
 
 def read_plan(path: Path) -> list[dict[str, Any]]:

@@ -10,6 +10,7 @@ from typing import Annotated, TypeVar
 
 import typer
 
+from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import Frame, frame_of
 from app.sound import read_sound
 from casebase.signals.errors import SignalError
@@ -17,7 +18,7 @@ from casebase.signals.recording import Recording
 from casebase.signals.table_kinds import table_kinds
 from casebase.signals.telemetry import Telemetry, read_telemetry
 from casebase.signals.text import text_of
-from sim.description.axis_document import read_axis, write_axis
+from sim.description.axis_document import write_axis
 from sim.discrepancy.data.pairing import check_pairs
 from sim.discrepancy.investigation import Progress, investigate
 from sim.discrepancy.pooling.joint_investigation import investigate_together
@@ -41,8 +42,8 @@ def register(app: typer.Typer) -> None:
 def run(
     context: typer.Context,
     axis: Annotated[
-        Path | None,
-        typer.Option(metavar="AXIS.toml", help="description of the axis; sound alone uses its motion.period_s"),
+        str | None,
+        typer.Option(metavar=METAVAR, help=f"{MEANT}; sound alone uses its motion.period_s"),
     ] = None,
     robot: Annotated[
         Path | None,
@@ -95,20 +96,18 @@ def run(
     """Find what the simulation of an axis gets wrong and why, and how much an extended model improves it."""
     frame = frame_of(context)
     if (axis is None) == (robot is None):
-        raise typer.BadParameter("give --axis AXIS.toml for one axis, or --robot ROBOT.toml for a whole robot")
+        raise typer.BadParameter("give --axis AXIS for one axis, or --robot ROBOT.toml for a whole robot")
     if axis is None:
         assert robot is not None
         if extended is not None:
             raise typer.BadParameter("--extended is of one axis; a robot's stands in its --json document")
         if sound or as_new:
-            raise typer.BadParameter(
-                "sound is investigated with an axis; give --axis AXIS.toml of the joint that is heard"
-            )
+            raise typer.BadParameter("sound is investigated with an axis; give --axis AXIS of the joint that is heard")
         _of_robot(frame, robot, telemetry or [], channels, report, trajectory, json=json)
         return
     if trajectory is not None:
         raise typer.BadParameter("--trajectory is a motion of a whole robot; give --robot ROBOT.toml")
-    described = read_axis(axis)
+    described = axis_of(frame, axis)
     check_pairs(len(telemetry or ()), len(sound or ()), len(as_new or ()), channel_map=channels is not None)
     heard, before = _sounds(sound or ()), _sounds(as_new or ())
     measured = _measured(telemetry or (), channels)
@@ -120,7 +119,7 @@ def run(
     else:
         first = measured[0] if measured else None
         result = _watched(frame, lambda watch: investigate(described, first, heard, watch, sound_offset, before))
-        files = [path.name for path in (axis, *(telemetry or ()), *(sound or ()), *(as_new or ()))]
+        files = [path.name for path in (Path(axis), *(telemetry or ()), *(sound or ()), *(as_new or ()))]
         document, page, whose = result.document, partial(html_report, result, files), ["" for _ in result.gain]
     if report is not None:
         report.write_text(page(), encoding="utf-8")

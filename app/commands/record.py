@@ -6,8 +6,9 @@ from typing import Annotated
 
 import typer
 
+from app.commands.axis import METAVAR, NAMED, axis_name
 from app.commands.exit_codes import BAD_INPUT, DONE
-from app.commands.frame import Frame, frame_of
+from app.commands.frame import Frame, Steady, frame_of
 from app.commands.watch import Service
 from app.metadata import RecordingMetadata
 from app.microphone import Level, listed, opened, record
@@ -33,10 +34,11 @@ def record_(
     send: Annotated[bool, typer.Option("--send", help="send it to the service if the check finds nothing")] = False,
     anyway: Annotated[bool, typer.Option("--anyway", help="send it whatever the check finds")] = False,
     url: Service = "http://127.0.0.1:8000",
-    axis: Annotated[str | None, typer.Option(help="name of the axis, as the service knows it")] = None,
+    axis: Annotated[str | None, typer.Option(metavar=METAVAR, help=NAMED)] = None,
     gearbox: Annotated[str | None, typer.Option(help="serial number of the gearbox")] = None,
     speed: Annotated[float | None, typer.Option(help="largest speed of the output [rad/s]")] = None,
     payload: Annotated[float | None, typer.Option(help="inertia carried by the output [kg m2]")] = None,
+    steady: Steady = None,
 ) -> None:
     """Record with a microphone, check the recording, send it.
 
@@ -51,7 +53,13 @@ def record_(
     remote = Remote.of_environment(url) if send or anyway else None
     begun = datetime.now().astimezone()
     target = out or Path(f"recording {begun:%Y-%m-%d %H-%M-%S}.wav")
-    given = {"axis": axis, "gearbox": gearbox, "speed_rad_s": speed, "payload_kg_m2": payload}
+    given = {
+        "axis": axis_name(axis),
+        "gearbox": gearbox,
+        "speed_rad_s": speed,
+        "payload_kg_m2": payload,
+        "steady": steady,
+    }
     metadata = RecordingMetadata.model_validate({**given, "recorded_at": begun.isoformat(timespec="seconds")})
     _record(frame, target, device, rate, seconds)
     found = extract(read_sound(target), metadata.condition()).quality

@@ -13,12 +13,13 @@ import soundfile
 import typer
 from numpy.typing import NDArray
 
+from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import Frame, frame_of
 from app.simulation_plot import plot_measurement
 from casebase.signals.telemetry import Telemetry
 from sim.acoustics.microphone import SAMPLE_RATE_HZ
 from sim.description.axis import Axis
-from sim.description.axis_document import read_axis, write_axis
+from sim.description.axis_document import write_axis
 from sim.errors import ParameterError, near_match
 from sim.experiment.virtual_measurement import Measurement, measure
 from sim.mechanisms import MECHANISMS
@@ -43,7 +44,7 @@ def register(app: typer.Typer) -> None:
 def simulate(
     context: typer.Context,
     out: Annotated[Path, typer.Option(metavar="DIR", help="where telemetry.csv and sound.wav are written")],
-    axis: Annotated[Path | None, typer.Option(metavar="AXIS.toml", help="description of the axis")] = None,
+    axis: Annotated[str | None, typer.Option(metavar=METAVAR, help=MEANT)] = None,
     robot: Annotated[
         Path | None,
         typer.Option(metavar="ROBOT.toml", help="instead of an axis: a robot, of which a joint is simulated"),
@@ -70,9 +71,9 @@ def simulate(
     frame = frame_of(context)
     wanted = read_mechanisms(mechanism or [], settings or [])
     if (axis is None) == (robot is None) or (robot is None) != (joint is None):
-        raise typer.BadParameter("give --axis AXIS.toml for an axis, or --robot ROBOT.toml with --joint NAME")
+        raise typer.BadParameter("give --axis AXIS for an axis, or --robot ROBOT.toml with --joint NAME")
     if axis is not None:
-        described = _with(read_axis(axis), wanted)
+        described = _with(axis_of(frame, axis), wanted)
         result = _watched(frame, duration, lambda watch: measure(described, duration, seed, watch=watch))
     else:
         assert robot is not None

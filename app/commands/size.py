@@ -9,6 +9,7 @@ from typing import Annotated
 
 import typer
 
+from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import Frame, frame_of
 from app.generation import fitted_microphones
 from app.intake import mesh_orders, shaft_orders
@@ -17,7 +18,6 @@ from app.sound import read_sound
 from casebase.severity import COVERAGE, PARAMETERS, Severity
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import extract
-from sim.description.axis_document import read_axis
 from sim.discrepancy.report.formatting import angle
 from sim.errors import ParameterError
 
@@ -31,7 +31,7 @@ def register(app: typer.Typer) -> None:
 def size(
     context: typer.Context,
     file: Annotated[Path, typer.Argument(metavar="FILE", help="sound file: WAV, FLAC, phone formats")],
-    axis: Annotated[Path, typer.Option(metavar="AXIS.toml", help="description of the axis")],
+    axis: Annotated[str, typer.Option(metavar=METAVAR, help=MEANT)],
     label: Annotated[str, typer.Option(help=f"what was diagnosed: {' or '.join(PARAMETERS)}")],
     speed: Annotated[float | None, typer.Option(help="largest speed of the output [rad/s]")] = None,
     payload: Annotated[float | None, typer.Option(help="inertia carried by the output [kg m2]")] = None,
@@ -53,7 +53,7 @@ def size(
     frame = frame_of(context)
     if label not in PARAMETERS:
         raise ParameterError(f"label: the size of {label!r} is not known; {', '.join(PARAMETERS)} have one")
-    described = read_axis(axis)
+    described = axis_of(frame, axis)
     condition = OperatingCondition(
         speed_rad_s=speed,
         payload_kg_m2=payload,

@@ -8,10 +8,10 @@ from typing import Annotated
 
 import typer
 
+from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import frame_of
 from app.tendency import FEATURES, SPECIMENS, Curve, curves
 from casebase.signals.features import feature_words
-from sim.description.axis_document import read_axis
 from sim.experiment.paper_axis import PAPER_AXIS
 
 MARKS = {"play": "o-", "notch": "s--"}
@@ -24,13 +24,13 @@ def register(app: typer.Typer) -> None:
 def tendency(
     context: typer.Context,
     out: Annotated[Path, typer.Option(metavar="PAGE.md", help="page to write, its plot beside it")],
-    axis: Annotated[Path | None, typer.Option(metavar="AXIS.toml", help="the paper's axis if not given")] = None,
+    axis: Annotated[str | None, typer.Option(metavar=METAVAR, help=f"{MEANT} [the paper's axis]")] = None,
     points: Annotated[int, typer.Option(min=2, max=50, help="of each curve")] = 6,
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
     """Simulate and plot curves of features over fault size, payload and frequency."""
     frame = frame_of(context)
-    described = read_axis(axis) if axis else PAPER_AXIS
+    described = axis_of(frame, axis) if axis else PAPER_AXIS
     with frame.progress() as progress:
         bar = progress.add_task("simulating", total=6 * points * len(SPECIMENS))
         found = curves(described, points, lambda: progress.advance(bar))

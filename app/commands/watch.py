@@ -5,8 +5,9 @@ from typing import Annotated
 
 import typer
 
+from app.commands.axis import METAVAR, NAMED, axis_name
 from app.commands.exit_codes import DONE
-from app.commands.frame import Frame, frame_of
+from app.commands.frame import Frame, Steady, frame_of
 from app.metadata import RecordingMetadata
 from app.process import stop_on_signals
 from app.remote import RefusedError, Remote, UnreachableError
@@ -25,11 +26,12 @@ def watch(
     context: typer.Context,
     folder: Annotated[Path, typer.Argument(exists=True, file_okay=False, help="where recordings are written")],
     url: Service = "http://127.0.0.1:8000",
-    axis: Annotated[str | None, typer.Option(help="name of the axis, as the service knows it")] = None,
+    axis: Annotated[str | None, typer.Option(metavar=METAVAR, help=NAMED)] = None,
     gearbox: Annotated[str | None, typer.Option(help="serial number of the gearbox")] = None,
     robot: Annotated[str | None, typer.Option(help="name or serial number of the robot")] = None,
     speed: Annotated[float | None, typer.Option(help="largest speed of the output [rad/s]")] = None,
     payload: Annotated[float | None, typer.Option(help="inertia carried by the output [kg m2]")] = None,
+    steady: Steady = None,
     channel: Annotated[int | None, typer.Option(help="channel to use, from 0")] = None,
     move_to: Annotated[Path | None, typer.Option(help="folder for files that were sent; else they stay")] = None,
     memory: Annotated[Path | None, typer.Option(help=f"file that says what was sent [{MEMORY} in the folder]")] = None,
@@ -45,11 +47,12 @@ def watch(
     """
     frame = frame_of(context)
     given = {
-        "axis": axis,
+        "axis": axis_name(axis),
         "gearbox": gearbox,
         "robot": robot,
         "speed_rad_s": speed,
         "payload_kg_m2": payload,
+        "steady": steady,
         "channel": channel,
     }
     metadata = RecordingMetadata.model_validate(given).description()

@@ -307,3 +307,18 @@ def test_no_telemetry_is_dropped(tmp_path: Path) -> None:
 def test_version(tmp_path: Path) -> None:
     done = gearcase("--version", data_dir=tmp_path)
     assert (done.code, done.stdout.strip()) == (0, version("gearcase"))
+
+
+def test_what_limits_every_answer_stands_first(data_dir: Path, tmp_path: Path) -> None:
+    """Too short a recording, an empty library, a library of one label."""
+    path, short = tmp_path / "a.wav", tmp_path / "short.wav"
+    path.write_bytes(sound(50))
+    short.write_bytes(sound(51, seconds=0.6))
+    assert gearcase("diagnose", short, data_dir=data_dir).stdout.startswith(f"{short}: No reversal is heard")
+    empty = gearcase("diagnose", path, data_dir=tmp_path / "empty").stdout
+    assert empty.startswith(f"{path}: The library has no case to compare with: add labelled recordings")
+    one = tmp_path / "one"
+    gearcase("cases", "add", data_dir.parent / "normal0.wav", "--label", "normal", data_dir=one)
+    (entry,) = json.loads(gearcase("diagnose", path, "--json", data_dir=one).stdout)
+    first = entry["remarks"][0]
+    assert gearcase("diagnose", path, data_dir=one).stdout.startswith(f"{path}: {first[0].upper()}{first[1:]}")

@@ -1,0 +1,110 @@
+"""`--axis` at every verb: a file or a stored name. `--steady` says the same there as `steady` over HTTP."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from app.commands import record
+from app.commands.axis import axis_name
+from tests.app.sounds import sound
+from tests.live import gearcase
+
+TOML = "[motor]\ninertia_kg_m2 = 0.3\n[load]\ninertia_kg_m2 = 0.0\n[motion]\nperiod_s = 2.0\n"
+
+
+@pytest.fixture(scope="module")
+def data_dir(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A library that knows an axis and has a case."""
+    folder = tmp_path_factory.mktemp("axes")
+    (folder / "axis.toml").write_text(f'name = "bench"\n{TOML}')
+    (folder / "a.wav").write_bytes(sound(1))
+    assert gearcase("axes", "add", folder / "axis.toml", data_dir=folder / "data").code == 0
+    return folder / "data"
+
+
+VERBS = (
+    ("diagnose", "a.wav"),
+    ("cases", "add", "a.wav", "--label", "normal"),
+    ("simulate", "--out", "run"),
+    ("generate", "--per-label", "1"),
+    ("investigate",),
+    ("fit",),
+    ("compare",),
+    ("size", "a.wav", "--label", "notch"),
+    ("tendency", "--out", "page.md"),
+)
+
+
+@pytest.mark.parametrize("words", VERBS, ids=lambda words: words[0])
+def test_what_is_neither_file_nor_stored_is_said_with_what_is(data_dir: Path, words: tuple[str, ...]) -> None:
+    done = gearcase(*words, "--axis", "bensh", data_dir=data_dir)
+    assert done.code == 2
+    assert "there is no file bensh, and no axis is known as 'bensh'; described are bench" in done.stderr
+
+
+@pytest.mark.parametrize("given", ["bench", "axis.toml"])
+def test_a_file_and_a_stored_name_say_the_same(data_dir: Path, given: str, tmp_path: Path) -> None:
+    axis = data_dir.parent / given if given.endswith("toml") else given
+    done = gearcase("simulate", "--axis", axis, "--duration", "1", "--out", tmp_path, "--json", data_dir=data_dir)
+    assert done.code == 0, done.stderr
+    assert json.loads(done.stdout)["axis"] == "bench"
+    found = gearcase("diagnose", data_dir.parent / "a.wav", "--axis", axis, "--json", data_dir=data_dir)
+    (entry,) = json.loads(found.stdout)
+    assert entry["recording"]["axis"] == "bench"
+    assert not any("no axis is described" in remark for remark in entry["remarks"])
+
+
+def test_a_service_is_told_the_name(data_dir: Path) -> None:
+    assert axis_name(str(data_dir.parent / "axis.toml")) == axis_name("bench") == "bench"
+    assert axis_name(None) is None
+
+
+def test_a_folder_of_the_same_name_is_no_axis(data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "bench").mkdir()
+    monkeypatch.chdir(tmp_path)
+    words = ("simulate", "--axis", "bench", "--duration", "1", "--out", "run", "--json")
+    assert gearcase(*words, data_dir=data_dir).code == 0
+
+
+def flags(done: Any) -> set[str]:
+    return {flag["name"] for flag in json.loads(done.stdout)[0]["quality"]}
+
+
+def test_steady_is_said_of_a_recording(data_dir: Path, tmp_path: Path) -> None:
+    path = tmp_path / "short.wav"
+    path.write_bytes(sound(51, seconds=0.6))
+    words = ("diagnose", path, "--json")
+    assert "too_short_for_motion" in flags(gearcase(*words, data_dir=data_dir))
+    assert "too_short_for_motion" not in flags(gearcase(*words, "--steady", data_dir=data_dir))
+    added = gearcase("cases", "add", path, "--label", "hum", "--steady", "--json", data_dir=tmp_path / "other")
+    assert added.code == 0, added.stderr
+
+
+class Told(Exception):
+    """What would have been sent."""
+
+
+@pytest.mark.parametrize(("words", "steady"), [(("--steady",), True), ((), None)])
+def test_steady_is_sent(
+    data_dir: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: tuple[str, ...], steady: bool | None
+) -> None:
+    sent: list[dict[str, object]] = []
+
+    def diagnose(_remote: object, _path: Path, metadata: dict[str, object], *_: object) -> dict[str, object]:
+        sent.append(metadata)
+        raise Told
+
+    (tmp_path / "a.wav").write_bytes(sound(1))
+    for folder in ("memory", "b"):
+        (tmp_path / folder).mkdir()
+    monkeypatch.setenv("GEARCASE_KEY", "gearcase_x")
+    monkeypatch.setattr("app.remote.Remote.diagnose", diagnose)
+    monkeypatch.setattr(record, "_record", lambda _frame, target, *_: target.write_bytes(sound(1)))
+    axis = str(data_dir.parent / "axis.toml")
+    watched = ("watch", tmp_path, "--once", "--settle", "0", "--memory", tmp_path / "memory" / "sent")
+    gearcase(*watched, "--axis", axis, *words, data_dir=tmp_path)
+    gearcase("record", "--out", tmp_path / "b" / "r.wav", "--anyway", "--axis", axis, *words, data_dir=tmp_path)
+    assert [each.get("steady") for each in sent] == [steady] * 2
+    assert {each["axis"] for each in sent} == {"bench"}
