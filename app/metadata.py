@@ -1,6 +1,6 @@
 """What is said of a recording when it comes in: one strict document for HTTP, command line and bundles."""
 
-from typing import Annotated, Any
+from typing import Annotated, Any, Literal
 
 from pydantic import (
     BaseModel,
@@ -98,6 +98,7 @@ class CaseMetadata(RecordingMetadata):
 
     label: Label = Field(description="normal, notch, play, or any other label of the library")
     verification: Verified | None = Field(None, description="the same as `verified_by` in one word")
+    state: Literal["proposed"] | None = Field(None, description="proposed: in no search until an admin releases it")
     size_rad: Positive | None = Field(
         None,
         description="measured gap of backlash (play) or depth of tooth damage (notch), at the driven gear [rad]",
@@ -107,6 +108,7 @@ class CaseMetadata(RecordingMetadata):
         """What the recording is a case of, as measured."""
         return Labelling(
             self.label,
+            state=self.state or "confirmed",
             severity=self.size_rad,
             verified_by=self.verified_by,
             verification=self.verification,

@@ -2,10 +2,11 @@
 
 from collections.abc import Mapping, Sequence
 
-from sqlalchemy import exists, or_, select
+from sqlalchemy import Exists, delete, exists, or_, select
 from sqlalchemy.orm import Session
 
-from casebase import revisions
+from casebase import audit, revisions
+from casebase.errors import ConflictError
 from casebase.models import AxisRevision, StoredInvestigation, StoredRecording
 
 SHOWN = 10
@@ -38,14 +39,28 @@ def get_axis(session: Session, name: str, revision: int | None = None) -> AxisRe
     return revisions.get(session, AxisRevision, name, revision)
 
 
+def remove_axis(session: Session, name: str) -> None:
+    """Remove all revisions of an axis that no recording and no investigation names.
+
+    Raises:
+        NotFoundError: if there is no such axis.
+        ConflictError: if one names it.
+    """
+    row = get_axis(session, name)
+    if session.scalar(select(or_(*_named(name)))):
+        raise ConflictError(f"axis {name!r} is named by recordings or investigations, so it stays")
+    session.execute(delete(AxisRevision).where(AxisRevision.name == name))
+    audit.record(session, "axis.removed", ("axis", name), before={"revision": row.revision})
+
+
 def is_axis(session: Session, name: str) -> bool:
     """Whether an axis is known by this name: described, investigated, or named by a recording."""
-    known = (
-        exists().where(AxisRevision.name == name),
-        exists().where(StoredRecording.axis == name),
-        exists().where(StoredInvestigation.axis == name),
-    )
-    return bool(session.scalar(select(or_(*known))))
+    return bool(session.scalar(select(or_(exists().where(AxisRevision.name == name), *_named(name)))))
+
+
+def _named(name: str) -> tuple[Exists, ...]:
+    """Whether recordings, and whether investigations name an axis."""
+    return exists().where(StoredRecording.axis == name), exists().where(StoredInvestigation.axis == name)
 
 
 def unknown_axis(session: Session, name: str) -> str:

@@ -13,7 +13,7 @@ from app.errors import UnsupportedMedia
 from app.idempotency import Made, OnlyOnce
 from app.location import location
 from app.security import Admin, Viewer
-from app.service import Reading
+from app.service import Reading, TheService
 from casebase import axes, revisions
 from casebase.models import AxisRevision
 from sim.description.axis_document import parse_axis, read_axis
@@ -67,6 +67,13 @@ def axis_revisions(
     return page_of(
         revisions.history_page(session, AxisRevision, name, limit=limit, cursor=cursor), AxisAnswer.model_validate
     )
+
+
+@router.delete("/axes/{name}", status_code=status.HTTP_204_NO_CONTENT)
+def remove_axis(admin: Admin, service: TheService, request: Request, name: Name) -> None:
+    """Remove an axis with all its revisions. One that a recording or an investigation names stays (409)."""
+    with service.library.transaction(admin.actor, request.scope["request_id"]) as session:
+        axes.remove_axis(session, name)
 
 
 async def axis_body(request: Request) -> dict[str, object]:
