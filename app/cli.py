@@ -19,6 +19,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("diagnose", "app.commands.diagnose", "Diagnose recordings against the local library."),
     ("watch", "app.commands.watch", "Send each new recording of a folder to a service."),
     ("record", "app.commands.record", "Record with a microphone, check it, send it."),
+    ("smoke", "app.commands.smoke", "Check a service that runs: the main job, step by step."),
     ("size", "app.commands.size", "Say how large backlash (play) or tooth damage (notch) is."),
     ("cases", "app.commands.cases", "Add, list, export and import cases."),
     ("axes", "app.commands.axes", "List, show, add and change axes."),
