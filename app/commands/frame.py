@@ -91,6 +91,7 @@ class Frame:
             self.say(f"recording {recording} keeps what it has: {reason}")
 
 
+Steady = Annotated[bool | None, typer.Option("--steady", help="the axis turns at constant speed")]
 Json = Annotated[bool, typer.Option("--json", help="one JSON document on stdout")]
 
 
