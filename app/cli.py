@@ -17,6 +17,7 @@ COMMANDS: tuple[tuple[str, str, str], ...] = (
     ("worker", "app.commands.worker", "Run jobs; start as many workers as you like."),
     ("keys", "app.commands.keys", "Make, list and revoke keys."),
     ("diagnose", "app.commands.diagnose", "Diagnose recordings against the local library."),
+    ("retrieve", "app.commands.retrieve", "Find the nearest cases of a recording; nothing is stored."),
     ("watch", "app.commands.watch", "Send each new recording of a folder to a service."),
     ("record", "app.commands.record", "Record with a microphone, check it, send it."),
     ("smoke", "app.commands.smoke", "Check a service that runs: the main job, step by step."),

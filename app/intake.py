@@ -32,18 +32,24 @@ KEEPERS = ThreadPoolExecutor(4, thread_name_prefix="keeper")
 
 
 @dataclass(frozen=True)
-class Intake:
-    """A recording on its way into the library: its bytes are on disk, its rows are not yet there.
+class Heard:
+    """A recording, its features and how it was taken; nothing of it is stored.
 
     Args:
         remarks: what of its description limits an answer, one sentence each.
     """
 
-    stored: StoredBytes
     recording: Recording
     extraction: Extraction
     description: RecordingDescription
-    remarks: tuple[str, ...] = ()
+    remarks: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Intake(Heard):
+    """A recording on its way into the library: its bytes are on disk, its rows are not yet there."""
+
+    stored: StoredBytes
 
     def store(self, library: CaseLibrary, session: Session) -> StoredRecording:
         return library.retain.recording(session, self.stored, self.recording, self.extraction, self.description)
@@ -146,7 +152,36 @@ def take_in(
     metadata: RecordingMetadata,
     axis: Axis | None = None,
 ) -> Intake:
-    """Decode a file, take its features and, meanwhile, keep its bytes.
+    """Decode a file, take its features and, meanwhile, keep its bytes; see `hear`."""
+    recording = decoded(path, metadata, axis)
+    keeping = KEEPERS.submit(library.audio.put, path)
+    try:
+        heard = hear(library, recording, name, media_type, metadata, axis)
+    finally:
+        stored = keeping.result()
+    return Intake(**vars(heard), stored=stored)
+
+
+def decoded(path: Path, metadata: RecordingMetadata, axis: Axis | None = None) -> Recording:
+    """Decode a file in the limited worker.
+
+    Raises:
+        SignalError: what is wrong with the file, as `read_recording` says.
+    """
+    if axis is not None:
+        check_name("name of the axis", axis.name)
+    return replace(read_sound(path, channel=metadata.channel), unit=metadata.unit)
+
+
+def hear(
+    library: CaseLibrary,
+    recording: Recording,
+    name: str,
+    media_type: str,
+    metadata: RecordingMetadata,
+    axis: Axis | None = None,
+) -> Heard:
+    """Take the features of a recording and what is known of how it was taken; nothing is stored.
 
     What sound, axis or library contradict of the condition is not used: it stands under `contradicted` in the
     description, and a flag says why.
@@ -155,26 +190,19 @@ def take_in(
         axis: its description; by default the library's for the name in the metadata, where it has one.
 
     Raises:
-        SignalError: what the file or its description has wrong, as `read_recording` and `extract` say.
+        SignalError: what its description has wrong, as `extract` says.
     """
-    if axis is not None:
-        check_name("name of the axis", axis.name)
     axis = axis or known_axis(library, metadata.axis)
     condition = metadata.condition(
         shaft_orders=shaft_orders(axis) if axis else (), mesh_orders=mesh_orders(axis) if axis else ()
     )
-    recording = replace(read_sound(path, channel=metadata.channel), unit=metadata.unit)
-    keeping = KEEPERS.submit(library.audio.put, path)
-    try:
-        extraction = extract(recording, condition)
-        stated = condition.speed_rad_s or condition.payload_kg_m2 or condition.motion_period_s
-        known = expected(library, axis, metadata.axis) if stated else Expected()
-        usable, doubts = held_against(condition, extraction.motion, known)
-        if doubts:
-            extraction = extract(recording, usable)
-            extraction = replace(extraction, quality=(*extraction.quality, *doubts))
-    finally:
-        stored = keeping.result()
+    extraction = extract(recording, condition)
+    stated = condition.speed_rad_s or condition.payload_kg_m2 or condition.motion_period_s
+    known = expected(library, axis, metadata.axis) if stated else Expected()
+    usable, doubts = held_against(condition, extraction.motion, known)
+    if doubts:
+        extraction = extract(recording, usable)
+        extraction = replace(extraction, quality=(*extraction.quality, *doubts))
     extra = metadata.model_dump(
         mode="json", include={"robot", "temperature_degc", "notes", "verified_by"}, exclude_none=True
     )
@@ -194,7 +222,7 @@ def take_in(
     )
     if not axis:
         remarks += unknown_axis(library, metadata.axis)
-    return Intake(stored, recording, extraction, description, remarks)
+    return Heard(recording, extraction, description, remarks)
 
 
 def unknown_axis(library: CaseLibrary, name: str | None) -> tuple[str, ...]:

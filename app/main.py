@@ -22,6 +22,7 @@ from app.api import (
     limits,
     queue,
     recordings,
+    retrievals,
     robots,
     simulations,
     steps,
@@ -40,6 +41,7 @@ from casebase.signals.decode import warm_up
 
 ROUTERS: tuple[APIRouter, ...] = (
     diagnoses.router,
+    retrievals.router,
     cases.router,
     recordings.router,
     library.router,

@@ -116,8 +116,8 @@ class CaseMetadata(RecordingMetadata):
         )
 
 
-def read_metadata(text: str, model: type[RecordingMetadata]) -> Any:
-    """Return the metadata of an upload.
+def read_metadata(text: str, model: type[BaseModel], part: str = "metadata") -> Any:
+    """Return the metadata of an upload, or what else a part of it says in JSON.
 
     Raises:
         Unprocessable: if it is no JSON object, or says something unknown or impossible; lists what is known.
@@ -125,6 +125,6 @@ def read_metadata(text: str, model: type[RecordingMetadata]) -> Any:
     try:
         return model.model_validate_json(text or "{}")
     except ValidationError as error:
-        problem = validation_problem(error.errors(include_url=False), "metadata")
+        problem = validation_problem(error.errors(include_url=False), part)
         known = ", ".join(model.model_fields)
         raise Unprocessable(f"{problem.detail}. Known: {known}.", **problem.extras) from None

@@ -209,8 +209,14 @@ MaybeUpload = Annotated[Upload | None, Depends(upload_of, scope="function")]
 TheUpload = Annotated[Upload, Depends(needed_upload, scope="function")]
 
 
-def multipart_body(metadata: type[BaseModel], instead: type[BaseModel] | None = None) -> dict[str, Any]:
-    """The OpenAPI of a request with the parts `file` and `metadata`, or with a JSON document instead."""
+def multipart_body(
+    metadata: type[BaseModel], instead: type[BaseModel] | None = None, query: type[BaseModel] | None = None
+) -> dict[str, Any]:
+    """The OpenAPI of a request with the parts `file` and `metadata`, or with a JSON document instead.
+
+    Args:
+        query: of a part `query`, which can stand for the file.
+    """
     content: dict[str, Any] = {
         "multipart/form-data": {
             "schema": {
@@ -227,6 +233,11 @@ def multipart_body(metadata: type[BaseModel], instead: type[BaseModel] | None = 
     }
     if any(field.is_required() for field in metadata.model_fields.values()):
         content["multipart/form-data"]["schema"]["required"].append("metadata")
+    if query is not None:
+        del content["multipart/form-data"]["schema"]["required"]
+        described = {**query.model_json_schema(), "description": "JSON: what is looked for, and how"}
+        content["multipart/form-data"]["schema"]["properties"]["query"] = described
+        content["multipart/form-data"]["encoding"]["query"] = {"contentType": "application/json"}
     if instead is not None:
         content["application/json"] = {"schema": instead.model_json_schema()}
     return {"requestBody": {"required": True, "content": content}}

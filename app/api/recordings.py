@@ -15,13 +15,13 @@ from app import views
 from app.accept import chosen
 from app.conditional import IfNoneMatch, has_already, not_modified
 from app.documents import Answer, ErasedAnswer, Identifier, RecordingAnswer
-from app.errors import NotFound, RangeNotSatisfiable
+from app.errors import RangeNotSatisfiable
 from app.gate import Looking
 from app.intake import media_type_of
 from app.security import Admin, Viewer
 from app.service import Reading, Service, TheService
 from casebase import erasing
-from casebase.models import Extractor, FeatureRow, StoredRecording
+from casebase.models import Extractor, StoredRecording
 from casebase.recordings import named_features
 from casebase.signals.features import EXTRACTOR_VERSION, catalogue
 from casebase.signals.recording import Recording
@@ -236,9 +236,7 @@ class Features(Answer):
 def features(_: Viewer, session: Reading, service: TheService, recording_id: Identifier) -> Features:
     """Every feature with its unit and a sentence of physics."""
     row = service.library.retrieve.recording(session, recording_id)
-    stored = session.get(FeatureRow, (row.id, EXTRACTOR_VERSION))
-    if stored is None:
-        raise NotFound("The features of this recording are of an older extractor; `gearcase doctor` says what to do.")
+    stored = service.library.retrieve.features(session, row)
     names = session.get_one(Extractor, EXTRACTOR_VERSION).names
     values = named_features(stored, names)
     return Features(

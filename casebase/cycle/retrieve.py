@@ -1,8 +1,9 @@
-"""Retrieve: recordings and cases as they are stored, and the table of cases that is searched."""
+"""Retrieve: recordings and cases as they are stored, the table of cases, and its searches with any weights."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
+import numpy as np
 from sqlalchemy import func, select
 from sqlalchemy.orm import Session
 
@@ -13,10 +14,14 @@ from casebase.case_table import CaseTable, load_table
 from casebase.counter import has_changed, library_version
 from casebase.errors import ErasedError, NotFoundError
 from casebase.kept_table import read_table
-from casebase.models import AuditEntry, Case, StoredRecording
+from casebase.models import AuditEntry, Case, FeatureRow, StoredRecording
 from casebase.pages import Page, page
 from casebase.plausibility import Expected, measured
+from casebase.retrieval import CaseMatrix
 from casebase.signals.features import EXTRACTOR_VERSION
+from casebase.similarity import Floats, Metric, pooled_scales
+
+MATRICES_KEPT = 4
 
 
 class Retrieve:
@@ -28,6 +33,7 @@ class Retrieve:
         self._audio = audio
         self._tables: dict[str, CaseTable] = {}
         self._measured: dict[str, tuple[int, Expected]] = {}
+        self._matrices: tuple[CaseMatrix, ...] = ()
 
     def recording(self, session: Session, recording_id: str) -> StoredRecording:
         """Return a recording; raises NotFoundError."""
@@ -50,6 +56,15 @@ class Retrieve:
                 "diagnoses and cases are still here"
             )
         return self._audio.whole(row.file_sha256)
+
+    def features(self, session: Session, row: StoredRecording) -> FeatureRow:
+        """Return the features of a recording; raises NotFoundError if they are not of the present extractor."""
+        stored = session.get(FeatureRow, (row.id, EXTRACTOR_VERSION))
+        if stored is None:
+            raise NotFoundError(
+                "The features of this recording are of an older extractor; `gearcase doctor` says what to do."
+            )
+        return stored
 
     def case(self, session: Session, case_id: str) -> Case:
         """Return a case, retired ones too; raises NotFoundError."""
@@ -87,6 +102,26 @@ class Retrieve:
         if not has_changed(session):
             self._tables[extractor_version] = table
         return table
+
+    def matrix(self, session: Session, weights: Floats) -> CaseMatrix:
+        """Return the cases of `table`, at least one, ready to be searched with these weights of their features.
+
+        Scales are those of all cases. The last few are kept until cases change.
+        """
+        table = self.table(session)
+        current = tuple(matrix for matrix in self._matrices if matrix.table is table)
+        shares = weights / weights.sum()
+        kept = next((matrix for matrix in current if np.array_equal(matrix.metric.weights, shares)), None)
+        if kept is not None:
+            return kept
+        if current:
+            metric = current[0].metric.with_weights(weights)
+        else:
+            metric = Metric(table.names, *pooled_scales(table.values, table.labels), shares)
+        made = CaseMatrix(table, metric)
+        if not has_changed(session):
+            self._matrices = (*current, made)[-MATRICES_KEPT:]
+        return made
 
     def measured(self, session: Session, axis: str) -> Expected:
         """Return what the measured cases of an axis say of its motion; read again when cases have changed."""

@@ -162,6 +162,7 @@ def test_every_route_that_takes_a_body_has_a_guard_or_is_known_to_be_open() -> N
 def test_uploads_are_where_the_contract_has_them() -> None:
     assert {path for _, path, route in changing_routes() if terms_of(route).takes_upload} == {
         "/api/v1/diagnoses",
+        "/api/v1/retrievals",
         "/api/v1/cases",
         "/api/v1/investigations",
         "/api/v1/robots",

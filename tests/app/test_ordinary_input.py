@@ -30,6 +30,8 @@ AXIS: dict[str, Any] = {
     "mechanisms": [{"name": "backlash", "location": "output", "gap_rad": 1e-3}],
 }
 METADATA = {"axis": "axis 4", "gearbox": "g 1", "robot": "r", "speed_rad_s": 2.5, "motion_period_s": 2.0, "channel": 0}
+QUERY = {"k": 3, "representation": "paper", "weights": {"crest_factor": 2.0}, "label": ["normal"], "axis": "axis 4"}
+QUERY |= {"gearbox": ["g 1"], "origin": "measured", "min_similarity": 0.1}
 METADATA |= {"reversal_times_s": [0.5, 1.5], "recorded_at": "2026-11-20T14:03:00+01:00", "verified_by": "opened"}
 BODIES: dict[tuple[str, str], dict[str, Any]] = {
     ("POST", "/keys"): {"name": "bench 3", "role": "viewer"},
@@ -68,6 +70,7 @@ BODIES: dict[tuple[str, str], dict[str, Any]] = {
 """A body that is right, of every route that takes JSON."""
 PARTS: dict[tuple[str, str], tuple[str, dict[str, Any]]] = {
     ("POST", "/diagnoses"): ("metadata", METADATA),
+    ("POST", "/retrievals"): ("query", QUERY),
     ("POST", "/cases"): ("metadata", {**METADATA, "label": "normal"}),
     ("POST", "/investigations"): ("axis", AXIS),
 }

@@ -43,6 +43,7 @@ def test_contract_has_these_roles(everything: list[tuple[str, str, str | None]])
     roles = {(method, path): role for method, path, role in everything}
     api = "/api/v1"
     assert roles["post", f"{api}/diagnoses"] == "operator"
+    assert roles["post", f"{api}/retrievals"] == "viewer"
     assert roles["get", f"{api}/diagnoses"] == roles["get", f"{api}/diagnoses/{{diagnosis_id}}"] == "viewer"
     assert roles["get", f"{api}/diagnoses/{{diagnosis_id}}/report"] == "viewer"
     assert roles["patch", f"{api}/diagnoses/{{diagnosis_id}}"] == "operator"

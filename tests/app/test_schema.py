@@ -34,7 +34,8 @@ schema = schemathesis.openapi.from_dict(create_app().openapi())
 # can say
 UNDECIDABLE_HEADERS = ("Idempotency-Key", "If-Match")
 UNDECIDABLE = (
-    "axes", "robots", "simulations", "investigations", "cases", "diagnoses", "alarms/receivers", "alarms/rules",
+    "axes", "robots", "simulations", "investigations", "cases", "diagnoses", "retrievals", "alarms/receivers",
+    "alarms/rules",
 )  # fmt: skip
 UNDECIDABLE_BODIES = {f"/api/v1/{noun}" for noun in UNDECIDABLE}
 
