@@ -78,7 +78,7 @@ def create_app(settings: Settings | None = None, service: Service | None = None)
         app.state.looking = Gate(settings.looks_at_once, settings.looks_per_key)
         warm_up()
         terms_of_all(app)
-        running.learner.start()
+        running.upkeep.start()
         for work in running.by_itself:
             work.start()
         yield

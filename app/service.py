@@ -19,13 +19,12 @@ from app.jobs.feed import JobFeed
 from app.jobs.jobs import Jobs
 from app.jobs.kinds import jobs_in
 from app.key_notes import KeyNotes
-from app.learner import Learner
 from app.leftovers import leftovers
 from app.metrics import Metrics
 from app.periodic import Periodic
 from app.retention import retention
 from app.settings import Settings
-from casebase.artifacts import active_version
+from app.upkeep import Upkeep
 from casebase.counter import library_version
 from casebase.evaluation import Evaluation
 from casebase.library import CaseLibrary
@@ -96,7 +95,7 @@ class Service:
         def work(session: Session) -> Review:
             return review(session, self.library.reuse.reasoner(session))
 
-        state = library_version(session), active_version(session, EXTRACTOR_VERSION)
+        state = library_version(session), EXTRACTOR_VERSION
         return self.beside.soon(Asked("review", state, None, work))
 
     @cached_property
@@ -109,8 +108,8 @@ class Service:
         return Fleet()
 
     @cached_property
-    def learner(self) -> Learner:
-        return Learner(self.library)
+    def upkeep(self) -> Upkeep:
+        return Upkeep(self.library)
 
     @cached_property
     def key_notes(self) -> KeyNotes:
@@ -132,7 +131,7 @@ class Service:
         return JobFeed(lambda: self.jobs)
 
     def close(self) -> None:
-        self.learner.close()
+        self.upkeep.close()
         for work in self.by_itself:
             work.close()
         self.key_notes.close()

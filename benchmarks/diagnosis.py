@@ -15,6 +15,7 @@ from pathlib import Path
 
 import numpy as np
 import soundfile
+from casebase.learning import learn
 from numpy.typing import NDArray
 from scipy import signal
 
@@ -22,7 +23,6 @@ from benchmarks import Row
 from casebase.case_table import CaseTable
 from casebase.diagnosis import Reasoner, verdict_of
 from casebase.evaluation import Proportion, evaluate
-from casebase.learning import learn
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction, extract
 from casebase.signals.recording import Recording

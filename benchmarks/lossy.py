@@ -10,13 +10,13 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from casebase.learning import learn
 from numpy.typing import NDArray
 
 from benchmarks import Row
 from benchmarks.diagnosis import Sound, axis_sounds
 from casebase.case_table import CaseTable
 from casebase.diagnosis import Reasoner, verdict_of
-from casebase.learning import learn
 from casebase.signals.decode import read_recording
 from casebase.signals.features import EXTRACTOR_VERSION, catalogue, extract
 from casebase.signals.recording import Recording

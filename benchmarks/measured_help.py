@@ -18,6 +18,7 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
+from casebase.learning import learn
 from numpy.typing import NDArray
 
 from app.generation import simulate_case
@@ -26,7 +27,6 @@ from benchmarks import Row
 from casebase.case_table import CaseTable
 from casebase.diagnosis import Reasoner
 from casebase.evaluation import Proportion
-from casebase.learning import learn
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.decode import read_recording
 from casebase.signals.features import EXTRACTOR_VERSION, catalogue, extract

@@ -8,14 +8,14 @@ import time
 from pathlib import Path
 
 import numpy as np
-
 from app.learner import load_what_is_compiled
+from casebase.learning import unlearned
+
 from benchmarks import Row, best_seconds
 from casebase.case_table import CaseTable
 from casebase.database import create_engine_for, sqlite_url, upgrade_database
 from casebase.diagnosis import Reasoner
 from casebase.kept_table import name_table, read_table, write_table
-from casebase.learning import unlearned
 from casebase.library import CaseLibrary
 from casebase.retrieval import CaseMatrix
 from casebase.signals.features import EXTRACTOR_VERSION, catalogue

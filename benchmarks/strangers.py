@@ -12,14 +12,14 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 
 import numpy as np
+from casebase.augmentation import disturbed_copies
+from casebase.experience import Copies, calibrated
+from casebase.learning import learn
 
 from benchmarks import Row, table
 from benchmarks.diagnosis import said
-from casebase.augmentation import disturbed_copies
 from casebase.case_table import CaseTable
 from casebase.diagnosis import Diagnosis, Reasoner
-from casebase.experience import Copies, calibrated
-from casebase.learning import learn
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction, extract
 from casebase.signals.recording import Recording

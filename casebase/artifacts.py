@@ -6,9 +6,7 @@ from sqlalchemy import func, select, update
 from sqlalchemy.orm import Session
 
 from casebase import audit
-from casebase.case_table import CaseTable
 from casebase.errors import NotFoundError
-from casebase.learning import Similarity, too_small, unlearned
 from casebase.models import Artifact
 
 
@@ -72,40 +70,6 @@ def activate(session: Session, kind: str, version: int) -> Artifact:
         session, "artifact.activated", ("artifact", kind), before={"version": previous}, after={"version": version}
     )
     return row
-
-
-def similarity_kind(extractor_version: str) -> str:
-    """Return the kind under which weights for the features of an extractor are kept."""
-    return f"similarity/{extractor_version}"
-
-
-def active_version(session: Session, extractor_version: str) -> int | None:
-    """Return which version of the weights is active, None if nothing was learned yet."""
-    kind = similarity_kind(extractor_version)
-    return session.scalar(select(Artifact.version).where(Artifact.kind == kind, Artifact.active))
-
-
-def similarity_for(session: Session, table: CaseTable) -> tuple[Similarity, int | None, bool]:
-    """Return the weights to use now, their version, and whether the library outgrew them.
-
-    Nothing is learned here: what was learned before serves until something newer is there, physical priors until
-    anything is. A version that somebody went back to stays, and is not outgrown.
-    """
-    kind = similarity_kind(table.extractor_version)
-    active = active_artifact(session, kind)
-    if active is None:
-        small = too_small(table)
-        return unlearned(table, small or "nothing was learned from this library yet"), None, small is None
-    known = Similarity.from_document(active.content, table.names)
-    outgrown = not known.fits(table) and active.version == newest_version(session, kind)
-    return known, active.version, outgrown
-
-
-def store_similarity(session: Session, similarity: Similarity, kind: str, *, after: int | None = None) -> Artifact:
-    """Keep learned weights with their score as the active version; `after` as in `add_artifact`."""
-    detail = {"log_loss": similarity.log_loss, "cases": similarity.cases, "gearboxes": similarity.gearboxes}
-    document = similarity.to_document()
-    return add_artifact(session, kind, document, score=similarity.score, score_detail=detail, after=after)
 
 
 def _deactivate(session: Session, kind: str) -> None:

@@ -1,7 +1,7 @@
 """The smallest fault that would be heard in a recording: what "no fault" cannot exclude.
 
 Of cases of known size it is known by how much their bump stands out. In a recording with more noise it stands out by
-less (`casebase.detection`). Whether it would still be heard is logistic in the logarithm of the size; the limit is the
+less (`left_db`). Whether it would still be heard is logistic in the logarithm of the size; the limit is the
 size that nine of ten times would be heard. It holds for the axis of the cases, and for no other; and simulated cases
 say nothing of what a microphone hears, so the cases are of the origin of the recording.
 
@@ -17,17 +17,33 @@ from scipy import special
 from sqlalchemy.orm import Session
 
 from casebase.case_table import CaseTable
-from casebase.detection import BUMPS, NOISE, WORTH_SAYING_DB, left_db
 from casebase.severity import FEWEST, PARAMETERS, sized
 from casebase.similarity import Floats
 
 HEARD = 0.9
-BUMP_OF = dict(zip(("notch", "play"), BUMPS, strict=True))
+NOISE = "noise_on_the_way_12_200_hz"
+BUMP_OF = {"notch": "notch_bump_12_200_hz", "play": "play_bump_12_200_hz"}
+WORTH_SAYING_DB = 3.0
+"""A lower bump is what noise makes [dB]."""
 WEIGHT_OF_PRIOR = 0.1
 """Slope of the logistic is drawn to 0 as by a normal prior of standard deviation sqrt(10) per e-fold of the size."""
 
 Limits = Mapping[str, Mapping[str, float] | None]
 NO_LIMITS: Limits = dict.fromkeys(PARAMETERS)
+
+
+def left_db(height_db: Floats, noise_db: Floats, here_db: float) -> Floats:
+    """Return by how much bumps would still stand out in another recording, shape (cases,) [dB].
+
+    With d dB more noise a bump of h dB stands out by 10 lg(1 + (10^(h/10) - 1) / 10^(d/10)).
+
+    Args:
+        height_db: by how much they stand out, shape (cases,) [dB].
+        noise_db: noise that each was recorded in, shape (cases,) [dB].
+        here_db: noise of the other recording; less than where they were recorded does not raise them [dB].
+    """
+    more = 10 ** (np.maximum(here_db - noise_db, 0.0) / 10)
+    return np.asarray(10 * np.log10(1 + np.maximum(10 ** (height_db / 10) - 1, 0.0) / more))
 
 
 def detection_limits(

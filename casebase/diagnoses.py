@@ -55,7 +55,7 @@ def store_diagnosis(
         "detection_limit": {label: limit and dict(limit) for label, limit in detection_limit.items()},
         "severity": None if severity is None else severity.to_document(),
         "recording": {**recording_document(recording), "same_as_case": same_as_case},
-        "provenance": provenance(reasoner),
+        "provenance": provenance(reasoner, recording.axis),
     }
     row = StoredDiagnosis(
         id=identity,
@@ -93,16 +93,14 @@ def recording_document(row: StoredRecording) -> dict[str, object]:
     }
 
 
-def provenance(reasoner: Reasoner) -> dict[str, object]:
+def provenance(reasoner: Reasoner, axis: str | None) -> dict[str, object]:
     """Return what a diagnosis was made with, and how well that did on gearboxes it had not seen."""
-    similarity, table = reasoner.similarity, reasoner.table
+    table = reasoner.table
     return {
         "gearcase": version("gearcase"),
         "extractor_version": table.extractor_version,
         "library_version": table.version,
-        "similarity_version": reasoner.similarity_version,
-        "similarity": similarity.reason,
-        "cross_validated_accuracy": similarity.score,
+        "cross_validated_accuracy": reasoner.accuracy(axis) if len(table) else None,
         "cases": {
             "measured": int((table.origins == "measured").sum()),
             "simulated": int((table.origins == "simulated").sum()),

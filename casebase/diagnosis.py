@@ -2,29 +2,34 @@
 
 import threading
 from collections import OrderedDict
-from collections.abc import Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from casebase.case_selection import fitted
 from casebase.case_table import CaseTable, Mask
-from casebase.experience import UNKNOWN_COLOUR, Experience, Judgement, gather, representative
-from casebase.explanation import Evidence, baseline_evidence, feature_evidence, motion_evidence, novelty_evidence
-from casebase.learning import Similarity
-from casebase.moving import all_move, moving
-from casebase.novelty import border, ranges_of
+from casebase.classifier import Classifier, log_odds
+from casebase.explanation import Evidence, feature_evidence, motion_evidence, novelty_evidence
+from casebase.labels import BASELINES
+from casebase.novelty import LEVEL, Likeness, follow_motion, likenesses, nearly_all_move
 from casebase.priors import prior_weights
-from casebase.retrieval import CaseMatrix, Match, NearestByClass
-from casebase.signals.features import Extraction, FeatureVector, QualityFlag
+from casebase.retrieval import CaseMatrix, Match, NearestByClass, metric_of
+from casebase.signals.features import Extraction, QualityFlag
 from casebase.signals.features.meshing import Meshing
-from casebase.superposition import Fault, faults
-from casebase.voting import NEAREST
+from casebase.similarity import Floats
 
 DIAGNOSED_FROM = 0.9
-"""A label of less probability is `ambiguous`: what is diagnosed is right nine times in ten, each by itself."""
-NEIGHBOURS = 5
-MASKS_KEPT = 16
+"""A label of less probability is `ambiguous`: what is diagnosed is right nine times in ten."""
+EXCLUDED_BELOW = 0.1
+"""A label of a smaller p-value is left out of the prediction set, which holds the truth nine times in ten."""
+PRESENT = 0.5
+"""A second fault is listed from there on: it is then more probable than not."""
+NEIGHBOURS, SUPPORTING = 5, 3
+FEWEST_FOR_P_VALUE = 19
+"""A p-value of so many cases can fall to 0.05."""
+AXES_KEPT = 16
 OF_ONE_AXIS = frozenset(definition.name for definition in Meshing.definitions)
 """Features that mean the same on one axis alone."""
 
@@ -36,8 +41,8 @@ class Hypothesis:
     label: str
     probability: float
     p_value: float
-    measured: int
-    simulated: int
+    measured: int = 0
+    simulated: int = 0
 
     def to_document(self) -> dict[str, object]:
         """Return it as JSON."""
@@ -50,25 +55,36 @@ class Hypothesis:
 
 
 @dataclass(frozen=True)
+class Fault:
+    """A fault that is present, with its probability."""
+
+    label: str
+    probability: float
+
+
+@dataclass(frozen=True)
 class Diagnosis:
     """What a recording is, by the library; `ambiguous`, `not_in_library` and `unusable` are answers, not errors.
 
     Args:
         label: the best hypothesis of a `diagnosed` or `ambiguous` recording, else None.
+        fault: how probable it is that there is any; None where the library has no normal case, or no case like it.
+        labels: those that cannot be excluded at EXCLUDED_BELOW.
         faults: every fault that is present, also two at once.
-        novelty, threshold: distance to what is known and where the unknown begins; None if the library cannot say.
+        p_value: how often a recording of the leading label is as unlike its cases; None if the library cannot say.
         remarks: what limits this answer, one sentence each.
     """
 
     verdict: str
     label: str | None = None
     probability: float | None = None
+    fault: float | None = None
+    labels: tuple[str, ...] = ()
     hypotheses: tuple[Hypothesis, ...] = ()
     neighbours: tuple[Match, ...] = ()
     evidence: tuple[Evidence, ...] = ()
     quality: tuple[QualityFlag, ...] = ()
-    novelty: float | None = None
-    threshold: float | None = None
+    p_value: float | None = None
     remarks: tuple[str, ...] = field(default=())
     faults: tuple[Fault, ...] = ()
 
@@ -78,15 +94,26 @@ class Diagnosis:
             "verdict": self.verdict,
             "label": self.label,
             "probability": self.probability,
+            "fault": {"present": _present(self.fault), "probability": self.fault},
+            "labels": list(self.labels),
             "hypotheses": [each.to_document() for each in self.hypotheses],
-            "faults": [each.to_document() for each in self.faults],
+            "faults": [{"label": each.label, "probability": each.probability} for each in self.faults],
             "neighbours": [_neighbour(match) for match in self.neighbours],
             "evidence": [each.to_document() for each in self.evidence],
             "disturbances": [each for flag in self.quality if (each := flag.disturbance) is not None],
             "quality": [flag.to_document() for flag in self.quality],
-            "novelty": {"distance": self.novelty, "threshold": self.threshold},
+            "novelty": {
+                "distance": None if self.p_value is None else -float(np.log10(max(self.p_value, 1e-300))),
+                "threshold": None if self.p_value is None else -float(np.log10(LEVEL)),
+            },
             "remarks": list(self.remarks),
         }
+
+
+def _present(probability: float | None) -> bool | None:
+    if probability is None or 1 - DIAGNOSED_FROM < probability < DIAGNOSED_FROM:
+        return None
+    return probability >= DIAGNOSED_FROM
 
 
 def _neighbour(match: Match) -> dict[str, object]:
@@ -99,204 +126,274 @@ def _neighbour(match: Match) -> dict[str, object]:
     }
 
 
-class Reasoner:
-    """A table of cases and what was learned, ready to diagnose; safe to share between threads.
+@dataclass(frozen=True, eq=False)
+class Judgement:
+    """What the cases say of the features of one recording.
 
     Args:
-        outgrown: whether the weights were learned from a library that has changed much since.
+        hypotheses: the most probable first; one label alone has no probability but 1 over two.
+        fault: see `Diagnosis`.
+        likeness: of the leading label; None where its cases are of too few gearboxes.
+        p_value: of the leading label.
+        still: whether it does not follow a motion although the cases do.
     """
 
-    def __init__(
-        self,
-        table: CaseTable,
-        similarity: Similarity,
-        similarity_version: int | None = None,
-        outgrown: bool = False,
-    ) -> None:
-        self.table, self.similarity, self.similarity_version = table, similarity, similarity_version
-        self.outgrown = outgrown
-        self.matrix = CaseMatrix(table, similarity.metric)
-        self.all_move = all_move(table.names, table.values)
-        self.ranges = ranges_of(table, border(table))
-        self._experiences: OrderedDict[bytes, Experience] = OrderedDict()
+    hypotheses: tuple[Hypothesis, ...]
+    fault: float | None
+    likeness: Likeness | None
+    p_value: float | None
+    still: bool
+
+    @property
+    def best(self) -> Hypothesis:
+        """The most probable label."""
+        return self.hypotheses[0]
+
+    @property
+    def novel(self) -> bool:
+        """Whether the recording is unlike the cases of the leading label."""
+        return self.still or (self.p_value is not None and self.p_value < LEVEL)
+
+    def verdict(self, poor: bool = False) -> str:
+        """Return `not_in_library`, `ambiguous` or `diagnosed`.
+
+        Nothing is diagnosed of a poor recording, nor where the cases cannot say what is unlike them.
+        """
+        if self.novel:
+            return "not_in_library"
+        sure = self.best.probability >= DIAGNOSED_FROM and self.p_value is not None
+        return "diagnosed" if sure and not poor else "ambiguous"
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """What was learned for the recordings of one axis: which cases count, the classifier, what its labels are like."""
+
+    rows: NDArray[np.intp]
+    classifier: Classifier | None
+    likenesses: Mapping[str, Likeness]
+
+
+class Reasoner:
+    """A table of cases, ready to diagnose; safe to share between threads."""
+
+    def __init__(self, table: CaseTable) -> None:
+        self.table = table
+        self.matrix = CaseMatrix(table, metric_of(table, prior_weights(table.names)))
+        self.all_move = nearly_all_move(table.names, table.values)
+        self._models: OrderedDict[str | None, _Model] = OrderedDict()
         self._lock = threading.Lock()
 
-    def experience(self, present: Mask) -> Experience:
-        """Return the library held against itself over these features; kept for the next query like it."""
-        key = present.tobytes()
+    def model(self, axis: str | None) -> _Model:
+        """Return what was learned for an axis; kept for the next recording of it."""
+        key = axis if axis in self.table.axes else None
         with self._lock:
-            if key not in self._experiences:
-                rows = representative(self.table)
-                self._experiences[key] = gather(self.table, self.similarity, present, rows)
-                while len(self._experiences) > MASKS_KEPT:
-                    self._experiences.popitem(last=False)
-            self._experiences.move_to_end(key)
-            return self._experiences[key]
+            if key not in self._models:
+                classifier = fitted(self.table, key)
+                rows = np.arange(len(self.table)) if classifier is None else classifier.rows
+                mask = np.zeros(len(self.table), np.bool_)
+                mask[rows] = True
+                self._models[key] = _Model(rows, classifier, likenesses(self.table, mask))
+                while len(self._models) > AXES_KEPT:
+                    self._models.popitem(last=False)
+            self._models.move_to_end(key)
+            return self._models[key]
 
-    def judge(self, values: NDArray[np.floating]) -> Judgement:
-        """Return probabilities, p-values and novelty of a vector of features, shape (n,)."""
-        experience = self.experience(np.isfinite(values))
-        return self._judged(values, self._near(values, NEAREST, experience), experience)
+    def accuracy(self, axis: str | None) -> float | None:
+        """Return how often the leading label was right of cases left out by gearbox; None if that cannot be said."""
+        classifier = self.model(axis).classifier
+        if classifier is None or not classifier.across.truth.size:
+            return None
+        return float(np.mean(classifier.across.shares.argmax(axis=1) == classifier.across.truth))
 
-    def _near(
-        self, values: NDArray[np.floating], k: int, experience: Experience, without: Mask | None = None
-    ) -> NearestByClass:
-        """Return the nearest cases of every class among those that vote."""
-        voters = experience.voters if without is None else experience.voters & ~without
-        return self.matrix.nearest_by_class(values, k, where=None if voters.all() else voters)
+    def judge(
+        self,
+        values: NDArray[np.floating],
+        axis: str | None = None,
+        gearbox: str | None = None,
+        without: NDArray[np.intp] | None = None,
+    ) -> Judgement:
+        """Return what the cases say of a vector of features, shape (n,).
 
-    def _judged(self, values: NDArray[np.floating], near: NearestByClass, experience: Experience) -> Judgement:
-        still = self.all_move and not moving(self.table.names, values[None])[0]
-        return experience.judge(near.voting(NEAREST), self.ranges.distance(values), values, still)
+        Args:
+            axis, gearbox: of the recording, where known; a gearbox of which several labels are known is judged by how
+                well recordings of known gearboxes were told apart, any other by how well unknown ones were.
+            without: rows that do not count, for they are the same recording.
+        """
+        values = self._comparable(values, axis)
+        model = self.model(axis)
+        hypotheses, fault = self._shares(model, values, gearbox, without)
+        likeness = model.likenesses.get(hypotheses[0].label)
+        still = self.all_move and not bool(follow_motion(self.table.names, values[None])[0])
+        return Judgement(hypotheses, fault, likeness, None if likeness is None else likeness.p_value(values), still)
 
-    def diagnose(self, extraction: Extraction, without: Mask | None = None, axis: str | None = None) -> Diagnosis:
+    def _comparable(self, values: NDArray[np.floating], axis: str | None) -> NDArray[np.floating]:
+        """Leave out the features that only cases of the same axis can be held against, where there are none."""
+        if axis is None or axis in self.table.axes:
+            return values
+        return np.where([name in OF_ONE_AXIS for name in self.table.names], np.nan, values)
+
+    def _shares(
+        self, model: _Model, values: NDArray[np.floating], gearbox: str | None, without: NDArray[np.intp] | None
+    ) -> tuple[tuple[Hypothesis, ...], float | None]:
+        classifier = model.classifier
+        if classifier is None:
+            return (Hypothesis(self.table.classes[0], 0.5, 1.0),), None
+        shares = classifier.shares(values, () if without is None else without.tolist())
+        known = self.table.labels[model.rows[self.table.gearboxes[model.rows] == gearbox]] if gearbox else np.empty(0)
+        seen = classifier.within if np.unique(known).size > 1 else classifier.across
+        sure = seen.label().probability(float(log_odds(shares.max())))
+        probabilities, p_values = _calibrated(shares, sure), seen.p_values(shares)
+        found = [Hypothesis(*each) for each in zip(classifier.classes, probabilities, p_values, strict=True)]
+        sound = np.isin(classifier.classes, BASELINES)
+        fault = None
+        if sound.any():
+            score = float(log_odds(1 - shares[sound].sum()))
+            leads = seen.fault().probability(abs(score))
+            fault = leads if score > 0 else 1 - leads
+        return tuple(sorted(found, key=lambda each: (-each.probability, -each.p_value, each.label))), fault
+
+    def diagnose(
+        self, extraction: Extraction, without: Mask | None = None, axis: str | None = None, gearbox: str | None = None
+    ) -> Diagnosis:
         """Return the diagnosis of a recording by its features.
 
         Args:
-            without: the cases that are of the same sound and have no vote, shape (cases,).
-            axis: of the recording; lines of its meshes are held against cases of the same axis alone, for those of
-                another are of other teeth.
+            without: the cases that are of the same sound and do not count, shape (cases,).
+            axis, gearbox: of the recording, where known.
         """
-        extraction = self._comparable(extraction, axis)
-        if not extraction.usable:
-            remark = f"the recording cannot be used: {extraction.unusable_reason}"
-            return Diagnosis("unusable", quality=extraction.quality, remarks=(remark,))
-        values = extraction.features.values
+        reason = self._unusable(extraction)
+        if reason is not None:
+            return Diagnosis("unusable", quality=extraction.quality, remarks=(reason,))
         alone = not len(self.table) if without is None else bool(without.all())
+        values = extraction.features.values
         if alone or not np.isfinite(values[prior_weights(self.table.names) > 0]).any():
             remark = "the library has no case to compare with: add labelled recordings or generate cases"
             return Diagnosis("not_in_library", quality=extraction.quality, remarks=(remark,))
-        if self.all_move and _less_than_a_cycle(extraction):
-            remark = (
+        return self._compared(
+            extraction, np.zeros(len(self.table), np.bool_) if without is None else without, axis, gearbox
+        )
+
+    def _unusable(self, extraction: Extraction) -> str | None:
+        if not extraction.usable:
+            return f"the recording cannot be used: {extraction.unusable_reason}"
+        if self.all_move and less_than_a_cycle(len(extraction.motion.reversal_times_s), extraction.motion.cycles):
+            return (
                 "the recording covers less than one cycle of the motion, so what happens once per cycle cannot be "
                 "excluded; record three cycles or more"
             )
-            return Diagnosis("unusable", quality=extraction.quality, remarks=(remark,))
-        return self._compared(extraction, without)
+        return None
 
-    def _comparable(self, extraction: Extraction, axis: str | None) -> Extraction:
-        """Leave out the features that only cases of the same axis can be held against, where there are none."""
-        if axis is None or axis in self.table.axes:
-            return extraction
-        names, values = extraction.features.names, extraction.features.values.copy()
-        values[[name in OF_ONE_AXIS for name in names]] = np.nan
-        return replace(extraction, features=FeatureVector(names, values))
-
-    def _compared(self, extraction: Extraction, without: Mask | None) -> Diagnosis:
-        values = extraction.features.values
-        experience = self.experience(np.isfinite(values))
-        near = self._near(values, max(NEIGHBOURS, NEAREST * len(self.table.classes)), experience, without)
-        # what is the same sound is shown, and has no vote
-        shown = near if without is None or not without.any() else self._near(values, NEIGHBOURS, experience)
-        judgement = self._judged(values, near, experience)
-        hypotheses = _hypotheses(near, judgement)
-        verdict = verdict_of(judgement, extraction.poor)
-        best = hypotheses[0]
-        label = None if verdict == "not_in_library" else best.label
+    def _compared(self, extraction: Extraction, without: Mask, axis: str | None, gearbox: str | None) -> Diagnosis:
+        values = self._comparable(extraction.features.values, axis)
+        model = self.model(axis)
+        judgement = self.judge(values, axis, gearbox, np.flatnonzero(without))
+        nearest = max(NEIGHBOURS, SUPPORTING * len(self.table.classes))
+        counting = np.zeros(len(self.table), np.bool_)
+        counting[model.rows] = True
+        near = self.matrix.nearest_by_class(values, nearest, where=counting & ~without)
+        # what is the same sound is shown, and does not count
+        shown = (
+            near if not without.any() else self.matrix.nearest_by_class(values, NEIGHBOURS, where=counting | without)
+        )
+        verdict = judgement.verdict(extraction.poor)
+        label = None if verdict == "not_in_library" else judgement.best.label
         return Diagnosis(
             verdict=verdict,
             label=label,
-            probability=None if label is None else best.probability,
-            hypotheses=hypotheses,
+            probability=None if label is None else judgement.best.probability,
+            fault=None if label is None else judgement.fault,
+            labels=() if label is None else tuple(h.label for h in judgement.hypotheses if h.p_value > EXCLUDED_BELOW),
+            hypotheses=tuple(_supported(each, near) for each in judgement.hypotheses),
             neighbours=shown.overall(NEIGHBOURS),
-            evidence=self._evidence(extraction, near, label, experience if judgement.refused else None),
+            evidence=self._evidence(extraction, near, label, judgement),
             quality=extraction.quality,
-            novelty=judgement.novelty,
-            threshold=judgement.threshold,
-            remarks=tuple(self._remarks(extraction, judgement, experience)),
-            faults=() if label is None else self._faults(values, experience, hypotheses),
+            p_value=0.0 if judgement.still else judgement.p_value,
+            remarks=tuple(self._remarks(extraction, judgement, model, counting)),
+            faults=() if label is None else self._faults(values, model, judgement),
         )
 
-    def _faults(
-        self, values: NDArray[np.floating], experience: Experience, hypotheses: Sequence[Hypothesis]
-    ) -> tuple[Fault, ...]:
-        named = [(each.label, each.probability) for each in hypotheses]
-        return faults(self.table, experience.voters, self.similarity.metric, experience.sharpness, values, named)
+    def _faults(self, values: NDArray[np.floating], model: _Model, judgement: Judgement) -> tuple[Fault, ...]:
+        """Return every fault that is present, the leading label first; none where that is of a good gear."""
+        best, classifier = judgement.best, model.classifier
+        if best.label in BASELINES or classifier is None:
+            return ()
+        found = []
+        for each in judgement.hypotheses[1:]:
+            if each.label not in BASELINES:
+                beside = classifier.superposed(values, best.label, each.label, BASELINES)
+                found.append(Fault(each.label, min(each.probability + best.probability * beside, best.probability)))
+        present = [each for each in found if each.probability > PRESENT]
+        return (Fault(best.label, best.probability), *sorted(present, key=lambda fault: -fault.probability))
 
     def _evidence(
-        self, extraction: Extraction, near: NearestByClass, label: str | None, refusing: Experience | None
+        self, extraction: Extraction, near: NearestByClass, label: str | None, judgement: Judgement
     ) -> tuple[Evidence, ...]:
         values, motion = extraction.features.values, motion_evidence(extraction)
-        if refusing is not None and refusing.normal is not None:
-            return (*baseline_evidence(self.table.names, values, refusing.normal), *motion)
         if label is None:
-            return (*novelty_evidence(self.table.names, values, self.ranges), *motion)
+            if judgement.likeness is None:
+                return motion
+            return (*novelty_evidence(self.table.names, values, judgement.best.label, judgement.likeness), *motion)
         return (*feature_evidence(self.table, values, near.of(label), near.other_than(label)), *motion)
 
-    def _remarks(self, extraction: Extraction, judgement: Judgement, experience: Experience) -> list[str]:
-        remarks = (
-            []
-            if not extraction.poor
-            else ["the recording is too poor for a label to be relied on: see what is said of it, and record again"]
-        )
-        silent = int(np.count_nonzero(~experience.voters))
-        if silent:
-            remarks.append(f"{silent} simulated cases have no vote: enough cases of all these kinds were measured")
+    def _remarks(self, extraction: Extraction, judgement: Judgement, model: _Model, counting: Mask) -> list[str]:
+        remarks = []
+        if model.classifier is None:
+            remarks.append(
+                f"the library knows one label alone, {self.table.classes[0]}: it can say that a recording is unlike it "
+                "and no more; add cases of other labels or generate them"
+            )
+        if extraction.poor:
+            remarks.append("the recording is too poor for a label to be relied on: see its quality, and record again")
+        unused = int(np.count_nonzero((self.table.origins == "simulated") & ~counting))
+        if unused:
+            remarks.append(
+                f"{unused} simulated cases do not count here: these labels were measured, or the axis is another"
+            )
         if judgement.still:
             remarks.append(
-                "no regular motion is heard, while all cases are of axes that move back and forth: "
-                "record while the axis moves between the same two places, nearer to the gearbox"
+                "no regular motion is found, while all cases are of axes that move back and forth: "
+                "record while the axis moves between the same two positions, nearer to the gearbox"
             )
-        if judgement.unlike > UNKNOWN_COLOUR:
+        elif judgement.novel:
             remarks.append(
-                "the sound has another colour than every measured case: another machine, or a recorder that the "
-                "library does not know"
+                f"the nearest cases are {judgement.best.label}, but the recording is unlike them: it may be a fault "
+                "that the library does not know, another machine or another recorder"
             )
-        if judgement.refused:
-            remarks.append(
-                "the nearest cases are of good gears, but the recording is unlike every one of them: it may be a "
-                "fault that the library does not know, or a known one smaller than its cases"
-            )
-        small = [label for label, enough in zip(judgement.classes, judgement.supports_level, strict=True) if not enough]
-        if small:
-            remarks.append(
-                f"p-values of {', '.join(small)} cannot fall to 0.05: that takes 19 cases held out by gearbox"
-            )
-        if self.outgrown:
-            remarks.append("the library changed since feature weights were learned from it; they will be learned again")
+        classifier = model.classifier
+        if classifier is not None:
+            counts = np.bincount(classifier.across.truth, minlength=len(classifier.classes))
+            few = [each for each, count in zip(classifier.classes, counts, strict=True) if count < FEWEST_FOR_P_VALUE]
+            if few:
+                needed = f"that takes {FEWEST_FOR_P_VALUE} cases left out by gearbox"
+                remarks.append(f"p-values of {', '.join(few)} cannot fall to 0.05: {needed}")
         if len(self.table.gearboxes_known) < 2:
             remarks.append("fewer than two gearboxes are known, so probabilities are not calibrated across gearboxes")
-        if judgement.threshold is None:
-            remarks.append("too few cases to say where the unknown begins")
+        if judgement.p_value is None:
+            remarks.append(f"too few gearboxes of {judgement.best.label} are known to say what is unlike them")
         return remarks
 
 
-def _less_than_a_cycle(extraction: Extraction) -> bool:
+def less_than_a_cycle(reversals: int, cycles: float) -> bool:
     """Whether reversals are known, so few that no cycle is whole; with more of them the motion is irregular."""
-    count = len(extraction.motion.reversal_times_s)
-    return 0 < count < 3 and extraction.motion.cycles < 1
+    return 0 < reversals < 3 and cycles < 1
 
 
-def _hypotheses(near: NearestByClass, judgement: Judgement) -> tuple[Hypothesis, ...]:
-    matches = near.overall(NEAREST * len(judgement.classes))
-    found = [
-        Hypothesis(
-            label=label,
-            probability=float(judgement.probabilities[index]),
-            p_value=float(judgement.p_values[index]),
-            measured=_count(matches, label, "measured"),
-            simulated=_count(matches, label, "simulated"),
-        )
-        for index, label in enumerate(judgement.classes)
-    ]
-    return tuple(sorted(found, key=lambda each: (-each.probability, -each.p_value, each.label)))
+def _calibrated(shares: Floats, sure: float) -> list[float]:
+    """Return probabilities: that of the leading label is given, the others divide the rest as before.
 
-
-def verdict_of(judgement: Judgement, poor: bool = False) -> str:
-    """Return `not_in_library`, `ambiguous` or `diagnosed`.
-
-    Nothing is said with confidence of a poor recording, nor by a library that cannot say where the unknown begins.
+    Where it is less than its share, all are drawn to an even share, so that the leading label stays in the lead.
     """
-    if (
-        judgement.still
-        or judgement.unlike > UNKNOWN_COLOUR
-        or judgement.refused
-        or (judgement.threshold is not None and judgement.novelty > judgement.threshold)
-    ):
-        return "not_in_library"
-    sure = judgement.probabilities.max() >= DIAGNOSED_FROM and judgement.threshold is not None
-    return "diagnosed" if sure and not poor else "ambiguous"
+    top, even = int(shares.argmax()), 1 / shares.size
+    share, sure = float(shares[top]), max(sure, even + 1e-3)
+    if share > sure:
+        return list(map(float, even + (sure - even) / (share - even) * (shares - even)))
+    probabilities = shares * ((1 - sure) / max(1 - share, 1e-12))
+    probabilities[top] = sure
+    return list(map(float, probabilities))
 
 
-def _count(matches: Sequence[Match], label: str, origin: str) -> int:
-    return sum(match.label == label and match.origin == origin for match in matches)
+def _supported(hypothesis: Hypothesis, near: NearestByClass) -> Hypothesis:
+    """Return it with the number of its cases of each origin among the nearest ones of all labels."""
+    origins = [match.origin for match in near.overall(SUPPORTING * len(near.rows)) if match.label == hypothesis.label]
+    return replace(hypothesis, measured=origins.count("measured"), simulated=origins.count("simulated"))

@@ -1,19 +1,23 @@
 """How well the library diagnoses recordings of gearboxes that it has never seen; and what it has never seen at all."""
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import special
+from sqlalchemy import select
+from sqlalchemy.orm import Session
 
 from casebase.case_table import CaseTable, Mask
-from casebase.diagnosis import Reasoner, verdict_of
+from casebase.diagnosis import Judgement, Reasoner
 from casebase.errors import InvalidRequestError
-from casebase.learning import FOLDS, Similarity, fold_numbers, learn, unlearned
+from casebase.models import Case, StoredRecording
 from casebase.novelty import spread_out
+from casebase.signals.quality import Severity
 
 COVERAGE = 0.95
+FOLDS = 10
 MOST_TESTED = 400
 MOST_KNOWN = 20_000
 """A larger library is evaluated by so many of its cases: of each label and origin as many, evenly spread."""
@@ -144,23 +148,22 @@ def evaluate(
     *,
     group: str = "gearbox",
     origin: str = "both",
-    learned: Similarity | None = None,
     axis: str | None = None,
+    poor: Collection[str] = (),
 ) -> Evaluation:
-    """Leave out one gearbox at a time and diagnose it by what was learned without it; then the same without its class.
+    """Leave out one gearbox at a time and diagnose it by the other cases; then the same without its label.
 
-    More than FOLDS gearboxes are left out in the folds of learning, so that what was learned without each is at hand;
-    how strongly weights are drawn to their priors was chosen once, with all gearboxes in view. For every fold and every
-    class left out of it a library is held against itself; MOST_KNOWN bounds what each of these costs.
+    Every case is judged as a diagnosis judges it: by its axis and gearbox, and its quality. More than twenty gearboxes
+    are left out in tenths.
 
     Args:
         table: the cases.
-        learned: what was learned from these cases; learned here if it is not given.
         group: what is left out together: gearbox, axis or case.
         origin: `measured` or `simulated` learns from such cases alone, `both` from all. Measured cases are what is
             diagnosed wherever there are any.
-        axis: diagnosed are the cases of this axis alone, measured and simulated ones, by what all others have taught;
-            the same without simulated cases is then not asked.
+        axis: diagnosed are the cases of this axis alone, measured and simulated ones; the same without simulated cases
+            is then not asked.
+        poor: ids of cases whose recordings are too poor to be diagnosed.
 
     Raises:
         InvalidRequestError: if the group or origin is not known.
@@ -169,29 +172,34 @@ def evaluate(
         raise InvalidRequestError(f"group must be one of {', '.join(GROUPS)}, got {group!r}")
     if origin not in ("measured", "simulated", "both"):
         raise InvalidRequestError(f"origin must be measured, simulated or both, got {origin!r}")
-    folds = fold_numbers(table)
     if len(table) > MOST_KNOWN:
         rows = _known(table)
         if axis is not None:
             rows = np.union1d(rows, np.flatnonzero(_tested(table, group, axis)))
-        table, folds = table.take(rows), folds[rows]
+        table = table.take(rows)
     usable = np.ones(len(table), bool) if origin == "both" else table.origins == origin
     names, tested = _names(table, group), _tested(table, group, axis)
-    if group == "axis" or not usable.any():
-        learned = None
-    elif learned is None or not usable.all():
-        learned, folds = learn(table.take(usable)), fold_numbers(table)
     outcomes: list[Outcome] = []
     found: dict[str, list[bool]] = {label: [] for label in table.classes}
-    for held_out in _held_out(table, group, tested, folds):
+    for held_out in _held_out(table, group, tested):
         inside = usable & ~held_out & ~np.isin(table.sounds, table.sounds[tested & held_out])
-        outcomes += _outcomes(table, inside, tested & held_out, names, learned)
+        outcomes += _outcomes(table, inside, tested & held_out, names, frozenset(poor))
         for label in table.classes:
             found[label] += _called_new(table, inside & (table.labels != label), tested & held_out, label)
     result = _evaluation(table, group, origin, tuple(outcomes), found)
     if axis is not None or origin != "both" or np.unique(table.origins).size < 2:
         return result
-    return replace(result, without_simulated=evaluate(table, group=group, origin="measured"))
+    return replace(result, without_simulated=evaluate(table, group=group, origin="measured", poor=poor))
+
+
+def poor_recordings(session: Session) -> frozenset[str]:
+    """Return ids of the cases whose recordings have a flaw for which no label is relied on."""
+    statement = select(Case.id, StoredRecording.quality).join(StoredRecording, StoredRecording.id == Case.recording_id)
+    return frozenset(
+        identity
+        for identity, quality in session.execute(statement)
+        if any(isinstance(flag, Mapping) and flag["severity"] != Severity.NOTE for flag in quality)
+    )
 
 
 def _tested(table: CaseTable, group: str, axis: str | None) -> Mask:
@@ -220,12 +228,12 @@ def _known(table: CaseTable) -> NDArray[np.intp]:
     )
 
 
-def _held_out(table: CaseTable, group: str, tested: Mask, folds: NDArray[np.intp]) -> list[Mask]:
-    """Return what is left out together: one gearbox or axis at a time, the folds of learning where they are many."""
+def _held_out(table: CaseTable, group: str, tested: Mask) -> list[Mask]:
+    """Return what is left out together: one gearbox or axis at a time, parts of them where they are many."""
+    if group == "gearbox":
+        return [table.parts == part for part in np.unique(table.parts[tested])]
     names = _names(table, group)
     groups = np.unique(names[tested])
-    if group == "gearbox" and groups.size > FOLDS:
-        return [folds == fold for fold in np.unique(folds[tested])]
     count = min(groups.size, FOLDS)
     return [np.isin(names, groups[start::count]) for start in range(count)]
 
@@ -237,49 +245,36 @@ def _names(table: CaseTable, group: str) -> NDArray[np.str_]:
 
 
 def _outcomes(
-    table: CaseTable, inside: Mask, tested: Mask, names: NDArray[np.str_], learned: Similarity | None
+    table: CaseTable, inside: Mask, tested: Mask, names: NDArray[np.str_], poor: Collection[str]
 ) -> list[Outcome]:
-    """Return what a library of the cases inside says of the tested ones, by weights learned without these."""
-    if not inside.any():
-        return []
-    known = table.take(inside)
-    reasoner = Reasoner(known, learn(known) if learned is None else _without(known, learned, table.groups[tested]))
-    outcomes = []
-    for row in np.flatnonzero(tested):
-        judgement = reasoner.judge(table.values[row])
-        best = int(judgement.probabilities.argmax())
-        outcomes.append(
-            Outcome(
-                str(table.ids[row]),
-                str(table.origins[row]),
-                str(names[row]),
-                str(table.labels[row]),
-                judgement.classes[best],
-                verdict_of(judgement),
-                float(judgement.probabilities[best]),
-            )
+    """Return what a library of the cases inside says of the tested ones."""
+    return [
+        Outcome(
+            str(table.ids[row]),
+            str(table.origins[row]),
+            str(names[row]),
+            str(table.labels[row]),
+            judgement.best.label,
+            judgement.verdict(str(table.ids[row]) in poor),
+            judgement.best.probability,
         )
-    return outcomes
-
-
-def _without(known: CaseTable, learned: Similarity, groups: NDArray[np.str_]) -> Similarity:
-    """Return the weights of the fold that held these gearboxes out, over scales that have not seen them either."""
-    fresh = unlearned(known, "scales alone are wanted")
-    weights = learned.weights_without(str(groups[0]))
-    return replace(learned, metric=fresh.metric.with_weights(weights), classes=known.classes)
+        for row, judgement in _judged(table, inside, tested)
+    ]
 
 
 def _called_new(table: CaseTable, inside: Mask, tested: Mask, label: str) -> list[bool]:
-    """Return whether a library of the cases inside, which has no such class, calls the tested ones of it new.
+    """Return whether a library of the cases inside, which has no such label, calls the tested ones of it new."""
+    return [judgement.novel for _, judgement in _judged(table, inside, tested & (table.labels == label))]
 
-    Weights that tell classes apart have no say in that, so none are learned.
-    """
-    tested = tested & (table.labels == label)
-    if not tested.any() or not inside.any():
+
+def _judged(table: CaseTable, inside: Mask, tested: Mask) -> list[tuple[int, Judgement]]:
+    if not inside.any() or not tested.any():
         return []
-    known = table.take(inside)
-    reasoner = Reasoner(known, unlearned(known, "kinds are not told apart here"))
-    return [verdict_of(reasoner.judge(values)) == "not_in_library" for values in table.values[tested]]
+    reasoner = Reasoner(table.take(inside))
+    rows = np.flatnonzero(tested).tolist()
+    return [
+        (row, reasoner.judge(table.values[row], table.axes[row] or None, table.gearboxes[row] or None)) for row in rows
+    ]
 
 
 def _evaluation(

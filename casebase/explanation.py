@@ -6,10 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.baseline import Baseline
 from casebase.case_table import CaseTable
-from casebase.detection import WORTH_SAYING_DB
-from casebase.novelty import KnownRanges
+from casebase.detection_limit import WORTH_SAYING_DB
+from casebase.novelty import Likeness
 from casebase.retrieval import Match
 from casebase.signals.features import EventKind, Extraction, MotionSource, catalogue, feature_words
 
@@ -116,13 +115,24 @@ def _side(table: CaseTable, match: Match, index: int) -> dict[str, object]:
     }
 
 
-def novelty_evidence(names: tuple[str, ...], values: NDArray[np.floating], ranges: KnownRanges) -> tuple[Evidence, ...]:
-    """Return the features in which the recording lies outside what its nearest class has shown, strongest first."""
-    nearest, parts = ranges.parts(values)
-    low, high = ranges.ranges[nearest]
-    order = [int(index) for index in np.argsort(-parts, kind="stable")[:MOST] if parts[index] > 0]
+def novelty_evidence(
+    names: tuple[str, ...], values: NDArray[np.floating], label: str, likeness: Likeness
+) -> tuple[Evidence, ...]:
+    """Return the features in which a recording departs most from the cases of its nearest label, strongest first."""
+    departures = likeness.departures(values)
+    size = np.nan_to_num(np.abs(departures))
+    order = [int(index) for index in np.argsort(-size, kind="stable")[:MOST] if size[index] > 1]
     return tuple(
-        _outside(names[index], float(values[index]), (low[index], high[index]), nearest, parts[index] / parts.sum())
+        _outside(
+            names[index],
+            float(values[index]),
+            (
+                float(likeness.center[index] - likeness.scale[index]),
+                float(likeness.center[index] + likeness.scale[index]),
+            ),
+            label,
+            size[index] ** 2 / float(size @ size),
+        )
         for index in order
     )
 
@@ -131,30 +141,13 @@ def _outside(name: str, value: float, span: tuple[float, float], nearest: str, s
     known = catalogue().get(name)
     unit = known.unit if known else "1"
     sentence = (
-        f"{feature_words(name)}: {_number(value, unit)}; {nearest}, the nearest class, is known from "
+        f"{feature_words(name)}: {_number(value, unit)}; cases of {nearest}, the nearest label, have "
         f"{_number(span[0], unit)} to {_number(span[1], unit)}"
     )
     if known:
         sentence += f". {known.physics}"
     range_document = {"label": nearest, "low": _finite(span[0]), "high": _finite(span[1])}
     return Evidence("feature", sentence, name, _finite(value), unit, other=range_document, share=float(share))
-
-
-def baseline_evidence(names: tuple[str, ...], values: NDArray[np.floating], normal: Baseline) -> tuple[Evidence, ...]:
-    """Return the features in which the recording departs most from normal ones, strongest first."""
-    departures = normal.departures(values)
-    size = np.nan_to_num(np.abs(departures))
-    order = [int(index) for index in np.argsort(-size, kind="stable")[:MOST] if size[index] > 1]
-    return tuple(
-        _outside(
-            names[index],
-            float(values[index]),
-            (float(normal.center[index] - normal.scale[index]), float(normal.center[index] + normal.scale[index])),
-            "normal",
-            size[index] ** 2 / float(size @ size),
-        )
-        for index in order
-    )
 
 
 def motion_evidence(extraction: Extraction) -> tuple[Evidence, ...]:

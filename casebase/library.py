@@ -37,11 +37,11 @@ class CaseLibrary:
         self.data_dir = data_dir
         self.audio = AudioStore(data_dir / "audio")
         self.touched = Event()
-        """Set whenever cases changed or what was learned proved outgrown: then `keep_learned` may have work."""
+        """Set whenever cases changed: then `keep_table` may have work."""
         self.lease: str | None = None
         """Of the worker that this library is opened by: nothing is written once it has ended."""
         self.retrieve = Retrieve(self.audio, data_dir / TABLES)
-        self.reuse = Reuse(self.retrieve, outgrown=self.touched)
+        self.reuse = Reuse(self.retrieve)
         self.revise = Revise(self.retrieve, two_people=two_people)
         self.retain = Retain(self.audio, two_people=two_people)
 

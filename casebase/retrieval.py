@@ -9,7 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from casebase.case_table import CaseTable, Mask
-from casebase.similarity import LIMIT, Floats, Metric
+from casebase.novelty import spread_out
+from casebase.similarity import LIMIT, Floats, Metric, pooled_scales
 
 LARGEST_CODE = 32000
 """Differences of codes fit 16 bits."""
@@ -17,6 +18,8 @@ LARGEST_DISTANCE = 46340
 """The square of a coded distance fits 32 bits."""
 LANES = 16
 VIEWS_KEPT = 4
+ENOUGH_FOR_SCALES = 20_000
+"""The median of so many cases lies within a hundredth of the spread (1.25 over the root of their number) [1]."""
 AT_ONCE = 16
 """Queries that go through the cases together; each takes four bytes a case meanwhile."""
 
@@ -109,11 +112,6 @@ class NearestByClass:
     rows: NDArray[np.int64]
     distances: Floats
 
-    def voting(self, k: int) -> Floats:
-        """Return the squared distances of the k nearest of every class, shape (classes, k), infinite where fewer."""
-        squares = self.distances[:, :k] ** 2
-        return np.pad(squares, ((0, 0), (0, k - squares.shape[1])), constant_values=np.inf)
-
     def overall(self, k: int) -> tuple[Match, ...]:
         """Return the nearest of all classes, at most as many as were looked for in each."""
         return self._matches(np.ones(len(self.rows), dtype=np.bool_), min(k, self.rows.shape[1]))
@@ -133,6 +131,12 @@ class NearestByClass:
         rows, distances = self.rows[classes].ravel(), self.distances[classes].ravel()
         order = np.lexsort((rows, distances))[: min(k, np.count_nonzero(rows >= 0))]
         return tuple(Match(self.matrix, self.query, int(rows[i]), float(distances[i])) for i in order)
+
+
+def metric_of(table: CaseTable, weights: Floats) -> Metric:
+    """Return the distance between cases of a table: scales from its spread within labels, weights as given."""
+    rows = spread_out(np.arange(len(table)), ENOUGH_FOR_SCALES)
+    return Metric(table.names, *pooled_scales(table.values[rows], table.labels[rows]), weights / weights.sum())
 
 
 class CaseMatrix:

@@ -9,7 +9,6 @@ weights are brought to sum 1 again. A feature that the case does not have contri
 w_j (z(q)_j^2 + 1), the distance to the middle of the library plus its spread.
 """
 
-from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +19,6 @@ from casebase.errors import ArtifactError
 LIMIT = 10.0
 """Scaled values are clipped here, so that one broken feature cannot outweigh all others."""
 SMALLEST_SCALE = 1e-6
-PRIOR_CASES = 3.0
 NORMAL_CONSISTENT = 1.4826
 """Median absolute deviation of a normal distribution times this is its standard deviation."""
 
@@ -51,23 +49,6 @@ class Metric:
     def with_weights(self, weights: Floats) -> "Metric":
         """Return the same scales with other weights."""
         return Metric(self.names, self.center, self.scale, weights / weights.sum())
-
-    def to_document(self) -> dict[str, object]:
-        """Return it as JSON."""
-        return {
-            "names": list(self.names),
-            "center": self.center.tolist(),
-            "scale": self.scale.tolist(),
-            "weights": self.weights.tolist(),
-        }
-
-    @classmethod
-    def from_document(cls, document: Mapping[str, object], names: Sequence[str]) -> "Metric":
-        """Read it back; raises ArtifactError if it is not for these features."""
-        if document.get("names") != list(names):
-            raise ArtifactError("the learned weights are for other features; learn them again")
-        center, scale, weights = (np.array(document[key], dtype=np.float64) for key in ("center", "scale", "weights"))
-        return cls(tuple(names), center, scale, weights)
 
 
 def robust_scales(values: NDArray[np.floating]) -> tuple[Floats, Floats]:
@@ -112,28 +93,17 @@ def column_quantiles(values: NDArray[np.floating], shares: tuple[float, ...]) ->
 
 
 def pooled_scales(values: NDArray[np.floating], labels: NDArray[np.str_]) -> tuple[Floats, Floats]:
-    """Return the median over all and the spread within classes, which is what a difference is to be held against.
+    """Return the median over all and the spread within labels, which is what a difference is to be held against.
 
-    With few cases the spread within is not known well, so it is drawn towards the spread over all as if that had been
-    seen PRIOR_CASES times.
+    Where no label has two cases it is the spread over all.
 
     Args:
         values: shape (cases, n).
         labels: shape (cases,).
     """
     center, overall = robust_scales(values)
-    classes, sizes = np.unique(labels, return_counts=True)
-    repeated = [labels == name for name in classes[sizes > 1]]
+    names, sizes = np.unique(labels, return_counts=True)
+    repeated = [np.asarray(values[labels == name], np.float64) for name in names[sizes > 1]]
     if not repeated:
         return center, overall
-    deviations = np.concatenate([_deviations(np.asarray(values[rows], np.float64)) for rows in repeated])
-    _, within = robust_scales(deviations)
-    freedom = float(len(deviations) - len(repeated))
-    pooled = (freedom * within**2 + PRIOR_CASES * overall**2) / (freedom + PRIOR_CASES)
-    return center, np.sqrt(pooled)
-
-
-def _deviations(values: Floats) -> Floats:
-    """Return deviations from the median; one taken from few values lies too near to them, so they are stretched."""
-    size = values.shape[0]
-    return np.asarray((values - robust_scales(values)[0]) * np.sqrt(size / (size - 1)))
+    return center, robust_scales(np.concatenate([each - robust_scales(each)[0] for each in repeated]))[1]

@@ -44,7 +44,7 @@ async def ready(request: Request) -> dict[str, str]:
 def faults(service: Service) -> list[str]:
     """Return a sentence for each thing that keeps the service from its work."""
     found = []
-    if not service.learner.loaded.is_set():
+    if not service.upkeep.loaded.is_set():
         found.append("What diagnoses need is still being loaded: ask again in a second.")
     try:
         with service.library.reading() as session:

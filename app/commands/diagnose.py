@@ -18,7 +18,6 @@ from app.web.templating import sentence as sentence_of
 from app.web.words import is_poor, remarks_beside, verdict_of
 from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError
-from casebase.upkeep import keep_learned
 from sim.description.axis import Axis
 
 NORMAL = "normal"
@@ -53,11 +52,13 @@ def diagnose(
     )
     described = axis_of(frame, axis) if axis else None
     entries = []
-    with frame.current_library() as library, frame.progress() as progress:
-        keep_learned(library, ACTOR)
-        with sounds(files, frame.settings.upload_bytes) as found:
-            for sound in progress.track(found, description="diagnosing"):
-                entries.append(_entry(library, sound, metadata, described))
+    with (
+        frame.current_library() as library,
+        frame.progress() as progress,
+        sounds(files, frame.settings.upload_bytes) as found,
+    ):
+        for sound in progress.track(found, description="diagnosing"):
+            entries.append(_entry(library, sound, metadata, described))
     if json:
         frame.print_json(entries)
     else:

@@ -16,7 +16,6 @@ from app.metadata import RecordingMetadata
 from casebase.artifacts import active_artifact, add_artifact
 from casebase.axes import add_axis
 from casebase.library import CaseLibrary
-from casebase.upkeep import keep_learned
 from sim.experiment.design_of_experiments import LABELS, plan
 from sim.experiment.paper_axis import PAPER_AXIS
 
@@ -66,7 +65,6 @@ def diagnose_demo(library: CaseLibrary, path: Path) -> None:
     known = RecordingMetadata(
         axis=PAPER_AXIS.name, gearbox="demonstration", speed_rad_s=PAPER_AXIS.motion.load_speed_rad_s, channel=0
     )
-    keep_learned(library, "starter")
     intake = take_in(library, path, path.name, "audio/wav", known, PAPER_AXIS)
     with library.transaction("starter") as session:
         row = intake.store(library, session)

@@ -17,9 +17,9 @@ from casebase.kept_table import read_table
 from casebase.models import AuditEntry, Case, FeatureRow, StoredRecording
 from casebase.pages import Page, page
 from casebase.plausibility import Expected, measured
-from casebase.retrieval import CaseMatrix
+from casebase.retrieval import CaseMatrix, metric_of
 from casebase.signals.features import EXTRACTOR_VERSION
-from casebase.similarity import Floats, Metric, pooled_scales
+from casebase.similarity import Floats
 
 MATRICES_KEPT = 4
 
@@ -114,10 +114,7 @@ class Retrieve:
         kept = next((matrix for matrix in current if np.array_equal(matrix.metric.weights, shares)), None)
         if kept is not None:
             return kept
-        if current:
-            metric = current[0].metric.with_weights(weights)
-        else:
-            metric = Metric(table.names, *pooled_scales(table.values, table.labels), shares)
+        metric = current[0].metric.with_weights(weights) if current else metric_of(table, weights)
         made = CaseMatrix(table, metric)
         if not has_changed(session):
             self._matrices = (*current, made)[-MATRICES_KEPT:]

@@ -1,17 +1,15 @@
 """Reuse: what the cases say of a recording, and how far that can be relied on."""
 
 from dataclasses import replace
-from threading import Event
 
 from sqlalchemy.orm import Session
 
-from casebase.artifacts import active_version, similarity_for
 from casebase.counter import has_changed
 from casebase.cycle.retrieve import Retrieve
 from casebase.detection_limit import NO_LIMITS, detection_limits
 from casebase.diagnoses import store_diagnosis
 from casebase.diagnosis import Reasoner
-from casebase.evaluation import Evaluation, evaluate
+from casebase.evaluation import Evaluation, evaluate, poor_recordings
 from casebase.models import Case, StoredDiagnosis, StoredRecording
 from casebase.origins import MEASURED, origin_of
 from casebase.severity import Severity, severity_of
@@ -20,27 +18,21 @@ from casebase.sounds import cases_of
 
 
 class Reuse:
-    """Diagnoses with the cases as they are now.
+    """Diagnoses with the cases as they are now."""
 
-    Args:
-        outgrown: set when a diagnosis shows that the library outgrew what was learned.
-    """
-
-    def __init__(self, retrieve: Retrieve, outgrown: Event) -> None:
+    def __init__(self, retrieve: Retrieve) -> None:
         self._retrieve = retrieve
-        self._outgrown = outgrown
-        self._reasoners: dict[str, tuple[int | None, Reasoner]] = {}
+        self._reasoners: dict[str, Reasoner] = {}
 
     def reasoner(self, session: Session, extractor_version: str = EXTRACTOR_VERSION) -> Reasoner:
         """Return what diagnoses, for the library as it is now; the same one until something changes."""
         table = self._retrieve.table(session, extractor_version)
-        basis = active_version(session, extractor_version)
         kept = self._reasoners.get(extractor_version)
-        if kept is not None and kept[1].table is table and kept[0] == basis:
-            return kept[1]
-        reasoner = Reasoner(table, *similarity_for(session, table))
+        if kept is not None and kept.table is table:
+            return kept
+        reasoner = Reasoner(table)
         if not has_changed(session):
-            self._reasoners[extractor_version] = (basis, reasoner)
+            self._reasoners[extractor_version] = reasoner
         return reasoner
 
     def diagnose(
@@ -52,14 +44,13 @@ class Reuse:
     ) -> StoredDiagnosis:
         """Diagnose a stored recording by its features and keep the diagnosis, with what else is to be remarked.
 
-        A case of the same sound is named, and has no vote.
+        A case of the same sound is named, and does not count.
         """
         version = extraction.extractor_version
         reasoner = self.reasoner(session, version)
-        if reasoner.outgrown:
-            self._outgrown.set()
         values = extraction.features.values
-        diagnosis = reasoner.diagnose(extraction, reasoner.table.samples == recording.sound_id, recording.axis)
+        copies = reasoner.table.samples == recording.sound_id
+        diagnosis = reasoner.diagnose(extraction, copies, recording.axis, recording.gearbox)
         same = [case for case in cases_of(session, recording.sound_id) if case.state != "retired"]
         told = (*(_told(case) for case in same), *diagnosis.remarks, *remarks, *self._contradictions(session, version))
         diagnosis = replace(diagnosis, remarks=told)
@@ -95,9 +86,7 @@ class Reuse:
         if without is not None:
             everything = self._retrieve.all_cases(session)
             table = everything.take(everything.ids != without).voters
-        learned, version, _ = similarity_for(session, table)
-        fitting = learned if version and learned.fits(table) else None
-        return evaluate(table, group=group, origin=origin, learned=fitting, axis=axis)
+        return evaluate(table, group=group, origin=origin, axis=axis, poor=poor_recordings(session))
 
     def _contradictions(self, session: Session, extractor_version: str) -> tuple[str, ...]:
         count = self._retrieve.all_cases(session, extractor_version).contradicting

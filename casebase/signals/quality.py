@@ -15,9 +15,6 @@ from casebase.signals.recording import Recording
 from casebase.signals.spectra import band_envelope
 
 STEEP = 0.005
-RARELY = 0.001
-"""What is left out or wrong for less than this share of the samples is said, and changes nothing [1]."""
-LOST_SHARE = 0.1
 DROPOUT_S = 0.005
 FEWEST_STEPS = 10
 FACTORS = (
@@ -109,7 +106,7 @@ def clipped(analysis: Analysis) -> QualityFlag | None:
     if count == 0 or _steps(analysis) < FEWEST_STEPS:
         return None
     share = count / samples.size
-    severity = Severity.UNUSABLE if share > 0.1 else Severity.POOR if share > RARELY else Severity.NOTE
+    severity = Severity.UNUSABLE if share > 0.1 else Severity.NOTE
     return QualityFlag(
         "clipped",
         severity,
@@ -140,7 +137,7 @@ def dropouts(analysis: Analysis) -> QualityFlag | None:
     share = lost_s / recording.duration_s
     return QualityFlag(
         "dropouts",
-        Severity.UNUSABLE if share > 0.5 else Severity.POOR if share > LOST_SHARE else Severity.NOTE,
+        Severity.UNUSABLE if share > 0.5 else Severity.NOTE,
         f"{starts.size} stretches, {lost_s:.3g} s in all, without any change of the samples; check cable, driver "
         "and noise gate, and record again",
     )
@@ -277,7 +274,7 @@ def unsteady_hum(analysis: Analysis) -> QualityFlag | None:
         if high > 4 * low:
             return QualityFlag(
                 "unsteady_hum",
-                Severity.POOR,
+                Severity.NOTE,
                 f"hum at {line:.0f} Hz carries {100 * power / whole:.0f} % of the sound below 200 Hz and swells by "
                 f"{10 * np.log10(high / max(low, 1e-30)):.0f} dB; find the loose shield or another mains circuit",
             )

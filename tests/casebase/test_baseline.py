@@ -2,11 +2,11 @@
 
 import numpy as np
 import pytest
-
 from casebase.baseline import UNLIKE, Baseline, baseline, kinds
+from casebase.learning import learn
+
 from casebase.case_table import CaseTable
 from casebase.diagnosis import Reasoner
-from casebase.learning import learn
 from casebase.signals.features import catalogue, extract
 from casebase.signals.recording import Recording
 from tests.casebase.made import measured_table

@@ -5,11 +5,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from casebase.calibration import CIRCUMSTANCES, LACKS, PRIOR, Calibration, Usual, fitted, lacks
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import special
 
-from casebase.calibration import CIRCUMSTANCES, LACKS, PRIOR, Calibration, Usual, fitted, lacks
 from casebase.errors import ArtifactError
 
 NOTHING = np.zeros((1, len(LACKS)))

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from casebase.detection import BUMPS, NOISE, WORTH_SAYING_DB, Detection
 from hypothesis import given
 from hypothesis import strategies as st
 
 from casebase.case_table import CaseTable
-from casebase.detection import BUMPS, NOISE, WORTH_SAYING_DB, Detection
 
 NAMES = (NOISE, *BUMPS)
 CLASSES = ("normal", "notch", "play")

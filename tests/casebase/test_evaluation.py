@@ -4,17 +4,17 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from casebase.experience import gather, representative
+from casebase.learning import learn, unlearned
+from casebase.voting import fitted_sharpness, log_votes, nearest_of_classes
 from numpy.typing import NDArray
 
 from casebase import evaluation
 from casebase.case_table import CaseTable
 from casebase.errors import InvalidRequestError
 from casebase.evaluation import Proportion, evaluate
-from casebase.experience import gather, representative
-from casebase.learning import learn, unlearned
 from casebase.novelty import where_unknown_begins
 from casebase.similarity import Metric
-from casebase.voting import fitted_sharpness, log_votes, nearest_of_classes
 
 SIZE = 10
 

@@ -4,12 +4,12 @@ from collections.abc import Callable
 
 import numpy as np
 import pytest
+from casebase.learning import unlearned
 from numpy.typing import NDArray
 from scipy import signal
 
 from casebase.case_table import CaseTable
 from casebase.diagnosis import Reasoner
-from casebase.learning import unlearned
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction, extract
 from casebase.signals.recording import Recording
 from tests.casebase.signals.synthetic import RATE_HZ, Joint, sound

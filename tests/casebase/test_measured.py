@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from casebase.learning import learn, unlearned
 
 from casebase.case_filter import CaseFilter
 from casebase.case_table import CaseTable, load_table
 from casebase.description import Labelling, RecordingDescription
 from casebase.diagnosis import Reasoner, verdict_of
 from casebase.evaluation import Evaluation, evaluate
-from casebase.learning import learn, unlearned
 from casebase.library import CaseLibrary
 from casebase.models import StoredDiagnosis
 from casebase.signals.condition import OperatingCondition

@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from casebase.learning import learn
 
 from casebase.diagnosis import OF_ONE_AXIS, Reasoner
-from casebase.learning import learn
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import Extraction, FeatureVector, extract
 from casebase.signals.recording import Recording

@@ -6,13 +6,13 @@ from threading import Event
 
 import numpy as np
 import pytest
-
 from casebase.augmentation import AUGMENTATIONS, PEAK, disturbed_copies
-from casebase.case_table import load_table
 from casebase.learning import LearningStoppedError
+from casebase.rehearsal import MOST_REHEARSED, rehearsed
+
+from casebase.case_table import load_table
 from casebase.library import CaseLibrary
 from casebase.models import Case
-from casebase.rehearsal import MOST_REHEARSED, rehearsed
 from casebase.signals.features import EXTRACTOR_VERSION
 from casebase.signals.recording import Recording
 from tests.casebase.signals.synthetic import RATE_HZ, Joint, sound

@@ -4,9 +4,9 @@ from collections import Counter
 
 import numpy as np
 import pytest
+from casebase.learning import learn
 
 from casebase.diagnosis import Reasoner
-from casebase.learning import learn
 from casebase.novelty import superposed
 from casebase.signals.features import extract
 from casebase.signals.recording import Recording

@@ -1,4 +1,4 @@
-"""What goes on beside the requests: what the first ones would wait for is loaded, and weights are learned again."""
+"""What goes on beside the requests: what the first ones would wait for is loaded, and a large table is written."""
 
 from threading import Event, Thread
 
@@ -8,26 +8,23 @@ from sqlalchemy.exc import SQLAlchemyError
 from casebase.errors import LibraryError
 from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError
-from casebase.upkeep import keep_learned, keep_table
+from casebase.upkeep import keep_table
 
-ACTOR = "learning"
+ACTOR = "upkeep"
 APART_S = 2.0
-"""Cases often come many at a time; learning waits so long for more of them."""
+"""Cases often come many at a time; upkeep waits so long for more of them [s]."""
 LOG = structlog.get_logger(__name__)
 
 
-class Learner:
-    """A thread that keeps what was learned in step with the library, from `start` to `close`.
-
-    Learning that is under way at `close` is given up: whoever opens the library next begins it again.
-    """
+class Upkeep:
+    """A thread that loads what diagnoses need and keeps the table of a large library, from `start` to `close`."""
 
     def __init__(self, library: CaseLibrary) -> None:
         self._library = library
         self.loaded = Event()
         """Set once no first request waits any more."""
         self._closed = Event()
-        self._thread = Thread(target=self._work, name="learner", daemon=True)
+        self._thread = Thread(target=self._work, name="upkeep", daemon=True)
 
     def start(self) -> None:
         self._library.touched.set()
@@ -49,12 +46,10 @@ class Learner:
         while self._library.touched.wait() and not self._closed.wait(APART_S):
             self._library.touched.clear()
             try:
-                if keep_learned(self._library, ACTOR, stop=self._closed):
-                    LOG.info("weights learned again")
                 if keep_table(self._library, ACTOR):
                     LOG.info("table of the cases written")
             except (LibraryError, SQLAlchemyError, OSError) as error:
-                LOG.warning("weights not learned", error=str(error))
+                LOG.warning("table of the cases not written", error=str(error))
 
 
 def diagnose_once(library: CaseLibrary) -> None:
