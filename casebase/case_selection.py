@@ -48,5 +48,5 @@ def _classifier(table: CaseTable, rows: Mask) -> Classifier | None:
 
 def _loss(table: CaseTable, classifier: Classifier, own: Mask) -> float:
     """Return minus the mean log likelihood of an axis' own cases, left out."""
-    losses = classifier.across.losses()[own[classifier.across.rows]]
+    losses = classifier.held_out.losses()[own[classifier.held_out.rows]]
     return float(losses.mean()) if losses.size else np.inf

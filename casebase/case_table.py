@@ -1,7 +1,7 @@
 """CaseTable: all searchable cases at one version of the library, read from the database, which is the truth."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -107,6 +107,11 @@ class CaseTable:
     def gearboxes_known(self) -> list[str]:
         """Names of the gearboxes that measured cases come from, sorted."""
         return sorted(set(self.gearboxes[(self.origins == "measured") & (self.gearboxes != "")].tolist()))
+
+    @cached_property
+    def by_recording(self) -> "CaseTable":
+        """The same cases as if each were of a gearbox of its own."""
+        return replace(self, gearboxes=np.full(len(self), "", self.gearboxes.dtype))
 
     @property
     def text(self) -> tuple[NDArray[np.str_], ...]:

@@ -1,8 +1,8 @@
 """Classifier: a multinomial logistic regression over scaled features, calibrated on gearboxes that it has not seen.
 
-Each feature is scaled by its spread within the labels and multiplied by the root of its prior weight
-(`casebase.priors`): the penalty on the coefficients is then a normal prior whose variance is that weight, so physics
-decides where the cases do not. How strong the prior is, is chosen by the likelihood of gearboxes left out. A feature
+Each feature is scaled by its spread within the labels, moderated as in `casebase.novelty`, and multiplied by the root
+of its prior weight (`casebase.priors`; even where the machine does not move to and fro): the penalty on the
+coefficients is then a normal prior whose variance is that weight, so physics decides where the cases do not. How strong the prior is, is chosen by the likelihood of gearboxes left out. A feature
 that a recording does not have counts as a usual one. From the answers to cases left out come
 
 - the calibration of the leading label and of "there is a fault": logit p = offset + slope * score, both drawn weakly
@@ -26,8 +26,8 @@ from scipy import special
 
 from casebase.case_table import CaseTable
 from casebase.labels import BASELINES
-from casebase.novelty import spread_out
-from casebase.priors import prior_weights
+from casebase.novelty import follow_motion, kinds, moderated, spread_out
+from casebase.priors import even_weights, prior_weights
 from casebase.similarity import Floats, Metric, pooled_scales
 
 if TYPE_CHECKING:
@@ -36,10 +36,10 @@ if TYPE_CHECKING:
 STRENGTHS = (0.03, 0.1, 0.3, 1.0)
 """Inverse strengths of the prior that are tried."""
 USUAL_STRENGTH = 0.3
+MOSTLY = 0.5
 LARGEST_SAMPLE = 800
 USUAL_SLOPE = 2.0
 """Of the score: a regression drawn to a prior is less sure than it could be (1.3 to 2.5 on six libraries)."""
-FOLDS = 10
 
 
 @dataclass(frozen=True)
@@ -120,6 +120,16 @@ def log_odds(shares: NDArray[np.floating]) -> Floats:
     return np.asarray(special.logit(np.clip(shares, 1e-6, 1 - 1e-6)), np.float64)
 
 
+def weights_for(names: tuple[str, ...], values: NDArray[np.floating]) -> Floats:
+    """Return prior weights of features, shape (n,): those of a motion to and fro, even ones where cases have none.
+
+    Args:
+        values: of the cases, shape (cases, n).
+    """
+    moves = len(values) > 0 and float(follow_motion(names, values).mean()) >= MOSTLY
+    return prior_weights(names) if moves else even_weights(names)
+
+
 class Classifier:
     """A regression over some cases of a table.
 
@@ -133,23 +143,17 @@ class Classifier:
         self.rows = np.sort(np.concatenate([spread_out(each, LARGEST_SAMPLE // len(of_labels)) for each in of_labels]))
         values, labels = table.values[self.rows], table.labels[self.rows]
         self.classes = tuple(sorted(set(labels.tolist())))
-        self._metric = Metric(table.names, *pooled_scales(values, labels), prior_weights(table.names))
+        center, scale = pooled_scales(values, labels)
+        kind = np.where(np.isfinite(values).any(axis=0), kinds(table.names), -1)
+        scale = np.sqrt(moderated(scale**2, float(labels.size - len(self.classes)), kind))
+        self._metric = Metric(table.names, center, scale, weights_for(table.names, values))
         weights = np.where(np.isfinite(values).any(axis=0), self._metric.weights, 0.0)
         self._roots = np.sqrt(weights / max(float(weights.max(initial=0.0)), 1e-12))
         self._points = self._scaled(values)
         self._truth = np.searchsorted(self.classes, labels)
-        self._sounds, self._parts = table.sounds[self.rows], table.parts[self.rows]
-        self.across, self.strength = self._chosen(self._parts)
+        self._sounds = table.sounds[self.rows]
+        self.held_out, self.strength = self._chosen(table.parts[self.rows])
         self._fit = self._regression(np.ones(self.rows.size, np.bool_), self.strength)
-        self._within: HeldOut | None = None
-
-    @property
-    def within(self) -> HeldOut:
-        """What is said of cases left out where others of their gearbox are known."""
-        if self._within is None:
-            sounds = np.unique(self._sounds, return_inverse=True)[1]
-            self._within = self._held_out(sounds % FOLDS if sounds.max() >= 4 * FOLDS else sounds, self.strength)
-        return self._within
 
     def shares(self, values: NDArray[np.floating], without: Sequence[int] = ()) -> Floats:
         """Return the share of every label, shape (labels,).

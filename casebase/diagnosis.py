@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from casebase.case_selection import fitted
 from casebase.case_table import CaseTable, Mask
-from casebase.classifier import Classifier, log_odds
+from casebase.classifier import Classifier, log_odds, weights_for
 from casebase.explanation import Evidence, feature_evidence, motion_evidence, novelty_evidence
 from casebase.labels import BASELINES
 from casebase.novelty import LEVEL, Likeness, follow_motion, likenesses, nearly_all_move
@@ -29,7 +29,7 @@ PRESENT = 0.5
 NEIGHBOURS, SUPPORTING = 5, 3
 FEWEST_FOR_P_VALUE = 19
 """A p-value of so many cases can fall to 0.05."""
-AXES_KEPT = 16
+MODELS_KEPT = 16
 OF_ONE_AXIS = frozenset(definition.name for definition in Meshing.definitions)
 """Features that mean the same on one axis alone."""
 
@@ -167,9 +167,15 @@ class Judgement:
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """What was learned for the recordings of one axis: which cases count, the classifier, what its labels are like."""
+    """What was learned for the recordings of one axis.
 
-    rows: NDArray[np.intp]
+    Args:
+        counting: which cases count, shape (cases,).
+        classifier: None where they have one label alone.
+        likenesses: what their labels are like.
+    """
+
+    counting: Mask
     classifier: Classifier | None
     likenesses: Mapping[str, Likeness]
 
@@ -179,22 +185,26 @@ class Reasoner:
 
     def __init__(self, table: CaseTable) -> None:
         self.table = table
-        self.matrix = CaseMatrix(table, metric_of(table, prior_weights(table.names)))
+        self.matrix = CaseMatrix(table, metric_of(table, weights_for(table.names, table.values)))
         self.all_move = nearly_all_move(table.names, table.values)
-        self._models: OrderedDict[str | None, _Model] = OrderedDict()
+        self._models: OrderedDict[tuple[str | None, bool], _Model] = OrderedDict()
         self._lock = threading.Lock()
 
-    def model(self, axis: str | None) -> _Model:
-        """Return what was learned for an axis; kept for the next recording of it."""
-        key = axis if axis in self.table.axes else None
+    def model(self, axis: str | None, gearbox: str | None = None) -> _Model:
+        """Return what was learned for an axis; kept for the next recording of it.
+
+        Where one gearbox alone is known by several labels, its own recordings are judged by each other.
+        """
+        own = gearbox is not None and self.table.gearboxes_known == [gearbox]
+        key = axis if axis in self.table.axes else None, own
         with self._lock:
             if key not in self._models:
-                classifier = fitted(self.table, key)
-                rows = np.arange(len(self.table)) if classifier is None else classifier.rows
-                mask = np.zeros(len(self.table), np.bool_)
-                mask[rows] = True
-                self._models[key] = _Model(rows, classifier, likenesses(self.table, mask))
-                while len(self._models) > AXES_KEPT:
+                table = self.table.by_recording if own else self.table
+                classifier = fitted(table, key[0])
+                counting = np.zeros(len(table), np.bool_)
+                counting[slice(None) if classifier is None else classifier.rows] = True
+                self._models[key] = _Model(counting, classifier, likenesses(table, counting))
+                while len(self._models) > MODELS_KEPT:
                     self._models.popitem(last=False)
             self._models.move_to_end(key)
             return self._models[key]
@@ -202,9 +212,9 @@ class Reasoner:
     def accuracy(self, axis: str | None) -> float | None:
         """Return how often the leading label was right of cases left out by gearbox; None if that cannot be said."""
         classifier = self.model(axis).classifier
-        if classifier is None or not classifier.across.truth.size:
+        if classifier is None or not classifier.held_out.truth.size:
             return None
-        return float(np.mean(classifier.across.shares.argmax(axis=1) == classifier.across.truth))
+        return float(np.mean(classifier.held_out.shares.argmax(axis=1) == classifier.held_out.truth))
 
     def judge(
         self,
@@ -216,13 +226,12 @@ class Reasoner:
         """Return what the cases say of a vector of features, shape (n,).
 
         Args:
-            axis, gearbox: of the recording, where known; a gearbox of which several labels are known is judged by how
-                well recordings of known gearboxes were told apart, any other by how well unknown ones were.
+            axis, gearbox: of the recording, where known.
             without: rows that do not count, for they are the same recording.
         """
         values = self._comparable(values, axis)
-        model = self.model(axis)
-        hypotheses, fault = self._shares(model, values, gearbox, without)
+        model = self.model(axis, gearbox)
+        hypotheses, fault = self._shares(model.classifier, values, without)
         likeness = model.likenesses.get(hypotheses[0].label)
         still = self.all_move and not bool(follow_motion(self.table.names, values[None])[0])
         return Judgement(hypotheses, fault, likeness, None if likeness is None else likeness.p_value(values), still)
@@ -234,14 +243,12 @@ class Reasoner:
         return np.where([name in OF_ONE_AXIS for name in self.table.names], np.nan, values)
 
     def _shares(
-        self, model: _Model, values: NDArray[np.floating], gearbox: str | None, without: NDArray[np.intp] | None
+        self, classifier: Classifier | None, values: NDArray[np.floating], without: NDArray[np.intp] | None
     ) -> tuple[tuple[Hypothesis, ...], float | None]:
-        classifier = model.classifier
         if classifier is None:
             return (Hypothesis(self.table.classes[0], 0.5, 1.0),), None
         shares = classifier.shares(values, () if without is None else without.tolist())
-        known = self.table.labels[model.rows[self.table.gearboxes[model.rows] == gearbox]] if gearbox else np.empty(0)
-        seen = classifier.within if np.unique(known).size > 1 else classifier.across
+        seen = classifier.held_out
         sure = seen.label().probability(float(log_odds(shares.max())))
         probabilities, p_values = _calibrated(shares, sure), seen.p_values(shares)
         found = [Hypothesis(*each) for each in zip(classifier.classes, probabilities, p_values, strict=True)]
@@ -286,15 +293,15 @@ class Reasoner:
 
     def _compared(self, extraction: Extraction, without: Mask, axis: str | None, gearbox: str | None) -> Diagnosis:
         values = self._comparable(extraction.features.values, axis)
-        model = self.model(axis)
+        model = self.model(axis, gearbox)
         judgement = self.judge(values, axis, gearbox, np.flatnonzero(without))
         nearest = max(NEIGHBOURS, SUPPORTING * len(self.table.classes))
-        counting = np.zeros(len(self.table), np.bool_)
-        counting[model.rows] = True
-        near = self.matrix.nearest_by_class(values, nearest, where=counting & ~without)
+        near = self.matrix.nearest_by_class(values, nearest, where=model.counting & ~without)
         # what is the same sound is shown, and does not count
         shown = (
-            near if not without.any() else self.matrix.nearest_by_class(values, NEIGHBOURS, where=counting | without)
+            near
+            if not without.any()
+            else self.matrix.nearest_by_class(values, NEIGHBOURS, where=model.counting | without)
         )
         verdict = judgement.verdict(extraction.poor)
         label = None if verdict == "not_in_library" else judgement.best.label
@@ -309,7 +316,7 @@ class Reasoner:
             evidence=self._evidence(extraction, near, label, judgement),
             quality=extraction.quality,
             p_value=0.0 if judgement.still else judgement.p_value,
-            remarks=tuple(self._remarks(extraction, judgement, model, counting)),
+            remarks=tuple(self._remarks(extraction, judgement, model)),
             faults=() if label is None else self._faults(values, model, judgement),
         )
 
@@ -336,7 +343,7 @@ class Reasoner:
             return (*novelty_evidence(self.table.names, values, judgement.best.label, judgement.likeness), *motion)
         return (*feature_evidence(self.table, values, near.of(label), near.other_than(label)), *motion)
 
-    def _remarks(self, extraction: Extraction, judgement: Judgement, model: _Model, counting: Mask) -> list[str]:
+    def _remarks(self, extraction: Extraction, judgement: Judgement, model: _Model) -> list[str]:
         remarks = []
         if model.classifier is None:
             remarks.append(
@@ -345,7 +352,7 @@ class Reasoner:
             )
         if extraction.poor:
             remarks.append("the recording is too poor for a label to be relied on: see its quality, and record again")
-        unused = int(np.count_nonzero((self.table.origins == "simulated") & ~counting))
+        unused = int(np.count_nonzero((self.table.origins == "simulated") & ~model.counting))
         if unused:
             remarks.append(
                 f"{unused} simulated cases do not count here: these labels were measured, or the axis is another"
@@ -362,7 +369,7 @@ class Reasoner:
             )
         classifier = model.classifier
         if classifier is not None:
-            counts = np.bincount(classifier.across.truth, minlength=len(classifier.classes))
+            counts = np.bincount(classifier.held_out.truth, minlength=len(classifier.classes))
             few = [each for each, count in zip(classifier.classes, counts, strict=True) if count < FEWEST_FOR_P_VALUE]
             if few:
                 needed = f"that takes {FEWEST_FOR_P_VALUE} cases left out by gearbox"

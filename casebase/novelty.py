@@ -51,16 +51,24 @@ def kinds(names: tuple[str, ...]) -> NDArray[np.intp]:
 
     A rate in hertz does not: a count of rare events is not normally distributed.
     """
-    known: dict[str, tuple[str, str]] = dict.fromkeys(RECORDER, ("recorder", "dB"))
-    for family in FEATURES:
-        if family.of_the_gear:
-            known |= {
-                each.name: (type(family).__name__, each.unit)
-                for each in family.definitions
-                if each.compared and each.unit != "Hz"
-            }
+    known = {
+        each.name: (type(family).__name__, each.unit)
+        for family in FEATURES
+        for each in family.definitions
+        if (each.compared or each.name in RECORDER) and each.unit != "Hz"
+    }
     order = sorted(set(known.values()))
     return np.array([order.index(known[name]) if name in known else -1 for name in names], dtype=np.intp)
+
+
+@lru_cache
+def smallest_scatter(names: tuple[str, ...]) -> Floats:
+    """Return what features of two recordings of the same thing differ by at least, shape (n,).
+
+    What speaks of the sound's colour and not of the gear differs as two microphones do.
+    """
+    colour = {each.name for family in FEATURES if not family.of_the_gear for each in family.definitions}
+    return np.where([name in colour for name in names], RECORDER_SCATTER_DB, repeatability(names))
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,17 +141,27 @@ def _likeness(table: CaseTable, rows: Mask, everything: Mask) -> Likeness | None
     center, variance, count = (np.where(recorder, one, other) for one, other in zip(heard, gear, strict=True))
     kind = kinds(table.names)
     counts = (kind >= 0) & (count >= FEWEST_GEARBOXES)
-    variance = variance + np.where(recorder, RECORDER_SCATTER_DB, repeatability(table.names)) ** 2
+    variance = variance + smallest_scatter(table.names) ** 2
     freedom, share = np.maximum(count - 1.0, 1.0), np.zeros(kind.size)
     for each in np.unique(kind[counts]):
-        same = counts & (kind == each)
-        share[same] = 1 / np.count_nonzero(same)
-        drawn = freedom[same] * variance[same] + PRIOR_FREEDOM * variance[same].mean()
-        variance[same] = drawn / (freedom[same] + PRIOR_FREEDOM)
+        share[counts & (kind == each)] = 1 / np.count_nonzero(counts & (kind == each))
+    variance = moderated(variance, freedom, np.where(counts, kind, -1))
     scale = np.sqrt(np.where(counts, variance, 1.0) * (1 + 1 / np.maximum(count, 1)))
     highest = np.where([name == NOISE for name in table.names], 0.0, np.inf)
     center, scale = np.where(counts, center, 0.0), np.maximum(scale, 1e-12)
     return Likeness(center, scale, freedom + PRIOR_FREEDOM, share, np.zeros(kind.size), highest)
+
+
+def moderated(variance: Floats, freedom: Floats | float, kind: NDArray[np.intp]) -> Floats:
+    """Return variances drawn to the mean of their kind as if that had been seen with PRIOR_FREEDOM degrees of freedom.
+
+    Args:
+        variance: shape (n,); freedom: with which each was estimated; kind: of each, -1 where it stays as it is.
+    """
+    drawn = np.array(variance, np.float64)
+    for each in np.unique(kind[kind >= 0]):
+        drawn[kind == each] = variance[kind == each].mean()
+    return np.asarray((freedom * variance + PRIOR_FREEDOM * drawn) / (freedom + PRIOR_FREEDOM))
 
 
 def _moments(
