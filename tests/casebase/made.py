@@ -11,17 +11,21 @@ from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
 from casebase.models import Case, StoredRecording
 from casebase.signals.condition import OperatingCondition
-from casebase.signals.features import EXTRACTOR_VERSION, Extraction, FeatureVector
+from casebase.novelty import kinds
+from casebase.signals.features import EXTRACTOR_VERSION, Extraction, FeatureVector, catalogue
 from casebase.signals.motion import Motion
 from casebase.signals.recording import Recording
 
 VERSION = "made"
+OF_THE_GEAR = [name for name, kind in zip(catalogue(), kinds(tuple(catalogue())), strict=True) if kind >= 0]
+MARKS = "notch_bump_12_200_hz", "play_bump_12_200_hz"
+NAMES = (*MARKS, *(name for name in OF_THE_GEAR if "bump" in name and name not in MARKS))
+"""Features of one kind, those that mark a notch and play first."""
 
 
 def extraction(values: Sequence[float], *, version: str = VERSION) -> Extraction:
-    """Return an extraction with features f0, f1, ..."""
-    names = tuple(f"f{index}" for index in range(len(values)))
-    vector = FeatureVector(names, np.array(values, dtype=np.float32))
+    """Return an extraction with these values of the first of NAMES."""
+    vector = FeatureVector(NAMES[: len(values)], np.array(values, dtype=np.float32))
     return Extraction(vector, (), Motion(), (), version)
 
 

@@ -4,19 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from casebase.experience import gather, representative
-from casebase.learning import learn, unlearned
-from casebase.voting import fitted_sharpness, log_votes, nearest_of_classes
 from numpy.typing import NDArray
 
 from casebase import evaluation
 from casebase.case_table import CaseTable
 from casebase.errors import InvalidRequestError
 from casebase.evaluation import Proportion, evaluate
-from casebase.novelty import where_unknown_begins
-from casebase.similarity import Metric
+from tests.casebase import made
 
 SIZE = 10
+NAMES = (made.NAMES[2], *made.MARKS, *made.NAMES[3:9], "strongest_impulse_200_1000_hz")
 
 
 def made_table(seed: int, gearboxes: int = 5, shift: float = 8.0, classes: int = 3) -> CaseTable:
@@ -38,9 +35,8 @@ def table_of(values: NDArray[np.float64], labels: list[str], gearboxes: list[str
     """Return a table of measured cases."""
     ids = np.array([f"{row:032x}" for row in range(len(labels))])
     axes, origins = np.array(["a"] * len(labels)), np.array(["measured"] * len(labels))
-    names = tuple(f"f{column}" for column in range(values.shape[1]))
     columns = (np.array(labels), origins, axes, np.array(gearboxes), ids)
-    return CaseTable(1, "made", names, ids, *columns, values.astype(np.float32))
+    return CaseTable(1, "made", NAMES, ids, *columns, values.astype(np.float32))
 
 
 @pytest.mark.parametrize(("right", "of"), [(0, 10), (5, 10), (10, 10), (29, 30)])
@@ -94,7 +90,8 @@ def test_a_gearbox_never_votes_for_itself() -> None:
     labels = np.repeat(generator.permutation(["normal", "notch"] * 4), 3).tolist()
     table = table_of(values, labels, [f"g{row // 3}" for row in range(24)])
     by_gearbox, by_case = evaluate(table), evaluate(table, group="case")
-    assert by_case.accuracy.value == 1.0
+    assert by_case.accuracy.value is not None
+    assert by_case.accuracy.value >= 0.9
     assert by_gearbox.accuracy.value is not None
     assert by_gearbox.accuracy.value < 0.85
 
@@ -135,49 +132,11 @@ def joined(measured: CaseTable, simulated: CaseTable) -> CaseTable:
     return CaseTable(1, "made", measured.names, ids, labels, origins, axes, gearboxes, ids, values)
 
 
-def voters(table: CaseTable) -> NDArray[np.bool_]:
-    return gather(table, unlearned(table, "a test"), np.ones(SIZE, bool), representative(table)).voters
-
-
-def test_simulated_cases_that_mislead_have_no_vote() -> None:
-    measured, simulated = made_table(6), made_table(7)
-    wrong = replace(simulated, labels=np.roll(simulated.labels, 1))
-    assert not voters(joined(measured, wrong))[len(measured) :].any()
-    assert voters(measured).all()
-
-
-def test_simulated_cases_vote_for_what_was_never_measured() -> None:
-    table = made_table(8)
-    measured = table.take(table.labels != "play")
-    simulated = made_table(9)
-    votes = voters(joined(measured, replace(simulated, labels=np.roll(simulated.labels, 1))))[len(measured) :]
-    assert votes[np.roll(simulated.labels, 1) == "play"].all()
-
-
-def test_simulated_cases_vote_beside_few_measured_ones_alone() -> None:
-    """Three measured cases decide little, and simulated ones may vote; where enough are measured, these vote alone."""
-    measured, simulated = made_table(10), made_table(11)
-    first = [int(np.flatnonzero(measured.labels == label)[0]) for label in measured.classes]
-    few = measured.take(np.array(first))
-    assert voters(joined(few, simulated)).all()
-    assert not voters(joined(measured, simulated))[len(measured) :].any()
-
-
-def test_simulated_cases_do_not_bring_the_unknown_nearer() -> None:
-    """What is known begins where measured gearboxes say, whether or not simulated cases lie close to them."""
-    measured = made_table(5, gearboxes=4)
-    both = joined(measured, measured)
-    present = np.ones(SIZE, bool)
-    alone = where_unknown_begins(measured, present, representative(measured))
-    assert alone is not None
-    assert where_unknown_begins(both, present, representative(both)) == pytest.approx(alone)
-
-
 @pytest.mark.parametrize("gearboxes", [4, 6])
 @pytest.mark.parametrize("spoilt", [1.0, 4.0])
 def test_simulated_cases_change_neither_figure_of_novelty(gearboxes: int, spoilt: float) -> None:
     """Simulated cases with wrong labels, scattered over what no gearbox has shown."""
-    measured, simulated = made_table(12, gearboxes=gearboxes, shift=5.0), made_table(13)
+    measured, simulated = made_table(12, gearboxes=gearboxes, shift=8.0), made_table(13)
     wrong = replace(
         simulated, labels=np.roll(simulated.labels, 1), values=(spoilt * simulated.values).astype(np.float32)
     )
@@ -216,62 +175,22 @@ def test_unknown_groups_are_refused() -> None:
         evaluate(made_table(1), origin="guessed")
 
 
-def test_learning_finds_the_features_that_matter() -> None:
-    """With twenty noisy features and a large library the two that carry the classes get most of the weight."""
-    generator = np.random.default_rng(0)
-    labels = ["normal", "notch", "play"] * 40
-    values = generator.normal(size=(120, 20))
-    for row, label in enumerate(labels):
-        values[row, 0] += 3.0 * (label == "notch")
-        values[row, 1] += 3.0 * (label == "play")
-    similarity = learn(table_of(values, labels, [f"g{row // 12}" for row in range(120)]))
-    weights = similarity.metric.weights
-    assert similarity.strength is not None
-    assert set(np.argsort(weights)[-2:]) == {0, 1}
-    assert similarity.score is not None
-    assert similarity.score > 0.8
-
-
-def test_learning_is_deterministic_and_survives_storage() -> None:
-    table = made_table(6)
-    first, second = learn(table), learn(table)
-    np.testing.assert_array_equal(first.metric.weights, second.metric.weights)
-    again = type(first).from_document(first.to_document(), table.names)
-    assert again.to_document() == first.to_document()
-    assert isinstance(again.metric, Metric)
-
-
 def test_probabilities_are_calibrated_on_unseen_gearboxes() -> None:
     """Over many small libraries, recordings said with a mean probability are right that often, within 0.15."""
     said, right = [], []
-    for seed in range(2):
+    for seed in range(6):
         outcomes = evaluate(made_table(seed, shift=3.0)).outcomes
         said += [each.probability for each in outcomes]
         right += [each.best == each.truth for each in outcomes]
     assert np.mean(said) == pytest.approx(np.mean(right), abs=0.15)
 
 
-def test_votes_of_a_class_do_not_grow_with_its_size() -> None:
-    squares = np.array([[1.0] * 50 + [1.0]])
-    labels = np.array(["normal"] * 50 + ["notch"])
-    nearest = nearest_of_classes(squares, labels, ("normal", "notch"))
-    np.testing.assert_allclose(np.exp(log_votes(nearest, 3.0)), [[0.5, 0.5]])
-
-
-def test_useless_votes_are_given_no_sharpness() -> None:
-    generator = np.random.default_rng(1)
-    nearest = np.sort(generator.random((200, 2, 3)), axis=-1)
-    sharpness = fitted_sharpness(nearest, generator.integers(0, 2, 200))
-    assert np.exp(log_votes(nearest, sharpness)).max() < 0.7
-
-
 def test_a_large_library_is_evaluated_by_as_many_of_each_label_and_in_the_folds_of_the_whole(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     table = made_table(4, gearboxes=12)
-    learned = unlearned(table, "scales alone are wanted")
     monkeypatch.setattr(evaluation, "MOST_KNOWN", 60)
-    result = evaluate(table, learned=learned)
+    result = evaluate(table)
     assert (result.known, len(table)) == (60, 72)
     per_class = {label: share.of for label, share in result.per_class.items()}
     assert per_class == {"normal": 20, "notch": 20, "play": 20}

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from casebase.learning import learn
 
 from casebase.diagnosis import OF_ONE_AXIS, Reasoner
 from casebase.signals.condition import OperatingCondition
@@ -28,7 +27,7 @@ def reasoner() -> Reasoner:
     boxes, labels = [box for box, _, _ in made], [label for _, label, _ in made]
     values = np.array([each.values for each in vectors])
     cases = measured_table(vectors[0].names, values, labels, boxes, "here")
-    return Reasoner(cases, learn(cases))
+    return Reasoner(cases)
 
 
 @pytest.mark.parametrize("label", ["normal", "notch", "play"])

@@ -4,10 +4,8 @@ from collections import Counter
 
 import numpy as np
 import pytest
-from casebase.learning import learn
 
 from casebase.diagnosis import Reasoner
-from casebase.novelty import superposed
 from casebase.signals.features import extract
 from casebase.signals.recording import Recording
 from tests.casebase.made import measured_table
@@ -36,7 +34,7 @@ def reasoner() -> Reasoner:
     boxes, labels = [box for box, _, _ in made], [label for _, label, _ in made]
     values = np.array([each.values for each in vectors])
     cases = measured_table(vectors[0].names, values, labels, boxes)
-    return Reasoner(cases, learn(cases))
+    return Reasoner(cases)
 
 
 @pytest.mark.parametrize("fault", ["notch", "play"])
@@ -59,9 +57,3 @@ def test_two_faults_are_both_listed(reasoner: Reasoner) -> None:
 
 def test_a_sound_gear_has_none(reasoner: Reasoner) -> None:
     assert all(not reasoner.diagnose(extract(joint(7000 + i))).faults for i in range(4))
-
-
-def test_superposition_takes_what_is_farther_from_normal() -> None:
-    normal, scale = np.zeros(4), np.array([1.0, 1.0, 2.0, 1.0])
-    ones, others = np.array([[5.0, 0.0, 3.0, np.nan]]), np.array([[1.0, -4.0, 2.0, 1.0], [9.0, 0.0, 0.0, 0.0]])
-    assert superposed(ones, others, normal, scale).tolist() == [[5.0, -4.0, 3.0, 1.0]]

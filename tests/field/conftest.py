@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.field.libraries import Library, add_measured, add_starter, keep_learned
+from tests.field.libraries import Library, add_measured, add_starter
 from tests.shared_data import shared
 
 
@@ -27,7 +27,6 @@ def starter_and_measured(folder_of_libraries: Path, measured: Library) -> Librar
     """M+S: the 24 recordings and the starter."""
     data_dir = measured.copied(folder_of_libraries / "with_starter").data_dir
     add_starter(data_dir)
-    keep_learned(data_dir)
     return Library("M+S", data_dir)
 
 
@@ -35,5 +34,4 @@ def starter_and_measured(folder_of_libraries: Path, measured: Library) -> Librar
 def starter(folder_of_libraries: Path) -> Library:
     """S: the 90 simulated cases of the starter alone."""
     add_starter(folder_of_libraries / "S")
-    keep_learned(folder_of_libraries / "S")
     return Library("S", folder_of_libraries / "S")

@@ -10,7 +10,6 @@ from typing import Any
 
 from app.commands.starter import PER_LABEL
 from app.generation import Campaign, generate
-from casebase import upkeep
 from casebase.axes import add_axis
 from casebase.library import CaseLibrary
 from sim.experiment.design_of_experiments import LABELS
@@ -65,28 +64,20 @@ def recordings(*, held_out: bool) -> list[dict[str, str]]:
 
 
 def add_measured(data_dir: Path) -> None:
-    """Add the 24 recordings of the gearboxes g00 to g03, as a technician would, and learn from them."""
+    """Add the 24 recordings of the gearboxes g00 to g03, as a technician would."""
     folder = shared("data", "axis_recordings")
     for row in recordings(held_out=False):
         words = ("--label", row["label"], "--gearbox", row["gearbox"], "--axis", folder / "axis.toml")
         taken = ("--speed", row["speed_rad_s"], "--payload", row["payload_kg_m2"])
         done = gearcase("cases", "add", folder / row["file"], *words, *taken, data_dir=data_dir)
         assert done.code == 0, done.stdout
-    keep_learned(data_dir)
 
 
 def add_starter(data_dir: Path) -> None:
-    """Add what `gearcase starter` adds, without learning from it and without its demonstration."""
+    """Add what `gearcase starter` adds, without its demonstration."""
     library = CaseLibrary.open(data_dir)
     with library.transaction("starter") as session:
         add_axis(session, PAPER_AXIS.name, PAPER_AXIS.to_mapping())
     campaign = Campaign(PAPER_AXIS, dict.fromkeys(LABELS, PER_LABEL))
     generate(library, campaign, processes=2, batch=f"seed {campaign.seed}", advance=lambda _: None)
-    library.close()
-
-
-def keep_learned(data_dir: Path) -> None:
-    """Learn, as the first diagnosis would."""
-    library = CaseLibrary.open(data_dir)
-    upkeep.keep_learned(library, "test")
     library.close()

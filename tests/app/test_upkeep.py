@@ -12,7 +12,7 @@ from tests.live import started
 PROGRAM = """
 import sys
 from pathlib import Path
-from app.learner import diagnose_once
+from app.upkeep import diagnose_once
 from casebase.library import CaseLibrary
 library = CaseLibrary.open(Path(sys.argv[1]))
 diagnose_once(library)
