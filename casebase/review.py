@@ -268,17 +268,20 @@ def _finding(case: Case, reason: str, other: Case) -> Finding:
 
 
 def _far(table: CaseTable, near: Nearby) -> list[tuple[int, str]]:
-    """Simulated cases that are far from every measured case of their label, where there are three or more."""
+    """Simulated cases that are far from every measured case of their label, where their axis has three or more."""
     out = []
-    labels, simulated = table.class_numbers[near.asked], table.origins[near.asked] == "simulated"
-    for number, label in enumerate(table.classes):
-        known = (table.class_numbers == number) & (table.origins == "measured")
-        among = near.measured[(labels == number) & ~simulated]
+    kinds = sorted(set(zip(table.class_numbers.tolist(), table.axes.tolist(), strict=True)))
+    labels, axes = table.class_numbers[near.asked], table.axes[near.asked]
+    simulated = table.origins[near.asked] == "simulated"
+    for number, axis in kinds:
+        label, here = table.classes[number], (labels == number) & (axes == axis)
+        known = (table.class_numbers == number) & (table.axes == axis) & (table.origins == "measured")
+        among = near.measured[here & ~simulated]
         among = among[np.isfinite(among)]
         if np.count_nonzero(known) < FEWEST_MEASURED or among.size == 0:
             continue
         limit = max(FAR * float(np.median(among)), float(among.max()))
-        these = np.flatnonzero((labels == number) & simulated & np.isfinite(near.measured) & (near.measured > limit))
+        these = np.flatnonzero(here & simulated & np.isfinite(near.measured) & (near.measured > limit))
         for place in these[np.argsort(-near.measured[these], kind="stable")].tolist():
             distance = near.measured[place]
             reason = f"its nearest measured case of {label} is {distance:.2f} away; those lie within {limit:.2f}"

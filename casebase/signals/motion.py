@@ -20,6 +20,8 @@ SMOOTH_HOPS = 16
 """Hops over which loudness is averaged before dips are looked for [1]: 80 ms, shorter than any standstill."""
 
 SMALLEST_DEPTH_DB = 1.5
+SMALLEST_FALL_DB = 2.0
+"""A machine that is less than this quieter at its reversals goes on sounding there: it turns steadily [dB]."""
 SMALLEST_DEPTH = 4.0
 """Smallest depth of a dip over the scatter of the loudness from one smoothing length to the next [1].
 
@@ -129,7 +131,7 @@ def find_motion(level_db: NDArray[np.float32], condition: OperatingCondition) ->
         return Motion()
     dips, depth_db, clarity = find_dips(level_db)
     heard, repeats, needed = _reversals(dips)
-    if clarity < needed:
+    if clarity < needed or _fall_db(level_db, heard) < SMALLEST_FALL_DB:
         dips, heard = [], ()
     quiet_s = _quiet(dips, heard)
     heard_period = 2 * _spacing(heard) if repeats and len(heard) > 1 else None
@@ -237,6 +239,15 @@ def even_times(times: NDArray[np.float64]) -> NDArray[np.float64]:
         if enough and taken.size > most and taken.size >= 0.7 * max(times.size, places):
             most, best = taken.size, first + stroke * np.arange(taken[0], taken[-1] + 1)
     return best
+
+
+def _fall_db(level_db: NDArray[np.float32], times: tuple[float, ...]) -> float:
+    """Return how much quieter it is at the reversals than otherwise, in the median [dB]; 0 without reversals."""
+    if not times:
+        return 0.0
+    smooth = ndimage.uniform_filter1d(level_db.astype(np.float64), SMOOTH_HOPS)
+    at = np.clip(np.rint(np.array(times) * HOP_HZ).astype(np.intp), 0, smooth.size - 1)
+    return float(np.median(smooth) - np.median(smooth[at]))
 
 
 def _spacing(times: tuple[float, ...]) -> float:

@@ -44,7 +44,7 @@ __all__ = [
     "feature_words",
 ]
 
-EXTRACTOR_VERSION = "7"
+EXTRACTOR_VERSION = "8"
 """Changes whenever a feature is added, removed or computed differently; vectors of two versions never mix."""
 
 FEATURES: tuple[FeatureFamily, ...] = (
