@@ -10,8 +10,8 @@ from casebase.case_table import CaseTable
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
 from casebase.models import Case, StoredRecording
-from casebase.signals.condition import OperatingCondition
 from casebase.novelty import kinds
+from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction, FeatureVector, catalogue
 from casebase.signals.motion import Motion
 from casebase.signals.recording import Recording

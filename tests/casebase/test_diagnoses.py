@@ -7,15 +7,14 @@ from concurrent.futures import ThreadPoolExecutor
 import numpy as np
 import pytest
 
-from casebase.artifacts import activate, active_artifact, list_artifacts, similarity_kind
 from casebase.database import strict_json
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
-from casebase.errors import ConflictError, InvalidRequestError, NotFoundError, StaleVersionError
+from casebase.errors import ConflictError, InvalidRequestError, StaleVersionError
+from casebase.evaluation import evaluate
 from casebase.library import CaseLibrary
 from casebase.models import StoredDiagnosis
 from casebase.signals.features import QualityFlag, Severity
-from casebase.upkeep import keep_learned
-from tests.casebase.made import VERSION, add_case, extraction, store
+from tests.casebase.made import NAMES, VERSION, add_case, extraction, store
 
 KINDS = {"normal": (0.0, 0.0), "notch": (8.0, 0.0), "play": (0.0, 8.0)}
 SIZE = 12
@@ -66,7 +65,7 @@ def test_a_kind_of_fault_that_is_not_in_the_library_is_said_to_be_new(library: C
     assert (found.verdict, found.label) == ("not_in_library", None)
     novelty = found.document["novelty"]
     assert novelty["distance"] > novelty["threshold"]  # type: ignore[index]
-    assert found.document["evidence"][0]["quantity"] == "f0"  # type: ignore[index]
+    assert found.document["evidence"][0]["quantity"] == NAMES[0]  # type: ignore[index]
 
 
 def test_half_way_between_two_classes_is_ambiguous(library: CaseLibrary) -> None:
@@ -88,7 +87,6 @@ def test_one_case_per_class_is_enough_to_answer_and_says_what_it_lacks(library: 
             add_case(library, session, features(generator, label), label, seed=seed)
     found = diagnose(library, features(generator, "notch"), seed=99)
     assert found.label in (None, "notch")
-    assert found.document["provenance"]["similarity"].startswith("physical priors")  # type: ignore[index]
     assert found.document["novelty"]["threshold"] is None  # type: ignore[index]
     assert any("cannot fall to 0.05" in remark for remark in found.document["remarks"])  # type: ignore[attr-defined]
 
@@ -121,52 +119,6 @@ def test_the_very_same_recording_is_its_own_neighbour_at_distance_zero(library: 
         case = add_case(library, session, values, "play", seed=77)
     neighbour = diagnose(library, values, seed=77).document["neighbours"][0]  # type: ignore[index]
     assert (neighbour["case_id"], neighbour["distance"]) == (case.id, pytest.approx(0, abs=1e-5))
-
-
-def test_weights_are_learned_scored_and_rolled_back(library: CaseLibrary) -> None:
-    fill(library)
-    assert keep_learned(library, "anna", VERSION)
-    assert not keep_learned(library, "anna", VERSION)
-    kind = similarity_kind(VERSION)
-    with library.transaction("anna") as session:
-        for seed in (4242, 4243):
-            values = features(np.random.default_rng(seed), "normal")
-            add_case(library, session, values, "normal", seed=seed, gearbox="g9")
-    assert keep_learned(library, "anna", VERSION)
-    with library.transaction("anna") as session:
-        versions = list_artifacts(session, kind)
-        assert [row.version for row in versions] == [2, 1]
-        assert all(row.score is not None and row.score >= 0.8 for row in versions)
-        activate(session, kind, 1)
-    found = diagnose(library, [0.0] * SIZE, seed=3)
-    assert found.document["provenance"]["similarity_version"] == 1  # type: ignore[index]
-    with library.transaction("anna") as session:
-        active = active_artifact(session, kind)
-        assert active is not None
-        assert active.version == 1
-        with pytest.raises(NotFoundError):
-            activate(session, kind, 99)
-
-
-def test_an_outgrown_library_answers_by_what_was_learned_and_finds_new_cases(library: CaseLibrary) -> None:
-    """Learning takes long; a request must not wait for it, and must not be told of a library that was."""
-    fill(library)
-    keep_learned(library, "anna", VERSION)
-    library.touched.clear()
-    values = features(np.random.default_rng(5), "notch")
-    with library.transaction("anna") as session:
-        case = add_case(library, session, values, "pitting", seed=4244, gearbox="g9")
-    assert library.touched.is_set()
-    library.touched.clear()
-    found = diagnose(library, values, seed=4245).document
-    assert library.touched.is_set()
-    assert found["neighbours"][0]["case_id"] == case.id  # type: ignore[index]
-    assert found["provenance"]["similarity_version"] == 1  # type: ignore[index]
-    assert any("will be learned again" in remark for remark in found["remarks"])  # type: ignore[attr-defined]
-    assert keep_learned(library, "learning", VERSION)
-    again = diagnose(library, values, seed=4246).document
-    assert again["provenance"]["similarity_version"] == 2  # type: ignore[index]
-    assert not any("will be learned again" in remark for remark in again["remarks"])  # type: ignore[attr-defined]
 
 
 def test_a_person_has_the_last_word(library: CaseLibrary) -> None:
@@ -227,5 +179,23 @@ def test_many_at_once_are_all_diagnosed(library: CaseLibrary) -> None:
     rows = [features(np.random.default_rng(seed), "play") for seed in range(12)]
     with ThreadPoolExecutor(6) as pool:
         found = list(pool.map(lambda each: diagnose(library, each[1], seed=500 + each[0]), enumerate(rows)))
-    assert {each.document["provenance"]["similarity_version"] for each in found} <= {1, None}  # type: ignore[index]
+    assert {each.label for each in found} <= {"play", None}
     assert len({each.id for each in found}) == 12
+
+
+@pytest.mark.parametrize("label", KINDS)
+def test_a_service_and_its_evaluation_say_the_same(library: CaseLibrary, label: str) -> None:
+    """What is said of a gearbox before it is known, and what is said when it is left out again."""
+    fill(library)
+    generator = np.random.default_rng(21)
+    rows = [[0.6 * value for value in features(generator, label)] for _ in range(3)]
+    found = [diagnose(library, values, seed=seed) for seed, values in enumerate(rows)]
+    with library.transaction("anna") as session:
+        for each in found:
+            library.retain.diagnosis(session, each.id, label=label)
+        outcomes = evaluate(library.retrieve.table(session, VERSION)).outcomes
+    left_out = [each for each in outcomes if each.group == "new"]
+    said = sorted((each.verdict, each.document["hypotheses"][0]["label"]) for each in found)  # type: ignore[index]
+    assert sorted((each.verdict, each.best) for each in left_out) == said
+    sure = sorted(each.document["hypotheses"][0]["probability"] for each in found)  # type: ignore[index]
+    assert sorted(each.probability for each in left_out) == pytest.approx(sure)

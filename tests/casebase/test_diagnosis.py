@@ -1,0 +1,70 @@
+"""What a diagnosis does not follow: gain, copies of the recording itself, and who asks."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from casebase.case_table import CaseTable
+from casebase.diagnosis import Diagnosis, Reasoner
+from casebase.signals.features import Extraction, extract
+from casebase.signals.recording import Recording
+from tests.casebase.made import measured_table
+from tests.casebase.signals.synthetic import RATE_HZ, Joint, sound
+
+LABELS = ("normal", "notch", "play")
+
+
+def heard(label: str, seed: int, gain: float = 1.0) -> Extraction:
+    return extract(Recording((gain * sound(Joint(label, seed=seed))).astype(np.float32), RATE_HZ))
+
+
+@pytest.fixture(scope="module")
+def table() -> CaseTable:
+    """Three gearboxes, each normal, notch and play."""
+    made = [(box, label, 10 * box + i) for box in range(3) for label in LABELS for i in range(2)]
+    vectors = [heard(label, seed).features for _, label, seed in made]
+    boxes, labels = [box for box, _, _ in made], [label for _, label, _ in made]
+    return measured_table(vectors[0].names, np.array([each.values for each in vectors]), labels, boxes)
+
+
+def said(diagnosis: Diagnosis) -> tuple[str, str | None, list[str]]:
+    return diagnosis.verdict, diagnosis.label, [each.label for each in diagnosis.hypotheses]
+
+
+def probabilities(diagnosis: Diagnosis) -> dict[str, float]:
+    return {each.label: each.probability for each in diagnosis.hypotheses}
+
+
+@pytest.mark.parametrize("label", LABELS)
+@pytest.mark.parametrize("gain", [0.1, -1.0])
+def test_gain_of_the_sound_changes_nothing(table: CaseTable, label: str, gain: float) -> None:
+    reasoner = Reasoner(table)
+    plain, louder = (reasoner.diagnose(heard(label, 70, each), axis="axis") for each in (1.0, gain))
+    assert said(plain) == said(louder)
+    assert probabilities(plain) == pytest.approx(probabilities(louder), abs=0.01)
+
+
+@pytest.mark.parametrize("row", [0, 2, 4])
+def test_copies_of_a_case_do_not_change_its_diagnosis(table: CaseTable, row: int) -> None:
+    """What is the same sound does not count, be it one case or three."""
+    copies = table.take(np.array([*range(len(table)), row, row]))
+    ids = np.array([f"{each:032x}" for each in range(len(copies))])
+    copies = replace(copies, ids=ids)
+    asked = heard(LABELS[row // 2], row % 2)
+    np.testing.assert_array_equal(asked.features.values, table.values[row])
+    one, three = (
+        Reasoner(each).diagnose(asked, each.samples == table.samples[row], "axis", "g0") for each in (table, copies)
+    )
+    assert said(one) == said(three)
+    assert probabilities(one) == pytest.approx(probabilities(three), abs=0.05)
+
+
+def test_a_library_of_one_label_says_so(table: CaseTable) -> None:
+    known = table.take(table.labels == "normal")
+    found = Reasoner(known).diagnose(heard("normal", 70))
+    assert found.verdict == "ambiguous"
+    assert found.probability is not None
+    assert found.probability < 0.9
+    assert any("one label alone" in remark for remark in found.remarks)
+    assert not found.faults
