@@ -156,6 +156,10 @@ class Classifier:
         self.held_out, self.strength = self._chosen(table.parts[self.rows])
         self._fit = self._regression(np.ones(self.rows.size, np.bool_), self.strength)
 
+    def labels(self, without: Sequence[int] = ()) -> tuple[str, ...]:
+        """Return the labels of the cases that count, but for some rows of the table."""
+        return tuple(self.classes[number] for number in np.unique(self._truth[~np.isin(self.rows, without)]))
+
     def shares(self, values: NDArray[np.floating], without: Sequence[int] = ()) -> Floats:
         """Return the share of every label, shape (labels,).
 

@@ -245,9 +245,11 @@ class Reasoner:
     def _shares(
         self, classifier: Classifier | None, values: NDArray[np.floating], without: NDArray[np.intp] | None
     ) -> tuple[tuple[Hypothesis, ...], float | None]:
-        if classifier is None:
-            return (Hypothesis(self.table.classes[0], 0.5, 1.0),), None
-        shares = classifier.shares(values, () if without is None else without.tolist())
+        left_out = [] if without is None else without.tolist()
+        known = self.table.classes if classifier is None else classifier.labels(left_out)
+        if classifier is None or len(known) < 2:
+            return (Hypothesis((*known, *self.table.classes)[0], 0.5, 1.0),), None
+        shares = classifier.shares(values, left_out)
         seen = classifier.held_out
         sure = seen.label().probability(float(log_odds(shares.max())))
         probabilities, p_values = _calibrated(shares, sure), seen.p_values(shares)

@@ -98,19 +98,23 @@ def test_what_reaches_higher_is_foreign() -> None:
     assert flag.end_s < 15.3
 
 
-def test_more_noise_is_said_and_a_quarter_of_it_is_poor() -> None:
+def test_more_noise_is_said_and_forbids_nothing() -> None:
     assert "noise" not in found(GOOD + 0.1 * RMS * NOISE)
     assert found(GOOD + 0.4 * RMS * NOISE)["noise"].severity is Severity.NOTE
-    assert found(GOOD + 0.8 * RMS * NOISE)["noise"].severity is Severity.POOR
+    assert found(GOOD + 0.8 * RMS * NOISE)["noise"].severity is Severity.NOTE
 
 
 def test_a_gain_that_rises_at_standstill_is_named() -> None:
-    """Twice as loud after every start, and down to 1 within a second."""
+    """Twice as loud after every start, and down to 1 within a second, noise and all.
+
+    In silence it is a gear that is louder where it accelerates.
+    """
     since = (np.arange(GOOD.size) / RATE_HZ - JOINT.start_s) % JOINT.stroke_s
     gain = 1 + np.exp(-np.maximum(since - 0.35, 0) / 0.5)
-    flag = found(gain * GOOD)["automatic_gain"]
-    assert flag.severity is Severity.POOR
-    assert "automatic_gain" not in found(GOOD)
+    noisy = GOOD + 0.4 * RMS * NOISE
+    assert found(gain * noisy)["automatic_gain"].severity is Severity.NOTE
+    for other in (noisy, GOOD, gain * GOOD):
+        assert "automatic_gain" not in found(other)
 
 
 def test_a_missing_low_band_is_named() -> None:
