@@ -4,8 +4,8 @@ Every feature of a recording is held against the cases of a label: a Student's t
 gearboxes, with the scatter between gearboxes and within. Few gearboxes say little of a scatter, so that of each feature
 is drawn towards the mean of its kind, as if PRIOR_FREEDOM more gearboxes had shown that one. Noise and filtering of the
 recorder are no matter of the gearbox, so there every recording of the library counts for itself. The p-values of all
-features become one by their harmonic mean, in which every kind counts the same; it holds however they depend on each
-other. The size of a fault is free: between half the departure of its cases from normal and half as much again.
+features become one by their harmonic mean, half of it with every kind counting the same and half with each feature
+counting by what it tells of kinds of faults (`casebase.priors`); it holds however they depend on each other. The size of a fault is free: between half the departure of its cases from normal and half as much again.
 
 Sources: Smyth, Linear models and empirical Bayes methods, Stat. Appl. Genet. Mol. Biol. 3 (2004), the moderated t;
 Hahn and Meeker, Statistical Intervals (1991), prediction of one more observation; Wilson, The harmonic mean p-value,
@@ -23,7 +23,7 @@ from scipy import special
 
 from casebase.case_table import CaseTable, Mask
 from casebase.labels import BASELINES
-from casebase.priors import repeatability
+from casebase.priors import kind_weights, repeatability
 from casebase.signals.features import FEATURES
 from casebase.signals.motion import SMALLEST_DEPTH_EVEN
 from casebase.similarity import Floats
@@ -145,6 +145,8 @@ def _likeness(table: CaseTable, rows: Mask, everything: Mask) -> Likeness | None
     freedom, share = np.maximum(count - 1.0, 1.0), np.zeros(kind.size)
     for each in np.unique(kind[counts]):
         share[counts & (kind == each)] = 1 / np.count_nonzero(counts & (kind == each))
+    telling = np.where(counts, kind_weights(table.names), 0.0)
+    share = share / max(share.sum(), 1.0) + telling / max(telling.sum(), 1e-12)
     variance = moderated(variance, freedom, np.where(counts, kind, -1))
     scale = np.sqrt(np.where(counts, variance, 1.0) * (1 + 1 / np.maximum(count, 1)))
     highest = np.where([name == NOISE for name in table.names], 0.0, np.inf)
