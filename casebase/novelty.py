@@ -5,7 +5,7 @@ gearboxes, with the scatter between gearboxes and within. Few gearboxes say litt
 is drawn towards the mean of its kind, as if PRIOR_FREEDOM more gearboxes had shown that one. Noise and filtering of the
 recorder are no matter of the gearbox, so there every recording of the library counts for itself. The p-values of all
 features become one by their harmonic mean, half of it with every kind counting the same and half with each feature
-counting by what it tells of kinds of faults (`casebase.priors`); it holds however they depend on each other. The size of a fault is free: between half the departure of its cases from normal and half as much again.
+counting by what it tells of kinds of faults (`casebase.priors`); it holds however they depend on each other.
 
 Sources: Smyth, Linear models and empirical Bayes methods, Stat. Appl. Genet. Mol. Biol. 3 (2004), the moderated t;
 Hahn and Meeker, Statistical Intervals (1991), prediction of one more observation; Wilson, The harmonic mean p-value,
