@@ -321,6 +321,13 @@ class FaultDocument(BaseModel):
     probability: float
 
 
+class FaultPresence(BaseModel):
+    """Whether there is a fault at all, whichever it is."""
+
+    present: bool | None = Field(description="null where that is undecided or not known")
+    probability: float | None = Field(description="null where the library has no normal case, or no case like it")
+
+
 class NeighbourDocument(BaseModel):
     """A case near to the recording; the contributions of the features add up to the distance."""
 
@@ -334,10 +341,13 @@ class NeighbourDocument(BaseModel):
 
 
 class Novelty(BaseModel):
-    """Distance to what is known, and where the unknown begins (null: the library is too small to say)."""
+    """How unlike the cases of the leading label it is, and where the unknown begins (null: too few gearboxes to say).
 
-    distance: float | None
-    threshold: float | None
+    Of diagnoses without `fault`, from earlier versions, both are distances on another scale.
+    """
+
+    distance: float | None = Field(description="-log10 of how often a recording of that label is as unlike its cases")
+    threshold: float | None = Field(description="-log10 of the p-value below which it is not in the library")
 
 
 class DiagnosisAnswer(BaseModel):
@@ -349,6 +359,14 @@ class DiagnosisAnswer(BaseModel):
     verdict: Literal["diagnosed", "ambiguous", "not_in_library", "unusable"]
     label: str | None
     probability: float | None
+    fault: FaultPresence | None = Field(
+        None, description="whether there is a fault, also where its label is undecided; null in earlier diagnoses"
+    )
+    labels: list[str] | None = Field(
+        None,
+        description="the labels that cannot be excluded at 10 %: nine times in ten the right one is among them; null "
+        "in earlier diagnoses",
+    )
     hypotheses: list[HypothesisDocument]
     neighbours: list[NeighbourDocument]
     faults: list[FaultDocument] = Field([], description="every fault that is present, the most probable first")
