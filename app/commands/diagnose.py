@@ -15,12 +15,11 @@ from app.documents import DiagnosisAnswer
 from app.intake import media_type_of, take_in
 from app.metadata import RecordingMetadata
 from app.web.templating import sentence as sentence_of
-from app.web.words import is_poor, remarks_beside, verdict_of
+from app.web.words import is_poor, names_fault, remarks_beside, verdict_of
+from casebase.labels import BASELINES
 from casebase.library import CaseLibrary
 from casebase.signals.errors import SignalError
 from sim.description.axis import Axis
-
-NORMAL = "normal"
 
 
 def register(app: typer.Typer) -> None:
@@ -79,13 +78,11 @@ def _entry(library: CaseLibrary, sound: Sound, metadata: RecordingMetadata, axis
 
 
 def is_fault(entry: dict[str, Any]) -> bool:
-    """Whether a diagnosis names a fault: for sure, or undecided with normal less probable than all others together."""
-    if entry.get("verdict") == "diagnosed":
-        return bool(entry["label"] != NORMAL)
-    if entry.get("verdict") == "ambiguous":
-        normal = sum(each["probability"] for each in entry["hypotheses"] if each["label"] == NORMAL)
-        return bool(normal < 0.5)
-    return False
+    """Whether a diagnosis finds a fault, or is undecided with normal less probable than all others together."""
+    if "verdict" not in entry:
+        return False
+    normal = sum(each["probability"] for each in entry["hypotheses"] if each["label"] in BASELINES)
+    return names_fault(entry) or (entry["verdict"] == "ambiguous" and normal < 0.5)
 
 
 def _code(entries: list[dict[str, Any]], fail_on: str | None) -> int:

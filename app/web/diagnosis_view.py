@@ -30,7 +30,18 @@ from app.web.recorded import (
 from app.web.standing_words import earlier_words
 from app.web.templating import quantity
 from app.web.trend import chart_of
-from app.web.words import Verdict, certainty, not_compared, remarks_beside, size_of, verdict_of
+from app.web.words import (
+    Verdict,
+    certainty,
+    fault_words,
+    listed,
+    not_compared,
+    not_excluded,
+    remarks_beside,
+    size_of,
+    unlikeness,
+    verdict_of,
+)
 from casebase.axes import find_axis
 from casebase.gearbox_state import fault_before
 from casebase.gearboxes import History
@@ -199,9 +210,14 @@ def facts_of(document: Mapping[str, Any], as_new: str = "") -> list[tuple[str, o
         as_new: the size that the fault has at most as new; empty where it is not known.
     """
     found: list[tuple[str, object, str]] = []
-    sure, size = certainty(document), size_of(document)
+    fault, sure, left, size = fault_words(document), certainty(document), not_excluded(document), size_of(document)
+    if fault:
+        found.append(("A fault", *fault))
     if sure:
-        found.append(("How sure", *sure))
+        of = f"of {listed(document['label'])}, " if document["verdict"] == "ambiguous" else ""
+        found.append(("How sure", sure[0], f"{of}{sure[1]}"))
+    if left:
+        found.append(("Cannot be excluded", left, "the right label is one of these nine times in ten"))
     if size:
         name, value, interval, cases = size
         allowed = f"; {as_new_words(as_new)}" if as_new else ""
@@ -217,6 +233,8 @@ def outside_of(document: Mapping[str, Any]) -> str | None:
     novelty = document["novelty"]
     if novelty["distance"] is None or not_compared(document):
         return None
+    if document.get("fault") is not None:
+        return unlikeness(document) or None
     limit = novelty["threshold"]
     beyond = f"it would be none of them beyond {limit:.2f}" if limit is not None else "too few cases to set a limit"
     far = quantity(novelty["distance"], digits=2)

@@ -107,7 +107,7 @@ def _compared(item: Mapping[str, Any], drawn: Collection[str]) -> Compared:
 def _side(side: Mapping[str, Any], unit: str) -> tuple[str, Markup]:
     if "low" in side:
         span = Markup("{} to {}").format(quantity(side["low"]), quantity(side["high"], unit))
-        return f"known of {side['label']}", span
+        return f"usual of {side['label']}", span
     return f"nearest {side['label']} case, {side['origin']}", quantity(side["value"], unit)
 
 

@@ -1,12 +1,16 @@
 """The first hour on an axis in words: which step is next, how well the library does, what would make it better."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
+from sqlalchemy.orm import Session
+
 from app.jobs.job import Job
+from app.service import Service
+from app.web.counted import counted as kept_count
 from app.web.templating import percent, sentence
 from app.web.words import CALIBRATED_FROM, name_of
-from casebase.axis_cases import LabelCases, Taken
+from casebase.axis_cases import LabelCases, Taken, cases_of_axis
 from casebase.evaluation import Evaluation, Outcome, Proportion
 from casebase.labels import BASELINES
 from casebase.models import AxisRevision, StoredRecording
@@ -192,6 +196,36 @@ def obstacles(row: AxisRevision | None) -> Mapping[str, str | None]:
     return {label: obstacle(axis, label) for label in LABELS} if axis and axis.stages else {}
 
 
+def axis_cases(service: Service, session: Session, axis: str) -> Mapping[str, LabelCases]:
+    """Return the cases of an axis by label, counted once for every version of the library."""
+    return kept_count(service.library, session, f"cases of {axis}", lambda: cases_of_axis(session, axis))
+
+
+def known_of_axis(cases: Mapping[str, LabelCases]) -> str:
+    """Say what the library knows of an axis: of each label the measured cases, else the simulated ones.
+
+    >>> measured = LabelCases(measured=8, gearboxes=frozenset({"g1", "g2"}))
+    >>> known_of_axis({"normal": measured, "notch": LabelCases(simulated=20)})
+    'Of this axis the library has: normal, 8 measured of 2 gearboxes; notch, 20 simulated.'
+    >>> known_of_axis({})
+    'The library has no case of this axis, at most of others.'
+    """
+    known = [
+        f"{label}, {each.measured} measured of {_units(each.gearboxes)}"
+        if each.measured
+        else f"{label}, {each.simulated} simulated"
+        for label, each in cases.items()
+        if each.measured or each.simulated
+    ]
+    if not known:
+        return "The library has no case of this axis, at most of others."
+    return f"Of this axis the library has: {'; '.join(known)}."
+
+
+def _units(gearboxes: Collection[str]) -> str:
+    return counted(len(gearboxes), "gearbox", "gearboxes") if gearboxes else "gearboxes without a name"
+
+
 def described(row: AxisRevision | None) -> str:
     """Say what the description of an axis has."""
     if row is None:
@@ -210,9 +244,8 @@ def recorded(hour: Hour) -> str:
     if not hour.measured:
         return "It was recorded, but no recording is a case of the library yet: nobody said what the gearbox has."
     kept = [f"{each.measured} {label}" for label, each in hour.cases.items() if each.measured]
-    units = len(frozenset[str]().union(*(each.gearboxes for each in hour.cases.values())))
-    of = f" of {counted(units, 'gearbox', 'gearboxes')}" if units else ", of gearboxes without a name"
-    return f"{counted(hour.measured, 'measured case')}{of}: {listed(kept)}."
+    units = frozenset[str]().union(*(each.gearboxes for each in hour.cases.values()))
+    return f"{counted(hour.measured, 'measured case')} of {_units(units)}: {listed(kept)}."
 
 
 def simulated(hour: Hour) -> str:

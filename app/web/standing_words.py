@@ -27,6 +27,11 @@ RISEN = {
     CREST_FACTOR: ("the crest factor below 200 Hz has", None),
 }
 """What is said to have grown, by the beginning of a feature's name, and the fault that it would be a sign of."""
+NOT_NAMED = {
+    Reason.UNDECIDED: "The newest recording fits more than one kind, so nothing is sure enough.",
+    Reason.UNLIKE: "The newest recording sounds like no known case, good or faulty: a fault that the library does not "
+    "know, or a disturbance.",
+}
 RECORD = "Record it, in its usual motion and with its usual payload, and diagnose the recording."
 ALIKE = "in the same motion, with the same payload and the microphone at the same place."
 SOON, TODAY = f"Record it again soon, {ALIKE}", f"Record it today, {ALIKE}"
@@ -60,11 +65,11 @@ def risen(trend: Trend) -> tuple[str, str | None]:
     return next(told for beginning, told in RISEN.items() if name.startswith(beginning))
 
 
-def why(standing: Standing | None, zone: str, sure: str | None = None) -> str:
+def why(standing: Standing | None, zone: str, said: str | None = None) -> str:
     """Say shortly why a gearbox is in its state.
 
     Args:
-        sure: how sure the diagnosis is that names a fault, in words.
+        said: how sure the diagnosis is that names a fault, or what the one says that names nothing, in words.
     """
     if standing is None or standing.last is None:
         put_in = None if standing is None else standing.since
@@ -73,7 +78,7 @@ def why(standing: Standing | None, zone: str, sure: str | None = None) -> str:
     on = day(standing.since, zone)
     match standing.reason:
         case Reason.NAMED:
-            return f"The newest recording sounds like {name}.{f' How sure: {sure}.' if sure else ''}"
+            return f"The newest recording sounds like {name}.{f' How sure: {said}.' if said else ''}"
         case Reason.FOUND:
             return f"A person says that it has {name}."
         case Reason.CHANGED if standing.trend is not None:
@@ -87,15 +92,10 @@ def why(standing: Standing | None, zone: str, sure: str | None = None) -> str:
             return f"{named_words(standing.fault, zone)} A worn gear does not heal.{also}" if standing.fault else ""
         case Reason.SILENT:
             return f"Its last recording is of {on}: nothing is known of it since."
-        case Reason.UNDECIDED:
-            return "The newest recording fits more than one kind, so nothing is sure enough."
+        case Reason.UNDECIDED | Reason.UNLIKE:
+            return f"The newest recording: {said}" if said else NOT_NAMED[standing.reason]
         case Reason.UNUSABLE:
             return "Its recordings are too poor to be compared."
-        case Reason.UNLIKE:
-            return (
-                "The newest recording sounds like no known case, good or faulty: a fault that the library does not "
-                "know, or a disturbance."
-            )
         case Reason.NOT_DIAGNOSED:
             return "It was recorded, and no recording was diagnosed yet."
         case _:

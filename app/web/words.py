@@ -8,6 +8,8 @@ from markupsafe import Markup
 
 from app.web.svg import sign_of
 from app.web.templating import percent, quantity, sentence
+from casebase.diagnosis import DIAGNOSED_FROM, EXCLUDED_BELOW
+from casebase.labels import BASELINES
 from sim.discrepancy.report.comparison import Row
 from sim.discrepancy.report.formatting import angle, likely, named
 from sim.mechanisms.mechanism import SECURED
@@ -36,8 +38,11 @@ SIZES = {"depth_rad": ("Depth of the damage", "deep"), "gap_rad": ("Width of the
 """What the size of a fault is called beside the verdict, and in it."""
 CALIBRATED_FROM = 2
 """How many gearboxes must be known before how sure a diagnosis is stands in per cent."""
-REJECTED_AT = 0.05
 TOO_POOR = "the recording is too poor"
+TOO_SHORT = ("too_short", "the recording covers less than")
+"""A quality flag or a remark that begins so says that the recording is too short."""
+EMPTY = "the library has no case to compare with"
+ONE_LABEL, TOO_FEW = "the library knows one label alone", "too few gearboxes of"
 VERDICTS = {
     "diagnosed": "Diagnosed",
     "ambiguous": "Undecided",
@@ -46,12 +51,14 @@ VERDICTS = {
 }
 """The one word of the pages for each verdict of a document."""
 NOT_COMPARED = (
+    "no regular motion is found",
     "no regular motion is heard",
     "the sound has another colour",
     "the nearest cases are of good gears",
     "the nearest cases are of sound gears",
 )
-"""Remarks that begin so say why there is no label, and stand first; the last one is of earlier versions."""
+"""Remarks that begin so say why there is no label, and stand first; all but the first are of earlier versions."""
+UNLIKE = "the nearest cases are "
 RECORD_AGAIN = (
     "Record again for 20 s or more and three cycles of the motion or more, with the microphone at the gearbox, and "
     "avoid what is marked poor above."
@@ -61,6 +68,7 @@ UNKNOWN_CHECKS = (
     "Record the axis again to rule out a disturbance.",
     "If the sound is the same, have the gearbox inspected, and add what was found as a case with its label.",
 )
+EMPTY_CHECKS = ("Add recordings of which it is known what they are, or have cases simulated; then diagnose it again.",)
 
 
 @dataclass(frozen=True)
@@ -114,26 +122,122 @@ def uncalibrated(value: float) -> str:
 
 def certainty(document: Mapping[str, Any]) -> tuple[str, str] | None:
     """Return how sure a diagnosis is, and what that rests on; None where it says nothing."""
-    if document["probability"] is None:
+    if document["probability"] is None or _knows_one_label(document):
         return None
     gearboxes = document["provenance"].get("gearboxes", 0)
+    sure = _written(document, document["probability"])
     if is_calibrated(document):
-        return percent(document["probability"]), f"calibrated on {gearboxes} gearboxes"
+        return sure, f"calibrated on {gearboxes} gearboxes"
     known = "no measured gearbox" if gearboxes == 0 else "only one measured gearbox"
-    return uncalibrated(document["probability"]), f"not calibrated: the library has {known}"
+    return sure, f"not calibrated: the library has {known}"
+
+
+def fault_of(document: Mapping[str, Any]) -> Mapping[str, Any]:
+    """Return whether there is a fault, and how probable that is; earlier versions did not say it."""
+    return document.get("fault") or {"present": None, "probability": None}
+
+
+def names_fault(document: Mapping[str, Any]) -> bool:
+    """Whether a fault is found: one that has its name, or one of which only the name is undecided."""
+    if document["verdict"] == "diagnosed":
+        return document["label"] not in BASELINES
+    return bool(fault_of(document)["present"])
+
+
+def fault_words(document: Mapping[str, Any]) -> tuple[str, str] | None:
+    """Return how probable it is that there is a fault, and what that decides; None where it is not known."""
+    fault = fault_of(document)
+    if fault["probability"] is None:
+        return None
+    between = f"undecided between {percent(1 - DIAGNOSED_FROM)} and {percent(DIAGNOSED_FROM)}"
+    decided = {True: "a fault is likely", False: "no fault is indicated", None: between}
+    return _written(document, fault["probability"]), decided[fault["present"]]
+
+
+def verdict_word(document: Mapping[str, Any]) -> str:
+    """Return the few words for a verdict that names nothing."""
+    found = document["verdict"] == "ambiguous" and names_fault(document)
+    return "Fault, undecided which" if found else VERDICTS[document["verdict"]]
+
+
+def in_short(document: Mapping[str, Any]) -> str:
+    """Say in a row of a table what a diagnosis is and how sure."""
+    return f"{verdict_of(document).headline}. {_sure(document)}".strip()
 
 
 def how_sure(document: Mapping[str, Any]) -> str:
     """Say how sure a diagnosis is, in a cell of a table; of one that is undecided also of what.
 
-    >>> how_sure({"verdict": "diagnosed", "probability": 0.941, "provenance": {"gearboxes": 1}})
+    >>> how_sure({"verdict": "diagnosed", "probability": 0.941, "hypotheses": [], "provenance": {"gearboxes": 1}})
     '0.94 of 1'
     """
     sure = certainty(document)
     if sure is None:
         return "–"
-    of = f" {listed(document['hypotheses'][0]['label'])}" if document["verdict"] == "ambiguous" else ""
-    return f"{sure[0]}{of}"
+    if document["verdict"] == "diagnosed":
+        return sure[0]
+    if names_fault(document):
+        return f"{_written(document, fault_of(document)['probability'])} a fault"
+    return f"{sure[0]} {listed(document['hypotheses'][0]['label'])}"
+
+
+def sure_of(document: Mapping[str, Any]) -> str:
+    """Say how sure a diagnosis is: first that there is a fault, then which; empty where it says nothing.
+
+    >>> fault = {"present": True, "probability": 0.97}
+    >>> sure_of(
+    ...     {"verdict": "diagnosed", "label": "notch", "probability": 0.93, "fault": fault, "hypotheses": [],
+    ...      "provenance": {}}
+    ... )
+    'a fault 0.97 of 1, tooth damage (notch) 0.93 of 1'
+    """
+    sure, fault = certainty(document), fault_of(document)["probability"]
+    if sure is None:
+        return ""
+    label = document["label"]
+    if document["verdict"] == "diagnosed" and (fault is None or label in BASELINES):
+        return sure[0]
+    first = [] if fault is None else [f"a fault {_written(document, fault)}"]
+    return ", ".join((*first, f"{listed(label)} {sure[0]}"))
+
+
+def not_excluded(document: Mapping[str, Any]) -> str:
+    """Say which labels are left, as words among others, each with its probability; empty where that is not known."""
+    left = document.get("labels")
+    if left is None or document["label"] is None or _knows_one_label(document):
+        return ""
+    of = {each["label"]: each["probability"] for each in document["hypotheses"]}
+    return ", ".join(f"{listed(label)} {_written(document, of[label])}" for label in left) or "none of the labels"
+
+
+def unlikeness(document: Mapping[str, Any]) -> str:
+    """Say how seldom a recording of the nearest label is as unlike its cases; empty where that is not known."""
+    novelty, hypotheses = document["novelty"], document["hypotheses"]
+    if document.get("fault") is None or novelty["distance"] is None or not hypotheses:
+        return ""
+    return (
+        f"Of recordings of {listed(hypotheses[0]['label'])}, {_once_in(novelty['distance'])} is as unlike their cases; "
+        f"what is rarer than {_once_in(novelty['threshold'])} counts as none of them."
+    )
+
+
+def _once_in(distance: float) -> str:
+    """Write a p-value, given as -log10 of it.
+
+    >>> _once_in(1.699), _once_in(12.0)
+    ('one in 50', 'not one in a million')
+    """
+    return "not one in a million" if distance > 6 else f"one in {float(f'{10**distance:.2g}'):,.0f}"
+
+
+def _written(document: Mapping[str, Any], probability: float) -> str:
+    """Write a probability; what falls short of the border of a diagnosis is never rounded up to it."""
+    short = probability if probability >= DIAGNOSED_FROM else min(probability, DIAGNOSED_FROM - 0.01)
+    return percent(short) if is_calibrated(document) else uncalibrated(short)
+
+
+def _knows_one_label(document: Mapping[str, Any]) -> bool:
+    return document["verdict"] != "diagnosed" and len(document["hypotheses"]) == 1
 
 
 def _milliradians(value_rad: float) -> Markup:
@@ -149,11 +253,6 @@ def size_of(document: Mapping[str, Any]) -> tuple[str, Markup, Markup, int] | No
     low, high = (1e3 * severity[name] for name in ("low", "high"))
     interval = Markup("{} to {}").format(quantity(low, digits=2), quantity(high, "mrad", 2))
     return SIZES[severity["parameter"]][0], _milliradians(severity["value"]), interval, severity["cases"]
-
-
-def rejected(document: Mapping[str, Any]) -> list[str]:
-    """Return the labels that the recording speaks against, at a p-value of at most 0.05."""
-    return [h["label"] for h in document["hypotheses"] if h["p_value"] <= REJECTED_AT]
 
 
 def remarks_beside(document: Mapping[str, Any]) -> list[str]:
@@ -172,41 +271,114 @@ def is_poor(document: Mapping[str, Any]) -> bool:
     return any(flag["severity"] == "poor" for flag in document.get("quality", ()))
 
 
+def too_short(document: Mapping[str, Any]) -> tuple[str, ...]:
+    """Return why a recording is too short for its answer to be relied on; nothing where it is not."""
+    flags = document.get("quality", ())
+    found = [flag["reason"] for flag in flags if flag["name"].startswith(TOO_SHORT) and flag["severity"] != "note"]
+    return (*found, *(remark for remark in document.get("remarks", ()) if remark.startswith(TOO_SHORT)))
+
+
 def verdict_of(document: Mapping[str, Any]) -> Verdict:
-    """Put a diagnosis document into words."""
-    label, kind = document["label"], document["verdict"]
-    hypotheses, remarks = document["hypotheses"], tuple(document.get("remarks", ()))
-    again = (RECORD_AGAIN,) if is_poor(document) else ()
-    if kind == "unusable":
-        reason = "; ".join(remarks or ["no reason was given"])
-        return Verdict(
-            "Unusable: the recording cannot be compared", sentence(reason), None, again or ("Record again.",), remarks
-        )
-    poor = tuple(remark for remark in remarks if remark.startswith(TOO_POOR))
-    if kind == "not_in_library":
-        summary, told = _novelty(document, poor)
-        return Verdict(
-            "Not in the library: unlike every known kind", summary, None, (*again, *UNKNOWN_CHECKS[len(again) :]), told
-        )
-    out = rejected(document)
-    written = percent if is_calibrated(document) else uncalibrated
-    others = [f"{listed(h['label'])} {written(h['probability'])}" for h in hypotheses[1:] if h["label"] not in out]
-    also = f" Also possible: {', '.join(others[:2])}." if others else ""
-    if out:
-        unlike = ("a good gearbox" if one == "normal" else name_of(one) for one in out)
-        also += f" It does not sound like {' or '.join(unlike)}."
-    if kind == "ambiguous":
-        names = " or ".join(listed(h["label"]) for h in hypotheses[:2])
-        because = " ".join(map(sentence, poor)) or "It is not sure enough of any label."
-        summary = f"{because} {_support(document)}{also}"
-        checks = again or _between(h["label"] for h in hypotheses[:2])
-        return Verdict(f"Undecided: {names}", summary, None, checks, poor)
+    """Put a diagnosis document into words: whether there is a fault, how sure, which, and what cannot be excluded."""
+    match document["verdict"]:
+        case "unusable":
+            return _unusable(document)
+        case "not_in_library":
+            return _not_in_library(document)
+        case "ambiguous":
+            return _undecided(document)
+    label, sure = document["label"], f"{_sure(document)}{_left(document)}"
     if label == "normal":
-        summary = f"{_support(document)}{also} {limits_of(document)}"
+        summary = f"{sure}{_support(document)} {limits_of(document)}"
         return Verdict("No fault indicated", summary, label, CHECKS[label])
     present = " and ".join(name_of(fault["label"]) for fault in document.get("faults", ())) or name_of(label)
-    summary = f"{_size(document)}{_support(document)}{also}"
+    summary = f"{sure}{_size(document)}{_support(document)}"
     return Verdict(f"Fault likely: {present}", summary, label, CHECKS.get(label, OTHER_CHECKS))
+
+
+def _unusable(document: Mapping[str, Any]) -> Verdict:
+    remarks = tuple(document.get("remarks", ()))
+    reason = "; ".join(remarks or ["no reason was given"])
+    headline = "Unusable: too short" if too_short(document) else "Unusable: the recording cannot be compared"
+    checks = (RECORD_AGAIN,) if is_poor(document) or too_short(document) else ("Record again.",)
+    return Verdict(headline, sentence(reason), None, checks, remarks)
+
+
+def _not_in_library(document: Mapping[str, Any]) -> Verdict:
+    why = not_compared(document)
+    limit, reasons = _limit(document)
+    if _is_empty(document):
+        remarks = tuple(document["remarks"])
+        summary = " ".join(map(sentence, (*too_short(document), *remarks)))
+        return Verdict(f"No answer: {EMPTY}", summary, None, EMPTY_CHECKS, remarks)
+    summary, told = _novelty(document, reasons)
+    if limit:
+        return Verdict(f"Not in the library, but the recording is {limit}", summary, None, (RECORD_AGAIN,), told)
+    if why:
+        return Verdict(f"Not in the library: {why[0].partition(',')[0]}", summary, None, (RECORD_AGAIN,), told)
+    kinds = f"the one kind it knows, {listed(document['hypotheses'][0]['label'])}"
+    unlike = kinds if _knows_one_label(document) else "every known kind"
+    return Verdict(f"Not in the library: unlike {unlike}", summary, None, UNKNOWN_CHECKS, told)
+
+
+def _undecided(document: Mapping[str, Any]) -> Verdict:
+    limit, reasons = _limit(document)
+    labels = [hypothesis["label"] for hypothesis in document["hypotheses"]]
+    found = names_fault(document)
+    likely = [label for label in labels if not (found and label in BASELINES)][:2]
+    names = " or ".join(map(listed, likely))
+    border, told = _border(document)
+    left = "" if _knows_one_label(document) else _left(document)
+    summary = f"{''.join(f'{sentence(one)} ' for one in reasons)}{border}{left}{_support(document)}"
+    checks = (RECORD_AGAIN,) if limit else _between(likely)
+    told = (*reasons, *told)
+    if limit:
+        headline = f"Undecided, for the recording is {limit}: {'a fault, ' if found else ''}{names}"
+    elif found:
+        return Verdict(f"Fault likely, undecided which: {names}", summary, likely[0], checks, told)
+    elif _knows_one_label(document):
+        headline = f"Undecided: the library knows one label alone, {names}"
+    else:
+        headline = f"Undecided: {names}"
+    return Verdict(headline, summary, None, checks, told)
+
+
+def is_compared(document: Mapping[str, Any]) -> bool:
+    """Whether a recording that is not in the library was compared: it is good enough, and there are cases."""
+    return not (_limit(document)[0] or not_compared(document) or _is_empty(document))
+
+
+def _is_empty(document: Mapping[str, Any]) -> bool:
+    return any(remark.startswith(EMPTY) for remark in document.get("remarks", ()))
+
+
+def _limit(document: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
+    """Return in two words why no answer to a recording can be relied on, and the reasons; empty where it can."""
+    short = too_short(document)
+    poor = tuple(remark for remark in document.get("remarks", ()) if remark.startswith(TOO_POOR))
+    return "too short" if short else "too poor" if poor or is_poor(document) else "", (*short, *poor)
+
+
+def _border(document: Mapping[str, Any]) -> tuple[str, tuple[str, ...]]:
+    """Say which border an undecided answer missed, and return the remarks that this says."""
+    told = tuple(remark for remark in document.get("remarks", ()) if remark.startswith((ONE_LABEL, TOO_FEW)))
+    why = "".join(f"{sentence(remark)} " for remark in told)
+    if document.get("fault") is None:
+        return f"It is not sure enough of any label. {_sure(document)}{why}", told
+    sure = sure_of(document)
+    if sure and document["probability"] < DIAGNOSED_FROM:
+        return f"How sure: {sure}; {_written(document, DIAGNOSED_FROM)} is asked for. {why}", told
+    return f"{_sure(document)}{why}", told
+
+
+def _sure(document: Mapping[str, Any]) -> str:
+    sure = sure_of(document)
+    return f"How sure: {sure}. " if sure else ""
+
+
+def _left(document: Mapping[str, Any]) -> str:
+    left = not_excluded(document)
+    return f"Cannot be excluded at {percent(EXCLUDED_BELOW)}: {left}. " if left else ""
 
 
 def limits_of(document: Mapping[str, Any]) -> str:
@@ -244,29 +416,28 @@ def _size(document: Mapping[str, Any]) -> str:
 
 
 def _support(document: Mapping[str, Any]) -> str:
-    sure = certainty(document)
     support = document["hypotheses"][0]["support"] if document["hypotheses"] else {"measured": 0, "simulated": 0}
-    beginning = f"How sure: {sure[0]}. " if sure else ""
-    return (
-        f"{beginning}Among the nearest cases, {support['measured']} measured and "
-        f"{support['simulated']} simulated support it."
-    )
+    return f"Among the nearest cases, {support['measured']} measured and {support['simulated']} simulated support it."
 
 
-def _novelty(document: Mapping[str, Any], poor: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
-    """Return why a recording is none of the library's, and the remarks that this says."""
-    novelty, remarks, why = document["novelty"], tuple(document.get("remarks", ())), not_compared(document)
+def _novelty(document: Mapping[str, Any], reasons: tuple[str, ...]) -> tuple[str, tuple[str, ...]]:
+    """Return why a recording is none of the library's, and the remarks that this says; what limits it stands first."""
+    novelty, remarks = document["novelty"], tuple(document.get("remarks", ()))
+    why = not_compared(document)
+    unlike = () if why else tuple(remark for remark in remarks if remark.startswith(UNLIKE))
     if why:
-        unforced = "So it gets none of the known labels."
-        return " ".join((*map(sentence, why), unforced, *map(sentence, poor))), (*why, *poor)
-    if novelty["distance"] is None or novelty["threshold"] is None:
-        nothing = "The library has nothing to compare this recording with."
-        return " ".join((nothing, *map(sentence, remarks))), remarks
-    far = (
-        f"It lies outside the known kinds by {novelty['distance']:.2f} times the spread of normal recordings; "
-        f"recordings of known kinds stay below {novelty['threshold']:.2f}. So it gets none of the known labels."
-    )
-    return " ".join((far, *map(sentence, poor))), poor
+        far = ""
+    elif document.get("fault") is not None:
+        far = unlikeness(document)
+    elif novelty["distance"] is not None and novelty["threshold"] is not None:
+        far = (
+            f"It lies outside the known kinds by {novelty['distance']:.2f} times the spread of normal recordings; "
+            f"recordings of known kinds stay below {novelty['threshold']:.2f}."
+        )
+    else:
+        far = ""
+    said = (*map(sentence, (*reasons, *why, *unlike)), far, "So it gets none of the known labels.")
+    return " ".join(filter(None, said)), (*reasons, *why, *unlike)
 
 
 def investigation_headline(document: Mapping[str, Any]) -> str:

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from app.commands.diagnose import is_fault
 from app.web.charts import envelope
 from app.web.diagnosis_view import facts_of
 from app.web.evidence import evidence_of
@@ -15,7 +16,7 @@ from app.web.map import projected
 from app.web.standing_words import SHAPES
 from app.web.svg import Axis, Marker, Series, line_chart
 from app.web.templating import percent
-from app.web.words import CHECKS, how_sure, verdict_of
+from app.web.words import CHECKS, EMPTY, how_sure, is_compared, verdict_of
 from casebase.case_table import CaseTable
 from casebase.gearbox_state import State
 from sim.mechanisms import MECHANISMS
@@ -49,8 +50,9 @@ def document(**changes: object) -> dict[str, Any]:
 def test_size_stands_in_the_verdict_with_its_interval() -> None:
     verdict = verdict_of(document())
     assert verdict.headline == "Fault likely: tooth damage (notch)"
-    assert verdict.summary.startswith(
+    assert (
         "About 1.4\N{NO-BREAK SPACE}mrad (4.8\N{NO-BREAK SPACE}arc min) deep (90 % interval 0.56 to 3.7"
+        in verdict.summary
     )
     without = verdict_of(document(severity=None))
     assert without.summary.startswith("How sure: 90")
@@ -72,12 +74,87 @@ def test_what_is_allowed_as_new_stands_beside_a_size_where_it_is_known() -> None
     assert not any("as new" in note for _, _, note in facts_of(document()))
 
 
-def test_what_is_rejected_is_not_also_possible() -> None:
-    summary = verdict_of(document()).summary
-    possible, rejected = summary.split("It does not sound like")
-    assert "backlash (play)" in possible
-    assert "no fault" not in possible
-    assert "a good gearbox" in rejected
+def undecided(**changes: object) -> dict[str, Any]:
+    """A fault for sure, of which the library cannot tell whether it is a notch or play."""
+    support = {"measured": 2, "simulated": 3}
+    hypotheses = [
+        {"label": "notch", "probability": 0.897, "p_value": 0.9, "support": support},
+        {"label": "play", "probability": 0.1, "p_value": 0.2, "support": support},
+        {"label": "normal", "probability": 0.003, "p_value": 0.01, "support": support},
+    ]
+    given: dict[str, Any] = {
+        "verdict": "ambiguous",
+        "probability": 0.897,
+        "hypotheses": hypotheses,
+        "fault": {"present": True, "probability": 0.97},
+        "labels": ["notch", "play"],
+        "severity": None,
+    }
+    return document(**(given | changes))
+
+
+def test_what_is_excluded_is_not_left() -> None:
+    summary = verdict_of(undecided()).summary
+    assert "backlash (play)" in summary
+    assert "no fault" not in summary
+    assert "excluded" not in verdict_of(document()).summary, "earlier versions did not say it"
+    assert "excluded" in verdict_of(undecided(labels=[])).summary, "nothing is left"
+
+
+def test_a_fault_of_which_the_label_is_undecided_is_said_to_be_one() -> None:
+    """Whether there is one first, how sure, which it may be, and the border that was missed."""
+    told = verdict_of(undecided())
+    assert "Fault likely" in told.headline
+    assert "tooth damage (notch)" in told.headline
+    assert "backlash (play)" in told.headline
+    assert told.headline != verdict_of(document()).headline
+    assert told.sign == verdict_of(document()).sign
+    assert told.summary.index("97") < told.summary.index("89") < told.summary.index("90"), "nothing is rounded up to it"
+    assert "97" in how_sure(undecided())
+    assert [name for name, _, _ in facts_of(undecided())][:3] == ["A fault", "How sure", "Cannot be excluded"]
+
+
+def test_of_a_fault_that_is_undecided_no_fault_is_headline() -> None:
+    maybe = undecided(fault={"present": None, "probability": 0.62})
+    assert "Fault likely" not in verdict_of(maybe).headline
+    assert is_fault(undecided())
+    assert is_fault(document())
+    assert not is_fault(document(label="normal", fault={"present": False, "probability": 0.03}))
+    assert not is_fault({"error": "no such file"})
+
+
+SHORT = {"name": "too_short_for_motion", "severity": "poor", "reason": "the recording covers 0.8 cycles"}
+
+
+@pytest.mark.parametrize("verdict", ["not_in_library", "ambiguous", "unusable"])
+def test_of_a_recording_that_is_too_short_that_is_said_and_not_to_inspect_the_gearbox(verdict: str) -> None:
+    named = {"label": None, "probability": None} if verdict != "ambiguous" else {}
+    told = verdict_of(undecided(verdict=verdict, quality=[SHORT], remarks=["the recording is too poor"], **named))
+    assert "too short" in told.headline
+    assert "unlike every known kind" not in told.headline
+    assert not any("inspected" in check for check in told.checks)
+
+
+def test_what_was_not_compared_is_none_of_unlike() -> None:
+    named: dict[str, Any] = {"verdict": "not_in_library", "label": None, "probability": None}
+    assert is_compared(undecided(**named))
+    assert not is_compared(undecided(**named, quality=[SHORT]))
+    assert not is_compared(undecided(**named, remarks=[EMPTY]))
+
+
+def test_an_empty_library_and_one_of_one_label_say_so() -> None:
+    nothing = {"distance": None, "threshold": None}
+    unnamed: dict[str, Any] = {"label": None, "probability": None, "fault": {"present": None, "probability": None}}
+    empty = verdict_of(
+        undecided(verdict="not_in_library", hypotheses=[], labels=[], novelty=nothing, remarks=[EMPTY], **unnamed)
+    )
+    assert "no case" in empty.headline
+    assert not any("inspected" in check for check in empty.checks)
+    one = undecided()["hypotheses"][:1]
+    alone = unnamed | {"label": "notch", "probability": 0.5, "hypotheses": one, "labels": ["notch"]}
+    assert "one label alone" in verdict_of(undecided(**alone)).headline
+    assert how_sure(undecided(**alone)) == "–"
+    assert not facts_of(undecided(**alone, evidence=[]))
 
 
 def test_every_fault_has_the_sign_of_a_likely_fault_and_none_that_of_watch() -> None:
@@ -91,8 +168,8 @@ def test_of_what_an_undecided_answer_is_sure_stands_beside_the_figure() -> None:
         {"label": "normal", "probability": 0.88, "p_value": 0.5, "support": {"measured": 4, "simulated": 0}},
         {"label": "notch", "probability": 0.12, "p_value": 0.3, "support": {"measured": 1, "simulated": 0}},
     ]
-    undecided = document(verdict="ambiguous", label="normal", probability=0.88, hypotheses=hypotheses)
-    assert how_sure(undecided) == "88\N{NO-BREAK SPACE}% no fault"
+    sound = document(verdict="ambiguous", label="normal", probability=0.88, hypotheses=hypotheses)
+    assert how_sure(sound) == "88\N{NO-BREAK SPACE}% no fault"
     assert how_sure(document()) == "90\N{NO-BREAK SPACE}%"
 
 

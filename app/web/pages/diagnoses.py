@@ -25,7 +25,7 @@ from app.web.report import diagnosis_html, diagnosis_pdf
 from app.web.session import FromOurPage, PageAdmin, PageOperator, PageViewer, SignInNeeded, Visitor, below_root
 from app.web.steps import told as told_step
 from app.web.templating import Message, render
-from app.web.words import VERDICTS, how_sure, investigation_headline
+from app.web.words import VERDICTS, how_sure, investigation_headline, verdict_word
 from casebase.axes import find_axis
 from casebase.cycle.retain import is_undone
 from casebase.diagnoses import DiagnosisFilter, get_diagnosis, list_diagnoses, revise_diagnosis
@@ -68,7 +68,7 @@ def listed(
     """The list, newest first."""
     page = list_diagnoses(session, DiagnosisFilter(verdict=verdict or None), cursor=cursor)
     context: dict[str, object] = {"rows": page.items, "next_cursor": page.next_cursor, "filters": FILTERS}
-    context |= {"chosen": verdict, "verdicts": VERDICTS, "how_sure": how_sure}
+    context |= {"chosen": verdict, "word": verdict_word, "how_sure": how_sure}
     return render(request, "diagnoses.html", context, principal=principal, section="/diagnoses")
 
 

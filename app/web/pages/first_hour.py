@@ -20,7 +20,7 @@ from app.service import Reading, Service, TheJobs, TheService
 from app.uploads import TheUpload
 from app.web.counted import counted, counts_of
 from app.web.disturbed import Flag, flags_of
-from app.web.first_hour import Hour, obstacles
+from app.web.first_hour import Hour, axis_cases, known_of_axis, obstacles
 from app.web.labels import VERIFICATIONS, LabelQuestion, choices, chosen
 from app.web.pages.axes import check_known
 from app.web.pages.diagnoses import NUMBERS, may_keep, said_how, told
@@ -31,7 +31,7 @@ from app.web.steps import told as told_step
 from app.web.templating import Message, render
 from app.web.words import verdict_of
 from casebase.axes import find_axis, list_axes
-from casebase.axis_cases import Taken, cases_of_axis, gearboxes_known, newest_recordings
+from casebase.axis_cases import Taken, gearboxes_known, newest_recordings
 from casebase.diagnoses import revise_diagnosis
 from casebase.origins import MEASURED, SIMULATED
 from casebase.steps import newest_of, step_name
@@ -62,7 +62,7 @@ def first_hour(
 ) -> Response:
     """The steps, which are done, the one next thing to do, and what each step came to."""
     check_known(session, name)
-    axis, cases = find_axis(session, name), cases_of_axis(session, name)
+    axis, cases = find_axis(session, name), axis_cases(service, session, name)
     known = any(each.measured or each.simulated for each in cases.values())
     evaluation = service.evaluation_of_axis(session, name) if known else None
     begun = evaluation if isinstance(evaluation, Begun) else None
@@ -78,6 +78,7 @@ def first_hour(
     )
     context = {
         "hour": hour,
+        "known": known_of_axis(cases),
         "name": name,
         "waiting": begun,
         "recordings": [(one, checked(one), said(one)) for one in hour.taken],

@@ -13,19 +13,21 @@ from sqlalchemy.orm import Session
 
 from app.service import Reading, Service, TheService
 from app.web.drive_picture import drive_picture
+from app.web.first_hour import axis_cases, known_of_axis
 from app.web.headlines import Headlined, headlined, light
 from app.web.session import PageViewer
 from app.web.standing_words import WORDS, day, evidence_words, next_steps, since_words, state_badge, trend_words, why
 from app.web.templating import render
 from app.web.trend import charts_of, level_chart
 from app.web.waiting import waiting_page
-from app.web.words import VERDICTS, how_sure
+from app.web.words import VERDICTS, in_short, is_compared, sure_of
 from casebase.axes import find_axis, is_axis, unknown_axis
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import Reason, Standing, State, standing
 from casebase.gearboxes import History
 from casebase.labels import BASELINES
 from casebase.models import StoredDiagnosis, StoredInvestigation, StoredRecording, now
+from casebase.stored_documents import diagnosis_document
 from casebase.trend import Trend, trend_of
 
 router = APIRouter()
@@ -34,6 +36,9 @@ LISTED = 50
 SHOWN = 100
 """Gearboxes on a page of the fleet: more than one reads at once."""
 LARGEST = 10**6
+SAID_OF = (Reason.NAMED, Reason.UNDECIDED, Reason.UNLIKE)
+SAID_BY = ("fault", "hypotheses", "labels", "quality", "remarks", "novelty", "provenance")
+"""Parts of a diagnosis that are needed to say in short what it says."""
 
 
 def silent_after(service: Service) -> timedelta:
@@ -61,12 +66,13 @@ def fleet(
     counts = Counter(here for _, here in known)
     wanted = [row for row, here in known if state in (None, here)]
     rows = wanted[first : first + SHOWN]
-    sure = certainties(session, [row.standing for row in rows])
+    said = diagnoses_said(session, [row.standing for row in rows])
     context = {
         "rows": [
             (row, state_badge(row.standing, at), why(row.standing, zone, told), next_steps(row.standing)[0])
-            for row, told in zip(rows, sure, strict=True)
+            for row, told in zip(rows, said, strict=True)
         ],
+        "known": {axis: known_of_axis(axis_cases(service, session, axis)) for axis in {row.axis for row in rows}},
         "counts": [(each, WORDS[each], counts[each]) for each in State if counts[each]],
         "state": state,
         "first": first,
@@ -130,7 +136,7 @@ def gearbox_page(
         "others": [one for one in found if one.number != shown.number],
         "standing": stands,
         "badge": state_badge(stands, at) if stands else None,
-        "why": why(stands, zone, certainties(session, [stands])[0]) if stands else None,
+        "why": why(stands, zone, diagnoses_said(session, [stands])[0]) if stands else None,
         "since": since_words(stands, zone) if stands else "",
         "steps": next_steps(stands) if stands else (),
         "changed": trend_words(trend, zone),
@@ -156,21 +162,24 @@ def question_of(history: History, trend: Trend | None, zone: str) -> tuple[str, 
     return day(at_once.at, zone), f"{at_once.at.astimezone(ZoneInfo(zone)):%Y-%m-%dT%H:%M}"
 
 
-def certainties(session: Session, standings: Sequence[Standing | None]) -> list[str | None]:
-    """Return for each gearbox how sure the diagnosis is that names its fault; None where none does."""
-    named = [
-        one.recording.diagnosis_id if one and one.reason is Reason.NAMED and one.recording else None
-        for one in standings
+def diagnoses_said(session: Session, standings: Sequence[Standing | None]) -> list[str | None]:
+    """Return for each gearbox how sure the diagnosis is that names its fault, or what one says that names none."""
+    shown = [
+        one.recording.diagnosis_id if one and one.reason in SAID_OF and one.recording else None for one in standings
     ]
-    ids = [each for each in named if each]
-    part = StoredDiagnosis.written["provenance"]  # a document is long
-    columns = (StoredDiagnosis.id, StoredDiagnosis.verdict, StoredDiagnosis.probability, part)
-    rows = session.execute(select(*columns).where(StoredDiagnosis.id.in_(ids))) if ids else ()
-    told = {
-        identity: how_sure({"verdict": verdict, "probability": probability, "provenance": provenance or {}})
-        for identity, verdict, probability, provenance in rows
-    }
-    return [told.get(each) if each else None for each in named]
+    ids = [each for each in shown if each]
+    columns = (StoredDiagnosis.id, StoredDiagnosis.verdict, StoredDiagnosis.label, StoredDiagnosis.probability)
+    parts = [StoredDiagnosis.written[name] for name in SAID_BY]  # a document is long
+    rows = session.execute(select(*columns, *parts).where(StoredDiagnosis.id.in_(ids))) if ids else ()
+    told: dict[str, str] = {}
+    for identity, verdict, label, probability, *found in rows:
+        known = {name: part for name, part in zip(SAID_BY, found, strict=True) if part is not None}
+        document = diagnosis_document({"verdict": verdict, "label": label, "probability": probability, **known})
+        if verdict == "diagnosed":
+            told[identity] = sure_of(document)
+        elif verdict == "ambiguous" or not is_compared(document):
+            told[identity] = in_short(document)
+    return [told.get(each) if each else None for each in shown]
 
 
 def sizes_of(session: Session, history: History) -> dict[str, dict[str, float]]:

@@ -15,7 +15,7 @@ from app.web.labels import LabelQuestion
 from app.web.session import FromOurPage, PageOperator, PageViewer
 from app.web.steps import told
 from app.web.templating import render
-from app.web.words import how_sure, name_of, verdict_of
+from app.web.words import how_sure, is_compared, name_of, names_fault, verdict_of
 from casebase.errors import NotFoundError
 from casebase.gearbox_state import NamedFault
 from casebase.models import StoredDiagnosis
@@ -56,8 +56,12 @@ def reason_words(row: StoredDiagnosis, fault: NamedFault | None = None) -> str:
     Args:
         fault: that it names and that stands of its gearbox.
     """
+    if row.verdict == UNKNOWN and not is_compared(row.document):
+        return "It could not be compared. Do what its page says."
     if row.verdict == UNKNOWN:
         return "Unlike every known kind. Listen, have it inspected if it comes again, and say what it is."
+    if row.verdict == UNDECIDED and names_fault(row.document):
+        return "A fault is likely, and the library cannot decide which. Do the checks on its page, and say what it is."
     if row.verdict == UNDECIDED:
         return "The library cannot decide. Listen, do the checks on its page, and say what it is."
     name = name_of(row.label).capitalize()
