@@ -127,11 +127,11 @@ class Design:
         if not self._heard_in(profile)[0] and unheard.size >= FEWEST:
             middle, most = np.quantile(unheard, (0.5, AT_MOST))
             return Severity(PARAMETERS[self.label], float(middle), 0.0, float(most), int(unheard.size))
-        columns, scaling, regression = self._learned
+        columns, scaling, regression = self._fitted
         return regression.severity(PARAMETERS[self.label], scaling.apply(self._reduced(profile)[:, columns]))
 
     @cached_property
-    def _learned(self) -> tuple[NDArray[np.intp], Scaling, Regression]:
+    def _fitted(self) -> tuple[NDArray[np.intp], Scaling, Regression]:
         """Which columns tell the size of left-out specimens best, and the regression on them."""
         trace, rest = np.arange(COMPONENTS), np.arange(COMPONENTS, COMPONENTS + self.profiles.shape[1] - self._trace)
         known, sizes, fits = self._reduced(self.profiles)[self._used], self.sizes[self._used], []
@@ -147,7 +147,7 @@ class Design:
 
     @cached_property
     def _used(self) -> NDArray[np.bool_]:
-        """Cases that the regression learns from: those that are heard, all where hardly any is."""
+        """Cases that the regression is fitted to: those that are heard, all where hardly any is."""
         return self._heard if self._heard.sum() >= FEWEST else np.ones_like(self._heard)
 
     def _heard_in(self, profiles: Floats) -> NDArray[np.bool_]:

@@ -70,10 +70,10 @@ def evaluation(
     service: TheService,
     group: Annotated[Literal["gearbox", "axis", "case"], Query(description="what is left out together")] = "gearbox",
     origin: Annotated[
-        Literal["measured", "simulated", "both"], Query(description="cases that are learned from")
+        Literal["measured", "simulated", "both"], Query(description="cases that answers are given from")
     ] = "both",
 ) -> EvaluationAnswer:
-    """Leave out one gearbox at a time, learn from the others and diagnose it; kept until the library changes."""
+    """Leave out one gearbox at a time and diagnose it from the others; kept until the library changes."""
     return EvaluationAnswer.model_validate(service.evaluation(session, group, origin).to_document())
 
 

@@ -19,11 +19,11 @@ def evaluate(
     context: typer.Context,
     group: Annotated[Literal["gearbox", "axis", "case"], typer.Option(help="what is left out together")] = "gearbox",
     origin: Annotated[
-        Literal["measured", "simulated", "both"], typer.Option(help="which cases to learn from")
+        Literal["measured", "simulated", "both"], typer.Option(help="which cases to answer from")
     ] = "both",
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
-    """Leave out one gearbox at a time, learn from the others and diagnose it."""
+    """Leave out one gearbox at a time and diagnose it from the others."""
     frame = frame_of(context)
     with frame.current_library() as library, frame.words.status("cross-validating"), library.reading() as session:
         found = library.reuse.evaluate(session, group=group, origin=origin)
@@ -34,7 +34,7 @@ def evaluate(
     else:
         _show(frame, found)
         for each in alone:
-            frame.print(f"accuracy learned from {each.origin} cases alone: {_share(each.accuracy)}")
+            frame.print(f"accuracy from {each.origin} cases alone: {_share(each.accuracy)}")
 
 
 def _alone(library: CaseLibrary, session: Session, found: Evaluation) -> list[Evaluation]:
@@ -56,7 +56,7 @@ def _show(frame: Frame, found: Evaluation) -> None:
         counts = (str(len(row.get(answer, ()))) for answer in answers)
         table.add_row(truth, *counts, _share(found.per_class[truth]))
     frame.results.print(table)
-    frame.print(f"{found.cases} cases of {found.gearboxes} measured gearboxes, learned from {found.origin}")
+    frame.print(f"{found.cases} cases of {found.gearboxes} measured gearboxes, answered from {found.origin}")
     frame.print(f"accuracy {_share(found.accuracy)}; of those called 'diagnosed' {_share(found.said)}")
     without = found.without_simulated
     figures = Table("called not_in_library", *(("with simulated cases", "without") if without else ("share",)))

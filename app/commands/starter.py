@@ -55,7 +55,7 @@ def starter(
         if shown is None:
             frame.say("simulating a recording to diagnose")
             write_demo(demo)
-            frame.say("learning from the cases what tells faults apart, and diagnosing that recording")
+            frame.say("diagnosing that recording")
             diagnose_demo(library, demo)
             frame.say(f"a simulated recording to diagnose: {demo}")
 

@@ -21,7 +21,7 @@ from casebase.case_filter import CaseFilter
 
 router = APIRouter(prefix="/library")
 SECTION = "/library"
-HOW = "Each gearbox is left out once, the library learns from the others and diagnoses it."
+HOW = "Each gearbox is left out once, the library diagnoses it from the others."
 
 
 @router.get("/evaluation")

@@ -258,7 +258,7 @@ def taught(request: Request, session: Reading, service: TheService, principal: P
     row = service.library.retrieve.case(session, case_id)
     if row.id not in service.library.retrieve.table(session).ids:
         raise Conflict(
-            "This case has no vote, so it teaches nothing: it is not in use, or its sound is a case already."
+            "This case does not count, so it teaches nothing: it is not in use, or its sound is a case already."
         )
     without = service.evaluation_soon(session, "both", without=row.id)
     having = service.evaluation_soon(session, "both")
