@@ -42,13 +42,13 @@ def strangers(found: Heard, dropped: Collection[str], gearboxes: int) -> str:
     right = of = 0
     for axis in bank.DESIGNS["work"]:
         known = [_less(found[spec], dropped) for spec in library_specs("work", axis, gearboxes)]
-        judging = reasoner(known, [[] for _ in known])
+        judging = reasoner(known)
         for asked in bank.questions("work"):
             for spec in asked.specs if asked.name.startswith(f"known/{axis}/") else ():
                 truth, extraction = _less(found[spec], dropped)
                 if audible(truth):
                     judgement = judging.judge(extraction.features.values)
-                    right += judgement.classes[int(judgement.probabilities.argmax())] in truth.labels
+                    right += judgement.best.label in truth.labels
                     of += 1
     return f"{gearboxes} gearboxes {said(right, of)}"
 

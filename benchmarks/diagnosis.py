@@ -15,13 +15,12 @@ from pathlib import Path
 
 import numpy as np
 import soundfile
-from casebase.learning import learn
 from numpy.typing import NDArray
 from scipy import signal
 
 from benchmarks import Row
 from casebase.case_table import CaseTable
-from casebase.diagnosis import Reasoner, verdict_of
+from casebase.diagnosis import Reasoner
 from casebase.evaluation import Proportion, evaluate
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction, extract
@@ -81,11 +80,10 @@ def answers(table: CaseTable, tested: CaseTable, distinct: bool = True) -> list[
     found = []
     for group in np.unique(tested.gearboxes):
         known = table.take(table.gearboxes != group) if distinct else table
-        reasoner = Reasoner(known, learn(known))
+        reasoner = Reasoner(known)
         for row in np.flatnonzero(tested.gearboxes == group):
             judgement = reasoner.judge(tested.values[row])
-            best = judgement.classes[int(judgement.probabilities.argmax())]
-            found.append((str(tested.labels[row]), best, verdict_of(judgement)))
+            found.append((str(tested.labels[row]), judgement.best.label, judgement.verdict()))
     return found
 
 
@@ -342,8 +340,9 @@ def seu(window_s: float = 0.1) -> list[Row]:
     votes: list[NDArray[np.float64]] = []
     for number in (1, 2, 3):
         known, tested = table.take(early & (channel == number)), table.take(~early & (channel == number))
-        reasoner = Reasoner(known, learn(known))
-        votes.append(np.log([reasoner.judge(values).probabilities for values in tested.values]))
+        reasoner = Reasoner(known)
+        judged = [reasoner.judge(values).hypotheses for values in tested.values]
+        votes.append(np.log([[each.probability for each in sorted(one, key=lambda h: h.label)] for one in judged]))
     truth = table.labels[~early & (channel == 1)]
     best = np.array(known.classes)[sum(votes).argmax(axis=1)]
     seconds = (time.perf_counter() - start_time) / truth.size

@@ -10,13 +10,12 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
-from casebase.learning import learn
 from numpy.typing import NDArray
 
 from benchmarks import Row
 from benchmarks.diagnosis import Sound, axis_sounds
 from casebase.case_table import CaseTable
-from casebase.diagnosis import Reasoner, verdict_of
+from casebase.diagnosis import Reasoner
 from casebase.signals.decode import read_recording
 from casebase.signals.features import EXTRACTOR_VERSION, catalogue, extract
 from casebase.signals.recording import Recording
@@ -44,8 +43,8 @@ def run() -> list[Row]:
     def said(values: NDArray[np.float32]) -> tuple[NDArray[np.str_], NDArray[np.bool_]]:
         """The most probable label of each recording, and whether the verdict names it."""
         judged = [reasoners[name].judge(each) for name, each in zip(gearboxes, values, strict=True)]
-        best = np.array([each.classes[int(each.probabilities.argmax())] for each in judged])
-        return best, np.array([verdict_of(each) == "diagnosed" for each in judged])
+        best = np.array([each.best.label for each in judged])
+        return best, np.array([each.verdict() == "diagnosed" for each in judged])
 
     before, _ = said(whole)
     rows = [Row("as recorded", 0.0, note=f"{int((before == labels).sum())} of {labels.size} labels right")]
@@ -78,7 +77,7 @@ def reasoner(
         ids,
         values,
     ).take(rows)
-    return Reasoner(table, learn(table))
+    return Reasoner(table)
 
 
 def coded(sound: Sound, path: Path, name: str) -> NDArray[np.float32]:

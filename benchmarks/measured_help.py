@@ -18,7 +18,6 @@ from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
-from casebase.learning import learn
 from numpy.typing import NDArray
 
 from app.generation import simulate_case
@@ -109,9 +108,9 @@ def right(parts: Sequence[Vectors], queries: Vectors) -> int:
         ids.copy(),
         np.concatenate([part.values for part in parts]).astype(np.float32),
     )
-    reasoner = Reasoner(table, learn(table))
+    reasoner = Reasoner(table)
     said = [reasoner.judge(values) for values in queries.values]
-    best = [judgement.classes[int(np.argmax(judgement.probabilities))] for judgement in said]
+    best = [judgement.best.label for judgement in said]
     return int((np.array(best) == queries.labels).sum())
 
 

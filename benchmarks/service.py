@@ -27,7 +27,6 @@ def run() -> list[Row]:
         try:
             with server.client() as client:
                 _fill(client)
-                _settle(client)
                 served, alone = _measure(client, library, Path(folder) / "x.wav")
         finally:
             library.close()
@@ -44,17 +43,6 @@ def _fill(client: httpx.Client) -> None:
         data = {"metadata": json.dumps({"label": "notch" if notch else "normal", "gearbox": f"g{number // 4}"})}
         content = wav(hum(6, number, impacts=notch))
         client.post("/api/v1/cases", files={"file": ("x.wav", content)}, data=data).raise_for_status()
-
-
-def _settle(client: httpx.Client) -> None:
-    """Wait until the service has learned from its cases, which it does beside the requests."""
-    content = wav(hum(SECONDS, 1, impacts=True))
-    for _ in range(SETTLE):
-        answer = client.post("/api/v1/diagnoses", files={"file": ("x.wav", content)}).raise_for_status().json()
-        if not any("learned again" in remark for remark in answer["remarks"]):
-            return
-        time.sleep(0.5)
-    raise RuntimeError("the service does not come to an end with learning")
 
 
 def _measure(client: httpx.Client, library: CaseLibrary, path: Path) -> tuple[float, float]:

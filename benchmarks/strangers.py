@@ -12,9 +12,6 @@ from concurrent.futures import ProcessPoolExecutor
 from dataclasses import replace
 
 import numpy as np
-from casebase.augmentation import disturbed_copies
-from casebase.experience import Copies, calibrated
-from casebase.learning import learn
 
 from benchmarks import Row, table
 from benchmarks.diagnosis import said
@@ -26,7 +23,6 @@ from casebase.signals.recording import Recording
 from tests import stranger_bank as bank
 from tests.stranger_bank.bank import library_specs
 
-MOST_COPIED = 30
 UNHEARD_DB, UNHEARD_PEAK_DB = -20.0, 3.0
 """A fault below these in the whole band, below 200 Hz and in its loudest moments cannot be expected to be heard."""
 
@@ -37,12 +33,6 @@ def heard(spec: bank.Spec) -> tuple[bank.Recorded, Extraction]:
     return replace(made, samples=made.samples[:0]), extract(_recording(made), _condition(made))
 
 
-def copies(spec: bank.Spec) -> list[Extraction]:
-    """Return the features of disturbed copies of a recording."""
-    made = bank.cached(spec)
-    return [extract(each, _condition(made)) for each in disturbed_copies(_recording(made))]
-
-
 def _recording(made: bank.Recorded) -> Recording:
     return Recording(made.samples.astype(np.float32), made.rate_hz)
 
@@ -51,22 +41,13 @@ def _condition(made: bank.Recorded) -> OperatingCondition:
     return OperatingCondition(speed_rad_s=made.speed_rad_s, payload_kg_m2=made.payload_kg_m2)
 
 
-def reasoner(cases: Sequence[tuple[bank.Recorded, Extraction]], copied: Sequence[list[Extraction]]) -> Reasoner:
-    """Return what a library of these cases says, calibrated on disturbed copies of some."""
-    usable = [(case, copy) for case, copy in zip(cases, copied, strict=True) if case[1].usable]
+def reasoner(cases: Sequence[tuple[bank.Recorded, Extraction]]) -> Reasoner:
+    """Return what a library of these cases says."""
+    usable = [case for case in cases if case[1].usable]
     ids = np.array([f"{row:032x}" for row in range(len(usable))])
-    columns = [np.array([value(case[0]) for case, _ in usable]) for value in (_label, _measured, _axis, _gearbox)]
-    values = np.array([case[1].features.values for case, _ in usable])
-    names = usable[0][0][1].features.names
-    known = CaseTable(1, EXTRACTOR_VERSION, names, ids, *columns, ids, values)
-    similarity = learn(known)
-    if similarity.score is not None:
-        rows = np.unique(np.linspace(0, len(usable) - 1, MOST_COPIED).astype(int)).tolist()
-        made = [(row, each.features.values) for row in rows for each in usable[row][1] if each.usable]
-        if made:
-            disturbed = Copies(np.array([row for row, _ in made]), np.array([vector for _, vector in made]))
-            similarity = calibrated(known, similarity, disturbed)
-    return Reasoner(known, similarity)
+    columns = [np.array([value(made) for made, _ in usable]) for value in (_label, _measured, _axis, _gearbox)]
+    values = np.array([each.features.values for _, each in usable])
+    return Reasoner(CaseTable(1, EXTRACTOR_VERSION, usable[0][1].features.names, ids, *columns, ids, values))
 
 
 def _label(made: bank.Recorded) -> str:
@@ -109,14 +90,13 @@ def judged(half: bank.Half, gearboxes: Sequence[int]) -> list[Row]:
     begin = time.perf_counter()
     with ProcessPoolExecutor() as pool:
         found = dict(zip(specs, pool.map(heard, specs, chunksize=16), strict=True))
-        made = dict(zip(owned, pool.map(copies, owned, chunksize=4), strict=True))
     rows = [Row("features of all", time.perf_counter() - begin)]
     for count in gearboxes:
         known = {}
         for axis, all_cases in libraries.items():
             boxes = sorted({spec.gearbox.name for spec in all_cases})[:count]
             chosen = [spec for spec in all_cases if spec.gearbox.name in boxes]
-            known[axis] = reasoner([found[spec] for spec in chosen], [made[spec] for spec in chosen])
+            known[axis] = reasoner([found[spec] for spec in chosen])
         tally: Counter[tuple[str, str]] = Counter()
         for asked in questions:
             kind = asked.name.split("/")[0]
