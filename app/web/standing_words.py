@@ -37,7 +37,13 @@ ALIKE = "in the same motion, with the same payload and the microphone at the sam
 SOON, TODAY = f"Record it again soon, {ALIKE}", f"Record it today, {ALIKE}"
 AGAIN = "Record it again; if the answer is the same, have it inspected."
 NEITHER = "If it was neither, record it again soon, and have it inspected if it sounds the same."
-BETTER = "Record it again, as the page of its newest recording says."
+AS_SAID = "Do what the page of its newest recording says."
+ONE_STEP = {
+    Reason.NOT_DIAGNOSED: "Diagnose its newest recording.",
+    Reason.SILENT: TODAY,
+    Reason.UNUSABLE: "Record it again, as the page of its newest recording says.",
+    Reason.UNDECIDED: AGAIN,
+}
 
 
 def state_words(standing: Standing | None, now: datetime) -> str:
@@ -93,7 +99,7 @@ def why(standing: Standing | None, zone: str, said: str | None = None) -> str:
         case Reason.SILENT:
             return f"Its last recording is of {on}: nothing is known of it since."
         case Reason.UNDECIDED | Reason.UNLIKE:
-            return f"The newest recording: {said}" if said else NOT_NAMED[standing.reason]
+            return said or NOT_NAMED[standing.reason]
         case Reason.UNUSABLE:
             return "Its recordings are too poor to be compared."
         case Reason.NOT_DIAGNOSED:
@@ -120,8 +126,12 @@ def earlier_words(fault: NamedFault, zone: str) -> str:
     )
 
 
-def next_steps(standing: Standing | None) -> tuple[str, ...]:
-    """Say what is to be done now, in order."""
+def next_steps(standing: Standing | None, said: str | None = None) -> tuple[str, ...]:
+    """Say what is to be done now, in order.
+
+    Args:
+        said: see `why`; of a recording that sounds like no known case only where it could not be compared.
+    """
     if standing is None or standing.last is None:
         return (RECORD,)
     label = standing.recording.label if standing.recording else None
@@ -143,6 +153,8 @@ def next_steps(standing: Standing | None) -> tuple[str, ...]:
                 *((good,) if wanted else ()),
                 "Reject that diagnosis if nothing is found, or note the repair or the exchange.",
             )
+        case Reason.UNLIKE if said:
+            return (AS_SAID,)
         case Reason.UNLIKE:
             return (
                 "Record it again; if it sounds the same, have it inspected.",
@@ -151,16 +163,8 @@ def next_steps(standing: Standing | None) -> tuple[str, ...]:
             )
         case Reason.SOUNDS_GOOD:
             return CHECKS["normal"]
-        case Reason.NOT_DIAGNOSED:
-            return ("Diagnose its newest recording.",)
-        case Reason.SILENT:
-            return (TODAY,)
-        case Reason.UNUSABLE:
-            return (BETTER,)
-        case Reason.UNDECIDED:
-            return (AGAIN,)
-        case _:
-            return (SOON,)
+        case reason:
+            return (ONE_STEP.get(reason, SOON),)
 
 
 def since_words(standing: Standing, zone: str) -> str:

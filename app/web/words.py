@@ -38,6 +38,7 @@ SIZES = {"depth_rad": ("Depth of the damage", "deep"), "gap_rad": ("Width of the
 """What the size of a fault is called beside the verdict, and in it."""
 CALIBRATED_FROM = 2
 """How many gearboxes must be known before how sure a diagnosis is stands in per cent."""
+LONG_ENOUGH_S = 20.0
 TOO_POOR = "the recording is too poor"
 TOO_SHORT = ("too_short", "the recording covers less than")
 """A quality flag or a remark that begins so says that the recording is too short."""
@@ -162,7 +163,8 @@ def verdict_word(document: Mapping[str, Any]) -> str:
 
 def in_short(document: Mapping[str, Any]) -> str:
     """Say in a row of a table what a diagnosis is and how sure."""
-    return f"{verdict_of(document).headline}. {_sure(document)}".strip()
+    more = _border(document)[0] if document["verdict"] == "ambiguous" else _sure(document)
+    return f"{verdict_of(document).headline}. {more}".strip()
 
 
 def how_sure(document: Mapping[str, Any]) -> str:
@@ -272,9 +274,14 @@ def is_poor(document: Mapping[str, Any]) -> bool:
 
 
 def too_short(document: Mapping[str, Any]) -> tuple[str, ...]:
-    """Return why a recording is too short for its answer to be relied on; nothing where it is not."""
-    flags = document.get("quality", ())
-    found = [flag["reason"] for flag in flags if flag["name"].startswith(TOO_SHORT) and flag["severity"] != "note"]
+    """Return why a recording is too short for its answer to be relied on; nothing where it is not.
+
+    What is unlike all that is known may be so for a shortness that is only noted, too.
+    """
+    brief = document.get("recording", {}).get("duration_s", LONG_ENOUGH_S) < LONG_ENOUGH_S
+    noted = brief and document["verdict"] == "not_in_library"
+    flags = [flag for flag in document.get("quality", ()) if flag["name"].startswith(TOO_SHORT)]
+    found = [flag["reason"] for flag in flags if noted or flag["severity"] != "note"]
     return (*found, *(remark for remark in document.get("remarks", ()) if remark.startswith(TOO_SHORT)))
 
 

@@ -140,6 +140,9 @@ def test_what_was_not_compared_is_none_of_unlike() -> None:
     assert is_compared(undecided(**named))
     assert not is_compared(undecided(**named, quality=[SHORT]))
     assert not is_compared(undecided(**named, remarks=[EMPTY]))
+    noted = {**named, "quality": [{**SHORT, "severity": "note"}]}
+    assert not is_compared(undecided(**noted, recording={"duration_s": 0.6}))
+    assert is_compared(undecided(**noted, recording={"duration_s": 60.0}))
 
 
 def test_an_empty_library_and_one_of_one_label_say_so() -> None:

@@ -37,7 +37,7 @@ SHOWN = 100
 """Gearboxes on a page of the fleet: more than one reads at once."""
 LARGEST = 10**6
 SAID_OF = (Reason.NAMED, Reason.UNDECIDED, Reason.UNLIKE)
-SAID_BY = ("fault", "hypotheses", "labels", "quality", "remarks", "novelty", "provenance")
+SAID_BY = ("fault", "hypotheses", "labels", "quality", "remarks", "novelty", "recording", "provenance")
 """Parts of a diagnosis that are needed to say in short what it says."""
 
 
@@ -69,7 +69,7 @@ def fleet(
     said = diagnoses_said(session, [row.standing for row in rows])
     context = {
         "rows": [
-            (row, state_badge(row.standing, at), why(row.standing, zone, told), next_steps(row.standing)[0])
+            (row, state_badge(row.standing, at), why(row.standing, zone, told), next_steps(row.standing, told)[0])
             for row, told in zip(rows, said, strict=True)
         ],
         "known": {axis: known_of_axis(axis_cases(service, session, axis)) for axis in {row.axis for row in rows}},
@@ -127,7 +127,7 @@ def gearbox_page(
     heard = list(reversed(shown.heard))
     first = next((k + 1 for k, one in enumerate(heard) if one.recording_id == before), 0)
     page = heard[first : first + LISTED]
-    described = find_axis(session, name)
+    described, said = find_axis(session, name), diagnoses_said(session, [stands])[0]
     investigations = investigations_of(session, shown)
     context = {
         "name": name,
@@ -136,9 +136,9 @@ def gearbox_page(
         "others": [one for one in found if one.number != shown.number],
         "standing": stands,
         "badge": state_badge(stands, at) if stands else None,
-        "why": why(stands, zone, diagnoses_said(session, [stands])[0]) if stands else None,
+        "why": why(stands, zone, said) if stands else None,
         "since": since_words(stands, zone) if stands else "",
-        "steps": next_steps(stands) if stands else (),
+        "steps": next_steps(stands, said) if stands else (),
         "changed": trend_words(trend, zone),
         "at_once": question_of(shown, trend, zone),
         "evidence": evidence_words(trend) if trend else None,
