@@ -79,7 +79,6 @@ class Service:
             return self.library.reuse.evaluate(session, group=group, origin=origin, without=without, axis=axis)
 
         kind = "evaluation" if axis is None else "evaluation of an axis"
-        # what was learned last is used where it was learned from these cases; else they are learned from here
         return Asked(kind, library_version(session), (group, origin, without, axis), work)
 
     def fleet_soon(self, session: Session) -> Begun | None:

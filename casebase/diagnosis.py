@@ -167,7 +167,7 @@ class Judgement:
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """What was learned for the recordings of one axis.
+    """What the cases that count for one axis amount to.
 
     Args:
         counting: which cases count, shape (cases,).
@@ -191,7 +191,7 @@ class Reasoner:
         self._lock = threading.Lock()
 
     def model(self, axis: str | None, gearbox: str | None = None) -> _Model:
-        """Return what was learned for an axis; kept for the next recording of it.
+        """Return the model of an axis; kept for the next recording of it.
 
         Where one gearbox alone is known by several labels, its own recordings are judged by each other.
         """

@@ -90,7 +90,7 @@ class Reuse:
 
     def _contradictions(self, session: Session, extractor_version: str) -> tuple[str, ...]:
         count = self._retrieve.all_cases(session, extractor_version).contradicting
-        words = f"{count} cases have no vote, for their sound is a case of another label too: see the review"
+        words = f"{count} cases do not count, for their sound is a case of another label too: see the review"
         return (words,) if count else ()
 
 
