@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 from pathlib import Path
+from threading import Thread
 
 import pytest
 
@@ -103,16 +104,16 @@ def test_pipe_is_read_and_one_without_a_writer_is_not_waited_for(tmp_path: Path)
     os.mkfifo(tmp_path / "nobody")
     reading, writing = os.pipe()
     content = sound(2)  # what a pipe holds does not suffice for it
-    child = os.fork()
-    if child == 0:
-        os.close(reading)
+
+    def write() -> None:
         with os.fdopen(writing, "wb") as target:
             target.write(content)
-        os._exit(0)
-    os.close(writing)
+
+    writer = Thread(target=write)
+    writer.start()
     found = entries("diagnose", tmp_path / "nobody", f"/dev/fd/{reading}", data_dir=tmp_path / "data")
     os.close(reading)
-    os.waitpid(child, 0)
+    writer.join()
     assert "nothing came from this pipe" in str(found[0]["error"])
     assert found[1]["recording"]["duration_s"] == 6.0  # type: ignore[index]
 
