@@ -126,10 +126,7 @@ def novelty_evidence(
         _outside(
             names[index],
             float(values[index]),
-            (
-                float(likeness.center[index] - likeness.scale[index]),
-                float(likeness.center[index] + likeness.scale[index]),
-            ),
+            likeness.usual(index),
             label,
             size[index] ** 2 / float(size @ size),
         )

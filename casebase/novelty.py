@@ -33,6 +33,7 @@ PRIOR_FREEDOM = 3.0
 from normal recordings of ten gearboxes: 2.5 to 3.3 on four draws of tests/field_bank, 1.9 on shared recordings)."""
 FEWEST_GEARBOXES, LARGEST_SAMPLE = 2, 2000
 SMALLEST_P = 1e-300
+RATIOS, SMALLEST_RATIO = ("crest_factor", "kurtosis"), 1e-3
 LEVEL = 0.02
 """A recording of a known label, of a gearbox that the library has not seen, gets a smaller p-value so seldom."""
 SIZES = (0.5, 0.75, 1.0, 1.25, 1.5)
@@ -76,7 +77,8 @@ class Likeness:
     """What the cases of one label have shown; arrays have shape (n,).
 
     Args:
-        center: mean over gearboxes.
+        names: of the features.
+        center: mean over gearboxes, ratios as logarithms.
         scale: standard deviation of one more recording of another gearbox from it.
         freedom: degrees of freedom of Student's t.
         share: how much each feature counts; 0 for not at all.
@@ -84,6 +86,7 @@ class Likeness:
         highest: largest departure that counts: none of more noise than usual, for noise makes no other machine.
     """
 
+    names: tuple[str, ...]
     center: Floats
     scale: Floats
     freedom: Floats
@@ -96,13 +99,19 @@ class Likeness:
         sizes = SIZES if self.growth.any() else (1.0,)
         return max((self._departures(values, size) for size in sizes), key=self._p_value)
 
+    def usual(self, index: int) -> tuple[float, float]:
+        """Return what one standard deviation around the mean of a feature is, in its unit."""
+        ends = self.center[index] - self.scale[index], self.center[index] + self.scale[index]
+        low, high = np.exp(ends) if self.names[index].startswith(RATIOS) else ends
+        return float(low), float(high)
+
     def p_value(self, values: NDArray[np.floating]) -> float:
         """Return how often a recording of the label departs as far; 1 if they have no feature in common."""
         return self._p_value(self.departures(values))
 
     def _departures(self, values: NDArray[np.floating], size: float) -> Floats:
         center = self.center + (size - 1) * self.growth
-        departures = np.minimum((np.asarray(values, np.float64) - center) / self.scale, self.highest)
+        departures = np.minimum((comparable(self.names, values) - center) / self.scale, self.highest)
         return np.where(self.share > 0, departures, np.nan)
 
     def _p_value(self, departures: Floats) -> float:
@@ -136,8 +145,9 @@ def _likeness(table: CaseTable, rows: Mask, everything: Mask) -> Likeness | None
     if groups.size < FEWEST_GEARBOXES:
         return None
     recorder = np.isin(table.names, RECORDER)
-    gear = _moments(table.values, table.groups, spread_out(np.flatnonzero(rows), LARGEST_SAMPLE))
-    heard = _moments(table.values, table.ids, spread_out(np.flatnonzero(everything), LARGEST_SAMPLE))
+    values = comparable(table.names, table.values)
+    gear = _moments(values, table.groups, spread_out(np.flatnonzero(rows), LARGEST_SAMPLE))
+    heard = _moments(values, table.ids, spread_out(np.flatnonzero(everything), LARGEST_SAMPLE))
     center, variance, count = (np.where(recorder, one, other) for one, other in zip(heard, gear, strict=True))
     kind = kinds(table.names)
     counts = (kind >= 0) & (count >= FEWEST_GEARBOXES)
@@ -151,7 +161,7 @@ def _likeness(table: CaseTable, rows: Mask, everything: Mask) -> Likeness | None
     scale = np.sqrt(np.where(counts, variance, 1.0) * (1 + 1 / np.maximum(count, 1)))
     highest = np.where([name == NOISE for name in table.names], 0.0, np.inf)
     center, scale = np.where(counts, center, 0.0), np.maximum(scale, 1e-12)
-    return Likeness(center, scale, freedom + PRIOR_FREEDOM, share, np.zeros(kind.size), highest)
+    return Likeness(table.names, center, scale, freedom + PRIOR_FREEDOM, share, np.zeros(kind.size), highest)
 
 
 def moderated(variance: Floats, freedom: Floats | float, kind: NDArray[np.intp]) -> Floats:
@@ -164,6 +174,14 @@ def moderated(variance: Floats, freedom: Floats | float, kind: NDArray[np.intp])
     for each in np.unique(kind[kind >= 0]):
         drawn[kind == each] = variance[kind == each].mean()
     return np.asarray((freedom * variance + PRIOR_FREEDOM * drawn) / (freedom + PRIOR_FREEDOM))
+
+
+def comparable(names: tuple[str, ...], values: NDArray[np.floating]) -> Floats:
+    """Return features, shape (..., n), crest factors and kurtosis as logarithms: ratios scatter as levels in dB do."""
+    ratios = np.array([name.startswith(RATIOS) for name in names], np.bool_)
+    found = np.array(values, np.float64)
+    found[..., ratios] = np.log(np.maximum(found[..., ratios], SMALLEST_RATIO))
+    return found
 
 
 def _moments(

@@ -34,6 +34,8 @@ REGULAR = 0.1
 """Scatter of the times between events, over their mean, below which they have a rhythm of their own [1]."""
 GAIN_DB = 2.0
 """So much louder just after a start than before braking is a recorder that had turned up its gain [dB]."""
+GAIN_FALL_DB = 13.0
+"""With such gain it is less than this quieter at standstill: of six such recordings five, of good recorders a third."""
 MISSING_DB = -24.0
 """Below 120 Hz so little per hertz, against 250 to 500 Hz, is a high-pass and no gear [dB]."""
 NOISY_FALL_DB = 10.0
@@ -242,7 +244,7 @@ def automatic_gain(surveyed: Survey) -> Iterator[QualityFlag]:
     A gear is louder, too, where it accelerates a load; but with the gain the noise at standstill rises as well.
     """
     louder_db, fall_db = louder_after_start_db(surveyed.analysis), standstill_db(surveyed.analysis)[0]
-    if louder_db > GAIN_DB and fall_db < NOISY_FALL_DB:
+    if louder_db > GAIN_DB and fall_db < GAIN_FALL_DB:
         yield _flag(
             "automatic_gain",
             Severity.NOTE,

@@ -242,12 +242,12 @@ def even_times(times: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _fall_db(level_db: NDArray[np.float32], times: tuple[float, ...]) -> float:
-    """Return how much quieter it is at the reversals than otherwise, in the median [dB]; 0 without reversals."""
+    """Return how much quieter it is at the reversals than while the axis moves (70th percentile) [dB]; 0 without reversals."""
     if not times:
         return 0.0
     smooth = ndimage.uniform_filter1d(level_db.astype(np.float64), SMOOTH_HOPS)
     at = np.clip(np.rint(np.array(times) * HOP_HZ).astype(np.intp), 0, smooth.size - 1)
-    return float(np.median(smooth) - np.median(smooth[at]))
+    return float(np.percentile(smooth, 70) - np.median(smooth[at]))
 
 
 def _spacing(times: tuple[float, ...]) -> float:
