@@ -177,7 +177,7 @@ class _Model:
 
     counting: Mask
     classifier: Classifier | None
-    likenesses: Mapping[str, Likeness]
+    likenesses: Mapping[frozenset[str], Likeness]
 
 
 class Reasoner:
@@ -232,7 +232,8 @@ class Reasoner:
         values = self._comparable(values, axis)
         model = self.model(axis, gearbox)
         hypotheses, fault = self._shares(model.classifier, values, without)
-        likeness = model.likenesses.get(hypotheses[0].label)
+        known = [each for labels, each in model.likenesses.items() if hypotheses[0].label in labels]
+        likeness = max(known, key=lambda each: each.p_value(values), default=None)
         still = self.all_move and not bool(follow_motion(self.table.names, values[None])[0])
         return Judgement(hypotheses, fault, likeness, None if likeness is None else likeness.p_value(values), still)
 

@@ -15,6 +15,7 @@ PNAS 116 (2019).
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from itertools import combinations
 from typing import Any
 
 import numpy as np
@@ -122,22 +123,38 @@ class Likeness:
         return float(min(1.0, self.share[known].sum() / np.sum(self.share[known] / p)))
 
 
-def likenesses(table: CaseTable, rows: Mask) -> Mapping[str, Likeness]:
-    """Return what the labels of some cases have shown; those of fewer than two gearboxes are left out."""
-    found = {}
-    for label in table.classes:
-        one = _likeness(table, rows & (table.labels == label), rows)
-        if one is not None:
-            found[label] = one
+def likenesses(table: CaseTable, rows: Mask) -> Mapping[frozenset[str], Likeness]:
+    """Return what the labels of some cases have shown, by label; those of fewer than two gearboxes are left out.
+
+    Two faults at once are like neither; each feature is then that of the fault that is farther from normal.
+    """
+    shown = {label: _likeness(table, rows & (table.labels == label), rows) for label in table.classes}
+    found = {label: each for label, each in shown.items() if each is not None}
     normal = next((found[label] for label in BASELINES if label in found), None)
-    if normal is None:
-        return found
-    return {
-        label: each
-        if label in BASELINES
-        else replace(each, growth=np.where((each.share > 0) & (normal.share > 0), each.center - normal.center, 0.0))
-        for label, each in found.items()
-    }
+    if normal is not None:
+        both = {label: (each.share > 0) & (normal.share > 0) for label, each in found.items()}
+        for label in [each for each in found if each not in BASELINES]:
+            growth = np.where(both[label], found[label].center - normal.center, 0.0)
+            found[label] = replace(found[label], growth=growth)
+    faults = [label for label in found if normal is not None and label not in BASELINES]
+    pairs = {frozenset(pair): _superposed(*(found[label] for label in pair)) for pair in combinations(faults, 2)}
+    return {frozenset({label}): each for label, each in found.items()} | pairs
+
+
+def _superposed(one: Likeness, other: Likeness) -> Likeness:
+    farther = np.abs(other.growth) * one.scale > np.abs(one.growth) * other.scale
+
+    def taken(of_one: Floats, of_other: Floats) -> Floats:
+        return np.where(farther, of_other, of_one)
+
+    return replace(
+        one,
+        center=taken(one.center, other.center),
+        scale=taken(one.scale, other.scale),
+        freedom=taken(one.freedom, other.freedom),
+        share=taken(one.share, other.share),
+        growth=taken(one.growth, other.growth),
+    )
 
 
 def _likeness(table: CaseTable, rows: Mask, everything: Mask) -> Likeness | None:

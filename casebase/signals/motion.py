@@ -242,7 +242,7 @@ def even_times(times: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _fall_db(level_db: NDArray[np.float32], times: tuple[float, ...]) -> float:
-    """Return how much quieter it is at the reversals than while the axis moves (70th percentile) [dB]; 0 without reversals."""
+    """Return how much quieter it is at the reversals than on the way (70th percentile) [dB]; 0 without reversals."""
     if not times:
         return 0.0
     smooth = ndimage.uniform_filter1d(level_db.astype(np.float64), SMOOTH_HOPS)

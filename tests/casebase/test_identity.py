@@ -78,7 +78,7 @@ def test_a_copy_has_one_vote_and_contradicting_ones_have_none(library: CaseLibra
         assert library.retrieve.table(session).ids.tolist() == [kept.id]
         assert len(library.retrieve.cases(session, CaseFilter()).items) == 6
     remarks = diagnosed(library, write_sound(tmp_path / "c.wav", 3)).document["remarks"]
-    assert any("2 cases have no vote" in each for each in remarks)  # type: ignore[attr-defined]
+    assert any("2 cases do not count" in each for each in remarks)  # type: ignore[attr-defined]
 
 
 def test_a_contradiction_that_is_settled_counts_again(library: CaseLibrary, tmp_path: Path) -> None:
