@@ -1,8 +1,8 @@
 """What each family of features brings: labels of unseen gearboxes with all of them, and without one after the other.
 
 Strangers' recordings (`benchmarks.strangers`, half work: four axes, eight motions) by libraries of two and of six
-gearboxes, audible faults alone, and the shared recordings of another axis, leave one gearbox out. The library learns
-anew each time; nothing is calibrated, the label that leads counts.
+gearboxes, audible faults alone, and the shared recordings of another axis, leave one gearbox out. The label that
+leads counts, however probable it is.
 """
 
 from collections.abc import Collection, Sequence

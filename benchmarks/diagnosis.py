@@ -1,14 +1,19 @@
-"""Diagnosis of measured recordings from gearboxes the library has not seen, beside three usual ways.
+"""Diagnosis of recordings from gearboxes the library has not seen, beside usual ways.
 
 Needs the measured data (GEARCASE_SHARED, default `../shared` beside the checkout). Every share of right answers is
 followed by its 95 % Wilson interval. The recordings tested are never in the library, nor are others of their gearbox.
+
+`python -m benchmarks.diagnosis side_by_side field_bank` prints these parts alone.
 """
 
 import csv
 import itertools
 import os
+import sys
+import tempfile
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import Path
@@ -19,12 +24,15 @@ from numpy.typing import NDArray
 from scipy import signal
 
 from benchmarks import Row
+from benchmarks.plain_classifier import PlainClassifier
 from casebase.case_table import CaseTable
-from casebase.diagnosis import Reasoner
+from casebase.diagnosis import DIAGNOSED_FROM, Reasoner
 from casebase.evaluation import Proportion, evaluate
 from casebase.signals.condition import OperatingCondition
+from casebase.signals.decode import read_recording
 from casebase.signals.features import EXTRACTOR_VERSION, Extraction, extract
 from casebase.signals.recording import Recording
+from tests.field_bank import bank
 
 SHARED = Path(os.environ.get("GEARCASE_SHARED", Path(__file__).resolve().parents[1].parent / "shared")) / "data"
 Samples = NDArray[np.float32]
@@ -60,7 +68,10 @@ def _axis_sound(folder: Path, row: dict[str, str]) -> Sound:
 
 def table_of(sounds: Sequence[Sound]) -> CaseTable:
     """Return the sounds as a table of measured cases."""
-    extractions = [sound.extraction() for sound in sounds]
+    return _table(sounds, [sound.extraction() for sound in sounds])
+
+
+def _table(sounds: Sequence[Sound], extractions: Sequence[Extraction]) -> CaseTable:
     ids = np.array([f"{row:032x}" for row in range(len(sounds))])
     labels, groups = np.array([each.label for each in sounds]), np.array([each.group for each in sounds])
     origins = np.array(["measured"] * len(sounds))
@@ -244,6 +255,79 @@ def _with_units(table: CaseTable, serials: NDArray[np.str_], count: int) -> Iter
         yield from answers(table.take(inside), table.take(~inside), distinct=False)
 
 
+# -- nearest neighbours and one logistic, on the same splits
+
+
+@dataclass(frozen=True, eq=False)
+class Asked:
+    """A recording with its true label, "" where no label is right."""
+
+    kind: str
+    truth: str
+    extraction: Extraction
+
+
+def side_by_side() -> list[Row]:
+    """Shared recordings: what is said at 0.9 with one to four gearboxes in the library, over all choices of them."""
+    sounds = axis_sounds()
+    asked = [Asked("shared", each.label, each.extraction()) for each in sounds]
+    table = _table(sounds, [each.extraction for each in asked])
+    serials, rows = np.unique(table.gearboxes), []
+    for count in range(1, serials.size):
+        inside = [np.isin(table.gearboxes, chosen) for chosen in itertools.combinations(serials, count)]
+        parts = [(table.take(known), [asked[row] for row in np.flatnonzero(~known)]) for known in inside]
+        rows += _both(f"{count} gearboxes", parts)
+    return rows
+
+
+def field_bank() -> list[Row]:
+    """Sounds of tests/field_bank, half work: what is said at 0.9 with two to ten gearboxes in the library."""
+    known = [_known(each) for each in bank.libraries("work", "own", 10)[0]]
+    files = bank.written("work", "own", Path(tempfile.gettempdir()) / "gearcase-field-bank")
+    files = [(file, question) for file, question in files if question.group != "harmless"]
+    with ProcessPoolExecutor(2) as pool:
+        cases = list(pool.map(Sound.extraction, known, chunksize=4))
+        heard = list(pool.map(_read, [file for file, _ in files], chunksize=16))
+    asked = [Asked(each.group, each.truth, found) for (_, each), found in zip(files, heard, strict=True)]
+    table = _table(known, cases)
+    gearboxes = list(dict.fromkeys(table.gearboxes.tolist()))
+    return [
+        row
+        for count in (2, 3, 5, 10)
+        for row in _both(f"{count} gearboxes", [(table.take(np.isin(table.gearboxes, gearboxes[:count])), asked)])
+    ]
+
+
+def _known(each: bank.Known) -> Sound:
+    condition = OperatingCondition(speed_rad_s=each.speed_rad_s, payload_kg_m2=each.payload_kg_m2)
+    samples, rate = each.sound.samples.astype(np.float32), float(each.sound.rate)
+    return Sound("", samples, rate, each.label, each.gearbox, condition)
+
+
+def _read(file: Path) -> Extraction:
+    return extract(read_recording(file))
+
+
+def _both(name: str, parts: Iterable[tuple[CaseTable, Sequence[Asked]]]) -> list[Row]:
+    """Return a row for every kind: right and wrong answers of at least 0.9, of Gearcase and of the plain classifier."""
+    tally: dict[str, NDArray[np.intp]] = {}
+    start = time.perf_counter()
+    for table, asked in parts:
+        reasoner, plain = Reasoner(table), PlainClassifier(table)
+        for each in asked:
+            diagnosis = reasoner.diagnose(each.extraction)
+            label, sure = plain.judge(each.extraction.features.values) if each.extraction.usable else ("", 0.0)
+            ours, theirs = diagnosis.verdict == "diagnosed", sure >= DIAGNOSED_FROM
+            own, other = diagnosis.label == each.truth, label == each.truth
+            found = (ours and own, ours and not own, theirs and other, theirs and not other, True)
+            tally[each.kind] = tally.get(each.kind, np.zeros(5, np.intp)) + found
+    seconds = (time.perf_counter() - start) / max(1, sum(counts[-1] for counts in tally.values()))
+    return [
+        Row(f"{name}, {kind}", seconds, note="said right/wrong {}/{}, plain {}/{} of {}".format(*counts))
+        for kind, counts in tally.items()
+    ]
+
+
 # -- other machines
 
 
@@ -337,14 +421,14 @@ def seu(window_s: float = 0.1) -> list[Row]:
     channel = np.array([number for _, number, _ in parts])
     table = table_of([sound for *_, sound in parts])
     start_time = time.perf_counter()
-    votes: list[NDArray[np.float64]] = []
+    heard: list[NDArray[np.float64]] = []
     for number in (1, 2, 3):
         known, tested = table.take(early & (channel == number)), table.take(~early & (channel == number))
         reasoner = Reasoner(known)
         judged = [reasoner.judge(values).hypotheses for values in tested.values]
-        votes.append(np.log([[each.probability for each in sorted(one, key=lambda h: h.label)] for one in judged]))
+        heard.append(np.log([[each.probability for each in sorted(one, key=lambda h: h.label)] for one in judged]))
     truth = table.labels[~early & (channel == 1)]
-    best = np.array(known.classes)[sum(votes).argmax(axis=1)]
+    best = np.array(known.classes)[sum(heard).argmax(axis=1)]
     seconds = (time.perf_counter() - start_time) / truth.size
     note = f"right {said(int((best == truth).sum()), truth.size)}"
     return [
@@ -370,15 +454,28 @@ def _seu_baseline(parts: Sequence[tuple[bool, int, Sound]]) -> Row:
     return Row("  1-NN on 16 log band energies", seconds, note=f"right {said(right, int((~early).sum()))}")
 
 
+PARTS: tuple[Callable[[], list[Row]], ...] = (
+    cross_validation,
+    peers,
+    robustness,
+    units,
+    side_by_side,
+    field_bank,
+    spectraquest,
+    seu,
+)
+
+
 def run() -> list[Row]:
     """Return all rows; one that says so where the measured data are not here."""
     if not SHARED.exists():
         return [Row("skipped", 0.0, note="the measured data are not here: set GEARCASE_SHARED to their folder")]
-    return [*cross_validation(), *peers(), *robustness(), *units(), *spectraquest(), *seu()]
+    return [row for part in PARTS for row in part()]
 
 
 if __name__ == "__main__":
     from benchmarks import table as shown
 
-    for part in (cross_validation, peers, robustness, units, spectraquest, seu):
-        print(shown(part.__doc__ or part.__name__, part()), flush=True)
+    for part in PARTS:
+        if part.__name__ in sys.argv[1:] or not sys.argv[1:]:
+            print(shown(part.__doc__ or part.__name__, part()), flush=True)

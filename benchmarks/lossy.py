@@ -62,7 +62,7 @@ def run() -> list[Row]:
 def reasoner(
     values: NDArray[np.float32], labels: NDArray[np.str_], gearboxes: NDArray[np.str_], rows: NDArray[np.bool_]
 ) -> Reasoner:
-    """The library of the recordings in `rows`, with what it has learned."""
+    """What a library of the recordings in `rows` says."""
     ids = np.array([f"{number:06d}" for number in range(labels.size)])
     column = partial(np.full, labels.size)
     table = CaseTable(

@@ -12,7 +12,8 @@ from pathlib import Path
 import httpx
 import numpy as np
 
-from app.web.pages.model import SHOWN_S, SLIDERS
+from app.web.pages.model import SLIDERS
+from app.web.trial import SHOWN_S
 from benchmarks import Row
 from sim.experiment.paper_axis import PAPER_AXIS
 from tests.app.sounds import sound

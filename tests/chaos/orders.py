@@ -134,7 +134,7 @@ PAGES: Mapping[str, Order] = {
     "page /library/simulate": lambda _: ("/library/simulate", {"data": {"axis": "paper", "count": ["1", "1", "1"]}}),
 }
 """Forms that order jobs; they have no Idempotency-Key, and are to leave all or nothing."""
-MAKES_NOTHING = ("/jobs/{job_id}/resume", "/alarms/deliveries/{delivery_id}/retry")
+MAKES_NOTHING = ("/jobs/{job_id}/resume", "/alarms/deliveries/{delivery_id}/retry", "/retrievals")
 
 
 def fill(service: Service) -> Known:

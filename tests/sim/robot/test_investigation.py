@@ -142,7 +142,7 @@ def test_a_joint_that_the_log_lacks_is_logged_or_held(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["--axis", "axis.toml"], "give --axis AXIS.toml for one axis, or --robot ROBOT.toml"),
+        (["--axis", "axis.toml"], "give --axis AXIS for one axis, or --robot ROBOT.toml"),
         (["--sound", "s.wav"], "sound is investigated with an axis"),
     ],
 )
