@@ -25,7 +25,8 @@ LINK = re.compile(r"(?<!`)\[[^\]]*\]\(([^)\s]+)\)")
 FENCED = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 HEADING = re.compile(r"^#+ (.+)$", re.MULTILINE)
 MODULE = re.compile(r"python -m ((?:docs|benchmarks|tests|app|sim|casebase)[\w.]*)")
-TESTS = re.compile(r"pytest (?:-\S+ (?:\w+ )?)*(tests/[\w/.]+)")
+TESTED = re.compile(r"pytest ([^`\n]*)")
+TESTS = re.compile(r"\btests/[\w/]+(?:\.py)?")
 SOURCE = re.compile(r"`((?:app|casebase|sim|tests|benchmarks|docs|migrations)/[\w/.]+?)/?`")
 OPTION = re.compile(r"(?<!\S)--[a-z][a-z-]*")
 
@@ -62,7 +63,8 @@ def test_what_is_named_exists(document: Path) -> None:
     text = document.read_text("utf-8")
     for module in MODULE.findall(text):
         assert importlib.util.find_spec(module.rstrip(".")) is not None, module
-    for path in [*TESTS.findall(text), *SOURCE.findall(text)]:
+    tested = [path for command in TESTED.findall(text) for path in TESTS.findall(command)]
+    for path in [*tested, *SOURCE.findall(text)]:
         assert (ROOT / path).exists(), path
 
 
