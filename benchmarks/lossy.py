@@ -5,6 +5,7 @@ codec and read back as an upload is; the library has the recordings of the other
 """
 
 import time
+from collections.abc import Sequence
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -17,7 +18,7 @@ from benchmarks.diagnosis import Sound, axis_sounds
 from casebase.case_table import CaseTable
 from casebase.diagnosis import Reasoner
 from casebase.signals.decode import read_recording
-from casebase.signals.features import EXTRACTOR_VERSION, catalogue, extract
+from casebase.signals.features import EXTRACTOR_VERSION, Extraction, catalogue, extract
 from casebase.signals.recording import Recording
 from tests.casebase.signals.encoded import encode
 
@@ -37,21 +38,23 @@ def run() -> list[Row]:
     sounds = axis_sounds()
     labels = np.array([each.label for each in sounds])
     gearboxes = np.array([each.group for each in sounds])
-    whole = np.array([each.extraction().features.values for each in sounds])
+    recorded = [each.extraction() for each in sounds]
+    whole = np.array([each.features.values for each in recorded])
     reasoners = {name: reasoner(whole, labels, gearboxes, gearboxes != name) for name in np.unique(gearboxes)}
 
-    def said(values: NDArray[np.float32]) -> tuple[NDArray[np.str_], NDArray[np.bool_]]:
+    def said(found: Sequence[Extraction]) -> tuple[NDArray[np.str_], NDArray[np.bool_]]:
         """The most probable label of each recording, and whether the verdict names it."""
-        judged = [reasoners[name].judge(each) for name, each in zip(gearboxes, values, strict=True)]
+        judged = [reasoners[name].judge(each.features.values) for name, each in zip(gearboxes, found, strict=True)]
         best = np.array([each.best.label for each in judged])
-        return best, np.array([each.verdict() == "diagnosed" for each in judged])
+        verdicts = [each.verdict(one.poor) for each, one in zip(judged, found, strict=True)]
+        return best, np.array(verdicts) == "diagnosed"
 
-    before, _ = said(whole)
+    before, _ = said(recorded)
     rows = [Row("as recorded", 0.0, note=f"{int((before == labels).sum())} of {labels.size} labels right")]
     with TemporaryDirectory() as folder:
         for name in CODECS:
             start = time.perf_counter()
-            after, named = said(np.array([coded(sound, Path(folder) / "sound", name) for sound in sounds]))
+            after, named = said([coded(sound, Path(folder) / "sound", name) for sound in sounds])
             seconds = (time.perf_counter() - start) / labels.size
             kept, wrong = int((after == before).sum()), int((named & (after != labels)).sum())
             note = f"{kept} of {labels.size} labels kept; verdict diagnosed {int(named.sum())}, {wrong} of them wrong"
@@ -80,9 +83,9 @@ def reasoner(
     return Reasoner(table)
 
 
-def coded(sound: Sound, path: Path, name: str) -> NDArray[np.float32]:
+def coded(sound: Sound, path: Path, name: str) -> Extraction:
     """Features of a sound after it was stored by a codec."""
     container, codec, bit_rate, rate = CODECS[name]
     samples = Recording(sound.samples, sound.rate_hz).resampled(rate).samples
     recording = read_recording(encode(path, samples, rate, container, codec, bit_rate))
-    return extract(recording, sound.condition).features.values
+    return extract(recording, sound.condition)
