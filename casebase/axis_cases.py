@@ -37,33 +37,34 @@ class Taken:
     label: str | None
 
 
-def cases_of_axis(session: Session, axis: str) -> Mapping[str, LabelCases]:
-    """Return the cases of an axis by label, sorted."""
+def cases_of_axes(session: Session) -> Mapping[str, Mapping[str, LabelCases]]:
+    """Return the cases of every axis by label, sorted: two statements, however many axes there are."""
     quarantined = Case.quarantine_reason.is_not(None)
-    of_axis = (
-        select(Case.label, func.count())
+    counted = (
+        select(StoredRecording.axis, Case.label, func.count())
         .join(StoredRecording, StoredRecording.id == Case.recording_id)
-        .where(StoredRecording.axis == axis, Case.state == "confirmed")
+        .where(StoredRecording.axis.is_not(None), Case.state == "confirmed")
+        .group_by(StoredRecording.axis, Case.label)
     )
     measured = (
-        of_axis.add_columns(StoredRecording.gearbox)
+        counted.add_columns(StoredRecording.gearbox)
         .where(Case.origin == MEASURED, ~quarantined)
-        .group_by(Case.label, StoredRecording.gearbox)
+        .group_by(StoredRecording.gearbox)
     )
-    simulated = of_axis.add_columns(quarantined).where(Case.origin != MEASURED).group_by(Case.label, quarantined)
-    found: dict[str, LabelCases] = {}
-    for label, count, gearbox in session.execute(measured):
-        known = found.get(label, LabelCases())
-        found[label] = LabelCases(
+    simulated = counted.add_columns(quarantined).where(Case.origin != MEASURED).group_by(quarantined)
+    found: dict[str, dict[str, LabelCases]] = {}
+    for axis, label, count, gearbox in session.execute(measured):
+        known = found.setdefault(axis, {}).get(label, LabelCases())
+        found[axis][label] = LabelCases(
             known.measured + count,
             known.unnamed + (0 if gearbox else count),
             known.gearboxes | ({gearbox} if gearbox else set()),
         )
-    for label, count, aside in session.execute(simulated):
-        known = found.get(label, LabelCases())
+    for axis, label, count, aside in session.execute(simulated):
+        known = found.setdefault(axis, {}).get(label, LabelCases())
         used, kept = known.simulated + (0 if aside else count), known.set_aside + (count if aside else 0)
-        found[label] = LabelCases(known.measured, known.unnamed, known.gearboxes, used, kept)
-    return dict(sorted(found.items()))
+        found[axis][label] = LabelCases(known.measured, known.unnamed, known.gearboxes, used, kept)
+    return {axis: dict(sorted(labels.items())) for axis, labels in found.items()}
 
 
 def gearboxes_known(session: Session) -> int:

@@ -10,7 +10,7 @@ from app.service import Service
 from app.web.counted import counted as kept_count
 from app.web.templating import percent, sentence
 from app.web.words import CALIBRATED_FROM, name_of
-from casebase.axis_cases import LabelCases, Taken, cases_of_axis
+from casebase.axis_cases import LabelCases, Taken, cases_of_axes
 from casebase.evaluation import Evaluation, Outcome, Proportion
 from casebase.labels import BASELINES
 from casebase.models import AxisRevision, StoredRecording
@@ -196,9 +196,9 @@ def obstacles(row: AxisRevision | None) -> Mapping[str, str | None]:
     return {label: obstacle(axis, label) for label in LABELS} if axis and axis.stages else {}
 
 
-def axis_cases(service: Service, session: Session, axis: str) -> Mapping[str, LabelCases]:
-    """Return the cases of an axis by label, counted once for every version of the library."""
-    return kept_count(service.library, session, f"cases of {axis}", lambda: cases_of_axis(session, axis))
+def axis_cases(service: Service, session: Session) -> Mapping[str, Mapping[str, LabelCases]]:
+    """Return the cases of every axis by label, counted once for every version of the library."""
+    return kept_count(service.library, session, "cases of axes", lambda: cases_of_axes(session))
 
 
 def known_of_axis(cases: Mapping[str, LabelCases]) -> str:

@@ -62,7 +62,7 @@ def first_hour(
 ) -> Response:
     """The steps, which are done, the one next thing to do, and what each step came to."""
     check_known(session, name)
-    axis, cases = find_axis(session, name), axis_cases(service, session, name)
+    axis, cases = find_axis(session, name), axis_cases(service, session).get(name, {})
     known = any(each.measured or each.simulated for each in cases.values())
     evaluation = service.evaluation_of_axis(session, name) if known else None
     begun = evaluation if isinstance(evaluation, Begun) else None

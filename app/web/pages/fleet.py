@@ -66,13 +66,13 @@ def fleet(
     counts = Counter(here for _, here in known)
     wanted = [row for row, here in known if state in (None, here)]
     rows = wanted[first : first + SHOWN]
-    said = diagnoses_said(session, [row.standing for row in rows])
+    said, of_axes = diagnoses_said(session, [row.standing for row in rows]), axis_cases(service, session)
     context = {
         "rows": [
             (row, state_badge(row.standing, at), why(row.standing, zone, told), next_steps(row.standing, told)[0])
             for row, told in zip(rows, said, strict=True)
         ],
-        "known": {axis: known_of_axis(axis_cases(service, session, axis)) for axis in {row.axis for row in rows}},
+        "known": {axis: known_of_axis(of_axes.get(axis or "", {})) for axis in {row.axis for row in rows}},
         "counts": [(each, WORDS[each], counts[each]) for each in State if counts[each]],
         "state": state,
         "first": first,
