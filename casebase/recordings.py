@@ -46,7 +46,7 @@ def store_recording(
     condition = description.condition
     prints = fingerprints(recording)
     identity = new_id()
-    sound_id = find_sound(session, recording.sha256, prints) or identity
+    sound_id = find_sound(session, audio, recording, prints) or identity
     erased = session.scalars(erased_bytes(stored.sha256).limit(1)).first()
     row = StoredRecording(
         id=identity,

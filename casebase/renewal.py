@@ -80,7 +80,7 @@ def _renew_one(library: CaseLibrary, actor: str, recording_id: str) -> None:
     prints = fingerprints(recording)
     with library.transaction(actor) as session:
         row = library.retrieve.recording(session, recording_id)
-        changed = list(join_sounds(session, row, prints)) if row.sound is None else []
+        changed = list(join_sounds(session, library.audio, row, recording, prints)) if row.sound is None else []
         if extraction is not None:
             store_features(session, row, extraction)
             changed += session.scalars(select(Case.id).where(Case.recording_id == recording_id))

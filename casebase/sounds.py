@@ -1,4 +1,5 @@
-"""Which recordings are of one sound: known by equal samples, or by fingerprints that differ in few bits.
+"""Which recordings are of one sound: known by equal samples, or by fingerprints that differ in few bits and phases that
+agree; by the fingerprints alone where the audio of one was erased.
 
 Whatever asks whether something is the same (a case that is there already, a copy that must not count twice, a query
 that the library knows) asks for `StoredRecording.sound_id`.
@@ -11,14 +12,22 @@ import numpy as np
 from sqlalchemy import insert, select, update
 from sqlalchemy.orm import Session, undefer
 
+from casebase.audio_store import AudioStore
 from casebase.models import Case, LibraryCounter, SoundKey, StoredRecording
-from casebase.signals.fingerprint import Fingerprint, Words, same_sound
+from casebase.signals.decode import read_recording
+from casebase.signals.errors import SignalError
+from casebase.signals.fingerprint import LARGEST_DIFFERENCE, Fingerprint, Words, difference, same_samples
+from casebase.signals.recording import Recording
 
 MOST_HELD_AGAINST = 256
 """Of the recordings that share a word; those that share most come first."""
+MOST_DECODED = 4
+"""Of those whose fingerprints differ in few bits; those that differ least."""
 
 
-def find_sound(session: Session, samples_sha256: str, prints: Sequence[Fingerprint], *, but: str = "") -> str | None:
+def find_sound(
+    session: Session, audio: AudioStore, recording: Recording, prints: Sequence[Fingerprint], *, but: str = ""
+) -> str | None:
     """Return the `sound_id` of a recording that sounds the same; None if there is none.
 
     Nobody else stores a recording until the transaction ends, so that of two of one sound the second sees the first.
@@ -29,24 +38,37 @@ def find_sound(session: Session, samples_sha256: str, prints: Sequence[Fingerpri
     """
     session.scalars(select(LibraryCounter.value).with_for_update()).one()
     equal = select(StoredRecording.sound_id).where(
-        StoredRecording.samples_sha256 == samples_sha256, StoredRecording.id != but
+        StoredRecording.samples_sha256 == recording.sha256, StoredRecording.id != but
     )
     found = session.scalars(equal.order_by(StoredRecording.id).limit(1)).first()
-    return found or _alike(session, prints, but)
+    if found is not None:
+        return found
+    alike = (row for row in _alike(session, prints, but) if _has_samples(row, audio, recording))
+    return next((row.sound_id for row in alike), None)
 
 
-def _alike(session: Session, prints: Sequence[Fingerprint], but: str) -> str | None:
+def _has_samples(row: StoredRecording, audio: AudioStore, recording: Recording) -> bool:
+    """Whether its audio is that of a recording, or cannot be read."""
+    try:
+        return same_samples(recording, read_recording(audio.path_of(row.file_sha256), channel=row.channel))
+    except (SignalError, FileNotFoundError):
+        return True
+
+
+def _alike(session: Session, prints: Sequence[Fingerprint], but: str) -> list[StoredRecording]:
     words = {word for each in prints for word in each.keys}
     holding = select(SoundKey.recording_id).where(SoundKey.word.in_(sorted(words)), SoundKey.recording_id != but)
     candidates = Counter(session.scalars(holding))
     likely = [identity for identity, _ in candidates.most_common(MOST_HELD_AGAINST)]
     statement = select(StoredRecording).where(StoredRecording.id.in_(likely)).options(undefer(StoredRecording.sound))
     known = {row.id: row for row in session.scalars(statement)}
-    for identity in likely:
-        row = known[identity]
-        if row.sound and any(same_sound(each.words, _words(row.sound)) for each in prints):
-            return row.sound_id
-    return None
+    bits = {
+        row.id: min(difference(each.words, _words(row.sound)) for each in prints)
+        for identity in likely
+        if (row := known[identity]).sound
+    }
+    nearest = sorted((each for each in bits if bits[each] <= LARGEST_DIFFERENCE), key=bits.__getitem__)
+    return [known[each] for each in nearest[:MOST_DECODED]]
 
 
 def keep_sound(session: Session, row: StoredRecording, prints: Sequence[Fingerprint]) -> None:
@@ -58,10 +80,12 @@ def keep_sound(session: Session, row: StoredRecording, prints: Sequence[Fingerpr
         session.execute(insert(SoundKey), keys)
 
 
-def join_sounds(session: Session, row: StoredRecording, prints: Sequence[Fingerprint]) -> Sequence[str]:
+def join_sounds(
+    session: Session, audio: AudioStore, row: StoredRecording, recording: Recording, prints: Sequence[Fingerprint]
+) -> Sequence[str]:
     """Keep the fingerprint of a recording that was stored without one; return ids of cases whose sound is now known
     to be another one's too."""
-    known = find_sound(session, row.samples_sha256, prints, but=row.id)
+    known = find_sound(session, audio, recording, prints, but=row.id)
     keep_sound(session, row, prints)
     if known is None or known == row.sound_id:
         return ()
