@@ -3,8 +3,9 @@
 Each feature is scaled by its spread within the labels, moderated as in `casebase.novelty`, and multiplied by the root
 of its prior weight (`casebase.priors`; even where the machine does not move to and fro): the penalty on the
 coefficients is then a normal prior whose variance is that weight, so physics decides where the cases do not. How strong
-the prior is, is chosen by the likelihood of gearboxes left out. A feature that a recording does not have counts as a
-usual one. From the answers to cases left out come
+the prior is, is chosen by the likelihood of gearboxes left out. The data leave the coefficients uncertain, so log odds
+shrink with the variance that this gives them: the regression is less sure where it has no cases. A feature that a
+recording does not have counts as a usual one. From the answers to cases left out come
 
 - the calibration of the leading label and of "there is a fault": logit p = offset + slope * score, both drawn weakly
   to what libraries of several machines had; no answer is surer than as many cases without an error allow (Laplace);
@@ -19,7 +20,6 @@ in a Random World (2005), label-conditional conformal prediction.
 import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,9 +30,6 @@ from casebase.labels import BASELINES
 from casebase.novelty import follow_motion, kinds, moderated, spread_out
 from casebase.priors import even_weights, prior_weights
 from casebase.similarity import Floats, Metric, pooled_scales
-
-if TYPE_CHECKING:
-    from sklearn.linear_model import LogisticRegression
 
 STRENGTHS = (0.03, 0.1, 0.3, 1.0)
 """Inverse strengths of the prior that are tried."""
@@ -154,7 +151,7 @@ class Classifier:
         self._truth = np.searchsorted(self.classes, labels)
         self._sounds = table.sounds[self.rows]
         self.held_out, self.strength = self._chosen(table.parts[self.rows])
-        self._fit = self._regression(np.ones(self.rows.size, np.bool_), self.strength)
+        self._fit = _Regression.of(self._points, self._truth, self.strength)
 
     def labels(self, without: Sequence[int] = ()) -> tuple[str, ...]:
         """Return the labels of the cases that count, but for some rows of the table."""
@@ -168,8 +165,8 @@ class Classifier:
             without: rows of the table that do not count, for they are the same recording.
         """
         seen = ~np.isin(self.rows, without)
-        fit = self._fit if seen.all() else self._regression(seen, self.strength)
-        return np.asarray(self._shares(fit, self._scaled(values)[None])[0], np.float64)
+        fit = self._fit if seen.all() else _Regression.of(self._points[seen], self._truth[seen], self.strength)
+        return np.asarray(fit.shares(self._scaled(values)[None], len(self.classes))[0], np.float64)
 
     def superposed(self, values: NDArray[np.floating], first: str, second: str, normal: Sequence[str]) -> float:
         """Return how probable a second fault is beside the first, which the recording has; 0 without normal cases.
@@ -187,8 +184,9 @@ class Classifier:
         pairs = np.repeat(ones, len(others), axis=0), np.tile(others, (len(ones), 1))
         one, other = (each[spread_out(np.arange(len(pairs[0])), LARGEST_SAMPLE)] for each in pairs)
         both = np.where(np.abs(other - center) > np.abs(one - center), other, one)
-        fit = _regression(np.concatenate([ones, both]), np.repeat([0, 1], [len(ones), len(both)]), self.strength)
-        return float(fit.predict_proba(self._scaled(values)[None])[0, 1])
+        truth = np.repeat([0, 1], [len(ones), len(both)])
+        fit = _Regression.of(np.concatenate([ones, both]), truth, self.strength)
+        return float(fit.shares(self._scaled(values)[None], 2)[0, 1])
 
     def _scaled(self, values: NDArray[np.floating]) -> Floats:
         return np.asarray(np.nan_to_num(self._metric.scaled(values)) * self._roots)
@@ -207,23 +205,54 @@ class Classifier:
             asked = parts == part
             seen = ~asked & ~np.isin(self._sounds, self._sounds[asked])
             if np.unique(self._truth[seen]).size > 1:
-                shares[asked] = self._shares(self._regression(seen, strength), self._points[asked])
+                fit = _Regression.of(self._points[seen], self._truth[seen], strength)
+                shares[asked] = fit.shares(self._points[asked], len(self.classes))
         known = np.isfinite(shares).all(axis=1)
         return HeldOut(self.classes, self.rows[known], shares[known], self._truth[known])
 
-    def _regression(self, seen: NDArray[np.bool_], strength: float) -> "LogisticRegression":
-        return _regression(self._points[seen], self._truth[seen], strength)
 
-    def _shares(self, fit: "LogisticRegression", points: Floats) -> Floats:
-        """Return shares of all labels, shape (points, labels); none of a label that the fit has not seen."""
-        shares = np.zeros((len(points), len(self.classes)))
-        shares[:, fit.classes_] = fit.predict_proba(points)
+@dataclass(frozen=True, eq=False)
+class _Regression:
+    """A multinomial logistic regression and how uncertain its log odds are.
+
+    Args:
+        classes: numbers of the labels that it has seen, shape (seen,).
+        weights: intercept and coefficients of each, shape (1 + features, seen).
+        covariances: of them, shape (seen, 1 + features, 1 + features).
+    """
+
+    classes: NDArray[np.intp]
+    weights: Floats
+    covariances: Floats
+
+    @classmethod
+    def of(cls, points: Floats, truth: NDArray[np.intp], strength: float) -> "_Regression":
+        """Fit it: every label counts the same; the covariance is Laplace's, of one label against the rest."""
+        from sklearn.linear_model import LogisticRegression  # slow to import
+
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            fit = LogisticRegression(C=strength, class_weight="balanced", max_iter=300).fit(points, truth)
+        labels, counts = np.unique(truth, return_counts=True)
+        weights = np.concatenate([fit.intercept_[:, None], fit.coef_], axis=1).T
+        if labels.size == 2:  # one set of coefficients tells two labels apart
+            weights = np.concatenate([-weights, weights], axis=1) / 2
+        shares = special.softmax(_with_one(points) @ weights, axis=1)
+        balanced = (truth.size / (labels.size * counts))[np.searchsorted(labels, truth)]
+        precision = np.diag(np.concatenate([[1e-2], np.full(points.shape[1], 1 / strength)]))
+        information = [
+            (_with_one(points) * (balanced * share * (1 - share))[:, None]).T @ _with_one(points) for share in shares.T
+        ]
+        return cls(labels, weights, np.linalg.inv(np.array(information) + precision))
+
+    def shares(self, points: Floats, number: int) -> Floats:
+        """Return shares of all labels, shape (points, number); none of a label that it has not seen."""
+        asked = _with_one(points)
+        variances = np.einsum("pi,lij,pj->pl", asked, self.covariances, asked, optimize=True)
+        shares = np.zeros((len(points), number))
+        shares[:, self.classes] = special.softmax(asked @ self.weights / np.sqrt(1 + np.pi / 8 * variances), axis=1)
         return shares
 
 
-def _regression(points: Floats, truth: NDArray[np.intp], strength: float) -> "LogisticRegression":
-    from sklearn.linear_model import LogisticRegression  # slow to import
-
-    with warnings.catch_warnings():
-        warnings.simplefilter("ignore")
-        return LogisticRegression(C=strength, class_weight="balanced", max_iter=300).fit(points, truth)
+def _with_one(points: Floats) -> Floats:
+    return np.concatenate([np.ones((len(points), 1)), points], axis=1)

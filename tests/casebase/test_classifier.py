@@ -54,7 +54,7 @@ def test_order_of_the_cases_changes_nothing() -> None:
 def test_prediction_sets_hold_the_truth_nine_times_in_ten() -> None:
     """On 300 drawn libraries of ten cases of each label and more, asked of a gearbox that they do not have.
 
-    Fewer than ten exclude nothing: the smallest p-value is then above a tenth.
+    Fewer than ten exclude nothing, and of so few the p-values go in steps: sets hold it rather more often than less.
     """
     held = []
     for seed in range(300):
@@ -64,7 +64,7 @@ def test_prediction_sets_hold_the_truth_nine_times_in_ten() -> None:
         for values, truth in zip(asked.values, asked.labels, strict=True):
             p_values = classifier.held_out.p_values(classifier.shares(values))
             held.append(p_values[classifier.classes.index(truth)] > EXCLUDED_BELOW)
-    assert 0.86 <= np.mean(held) <= 0.95
+    assert 0.86 <= np.mean(held) <= 0.96
 
 
 def test_held_out_answers_never_use_their_own_gearbox() -> None:
