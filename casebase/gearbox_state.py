@@ -1,6 +1,7 @@
 """The state of a gearbox: what its recordings say together, since when, and why.
 
-A fault that the library names is likely a fault: such a name is right nine times in ten. A gearbox that sounds
+A fault that the library names is likely a fault: such a name is right nine times in ten, and so is that there is one
+where it leaves open which. A gearbox that sounds
 otherwise than it did is to be watched, also where the library names nothing; where all of its sound changed at once, it
 is asked what happened then, for another gearbox or another place of the microphone sounds so. Nothing is said of a
 gearbox that was not heard.
@@ -163,7 +164,7 @@ def standing(history: History, trend: Trend | None, now: datetime, silent_after:
         return Standing(State.WATCH, Reason.CHANGED, trend.began.at, newest, last, trend, fault)
     if now - last.at > silent_after:
         return Standing(State.NOT_HEARD, Reason.SILENT, last.at, last, last, trend)
-    if newest is None or newest.label not in BASELINES:
+    if newest is None or not is_good(newest):
         return _undecided(newest, usable, heard, last, trend)
     return Standing(State.GOOD, Reason.SOUNDS_GOOD, _since(usable, is_good).at, newest, last, trend, fault)
 
@@ -179,17 +180,17 @@ def _undecided(
 
 
 def is_fault(heard: Heard) -> bool:
-    """Whether a fault is named."""
-    return heard.verdict == "diagnosed" and heard.label not in BASELINES
+    """Whether a fault is named, or there is one of which only the name is open."""
+    return heard.fault is True or (heard.verdict == "diagnosed" and heard.label not in BASELINES)
 
 
 def is_good(heard: Heard) -> bool:
-    """Whether it is named normal."""
-    return heard.verdict == "diagnosed" and heard.label in BASELINES
+    """Whether it is named normal, or there is no fault."""
+    return heard.fault is False or (heard.verdict == "diagnosed" and heard.label in BASELINES)
 
 
 def _is_open(heard: Heard) -> bool:
-    return heard.verdict != "diagnosed"
+    return not is_fault(heard) and not is_good(heard)
 
 
 def _since(heard: Sequence[Heard], holds: Callable[[Heard], bool]) -> Heard:

@@ -10,9 +10,10 @@ from dataclasses import dataclass, replace
 from datetime import datetime
 from typing import Any
 
-from sqlalchemy import ColumnElement, Select, and_, case, false, func, or_, select
+from sqlalchemy import ColumnElement, Select, and_, case, false, func, null, or_, select
 from sqlalchemy.orm import Session, aliased
 
+from casebase.labels import BASELINES
 from casebase.models import AxisRevision, Case, MaintenanceMark, StoredDiagnosis, StoredRecording
 from casebase.origins import MEASURED, SIMULATED, demonstrations, is_measured
 
@@ -37,6 +38,8 @@ class Heard:
         verdict: of its diagnosis; None where there is none.
         label: the diagnosis' or, where a person said one, that.
         review: what a person made of the diagnosis; `confirmed` where a person labelled the recording as a case.
+        fault: whether an `ambiguous` diagnosis of a recording that is not poor says that there is a fault.
+        left: the faults that it cannot exclude, where it says that there is one.
     """
 
     recording_id: str
@@ -50,6 +53,8 @@ class Heard:
     probability: float | None = None
     review: str = OPEN
     diagnosis_id: str | None = None
+    fault: bool | None = None
+    left: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -178,6 +183,10 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, Heard]) ->
     for recording_id, known in cases:
         if recording_id in heard:
             heard[recording_id] = replace(heard[recording_id], verdict="diagnosed", label=known, review="confirmed")
+    undecided = (
+        case((StoredDiagnosis.verdict == "ambiguous", StoredDiagnosis.written[name]), else_=null())  # it is long
+        for name in ("fault", "labels", "quality")
+    )
     given = session.execute(
         select(
             StoredDiagnosis.recording_id,
@@ -187,13 +196,17 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, Heard]) ->
             StoredDiagnosis.probability,
             StoredDiagnosis.state,
             StoredDiagnosis.revised_label,
+            *undecided,
         )
         .join(StoredRecording, StoredRecording.id == StoredDiagnosis.recording_id)
         .where(of_places(places))
         .order_by(StoredDiagnosis.id)
     )
-    for recording_id, identity, verdict, label, probability, state, revised in given:
+    for recording_id, identity, verdict, label, probability, state, revised, fault, labels, quality in given:
         if recording_id in heard and not (state == OPEN and heard[recording_id].review == "confirmed"):
+            poor = any(flag["severity"] == "poor" for flag in quality or ())
+            present = None if revised or poor or fault is None else fault["present"]
+            left = tuple(each for each in labels or () if each not in BASELINES) or (label,)
             heard[recording_id] = replace(
                 heard[recording_id],
                 verdict="diagnosed" if revised else verdict,
@@ -201,6 +214,8 @@ def _said(session: Session, places: Sequence[Place], heard: dict[str, Heard]) ->
                 probability=probability,
                 review=state,
                 diagnosis_id=identity,
+                fault=present,
+                left=left if present else (),
             )
     return heard
 

@@ -48,20 +48,17 @@ def waiting(session: Session, naming: Collection[str], *, faults_first: bool = F
             outweighed, or ended with a repair or an exchange, waits for nobody.
         faults_first: likely faults before all others, for whoever acts on them.
     """
-    unknown, fault = StoredDiagnosis.verdict == UNKNOWN, StoredDiagnosis.verdict == FAULT
-    order = (
-        *((fault.desc(),) if faults_first else ()),
-        unknown.desc(),
-        StoredDiagnosis.probability,
-        StoredDiagnosis.id.desc(),
-    )
+    order = ((StoredDiagnosis.verdict == UNKNOWN).desc(), StoredDiagnosis.probability, StoredDiagnosis.id.desc())
     of_gearbox = or_(StoredRecording.axis.is_not(None), StoredRecording.gearbox.is_not(None))
     columns = (StoredDiagnosis.id, StoredDiagnosis.verdict, StoredDiagnosis.recording_id, of_gearbox)
-    return {
-        identity: verdict
+    rows = [
+        (verdict == FAULT or recording_id in naming, identity, verdict)
         for identity, verdict, recording_id, known in session.execute(_open(session, *columns).order_by(*order))
         if verdict != FAULT or not known or recording_id in naming
-    }
+    ]
+    if faults_first:
+        rows.sort(key=lambda row: not row[0])
+    return {identity: verdict for _, identity, verdict in rows}
 
 
 def proposed(session: Session) -> int:

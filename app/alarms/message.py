@@ -7,7 +7,7 @@ from datetime import datetime
 from typing import Any
 from zoneinfo import ZoneInfo
 
-from app.web.words import VERDICTS, name_of
+from app.web.words import VERDICTS, name_of, one_of
 from casebase.models import Delivery
 
 SCHEMA = "gearcase-alarm/1"
@@ -82,10 +82,11 @@ def subject_of(facts: Mapping[str, Any]) -> str:
 
 
 def _of_state(facts: Mapping[str, Any], zone: str) -> tuple[str, tuple[str, ...]]:
-    if facts["verdict"] != "diagnosed":
+    label, left = facts.get("label"), facts.get("labels")
+    if label is None and not left:
         said = VERDICTS[facts["verdict"]].lower()
     else:
-        said = name_of(facts["label"])
+        said = name_of(label) if label else one_of(left or ())
         if facts["probability"] is not None:
             sure = f"{100 * facts['probability']:.0f} %" if facts["calibrated"] else f"{facts['probability']:.2f} of 1"
             said += f", how sure: {sure}"

@@ -46,7 +46,8 @@ def drive_picture(
 def _heard(standing: Standing | None) -> str | None:
     if standing is None or standing.recording is None or standing.reason not in (Reason.NAMED, Reason.FOUND):
         return None
-    return standing.recording.label if standing.recording.label in GEAR_FAULTS else None
+    label = standing.recording.label
+    return label if label in GEAR_FAULTS and standing.recording.left in ((), (label,)) else None
 
 
 def _said(heard: str | None, stages: int, marks: Mapping[str, Sequence[str]]) -> str:

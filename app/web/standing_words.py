@@ -7,7 +7,7 @@ from markupsafe import Markup
 
 from app.web.svg import shape_path
 from app.web.templating import NO_BREAK
-from app.web.words import CHECKS, name_of
+from app.web.words import CHECKS, name_of, one_of
 from casebase.gearbox_state import NamedFault, Reason, Standing, State
 from casebase.trend import CREST_FACTOR, RECORDINGS_PER_FALSE_ALARM, Trend
 
@@ -83,6 +83,8 @@ def why(standing: Standing | None, zone: str, said: str | None = None) -> str:
     name = name_of(standing.recording.label if standing.recording else None)
     on = day(standing.since, zone)
     match standing.reason:
+        case Reason.NAMED if said and standing.recording and standing.recording.left:
+            return said
         case Reason.NAMED:
             return f"The newest recording sounds like {name}.{f' How sure: {said}.' if said else ''}"
         case Reason.FOUND:
@@ -111,7 +113,8 @@ def why(standing: Standing | None, zone: str, said: str | None = None) -> str:
 
 def named_words(fault: NamedFault, zone: str) -> str:
     """Say which fault was named when, and how many recordings have sounded good since."""
-    name, on = name_of(fault.named[-1].label), day(fault.named[0].at, zone)
+    newest, on = fault.named[-1], day(fault.named[0].at, zone)
+    name = one_of(newest.left) if newest.left else name_of(newest.label)
     times = f"in {len(fault.named)} recordings since {on}" if len(fault.named) > 1 else f"on {on}"
     good = f"{fault.good or 'no'} recording{'s' if fault.good > 1 else ''}"
     have = "have" if fault.good > 1 else "has"

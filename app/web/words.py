@@ -107,6 +107,15 @@ def listed(label: str | None) -> str:
     return "no fault" if label == "normal" else name_of(label)
 
 
+def one_of(left: Sequence[str]) -> str:
+    """Name a fault of which it is open which, by the labels that are left.
+
+    >>> one_of(["notch", "play"])
+    'a fault, tooth damage (notch) or backlash (play)'
+    """
+    return f"a fault, {' or '.join(map(name_of, left))}"
+
+
 def is_calibrated(document: Mapping[str, Any]) -> bool:
     """Whether how sure a diagnosis is was calibrated on gearboxes, and may stand in per cent."""
     return bool(document["provenance"].get("gearboxes", 0) >= CALIBRATED_FROM)

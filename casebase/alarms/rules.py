@@ -189,8 +189,9 @@ def matched(rule: AlarmRule, state: State) -> dict[str, object] | None:
         ):
             return _told_of(
                 state.fault.heard,
-                verdict="diagnosed",
+                verdict=state.fault.heard.verdict,
                 label=label,
+                labels=state.fault.heard.left or (label,),
                 probability=probability,
                 calibrated=state.fault.calibrated,
                 size_rad=size_rad,

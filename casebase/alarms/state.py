@@ -21,13 +21,14 @@ class Told:
     """The newest recording that names the fault that stands.
 
     Args:
-        faults: labels of the faults that it names, each with its probability.
+        faults: labels of the faults that it names, each with its probability; where only the name is open, None with
+            the probability of any, then those that are left.
         size_rad: of the first, at the driven gear [rad]; None where it cannot be said.
         calibrated: whether the probabilities were calibrated on gearboxes.
     """
 
     heard: Heard
-    faults: tuple[tuple[str, float | None], ...]
+    faults: tuple[tuple[str | None, float | None], ...]
     size_rad: float | None
     calibrated: bool
 
@@ -115,5 +116,9 @@ def _told(heard: Heard, row: StoredDiagnosis | None) -> Told:
     if row is None or row.revised_label is not None or heard.label != row.label:
         same = row is not None and heard.label == row.label
         return Told(heard, ((str(heard.label), 1.0),), size_rad if same else None, calibrated)
+    if heard.left:
+        of = {str(each["label"]): each["probability"] for each in document["hypotheses"]}
+        left = tuple((label, of.get(label)) for label in heard.left)
+        return Told(heard, ((None, document["fault"]["probability"]), *left), None, calibrated)
     faults = tuple((str(each["label"]), each["probability"]) for each in document["faults"])
     return Told(heard, faults, size_rad, calibrated)

@@ -1,7 +1,7 @@
 """The page of a gearbox, the queue of what needs a person and the alarms say the same of it, whatever was heard."""
 
 import json
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from datetime import timedelta
 from typing import Any
 from unittest.mock import patch
@@ -155,6 +155,45 @@ def test_a_rejected_fault_is_none_for_all_three_until_that_is_taken_back(service
     (step,) = service.ask("GET", f"{API}/steps?kind=diagnosis&subject={fault['id']}").json()["items"]
     service.ask("POST", f"{API}/steps/{step['number']}/undo").raise_for_status()
     agree(service, "rejected", LIKELY, stands=True)
+
+
+def undecided(service: Inside, gearbox: str, *left: str, sure: float, quality: Sequence[object] = ()) -> None:
+    """A diagnosis that leaves the label open, as a row."""
+    with service.service.library.transaction("test") as session:
+        present = None if 0.1 < sure < 0.9 else sure > 0.5
+        said = {
+            "fault": {"present": present, "probability": sure},
+            "labels": left,
+            "quality": quality,
+            "hypotheses": [
+                {"label": label, "probability": 0.6, "p_value": 0.5, "support": {"measured": 1, "simulated": 0}}
+                for label in left
+            ],
+        }
+        keep(session, "arm", gearbox, now() - timedelta(days=1), {}, left[0], verdict="ambiguous", **said)
+
+
+def test_a_fault_of_which_only_the_name_is_open_is_one_for_all_three(service: Inside) -> None:
+    undecided(service, "open", "notch", "play", "normal", sure=0.97)
+    look(service)
+    agree(service, "open", LIKELY, stands=True)
+    assert messages(service, "open") == ["notch", None]
+    assert "undecided which: tooth damage (notch) or backlash (play)" in service.browse("GET", "/fleet").text
+    given = service.ask("GET", f"{API}/alarms/deliveries?limit=200").json()["items"]
+    (told,) = (
+        each["message"] for each in given if each["message"]["gearbox"] == "open" and not each["message"]["label"]
+    )
+    assert (told["verdict"], told["labels"], told["probability"]) == ("ambiguous", ["notch", "play"], 0.97)
+
+
+def test_no_fault_is_good_where_the_label_is_open_and_neither_is_said_of_a_poor_recording(service: Inside) -> None:
+    undecided(service, "none", "normal", "healthy", sure=0.03)
+    undecided(service, "either", "normal", "notch", sure=0.5)
+    poor = {"name": "wind", "severity": "poor", "reason": "wind", "value": 1.0}
+    undecided(service, "poor", "notch", "play", sure=0.97, quality=[poor])
+    look(service)
+    assert [on_page(service, each) for each in ("none", "either", "poor")] == [GOOD, "Cannot say", "Cannot say"]
+    assert not any(alarmed(service, each) for each in ("none", "either", "poor"))
 
 
 def test_an_answer_that_was_broken_off_is_not_remembered(service: Inside) -> None:

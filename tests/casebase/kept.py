@@ -20,8 +20,13 @@ def keep(
     *,
     verdict: str = "diagnosed",
     state: tuple[float | None, float | None] = (None, None),
+    **document: object,
 ) -> StoredRecording:
-    """Store a recording, its features, 0 where none is given, and a diagnosis of it where it has a label or verdict."""
+    """Store a recording, its features, 0 where none is given, and a diagnosis of it where it has a label or verdict.
+
+    Args:
+        document: what else the diagnosis says.
+    """
     identity = new_id()
     recording = StoredRecording(
         id=identity,
@@ -55,7 +60,7 @@ def keep(
     session.add_all((recording, row))
     if label is not None or verdict != "diagnosed":
         said = {"verdict": verdict, "label": label, "probability": 0.95}
-        document = {**said, "severity": None, "id": identity, "provenance": {"gearboxes": 5}}
+        document |= {**said, "severity": None, "id": identity, "provenance": {"gearboxes": 5}}
         document["recording"] = {"axis": axis, "gearbox": gearbox}
         given = StoredDiagnosis(
             id=identity, recording=recording, verdict=verdict, label=label, probability=0.95, created_by="test"
