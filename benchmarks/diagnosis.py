@@ -3,7 +3,8 @@
 Needs the measured data (GEARCASE_SHARED, default `../shared` beside the checkout). Every share of right answers is
 followed by its 95 % Wilson interval. The recordings tested are never in the library, nor are others of their gearbox.
 
-`python -m benchmarks.diagnosis side_by_side field_bank` prints these parts alone.
+`python -m benchmarks.diagnosis side_by_side field_bank` prints these parts alone, each with how well its probabilities
+are calibrated on recordings of known labels.
 """
 
 import csv
@@ -309,8 +310,12 @@ def _read(file: Path) -> Extraction:
 
 
 def _both(name: str, parts: Iterable[tuple[CaseTable, Sequence[Asked]]]) -> list[Row]:
-    """Return a row for every kind: right and wrong answers of at least 0.9, of Gearcase and of the plain classifier."""
+    """Return a row for every kind: right and wrong answers of at least 0.9, of Gearcase and of the plain classifier.
+
+    The last row is the calibration of what Gearcase says of known labels.
+    """
     tally: dict[str, NDArray[np.intp]] = {}
+    given: list[tuple[float, bool, bool]] = []
     start = time.perf_counter()
     for table, asked in parts:
         reasoner, plain = Reasoner(table), PlainClassifier(table)
@@ -319,13 +324,33 @@ def _both(name: str, parts: Iterable[tuple[CaseTable, Sequence[Asked]]]) -> list
             label, sure = plain.judge(each.extraction.features.values) if each.extraction.usable else ("", 0.0)
             ours, theirs = diagnosis.verdict == "diagnosed", sure >= DIAGNOSED_FROM
             own, other = diagnosis.label == each.truth, label == each.truth
+            if each.truth and diagnosis.hypotheses:
+                best = diagnosis.hypotheses[0]
+                given.append((best.probability, best.label == each.truth, ours))
             found = (ours and own, ours and not own, theirs and other, theirs and not other, True)
             tally[each.kind] = tally.get(each.kind, np.zeros(5, np.intp)) + found
     seconds = (time.perf_counter() - start) / max(1, sum(counts[-1] for counts in tally.values()))
     return [
         Row(f"{name}, {kind}", seconds, note="said right/wrong {}/{}, plain {}/{} of {}".format(*counts))
         for kind, counts in tally.items()
-    ]
+    ] + [Row(f"{name}, calibration", seconds, note=_calibration(np.array(given)))]
+
+
+def _calibration(given: NDArray[np.float64]) -> str:
+    """Return the expected calibration error in ten bins of equal counts, and what is said beside how often it is right.
+
+    Source: Naeini, Cooper, Hauskrecht, Obtaining well calibrated probabilities using Bayesian binning, AAAI (2015).
+
+    Args:
+        given: probability of the leading label, whether it is right, whether it is said, shape (n, 3).
+    """
+    bins = np.array_split(given[given[:, 0].argsort(kind="stable")], 10)
+    error = sum(abs(part[:, 0].sum() - part[:, 1].sum()) for part in bins) / len(given)
+    said = given[given[:, 2] == 1, :2]
+    sure, right = said.mean(axis=0) if len(said) else (0.0, 0.0)
+    return (
+        f"ECE {error:.3f} of {len(given)}; said {sure:.3f}, right {right:.3f}, gap {sure - right:+.3f} of {len(said)}"
+    )
 
 
 # -- other machines
