@@ -15,7 +15,6 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass, field
-from functools import partial
 from multiprocessing import get_context, parent_process
 from threading import Thread
 from typing import TypeVar
@@ -28,11 +27,10 @@ from sqlalchemy.exc import IntegrityError
 
 from app.intake import mesh_orders, shaft_orders
 from app.jobs.job import JobKind, Json, Report
-from casebase import revisions
 from casebase.artifacts import active_artifact
 from casebase.description import Labelling, RecordingDescription
 from casebase.library import CaseLibrary
-from casebase.models import Case, RobotRevision
+from casebase.models import Case
 from casebase.review import quarantine_far
 from casebase.signals.condition import OperatingCondition
 from casebase.signals.features import Extraction, extract
@@ -45,7 +43,6 @@ from sim.errors import ParameterError
 from sim.experiment.design_of_experiments import DURATION_S, Planned, Range, plan
 from sim.experiment.scenario import MODEL_VERSION, Scenario
 from sim.mechanisms import MECHANISMS
-from sim.robot.robot import Robot
 
 Task = TypeVar("Task")
 Done = TypeVar("Done")
@@ -56,39 +53,6 @@ SECONDS_PER_TASK = 160.0  # of simulated sound: 2 to 6 s of work on one core
 
 
 @dataclass(frozen=True)
-class RobotJoint:
-    """A joint of a robot: which of those that are logged. `revision`: of a stored robot."""
-
-    robot: Robot
-    place: int
-    revision: int | None = None
-
-    @property
-    def axis(self) -> Axis:
-        """Its drive."""
-        return self.robot.joints[self.place].axis
-
-    @property
-    def name(self) -> str:
-        """As the robot calls it."""
-        return self.robot.joints[self.place].name
-
-
-def stored_joint(library: CaseLibrary, robot: str, joint: str, revision: int | None = None) -> RobotJoint:
-    """A joint of a stored robot.
-
-    Raises NotFoundError where no robot is called so, RobotError where none of its joints is, or its drive is unknown.
-    """
-    from sim.robot.foreign import kept_robot
-    from sim.robot.joint_simulation import place_of
-
-    with library.reading() as session:
-        row = revisions.get(session, RobotRevision, robot, revision)
-        found = kept_robot(row.document, row.urdf.encode())
-        return RobotJoint(found, place_of(found, joint), row.revision)
-
-
-@dataclass(frozen=True)
 class Campaign:
     """What is to be generated.
 
@@ -96,8 +60,6 @@ class Campaign:
     ----------
     axis
         Whose gearbox is heard.
-    joint
-        Where that axis is in a robot, whose links are then its load.
     counts
         Cases per label.
     microphones
@@ -116,11 +78,8 @@ class Campaign:
     sound_version: int | None = None
     payload_kg_m2: tuple[float, float] | None = None
     speed_rad_s: tuple[float, float] | None = None
-    joint: RobotJoint | None = None
 
     def __post_init__(self) -> None:
-        if self.joint is not None and self.payload_kg_m2 is not None:
-            raise ParameterError("payload_kg_m2: of a joint of a robot the poses say it; leave it out")
         for name in ("payload_kg_m2", "speed_rad_s"):
             ends = getattr(self, name)
             if ends is not None and not 0 < ends[0] <= ends[1] < math.inf:
@@ -148,16 +107,12 @@ class Campaign:
                 }
             )
         )
-        if self.joint is not None:
-            document["joint"] = [self.joint.robot.name, self.joint.name, self.joint.revision]
         return document
 
     @classmethod
     def from_document(cls, document: Mapping[str, object], library: CaseLibrary) -> Campaign:
         """Read it back; a robot is read from the library. Raises SimulationError where it is wrong."""
         known = dict(document)
-        if known.get("joint"):
-            known["joint"] = stored_joint(library, *known["joint"])  # type: ignore[misc]
         known["axis"] = read_axis(known["axis"])  # type: ignore[arg-type]
         known["microphones"] = tuple(microphone_of(each) for each in known["microphones"])  # type: ignore[attr-defined]
         for name in ("payload_kg_m2", "speed_rad_s"):
@@ -166,12 +121,8 @@ class Campaign:
 
     def planned(self, only: range | None = None) -> list[Planned]:
         """All cases, label by label, or some of them by number."""
-        planner: Callable[..., list[Planned]] = partial(plan, self.axis)
-        if self.joint is not None:
-            from sim.robot.joint_plan import plan_joint
-
-            planner = partial(plan_joint, self.joint.robot, self.joint.place)
-        return planner(
+        return plan(
+            self.axis,
             self.counts,
             self.seed,
             microphones=self.microphones,
@@ -263,7 +214,7 @@ def retain(library: CaseLibrary, generated: Sequence[Generated], batch: str) -> 
                 axis=scenario.axis.name,
                 gearbox=f"simulated-{scenario.specimen.seed}",
                 condition=condition_of(scenario),
-                extra={"simulated": True} | ({} if (load := scenario.pose_load) is None else {"robot": load.robot}),
+                extra={"simulated": True},
             )
             row = library.retain.recording(session, case.audio, case.recording, case.extraction, description)
             labelling = Labelling(

@@ -8,8 +8,7 @@ from sqlalchemy.orm import Session
 
 from app.api.jobs import JobDocument
 from app.documents import Question
-from app.errors import Unprocessable
-from app.generation import KIND, Campaign, RobotJoint, fitted_microphones, stored_joint
+from app.generation import KIND, Campaign, fitted_microphones
 from app.idempotency import Made, OnlyOnce
 from app.security import Admin
 from app.service import Service
@@ -29,9 +28,7 @@ LABEL_NAMES = ", ".join(labels())
 class SimulationRequest(Question):
     """What is to be generated."""
 
-    axis: dict[str, object] | str | None = Field(None, description="an axis description, or the name of a stored one")
-    robot: str | None = Field(None, description="instead of an axis: name of a stored robot, whose links are the load")
-    joint: str | None = Field(None, description="which of the robot's joints; robot.toml has to describe its axis")
+    axis: dict[str, object] | str = Field(description="an axis description, or the name of a stored one")
     per_label: Count = Field(100, description=f"cases of each of {', '.join(LABELS)}")
     counts: dict[str, Count] | None = Field(
         None, description=f"cases by label instead; labels are {LABEL_NAMES}", examples=[{"normal": 50, "play": 100}]
@@ -46,8 +43,7 @@ class SimulationRequest(Question):
 @router.post("/simulations", status_code=status.HTTP_202_ACCEPTED, response_model=JobDocument)
 def simulate(wanted: SimulationRequest, _: Admin, once: OnlyOnce, request: Request) -> Response:
     """Generate cases for an axis: a space-filling plan over fault size, place and flank, payload, speed, microphone
-    and noise. Of a joint of a robot the load follows the pose: the robot moves back and forth between drawn poses.
-    Cases that are there already are not made again.
+    and noise. Cases that are there already are not made again.
 
     Answers the job; follow it at its `Location`.
     """
@@ -63,7 +59,7 @@ def simulate(wanted: SimulationRequest, _: Admin, once: OnlyOnce, request: Reque
 
 def campaign_of(service: Service, wanted: SimulationRequest) -> Campaign:
     """The campaign that a request describes. Raises SimulationError and NotFoundError."""
-    axis, joint = _subject(service, wanted)
+    axis = _axis(service, wanted.axis)
     microphones, version = fitted_microphones(service.library, axis) if wanted.fitted else ((), None)
     counts = dict.fromkeys(LABELS, wanted.per_label) if wanted.counts is None else wanted.counts
     return Campaign(
@@ -75,19 +71,7 @@ def campaign_of(service: Service, wanted: SimulationRequest) -> Campaign:
         version,
         wanted.payload_kg_m2,
         wanted.speed_rad_s,
-        joint,
     )
-
-
-def _subject(service: Service, wanted: SimulationRequest) -> tuple[Axis, RobotJoint | None]:
-    """Whose gearbox is heard, and where that is in a robot."""
-    if wanted.axis is not None and wanted.robot is None and wanted.joint is None:
-        return _axis(service, wanted.axis), None
-    if wanted.axis is None and wanted.robot is not None and wanted.joint is not None:
-        joint = stored_joint(service.library, wanted.robot, wanted.joint)
-        check_name("axis.name", joint.axis.name)
-        return joint.axis, joint
-    raise Unprocessable("Give 'axis' for an axis, or 'robot' and 'joint' for a joint of a stored robot.")
 
 
 def _axis(service: Service, given: dict[str, object] | str) -> Axis:

@@ -12,10 +12,9 @@ from pydantic import BaseModel, ConfigDict
 
 from app.commands.axis import MEANT, METAVAR, axis_of
 from app.commands.frame import Frame, frame_of
-from app.generation import Campaign, Outcome, RobotJoint, fitted_microphones, generate
+from app.generation import Campaign, Outcome, fitted_microphones, generate
 from casebase.library import CaseLibrary
 from casebase.signals.text import text_of
-from sim.description.axis import Axis
 from sim.experiment.design_of_experiments import DURATION_S, LABELS, labels
 
 
@@ -25,12 +24,7 @@ def register(app: typer.Typer) -> None:
 
 def generate_cases(
     context: typer.Context,
-    axis: Annotated[str | None, typer.Option(metavar=METAVAR, help=MEANT)] = None,
-    robot: Annotated[
-        Path | None,
-        typer.Option(metavar="ROBOT.toml", help="instead of an axis: a robot, whose links are the load of its joint"),
-    ] = None,
-    joint: Annotated[str | None, typer.Option(metavar="NAME", help="of the robot, with its axis described")] = None,
+    axis: Annotated[str, typer.Option(metavar=METAVAR, help=MEANT)],
     per_label: Annotated[int | None, typer.Option(min=1, max=10_000, metavar="N", help="cases of each label")] = None,
     plan: Annotated[
         Path | None, typer.Option(metavar="PLAN.json", help="instead: what `cases review --plan` found missing")
@@ -45,12 +39,11 @@ def generate_cases(
     json: Annotated[bool, typer.Option("--json", help="one JSON document on stdout")] = False,
 ) -> None:
     """Generate cases for an axis: a space-filling plan over fault size, place and flank, payload, speed, microphone
-    and noise. Of a joint of a robot the load follows the pose: the robot moves back and forth between drawn poses.
-    Cases that are there already are not made again, so an interrupted run is repeated as it was."""
+    and noise. Cases that are there already are not made again, so an interrupted run is repeated as it was."""
     frame = frame_of(context)
     if (per_label is None) == (plan is None):
         raise typer.BadParameter("give either --per-label or --plan")
-    described, place = subject(frame, axis, robot, joint)
+    described = axis_of(frame, axis)
     entries = [{"counts": dict.fromkeys(label or LABELS, per_label)}] if plan is None else read_plan(plan)
     with frame.library() as library:
         microphones, version = ((), None) if generic else fitted_microphones(library, described)
@@ -61,7 +54,6 @@ def generate_cases(
                 duration_s=duration,
                 microphones=microphones,
                 sound_version=version,
-                joint=place,
                 **entry,
             )
             for entry in entries
@@ -74,20 +66,6 @@ def generate_cases(
     else:
         sound = "usual housings" if version is None else f"the sound fitted to this axis (version {version})"
         frame.print(f"{new} cases generated with {sound}, {known} were there already")
-
-
-def subject(frame: Frame, axis: str | None, robot: Path | None, joint: str | None) -> tuple[Axis, RobotJoint | None]:
-    """Whose gearbox is heard, and where that is in a robot. Raises BadParameter unless it is one of both."""
-    if axis is not None and robot is None and joint is None:
-        return axis_of(frame, axis), None
-    if axis is None and robot is not None and joint is not None:
-        from sim.robot.joint_simulation import place_of
-        from sim.robot.robot import read_robot
-
-        described = read_robot(robot)
-        found = RobotJoint(described, place_of(described, joint))
-        return found.axis, found
-    raise typer.BadParameter("give --axis AXIS for an axis, or --robot ROBOT.toml with --joint NAME")
 
 
 def read_plan(path: Path) -> list[dict[str, Any]]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import threading
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -44,16 +44,7 @@ def register(app: typer.Typer) -> None:
 def simulate(
     context: typer.Context,
     out: Annotated[Path, typer.Option(metavar="DIR", help="where telemetry.csv and sound.wav are written")],
-    axis: Annotated[str | None, typer.Option(metavar=METAVAR, help=MEANT)] = None,
-    robot: Annotated[
-        Path | None,
-        typer.Option(metavar="ROBOT.toml", help="instead of an axis: a robot, of which a joint is simulated"),
-    ] = None,
-    joint: Annotated[str | None, typer.Option(metavar="NAME", help="of the robot, with its axis described")] = None,
-    trajectory: Annotated[
-        Path | None,
-        typer.Option(metavar="T.csv", help="motion of the robot; without it the joint alone moves, as its axis says"),
-    ] = None,
+    axis: Annotated[str, typer.Option(metavar=METAVAR, help=MEANT)],
     mechanism: Annotated[
         list[str] | None,
         typer.Option(metavar="NAME[@LOCATION]", help="a mechanism that is added to the axis; may be repeated"),
@@ -70,15 +61,10 @@ def simulate(
     """Simulate an axis along its motion; write its telemetry at 2 kHz and its sound at 8 kHz."""
     frame = frame_of(context)
     wanted = read_mechanisms(mechanism or [], settings or [])
-    if (axis is None) == (robot is None) or (robot is None) != (joint is None):
-        raise typer.BadParameter("give --axis AXIS for an axis, or --robot ROBOT.toml with --joint NAME")
-    if axis is not None:
-        described = _with(axis_of(frame, axis), wanted)
-        result = _watched(frame, duration, lambda watch: measure(described, duration, seed, watch=watch))
-    else:
-        assert robot is not None
-        assert joint is not None
-        described, result = _of_joint(frame, robot, joint, trajectory, wanted, duration, seed)
+    described = axis_of(frame, axis)
+    for one in wanted:
+        described = with_mechanism(described, MECHANISMS[one.name](one.location, one.values))
+    result = _watched(frame, duration, lambda watch: measure(described, duration, seed, watch=watch))
     files = write(result, described, out, parquet=parquet)
     if plot:
         files += plot_measurement(result, described, out)
@@ -87,40 +73,6 @@ def simulate(
         frame.print_json(document)
     else:
         _show(frame, document)
-
-
-def _with(axis: Axis, wanted: list[Wanted]) -> Axis:
-    for one in wanted:
-        axis = with_mechanism(axis, MECHANISMS[one.name](one.location, one.values))
-    return axis
-
-
-def _of_joint(
-    frame: Frame, robot: Path, joint: str, trajectory: Path | None, wanted: list[Wanted], duration: float, seed: int
-) -> tuple[Axis, Measurement]:
-    """One joint while the robot moves."""
-    from sim.robot.joint_simulation import measure_joint, own_motion, place_of
-    from sim.robot.robot import read_robot
-    from sim.robot.trajectory import read_trajectory
-
-    described = read_robot(robot)
-    place = place_of(described, joint)
-    joints = list(described.joints)
-    joints[place] = replace(joints[place], axis=_with(joints[place].axis, wanted))
-    described = replace(described, joints=tuple(joints))
-    if trajectory is None:
-        motion = own_motion(described, place, duration)
-    else:
-        motion = read_trajectory(trajectory, tuple(one.name for one in described.joints))
-    found: list[Axis] = []
-
-    def run(watch: NDArray[np.float64]) -> Measurement:
-        axis, measured = measure_joint(described, place, motion, seed, watch)
-        found.append(axis)
-        return measured
-
-    result = _watched(frame, float(motion.time_s[-1]), run)
-    return found[0], result
 
 
 def read_mechanisms(names: list[str], settings: list[str]) -> list[Wanted]:

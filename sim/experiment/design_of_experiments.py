@@ -129,7 +129,6 @@ def plan(
     microphones: Sequence[Microphone] = (),
     duration_s: float = DURATION_S,
     operation: Sequence[Range] = (),
-    reach_rad: tuple[float, float] | None = None,
     only: range | None = None,
 ) -> list[Planned]:
     """Scenarios for each label, `counts[label]` of them.
@@ -143,8 +142,6 @@ def plan(
         every case has a housing of its own drawn from all that is usual.
     operation
         Ranges that stand for those of the same name in `OPERATION`.
-    reach_rad
-        Between which angles the output can be: it then moves anywhere between them.
     only
         Which of them, counted over all labels; all if None.
 
@@ -168,17 +165,9 @@ def plan(
             draw = dict(zip(names, map(float, point), strict=True))
             random = np.random.default_rng([seed, number, index])
             value = {r.name: r.at(draw[r.name]) for r in ranges}
-            if reach_rad is not None:
-                value |= _within(reach_rad, value["travel_rad"], draw["middle_rad"])
             out.append(_planned(axis, label, draw, value, random, microphones, duration_s))
         first += count
     return out
-
-
-def _within(reach_rad: tuple[float, float], travel_rad: float, share: float) -> dict[str, float]:
-    low, high = reach_rad
-    travel = min(travel_rad, high - low)
-    return {"travel_rad": travel, "middle_rad": low + travel / 2 + share * (high - low - travel)}
 
 
 def _planned(

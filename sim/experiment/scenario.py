@@ -13,10 +13,9 @@ from sim.acoustics.microphone import SAMPLE_RATE_HZ, Microphone, hear, microphon
 from sim.description.axis import Axis, Motion
 from sim.description.axis_document import read_axis
 from sim.errors import RunError
-from sim.experiment.pose_load import PoseLoad, pose_load_of
 from sim.experiment.specimen import Specimen
 from sim.mechanisms.catalogue import distort_sound
-from sim.torsional.integrate import run_chain, steady_start
+from sim.torsional.integrate import run_chain
 from sim.torsional.model import Array, Chain, ChainResult, Servo
 from sim.torsional.motion_profile import back_and_forth
 
@@ -43,8 +42,6 @@ class Scenario:
         Angle of the output midway between the two ends of the motion.
     noise_seed
         Of rubbing and ambient noise.
-    pose_load
-        Of a joint within a moving robot: what its links ask for; `payload_kg_m2` is the mean of the inertia it feels.
     """
 
     axis: Axis
@@ -55,7 +52,6 @@ class Scenario:
     start_phase: float = 0.0
     middle_rad: float = 0.0
     noise_seed: int = 0
-    pose_load: PoseLoad | None = None
 
     def to_mapping(self) -> dict[str, object]:
         """As nested dicts and lists (JSON), complete: `scenario_of` reads it back."""
@@ -68,7 +64,6 @@ class Scenario:
             "start_phase": self.start_phase,
             "middle_rad": self.middle_rad,
             "noise_seed": self.noise_seed,
-            **({} if self.pose_load is None else {"pose_load": asdict(self.pose_load)}),
         }
 
     def perform(self) -> NDArray[np.float32]:
@@ -83,33 +78,12 @@ class Scenario:
         chain = self.specimen.chain(self.axis, self.payload_kg_m2)
         motion = self.motion()
         servo = servo_of(self.axis, chain, motion)
-        if self.pose_load is None:
-            run = run_chain(chain, servo, SAMPLE_RATE_HZ, motion.shape[1])
-        else:
-            run = self._with_links(self.pose_load, chain, servo, motion)
+        run = run_chain(chain, servo, SAMPLE_RATE_HZ, motion.shape[1])
         if not np.isfinite(run.force_n_m).all():
             raise RunError(
                 f"axis {self.axis.name!r} left all bounds under its servo; lower servo.speed_bandwidth_rad_s"
             )
         return run
-
-    def _with_links(self, load: PoseLoad, chain: Chain, servo: Servo, motion: Array) -> ChainResult:
-        """The run with the robot's links for the load; the servo knows their torque, as a robot's controller does."""
-        own, torque = load.along(motion)
-        angle, speed, known = servo.reference
-        known = known + (torque - self.payload_kg_m2 * motion[2]) / self.axis.ratio
-        inertia = np.tile([[shaft.inertia_kg_m2] for shaft in chain.shafts], torque.size)
-        outside = np.zeros_like(inertia)
-        end = len(self.axis.stages)
-        hung = float(inertia[end + 1 :, 0].sum())  # a part of the load on a spring, which stays as it is
-        moved = own + hung * (1.0 - own / self.payload_kg_m2)
-        inertia[end] += moved - self.payload_kg_m2
-        outside[end] = moved * motion[2] - torque
-        start = steady_start(chain, float(angle[0]), float(speed[0]), known_n_m=-float(outside[end, 0]))
-        servo = replace(servo, reference=np.stack([angle, speed, known]))
-        return run_chain(
-            chain, servo, SAMPLE_RATE_HZ, torque.size, start=start, external_n_m=outside, inertia_kg_m2=inertia
-        )
 
     def motion(self, rate_hz: float = SAMPLE_RATE_HZ) -> Array:
         """Angle [rad], speed [rad/s] and acceleration [rad/s2] that the output is to have, shape (3, n)."""
@@ -122,13 +96,6 @@ class Scenario:
             wanted.dwell_s,
         )
         return np.stack([position - travel_rad(wanted) / 2 + self.middle_rad, speed, acceleration])
-
-    def load_torque(self, motion: Array) -> Array:
-        """What the last gear carries along that motion: links or load, with friction [N m], shape (n,)."""
-        load, (_, speed, acceleration) = self.axis.load, motion
-        friction = load.coulomb_friction_n_m * np.sign(speed) + load.viscous_friction_n_m_s_per_rad * speed
-        links = self.payload_kg_m2 * acceleration if self.pose_load is None else self.pose_load.along(motion)[1]
-        return np.asarray(links + self.specimen.friction * friction)
 
     def hear(self, run: ChainResult) -> NDArray[np.float32]:
         """What the scenario's microphone hears of a run, shape (n,), and what its recorder makes of that."""
@@ -153,7 +120,6 @@ def scenario_of(document: Mapping[str, Any]) -> Scenario:
         axis=read_axis(document["axis"]),
         specimen=Specimen(**document["specimen"]),
         microphone=microphone_of(document["microphone"]),
-        pose_load=pose_load_of(document["pose_load"]) if "pose_load" in document else None,
         **rest,
     )
 

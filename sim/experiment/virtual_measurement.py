@@ -18,7 +18,7 @@ from sim.rotational.drive_train import DriveTrain
 from sim.rotational.trajectory import Trajectory
 from sim.torsional.model import Array
 from sim.torsional.motion_profile import moving
-from sim.torsional.reduction import Course, simulate_chain
+from sim.torsional.reduction import simulate_chain
 
 TELEMETRY_RATE_HZ = 2000.0
 LEVEL_OF_16_BIT = 2.0**-15
@@ -57,13 +57,12 @@ def measure(
     seed: int = 0,
     microphone: Microphone = DEFAULT_MICROPHONE,
     watch: Array | None = None,
-    course: Course | None = None,
 ) -> Measurement:
-    """Simulate an axis along its `motion`, or another `course`, and measure it; the same seed gives the same bytes.
+    """Simulate an axis along its `motion` and measure it; the same seed gives the same bytes.
 
     Raises SimulationError for an axis or a duration that cannot be, RunError where the motion left all bounds.
     """
-    trajectory = simulate_chain(built(axis), duration_s, SAMPLE_RATE_HZ, watch, course)
+    trajectory = simulate_chain(built(axis), duration_s, SAMPLE_RATE_HZ, watch)
     if not np.isfinite(trajectory["motor.w"][-1]):
         raise RunError(f"axis {axis.name!r} left all bounds; lower servo.speed_bandwidth_rad_s")
     telemetry = distort_telemetry(telemetry_of(trajectory, axis), axis, seed)

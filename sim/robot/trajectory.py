@@ -5,16 +5,14 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.interpolate import CubicSpline
 
 from sim.discrepancy.results import rounded
 from sim.robot.motion import Motion
-from sim.robot.robot import Robot, RobotError
+from sim.robot.robot import Robot
 
 Array = NDArray[np.float64]
 
@@ -42,35 +40,6 @@ class Trajectory:
         rows = np.column_stack([self.time_s, self.position, self.speed]).tolist()
         lines = [",".join(["time_s", *names]), *(",".join(f"{value:.6f}" for value in row) for row in rows)]
         return "\n".join([*lines, ""])
-
-
-def read_trajectory(path: Path, joints: tuple[str, ...]) -> Trajectory:
-    """Read a file as `Trajectory.csv` writes it, for these joints in this order.
-
-    Raises
-    ------
-    RobotError
-        if it is none; the text says what is missing.
-    """
-    names = ["time_s", *(f"{joint}/{what}" for what in ("position", "velocity") for joint in joints)]
-    try:
-        with path.open(encoding="utf-8") as file:
-            head = file.readline().strip().split(",")
-            table = np.loadtxt(file, delimiter=",", ndmin=2)
-    except (OSError, ValueError) as error:
-        raise RobotError(f"{path.name}: no trajectory can be read: {error}") from None
-    missing = [name for name in names if name not in head]
-    if missing or len(table) < 2 or table.shape[1] != len(head):
-        raise RobotError(
-            f"{path.name}: no trajectory of this robot; its first line names {', '.join(missing) or 'all columns'}"
-            f"{', which is missing' if missing else ', and rows of as many numbers have to follow'}"
-        )
-    columns = table[:, [head.index(name) for name in names]]
-    time_s = columns[:, 0] - columns[0, 0]
-    if not np.isfinite(columns).all() or not np.allclose(np.diff(time_s), time_s[1], rtol=1e-3) or time_s[1] <= 0.0:
-        raise RobotError(f"{path.name}: time_s has to run in even steps, and every number has to be finite")
-    position, speed = columns[:, 1 : 1 + len(joints)], columns[:, 1 + len(joints) :]
-    return Trajectory(joints, time_s, position, speed, CubicSpline(time_s, speed)(time_s, 1))
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from sim.torsional.laws import COULOMB_F, DRIFT, friction
-from sim.torsional.model import Array, Chain, ChainError, ChainResult, Drive, PrescribedMotion, Servo, with_shaft
+from sim.torsional.model import Array, Chain, ChainError, ChainResult, Drive, PrescribedMotion, Servo
 from sim.torsional.rows import shaft_row
 
 LOG_ROWS = 20_000
@@ -23,17 +23,12 @@ def run_chain(
     *,
     substeps: int | None = None,
     start: Array | None = None,
-    external_n_m: Array | None = None,
-    inertia_kg_m2: Array | None = None,
     light: bool = False,
     watch: Array | None = None,
 ) -> ChainResult:
     """Integrate `samples` output rows at `sample_rate_hz`; inputs given as samples have the same rate.
 
     `start`: angles then speeds, shape (2 shafts,); default `steady_start` of a prescribed motion or servo, else rest.
-    `external_n_m`: torque on every shaft, shape (shafts, samples), straight lines between samples.
-    `inertia_kg_m2`: of every shaft instead of the chain's, shape (shafts, samples), held from sample to sample; torques
-    that come with its change are from outside.
     `substeps` per sample: default `stable_substeps`. `light` keeps load angle and motor torque only.
     `watch`: five numbers, of which the last tells another thread the fraction that is done.
     Raises ChainError for a wrong chain, drive or size before any work.
@@ -44,21 +39,12 @@ def run_chain(
     p, q = pack(chain)
     n = len(chain.shafts)
     _check_run(sample_rate_hz, samples)
-    lightness, lightest = np.zeros((0, samples)), chain
-    if inertia_kg_m2 is not None:
-        inertia = checked("inertia_kg_m2", inertia_kg_m2, (n, samples))
-        if not inertia.min() > 0:
-            raise ChainError(f"inertia_kg_m2: must be > 0, got {inertia.min()}")
-        lightness = 1.0 / inertia
-        for k, least in enumerate(inertia.min(axis=1)):
-            lightest = with_shaft(lightest, k, inertia_kg_m2=float(least))
-    substeps = stable_substeps(lightest, sample_rate_hz) if substeps is None else substeps
+    substeps = stable_substeps(chain, sample_rate_hz) if substeps is None else substeps
     if not 1 <= substeps <= 10_000:
         raise ChainError(f"substeps: needs 1 to 10000, got {substeps}")
     kind, coefficients, motion, servo, reference = pack_drive(drive, sample_rate_hz, samples)
     q[1] = kind
     p[chain_kernel.DRIVE : chain_kernel.DRIVE + 8] = coefficients
-    external = np.zeros((0, samples)) if external_n_m is None else checked("external_n_m", external_n_m, (n, samples))
     state = np.zeros(11)
     first = _default_start(chain, drive, sample_rate_hz) if start is None else checked("start", start, (2 * n,))
     state[:n], state[4 : 4 + n] = first[:n], first[n:]
@@ -74,7 +60,7 @@ def run_chain(
     log = np.empty((0 if light else LOG_ROWS, 5))
     while True:
         count, unresolved = chain_kernel.run(
-            p.copy(), q.copy(), motion, external, lightness, servo, reference, grid, state,
+            p.copy(), q.copy(), motion, servo, reference, grid, state,
             log, angle, speed, acceleration, force, torque,
         )  # fmt: skip
         if light or count <= len(log):

@@ -6,7 +6,7 @@ side of each lossy mesh, direction of each hysteresis loop. A margin is >= 0 whi
 crossing zero ends the step; the instant is found on the Runge-Kutta solution itself, to rounding.
 
 Three arrays hold everything, because numba counts references of every array it takes out of a tuple, which cost more
-than the physics: `p` parameters (shaft k at 16 k, link k at LINKS + 16 k, drive, external torque, rows of lines,
+than the physics: `p` parameters (shaft k at 16 k, link k at LINKS + 16 k, drive, rows of lines,
 waves, dents and ripples), `q` counts, offsets and modes, `w` working rows. Importing this module imports numba;
 `sim.torsional.reduction` does so at the first simulation. Friction, spring and dents are those of `sim.torsional.laws`,
 as in the observer of an investigation.
@@ -61,7 +61,7 @@ Matrix = NDArray[np.float64]
 
 # range() with a step divides, which costs more than the loop: hence while
 # p; J and ETA1 hold the reciprocals
-WIDTH, LINKS, DRIVE, EXT, ROWS = 16, 64, 112, 120, 128
+WIDTH, LINKS, DRIVE, ROWS = 16, 64, 112, 120
 # q: number of shafts, kind of drive, then offsets into p where the rows of link (ripples: all) begin and end
 SHAFTS, KIND, RIPPLES, LINES, WAVES, DENTS, CONTACT, LOOP, WAY, SIDE = 0, 1, 2, 4, 8, 12, 16, 20, 24, 28
 Q_SIZE = 32
@@ -261,7 +261,7 @@ def _rates(t: float, u: float, p: Floats, q: Ints, w: Floats) -> None:
     for k in range(first, n):
         w[RATE + k] = w[STAGE + 4 + k]
         s = WIDTH * k
-        net = p[s + OFFSET] + p[EXT + 2 * k] + u * p[EXT + 2 * k + 1]
+        net = p[s + OFFSET]
         if k > 0:
             net += w[FORCE + k - 1] * w[GIVES + k - 1]
         elif q[KIND] != PRESCRIBED:
@@ -444,12 +444,12 @@ def _step(
 
 
 @_jit
-def _motor_torque(acceleration: float, u: float, width: float, t: float, p: Floats, q: Ints, w: Floats) -> float:
+def _motor_torque(acceleration: float, width: float, t: float, p: Floats, q: Ints, w: Floats) -> float:
     """Torque [N m] that a motor needs which moves as prescribed; its friction is smooth below `width` rad/s."""
     speed = w[Y + 4]
     slip = math.tanh(speed / width)
     ahead = 0.5 * (1.0 + slip)
-    torque = acceleration / p[J] - p[OFFSET] - p[EXT] - u * p[EXT + 1]
+    torque = acceleration / p[J] - p[OFFSET]
     torque += p[GRAVITY] * math.sin(w[Y + 0] + p[PHASE])
     torque += _friction(0, speed, slip, t, p)
     j = q[RIPPLES]
@@ -478,13 +478,9 @@ def _command(servo: Floats, reference: Matrix, tick: int, p: Floats, w: Floats, 
 
 
 @_jit
-def _load_knot(motion: Matrix, external: Matrix, lightness: Matrix, i: int, p: Floats, q: Ints, w: Floats) -> None:
-    """Drive and external torques between input samples i and i + 1 as polynomials of the fraction between them; the
-    inertias there are those of sample i, and accelerations follow them at once."""
+def _load_knot(motion: Matrix, i: int, p: Floats, q: Ints) -> None:
+    """Drive between input samples i and i + 1 as a polynomial of the fraction between them."""
     d = DRIVE
-    for k in range(lightness.shape[0]):
-        w[K1 + 4 + k] *= lightness[k, i] / p[WIDTH * k + J]
-        p[WIDTH * k + J] = lightness[k, i]
     if q[KIND] == PRESCRIBED:
         dt = 1.0 / p[d + 6]
         p0, v0, a0 = motion[0, i], motion[1, i] * dt, motion[2, i] * dt * dt
@@ -497,9 +493,6 @@ def _load_knot(motion: Matrix, external: Matrix, lightness: Matrix, i: int, p: F
     elif motion.shape[1] > 1:
         p[d] = motion[0, i]
         p[d + 1] = motion[0, i + 1] - motion[0, i]
-    for k in range(external.shape[0]):
-        p[EXT + 2 * k] = external[k, i]
-        p[EXT + 2 * k + 1] = external[k, i + 1] - external[k, i]
 
 
 @_jit
@@ -530,8 +523,6 @@ def run(
     p: Matrix,
     q: NDArray[np.int64],
     motion: Matrix,
-    external: Matrix,
-    lightness: Matrix,
     servo: Matrix,
     reference: Matrix,
     grid: Matrix,
@@ -544,7 +535,7 @@ def run(
     torque: Matrix,
 ) -> tuple[int, int]:
     """Integrate over the rows of `torque`; `grid` = rate [Hz], steps per sample, friction width, tolerance,
-    and the fraction done, which another thread may watch. `lightness`: reciprocal inertias, or none.
+    and the fraction done, which another thread may watch.
 
     Inputs and servo ticks come once per sample; outputs without columns are skipped. Returns (events, unresolved).
     """
@@ -569,7 +560,7 @@ def run(
         last = i == samples - 1
         u = 1.0 if last and i > 0 else 0.0
         if not last:
-            _load_knot(motion, external, lightness, i, p, q, w)
+            _load_knot(motion, i, p, q)
         if q[KIND] == SERVO:
             before = p[DRIVE]
             integral = _command(servo, reference, i, p, w, integral)
@@ -588,7 +579,7 @@ def run(
         if q[KIND] == PRESCRIBED:
             moved = 2.0 * p[d + 2] + u * (6.0 * p[d + 3] + u * (12.0 * p[d + 4] + u * 20.0 * p[d + 5]))
             moved *= p[d + 6] * p[d + 6]
-            torque[i] = _motor_torque(moved, u, grid[2], t, p, q, w)
+            torque[i] = _motor_torque(moved, grid[2], t, p, q, w)
             if acceleration.shape[1]:
                 acceleration[i, 0] = moved
         else:

@@ -1,6 +1,6 @@
 """Engine 2 for robot axes: shafts in series with everything that is not affine inside, motor side first.
 
-    J_k w_k' = F_(k-1) - T_k(F_k / i_k) - friction_k - gravity_k + offset_k + ripple_k + external_k (+ motor on shaft 0)
+    J_k w_k' = F_(k-1) - T_k(F_k / i_k) - friction_k - gravity_k + offset_k + ripple_k (+ motor on shaft 0)
     x_k = theta_k / i_k - theta_(k+1) - e_k(angles)                twist of link k, at its driven gear [rad]
     F_k = contact law of x_k, x_k' (with gap, dents, stiffness) + hysteresis      torque on shaft k+1 [N m]
 

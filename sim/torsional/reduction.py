@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -27,15 +27,14 @@ from sim.rotational.components import Torque as TorqueSource
 from sim.rotational.drive_train import DriveTrain
 from sim.rotational.trajectory import MEMORY_LIMIT_BYTES, Trajectory
 from sim.torsional.components import GearMesh, Gravity, MeshLine, ServoDrive, ShaftFriction, TorqueRipple, TorqueWave
-from sim.torsional.integrate import run_chain, steady_start
-from sim.torsional.model import CLOCK, Array, Chain, Dent, Drive, Line, Link, Servo, Shaft, Torque, with_shaft
+from sim.torsional.integrate import run_chain
+from sim.torsional.model import CLOCK, Array, Chain, Dent, Drive, Line, Link, Servo, Shaft, Torque
 from sim.torsional.motion_profile import back_and_forth
 from sim.torsional.topology import Place, places_of
 from sim.torsional.trajectory import trajectory_of
 from sim.verification import check_finite
 
 MIN_RATE_OF_SERVO_HZ = 1000.0
-ROOM_OF_SERVO = 2.0  # times what a course asks for: as along the servo's own motion
 
 
 def fits(train: DriveTrain) -> bool:
@@ -58,26 +57,13 @@ def chain_of(train: DriveTrain) -> Chain:
     return _chain(train, places_of(train))
 
 
-@dataclass(frozen=True)
-class Course:
-    """Where a servo takes the first shaft instead of back and forth: angle [rad], speed [rad/s], acceleration [rad/s2],
-    shape (3, samples); and the torque on the last shaft from outside, shape (samples,) [N m]."""
-
-    motor: Array
-    load_torque_n_m: Array
-
-
 def simulate_chain(
     train: DriveTrain,
     duration_s: float,
     sample_rate_hz: float,
     watch: Array | None = None,
-    course: Course | None = None,
 ) -> Trajectory:
-    """Simulate shafts in series; channels and events bear the names of the components (`watch`: see `run_chain`).
-
-    `course`: of a train with a servo, which knows its torque beforehand, and begins at rest in balance.
-    """
+    """Simulate shafts in series; channels and events bear the names of the components (`watch`: see `run_chain`)."""
     number("duration_s", duration_s, "s", above=0)
     number("sample_rate_hz", sample_rate_hz, "Hz", above=0)
     samples = round(duration_s * sample_rate_hz) + 1
@@ -90,14 +76,7 @@ def simulate_chain(
         )
     chain = _chain(train, places)
     drive, reference = _drive(train, places, samples, sample_rate_hz)
-    start, external = _start(train, places, chain), None
-    if course is not None and isinstance(drive, Servo):
-        drive, reference = _along(drive, train, places, chain, course), course.motor[0]
-        last = with_shaft(chain, len(places) - 1, offset_n_m=float(course.load_torque_n_m[0]))
-        start = steady_start(last, float(reference[0]), 0.0)
-        external = np.zeros((len(places), samples))
-        external[-1] = course.load_torque_n_m
-    result = run_chain(chain, drive, sample_rate_hz, samples, start=start, external_n_m=external, watch=watch)
+    result = run_chain(chain, drive, sample_rate_hz, samples, start=_start(train, places, chain), watch=watch)
     for values in (result.angle_rad, result.speed_rad_s):
         check_finite(result.time_s, values, lambda column: places[column].inertias[0])
     return trajectory_of(train, places, chain, result, reference)
@@ -259,18 +238,6 @@ def _servo(drive: ServoDrive, samples: int, rate: float) -> tuple[Servo, Array]:
     reference[2] *= drive.feed_forward_inertia
     limits = min(drive.speed_limit, 1e12), min(drive.torque_limit, 1e12)
     return Servo(reference, drive.position_gain, drive.speed_gain, drive.integral_time, *limits), angle
-
-
-def _along(servo: Servo, train: DriveTrain, places: list[Place], chain: Chain, course: Course) -> Servo:
-    """The servo along another course; its limits leave it as much room there as along its own."""
-    (drive,) = (part for name in places[0].torques if isinstance(part := train[name], ServoDrive))
-    known = drive.feed_forward_inertia * course.motor[2] - course.load_torque_n_m / chain.ratio
-    return replace(
-        servo,
-        reference=np.stack([course.motor[0], course.motor[1], known]),
-        speed_limit_rad_s=max(servo.speed_limit_rad_s, ROOM_OF_SERVO * float(np.abs(course.motor[1]).max())),
-        torque_limit_n_m=max(servo.torque_limit_n_m, ROOM_OF_SERVO * float(np.abs(known).max())),
-    )
 
 
 def _start(train: DriveTrain, places: list[Place], chain: Chain) -> Array:

@@ -300,14 +300,3 @@ def test_a_wrong_chain_is_refused_by_name(change: object, words: str) -> None:
 def test_a_wrong_run_is_refused_by_name(drive: Torque, rate: float, samples: int, words: str) -> None:
     with pytest.raises(ChainError, match=words):
         run_chain(three_shafts(), drive, rate, samples)
-
-
-def test_an_inertia_that_changes_is_followed() -> None:
-    """The speed of an inertia that grows evenly under a constant torque is a logarithm of time."""
-    rate, samples, torque, first = 8000.0, 8001, 3.0, 0.5
-    grown = first * (1.0 + 2.0 * np.arange(samples) / rate)
-    run = run_chain(Chain((Shaft(9.0),)), Torque(offset_n_m=torque), rate, samples, inertia_kg_m2=grown[np.newaxis])
-    expected = torque / first / 2.0 * np.log1p(2.0 * run.time_s)
-    assert run.speed_rad_s[:, 0] == pytest.approx(expected, abs=1e-3 * expected[-1])
-    with pytest.raises(ChainError, match="inertia_kg_m2: must be > 0"):
-        run_chain(Chain((Shaft(1.0),)), Torque(), rate, 4, inertia_kg_m2=np.zeros((1, 4)))
