@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from casebase.signals.channel_map import ChannelMap, Source, channel_map_of, layout_of
+from casebase.signals.clock import stamps_from_zero
 from casebase.signals.errors import TelemetryError
 from casebase.signals.formats import Reader, reader_of
 from casebase.signals.formats.comma_separated import TABLES, open_comma_separated
@@ -74,12 +75,10 @@ def _read(path: Path, map_: ChannelMap | None, cells: int, send: Send) -> Mappin
     values = dict(zip(places, _values(table, sources, places, cells), strict=True))
     if TIME not in values:
         values[TIME] = np.arange(next(iter(values.values())).size, dtype=np.float64) * sources[TIME].scale
-    elif sources[TIME].unit == ISO8601:
-        values[TIME] = values[TIME] - values[TIME][:1]
     if map_ is not None or recognised:
         values = _whole_ends(values)
-    time_s = values[TIME]
-    _check_clock(time_s)
+    _check_clock(values[TIME])
+    time_s = stamps_from_zero(values[TIME])
     lost = []
     send(np.ascontiguousarray(time_s).data)
     for name in known:

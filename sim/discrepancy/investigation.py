@@ -51,6 +51,7 @@ from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.extended_axis import extended_axis
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.kinematics.encoders_alone import NEXT, encoders_alone
+from sim.discrepancy.model.one_body import as_described, at_the_motor, has_ratios_alone, is_one_body
 from sim.discrepancy.next_measurement.advice import in_words, simulated_advice
 from sim.discrepancy.report.maintenance_actions import action
 from sim.discrepancy.report.wording import next_measurement, numbers_of
@@ -78,7 +79,8 @@ def investigate(
     Several recordings of the same axis can be given without telemetry; their evidence is taken together. `as_new` are
     recordings of the same motion from when the axis was in good order: sound without telemetry is compared with them.
     `known_doubts`: ways in which `known_torque_nm` may be wrong as a whole, each by a standard deviation [N m], shape
-    (rows, p). `gear`: of an axis that is described as one body at its motor, turns of it per turn of the load.
+    (rows, p). `gear`: of an axis that is described as one body at its motor, turns of it per turn of the load. Gears of
+    which nothing but the ratio is described, and whose output is not seen, are rigid.
 
     Raises
     ------
@@ -99,11 +101,23 @@ def investigate(
     progress("condition of the channels", 0.02)
     if "motor_torque_nm" not in telemetry:
         return _encoders_alone(axis, telemetry, sounds, sound_offset_s, progress)
+    if is_one_body(axis, telemetry) and has_ratios_alone(axis):
+        one = _of_torque(axis, _at_motor(axis, telemetry), telemetry, sounds, sound_offset_s, progress)
+        return replace(one, extended=as_described(axis, one.extended))
     gate = examine(axis, telemetry, known_doubts, gear)
-    return _of_torque(gate, telemetry, sounds, sound_offset_s, progress)
+    return _of_torque(axis, gate, telemetry, sounds, sound_offset_s, progress)
+
+
+def _at_motor(axis: Axis, telemetry: Telemetry) -> Gate:
+    """The channels of rigid gears, and the axis as one body."""
+    channels = dict(telemetry.channels)
+    if "known_torque_nm" in channels:
+        channels["known_torque_nm"] = channels["known_torque_nm"] / axis.ratio
+    return examine(at_the_motor(axis, axis.load.inertia_kg_m2), replace(telemetry, channels=channels), gear=axis.ratio)
 
 
 def _of_torque(
+    described: Axis,
     gate: Gate,
     telemetry: Telemetry,
     sounds: tuple[Recording, ...],
@@ -116,13 +130,15 @@ def _of_torque(
     problem, base = calibrate(Problem(axis, gate.measurement, _first_noise(gate), unknown=gate.unknown))
     weighed = under_own_noise(drop_unidentifiable(select(problem, base, progress, gate.law)))
     progress("sound", 0.78)
-    heard = listen(axis, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
+    heard = listen(described, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
     strange = mismatch(sounds[0], gate.measurement, sound_offset_s) if sounds else ()
     progress("gain on data not used for the fit", 0.85)
     selection, places, rest = _finally_fitted(weighed)
     progress("residual", 0.92)
     problem, fit = selection.problem, selection.fit
-    findings = beside_what_is_left(_found(gate, selection, heard), rest, doubted=bool(gate.measurement.doubts.size))
+    findings = beside_what_is_left(
+        _found(described, gate, selection, heard), rest, doubted=bool(gate.measurement.doubts.size)
+    )
     findings, fit = said_alone(selection, findings)
     findings, fit, gained = predicting(selection, fit, findings)
     findings = tuple(advised(axis, f) for f in findings)
@@ -165,9 +181,9 @@ def _finally_fitted(weighed: Selection) -> tuple[Selection, list[Unexplained], l
     return replace(weighed, problem=problem, base=base, fit=fit), places, rest
 
 
-def _found(gate: Gate, selection: Selection, heard: Sequence[AcousticFinding]) -> tuple[Finding, ...]:
+def _found(axis: Axis, gate: Gate, selection: Selection, heard: Sequence[AcousticFinding]) -> tuple[Finding, ...]:
     """Of the motion, of the channels and of the sound; what is heard of the same cause is no finding of its own."""
-    axis, found = gate.axis, selection.found
+    found = selection.found
     named = [term.mechanism for term in found] + [fault.mechanism for fault in gate.faults]
     struck, loud = _struck(axis, [*found, *heard]), _loud(axis, found)
     return (

@@ -18,12 +18,12 @@ from sim.discrepancy.assessment.calibration import WEIGHTS
 from sim.discrepancy.assessment.intervals import NINETY
 from sim.discrepancy.data.data_fault import InvestigationError, TooLittleMotion
 from sim.discrepancy.investigation import investigate, telemetry_sha256
+from sim.discrepancy.model.one_body import as_described, at_the_motor, is_one_body
 from sim.discrepancy.next_measurement.advice import of_a_joint
 from sim.discrepancy.report.wording import telling_what_is_left
 from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, rounded
 from sim.mechanisms import LostSamples, TimeDelay
 from sim.robot.motion import Motion
-from sim.robot.one_body import as_described, at_the_motor, is_one_body
 from sim.robot.plausibility import check_joints, check_robot
 from sim.robot.results import PAYLOAD, JointInvestigation, RobotInvestigation
 from sim.robot.rigid_body import RigidBody

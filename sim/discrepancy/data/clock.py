@@ -1,65 +1,136 @@
-"""Logs whose rows come as they come: on an even clock of the interval in which a row surely comes."""
+"""The rows of a log on an even clock: without packets that were logged again, those that are missing marked."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
+from scipy.interpolate import PchipInterpolator
+from scipy.ndimage import find_objects, label
 
+from casebase.signals.clock import rows_of, stamps_from_zero
 from casebase.signals.telemetry import Telemetry
-from sim.discrepancy.data.sample_defects import Rows
+from sim.discrepancy.data.data_fault import InvestigationError
+from sim.discrepancy.data.sample_defects import Rows, quantum
 from sim.torsional.model import Array
 
+SAME = 1e-6  # of an interval: by which floating numbers are beside their rows
 NEAR = 0.3  # of the median interval: a step that differs by less belongs to an even clock
-EVEN = 0.75  # of the steps that do so, where rows that are missing leave fewer than a fifth as long ones
-SURELY = 0.95  # of the steps end within the interval that is taken instead
+USUAL = 0.95  # of the steps are no longer than the longest usual one
+LONG = 2.0  # times the longest usual step: what happens within such a gap is not seen
+MOST_MISSING = 0.2  # of the rows
+AGAIN = 2e-3  # of the way that rows which repeat would leave out, where the axis has not rested in them
 
 
-def means_of(cell: NDArray[np.int64]) -> Callable[[Array], Array]:
-    """What takes the mean of values over each cell that has any, in their order; `cell`: of each row, shape (n,)."""
-    _, place = np.unique(cell, return_inverse=True)
-    count = np.bincount(place)
-    return lambda values: np.asarray(np.bincount(place, values) / count)
+@dataclass(frozen=True)
+class EvenRecord:
+    """A telemetry over an even clock from 0 on, and which of its rows rest on measured ones, shape (n,).
+
+    `irregular`: rows beside a step of the clock unlike the others, where a jump is as likely one of the clock;
+    `missing`, `repeated`: rows that an even clock lacks, and that were logged again; `remarks`: on the clock.
+    """
+
+    telemetry: Telemetry
+    measured: Rows
+    irregular: Rows
+    missing: int
+    repeated: int
+    remarks: tuple[str, ...]
 
 
-def irregular(t: Telemetry, grid: Array) -> Rows:
-    """Rows of an even `grid`, shape (n,) [s], within two of a step of the clock that is unlike the others."""
-    steps = np.diff(t.time_s)
-    odd = np.flatnonzero(np.abs(steps / np.median(steps) - 1.0) > NEAR)
-    out = np.zeros(grid.size, dtype=np.bool_)
-    for place in odd:
-        first, last = np.searchsorted(grid, (t.time_s[place], t.time_s[place + 1]))
+def evened(t: Telemetry) -> EvenRecord:
+    """The telemetry on the even clock of its rows; where it has none, interpolated at its median interval.
+
+    Raises
+    ------
+    InvestigationError
+        where too many rows are missing.
+    """
+    fresh, repeated = without_repeats(t)
+    times = stamps_from_zero(fresh.time_s)
+    steps = np.diff(times)
+    row, interval = rows_of(times)
+    even = bool(np.all(np.diff(row) > 0)) and float(np.abs(times - interval * row).max()) < SAME * interval
+    if even:
+        clock = interval * np.arange(int(row[-1]) + 1, dtype=np.float64)
+        measured = np.isin(np.arange(clock.size), row)
+    else:
+        interval, longest = (float(np.quantile(steps, share)) for share in (0.5, USUAL))
+        clock = interval * np.arange(int(times[-1] / interval) + 1, dtype=np.float64)
+        after = np.clip(np.searchsorted(times, clock), 1, times.size - 1)
+        beside = np.minimum(np.abs(clock - times[after - 1]), np.abs(clock - times[after])) < NEAR * interval
+        measured = beside | (steps[after - 1] < LONG * longest)
+    if float(measured.mean()) < 1.0 - MOST_MISSING:
+        raise InvestigationError(
+            f"time_s: {1.0 - measured.mean():.0%} of the rows are missing; a clock with at most {MOST_MISSING:.0%} "
+            "gaps is needed"
+        )
+
+    def on_clock(values: Array) -> Array:
+        if not even:
+            return np.asarray(PchipInterpolator(times, values)(clock))
+        out: Array = np.interp(clock, times, values)
+        out[row] = values
+        return out
+
+    remarks = []
+    if repeated:
+        remarks.append(
+            f"{repeated} of {t.rows} rows repeat the row before in all channels while the axis moves on: the same "
+            "packet logged again. They were left out."
+        )
+    if not even:
+        remarks.append(
+            f"time_s: the steps are {1e3 * steps.min():.2g} to {1e3 * steps.max():.2g} ms long; the channels were "
+            f"interpolated every {1e3 * interval:.2g} ms, what is faster than {0.5 / longest:.2g} Hz is not seen all "
+            f"the time, and {int((~measured).sum())} rows in gaps of more than {1e3 * LONG * longest:.2g} ms do not "
+            "count."
+        )
+    anew = replace(
+        fresh,
+        time_s=clock,
+        channels={name: on_clock(values) for name, values in fresh.channels.items()},
+        lost={name: np.interp(clock, times, gone.astype(float)) > 0.0 for name, gone in fresh.lost.items()},
+    )
+    missing = int((~measured).sum()) if even else 0
+    return EvenRecord(anew, measured, _irregular(times, clock), missing, repeated, tuple(remarks))
+
+
+def _irregular(times: Array, clock: Array) -> Rows:
+    """Rows of an even `clock` within two of a step that is unlike the others."""
+    steps = np.diff(times)
+    out = np.zeros(clock.size, dtype=np.bool_)
+    for place in np.flatnonzero(np.abs(steps / np.median(steps) - 1.0) > NEAR):
+        first, last = np.searchsorted(clock, (times[place], times[place + 1]))
         out[max(int(first) - 2, 0) : int(last) + 3] = True
     return out
 
 
-def evened(t: Telemetry) -> tuple[Telemetry, tuple[str, ...]]:
-    """The telemetry as it is where its clock is even; else rows averaged over an interval, and a remark on it.
+def without_repeats(t: Telemetry) -> tuple[Telemetry, int]:
+    """The telemetry without rows that repeat all channels of the row before while the axis moves on, and how many.
 
-    Rows that come in bursts say no more than one where the next is late: what is faster than the longest usual step is
-    not seen all the time.
+    An axis at rest repeats its rows, too, and one that creeps those within a step of its encoder. Where most of the way
+    lies in such rows the recorder asks more often than packets come, and those at rest are none either.
     """
-    steps = np.diff(t.time_s)
-    if float((np.abs(steps / np.median(steps) - 1.0) < NEAR).mean()) >= EVEN:
-        return t, ()
-    interval = float(np.quantile(steps, SURELY))
-    cell = ((t.time_s - t.time_s[0]) / interval).astype(np.int64)
-    mean = means_of(cell)
-    told = mean(t.time_s)  # a cell's mean belongs to the mean of its times
-    clock = t.time_s[0] + interval * np.arange(int(t.duration_s / interval) + 1)
-    before = np.clip(np.searchsorted(told, clock) - 1, 0, told.size - 2)
-    seen = (told[0] <= clock) & (clock <= told[-1]) & (told[before + 1] - told[before] < 2.0 * interval)
-    clock = clock[seen]
+    angle = t.channels.get("motor_position_rad", t.channels.get("load_position_rad"))
+    if angle is None or len(t.channels) < 2:
+        return t, 0
+    measured = [values for name, values in t.channels.items() if name != "known_torque_nm"]
+    same = np.all([np.diff(values) == 0.0 for values in measured], axis=0)
+    step, whole = quantum(angle), float(np.abs(np.diff(angle)).sum())
+    moving, way = np.zeros_like(same), 0.0
+    for (rows,) in find_objects(label(same[:-1])[0]):
+        gone = abs(angle[rows.stop + 1] - angle[rows.stop]) - step
+        if gone > 0.5 * step:
+            moving[rows] = True
+            way += gone
+    if way <= AGAIN * whole:
+        return t, 0
+    kept = ~np.concatenate([[False], same if way > 0.5 * whole else moving])
     anew = replace(
         t,
-        time_s=clock,
-        channels={name: np.interp(clock, told, mean(values)) for name, values in t.channels.items()},
-        lost={name: np.interp(clock, told, mean(gone.astype(float))) > 0.5 for name, gone in t.lost.items()},
+        time_s=t.time_s[kept],
+        channels={name: values[kept] for name, values in t.channels.items()},
+        lost={name: gone[kept] for name, gone in t.lost.items()},
     )
-    remark = (
-        f"time_s: the steps are {1e3 * steps.min():.2g} to {1e3 * steps.max():.2g} ms long; rows were averaged over "
-        f"{1e3 * interval:.2g} ms, and what is faster than {0.5 / interval:.2g} Hz is not seen."
-    )
-    return anew, (remark,)
+    return anew, int((~kept).sum())

@@ -19,6 +19,7 @@ from sim.mechanisms.mechanism import Need
 from sim.torsional.model import Array
 
 SLIP = 1000.0  # mN m for N m, g for kg, mrad for rad: what a wrong prefix does to a number
+LATE_ROWS = 2  # of a torque that is read and filtered after the position
 LEAST_TURN = 0.5  # rad of the load over which weight shows
 BEYOND = 3.0  # times what telemetry shows: a data sheet may be wrong by two
 LEAST = 1.5  # rms of what is left that friction must be to be known by torque alone
@@ -42,10 +43,10 @@ class Seen:
 
     `inertia`, `coulomb`, `viscous`: of one body at the motor [kg m2], [N m], [N m s/rad]; `left`: rms of the torque
     beyond it [N m]; `body`: smallest and largest inertia that it may have, weight of the load aside or counted in,
-    None where the speed hardly changes; `torque`, `speed`: largest at the motor; `swing`, `twist_rate`: rms of the
-    load's acceleration and of the twist's rate; `yields`: twist per acceleration of the load [s2], `soft`: the smallest
-    and the largest that it may be, `erring`: beside an error over the load's angle; `loose`: range of the twist beyond
-    that.
+    or of a torque that is late, None where the speed hardly changes; `torque`, `speed`: largest at the motor; `swing`,
+    `twist_rate`: rms of the load's acceleration and of the twist's rate; `yields`: twist per acceleration of the load
+    [s2], `soft`: the smallest and the largest that it may be, `erring`: beside an error over the load's angle; `loose`:
+    range of the twist beyond that.
     """
 
     inertia: float
@@ -68,6 +69,7 @@ class Seen:
         torque = _of_drive(axis, m)
         (inertia, coulomb, viscous, _), beyond = one_body(torque, m.slow_acceleration, m.speed, used)
         others = [one_body(torque, m.slow_acceleration, m.speed, used, laws)[0][0] for laws in _beside(axis, m)]
+        others.append(one_body(np.roll(torque, -LATE_ROWS), m.slow_acceleration, m.speed, used)[0][0])
         body = _range([inertia, *others]) if Need.SEVERAL_SPEEDS not in lacking(m) else None
         largest = float(np.quantile(np.abs(m.torque[used]), 0.999))
         seen = (float(inertia), body, float(coulomb), float(viscous), float(np.std(beyond[used])), largest, top)
@@ -262,7 +264,7 @@ def _check_inertia(axis: Axis, seen: Seen) -> list[str]:
     if not (LIGHTEST <= share <= HEAVIEST) and (least <= HEAVIEST and most >= LIGHTEST):
         return [
             f"motor_torque_nm: torque and acceleration alone fit an inertia {share:.4g} times the described "
-            f"{expected:.4g} kg m2; weight of the load explains it as well, and then {least:.4g} to {most:.4g} times."
+            f"{expected:.4g} kg m2; beside a weight of the load, or of a late torque, {least:.4g} to {most:.4g}."
         ]
     if share < LIGHTEST and accelerating < seen.left:  # the described one would not be seen either
         return [HARDLY]

@@ -36,22 +36,20 @@ class Repaired:
 
     channels: dict[str, Array]
     rate_hz: float
-    start_s: float
     lost: Rows
     torque_lost: Rows
     load_lost: Rows
     faults: list[Fault] = field(default_factory=list)
 
     def at(self, row: int) -> float:
-        """Time of a row by the telemetry's own clock [s]."""
-        return self.start_s + row / self.rate_hz
+        """Time of a row from the first on [s]."""
+        return row / self.rate_hz
 
 
 def repair(
     channels: dict[str, Array],
     ratio: float,
     rate_hz: float,
-    start_s: float,
     lost: Rows,
     step_rad: float,
     irregular: Rows | None = None,
@@ -61,7 +59,7 @@ def repair(
 
     `irregular`: rows beside a step of the clock unlike all others, where a jump is as likely one of the clock.
     """
-    out = Repaired(dict(channels), rate_hz, start_s, lost.copy(), lost.copy(), lost.copy())
+    out = Repaired(dict(channels), rate_hz, lost.copy(), lost.copy(), lost.copy())
     _torque(out)
     _motor(out, ratio, step_rad, np.zeros_like(lost) if irregular is None else irregular)
     out.torque_lost |= out.lost

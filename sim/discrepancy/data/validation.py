@@ -11,7 +11,7 @@ from scipy.ndimage import find_objects, label
 from casebase.signals.telemetry import Telemetry
 from sim.description.axis import Axis
 from sim.discrepancy.data.channel_checks import check_channels
-from sim.discrepancy.data.clock import evened, irregular
+from sim.discrepancy.data.clock import EvenRecord, evened
 from sim.discrepancy.data.controller_law import DriveLaw, drive_law
 from sim.discrepancy.data.data_fault import Fault, InvestigationError, TooLittleMotion
 from sim.discrepancy.data.plausibility import check_description, with_first_inertia
@@ -23,7 +23,7 @@ from sim.discrepancy.data.preprocessing import (
     prepare,
 )
 from sim.discrepancy.data.repair import repair
-from sim.discrepancy.data.sample_defects import bridged, moves_on, quantum
+from sim.discrepancy.data.sample_defects import bridged, quantum
 from sim.mechanisms import Clipping, LostSamples
 from sim.torsional.model import Array
 
@@ -33,7 +33,7 @@ LEAST_SECONDS = 2.0
 SLOWEST_HZ, FASTEST_HZ = 10.0, 50_000.0
 CLOCK_ERROR = 0.01  # share by which a clock that is rounded to 0.1 ms is off at most
 LONG_GAP_S = 5e-3
-CHANCE = 0.01  # of one spell in a whole record, in which the torque repeats by chance
+LEAST_LOST = 5e-4  # of all rows: fewer are not named
 
 
 @dataclass(frozen=True)
@@ -62,70 +62,64 @@ def examine(axis: Axis, telemetry: Telemetry, doubts: Array | None = None, gear:
     InvestigationError
         for missing channels, a standing axis, units that are wrong by a factor, channels swapped or turned.
     """
-    times = telemetry.time_s
+    times = telemetry.time_s - telemetry.time_s[0]
     step_rad = quantum(telemetry.channels.get("motor_position_rad", np.zeros(0)))  # as it is read: a clock divides it
-    telemetry, uneven = evened(telemetry)
-    rate, torque, angle, load = _channels(telemetry)
-    valid, grid = _clock(telemetry, rate)
-    load_lost = telemetry.lost.get("load_position_rad")
-    channels = {"torque": torque, "angle": angle} | ({} if load is None else {"load": load})
-    even = {name: _even(telemetry, grid, values) for name, values in channels.items()}
-    reference = telemetry.channels.get("reference_position_rad")
-    beside = {} if reference is None else {"reference": _even(telemetry, grid, reference)}
-    known = telemetry.channels.get("known_torque_nm")
-    known = None if known is None else _even(telemetry, grid, known)
-    check_channels(axis, even | beside, rate)
-    valid = valid * _present(telemetry, grid)
-    held = _held(even["angle"], even["torque"], valid, step_rad)
-    faults = _lost(valid, held) + _clipped(even["torque"])
-    lost = held | (valid <= 0.5)
+    record = evened(telemetry)
+    telemetry = record.telemetry
+    rate, even = _channels(telemetry)
+    reference, known = (telemetry.channels.get(name) for name in ("reference_position_rad", "known_torque_nm"))
+    check_channels(axis, even if reference is None else {**even, "reference": reference}, rate)
+    lost = ~record.measured
+    for name in ("motor_torque_nm", "motor_position_rad"):
+        lost |= telemetry.lost.get(name, False)
+    faults = _lost(record) + _clipped(even["torque"])
     even = {name: bridged(values, ~lost) for name, values in even.items()}
-    odd = np.ones_like(lost) if uneven else irregular(telemetry, grid)
-    mended = repair(even, axis.ratio, rate, float(grid[0]), lost, step_rad, odd)
+    mended = repair(even, axis.ratio, rate, lost, step_rad, record.irregular)
     even, faults = mended.channels, _together([*faults, *mended.faults])
     valid = (~mended.torque_lost).astype(float) * _unclipped(even["torque"], faults)
-    load_valid = (~((mended.load_lost & ~lost) | _long(mended.lost, rate))).astype(float)
-    if load_lost is not None:
-        load_valid *= np.interp(grid, telemetry.time_s, (~load_lost).astype(float))
+    load_lost = (mended.load_lost & ~lost) | _long(mended.lost, rate) | telemetry.lost.get("load_position_rad", False)
     cut = SLOW_ANGLE_CUT_HZ if axis.stages else SLOW_DIRECT_ANGLE_CUT_HZ
+    load_valid = (~load_lost).astype(float)
     measurement = prepare(rate, even["torque"], even["angle"], even.get("load"), valid, load_valid, cut, known)
     measurement = replace(measurement, gear=gear)
     if doubts is not None:
-        measurement = _doubted(measurement, grid[0], times, doubts / axis.ratio)
+        measurement = _doubted(measurement, times, doubts / axis.ratio)
     used = _used(measurement)
     axis, unknown = with_first_inertia(axis, measurement, used)
-    remarks = [*uneven, *check_description(axis, measurement, used, unknown)]
+    remarks = [*record.remarks, *check_description(axis, measurement, used, unknown)]
     remarks += reading_remarks(telemetry)
-    if load is None and axis.stages:
+    if "load" not in even and axis.stages:
         remarks.append(
             "Without a load encoder a stiffness that hardens or holds back looks the same as friction at reversals: "
             "neither is looked for."
         )
     law = None
-    if "reference" in beside:
-        course = bridged(beside["reference"], ~lost)
+    if reference is not None:
+        course = bridged(reference, ~lost)
         law = drive_law(measurement, rate, even["torque"], even["angle"], course)
     return Gate(measurement, tuple(faults), law, tuple(remarks), axis, unknown)
 
 
-def _doubted(m: Measurement, first_s: float, times: Array, doubts: Array) -> Measurement:
-    ways = [np.interp(first_s + m.time_s, times, way) for way in doubts.T]
+def _doubted(m: Measurement, times: Array, doubts: Array) -> Measurement:
+    ways = [np.interp(m.time_s, times, way) for way in doubts.T]
     return replace(m, doubts=np.stack(ways, axis=1)) if ways else m
 
 
-def _channels(t: Telemetry) -> tuple[float, Array, Array, Array | None]:
+def _channels(t: Telemetry) -> tuple[float, dict[str, Array]]:
+    """Rows per second, and torque, angle of the motor and of the load by their short names."""
     if "motor_torque_nm" not in t:
         raise InvestigationError("telemetry: needs the channel motor_torque_nm (motor torque or force, N m or N)")
-    rate = check_clock(t)
     if "motor_position_rad" in t:
         angle = t["motor_position_rad"]
     elif "motor_speed_rad_s" in t:
-        angle = np.concatenate(
-            [[0.0], np.cumsum(0.5 * np.diff(t.time_s) * (t["motor_speed_rad_s"][1:] + t["motor_speed_rad_s"][:-1]))]
-        )
+        speed = t["motor_speed_rad_s"]
+        angle = np.concatenate([[0.0], np.cumsum(0.5 * np.diff(t.time_s) * (speed[1:] + speed[:-1]))])
     else:
         raise InvestigationError("telemetry: needs motor_position_rad (or motor_speed_rad_s) beside motor_torque_nm")
-    return rate, t["motor_torque_nm"], angle, t.channels.get("load_position_rad")
+    even = {"torque": t["motor_torque_nm"], "angle": angle}
+    if "load_position_rad" in t:
+        even["load"] = t["load_position_rad"]
+    return check_clock(t), even
 
 
 def check_clock(t: Telemetry, slowest_hz: float = SLOWEST_HZ) -> float:
@@ -143,78 +137,10 @@ def check_clock(t: Telemetry, slowest_hz: float = SLOWEST_HZ) -> float:
     return rate
 
 
-def _clock(t: Telemetry, rate: float) -> tuple[Array, Array]:
-    """1 where a row of the even grid has a measured neighbour, and the grid [s]."""
-    count = round(t.duration_s * rate) + 1
-    grid = t.time_s[0] + np.arange(count) / rate
-    near = np.clip(np.searchsorted(t.time_s, grid), 1, t.rows - 1)
-    gap = t.time_s[near] - t.time_s[near - 1]
-    lost = (
-        (gap > 1.5 / rate)
-        & (np.abs(grid - t.time_s[near]) > 0.3 / rate)
-        & (np.abs(grid - t.time_s[near - 1]) > 0.3 / rate)
-    )
-    if lost.mean() > 0.2:
-        raise InvestigationError(
-            f"time_s: {lost.mean():.0%} of the rows are missing; an even clock with at most 20 % gaps is needed"
-        )
-    return (~lost).astype(float), grid
-
-
 def reading_remarks(t: Telemetry) -> list[str]:
     """Which columns were not used, and as what the others were read where they have other names."""
     unused = [f"column {name} is not a known channel and was not used" for name in t.ignored]
     return [*unused, *([f"The telemetry was read as:\n{t.recognised}"] if t.recognised else [])]
-
-
-def _even(t: Telemetry, grid: Array, values: Array) -> Array:
-    """The channel on the even grid; rows of a clock that is even are themselves, to the last digit."""
-    if t.rows == grid.size and float(np.abs(t.time_s - grid).max()) < 1e-3 * t.interval_s:
-        return values
-    return np.interp(grid, t.time_s, values)
-
-
-def _present(t: Telemetry, grid: Array) -> Array:
-    out = np.ones(grid.size)
-    for name in ("motor_torque_nm", "motor_position_rad"):
-        if name in t.lost:
-            out *= np.interp(grid, t.time_s, (~t.lost[name]).astype(float)) > 0.99
-    return out
-
-
-def _held(angle: Array, torque: Array, valid: Array, step_rad: float) -> NDArray[np.bool_]:
-    """Rows that repeat the row before although the motor moves, by many steps `step_rad` of its encoder per row.
-
-    How far it has moved is told by the first row that repeats no more, however long that lasts: about as fast, and the
-    same way, as before. A motor that breaks away, creeps or turns back has not moved on. Beside such rows also short
-    spells in which it hardly moves, where chance would not repeat the torque as often.
-    """
-    steps = np.diff(angle)
-    step = np.abs(steps)
-    usual = float(np.median(step))
-    jump = np.abs(np.diff(torque))
-    again = jump <= 1e-4 * float(np.median(jump))
-    spells, _ = label((step < 1e-4 * usual) & again)
-    by_chance = max(float(again[step > 0.0].mean()), 1.0 / again.size) if (step > 0.0).any() else 1.0
-    fewest = np.log(CHANCE / again.size) / np.log(min(by_chance, 0.99))
-    held = np.zeros(angle.size, dtype=np.bool_)
-    short = held.copy()
-    longest = 0
-    for (rows,) in find_objects(spells):
-        length = rows.stop - rows.start
-        if (
-            rows.stop < step.size
-            and step[rows.stop] / (length + 1) > max(0.01 * usual, 8.0 * step_rad)
-            and moves_on(steps[: rows.start], steps[rows.stop] / (length + 1))
-        ):
-            held[rows.start + 1 : rows.stop + 1] = True
-            longest = max(longest, length)
-        elif length >= fewest:
-            short[rows.start + 1 : rows.stop + 1] = True
-    for (rows,) in find_objects(label(short)[0]):
-        if rows.stop - rows.start <= longest:
-            held[rows] = True
-    return held & (valid > 0.5)
 
 
 def _long(lost: NDArray[np.bool_], rate: float) -> NDArray[np.bool_]:
@@ -225,14 +151,13 @@ def _long(lost: NDArray[np.bool_], rate: float) -> NDArray[np.bool_]:
     return out
 
 
-def _lost(valid: Array, held: NDArray[np.bool_]) -> list[Fault]:
-    missing = int((valid < 0.5).sum())
-    repeated = int(held.sum())
-    share = (missing + repeated) / valid.size
-    if share < 5e-4:
+def _lost(record: EvenRecord) -> list[Fault]:
+    """Rows that an even clock lacks; where it has none there is no telling which."""
+    share = record.missing / record.measured.size
+    if share < LEAST_LOST:
         return []
     text = (
-        f"{missing} rows are missing and {repeated} repeat the row before "
+        f"{record.missing - record.repeated} rows are missing and {record.repeated} repeat the row before "
         f"while the motor moves: {share:.2%} of all; they were left out."
     )
     return [Fault(LostSamples.name, None, {"fraction": share}, text)]

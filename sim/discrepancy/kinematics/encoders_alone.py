@@ -14,7 +14,7 @@ from casebase.signals.telemetry import MINIMUM_ROWS, Telemetry
 from sim.description.axis import Axis
 from sim.discrepancy.assessment.calibration import WEIGHTS
 from sim.discrepancy.data.channel_checks import ALIKE, UNITS, check_channels
-from sim.discrepancy.data.clock import evened
+from sim.discrepancy.data.clock import EvenRecord, evened
 from sim.discrepancy.data.preprocessing import MOTION_CUT_HZ, Measurement, prepare
 from sim.discrepancy.data.sample_defects import bridged, quantum, spikes
 from sim.discrepancy.data.validation import InvestigationError, check_clock, reading_remarks
@@ -98,18 +98,18 @@ def encoders_alone(axis: Axis, telemetry: Telemetry) -> EncodersAlone:
     motor_name = next((n for n in ("motor_position_rad", "reference_position_rad") if n in telemetry), None)
     if motor_name is None or "load_position_rad" not in telemetry:
         raise InvestigationError(MISSING)
-    telemetry, uneven = evened(telemetry)
-    rate = check_clock(telemetry, SLOWEST_HZ)
-    motor, load, good = _on_grid(telemetry, motor_name, rate)
+    record = evened(telemetry)
+    rate = check_clock(record.telemetry, SLOWEST_HZ)
+    motor, load, good = _without_spikes(record, motor_name)
     if load.size < MINIMUM_ROWS:
         raise InvestigationError(NOT_STEADY)
     step = quantum(load)
     if float(np.ptp(load)) <= STEPS * step:
         raise InvestigationError(STANDS)
     driven, told_at = _driven(axis, motor_name, motor, load)
-    remarks = [*uneven, *told_at, *reading_remarks(telemetry)]
+    remarks = [*record.remarks, *told_at, *reading_remarks(telemetry)]
     m = prepare(rate, np.zeros(load.size), driven * axis.ratio, load, good, good, MOTION_CUT_HZ)
-    time_s = np.arange(load.size) / rate
+    time_s = record.telemetry.time_s
     if _follows_otherwise(driven, load):
         check_channels(axis, {"angle": driven * axis.ratio, "load": load}, rate)
     pulled = pull_test(time_s, driven, load)
@@ -133,17 +133,12 @@ def encoders_alone(axis: Axis, telemetry: Telemetry) -> EncodersAlone:
     )  # fmt: skip
 
 
-def _on_grid(t: Telemetry, motor_name: str, rate: float) -> tuple[Array, Array, Array]:
-    """Motor and load on an even clock, shape (n,), and 1 where both were measured."""
-    grid = t.time_s[0] + np.arange(round(t.duration_s * rate) + 1) / rate
-    after = np.clip(np.searchsorted(t.time_s, grid), 1, t.rows - 1)
-    good = t.time_s[after] - t.time_s[after - 1] < 2.0 / rate
-    out = []
+def _without_spikes(record: EvenRecord, motor_name: str) -> tuple[Array, Array, Array]:
+    """Motor and load, shape (n,), and 1 where both were measured."""
+    out, good = [], record.measured.copy()
     for name in (motor_name, "load_position_rad"):
-        values = np.interp(grid, t.time_s, t[name])
-        lost = spikes(values)
-        if name in t.lost:
-            lost |= np.interp(grid, t.time_s, t.lost[name].astype(np.float64)) > 0.0
+        values = record.telemetry[name]
+        lost = spikes(values) | record.telemetry.lost.get(name, False)
         out.append(bridged(values, ~lost))
         good &= ~lost
     return out[0], out[1], good.astype(np.float64)

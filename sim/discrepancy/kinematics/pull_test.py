@@ -13,7 +13,6 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.discrepancy.data.clock import means_of
 from sim.discrepancy.data.sample_defects import quantum
 
 Array = NDArray[np.float64]
@@ -98,5 +97,6 @@ def _runs(values: Array, within: float) -> Iterator[tuple[int, int]]:
 
 def _thinned(time_s: Array, *channels: Array) -> tuple[Array, ...]:
     """Means over intervals of `RATE_HZ`, of a slower clock the rows themselves."""
-    mean = means_of(np.floor((time_s - time_s[0]) * RATE_HZ).astype(np.int64))
-    return tuple(mean(values) for values in (time_s, *channels))
+    _, place = np.unique(np.floor((time_s - time_s[0]) * RATE_HZ), return_inverse=True)
+    count = np.bincount(place)
+    return tuple(np.bincount(place, values) / count for values in (time_s, *channels))

@@ -193,7 +193,7 @@ def test_where_no_clock_is_even_a_jump_is_one_of_the_clock() -> None:
     channels = {"torque": GOOD["motor_torque_nm"], "angle": GOOD["motor_position_rad"] + 0.05 * after}
     lost = np.zeros_like(after)
     rate_hz = 1.0 / GOOD.interval_s
-    (fault,) = repair(channels, 10.0, rate_hz, 0.0, lost, quantum(channels["angle"])).faults
+    (fault,) = repair(channels, 10.0, rate_hz, lost, quantum(channels["angle"])).faults
     assert fault.mechanism == "encoder_error"
-    faults = repair(channels, 10.0, rate_hz, 0.0, lost, quantum(channels["angle"]), np.ones_like(lost)).faults
+    faults = repair(channels, 10.0, rate_hz, lost, quantum(channels["angle"]), np.ones_like(lost)).faults
     assert "encoder_error" not in {fault.mechanism for fault in faults}

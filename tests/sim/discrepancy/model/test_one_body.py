@@ -9,7 +9,7 @@ from casebase.signals.telemetry import Telemetry
 from sim.description.axis import MechanismEntry
 from sim.description.axis_document import read_axis
 from sim.discrepancy.investigation import investigate
-from sim.robot.one_body import as_described, at_the_motor, is_one_body
+from sim.discrepancy.model.one_body import as_described, at_the_motor, is_one_body
 
 AXIS = read_axis(
     {
@@ -32,6 +32,7 @@ def test_power_is_the_same_at_the_motor() -> None:
     assert one.motor.coulomb_friction_n_m == pytest.approx(0.1 + 2.0 / 20.0)
     assert one.motor.viscous_friction_n_m_s_per_rad == pytest.approx(40.0 / 20.0**2)
     assert one.load.inertia_kg_m2 == pytest.approx(0.32 / 4.0**2 + 4.0 / 20.0**2)
+    assert at_the_motor(AXIS, 9.0).load.inertia_kg_m2 == pytest.approx(one.load.inertia_kg_m2 + 9.0 / 20.0**2)
 
 
 def test_what_was_found_at_the_motor_comes_once_to_the_described_gears() -> None:
@@ -69,3 +70,27 @@ def test_a_weight_behind_a_gear_goes_with_the_angle_of_what_it_hangs_at() -> Non
     sizes = {e.name: e.value for e in finding.parameters}
     assert sizes["torque_n_m"] == pytest.approx(30.0, rel=0.1)
     assert sizes["phase_rad"] == pytest.approx(0.5, abs=0.1)
+
+
+def test_gears_of_a_ratio_alone_are_rigid() -> None:
+    """No spring is invented whose torque would be late: friction is found with its size, and nothing else."""
+    rng = np.random.default_rng(5)
+    t = np.arange(10 * 500) / 500.0
+    angle = 30.0 * np.sin(1.3 * t) + 10.0 * np.sin(3.1 * t)
+    speed, acceleration = np.gradient(angle, t), np.gradient(np.gradient(angle, t), t)
+    bare = read_axis(
+        {
+            "motor": {"inertia_kg_m2": 0.01},
+            "stages": [{"name": "output", "ratio": 20.0}],
+            "load": {"inertia_kg_m2": 4.0},
+        }
+    )
+    torque = 0.02 * acceleration + 0.2 * np.tanh(speed / 0.1) + 0.01 * speed + 0.02 * rng.standard_normal(t.size)
+    log = Telemetry(t, {"motor_position_rad": angle + 1e-4 * rng.standard_normal(t.size), "motor_torque_nm": torque})
+    result = investigate(bare, log)
+    sizes = {f.mechanism: f.parameters[0].value for f in result.findings}
+    assert sizes == {
+        "coulomb_friction": pytest.approx(0.2, rel=0.1), "viscous_friction": pytest.approx(0.01, rel=0.1)
+    }  # fmt: skip
+    assert result.extended.stages == bare.stages
+    assert result.extended.load.inertia_kg_m2 == 4.0

@@ -21,8 +21,17 @@ def is_one_body(axis: Axis, telemetry: Telemetry) -> bool:
     return bool(axis.stages) and not (elastic or loose or seen or axis.mechanisms)
 
 
-def at_the_motor(axis: Axis) -> Axis:
-    """The axis as one body that turns with the motor; what moves behind a gear counts by its ratio (squared)."""
+def has_ratios_alone(axis: Axis) -> bool:
+    """Whether neither teeth nor losses of the gears are described, which no body has."""
+    plain = (s.driven_teeth is None and s.mesh_efficiency == 1.0 and not s.transmission_error_rad for s in axis.stages)
+    return all(plain)
+
+
+def at_the_motor(axis: Axis, load_kg_m2: float = 0.0) -> Axis:
+    """The axis as one body that turns with the motor; what moves behind a gear counts by its ratio (squared).
+
+    `load_kg_m2`: inertia of the load, where it is no part of a known torque.
+    """
     n, motor, load = axis.ratio, axis.motor, axis.load
     inertias = sum(stage.inertia_kg_m2 * (axis.ratio_from(stage.name) / n) ** 2 for stage in axis.stages)
     return replace(
@@ -30,7 +39,7 @@ def at_the_motor(axis: Axis) -> Axis:
         stages=(),
         transmission=Transmission(),
         load_encoder=LoadEncoder(),
-        load=Load(inertias if motor.inertia_kg_m2 else 0.0),
+        load=Load(load_kg_m2 / n**2 + (inertias if motor.inertia_kg_m2 else 0.0)),
         motor=replace(
             motor,
             coulomb_friction_n_m=motor.coulomb_friction_n_m + load.coulomb_friction_n_m / n,
