@@ -130,10 +130,11 @@ def _of_torque(
     problem, base = calibrate(Problem(axis, gate.measurement, _first_noise(gate), unknown=gate.unknown))
     weighed = under_own_noise(drop_unidentifiable(select(problem, base, progress, gate.law)))
     progress("sound", 0.78)
-    heard = listen(described, sounds[0], gate.measurement, sound_offset_s) if sounds else ()
+    heard, left_of_sound = listen(described, sounds[0], gate.measurement, sound_offset_s) if sounds else ((), None)
     strange = mismatch(sounds[0], gate.measurement, sound_offset_s) if sounds else ()
     progress("gain on data not used for the fit", 0.85)
     selection, places, rest = _finally_fitted(weighed)
+    rest += [left_of_sound] if left_of_sound else []
     progress("residual", 0.92)
     problem, fit = selection.problem, selection.fit
     findings = beside_what_is_left(
@@ -233,7 +234,8 @@ def _sound_alone(
     findings = tuple(advised(axis, finding_of_sound(h)) for h in listened.heard)
     progress("done", 1.0)
     return Investigation(
-        axis, "named" if findings else "nothing_missing", findings, None, (), (), listened.next_measurement, axis,
+        axis, "named" if findings else "unnamed" if listened.left else "nothing_missing", findings, listened.left,
+        (), (), listened.next_measurement, axis,
         {**_provenance(axis, None, sounds, None), **_compared(as_new)}, remarks=listened.remarks, listening=listened,
         sounds=tuple(sounds),
     )  # fmt: skip
@@ -245,15 +247,16 @@ def _encoders_alone(
     """Without torque no model is fitted: what motor and load differ by is looked at, and what is heard."""
     seen = encoders_alone(axis, telemetry)
     progress("sound", 0.78)
-    heard = listen(axis, sounds[0], seen.measurement, sound_offset_s) if sounds else ()
+    heard, left_of_sound = listen(axis, sounds[0], seen.measurement, sound_offset_s) if sounds else ((), None)
     strange = mismatch(sounds[0], seen.measurement, sound_offset_s) if sounds else ()
     named = {f.mechanism for f in seen.findings}
     findings = (*seen.findings, *(finding_of_sound(h) for h in heard if h.mechanism not in named))
-    verdict = "nothing_missing" if seen.unexplained is None else "unnamed"
+    rest = seen.unexplained or left_of_sound
+    verdict = "nothing_missing" if rest is None else "unnamed"
     verdict = "named" if any(f.probability >= SAID for f in findings) else verdict
     progress("done", 1.0)
     return Investigation(
-        axis, verdict, tuple(advised(axis, f) for f in findings), seen.unexplained, (), seen.gain, NEXT, seen.extended,
+        axis, verdict, tuple(advised(axis, f) for f in findings), rest, (), seen.gain, NEXT, seen.extended,
         _provenance(axis, telemetry, sounds, seen.measurement), remarks=(*seen.remarks, *strange),
         encoders=seen.panels, sounds=tuple(sounds), sound_offset_s=sound_offset_s,
     )  # fmt: skip

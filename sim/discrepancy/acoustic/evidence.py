@@ -7,6 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from sim.discrepancy.acoustic.operating_states import Course
+from sim.discrepancy.results import Unexplained
 
 FALSE_ALARM = 0.005
 """Probability that noise alone makes a candidate [1]."""
@@ -71,7 +72,8 @@ class Listening:
     """Findings, candidates that were rejected with their probability, remarks, what to measure next.
 
     `examined`: mechanisms that the recordings let be looked for; `not_examined`: all others, to the reason. `names`:
-    of the recordings, one per course. `as_new`: what they were compared with.
+    of the recordings, one per course. `as_new`: what they were compared with. `left`: what no
+    part of the sound's model explains.
     """
 
     heard: tuple[AcousticFinding, ...]
@@ -83,6 +85,7 @@ class Listening:
     not_examined: Mapping[str, str]
     names: tuple[str, ...]
     as_new: tuple[Course, ...] = ()
+    left: Unexplained | None = None
 
     @property
     def shown(self) -> int:

@@ -9,13 +9,14 @@ import numpy as np
 
 from casebase.signals.recording import Recording
 from sim.description.axis import Axis
-from sim.discrepancy.acoustic.angular_resampling import LOWEST_WEAK, bearing_along_path
+from sim.discrepancy.acoustic.angular_resampling import LOWEST_WEAK, WEAK, bearing_along_path
 from sim.discrepancy.acoustic.baseline_comparison import Grown, grown, strangers_as_new
 from sim.discrepancy.acoustic.coverage import WORDS, reach
 from sim.discrepancy.acoustic.evidence import AcousticFinding, Listening, probability
 from sim.discrepancy.acoustic.faults import SHOWN, bearing_defect, not_as_new, play, sign_of_tooth, tooth_damage
 from sim.discrepancy.acoustic.operating_states import LEAST_CRUISES, Course, course_of
 from sim.discrepancy.acoustic.recording_quality import recording_faults
+from sim.discrepancy.acoustic.residual import left_in
 from sim.discrepancy.acoustic.several_recordings import (
     contradictions,
     names_of,
@@ -24,6 +25,7 @@ from sim.discrepancy.acoustic.several_recordings import (
     without_copies,
 )
 from sim.discrepancy.data.preprocessing import Measurement
+from sim.discrepancy.results import Unexplained
 from sim.mechanisms import (
     Backlash,
     BearingDefect,
@@ -48,15 +50,17 @@ COMPARE = (
     "Give a recording of the same motion from when the axis was new as well, if there is one: it shows whether teeth "
     "are louder than as new and whether something rings."
 )
+SAME_PITCH = 0.03  # relative
 UNEVEN, SMALL = 0.005, 5  # of a speed while cruising; small numbers
 
 
 def listen(
     axis: Axis, sound: Recording, measurement: Measurement | None, offset_s: float
-) -> tuple[AcousticFinding, ...]:
-    """Findings of one recording; with telemetry, angles are those of its encoders."""
+) -> tuple[tuple[AcousticFinding, ...], Unexplained | None]:
+    """Findings of one recording, and what is left of it; with telemetry, angles are those of its encoders."""
     if measurement is None:
-        return listen_alone(axis, [sound]).heard
+        alone = listen_alone(axis, [sound])
+        return alone.heard, alone.left
     values = np.asarray(sound.samples, dtype=np.float64)
     course = course_of(axis, sound, measurement, offset_s)
     out = recording_faults(values, sound.sample_rate_hz, course.moving)
@@ -65,7 +69,8 @@ def listen(
         teeth = [sign_of_tooth(axis, course)]
         machine = (*tooth_damage(axis, [course], teeth), *play(axis, [course], teeth))
         out += [replace(h, indistinguishable_from=()) for h in machine if h.probability >= SURE]  # telemetry tells
-    return tuple(out)
+    left = _left([(sound, course)], [], named=bool(out))
+    return tuple(beside_rest(h, left) for h in out), left
 
 
 def listen_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recording] = ()) -> Listening:
@@ -100,7 +105,30 @@ def listen_alone(axis: Axis, sounds: Sequence[Recording], as_new: Sequence[Recor
         *(_of_as_new(as_new, before) if as_new else (COMPARE,)),
     )
     following = _next(axis, heard, courses)
-    return Listening(heard, rejected, remarks, following, courses, within.examined, within.not_examined, names, before)
+    left = _left(list(zip(sounds, courses, strict=True)), list(zip(as_new, before, strict=True)), named=bool(heard))
+    heard = tuple(beside_rest(h, left) for h in heard)
+    return Listening(
+        heard, rejected, remarks, following, courses, within.examined, within.not_examined, names, before, left
+    )
+
+
+def _left(
+    sounds: Sequence[tuple[Recording, Course]], as_new: Sequence[tuple[Recording, Course]], *, named: bool
+) -> Unexplained | None:
+    """What is left most in any recording and was not as new; what comes and goes is that of a cause if `named`."""
+    before = [one.numbers["frequency_hz"] for one in (left_in(*each) for each in as_new) if one is not None]
+    rest = [
+        one for one in (left_in(*each) for each in sounds) if one is not None and not (named and one.kind == "time")
+    ]
+    new = [u for u in rest if all(abs(u.numbers["frequency_hz"] / was - 1.0) > SAME_PITCH for was in before)]
+    return max(new, key=lambda u: u.score, default=None)
+
+
+def beside_rest(heard: AcousticFinding, left: Unexplained | None) -> AcousticFinding:
+    """A finding of the axis: no surer than a weak one, where something without a name is left."""
+    if left is None or kind_or_any(heard.mechanism).of_the_recording:
+        return heard
+    return replace(heard, probability=min(heard.probability, WEAK))
 
 
 def _as_new(h: AcousticFinding) -> AcousticFinding:

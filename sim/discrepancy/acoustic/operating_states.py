@@ -22,7 +22,7 @@ from casebase.signals.recording import Recording
 from casebase.signals.stroke import reversal_times_s
 from sim.description.axis import Axis
 from sim.discrepancy.acoustic.levels import Levels, levels_of
-from sim.discrepancy.acoustic.spectral_lines import TRANSFORM, heard_speed, mesh_orders, over_surroundings
+from sim.discrepancy.acoustic.spectral_lines import LOWEST_HZ, TRANSFORM, heard_speed, mesh_orders, over_surroundings
 from sim.discrepancy.data.preprocessing import Measurement
 from sim.torsional.model import Array
 
@@ -35,6 +35,7 @@ MOST = 0.7  # of the standstills; a dropout makes one more
 SHORTEST_CRUISE_S = 0.4
 LEAST_CRUISES = 3
 LEAST_HEARD_CYCLES = 3  # overlapping: five standstills
+UNEVEN = 0.02  # of a speed that is heard, while cruising
 EVEN_S = 0.05  # how early or late a standstill is heard
 
 
@@ -64,10 +65,11 @@ class Cruise:
 
 @dataclass(frozen=True, eq=False)
 class LoadAngle:
-    """From telemetry: times on the recording's clock (n,) [s], angle of the load (n,) [rad]."""
+    """From telemetry: times on the recording's clock, angle of the load [rad], turns of the motor [1/s], all (n,)."""
 
     time_s: Array
     angle_rad: Array
+    turns_per_s: Array
 
 
 @dataclass(frozen=True, eq=False)
@@ -91,6 +93,18 @@ class Course:
         """Power spectrum (m,) of the envelope of a band [Hz] during a cruise, over its surroundings."""
         spectra: Array = self._envelopes[band]
         return np.asarray(spectra[cruise])
+
+    def turns_within(self, start_s: float, end_s: float) -> tuple[float, float]:
+        """Least and largest speed of the motor that sounds there [1/s]; none at a speed that changes unmeasured, which
+        makes no line, and any at a steady one that is unknown."""
+        if self.load is not None:
+            inside = self.load.turns_per_s[slice(*np.searchsorted(self.load.time_s, (start_s, end_s)))]
+            return (float(inside.min()), float(inside.max())) if inside.size else (0.0, math.inf)
+        near = [c for c in self.cruises if c.start_s - MARGIN_S < end_s and start_s < c.end_s + MARGIN_S]
+        if near or not self.cruises:
+            known = [c.turns_per_s for c in near if c.turns_per_s]
+            return ((1.0 - UNEVEN) * min(known), (1.0 + UNEVEN) * max(known)) if known else (0.0, math.inf)
+        return math.inf, 0.0
 
     @cached_property
     def levels(self) -> Levels:
@@ -161,6 +175,18 @@ def contradiction_of(described_s: float, heard: Motion, duration_s: float) -> st
     return f"{told} do not repeat with it; they lie {usual:.3g} s apart on the median: no period is used."
 
 
+def without_loudest_octave(sound: Recording) -> Recording:
+    """What may be heard beside a noise or a line that is as loud at standstill as in motion."""
+    spectrum = np.fft.rfft(sound.samples)
+    octave = np.log2(np.maximum(np.fft.rfftfreq(sound.samples.size, 1.0 / sound.sample_rate_hz), 1.0) / LOWEST_HZ)
+    sixth = np.floor(6.0 * np.maximum(octave, -1.0 / 6.0)).astype(np.int64) + 1
+    power = np.convolve(np.bincount(sixth, np.abs(spectrum) ** 2)[1:], np.ones(6), "valid")
+    if power.size:
+        first = int(np.argmax(power)) / 6.0
+        spectrum[(octave >= first) & (octave < first + 1.0)] = 0.0
+    return replace(sound, samples=np.fft.irfft(spectrum, sound.samples.size).astype(np.float32))
+
+
 def course_of(axis: Axis, sound: Recording, m: Measurement | None, offset_s: float) -> Course:
     """What is known of the motion during a recording that starts `offset_s` after the telemetry [s]."""
     reversals: tuple[float, ...] = ()
@@ -169,9 +195,11 @@ def course_of(axis: Axis, sound: Recording, m: Measurement | None, offset_s: flo
     described = described_period_s(axis)
     analysis = Analysis(sound, OperatingCondition(motion_period_s=described, reversal_times_s=reversals))
     contradiction = None
+    if m is None and not analysis.motion.reversal_times_s:
+        analysis = Analysis(without_loudest_octave(sound), analysis.condition)
     if m is None and described is not None:
         contradiction = contradiction_of(described, analysis.motion, sound.duration_s)
-        analysis = analysis if contradiction is None else Analysis(sound, UNKNOWN)
+        analysis = analysis if contradiction is None else Analysis(analysis.recording, UNKNOWN)
     cruises = _cruises(analysis)
     if m is not None:
         cruises = _with_measured_speed(cruises, m, offset_s)
@@ -190,7 +218,7 @@ def course_of(axis: Axis, sound: Recording, m: Measurement | None, offset_s: flo
         moving,
         repeats,
         mesh_orders(axis),
-        LoadAngle(m.time_s - offset_s, angle),
+        LoadAngle(m.time_s - offset_s, angle, np.abs(m.speed) / (2.0 * math.pi)),
     )
 
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from casebase.signals.recording import Recording
+from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.discrepancy.acoustic.angular_resampling import LEAST_TOGETHER
 from sim.discrepancy.acoustic.evidence import AcousticFinding
@@ -19,6 +20,10 @@ AXIS = read_axis(
         "load": {"inertia_kg_m2": 1.0},
     }
 )
+
+
+def found(axis: Axis, sound: Recording, m: Measurement | None, offset_s: float) -> tuple[AcousticFinding, ...]:
+    return listen(axis, sound, m, offset_s)[0]
 
 
 def motion() -> Measurement:
@@ -37,7 +42,7 @@ def noise(seed: int) -> np.ndarray:  # type: ignore[type-arg]
 
 @pytest.mark.parametrize("seed", range(3))
 def test_noise_is_silent(seed: int) -> None:
-    assert listen(AXIS, recording(noise(seed)), motion(), 0.0) == ()
+    assert found(AXIS, recording(noise(seed)), motion(), 0.0) == ()
 
 
 def cruise() -> Measurement:
@@ -63,7 +68,7 @@ def turns(m: Measurement) -> np.ndarray:  # type: ignore[type-arg]
 @pytest.mark.parametrize(("seed", "size"), [(3, 0.05), (9, 0.014)], ids=["strong", "weak"])
 def test_impacts_of_a_bearing_are_named_by_their_order(seed: int, size: float) -> None:
     m, order = motion(), 4.37
-    heard = listen(AXIS, recording(noise(seed) + impacts(order * turns(m), size)), m, 0.0)
+    heard = found(AXIS, recording(noise(seed) + impacts(order * turns(m), size)), m, 0.0)
     assert [h.mechanism for h in heard] == ["bearing_defect"]
     assert heard[0].parameters["order"][0] == pytest.approx(order, rel=0.005)
 
@@ -79,7 +84,7 @@ def slipping(m: Measurement, order: float, seed: int) -> np.ndarray:  # type: ig
 def test_impacts_that_slip_are_found_by_all_of_their_blurred_lines(order: float, size: float) -> None:
     """Where their sum over the path has drifted by turns of the phase, hardly one line is a line any more."""
     m = motion()
-    heard = listen(AXIS, recording(noise(9) + impacts(slipping(m, order, 1), size)), m, 0.0)
+    heard = found(AXIS, recording(noise(9) + impacts(slipping(m, order, 1), size)), m, 0.0)
     assert [h.mechanism for h in heard] == ["bearing_defect"]
     low, high = heard[0].parameters["order"][1:]
     assert low <= order <= high
@@ -105,7 +110,7 @@ def test_chance_makes_no_family_and_lines_as_wide_as_slip_makes_them_do(seed: in
 def test_weak_impacts_are_a_bearing_unless_teeth_err() -> None:
     """Three lines, the first the largest; teeth at fault leave families of lines as weak as these."""
     m = motion()
-    (heard,) = listen(AXIS, recording(noise(9) + impacts(4.37 * turns(m), 0.009)), m, 0.0)
+    (heard,) = found(AXIS, recording(noise(9) + impacts(4.37 * turns(m), 0.009)), m, 0.0)
     assert heard.mechanism == "bearing_defect"
     assert 0.5 < heard.probability < 0.9
     assert heard.parameters["order"][0] == pytest.approx(4.37, rel=0.005)
@@ -126,8 +131,8 @@ def test_impacts_that_keep_their_rhythm_while_the_axis_turns_are_no_bearing() ->
     """At one speed every frequency is an order, and what goes on through the turns shows which it is."""
     m = cruise()
     clock = 21.85 * np.arange(20 * RATE) / RATE
-    assert listen(AXIS, recording(noise(7) + impacts(clock, 0.05)), m, 0.0) == ()
-    heard = listen(AXIS, recording(noise(7) + impacts(4.37 * turns(m), 0.05)), m, 0.0)
+    assert found(AXIS, recording(noise(7) + impacts(clock, 0.05)), m, 0.0) == ()
+    heard = found(AXIS, recording(noise(7) + impacts(4.37 * turns(m), 0.05)), m, 0.0)
     assert [h.mechanism for h in heard] == ["bearing_defect"]
 
 
@@ -136,7 +141,7 @@ def test_impacts_at_the_order_of_the_teeth_are_no_bearing() -> None:
     t = np.arange(20 * RATE) / RATE
     path = np.abs(np.interp(t, m.time_s, m.speed)).cumsum() / RATE / (2 * np.pi)
     sound = noise(4) * (1.0 + 0.8 * np.cos(2 * np.pi * 12.0 * path))
-    assert "bearing_defect" not in [h.mechanism for h in listen(AXIS, recording(sound), m, 0.0)]
+    assert "bearing_defect" not in [h.mechanism for h in found(AXIS, recording(sound), m, 0.0)]
 
 
 def test_a_line_of_the_teeth_counts_for_no_family() -> None:
@@ -145,13 +150,13 @@ def test_a_line_of_the_teeth_counts_for_no_family() -> None:
     path = 2 * np.pi * turns(m)
     two = 0.07 * np.cos(7.2 * path) + 0.07 * np.cos(14.4 * path)
     sound = noise(4) * (1.0 + 0.8 * np.cos(36.0 * path) + two)
-    assert "bearing_defect" not in [h.mechanism for h in listen(AXIS, recording(sound), m, 0.0)]
+    assert "bearing_defect" not in [h.mechanism for h in found(AXIS, recording(sound), m, 0.0)]
 
 
 def test_a_tooth_that_hits_once_per_turn_of_its_gear_is_no_bearing() -> None:
     """Its lines are all multiples of one turn of the gear, here an eighth of the motor's."""
     m = motion()
-    heard = listen(AXIS, recording(noise(4) + impacts(turns(m) / 8.0, 0.3)), m, 0.0)
+    heard = found(AXIS, recording(noise(4) + impacts(turns(m) / 8.0, 0.3)), m, 0.0)
     assert "bearing_defect" not in [h.mechanism for h in heard]
 
 
@@ -161,7 +166,7 @@ def test_multiples_of_what_is_fixed_in_frequency_are_no_bearing(fixed_hz: float)
     t = np.arange(20 * RATE) / RATE
     heights = (0.6, 0.6, 0.5, 0.5, 0.5, 0.4, 0.4, 0.4, 0.4)
     wave = sum(h * np.cos(2 * np.pi * k * fixed_hz * t) for k, h in enumerate(heights, start=1))
-    heard = listen(AXIS, recording(noise(4) * np.maximum(1.0 + 0.3 * wave, 0.0)), cruise(), 0.0)
+    heard = found(AXIS, recording(noise(4) * np.maximum(1.0 + 0.3 * wave, 0.0)), cruise(), 0.0)
     assert "bearing_defect" not in [h.mechanism for h in heard]
 
 
@@ -170,14 +175,14 @@ def test_lines_at_whole_orders_are_no_multiples_of_a_bearing() -> None:
     m = cruise()
     angle = np.interp(np.arange(20 * RATE) / RATE, m.time_s, m.angle)
     wave = sum(h * np.cos(order * angle) for order, h in ((13.0, 0.6), (26.0, 0.5), (6.5, 0.3), (32.5, 0.3)))
-    heard = listen(AXIS, recording(noise(4) * np.maximum(1.0 + 0.3 * wave, 0.0)), m, 0.0)
+    heard = found(AXIS, recording(noise(4) * np.maximum(1.0 + 0.3 * wave, 0.0)), m, 0.0)
     assert "bearing_defect" not in [h.mechanism for h in heard]
 
 
 def test_hum_is_named_by_its_frequency() -> None:
     t = np.arange(20 * RATE) / RATE
     sound = noise(5) + 0.02 * np.sin(2 * np.pi * 50.0 * t) + 0.01 * np.sin(2 * np.pi * 100.0 * t)
-    heard = listen(AXIS, recording(sound), None, 0.0)
+    heard = found(AXIS, recording(sound), None, 0.0)
     assert [h.mechanism for h in heard] == ["electrical_hum"]
     assert heard[0].parameters["frequency_hz"][0] == pytest.approx(50.0, abs=0.02)
 
@@ -185,16 +190,16 @@ def test_hum_is_named_by_its_frequency() -> None:
 def test_what_is_fast_is_cut_for_one_sample_at_a_time() -> None:
     """Every other sample of the other sign, as at high frequencies: no two that follow each other are cut."""
     fast = np.abs(noise(7)) * np.where(np.arange(20 * RATE) % 2, 1.0, -1.0)
-    heard = listen(AXIS, recording(np.clip(fast, -0.014, 0.014)), None, 0.0)
+    heard = found(AXIS, recording(np.clip(fast, -0.014, 0.014)), None, 0.0)
     assert [h.mechanism for h in heard if h.mechanism == "clipping"] == ["clipping"]
 
 
 def test_a_turn_that_repeats_is_not_cut() -> None:
     turn = noise(8)[: RATE // 4]
-    heard = listen(AXIS, recording(np.tile(turn, 80)), None, 0.0)
+    heard = found(AXIS, recording(np.tile(turn, 80)), None, 0.0)
     assert "clipping" not in [h.mechanism for h in heard]
 
 
 def test_a_recording_cut_at_its_extremes_is_named_clipping() -> None:
-    heard = listen(AXIS, recording(np.clip(noise(6), -0.012, 0.012)), None, 0.0)
+    heard = found(AXIS, recording(np.clip(noise(6), -0.012, 0.012)), None, 0.0)
     assert [h.mechanism for h in heard] == ["clipping"]

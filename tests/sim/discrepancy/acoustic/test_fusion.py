@@ -80,6 +80,10 @@ def passes(angle: float, forward: bool) -> Array:
     return np.asarray(TIME[crossed[(LOAD_SPEED[crossed] > 0.0) == forward]])
 
 
+def found(axis: Axis, sound: Recording, m: Measurement | None, offset_s: float) -> tuple[AcousticFinding, ...]:
+    return listen(axis, sound, m, offset_s)[0]
+
+
 def hear(*sounds: Array) -> Listening:
     return listen_alone(AXIS, [recording(sound) for sound in sounds])
 
@@ -104,6 +108,41 @@ def test_impacts_at_one_angle_one_way_are_a_damaged_tooth_of_the_output_gear(ang
     value, low, high = heard[0].parameters["angle_from_middle_rad"]
     assert value == pytest.approx(angle if forward else -angle, abs=math.radians(2.0))
     assert low < (angle if forward else -angle) < high
+
+
+def line(frequency_hz: float) -> Array:
+    """A line as loud as the gearbox."""
+    return 0.07 * np.sin(2.0 * math.pi * frequency_hz * TIME)
+
+
+def swelling(seed: int) -> Array:
+    """Noise for two seconds, ten times as loud as the gearbox."""
+    inside = (TIME > 6.0) & (TIME < 8.0)
+    return np.asarray(0.5 * inside * np.random.default_rng(seed).standard_normal(TIME.size))
+
+
+@pytest.mark.parametrize(
+    ("added", "kind"), [(line(1777.0), "frequency"), (line(2500.0), "frequency"), (swelling(3), "time")]
+)
+def test_what_is_of_no_order_and_no_hum_is_left_without_a_name(added: Array, kind: str) -> None:
+    """A line by itself hides the standstills, and then the motion is heard beside it."""
+    alone = investigate(AXIS, None, recording(running(5) + added))
+    beside_telemetry = listen(AXIS, recording(running(5) + added), measured(0.0), 0.0)[1]
+    assert alone.verdict == "unnamed"
+    for left in (alone.unexplained, beside_telemetry):
+        assert left is not None
+        assert (left.kind, left.channel) == (kind, "sound")
+    if kind == "time":
+        assert alone.unexplained
+        assert 6.0 <= alone.unexplained.numbers["time_s"] <= 8.0
+
+
+def test_a_finding_is_less_sure_beside_a_line_without_a_name() -> None:
+    impacts = with_impacts(running(5), passes(0.4, True))
+    (sure,), (doubted,) = (
+        investigate(AXIS, None, recording(one)).findings for one in (impacts, impacts + line(1777.0))
+    )
+    assert sure.probability > 0.9 > doubted.probability
 
 
 def test_as_many_impacts_at_random_times_are_no_damaged_tooth() -> None:
@@ -171,7 +210,7 @@ def test_several_recordings_of_one_axis_agree_or_do_not() -> None:
 
 def test_with_telemetry_the_angle_is_that_of_the_encoder_and_the_flank_is_known() -> None:
     offset = 1.3
-    heard = listen(AXIS, recording(with_impacts(running(16), passes(0.4, False))), measured(offset), 0.0)
+    heard = found(AXIS, recording(with_impacts(running(16), passes(0.4, False))), measured(offset), 0.0)
     assert [h.mechanism for h in heard] == ["tooth_damage"]
     assert heard[0].parameters["angle_rad"][0] == pytest.approx(0.4 + offset, abs=math.radians(2.0))
     assert heard[0].parameters["flank"][0] == -1.0
