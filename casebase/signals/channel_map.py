@@ -11,10 +11,10 @@ from casebase.signals.errors import TelemetryError, TextError
 from casebase.signals.formats.layout import Wanted
 from casebase.signals.joint_maps import SCHEMA
 from casebase.signals.telemetry import CHANNELS, TIME
-from casebase.signals.units import COUNT, ISO8601, QUANTITIES, SAMPLE, TIMES, WITH_FACTOR, unit_of
+from casebase.signals.units import COUNT, FORMAT, ISO8601, QUANTITIES, SAMPLE, TIMES, WITH_FACTOR, unit_of
 
 TABLE_KEYS = {"header": bool, "delimiter": str, "decimal": str, "skip_rows": int}
-CHANNEL_KEYS = ("column", "unit", "factor", "counts_per_rev", "rate_hz")
+CHANNEL_KEYS = ("column", "unit", "factor", "counts_per_rev", "rate_hz", "format")
 
 
 @dataclass(frozen=True)
@@ -23,13 +23,15 @@ class Source:
 
     Args:
         column: its name in the header, or its number from 1; None for times that are counted by rows.
-        unit: as in `TIMES` or `QUANTITIES`; `iso8601` is a text.
+        unit: as in `TIMES` or `QUANTITIES`; `iso8601` and `format` are texts.
         scale: what one of the column's is of the channel's unit, sign included.
+        format: of stamps of time, as of `datetime.strptime`.
     """
 
     column: str | int | None
     unit: str
     scale: float
+    format: str = ""
 
 
 @dataclass(frozen=True)
@@ -121,7 +123,13 @@ def _source(channel: str, value: object) -> Source:
         raise TelemetryError(
             f'channel map: [{channel}] column = {column!r}; write its name, column = "...", or its number from 1'
         )
-    return Source(column, str(unit), _scale(channel, str(unit), value))
+    format_ = value.get("format", "")
+    if (unit == FORMAT) != bool(format_) or not isinstance(format_, str):
+        raise TelemetryError(
+            f"channel map: [{channel}] unit = {unit!r} with format = {format_!r}; stamps other than ISO 8601 are "
+            'written as unit = "format", format = "%d.%m.%Y %H:%M:%S,%f"'
+        )
+    return Source(column, str(unit), _scale(channel, str(unit), value), format_)
 
 
 def _is_column(column: object) -> bool:
@@ -131,7 +139,7 @@ def _is_column(column: object) -> bool:
 def units_of(channel: str) -> tuple[str, ...]:
     """Return the units that a column of a channel, or of the clock, may have."""
     if channel == TIME:
-        return (*TIMES, ISO8601, SAMPLE)
+        return (*TIMES, ISO8601, FORMAT, SAMPLE)
     quantity = CHANNELS[channel]
     more = (COUNT,) if quantity == "rad" else WITH_FACTOR if quantity == "N m" else ()
     return (*QUANTITIES[quantity], *more)

@@ -21,7 +21,10 @@ def stamps_from_zero(time_s: NDArray[np.float64]) -> NDArray[np.float64]:
     """
     times: NDArray[np.float64] = time_s - time_s[0]
     stored = 4.0 * float(np.spacing(np.abs(time_s).max(initial=0.0)))
-    rounding = next((q for q in 10.0 ** -np.arange(MOST_DIGITS + 1) if _is_multiple(times, q, stored)), 0.0) + stored
+    digit = next((q for q in 10.0 ** -np.arange(MOST_DIGITS + 1) if _is_multiple(times, q, stored)), 0.0)
+    if digit:
+        times = digit * np.rint(times / digit)
+    rounding = digit + stored
     row, interval = rows_of(times)
     beside = times - interval * row
     if np.any(np.diff(row) < 1) or float(np.ptp(beside)) > max(ROUNDED * rounding, BESIDE * interval):

@@ -23,7 +23,7 @@ from casebase.signals.column_names import (
 )
 from casebase.signals.joint_maps import SCHEMA
 from casebase.signals.telemetry import CHANNELS, TIME, Recognition
-from casebase.signals.units import ISO8601, SAMPLE
+from casebase.signals.units import FORMAT, ISO8601, SAMPLE
 
 TEMPERATURE, TORQUE = "temperature_degc", "motor_torque_nm"
 
@@ -235,11 +235,14 @@ def _line(channel: str, columns: Sequence[Column]) -> str:
 
 def units_in_words(channel: str) -> str:
     """Return the units that a channel may have, and what some of them need."""
-    units = [each for each in units_of(channel) if each != SAMPLE]
+    units = [each for each in units_of(channel) if each not in (FORMAT, SAMPLE)]
     plain = [each for each in units if each not in NEEDED]
     more = [f"{each} with {NEEDED[each].key} = {BLANK}" for each in units if each in NEEDED]
     if channel == TIME:
-        more = [f"a log without a clock has unit = {quoted(SAMPLE)}, rate_hz = {BLANK}"]
+        more = [
+            'other stamps have unit = "format", format = "%d.%m.%Y %H:%M:%S,%f"',
+            f"a log without a clock has unit = {quoted(SAMPLE)}, rate_hz = {BLANK}",
+        ]
     elif channel != TEMPERATURE:
         more.append(f"of any other unit {plain[0]} with factor = {BLANK}")
     return "; ".join([", ".join(plain), *more])

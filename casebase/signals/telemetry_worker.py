@@ -1,5 +1,7 @@
 """Telemetry tables, read in the limited process: known columns alone, so many values and no more."""
 
+import json
+import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import asdict, replace
@@ -21,14 +23,19 @@ from casebase.signals.joint_maps import LoggedJoint
 from casebase.signals.limited_worker import RefusedError, Send
 from casebase.signals.recognition import BLANK, recognise
 from casebase.signals.telemetry import CHANNELS, LARGEST_LOST_SHARE, LONGEST_NAME, MINIMUM_ROWS, MOST_COLUMNS, TIME
-from casebase.signals.units import ISO8601
+from casebase.signals.units import FORMAT, ISO8601
 
 BEGINNING = 128
 """Bytes by which a format is told [byte]."""
 LONGEST_REFUSAL = 8000
 """Characters of a refusal, the lines of a channel map among them."""
+COLUMN = re.compile(r'column = ("(?:[^"\\]|\\.)*"|\d+)')
+"""Columns of a map that was recognised."""
 MOST_SHOWN = 40
 """Columns that a refusal lists: four axes of ten channels."""
+DAY_S = 86_400.0
+DATED = re.compile("%[dDjxcsFuUwWaA]")
+"""Of a format: it has a day, and not only the time of one."""
 MOST_LOOKED_AT = 1_000_000
 """Values of which a refusal says from where to where they go."""
 
@@ -124,6 +131,7 @@ def _recognised(table: OpenTable, names: Sequence[str]) -> tuple[Mapping[str, So
             raise TelemetryError(f"the column {name} stands twice in the table; one of them must go")
     found = recognise(names, table.units, table.times)
     if found.open:
+        _try(table, found.map)
         raise TelemetryError(
             f"the names and units of the columns do not tell enough: {found.open}. The table has "
             f"{_held(table, names)}. Looked through, and {BLANK} filled in, these lines are a channel map that reads "
@@ -131,6 +139,25 @@ def _recognised(table: OpenTable, names: Sequence[str]) -> tuple[Mapping[str, So
         )
     map_ = channel_map_of(found.map)
     return map_.sources, "" if _is_own(map_) else found.map
+
+
+def _try(table: OpenTable, map_: str) -> None:
+    """Read the columns of a map that is to be filled in: none is offered that cannot read them.
+
+    Raises:
+        TelemetryError: as reading them does.
+    """
+    shown = [json.loads(each) for each in COLUMN.findall(map_)]
+    names = [name.strip().lstrip("\ufeff") for name in table.names]
+    places = {each - 1 if isinstance(each, int) else names.index(each) for each in shown}
+    try:
+        for _ in table.rows(sorted(places) or [0], dict.fromkeys(table.times, "")):
+            pass
+    except TelemetryError as error:
+        raise TelemetryError(
+            f"{error}. One row a line is read, with a column for each channel; a stamp of time that is no number has "
+            'unit = "format", format = "%d.%m.%Y %H:%M:%S,%f" in a channel map'
+        ) from error
 
 
 def _is_own(map_: ChannelMap) -> bool:
@@ -170,7 +197,7 @@ def _values(
 ) -> list[NDArray[np.float64]]:
     """Values of each placed channel in its unit, in their order."""
     columns = sorted(set(places.values()))
-    times = {place for name, place in places.items() if sources[name].unit == ISO8601}
+    times = {place: sources[name].format for name, place in places.items() if sources[name].unit in (ISO8601, FORMAT)}
     blocks: list[tuple[NDArray[np.float64], ...]] = []
     count = 0
     for rows in table.rows(columns, times):
@@ -185,6 +212,8 @@ def _values(
     for name, place in places.items():
         values = np.concatenate([np.empty(0), *(block[columns.index(place)] for block in blocks)])
         values *= sources[name].scale
+        if sources[name].format and not DATED.search(sources[name].format):
+            values += DAY_S * np.cumsum(np.diff(values, prepend=values[:1]) < -0.5 * DAY_S)
         found.append(values)
     return found
 
@@ -209,7 +238,7 @@ def _held(table: OpenTable, names: Sequence[str]) -> str:
     low, high = np.full(len(names), np.inf), np.full(len(names), -np.inf)
     count = 0
     try:
-        for rows in table.rows(shown, ()):
+        for rows in table.rows(shown, {}):
             for place, values in zip(shown, rows, strict=True):
                 low[place] = np.fmin.reduce(values, initial=low[place])
                 high[place] = np.fmax.reduce(values, initial=high[place])

@@ -4,9 +4,9 @@ import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
-ISO8601, SAMPLE, COUNT = "iso8601", "sample", "count"
+ISO8601, FORMAT, SAMPLE, COUNT = "iso8601", "format", "sample", "count"
 TIMES: Mapping[str, float] = MappingProxyType({"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9})
-"""[s] per unit; `iso8601` and `sample` stand beside them."""
+"""[s] per unit; `iso8601`, `format` and `sample` stand beside them."""
 QUANTITIES: Mapping[str, Mapping[str, float]] = MappingProxyType(
     {
         "rad": {"rad": 1.0, "deg": math.pi / 180.0, "rev": 2.0 * math.pi, "mrad": 1e-3, "m": 1.0, "mm": 1e-3},

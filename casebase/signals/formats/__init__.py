@@ -3,6 +3,7 @@
 from collections.abc import Callable, Mapping
 from pathlib import Path
 
+from casebase.signals.formats.codesys import open_codesys
 from casebase.signals.formats.comma_separated import open_comma_separated
 from casebase.signals.formats.layout import Wanted
 from casebase.signals.formats.matlab import open_matlab
@@ -18,6 +19,7 @@ READERS: Mapping[bytes, Reader] = {
     b"\x89MCAP0\r\n": open_mcap,
     b"MATLAB 5.0 MAT-file": open_matlab,
     b"TDSm": open_tdms,
+    b"[key]; [value]": open_codesys,
     b"": open_comma_separated,
 }
 """What a file begins with to its reader; the first that fits. What begins like no other is text.

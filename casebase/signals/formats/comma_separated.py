@@ -2,7 +2,7 @@
 
 import codecs
 import re
-from collections.abc import Container, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 from pathlib import Path
 from types import MappingProxyType
@@ -89,7 +89,7 @@ def _rows(
     layout: Layout | None,
     names: Sequence[str],
     places: Sequence[int],
-    times: Container[int],
+    times: Mapping[int, str],
 ) -> Iterator[Rows]:
     called = {place: names[place] if layout is None else str(place) for place in places}
     types = {called[place]: pa.string() if place in times else pa.float64() for place in places}
@@ -97,7 +97,7 @@ def _rows(
         with _opened(path, encoding, layout, types) as reader:
             for batch in reader:
                 yield tuple(
-                    seconds_of(batch.column(called[place]).to_pylist())
+                    seconds_of(batch.column(called[place]).to_pylist(), times[place])
                     if place in times
                     else batch.column(called[place]).to_numpy(zero_copy_only=False)
                     for place in places

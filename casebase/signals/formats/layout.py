@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from itertools import takewhile
 
 from casebase.signals.errors import TelemetryError
-from casebase.signals.units import are_units
+from casebase.signals.units import are_units, unit_of
 
 DELIMITERS = (";", "\t", ",", " ")
 """In this order: a comma may be a decimal sign where another of them parts the columns, and a blank part of a name."""
@@ -112,7 +112,15 @@ def _header(rows: Sequence[Sequence[str]], first: int, wanted: Wanted) -> tuple[
     headers = [tuple([*row, ""][:width]) for row in takewhile(lambda row: _is_above(row, rows[first]), above)]
     if len(headers) > 1 and are_units(headers[0]):
         return headers[1], headers[0]
+    if len(headers) > 1 and any(map(_is_unit_below, headers[0], headers[1])):
+        pairs = [(above, cell) if unit_of(cell) else (cell, "") for cell, above in zip(*headers[:2], strict=True)]
+        return tuple(name for name, _ in pairs), tuple(unit for _, unit in pairs)
     return headers[0] if headers else tuple(str(number) for number in range(1, width + 1)), ()
+
+
+def _is_unit_below(cell: str, above: str) -> bool:
+    """Whether a cell of the row above the values is the unit of a name above it, beside others that are names."""
+    return unit_of(cell) is not None and above.strip().isalpha() and unit_of(above) is None
 
 
 def _is_above(row: Sequence[str], values: Sequence[str]) -> bool:

@@ -1,6 +1,6 @@
 """Apache Parquet."""
 
-from collections.abc import Container, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -27,12 +27,12 @@ def open_parquet(path: Path, wanted: Wanted | None = None) -> OpenTable:
     except (pa.ArrowException, OSError) as error:
         raise TelemetryError(f"not a readable Parquet table: {error}") from error
 
-    def rows(places: Sequence[int], times: Container[int]) -> Iterator[Rows]:
+    def rows(places: Sequence[int], times: Mapping[int, str]) -> Iterator[Rows]:
         columns = [names[place] for place in places]
         try:
             for batch in file.iter_batches(ROWS_AT_A_TIME, columns=columns, use_threads=False):
                 yield tuple(
-                    seconds_of(batch.column(names[place]).to_pylist())
+                    seconds_of(batch.column(names[place]).to_pylist(), times[place])
                     if place in times
                     else _numbers(names[place], batch.column(names[place]))
                     for place in places

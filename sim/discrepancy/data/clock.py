@@ -15,9 +15,9 @@ from sim.discrepancy.data.sample_defects import Rows, quantum
 from sim.torsional.model import Array
 
 SAME = 1e-6  # of an interval: by which floating numbers are beside their rows
-NEAR = 0.3  # of the median interval: a step that differs by less belongs to an even clock
+NEAR = 0.301  # of the median interval, by which a step of an even clock differs at most: more than 0.3, a tie of digits
 USUAL = 0.95  # of the steps are no longer than the longest usual one
-LONG = 2.0  # times the longest usual step: what happens within such a gap is not seen
+LONG = 2.001  # times the longest usual step: what happens within a longer gap is not seen
 MOST_MISSING = 0.2  # of the rows
 AGAIN = 2e-3  # of the way that rows which repeat would leave out, where the axis has not rested in them
 
@@ -56,7 +56,7 @@ def evened(t: Telemetry) -> EvenRecord:
         measured = np.isin(np.arange(clock.size), row)
     else:
         interval, longest = (float(np.quantile(steps, share)) for share in (0.5, USUAL))
-        clock = interval * np.arange(int(times[-1] / interval) + 1, dtype=np.float64)
+        clock = interval * np.arange(int(times[-1] / interval + SAME) + 1, dtype=np.float64)
         after = np.clip(np.searchsorted(times, clock), 1, times.size - 1)
         beside = np.minimum(np.abs(clock - times[after - 1]), np.abs(clock - times[after])) < NEAR * interval
         measured = beside | (steps[after - 1] < LONG * longest)

@@ -1,8 +1,9 @@
 """A channel map tells columns, units and layout; the same motion in any dress is the same telemetry."""
 
 import io
-from datetime import UTC, datetime, timedelta
+from datetime import UTC, datetime, timedelta, tzinfo
 from pathlib import Path
+from zoneinfo import ZoneInfo
 
 import numpy as np
 import pyarrow as pa
@@ -231,3 +232,44 @@ def test_channels_that_have_not_begun_yet_do_not_hinder() -> None:
     found = read_telemetry(of_drives("odrive_winch", "up1_1kg_as_logged.csv"), channels=text)
     assert found.rows > 500
     assert np.isfinite(found["motor_torque_nm"]).all()
+
+
+@pytest.mark.parametrize(
+    ("format_", "zone"),
+    [
+        ("%d.%m.%Y %H:%M:%S,%f", UTC),
+        ("%m/%d/%Y %I:%M:%S.%f %p", UTC),
+        ("%H:%M:%S.%f", UTC),
+        ("%I:%M:%S.%f0 %p", UTC),
+        ("%d.%m.%Y %H:%M:%S.%f %z", ZoneInfo("Europe/Berlin")),
+    ],
+)
+def test_stamps_of_any_format_are_times_over_midnight_and_the_end_of_summer_time(
+    tmp_path: Path, format_: str, zone: tzinfo
+) -> None:
+    start = datetime(2026, 10, 25, 0, 59, 59, tzinfo=UTC) - timedelta(hours=0 if format_.endswith("z") else 1)
+    stamps = [(start + timedelta(seconds=float(t))).astimezone(zone).strftime(format_) for t in TIME]
+    columns = {"t": stamps, "pos (5)": ANGLE, "v": SPEED, "m": TORQUE}
+    asked = format_.replace("%f0", "%f")  # seven digits, as .NET writes them
+    body = BODY.format(time="format", angle="rad", counts="", speed="rad/s", torque="N.m", factor=1.0)
+    body = body.replace('unit = "format"', f'unit = "format"\nformat = "{asked}"')
+    is_the_motion(read(tmp_path / "log.csv", table(columns, ";", ","), body))
+
+
+def test_no_map_is_offered_that_cannot_read_the_file(tmp_path: Path) -> None:
+    stamps = [(START + timedelta(seconds=float(t))).strftime("%d.%m.%Y %H:%M:%S") for t in TIME]
+    path = tmp_path / "log.csv"
+    path.write_text(table({"Zeit": stamps, "position": ANGLE, "current": TORQUE}))
+    with pytest.raises(TelemetryError, match=r'no number in row 2.*unit = "format", format = ') as refused:
+        read_telemetry(path)
+    assert "these lines are a channel map" not in str(refused.value)
+
+
+def test_units_stand_below_some_names_and_names_below_others(tmp_path: Path) -> None:
+    path = tmp_path / "log.csv"
+    above = "Axis1\nTime,Analog 1,Analog 2\nms,motor position [deg],Torque [Nm]\n"
+    path.write_text(above + table({"1": 1e3 * TIME, "2": np.degrees(ANGLE), "3": TORQUE}).partition("\n")[2])
+    found = read_telemetry(path)
+    assert found.time_s == pytest.approx(TIME)
+    assert found["motor_position_rad"] == pytest.approx(ANGLE)
+    assert found["motor_torque_nm"] == pytest.approx(TORQUE)

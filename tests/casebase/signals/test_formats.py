@@ -178,10 +178,29 @@ def test_a_format_that_is_not_read_says_what_to_do(tmp_path: Path, start: bytes,
 
 def test_every_format_is_named_on_pages_and_written_here() -> None:
     """Of each reader the page knows the ending, and one file is written above; Parquet is that of every other test."""
-    assert len(READERS) == len(BINARY) + 1
+    assert len(READERS) == len(BINARY) + 2  # of text: tables, and blocks of a variable each
     assert {f".{kind}" for kind in WRITERS} | {".parquet"} == set(binary_endings())
 
 
 def test_what_begins_like_no_other_format_is_text() -> None:
     assert list(READERS)[-1] == b""
     assert all(not other.startswith(one) for one in READERS if one for other in READERS if other != one)
+
+
+def test_a_trace_of_blocks_is_a_table_of_its_variables(tmp_path: Path) -> None:
+    """CODESYS: one block a variable, each with stamps of its own, in a unit that no key says."""
+    lines = ["[key]; [value]", "Version; 0x03050000", "BufferEntries; 300"]
+    for number, (name, values) in enumerate((("Axis.fActPosition", ANGLE), ("Axis.fActTorque", TORQUE))):
+        lines += [f"{number}.Variable; {name}", f"{number}.YAxis; 0", f"{number}.Data; "]
+        lines += [f"; {1e3 * t:.0f}; {value:.12g}" for t, value in zip(T, values, strict=True)]
+    path = tmp_path / "trace.csv"
+    path.write_text("\r\n".join(lines))
+    map_ = recognise_columns(path)
+    assert "time_s has no unit" in map_.open
+    text = map_.map.replace('"time", unit = "..."', '"time", unit = "ms"').replace(
+        'unit = "..."}  # N', 'unit = "N.m"}  # N'
+    )
+    found = read_telemetry(path, channels=text.replace('unit = "..."}  # rad', 'unit = "rad"}  # rad'))
+    assert found.time_s == pytest.approx(T)
+    assert found["motor_position_rad"] == pytest.approx(ANGLE)
+    assert found["motor_torque_nm"] == pytest.approx(TORQUE)
