@@ -50,7 +50,8 @@ def evened(t: Telemetry) -> EvenRecord:
     times = stamps_from_zero(fresh.time_s)
     steps = np.diff(times)
     row, interval = rows_of(times)
-    even = bool(np.all(np.diff(row) > 0)) and float(np.abs(times - interval * row).max()) < SAME * interval
+    beside = float(np.abs(times - interval * row).max())
+    even = bool(np.all(np.diff(row) > 0)) and beside < SAME * interval and row.size > (1.0 - MOST_MISSING) * row[-1]
     if even:
         clock = interval * np.arange(int(row[-1]) + 1, dtype=np.float64)
         measured = np.isin(np.arange(clock.size), row)
@@ -58,8 +59,8 @@ def evened(t: Telemetry) -> EvenRecord:
         interval, longest = (float(np.quantile(steps, share)) for share in (0.5, USUAL))
         clock = interval * np.arange(int(times[-1] / interval + SAME) + 1, dtype=np.float64)
         after = np.clip(np.searchsorted(times, clock), 1, times.size - 1)
-        beside = np.minimum(np.abs(clock - times[after - 1]), np.abs(clock - times[after])) < NEAR * interval
-        measured = beside | (steps[after - 1] < LONG * longest)
+        nearest = np.minimum(np.abs(clock - times[after - 1]), np.abs(clock - times[after]))
+        measured = (nearest < NEAR * interval) | (steps[after - 1] < LONG * longest)
     if float(measured.mean()) < 1.0 - MOST_MISSING:
         raise InvestigationError(
             f"time_s: {1.0 - measured.mean():.0%} of the rows are missing; a clock with at most {MOST_MISSING:.0%} "
