@@ -41,6 +41,8 @@ class EvenRecord:
 def evened(t: Telemetry) -> EvenRecord:
     """The telemetry on the even clock of its rows; where it has none, interpolated at its median interval.
 
+    Rows whose stamps scatter without drift are on an even clock where the axis moves more smoothly by that.
+
     Raises
     ------
     InvestigationError
@@ -50,9 +52,13 @@ def evened(t: Telemetry) -> EvenRecord:
     times = stamps_from_zero(fresh.time_s)
     steps = np.diff(times)
     row, interval = rows_of(times)
-    beside = float(np.abs(times - interval * row).max())
-    even = bool(np.all(np.diff(row) > 0)) and beside < SAME * interval and row.size > (1.0 - MOST_MISSING) * row[-1]
+    even = bool(np.all(np.diff(row) > 0)) and row.size > (1.0 - MOST_MISSING) * row[-1]
+    on_rows = interval * row.astype(np.float64)
+    if even and float(np.abs(times - on_rows).max()) > SAME * interval:
+        angle = _angle(fresh)
+        even = angle is not None and _bend(angle, on_rows) < _bend(angle, times)
     if even:
+        times = on_rows
         clock = interval * np.arange(int(row[-1]) + 1, dtype=np.float64)
         measured = np.isin(np.arange(clock.size), row)
     else:
@@ -97,6 +103,19 @@ def evened(t: Telemetry) -> EvenRecord:
     return EvenRecord(anew, measured, _irregular(times, clock), missing, repeated, tuple(remarks))
 
 
+def _angle(t: Telemetry) -> Array | None:
+    return t.channels.get("motor_position_rad", t.channels.get("load_position_rad"))
+
+
+def _bend(angle: Array, times: Array) -> float:
+    """How far each row is from the line between its neighbours, rms: a moving axis shows when its rows were measured.
+
+    Stamps of packets that came evenly and were read late scatter; those of rows read at uneven times do not.
+    """
+    share = (times[1:-1] - times[:-2]) / (times[2:] - times[:-2])
+    return float(np.std(angle[1:-1] - angle[:-2] - share * (angle[2:] - angle[:-2])))
+
+
 def _irregular(times: Array, clock: Array) -> Rows:
     """Rows of an even `clock` within two of a step that is unlike the others."""
     steps = np.diff(times)
@@ -113,7 +132,7 @@ def without_repeats(t: Telemetry) -> tuple[Telemetry, int]:
     An axis at rest repeats its rows, too, and one that creeps those within a step of its encoder. Where most of the way
     lies in such rows the recorder asks more often than packets come, and those at rest are none either.
     """
-    angle = t.channels.get("motor_position_rad", t.channels.get("load_position_rad"))
+    angle = _angle(t)
     if angle is None or len(t.channels) < 2:
         return t, 0
     measured = [values for name, values in t.channels.items() if name != "known_torque_nm"]

@@ -67,3 +67,14 @@ def test_an_axis_at_rest_repeats_its_rows() -> None:
     record = evened(Telemetry(time, {"motor_position_rad": angle, "motor_torque_nm": np.gradient(angle)}))
     assert record.repeated == 0
     assert record.measured.all()
+
+
+@pytest.mark.parametrize("late", [True, False])
+def test_the_motion_tells_packets_that_were_read_late_from_rows_at_uneven_times(late: bool) -> None:
+    rng = np.random.default_rng(8)
+    stamps = GOOD.time_s + rng.uniform(0.0, 3e-4, GOOD.rows)
+    angle = np.interp(GOOD.time_s if late else stamps, GOOD.time_s, GOOD["motor_position_rad"])
+    record = evened(Telemetry(stamps, {**GOOD.channels, "motor_position_rad": angle}))
+    assert (record.remarks == ()) is late
+    if late:
+        np.testing.assert_array_equal(record.telemetry["motor_position_rad"], angle)
