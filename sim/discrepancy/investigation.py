@@ -17,6 +17,7 @@ from sim.discrepancy.acoustic.evidence import AcousticFinding
 from sim.discrepancy.acoustic.fusion import beside, listen, listen_alone
 from sim.discrepancy.acoustic.synchrony import mismatch
 from sim.discrepancy.assessment.intervals import estimates
+from sim.discrepancy.assessment.misfit import adequacy, excess, widened
 from sim.discrepancy.assessment.remarks import (
     NO_REFERENCE,
     contact_loss_remarks,
@@ -39,6 +40,7 @@ from sim.discrepancy.assessment.verdict import (
     predicting,
     said_alone,
     terms_said,
+    under_misfit,
     under_own_noise,
 )
 from sim.discrepancy.data.excitation import excitation_of
@@ -142,10 +144,12 @@ def _of_torque(
     )
     findings, fit = said_alone(selection, findings)
     findings, fit, gained = predicting(selection, fit, findings)
+    misfit = excess(problem, fit, gained)
+    findings = under_misfit(findings, adequacy(misfit, gained, whole=False))
     findings = tuple(advised(axis, f) for f in findings)
     doubts = misfit_remarks(fit, gained)
     telling = beside_doubts(findings, doubted=bool(gate.measurement.doubts.size))
-    verdict, rest = _verdict(telling, rest, places, doubted=bool(doubts))
+    verdict, rest = _verdict(telling, rest, places, doubted=bool(doubts) or any(misfit))
     findings = tuple(f for f in findings if f.probability > 1.0 / (1.0 + NAMES))  # as likely as before any data
     progress("next measurement", 0.96)
     told = simulated_advice(weighed, findings)
@@ -157,7 +161,8 @@ def _of_torque(
     )
     progress("done", 1.0)
     return Investigation(
-        axis, verdict, findings, rest[0] if rest else None, estimates(problem, fit), gained,
+        axis, verdict, findings, rest[0] if rest else None,
+        widened(estimates(problem, fit), adequacy(misfit, gained, whole=True)), gained,
         advice, extended_axis(axis, fit, terms_said(fit, findings)),
         _provenance(axis, telemetry, sounds, problem.measurement),
         tuple((str(r.term.key), r.gain) for r in selection.rejected[:6]),

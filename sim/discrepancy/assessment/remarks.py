@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from sim.description.axis import Axis
+from sim.discrepancy.assessment.misfit import UNREACHED
 from sim.discrepancy.data.excitation import Excitation, lacking_at
 from sim.discrepancy.data.validation import Gate
 from sim.discrepancy.estimation.estimate import Fit
@@ -18,7 +19,6 @@ from sim.discrepancy.results import Gain
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Need
 
-UNREACHED = 0.5  # of the torque: a model that leaves more says nothing of the axis
 SOLID = ("kg m2", "N m/rad")  # units of inertia and stiffness, in which no data sheet is far wrong
 NO_REFERENCE = (
     "Without reference_position_rad the noise of the torque channel cannot be separated from torque, and weak effects "

@@ -13,6 +13,7 @@ from sim.discrepancy.acoustic.evidence import AcousticFinding
 from sim.discrepancy.assessment.calibration import WEIGHTS
 from sim.discrepancy.assessment.cross_validation_gain import gains
 from sim.discrepancy.assessment.intervals import NINETY, term_estimates, unit_of
+from sim.discrepancy.assessment.misfit import widened
 from sim.discrepancy.assessment.posterior import Evidence, is_close, probability
 from sim.discrepancy.assessment.residual_structure import stands_out
 from sim.discrepancy.data.excitation import lacking
@@ -104,6 +105,20 @@ def predicting(
         fit, gained = fits[best], tried[best]
         kept = tuple(_again(selection, f, fit) for f in without[best])
     return kept, fit, gained
+
+
+def under_misfit(findings: Sequence[Finding], adequate: float) -> tuple[Finding, ...]:
+    """Findings of a model as less likely and their sizes as less known as it is not `adequate`.
+
+    What no model explains may have the shape of anything that was found: of a name's probability remains the share of
+    the squares that is explained.
+    """
+    return tuple(
+        replace(f, probability=adequate * f.probability, parameters=widened(f.parameters, adequate))
+        if f.evidence is not None
+        else f
+        for f in findings
+    )
 
 
 def left_over(gained: Sequence[Gain]) -> float:
