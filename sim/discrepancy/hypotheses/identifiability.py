@@ -154,10 +154,17 @@ def same_over_the_turn(axis: Axis, m: Measurement, mechanism: str, order: float 
 
 
 def the_same(mechanism: str, missing: frozenset[Need]) -> tuple[str, ...]:
-    """Mechanisms that a record without `missing` cannot tell from this one, of each want in turn."""
+    """Mechanisms that a record without `missing` cannot tell from this one, of each want in turn.
+
+    What repeats with an angle also repeats in time where there is one speed.
+    """
     lacks = sorted(needs_of(mechanism) & missing, key=list(Need).index)
     classes: Sequence[list[str]] = [
         [name for name, kind in mechanisms.MECHANISMS.items() if need in kind.needs and name != mechanism]
         for need in lacks
     ]
-    return tuple(dict.fromkeys(name for row in zip_longest(*classes) for name in row if name))
+    kind = mechanisms.MECHANISMS.get(mechanism)
+    steady = Need.SEVERAL_SPEEDS in missing and kind and kind.traits.torque_over_angle
+    in_time = [name for name, other in mechanisms.MECHANISMS.items() if other.of_the_recording and steady
+               and other.signature.domain == "frequency"]  # fmt: skip
+    return tuple(dict.fromkeys(name for row in zip_longest(*classes, in_time) for name in row if name))

@@ -6,9 +6,10 @@ says of a name:
 
 - one that names it: how sure it is that the effect exists, and by how much the name beats each rival;
 - one that names a rival in its place: the same, the other way round;
-- any other is asked: its model has to take the mechanism as the others found it, each number held to their interval.
+- every one is asked: its model has to take the mechanism as the others found it, each number held to their interval.
   What that costs or gains it, in squares, is its log likelihood ratio (`pooling.silent`): nothing, where it could not
-  have seen an effect of that size.
+  have seen an effect of that size. One that names it says no more for it than that; one that does not, nothing for it;
+  one whose unseen rows are predicted worse denies it.
 
 Numbers come from models that have the same mechanisms in all recordings, refitted where one had others.
 """
@@ -36,13 +37,23 @@ from sim.discrepancy.pooling.pooled_estimates import (
     Part,
     Taken,
     calibrated,
+    denied,
     extension,
     from_the_least_bent,
     pooled_sizes,
     sizes,
     under_one_model,
 )
-from sim.discrepancy.pooling.recording_evidence import Weighed, called, found_at, is_own, said_by, shows, weighed
+from sim.discrepancy.pooling.recording_evidence import (
+    Weighed,
+    called,
+    found_at,
+    is_own,
+    said_by,
+    shows,
+    the_same_together,
+    weighed,
+)
 from sim.discrepancy.report.formatting import named as in_full
 from sim.discrepancy.report.maintenance_actions import SURE
 from sim.discrepancy.report.wording import explain, next_measurement
@@ -136,11 +147,10 @@ def _combined(
     axis: Axis, recordings: Sequence[Taken], results: Sequence[Investigation], progress: Progress
 ) -> Together:
     named = weighed(results)
-    said = [name for name, one in named.items() if one.probability >= SAID and found_at(results, name) is not None]
-    parts = []
-    for place, (taken, result) in enumerate(zip(recordings, results, strict=True)):
-        progress(f"recording {place + 1} of {len(results)}: numbers under one model", 0.9 + 0.07 * place / len(results))
-        parts.append(under_one_model(taken, result, results, said))
+    said, parts = _under_one_model(recordings, results, named, progress)
+    if worse := denied(parts, said):
+        named = weighed(results, worse)
+        said, parts = _under_one_model(recordings, results, named, progress)
     progress("numbers of one recording tried on the others", 0.97)
     parts = from_the_least_bent(parts)
     own = _own(parts, named)
@@ -165,6 +175,18 @@ def _combined(
     )  # fmt: skip
     progress("done", 1.0)
     return Together(combined, tuple(parts), tuple(_showing(parts, name) for name, _ in told))
+
+
+def _under_one_model(
+    recordings: Sequence[Taken], results: Sequence[Investigation], named: Mapping[Name, Weighed], progress: Progress
+) -> tuple[list[Name], list[Part]]:
+    """Names of telemetry that are said, and each recording under them."""
+    said = [name for name, one in named.items() if one.probability >= SAID and found_at(results, name) is not None]
+    parts = []
+    for place, (taken, result) in enumerate(zip(recordings, results, strict=True)):
+        progress(f"recording {place + 1} of {len(results)}: numbers under one model", 0.9 + 0.07 * place / len(results))
+        parts.append(under_one_model(taken, result, results, said))
+    return said, parts
 
 
 def open_to(
@@ -237,8 +259,14 @@ def _finding(results: Sequence[Investigation], name: Name, one: Weighed, numbers
     if found_at(results, name) is not None:
         told = explain(name.mechanism, name.location, {e.name: e.value for e in numbers}, one.elsewhere)
         axis = results[0].axis
-        given = [f for r in results if (f := said_by(r, name))]
-        if all(f.lacks for f in given) or not is_beyond_new(axis, name.mechanism, name.location, numbers):
+        open_in_each = one.indistinguishable_from and all(
+            f.probability <= ALONE for r in results if (f := said_by(r, name))
+        )
+        if (
+            open_in_each
+            or the_same_together(results, name)[1]
+            or not is_beyond_new(axis, name.mechanism, name.location, numbers)
+        ):
             sure = min(sure, ALONE)  # what none of them shows, all of them together do not
     return Finding(name.mechanism, name.location, sure, tuple(numbers), one.indistinguishable_from, told)
 

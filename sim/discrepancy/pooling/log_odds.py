@@ -5,7 +5,7 @@ A name. Recordings are taken for independent given the axis, so that their log o
     logit(exists) = logit(prior) + sum over recordings of (logit(exists in it) - logit(prior)),
     p = exists / (1 + sum over rivals of exp(-sum over recordings of the log odds of the name against that rival)).
 
-What speaks against it is bounded in sum (`existence`), what names it by `probability`.
+No recording says more than `LARGEST`, for or against: each may be misjudged. What names it is bounded by `probability`.
 
 A number. Inverse variances add up; what was known before them counts once and not once per recording; where recordings
 disagree by more than their intervals, the interval is wider by Birge's ratio (Phys. Rev. 40 (1932) 207),
@@ -24,7 +24,6 @@ from sim.discrepancy.acoustic.evidence import LARGEST, PRIOR_ODDS
 from sim.discrepancy.assessment.calibration import WEIGHTS
 
 PRIOR = math.log(PRIOR_ODDS)  # log odds of a mechanism before anything is measured
-FAVOUR = 1.0  # largest log odds that a recording which does not name a mechanism may add for it
 LEAST = 0.01
 
 
@@ -69,22 +68,21 @@ def silent(drop: float, temperature: float) -> float:
 
     `drop`: by how much that lowers its cost in squares, the size held to what the others know of it by their interval.
     Half of it is the log likelihood ratio; `temperature` below 1 since residuals are not quite white. What it cannot
-    see costs it nothing and says nothing. In favour little: it had its reasons not to name it.
+    see costs it nothing and says nothing.
 
     >>> silent(0.0, 0.3), silent(-20.0, 0.3), silent(1000.0, 0.3)
-    (0.0, -3.0, 1.0)
+    (0.0, -3.0, 6.0)
     """
-    return max(-LARGEST, min(FAVOUR, 0.5 * temperature * drop))
+    return max(-LARGEST, min(LARGEST, 0.5 * temperature * drop))
 
 
 def existence(sayings: Iterable[LogOdds]) -> float:
-    """Log odds that the effect is there, whatever its name.
+    """Log odds that the effect is there with one size in all recordings, whatever its name: the sum of what each says.
 
-    All that speaks against it together counts no more than `LARGEST`: that the axis has changed between recordings is
-    never less likely than that, and one worn recording must not be lost among good ones from before.
+    >>> logistic(existence([LogOdds(9.0), LogOdds(9.0), *[LogOdds(-9.0)] * 3])) < 0.01
+    True
     """
-    said = [saying.exists for saying in sayings]
-    return PRIOR + sum(x for x in said if x > 0.0) + max(-LARGEST, sum(x for x in said if x < 0.0))
+    return PRIOR + sum(max(-LARGEST, min(LARGEST, saying.exists)) for saying in sayings)
 
 
 def against(sayings: Iterable[LogOdds]) -> dict[Name, float]:

@@ -18,7 +18,7 @@ from sim.discrepancy.assessment.intervals import (
     term_estimates,
 )
 from sim.discrepancy.assessment.residual_structure import look
-from sim.discrepancy.assessment.verdict import left
+from sim.discrepancy.assessment.verdict import AT_LOAD, left
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import BENT, all_rows, final_fit
@@ -59,7 +59,8 @@ class Part:
 def under_one_model(
     taken: Taken, result: Investigation, results: Sequence[Investigation], said: Sequence[Name]
 ) -> Part:
-    """A recording under the mechanisms `said` and what it has of its own; refitted where it had others.
+    """A recording under the mechanisms `said` and what it has of its own; refitted where it had others,
+    as it was where unseen rows are predicted worse by that.
 
     What has no name takes a share of friction's torque: it stays where all recordings have it, else in none.
     """
@@ -92,7 +93,16 @@ def under_one_model(
     _, base = final_fit(problem, base)
     problem, fit = final_fit(problem, anew)
     terms = tuple(t for t in fit.terms if t.named and term_name(t, fit.values) in said)
-    return Part(taken, result, problem, fit, rest[0] if rest else None, gains(problem, base, fit, terms))
+    gained = gains(problem, base, fit, terms)
+    if any(g.rms_after > AT_LOAD * g.rms_before for g in gained):  # by more than chance
+        return Part(taken, result, selection.problem, selection.fit, result.unexplained, result.gain)
+    return Part(taken, result, problem, fit, rest[0] if rest else None, gained)
+
+
+def denied(parts: Sequence[Part], said: Sequence[Name]) -> set[tuple[Name, int]]:
+    """Names of the axis that a model of a recording does not have: with them it predicts unseen rows worse."""
+    present = [{term_name(t, part.fit.values) for t in part.fit.terms if t.named} for part in parts]
+    return {(n, place) for n in said if not is_own(n) for place, terms in enumerate(present) if n not in terms}
 
 
 def _curve(term: Term) -> tuple[str, ...]:

@@ -6,19 +6,31 @@ import math
 from collections.abc import Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 
-from sim.discrepancy.acoustic.evidence import SILENT
+import numpy as np
+
+from sim.discrepancy.acoustic.evidence import LARGEST, SILENT
 from sim.discrepancy.assessment.calibration import WEIGHTS
 from sim.discrepancy.assessment.intervals import INFLATION
-from sim.discrepancy.assessment.posterior import CLOSE, is_close, log_odds
+from sim.discrepancy.assessment.posterior import CLOSE, log_odds
 from sim.discrepancy.assessment.posterior import existence as exists_in
+from sim.discrepancy.data.excitation import excitation_of, lacking, lacking_at
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.estimation.refit import all_rows
 from sim.discrepancy.hypotheses.hypothesis import Term
-from sim.discrepancy.pooling.log_odds import PRIOR, LogOdds, Name, against, existence, logit, probability, silent
+from sim.discrepancy.hypotheses.identifiability import the_same
+from sim.discrepancy.pooling.log_odds import (
+    PRIOR,
+    LogOdds,
+    Name,
+    against,
+    existence,
+    logit,
+    probability,
+    silent,
+)
 from sim.discrepancy.results import SAID, Finding, Investigation
-from sim.discrepancy.search.blocked_cross_validation import advantage, paired
-from sim.discrepancy.search.comparison import Model, ModelComparison, in_place, named_alone, own_of
+from sim.discrepancy.search.comparison import ModelComparison
 from sim.discrepancy.search.criterion import TEMPERATURE
 from sim.mechanisms.catalogue import kind_or_any
 from sim.mechanisms.traits import SIZE_SHARE
@@ -80,18 +92,25 @@ class Weighed:
     sayings: tuple[LogOdds, ...]
 
 
-def weighed(results: Sequence[Investigation]) -> dict[Name, Weighed]:
-    """Every name that any recording gave; of names for one effect that nothing tells apart, the better founded."""
-    named = list(dict.fromkeys(called(f) for result in results for f in result.findings))
-    names = [name for name in named if not (is_own(name) and _gives_way(name, named, results))]
-    sayings = {name: [_saying(result, name, results) for result in results] for name in names}
-    gone = set(named) - set(names)
-    rivals = {name: {r: odds for r, odds in against(sayings[name]).items() if r not in gone} for name in names}
+def weighed(results: Sequence[Investigation], denied: Collection[tuple[Name, int]] = ()) -> dict[Name, Weighed]:
+    """Every name that any recording gave; of names for one effect that nothing tells apart, the better founded.
+
+    `denied`: names, and the places of recordings whose unseen rows are predicted worse with them.
+    """
+    names = list(dict.fromkeys(called(f) for result in results for f in result.findings))
+    sayings = {
+        name: [
+            LogOdds(-LARGEST) if (name, place) in denied else _saying(result, name, results)
+            for place, result in enumerate(results)
+        ]
+        for name in names
+    }
+    rivals = {name: against(sayings[name]) for name in names}
     out: dict[Name, Weighed] = {}
     for name in names:
         given = [finding for result in results if (finding := said_by(result, name))]
-        weighed_too = {r.mechanism for r in rivals[name]}
-        left_out = weighed_too | {r.mechanism for r in gone}
+        somewhere, everywhere = the_same_together(results, name)
+        left_out = {r.mechanism for r in rivals[name]} | (somewhere - everywhere)
         alike = dict.fromkeys(m for f in given for m in f.indistinguishable_from if m not in left_out)
         near = [r for r, odds in rivals[name].items() if abs(odds) < CLOSE]
         told = tuple([*alike, *sorted({r.mechanism for r in near} - {name.mechanism})][:2])
@@ -105,55 +124,37 @@ def weighed(results: Sequence[Investigation]) -> dict[Name, Weighed]:
     return out
 
 
+def the_same_together(results: Sequence[Investigation], name: Name) -> tuple[set[str], set[str]]:
+    """What looks the same as a mechanism in any of the recordings that name it, and what does in all of them together:
+    what is told by the motion of others would not be of one size there."""
+    ms = [r.gate.measurement for r in results if r.gate is not None and said_by(r, name)]
+    if not ms:
+        return set(), set()
+    each = {other for m in ms for other in the_same(name.mechanism, lacking(m))}
+    return each, set(the_same(name.mechanism, lacking_at(np.concatenate([excitation_of(m).speed for m in ms]))))
+
+
 def _saying(result: Investigation, name: Name, results: Sequence[Investigation]) -> LogOdds:
-    """What a recording says of `name`."""
-    finding = said_by(result, name)
-    standings = _standings(result)
-    values = {} if result.weighed is None else result.weighed.fit.values
-    if finding is not None:
-        if finding.evidence is None or name not in standings:  # by sound
+    """What a recording says of `name`: no more than the size that it has in all of them gains it."""
+    finding, found = said_by(result, name), found_at(results, name)
+    if found is None:  # by sound
+        if finding is not None:
             return LogOdds(logit(finding.probability) - PRIOR)
-        beaten = _beaten(standings[name], values)
-        return LogOdds(exists_in(finding.evidence) - PRIOR, beaten | _not_tried(result, name, results, beaten))
-    for other, standing in standings.items():
-        beaten = _beaten(standing, values)
-        given = said_by(result, other)
-        if name in beaten and given is not None and given.evidence is not None:
-            return LogOdds(exists_in(given.evidence) - PRIOR, {other: -beaten[name]})
-    if is_own(name):  # another recording knows nothing of it
+        return LogOdds(math.log(SILENT) if result.provenance["sound_sha256"] and not is_own(name) else 0.0)
+    if is_own(name) and finding is None:  # another recording knows nothing of it
         return LogOdds(0.0)
-    found = found_at(results, name)
-    if found is None:  # heard only
-        return LogOdds(math.log(SILENT) if result.provenance["sound_sha256"] else 0.0)
-    return LogOdds(_asked(result, *found))
+    values = {} if result.weighed is None else result.weighed.fit.values
+    asked = math.inf if is_own(name) or _is_of(result, found[1]) else _asked(result, *found)
+    for other, standing in _standings(result).items():
+        given, beaten = said_by(result, other), _beaten(standing, values)
+        if given is not None and given.evidence is not None and name in (other, *beaten):
+            exists = min(exists_in(given.evidence) - PRIOR, asked)
+            return LogOdds(exists, beaten if name == other else {other: -beaten[name]})
+    return LogOdds(min(asked, 0.0))  # it had its reasons not to name it
 
 
-def _not_tried(
-    result: Investigation, name: Name, results: Sequence[Investigation], tried: Collection[Name]
-) -> dict[Name, float]:
-    """Log odds of a name that a recording gave against what was close in another, but was not among the `tried` here.
-
-    Each is fitted in the place of the name, once, from the numbers that it has there.
-    """
-    own = _standings(result)[name].model
-    present = {term_name(t, own.values) for t in own.terms}
-    close: dict[Name, tuple[Term, Model]] = {}
-    for standing in (of[name] for of in map(_standings, results) if name in of):
-        for (rival, t), model in zip(standing.rivals, standing.instead, strict=True):
-            other = term_name(rival, model.values)
-            if is_close(t) and other not in tried and other not in present:
-                close[other] = rival, model
-    if result.weighed is None or not close:
-        return {}
-    problem = result.weighed.problem
-    plain = named_alone(problem, result.weighed.fit)
-    term = next(t for t in plain.terms if term_name(t, plain.values) == name)
-    out: dict[Name, float] = {}
-    for other, (rival, model) in close.items():
-        fit = in_place(problem, plain, term, rival, (own_of(term, rival, model.values),))
-        if fit is not None:
-            out[other] = log_odds(paired(advantage(fit, plain)), WEIGHTS.overdispersion)
-    return out
+def _is_of(result: Investigation, fit: Fit) -> bool:
+    return result.weighed is not None and result.weighed.fit is fit
 
 
 def instead(result: Investigation, wrong: Iterable[Name]) -> set[Name]:
@@ -171,44 +172,23 @@ def _beaten(standing: ModelComparison, values: Mapping[str, float]) -> dict[Name
     }
 
 
-def _gives_way(own: Name, named: Iterable[Name], results: Sequence[Investigation]) -> bool:
-    """Whether what recordings have for their own is, in each of them, a mechanism of the axis that others name.
-
-    It must explain that recording as well, of the size that the others found, and be what it cannot be told from.
-    """
-    for name in named:
-        if is_own(name):
-            continue
-        giving = [(r, f) for r in results if (f := said_by(r, own))]
-        others = [r for r in results if said_by(r, own) is None and shows(r, name)]
-        found = found_at(others, name)
-        alike = all(name.mechanism in f.indistinguishable_from for _, f in giving)
-        if found and alike and all(_instead_of(r, own, *found) for r, _ in giving):
-            return True
-    return False
-
-
-def _instead_of(result: Investigation, own: Name, term: Term, fit: Fit) -> bool:
-    """Whether `term` as it stands in `fit`, that of another recording, explains a recording as well as what it has."""
-    selection = result.weighed
-    if selection is None:
-        return False
-    has = selection.fit
-    rest = tuple(t for t in has.terms if term_name(t, has.values) not in (own, term_name(term, fit.values)))
-    other = _holding(selection.problem, has, rest, term, fit)
-    return other is not None and 0.5 * TEMPERATURE * (other.cost - has.cost) < CLOSE
-
-
 def _holding(problem: Problem, own: Fit, rest: Sequence[Term], term: Term, fit: Fit) -> Fit | None:
-    """The model `rest` with `term`, its numbers held to what `fit`, that of another recording, knows of them."""
-    spread = fit.deviations()
+    """The model `rest` with `term`, its numbers held to what `fit`, that of another recording, knows of them.
+
+    A wave has its size, but the phase that fits: angles count from anywhere.
+    """
+    spread, known = fit.deviations(), {p.name: fit.values[p.name] for p in term.parameters}
+    wave = [name for name in known if name.endswith((".sine", ".cosine"))]
+    start = [({**own.values, **known}, own.sensitivities)]
+    if len(wave) == 2 and (free := problem.best((*rest, term), start)):
+        times = math.hypot(*(known[n] for n in wave)) / max(math.hypot(*(free.values[n] for n in wave)), 1e-300)
+        known |= {n: times * free.values[n] for n in wave}
     held = tuple(
         replace(p, start=v, centre=v, spread=max(INFLATION * spread[p.name], SIZE_SHARE * abs(v), 1e-300))
         for p in term.parameters
-        for v in [fit.values[p.name]]
+        for v in [known[p.name]]
     )
-    start = {**own.values, **{p.name: p.start for p in held}}
-    return problem.best((*rest, replace(term, parameters=held)), [(start, own.sensitivities)])
+    return problem.best((*rest, replace(term, parameters=held)), [({**own.values, **known}, own.sensitivities)])
 
 
 def _asked(result: Investigation, term: Term, fit: Fit) -> float:
