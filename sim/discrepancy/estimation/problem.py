@@ -404,12 +404,6 @@ class Problem:
         other.memory = memory
         return other
 
-    def with_inflated_prior(self, times: Mapping[str, float]) -> Problem:
-        """The same with numbers of the description known so many times less well."""
-        other = copy(self)
-        other.doubts = {**self.doubts, **{name: self.doubts.get(name, 1.0) * more for name, more in times.items()}}
-        return other
-
     def with_noise(self, noise: Noise) -> Problem:
         other = copy(self)
         other.noise = noise

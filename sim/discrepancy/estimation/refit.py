@@ -120,12 +120,6 @@ def all_rows(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     return problem, problem.fit(fit.terms, fit.values, to_end=True)
 
 
-def rattling(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
-    """The same fit and noise with the rows that the model cannot tell; what a dent does there would bend all else."""
-    problem = problem.with_all_told()
-    return problem, problem.fit(fit.terms, fit.values, iterations=0)
-
-
 def look_closely(problem: Problem, fit: Fit) -> tuple[Problem, Fit]:
     """Rows at rest, where they tell, and slow noise; what friction holds at rest is fitted before noise is taken.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from types import MappingProxyType
 
 import numpy as np
@@ -35,7 +35,6 @@ from sim.discrepancy.search.tooth_scan import Place, scan
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Need
 from sim.mechanisms.traits import LEAST_GAIN
-from sim.torsional.model import Array
 
 MOST_TRIES, FEW_TRIES = 7, 3  # starts of candidates that are fitted in one round; where time is short
 DEPTHS = (0.03, 0.1, 0.3)  # of the working twist, where a dent is looked for
@@ -43,14 +42,8 @@ SHIFTS = np.linspace(-1.0, 1.0, 11)  # pitches around the place that the scan pr
 CLOSE = 2  # best candidates of which those that are far from linear are refitted in full
 LEFT = 0.1  # depth of a dent over the working twist
 OTHER_DENTS = ((2.0, 0.5), (0.7, 1.3))  # times as deep and as wide: where its bottom is left, a fit may begin there
-BOTTOMS = (  # times as deep, as wide, and the form
-    (0.7, 0.95, 3.0), (0.85, 0.95, 3.0), (1.0, 1.2, 2.0), (1.3, 1.2, 2.0), (1.6, 1.2, 2.0), (2.0, 1.2, 2.0),
-)  # fmt: skip
-DEEPER = 1.15  # times as deep: a step of the way to the depth of a dent whose bottom is left
 GROWTH = 5.0  # standard deviations by which a size may grow while its fit is finished: of 45 at -3 or less none did
 FAR_MOVED = 500.0  # drop of squares at which all other numbers move far, too
-GAPS = 40  # tried where all else is as described
-HUBER = 3.0
 LINEAR, FAR_FROM_LINEAR = 0.1, 0.03  # of the best promise: less is no rival
 HOPE = 0.5  # of what the form of a model may gain: of 15 parts that swing none gained over twice what was promised
 FAINT, FAINT_TRIES = 8.0, 4  # squares from which what noise may hide is looked at, and how many of them
@@ -91,9 +84,7 @@ def try_terms(
     straight = [Rival(t, gain, {**fit.values, **start}) for gain, t, start in screened if not t.named]
     straight.sort(key=lambda r: -evidence(r.term, r.gain, fit.residual.size))
     jobs = _promising(screened, fit, least, tries)
-    loose = _loosening(problem, fit, candidates, dented=dented)
     refits = each(lambda job: _tried(fit, job[0], _refitted(problem, fit, *job)), jobs)
-    refits += each(lambda job: _tried(fit, job[0], problem.best((job[0],), [(job[1], {})], to_end=False)), loose)
     curve = max((r.gain for r in straight), default=0.0) if problem.measurement.doubts.size else 0.0
     rivals = _with_finished(problem, fit, [t for t in refits if t], curve)
     best: dict[Key, Rival] = {}
@@ -132,14 +123,6 @@ def _promising(screened: Sequence[Screened], fit: Fit, least: float, tries: int)
             begun[term.key] = begun.get(term.key, 0) + 1
             jobs.append((term, start))
     return jobs
-
-
-def _loosening(problem: Problem, fit: Fit, candidates: Sequence[Term], *, dented: bool) -> list[Job]:
-    """Gaps and dents with all else as described, where nothing is in yet that may stand for them."""
-    terms = [] if fit.terms else [t for t in candidates if t.traits.gap]
-    if dented and not fit.terms and fit.prior_penalty > BENT:
-        terms += damage_terms(problem, (), problem.numbers())
-    return [job for t in terms for job in as_described(problem, t)]
 
 
 def _with_finished(problem: Problem, fit: Fit, tried: list[Tried], curve: float) -> list[Rival]:
@@ -196,29 +179,6 @@ def _tried(fit: Fit, term: Term, more: Fit | None) -> Tried | None:
     return None if more is None else (_rival(fit, term, more), more.sensitivities)
 
 
-def as_described(problem: Problem, term: Term) -> list[tuple[Term, Mapping[str, float]]]:
-    """`term` with the gap or dent that explains the data best were all else as described, if one does.
-
-    A fit without it bends what is described until it stands for it: then no gap is any better, and a dent is looked for
-    at the wrong tooth. Outliers count little: after a while it is chance when teeth hit.
-    """
-    jumps = [probe for (probe,) in term.probes]
-    if term.traits.gap:
-        gap, *_ = term.parameters
-        jumps = [{gap.name: float(x)} for x in np.geomspace(0.5 * term.size, max(j[gap.name] for j in jumps), GAPS)]
-    rest = problem.numbers((term,))
-    before = huber(problem.residual((), problem.numbers()))
-    after = each(lambda jump: huber(problem.residual((term,), {**rest, **jump})), jumps)
-    best = int(np.argmin(after))
-    return [(term, jumps[best])] if before - after[best] > least_gain(term) else []
-
-
-def huber(residual: Array) -> float:
-    """Squares within `HUBER` deviations, straight beyond (Ann. Math. Statist. 35 (1964) 73)."""
-    size = np.abs(residual)
-    return float(np.sum(np.where(size > HUBER, HUBER * (2.0 * size - HUBER), size**2)))
-
-
 def settled(
     problem: Problem, terms: Sequence[Term], values: Mapping[str, float], held: Mapping[str, Raw] = MappingProxyType({})
 ) -> Fit:
@@ -249,39 +209,8 @@ def _reshaped(term: Term, values: Mapping[str, float], deeper: float, wider: flo
     return {depth: deeper * values[depth], width: wider * values[width], form: bulge}
 
 
-def bottomed(problem: Problem, fit: Fit) -> Fit:
-    """`fit`, or a better one that starts from dents of another depth and form, and then at every depth further on.
-
-    Teeth that leave each other in a dent say little of its bottom, and the way to the least squares is rough; from
-    depth to depth, all else refitted, it is less so.
-    """
-    for term in fit.terms:
-        if not term.traits.dent:
-            continue
-        starts: list[Start] = [({**fit.values, **_reshaped(term, fit.values, *shape)}, {}) for shape in BOTTOMS]
-        fit = _better(fit, problem.best(fit.terms, starts))
-        for by in (DEEPER, 1.0 / DEEPER):
-            held = _deepened(problem, fit, term, by)
-            if held is not fit:
-                fit = _better(fit, problem.fit(fit.terms, held.values, to_end=True))
-    return fit
-
-
 def _better(fit: Fit, other: Fit | None) -> Fit:
     return other if other and other.cost < fit.cost else fit
-
-
-def _deepened(problem: Problem, fit: Fit, term: Term, by: float) -> Fit:
-    """The last of the fits with a dent ever `by` times as deep that was better than the one before, `fit` if none."""
-    depth, *others = term.parameters
-    while depth.low < (deep := by * fit.values[depth.name]) < depth.high:
-        held = replace(term, parameters=(replace(depth, low=deep, high=deep), *others))
-        terms = tuple(held if t.key == term.key else t for t in fit.terms)
-        more = problem.best(terms, [({**fit.values, depth.name: deep}, fit.sensitivities)])
-        if more is None or more.cost >= fit.cost:
-            break
-        fit = more
-    return fit
 
 
 def _refitted(problem: Problem, fit: Fit, term: Term, start: Mapping[str, float]) -> Fit | None:

@@ -11,7 +11,7 @@ from sim.discrepancy.data.controller_law import DriveLaw
 from sim.discrepancy.data.preprocessing import STANDSTILL_SHARE
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
-from sim.discrepancy.estimation.refit import look_closely, multistart, quieted, rattling, rewhiten
+from sim.discrepancy.estimation.refit import look_closely, multistart, quieted, rewhiten
 from sim.discrepancy.estimation.whitening import LONG
 from sim.discrepancy.hypotheses.hypothesis import Key, Term
 from sim.discrepancy.hypotheses.traits import AS_NEW, mechanisms_with
@@ -31,13 +31,11 @@ from sim.discrepancy.search.criterion import (
 )
 from sim.discrepancy.search.effect_size import beyond
 from sim.discrepancy.search.noise_swap import Nearly, ahead, near, turned, under_both_noises
-from sim.discrepancy.search.nominal_error import doubted
 from sim.discrepancy.search.proposals import (
     FAR_MOVED,
     FEW_TRIES,
     MOST_TRIES,
     Rival,
-    bottomed,
     elsewhere,
     faint,
     settled,
@@ -51,7 +49,6 @@ MOST_ROUNDS = 6  # with those that are as new or have no name
 MOST_ENTRIES = 3  # of one round
 MOST_RUNS = 2400  # simulations after which of all candidates only the most promising are fitted
 LAST_RUNS = 4800  # the same after which only constants and what promised much are looked for: the rest is unnamed
-BOTTOM_RUNS = 7200  # the same after which no bottom of a dent is looked for
 CLEARLY = 1.2  # times what the best mechanism explains, where something without a name is taken instead
 SWAPS = 3
 RIVAL_SHARE = 0.25  # of the gain of the best: less is no rival
@@ -155,11 +152,8 @@ class SelectionState:
         return bool(entry.new)
 
     def _tried(self, only: Collection[str] | None) -> tuple[list[Rival], Entry]:
-        """What was tried and what of it comes in: where teeth rattle, and under slow noise, if nothing does else."""
-        loosening = mechanisms_with(lambda t: t.loses_contact)
+        """What was tried and what of it comes in; under slow noise, if nothing does else."""
         tried, entry = search(self.problem, self.fit, self.entered, only)
-        if not entry.new and self.problem.memory != LONG and not self.problem.measurement.told.all():
-            _, entry = search(*rattling(self.problem, self.fit), self.entered, loosening)
         if not entry.new and self.problem.memory != LONG:
             self.problem, self.fit = look_closely(self.problem, self.fit)
             tried, entry = search(self.problem, self.fit, self.entered, only)
@@ -181,8 +175,6 @@ class SelectionState:
             self.problem, self.fit = look_closely(self.problem, self.fit)
         self.fit, self.rivals = swap(self.problem, self.fit, self.rivals, self.entered)
         self.problem, self.fit, self.nearly = turned(self.problem, self.fit, self.nearly)
-        if self.problem.runs.count <= BOTTOM_RUNS:
-            self.fit = bottomed(self.problem, self.fit)
         self.problem, self.fit, self.gains = prune(self.problem, self.fit, strict=True)
 
     def unmask(self) -> None:
@@ -238,7 +230,7 @@ def quietly(
         nearly = {**nearly, **{r.term.key: near(r, tried) for r in entry.new}}
     if not rivals:
         return rivals, nearly, Entry((), problem, fit)
-    anew, more, gains = prune(anew, bottomed(anew, more), strict=True)
+    anew, more, gains = prune(anew, more, strict=True)
     named = [t for t in more.terms if t.named and is_said(t, more)]
     new = [r for t in named for r in rivals.get(t.key, ()) if r.term.key == t.key]
     shaken = any(t.traits.shakes_load for t in named)  # which is all that is left then
@@ -396,10 +388,9 @@ def entering(problem: Problem, fit: Fit, tried: Sequence[Rival]) -> tuple[list[R
 def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, dict[Key, float]]:
     """Take away every term that the others have made needless; gains of those that stay.
 
-    `strict`, once all are in: also what does not hold on unseen rows, is only the error of another's form, or needless
-    once numbers of the description are taken for wrong. What has no name cannot make a mechanism needless. The one that
-    costs least goes first: without it others may hold. A fit without what is clearly needed is not finished: that gain
-    is at most as large as told.
+    `strict`, once all are in: also what does not hold on unseen rows or is only the error of another's form. What has
+    no name cannot make a mechanism needless. The one that costs least goes first: without it others may hold. A fit
+    without what is clearly needed is not finished: that gain is at most as large as reported.
     """
     while fit.terms:
         plain = named_alone(problem, fit)
@@ -430,17 +421,10 @@ def prune(problem: Problem, fit: Fit, *, strict: bool) -> tuple[Problem, Fit, di
             or not wanted(t, beyond(t, fit))
             or (strict and not matters(t, gains[t.key], fit))
         ]
-        instead: dict[Key, tuple[Problem, Fit]] = {}
-        if strict and not weak:
-            for term in fit.terms:
-                more = plain if term.named else fit
-                rival = doubted(term, gains[term.key], problem, less[term.key], more) if is_said(term, fit) else None
-                instead |= {term.key: rival} if rival else {}
-            weak = [t for t in fit.terms if t.key in instead]
         if not weak:
             return problem, fit, gains
         weakest = min(weak, key=lambda t: costs[t.key])
-        problem, without_it = instead.get(weakest.key, (problem, less[weakest.key]))
+        without_it = less[weakest.key]
         rest = tuple(t for t in fit.terms if t is not weakest)
         fit = problem.fit(rest, {**fit.values, **without_it.values}, held=fit.sensitivities, to_end=True)
     return problem, fit, {}

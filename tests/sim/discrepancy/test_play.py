@@ -21,7 +21,6 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.nonparametric import over_speed
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.report.wording import explain
-from sim.discrepancy.search.proposals import as_described
 from sim.discrepancy.search.score_test import screen
 from tests.sim.discrepancy.telemetry_of import swing
 
@@ -105,15 +104,6 @@ def test_a_gap_promises_what_it_brings_at_the_gap_that_was_simulated() -> None:
     assert term.contact
     assert start[term.parameters[0].name] in {next(iter(group[0].values())) for group in term.probes}
     assert promised >= brought - 1e-6 * fit.cost  # the rest of the model follows, which can only help
-
-
-def test_the_gap_is_where_the_data_agree_with_the_description_and_none_is_where_they_do_without() -> None:
-    for hidden in (1e-4, 4e-4):
-        one = problem(gap_rad=hidden)
-        ((_, start),) = as_described(one, play(one))
-        assert next(iter(start.values())) == pytest.approx(hidden, rel=0.3)
-    one = problem()
-    assert as_described(one, play(one)) == []
 
 
 def test_an_explanation_says_where_else_it_may_be() -> None:

@@ -72,7 +72,8 @@ def test_friction_that_builds_up_over_a_way_is_no_inertia() -> None:
     doubts = np.full((t.size, 1), 1e-6)  # as those of a joint, whose rigid body nobody knows for sure
     known = Telemetry(t, {**telemetry.channels, "known_torque_nm": np.zeros(t.size)})
     one = Problem(light, examine(light, known, doubts).measurement, Noise.flat(0.05, 1.0))
-    fit = one.with_inflated_prior({"motor.inertia_kg_m2": 10.0}).fit(to_end=True)
+    one.doubts = {"motor.inertia_kg_m2": 10.0}
+    fit = one.fit(to_end=True)
     assert fit.values["motor.inertia_kg_m2"] == pytest.approx(inertia, rel=0.02)
     assert math.exp(fit.values[MOTOR_STRETCH]) == pytest.approx(way, rel=0.05)
 

@@ -18,7 +18,7 @@ from sim.discrepancy.data.preprocessing import Measurement, prepare
 from sim.discrepancy.data.validation import examine
 from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
-from sim.discrepancy.estimation.refit import calibrate, look_closely, rattling
+from sim.discrepancy.estimation.refit import calibrate, look_closely
 from sim.discrepancy.estimation.whitening import Noise
 from sim.discrepancy.hypotheses.catalogue import terms_of
 from sim.discrepancy.hypotheses.hypothesis import Key, Term
@@ -404,19 +404,6 @@ def test_friction_that_was_left_out_is_no_more_than_a_third_of_its_gain_short_on
     assert holds(rubs, less, more)
     assert not holds(TERMS["backlash"], less, more)
     assert not holds(rubs, more, less)
-
-
-def test_rows_that_a_model_cannot_tell_are_shown_to_a_dent_by_the_fit_that_they_did_not_bend() -> None:
-    """And by the noise of the others: what a dent does would be taken for noise, and would bend all else."""
-    told = np.ones(MOVED.samples)
-    told[2000:6000] = 0.0
-    hidden = Problem(AXIS, replace(MOVED, told=told), Noise.flat(0.05, 0.05))
-    fit = hidden.fit()
-    shown, same = rattling(hidden, fit)
-    assert shown.measurement.told.all()
-    assert shown.noise is hidden.noise
-    assert same.values == fit.values
-    assert same.misfit > fit.misfit
 
 
 @pytest.mark.parametrize("weight_n_m", [0.0, 0.02])

@@ -21,7 +21,6 @@ from sim.discrepancy.hypotheses.gear_mesh import tooth_damage
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.model.known_mechanisms import Described
 from sim.discrepancy.model.nominal import chain_of
-from sim.discrepancy.search.proposals import as_described, damage_terms
 from sim.discrepancy.search.tooth_scan import scan
 from tests.sim.discrepancy.telemetry_of import swing
 
@@ -80,21 +79,6 @@ def test_the_scan_finds_the_tooth_by_all_channels(load_encoder: bool, flank: int
     assert best.flank == flank
     assert abs(math.remainder(best.angle_rad - angle, 2.0 * math.pi)) < 0.15 * PITCH
     assert best.gain == pytest.approx(fit.misfit, rel=0.25)
-
-
-def test_a_deep_dent_is_looked_for_with_all_else_as_described() -> None:
-    """A description that is bent until it stands for the dent leads to another tooth; without a dent there is none."""
-    problem = Dented(axis(), measured(load_encoder=True), Noise.flat(0.01, 0.05))
-    angle = -20.3 * PITCH
-    term = tooth_damage("output", 0, TEETH, 1, angle, (), 0.0, 1e-2)
-    depth, place, width, form = (p.name for p in term.parameters)
-    problem.hide(term, {**problem.numbers(), depth: 0.0, place: angle, width: 1.2 * PITCH, form: 2.0})
-    assert [job for t in damage_terms(problem, (), problem.numbers()) for job in as_described(problem, t)] == []
-    problem.hide(term, {**problem.numbers(), depth: 2e-4, place: angle, width: 1.2 * PITCH, form: 2.0})
-    ((found, start),) = [job for t in damage_terms(problem, (), problem.numbers()) for job in as_described(problem, t)]
-    at, deep = (start[p.name] for p in (found.parameters[1], found.parameters[0]))
-    assert abs(math.remainder(at - angle, 2.0 * math.pi)) < 0.3 * PITCH
-    assert deep == pytest.approx(2e-4, rel=0.6)
 
 
 def test_a_dent_that_was_found_is_the_same_dent_in_the_extended_axis() -> None:
