@@ -22,7 +22,7 @@ from sim.discrepancy.acoustic.impacts import (
     single_strokes,
 )
 from sim.discrepancy.acoustic.operating_states import Course
-from sim.discrepancy.acoustic.order_spectrum import Family, bearing_family, bearing_hindrance
+from sim.discrepancy.acoustic.order_spectrum import bearing_family, bearing_hindrance
 from sim.discrepancy.acoustic.stroke_impacts import Impacts, end_hindrance, end_of_strokes, impacts, impacts_hindrance
 from sim.mechanisms import Backlash, BearingDefect, MeshError, ToothDamage
 from sim.torsional.model import Array
@@ -212,7 +212,7 @@ def _not_told(stage: str, elsewhere: tuple[str, ...]) -> str:
 
 def bearing_defect(axis: Axis, courses: Sequence[Course], teeth: Sequence[Sign | None]) -> list[AcousticFinding]:
     """A family of lines at an order that no gear has."""
-    found = [_bearing(axis, *one) for one in zip(courses, teeth, strict=True)]
+    found = [bearing_family(axis, course) for course in courses]
     known = [family for family in found if family is not None]
     if not known:
         return []
@@ -229,13 +229,6 @@ def bearing_defect(axis: Axis, courses: Sequence[Course], teeth: Sequence[Sign |
     )
     numbers = {"order": (best.order, best.order - best.half, best.order + best.half)}
     return [AcousticFinding(BearingDefect.name, None, probability(p_values), numbers, text, p_values=p_values)]
-
-
-def _bearing(axis: Axis, course: Course, tooth: Sign | None) -> Family | None:
-    """A family of lines; a weak one is not told from what a damaged tooth leaves, where that is heard."""
-    family = bearing_family(axis, course)
-    heard = tooth is not None and log_ratio(tooth[0]) > CLEAR
-    return None if family is not None and family.weak and heard else family
 
 
 def place_of(axis: Axis, course: Course, bump: Bump) -> tuple[float, float] | None:

@@ -6,14 +6,13 @@ import math
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.ndimage import minimum_filter1d
 from scipy.special import gammaincc
 from scipy.stats import gamma, rankdata
 
 from sim.torsional.model import Array
 
 MULTIPLES = 8
-WITHIN, SLIP = 0.35, 0.0005  # of the resolution, and relative: where a multiple is looked for
+WITHIN = 0.35  # of the resolution: where a multiple is looked for
 LARGEST = 7.0  # nats of one multiple: none alone makes a bearing
 CLEAR = 3.0  # nats
 LEAST_CLEAR, LEAST_FIRST, FIRST = 4, 2, 3  # multiples that are clear, and of the first three
@@ -25,34 +24,6 @@ PER_BIN = 4  # bases per bin
 LARGEST_RANK = 9.0  # nats of one multiple, where they are a rank within the recording
 OF_DOUBLE = 1.5  # times the nats of the multiples between
 MOST_HEIGHT = 60.0  # times the noise, of one bin
-
-
-def strongest_comb(
-    grid: Array, power: Array, averages: int, resolution: float, of_gears: NDArray[np.bool_], bases: Array, top: float
-) -> tuple[float, float]:
-    """Score and order of the base whose multiples stand out most, together; minus infinity where none does.
-
-    `power` (m,) at the orders `grid` (m,): noise of mean 1, averaged so often; `of_gears` (m,): where lines of gears
-    may stand, which do not count; `top`: highest order in the recording. Score: nats of Fisher's sum of the multiples'
-    p-values over what as many independent bases reach by chance; lines that noise does not make have far more.
-    """
-    step = float(grid[1] - grid[0])
-    chance = gammaincc(averages, np.maximum(averages * power, 1e-9))
-    nats = np.zeros((MULTIPLES, bases.size))
-    free = np.zeros((MULTIPLES, bases.size), dtype=np.bool_)
-    for k in range(1, MULTIPLES + 1):
-        at = np.clip(np.rint((k * bases - grid[0]) / step).astype(np.intp), 0, grid.size - 1)
-        half = np.maximum(np.rint((WITHIN * resolution + SLIP * k * bases) / step).astype(np.intp), 1)
-        for width in np.unique(half):
-            here = half == width
-            lowest = minimum_filter1d(chance, 2 * int(width) + 1)[at[here]]
-            places = max(1.0, 4.0 * width * step / resolution)
-            nats[k - 1, here] = -np.log(np.clip(lowest * places, math.exp(-LARGEST), 1.0))
-        free[k - 1] = ~of_gears[at] & (k * bases < top)
-    score, best = _most(np.where(free, nats, 0.0), free, bases.size * step / (WITHIN * resolution))
-    if best is None:
-        return score, 0.0
-    return score, _refined(grid, power, float(bases[best]), resolution, free[:, best])
 
 
 def _most(nats: Array, free: NDArray[np.bool_], trials: float) -> tuple[float, int | None]:
@@ -76,13 +47,14 @@ def slipping_comb(
 ) -> tuple[float, float, int]:
     """Of impacts whose way to the next varies: score, order and number of clear multiples of the base that stands out.
 
-    `power` (m,): one periodogram over the path, noise of mean 1, at multiples of `step`; `of_gears` (m,), `top` and the
-    score as above; `between`: lowest and highest base. From impact to impact the phase of multiple k walks by 2 pi k
-    `UNEVEN` (Randall and Antoni, Mech. Syst. Signal Process. 25 (2011) 485), so that its line has half the height at pi
-    (k `UNEVEN`)^2 times the base to either side: it is summed over that. How seldom a sum is so large is asked of
-    multiple k of all bases: whatever turns makes lines in this recording, and only a family has all of its own. Where
-    every second multiple stands out more than those between, the base is the double: impacts are clearest in their
-    first multiples.
+    `power` (m,): one periodogram over the path, noise of mean 1, at multiples of `step`; `of_gears` (m,): lines of
+    gears, which do not count; `top`: highest order; `between`: lowest and highest base. Score: nats of Fisher's sum of
+    the multiples' p-values over what as many independent bases reach by chance. From impact to impact the phase of
+    multiple k walks by 2 pi k `UNEVEN` (Randall and Antoni, Mech. Syst. Signal Process. 25 (2011) 485), so that its
+    line has half the height at pi (k `UNEVEN`)^2 times the base to either side: it is summed over that. How seldom a
+    sum is so large is asked of multiple k of all bases: whatever turns makes lines in this recording, and only a family
+    has all of its own. Where every second multiple stands out more than those between, the base is the double: impacts
+    are clearest in their first multiples.
     """
     orders = np.arange(power.size) * step
     summed = np.concatenate([[0.0], np.cumsum(np.where(of_gears, 0.0, np.minimum(power, MOST_HEIGHT)))])
@@ -126,15 +98,3 @@ def usual_height(grid: Array, power: Array, averages: int, resolution: float, pl
         chance = gammaincc(averages, averages * float(power[near].max())) * max(1.0, 4.0 * half / resolution)
         nats[index] = -math.log(min(max(float(chance), math.exp(-LARGEST)), 1.0))
     return float(np.median(nats)), int((nats > CLEAR).sum())
-
-
-def _refined(grid: Array, power: Array, base: float, resolution: float, free: NDArray[np.bool_]) -> float:
-    """The base through the peaks on its free multiples, by least squares."""
-    step = float(grid[1] - grid[0])
-    over = under = 0.0
-    for k in np.flatnonzero(free) + 1:
-        at, half = round((k * base - grid[0]) / step), max(1, round((WITHIN * resolution + SLIP * k * base) / step))
-        window = slice(max(at - half, 0), at + half + 1)
-        over += k * float(grid[window][np.argmax(power[window])])
-        under += float(k * k)
-    return float(over / under)

@@ -15,8 +15,7 @@ from scipy.stats import binom
 
 from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from sim.description.axis import Axis
-from sim.discrepancy.acoustic.harmonic_comb import strongest_comb
-from sim.discrepancy.acoustic.impacts import NO_STANDSTILL, Tail
+from sim.discrepancy.acoustic.impacts import NO_STANDSTILL
 from sim.discrepancy.acoustic.operating_states import LEAST_CRUISES, Course, Mask
 from sim.discrepancy.acoustic.spectral_lines import TRANSFORM, gamma_limit, mesh_orders
 from sim.torsional.model import Array
@@ -35,23 +34,16 @@ SLIP = 0.001  # relative: rolling elements slip, and what they hit comes early o
 FITTED = 0.15  # of the resolution: how well the highest multiple is placed
 GEAR_WITHIN = 0.0005  # relative: what a speed from lines of teeth is known within
 SHORT = 0.5  # of the turns of the longest cruise but one
-OWN, LEAST_OWN = 0.4, 2  # of the lines that no gear explains
-# Scores of simulated gearboxes without a defect, 460 recordings; where most lines are the family's own, none above 15.
-TOGETHER_TAIL = Tail(start=13.0, share=0.05, scale=1.3)
 
 
 @dataclass(frozen=True)
 class Family:
-    """A base order with multiples: order and half of its 90 % interval, how many multiples, chance for noise.
-
-    `weak`: they stand out together only, which impacts of a tooth do as well.
-    """
+    """A base order with multiples: order and half of its 90 % interval, how many multiples, chance for noise."""
 
     order: float
     half: float
     count: int
     p_value: float
-    weak: bool = False
 
 
 def bearing_hindrance(axis: Axis, course: Course) -> str | None:
@@ -97,30 +89,7 @@ def bearing_family(axis: Axis, course: Course) -> Family | None:
         if found is not None and (best is None or found.p_value < best.p_value):
             best = found
     if best is None or _also_teeth(axis, best.order, powers[0], len(known), grid, resolution):
-        top = min(0.5 * ANALYSIS_RATE_HZ / max(turns for _, turns in known), HIGHEST_ORDER - 1.0)
-        return _together(axis, grid, powers, len(known), resolution, top)
-    return best
-
-
-def _together(
-    axis: Axis, grid: Array, powers: list[Array], averages: int, resolution: float, top: float
-) -> Family | None:
-    """The order whose multiples stand out together, where most lines that no gear explains are its own."""
-    of_gears = _near_gears(axis, grid, 0.25 * resolution)
-    bases: Array = np.arange(LOWEST_ORDER, HIGHEST_BASE, STEP, dtype=np.float64)
-    best: Family | None = None
-    for power in powers:
-        score, order = strongest_comb(grid, power, averages, resolution, of_gears, bases, top)
-        p = TOGETHER_TAIL.p_value(score - math.log(len(powers)))
-        if p >= 1.0 or (best is not None and p >= best.p_value):
-            continue
-        lines = np.array(_lines(grid, power, averages, resolution))
-        free = lines[~_near_gears(axis, lines, 0.75 * resolution)][:MAJORITY_OF]
-        own = _on_multiples(free, order, 0.5 * resolution, int(HIGHEST_ORDER / order))
-        if own.sum() < LEAST_OWN or own.mean() < OWN:
-            continue
-        if not _gear_family(axis, order, FITTED * resolution, lines, resolution):
-            best = Family(order, 3.0 * SLIP * order, MULTIPLES, p, weak=True)
+        return None
     return best
 
 

@@ -1,4 +1,4 @@
-"""Sound of a motion that never repeats: tooth, play and a weak bearing are told, a gearbox in good order is silent."""
+"""Sound of a motion that never repeats: tooth and play are told, a gearbox in good order is silent."""
 
 from __future__ import annotations
 
@@ -13,8 +13,6 @@ from casebase.signals.recording import Recording
 from sim.description.axis_document import read_axis
 from sim.discrepancy.acoustic.evidence import Listening
 from sim.discrepancy.acoustic.fusion import listen_alone
-from sim.discrepancy.acoustic.operating_states import course_of
-from sim.discrepancy.acoustic.order_spectrum import bearing_family
 from sim.discrepancy.investigation import investigate
 from sim.discrepancy.report.html import html_report
 
@@ -134,15 +132,6 @@ def test_weak_impacts_once_per_turn_of_a_gear_between_are_a_tooth_of_it_for_cert
     heard = hear(struck(running(7), each_turn(20 / 101), 1100.0, 0.6, 0.002))
     assert named(heard) == [("tooth_damage", "transfer")]
     assert heard.heard[0].elsewhere == ()
-
-
-def test_lines_that_stand_out_together_only_are_a_bearing() -> None:
-    order = 3.41
-    sound = struck(running(8), each_turn(order), 1400.0, 0.08, 0.001)
-    family = bearing_family(AXIS, course_of(AXIS, recording(sound), None, 0.0))
-    assert family is not None
-    assert family.order == pytest.approx(order, rel=2e-3)
-    assert named(hear(sound)) == [("bearing_defect", None)]
 
 
 def test_the_report_shows_impacts_over_time_where_strokes_cannot_be_laid_over_each_other() -> None:
