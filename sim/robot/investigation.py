@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import partial
 from importlib.metadata import version
 
@@ -35,6 +35,11 @@ from sim.robot.trend import changed
 Progress = Callable[[str, float], None]
 CLOSE_S, STEPS = 1e-4, 6  # of the secant method that finds a delay
 TILTED = 3.0  # standard deviations from which the base is said to stand askew
+LEAST_SHARE = 0.1  # of variance explained: an interval is ten times as wide at most
+NOT_ITS_TORQUE = (
+    "The torque of this joint is not what the robot asks for along this motion: its unit, factor or sign may be "
+    "wrong. The other joints were examined without it."
+)
 HELD = "The joint was held still: nothing is told of its friction and its drive."
 BRIEFLY = "The joint moved too briefly: nothing is told of its friction and its drive."
 
@@ -44,11 +49,13 @@ class RobotLog:
     """One log of a robot: telemetry of each joint, in the joints' order, over one clock.
 
     `recognised`: the channel map that reading it amounted to, where the columns were recognised; else empty.
+    `unusable`: why the torque of a joint could not be read, by its name.
     """
 
     name: str
     joints: tuple[Telemetry, ...]
     recognised: str = ""
+    unusable: Mapping[str, str] = field(default_factory=dict)
 
 
 def investigate_robot(
@@ -74,8 +81,7 @@ def investigate_robot(
     body = RigidBody.of(robot)
     check_joints(robot, body)
     motions = [Motion.of(robot, log.joints) for log in logs]
-    for motion in motions:
-        check_robot(robot, body, motion)
+    motions = [motion.without_torque(check_robot(robot, body, motion)) for motion in motions]
     progress("what the joints share", 0.08)
     fits, late = _in_time(robot, body, motions, [0.5 / log.joints[0].sample_rate_hz for log in logs])
     shared, count = fits[-1], len(robot.joints)
@@ -88,10 +94,13 @@ def investigate_robot(
             name = f"joint {k + 1} of {count}, {joint.name}{whose}"
             watch = partial(_within, progress, name, place * count + k, len(logs) * count)
             late_s = delays[k].delay_s if k in delays else 0.0
-            one = _of_joint(joint, _earlier(telemetry, late_s), fit, k, watch)
-            one = _late(one, delays.get(k), described[k])
+            if k not in fit.motion.unmeasured:
+                one = _of_joint(joint, _earlier(telemetry, late_s), fit, k, watch)
+                one = less_sure(_late(one, delays.get(k), described[k]))
+            else:
+                one = replace(_untold(joint, log.unusable.get(joint.name, NOT_ITS_TORQUE)), verdict="unusable")
             joints.append(JointInvestigation(joint.name, in_metres(one) if slides(robot, k) else one))
-        if all(_is_untold(joint.investigation) for joint in joints):
+        if all(joint.investigation.verdict == "unusable" or _is_untold(joint.investigation) for joint in joints):
             raise InvestigationError(
                 "telemetry: all joints move too briefly; a longer record of the robot in motion is needed"
             )
@@ -107,7 +116,7 @@ def investigate_robot(
         robot, verdict, payload, tuple(joints), shared, _payload_parameters(robot, shared),
         _next_measurement(joints, shared), _provenance(robot, logs, shared),
         (
-            *_recognised(logs), *_taken_as_held(robot), *_weightless(body), *_tilt_remarks(shared),
+            *_recognised(logs), *_taken_as_held(robot), *_weightless(body), *_mended(robot), *_tilt_remarks(shared),
             *_earlier_payloads(logs, fits),
             *map(str, changes), *remarks,
         ),
@@ -216,6 +225,29 @@ def _late(one: Investigation, late: Late | None, described_s: float) -> Investig
         action=TimeDelay.action,
     )  # fmt: skip
     return replace(one, verdict="named", findings=(*one.findings, finding))
+
+
+def less_sure(one: Investigation) -> Investigation:
+    """What is found at a joint rests on the share of its torque's variance that the model explains on rows that it has
+    not seen (coefficient of determination): names are so much less sure, intervals as much wider. Where unused rows do
+    not show that anything was gained, names are no likelier than not."""
+    torque = next((g for g in one.gain if g.channel == "motor_torque_nm"), None)
+    if torque is None or not torque.rms_measured:
+        return one
+    explained = 1.0 - min(torque.rms_after / torque.rms_measured, 1.0) ** 2
+    share = explained if torque.significant else min(explained, 0.5)
+
+    def wider(e: Estimate) -> Estimate:
+        low, high = (e.value + (end - e.value) / max(share, LEAST_SHARE) for end in (e.low, e.high))
+        return replace(e, low=low, high=high)
+
+    findings = tuple(
+        replace(f, probability=f.probability * share, parameters=tuple(map(wider, f.parameters))) for f in one.findings
+    )
+    verdict = one.verdict
+    if verdict == "named" and not any(f.probability >= SAID for f in findings):
+        verdict = "unnamed"
+    return replace(one, findings=findings, parameters=tuple(map(wider, one.parameters)), verdict=verdict)
 
 
 def _within(progress: Progress, name: str, place: int, joints: int, stage: str, share: float) -> None:
@@ -418,6 +450,16 @@ def _weightless(body: RigidBody) -> list[str]:
     if not names:
         return []
     return [f"Without a mass in the URDF, and taken to weigh nothing: {', '.join(names)}."]
+
+
+def _mended(robot: Robot) -> list[str]:
+    """Links whose inertia was made one that a body can have."""
+    if not robot.urdf.mended:
+        return []
+    return [
+        "The inertia in the URDF is none that a body can have, and the least that it can have was taken instead, of: "
+        f"{', '.join(robot.urdf.mended)}."
+    ]
 
 
 def _tilt_remarks(shared: SharedFit) -> list[str]:

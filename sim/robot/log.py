@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from pathlib import Path
 
 from casebase.signals.errors import TelemetryError
@@ -10,9 +11,11 @@ from casebase.signals.telemetry import Telemetry, read_telemetry
 from sim.robot.investigation import RobotLog
 from sim.robot.robot import Robot, logged_joints
 
+TORQUE = "motor_torque_nm"
+
 
 def read_log(robot: Robot, path: Path, channels: str | None) -> RobotLog:
-    """Read each joint's telemetry.
+    """Read each joint's telemetry; a joint whose torque alone cannot be read goes without.
 
     Raises
     ------
@@ -20,12 +23,20 @@ def read_log(robot: Robot, path: Path, channels: str | None) -> RobotLog:
         as `read_telemetry`, beginning with the joint; and where the columns of the joints are in doubt.
     """
     maps, recognised = read_joint_maps(path, logged_joints(robot), channels)
-    joints = tuple(_read(path, joint.name, map_) for joint, map_ in zip(robot.joints, maps, strict=True))
-    return RobotLog(path.name, joints, recognised)
+    read = [_read(path, joint.name, map_) for joint, map_ in zip(robot.joints, maps, strict=True)]
+    return RobotLog(
+        path.name, tuple(telemetry for telemetry, _ in read), recognised,
+        {joint.name: why for joint, (_, why) in zip(robot.joints, read, strict=True) if why},
+    )  # fmt: skip
 
 
-def _read(path: Path, joint: str, channels: str | None) -> Telemetry:
+def _read(path: Path, joint: str, channels: str | None) -> tuple[Telemetry, str]:
+    """A joint's telemetry; without its torque where that cannot be read, and why: it still moves the others."""
     try:
-        return read_telemetry(path, channels=channels)
+        return read_telemetry(path, channels=channels), ""
     except TelemetryError as error:
-        raise TelemetryError(f"{joint}: {error}") from None
+        rest = {} if channels is None else {k: v for k, v in json.loads(channels).items() if k != TORQUE}
+        try:
+            return read_telemetry(path, channels=json.dumps(rest)), str(error)
+        except TelemetryError:
+            raise TelemetryError(f"{joint}: {error}") from None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,6 @@ Array = NDArray[np.float64]
 
 ROWS_PER_CUT = 4.0  # rows per period of the cut-off frequency: what is faster is below 1 %
 HELD_RAD, HELD_M = 1e-3, 1e-5  # less is the twist of a gear that friction holds: the joint does not slide
-FOURTH = 4  # differences, from which the noise of an encoder is taken
-PLACES = 129  # frequencies at which it is known
 OUTSIDE = 1.05  # of a joint's range in the URDF: soft limits and zeros are set by hand
 
 
@@ -31,8 +29,7 @@ class Motion:
 
     `counts`: rows that rest on measured values of all joints alone, shape (rows,): what one joint asks for depends on
     how all of them move. `moves`: joints that do, shape (joints,). `cut_hz`: all is smoothed up to that frequency.
-    `acceleration_noise`: power of what noise of the encoders makes of the accelerations, at even frequencies from 0 to
-    half the rate of the rows, shape (frequencies, joints) [rad2/s4/Hz].
+    `unmeasured`: places of joints whose torque says nothing, and is 0.
     """
 
     time_s: Array
@@ -44,7 +41,7 @@ class Motion:
     counts: NDArray[np.bool_]
     moves: NDArray[np.bool_]
     cut_hz: float = math.inf
-    acceleration_noise: Array = field(default_factory=lambda: np.zeros((0, 0)))
+    unmeasured: frozenset[int] = frozenset()
 
     @staticmethod
     def of(robot: Robot, log: Sequence[Telemetry]) -> Motion:
@@ -53,16 +50,17 @@ class Motion:
         Raises
         ------
         InvestigationError
-            for a joint without torque or position, positions far outside the joint's range, a robot that stands
-            still, and too little that counts.
+            for a log without any torque, a joint without position, positions far outside the joint's range, a robot
+            that stands still, and too little that counts.
         """
         clock = log[0]
         rate = check_clock(clock)
+        if not any("motor_torque_nm" in telemetry for telemetry in log):
+            raise InvestigationError("needs motor_torque_nm; a robot is investigated by the torques of its joints")
         grid = clock.time_s[0] + np.arange(int(clock.duration_s * rate) + 1) / rate
         cut = min(MOTION_CUT_HZ, 0.1 * rate)
         stride = max(1, int(rate / (ROWS_PER_CUT * cut)))
         out: list[list[Array]] = []
-        noise: list[Array] = []
         for joint, telemetry in zip(robot.joints, log, strict=True):
             torque, position = _channels(robot, joint.name, telemetry, joint.axis.ratio)
             _check_range(robot, joint.name, position)
@@ -70,7 +68,6 @@ class Motion:
             ways = [smoothed(even, cut, rate, order)[::stride] for order in range(3)]
             felt = smoothed(np.interp(grid, telemetry.time_s, torque * joint.axis.ratio), cut, rate, 0)[::stride]
             out.append([*ways, felt])
-            noise.append(_acceleration_noise(even, cut, rate, rate / stride))
         position, speed, acceleration, torque = (np.stack(each, axis=1) for each in zip(*out, strict=True))
         counts = _measured(log, grid, stride / rate, gaussian_kernel(cut, rate, 0).size)[::stride]
         if counts.sum() < LEAST_ROWS:
@@ -85,7 +82,7 @@ class Motion:
             raise InvestigationError("motor_position_rad: no joint moves; a log of the robot in motion is needed")
         return Motion(
             grid[::stride], rate / stride, position, speed, acceleration, torque, counts, moves, cut,
-            np.stack(noise, axis=1),
+            frozenset(k for k, telemetry in enumerate(log) if "motor_torque_nm" not in telemetry),
         )  # fmt: skip
 
     def with_earlier_torque(self, joint: int, by_s: float) -> Motion:
@@ -93,6 +90,12 @@ class Motion:
         torque = self.torque.copy()
         torque[:, joint] = np.interp(self.time_s + by_s, self.time_s, torque[:, joint])
         return replace(self, torque=torque)
+
+    def without_torque(self, joints: frozenset[int]) -> Motion:
+        """The same where the torques of these joints say nothing, either."""
+        torque = self.torque.copy()
+        torque[:, list(joints)] = 0.0
+        return replace(self, torque=torque, unmeasured=self.unmeasured | joints)
 
     def on(self, values: Array, time_s: Array) -> Array:
         """`values` along the rows, at other times, by cubic splines; shape (len(time_s), ...)."""
@@ -120,15 +123,14 @@ def _measured(log: Sequence[Telemetry], grid: Array, short_s: float, kernel: int
 
 
 def _channels(robot: Robot, name: str, telemetry: Telemetry, ratio: float) -> tuple[Array, Array]:
-    if "motor_torque_nm" not in telemetry:
-        raise InvestigationError(f"{name}: needs motor_torque_nm; a robot is investigated by the torques of its joints")
+    torque = telemetry["motor_torque_nm"] if "motor_torque_nm" in telemetry else np.zeros(telemetry.rows)
     if "load_position_rad" in telemetry:
-        return telemetry["motor_torque_nm"], telemetry["load_position_rad"]
+        return torque, telemetry["load_position_rad"]
     if "motor_position_rad" not in telemetry:
         raise InvestigationError(
             f"{name}: needs motor_position_rad (or load_position_rad): gravity depends on where the joints are"
         )
-    return telemetry["motor_torque_nm"], telemetry["motor_position_rad"] / ratio
+    return torque, telemetry["motor_position_rad"] / ratio
 
 
 def _check_range(robot: Robot, name: str, position: Array) -> None:
@@ -144,20 +146,6 @@ def _check_range(robot: Robot, name: str, position: Array) -> None:
         f"{name}: the position reaches {seen:.4g} {unit}; in the URDF the joint moves from {low:.4g} to {high:.4g} "
         f"{unit}; {hint}"
     )
-
-
-def _acceleration_noise(position: Array, cut_hz: float, rate_hz: float, rows_hz: float) -> Array:
-    """Power of what white noise of an encoder makes of the acceleration of rows, at even frequencies [rad2/s4/Hz].
-
-    By fourth differences, of which a motion has hardly any, by the median over blocks of a second.
-    """
-    rough = np.diff(position, FOURTH) / math.sqrt(math.comb(2 * FOURTH, FOURTH))
-    blocks = np.array_split(rough**2, max(1, int(rough.size / rate_hz)))
-    variance = float(np.median([block.mean() for block in blocks]))
-    kernel = gaussian_kernel(cut_hz, rate_hz, 2)
-    places_hz = np.linspace(0.0, 0.5 * rows_hz, PLACES)
-    turns = np.exp(-2j * np.pi * np.outer(places_hz / rate_hz, np.arange(kernel.size)))
-    return np.asarray(2.0 * variance / rate_hz * np.abs(turns @ kernel) ** 2, dtype=np.float64)
 
 
 def smoothed(values: Array, cut_hz: float, rate_hz: float, derivative: int) -> Array:

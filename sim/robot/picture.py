@@ -12,7 +12,12 @@ from sim.mechanisms.catalogue import is_in_every_axis
 
 Array = NDArray[np.float64]
 
-SAYS = {"nothing_missing": "nothing was found", "named": "something was found", "unnamed": "something without a name"}
+SAYS = {
+    "nothing_missing": "nothing was found",
+    "named": "something was found",
+    "unnamed": "something without a name",
+    "unusable": "its torque says nothing",
+}
 WIDTH, ARM, LINE, EDGE = 480.0, 240.0, 34.0, 22.0  # of the picture [px]; names stand to the right of the arm
 LONGEST = 22  # characters of a name
 SHAPES = {

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 from itertools import combinations, permutations
 
 import numpy as np
@@ -51,20 +52,23 @@ def check_joints(robot: Robot, body: RigidBody) -> None:
     )
 
 
-def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> None:
-    """Refuse a log whose torques this robot cannot have asked for, saying what would fit.
+def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> frozenset[int]:
+    """Return the places of joints whose torques this robot cannot have asked for, if they are fewer than half.
 
     Raises
     ------
     InvestigationError
-        naming the joints whose torques the rigid body makes worse, and an order, a sign or a direction of gravity that
-        explains them, where there is one.
+        where they are more; naming the joints whose torques the rigid body makes worse, and an order, a sign or a
+        direction of gravity that explains them, where there is one.
     """
     counting = np.flatnonzero(motion.counts)
     few = counting[np.linspace(0, counting.size - 1, min(counting.size, 10 * ROWS)).astype(int)]
     ways = (motion.position[few], motion.speed[few], motion.acceleration[few])
-    frictions, torque = _frictions(motion, few), motion.torque[few]
     rigid = body.torque(*ways)
+    absent, measured = list(motion.unmeasured), motion.torque.copy()
+    measured[np.ix_(few, absent)] = rigid[:, absent]  # a joint without torque speaks against nothing
+    motion = replace(motion, torque=measured)
+    frictions, torque = _frictions(motion, few), measured[few]
     without, with_ = _left(torque, frictions), _left(torque - rigid, frictions)
     if np.any(with_ > WORSE * without):
         with_ = _with_payload(body, motion, few, rigid, frictions, with_)
@@ -83,7 +87,7 @@ def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> None:
         least = np.minimum(least, _with_payload(body, motion, few, rigid, frictions, least))
         askew = down is not None and _explains(down[1], least)
     if not wrong.any() and not swapped and not askew:
-        return
+        return frozenset(np.flatnonzero(wrong).tolist())
     said = ", ".join(name for name, bad in zip(names, wrong, strict=True) if bad) or "the joints"
     would_fit: list[tuple[Array, str]] = []
     if down is not None:
@@ -100,6 +104,8 @@ def check_robot(robot: Robot, body: RigidBody, motion: Motion) -> None:
     start = f"the torques of {said} are not those that this robot asks for along this motion"
     if _explains(left, least):
         raise InvestigationError(f"{start}; {text}")
+    if 2 * wrong.sum() < asked.sum():
+        return frozenset(np.flatnonzero(wrong).tolist())
     raise InvestigationError(
         f"{start}, and no other order of the joints, sign or direction of gravity explains them. "
         "The URDF may be of another robot, the torques not at the joints (N m), or the positions not from its zeros."

@@ -69,9 +69,12 @@ class RobotInvestigation:
     def torque_rms_nm(self, place: int) -> dict[str, float]:
         """Effective torque at a joint [N m]: `measured`, left by the `rigid` body, and by the `extended` model.
 
-        The last on rows that its fit has not seen, and missing where no model could be fitted.
+        The last on rows that its fit has not seen, and missing where no model could be fitted; none of an unusable
+        joint.
         """
         measured, one = self.shared.motion.torque[:, place], self.joints[place].investigation
+        if one.verdict == "unusable":
+            return {}
         left = measured - self.shared.rigid[:, place]
         out = {name: float(np.sqrt(np.mean(each**2))) for name, each in (("measured", measured), ("rigid", left))}
         ratio = self.robot.joints[place].axis.ratio

@@ -12,19 +12,17 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import CubicSpline
-from scipy.linalg import eigh
 from scipy.ndimage import binary_opening
 from scipy.special import log_ndtr
 
 from sim.discrepancy.assessment.intervals import NINETY
-from sim.discrepancy.estimation.whitening import SHORT, Noise, whitener
-from sim.discrepancy.results import SAID
-from sim.robot.band import Band
+from sim.discrepancy.estimation.whitening import SHORT
 from sim.robot.motion import Motion, smoothed
 from sim.robot.rigid_body import RigidBody
 from sim.robot.robot import Robot
@@ -37,10 +35,11 @@ TILT_RAD = 0.02  # of the base: what feet are levelled to without an instrument
 LATE_S = 0.005  # torque against position: half a period of a log of 100 Hz
 LATEST_S = 0.05  # of one joint alone: a current that its drive smooths at 3 Hz
 BUFFERED = 2.0  # rows by which a channel of a log is late at most
-OWN = 0.025  # that one joint alone is late, or has a weight of its own: one name in forty
+OWN = 0.025  # that one joint alone is late: one name in forty
 LOAD_LOSS = 0.1  # of what a joint carries, lost in its gears: a harmonic drive or a cycloid passes on 70 to 95 %
 ROUNDS = 4  # of noise taken anew
-BLOCK_S = 2.0  # rows apart by more are independent; for intervals that hold where noise is not white
+LASTING_S = 2.0  # what is left of torques lasts no longer
+BLOCKS = 10  # of a log, each of which is left out in turn
 TURNS = (0.01, 0.03, 0.1)  # of the largest speed, over which friction may turn its sign
 WAYS = (2e-4, 1e-3, 5e-3)  # rad or m of a joint, over which friction may build up after a reversal
 FINE = 8  # rows of a law of friction per row: it turns within one, and is smoothed as the torque was
@@ -161,90 +160,15 @@ def shared_columns(robot: Robot, body: RigidBody, motion: Motion) -> Shared:
 
 
 def shared_fits(robot: Robot, body: RigidBody, motions: Sequence[Motion]) -> tuple[SharedFit, ...]:
-    """Fit what the joints share over all logs: links, drives and base are the same in them, payloads may not be.
-
-    A weight at one joint alone (a counterweight that is missing, a hose) would be taken for masses, and what the others
-    are told would be wrong. Where there is one, what that joint's torque does over its own angle tells the others
-    nothing. Two at once are less likely than a model that is wrong otherwise.
-    """
-    fits, weights = _fitted(robot, body, motions, frozenset())
-    likeliest = max(weights, key=lambda joint: weights[joint], default=-1)
-    if likeliest < 0 or weights[likeliest] < SAID:
-        return fits
-    return _fitted(robot, body, motions, frozenset({likeliest}))[0]
-
-
-def _fitted(
-    robot: Robot, body: RigidBody, motions: Sequence[Motion], free: frozenset[int]
-) -> tuple[tuple[SharedFit, ...], dict[int, float]]:
-    """The fits, and how likely each joint that is not `free` has a weight of its own."""
-    parts = [_Log.of(robot, body, motion, free) for motion in motions]
-    common = parts[0].common
-    size = common + sum(part.own for part in parts)
-    places = [np.r_[0:common, common + k * part.own : common + (k + 1) * part.own] for k, part in enumerate(parts)]
-    precision, right = np.eye(size), np.zeros(size)
-    for part, place in zip(parts, places, strict=True):
-        precision[np.ix_(place, place)] += sum(part.grams)
-        right[place] += sum(part.moments)
-    every = np.arange(size)
-    loaded = _solved(precision, right, parts, places, every)
-    payloads = [_payload(p.columns, *loaded, place) for p, place in zip(parts, places, strict=True)]
-    empty = [
-        place[p.columns.payload]
-        for p, place, found in zip(parts, places, payloads, strict=True)
-        if found.probability < AGAINST * PRIOR
-    ]
-    kept = np.setdiff1d(every, np.concatenate(empty)) if empty else every
-    solved = _solved(precision, right, parts, places, kept)
-    pulled = _pulled(solved[0], parts, places)
-    turning = [j for j, joint in enumerate(robot.joints) if not (j in free or joint.name in robot.urdf.prismatic)]
-    weights = {
-        j: max(
-            _weight(part, place, kept, (precision, right), j)
-            for part, place in zip(parts, places, strict=True)
-            if part.motion.moves[j]
-        )
-        for j in turning
-        if any(part.motion.moves[j] for part in parts)
-    }
-    fits = tuple(
-        _shared(
-            part,
-            place,
-            found if found.probability < AGAINST * PRIOR else _payload(part.columns, *solved, place),
-            solved,
-            kept,
-            (precision, right, pulled),
-        )
-        for part, place, found in zip(parts, places, payloads, strict=True)
-    )
-    return fits, weights
-
-
-def _solved(
-    precision: Array, right: Array, parts: Sequence[_Log], places: Sequence[NDArray[np.int64]], kept: NDArray[np.int64]
-) -> tuple[Array, Array, Array]:
-    """Mean, covariance, and covariance by blocks of rows, of all numbers, those that are not `kept` at 0."""
-    mean, covariance = np.zeros(right.size), np.zeros_like(precision)
-    inside = np.ix_(kept, kept)
-    covariance[inside] = np.linalg.inv(precision[inside])
-    mean[kept] = covariance[inside] @ right[kept]
-    return mean, covariance, covariance @ _pulled(mean, parts, places) @ covariance
-
-
-def _pulled(mean: Array, parts: Sequence[_Log], places: Sequence[NDArray[np.int64]]) -> Array:
-    """Sum of squares of what blocks of rows of all logs, and what is known beforehand, pull each number by."""
-    out = np.eye(mean.size)
-    for part, place in zip(parts, places, strict=True):
-        out[np.ix_(place, place)] += sum(part.scores(mean[place]))
-    return out
-
-
-def _wider(precision: Array, pulled: Array) -> Array:
-    """Covariance of a posterior, in every direction in which Huber's sandwich is wider that of the sandwich: what is
-    left of a joint that does not follow its model is no noise that its rows average out."""
-    share, ways = eigh(pulled, precision)
-    return np.asarray((ways * np.maximum(share, 1.0)) @ ways.T)
+    """Fit what the joints share over all logs: links, drives and base are the same in them, payloads may not be."""
+    logs = [_Log.of(robot, body, motion) for motion in motions]
+    every = _Normal.of(logs)
+    payloads = every.payloads()
+    hung = [found.probability >= AGAINST * PRIOR for found in payloads]
+    empty = [place[log.columns.payload] for log, place, one in zip(logs, every.places, hung, strict=True) if not one]
+    normal = every.with_zero(np.concatenate(empty)) if empty else every
+    beside = normal.payloads()
+    return tuple(_shared(normal, k, beside[k] if one else payloads[k]) for k, one in enumerate(hung))
 
 
 @dataclass(frozen=True)
@@ -252,36 +176,33 @@ class _Log:
     """One log's share of the normal equations. The first `common` columns are the same quantities in every log."""
 
     motion: Motion
-    rate_hz: float  # of the rows
     rigid: Array
     columns: _Columns
+    rows: list[tuple[Array, Array]]  # of each joint: columns and torque beyond any friction, of unit noise
     grams: list[Array]
     moments: list[Array]
-    rows: list[tuple[Array, Array]]
-    weights: list[Array]  # of a weight at each joint alone, whitened as its rows, shape (rows, 2)
 
     @staticmethod
-    def of(robot: Robot, body: RigidBody, motion: Motion, free: frozenset[int] = frozenset()) -> _Log:
+    def of(robot: Robot, body: RigidBody, motion: Motion) -> _Log:
         regressor = body.regressor(motion.position, motion.speed, motion.acceleration)
         rigid = np.asarray(np.einsum("njbp,bp->nj", regressor, body.parameters))
         columns = _columns(robot, body, motion, regressor)
-        joints = range(rigid.shape[1])
-        band = Band.of(body, motion)
         rested = np.apply_along_axis(_felt_at_rest, 0, motion.speed, motion.rate_hz)
-        used = np.stack([band.counting(motion.counts, rested[:, j]) for j in joints], axis=1)
-        torque = band.smooth(motion.torque - rigid)
+        used = [motion.counts & ~rests & (j not in motion.unmeasured) for j, rests in enumerate(rested.T)]
+        left = motion.torque - rigid
         mean: Array = np.zeros(columns.values.shape[-1])
-        weights = [band.smooth(np.stack([np.sin(q), np.cos(q)], axis=1)) for q in motion.position.T]
         for _ in range(ROUNDS):
             carried = rigid + columns.values @ mean
             columns = columns.around(body, mean)
-            own = [band.smooth(_friction(motion, j, carried[:, j])) for j in joints]
-            own = [np.hstack([own[j], weights[j]]) if j in free else own[j] for j in joints]
-            values = band.smooth(columns.values)
-            rows, white = _whitened(values, torque, own, weights, used, band.rate_hz, mean)
+            rows = [
+                _beyond(
+                    _friction(motion, j, carried[:, j])[at], columns.values[at, j], left[at, j], mean, motion.rate_hz
+                )
+                for j, at in enumerate(used)
+            ]
             grams, moments = [c.T @ c for c, _ in rows], [c.T @ y for c, y in rows]
             mean = np.asarray(np.linalg.solve(np.eye(mean.size) + sum(grams), sum(moments)), dtype=np.float64)
-        return _Log(motion, band.rate_hz, rigid, columns, grams, moments, rows, white)
+        return _Log(motion, rigid, columns, rows, grams, moments)
 
     @property
     def common(self) -> int:
@@ -291,136 +212,154 @@ class _Log:
     def own(self) -> int:
         return int(self.columns.values.shape[-1]) - self.common
 
-    def scores(self, mean: Array) -> list[Array]:
-        """Sum of squares of what blocks of rows of each joint pull each number by (Huber's sandwich holds for noise of
-        any kind)."""
-        block = max(1, int(BLOCK_S * self.rate_hz))
+    def blocks(self) -> list[tuple[Array, Array]]:
+        """What each block of time adds to the normal equations: their matrix and right side."""
         out = []
-        for columns, torque in self.rows:
-            left = torque - columns @ mean
-            stacked = _by_blocks(columns * left[:, None], block)
-            out.append(stacked.T @ stacked)
+        for block in range(BLOCKS):
+            parts = [(c[of], y[of]) for c, y in self.rows for of in [_block(y.size, block)]]
+            out.append((np.asarray(sum(c.T @ c for c, _ in parts)), np.asarray(sum(c.T @ y for c, y in parts))))
         return out
 
 
-def _shared(
-    log: _Log,
-    place: NDArray[np.int64],
-    payload: PayloadEstimate,
-    solved: tuple[Array, Array, Array],
-    kept: NDArray[np.int64],
-    normal: tuple[Array, Array, Array],
-) -> SharedFit:
-    """What all logs and the other joints say of each joint of `log`."""
+def _block(rows: int, block: int) -> slice:
+    return slice(rows * block // BLOCKS, rows * (block + 1) // BLOCKS)
+
+
+def _beyond(friction: Array, columns: Array, torque: Array, mean: Array, rate_hz: float) -> tuple[Array, Array]:
+    """Columns and torque of a joint once its friction is projected out, over the deviation of what `mean` leaves.
+
+    What is left is error of the model as much as noise, and lasts as long as motions do: a row counts by the long-run
+    variance (Newey and West 1987). Noise made white would believe the few rows in which a model errs fast.
+    """
+    if not torque.size:
+        return columns, torque
+    q = np.linalg.qr(friction)[0]
+    table = np.column_stack([columns, torque])
+    table = table - q @ (q.T @ table)
+    left = table[:, -1] - table[:, :-1] @ mean
+    lasting = max(1, int(LASTING_S * rate_hz))
+    long_run = float(np.sum(np.convolve(left, np.ones(lasting)) ** 2)) / lasting
+    least = LEAST_NOISE * float(np.std(torque))
+    variance = max(long_run, float(left @ left), torque.size * least**2, 1e-300) / torque.size
+    table /= math.sqrt(variance)
+    return table[:, :-1], table[:, -1]
+
+
+@dataclass(frozen=True)
+class _Normal:
+    """Normal equations of all logs; `places`: of each log's columns; `kept`: numbers that are not 0."""
+
+    logs: Sequence[_Log]
+    places: Sequence[NDArray[np.int64]]
+    precision: Array
+    right: Array
+    kept: NDArray[np.int64]
+
+    @staticmethod
+    def of(logs: Sequence[_Log]) -> _Normal:
+        common = logs[0].common
+        size = common + sum(log.own for log in logs)
+        places = [np.r_[0:common, common + k * log.own : common + (k + 1) * log.own] for k, log in enumerate(logs)]
+        precision, right = np.eye(size), np.zeros(size)
+        for log, place in zip(logs, places, strict=True):
+            precision[np.ix_(place, place)] += sum(log.grams)
+            right[place] += sum(log.moments)
+        return _Normal(logs, places, precision, right, np.arange(size))
+
+    def with_zero(self, numbers: NDArray[np.int64]) -> _Normal:
+        """The same where these numbers are 0."""
+        return replace(self, kept=np.setdiff1d(self.kept, numbers))
+
+    def without(self, *groups: tuple[int, Array, Array]) -> _Normal:
+        """The same without groups of rows: of which log each is, its part of the matrix and of the right side."""
+        precision, right = self.precision.copy(), self.right.copy()
+        for k, gram, moment in groups:
+            precision[np.ix_(self.places[k], self.places[k])] -= gram
+            right[self.places[k]] -= moment
+        return replace(self, precision=precision, right=right)
+
+    def without_joint(self, joint: int) -> _Normal:
+        """The same without the torques of a joint."""
+        return self.without(*[(k, log.grams[joint], log.moments[joint]) for k, log in enumerate(self.logs)])
+
+    @cached_property
+    def mean(self) -> Array:
+        out = np.zeros(self.right.size)
+        out[self.kept] = np.linalg.solve(self.precision[np.ix_(self.kept, self.kept)], self.right[self.kept])
+        return out
+
+    @cached_property
+    def covariance(self) -> Array:
+        """If what is left were noise."""
+        out = np.zeros_like(self.precision)
+        inside = np.ix_(self.kept, self.kept)
+        out[inside] = np.linalg.inv(self.precision[inside])
+        return out
+
+    @cached_property
+    def scatter(self) -> Array:
+        """By how much the numbers change without each joint, then without each block of time, shape (groups, n): rows
+        whose squares add up to what no noise explains (jackknife: Tukey 1958)."""
+        joints = [self.without_joint(j).mean for j in range(len(self.logs[0].grams))]
+        blocks = [self.without((k, *block)).mean for k, log in enumerate(self.logs) for block in log.blocks()]
+        return np.concatenate(
+            [(m - m.mean(axis=0)) * math.sqrt(1.0 - 1.0 / len(m)) for m in (np.stack(joints), np.stack(blocks))]
+        )
+
+    def payloads(self) -> list[PayloadEstimate]:
+        """What hangs in each log."""
+        spread = self.covariance + self.scatter.T @ self.scatter
+        return [_payload(log.columns, self.mean, spread, at) for log, at in zip(self.logs, self.places, strict=True)]
+
+
+def _shared(normal: _Normal, k: int, payload: PayloadEstimate) -> SharedFit:
+    """What all logs and the other joints say of each joint of the `k`th log."""
+    log, place = normal.logs[k], normal.places[k]
     columns, motion, rigid = log.columns, log.motion, log.rigid
-    used = np.flatnonzero(np.isin(place, kept))
-    inside = np.searchsorted(kept, place[used])
-    known, errors, scores = rigid.copy(), [], log.scores(solved[0][place])
+    known, errors = rigid.copy(), []
     for joint in range(rigid.shape[1]):
-        precision, right = normal[0].copy(), normal[1].copy()
-        precision[np.ix_(place, place)] -= log.grams[joint]
-        right[place] -= log.moments[joint]
-        pulled = normal[2].copy()
-        pulled[np.ix_(place, place)] -= scores[joint]
-        told = np.ix_(kept, kept)
-        own = columns.values[:, joint, used]
-        known[:, joint] += own @ np.linalg.solve(precision[told], right[kept])[inside]
-        factor = np.linalg.cholesky(_wider(precision[told], pulled[told])[np.ix_(inside, inside)])
+        others = normal.without_joint(joint)
+        own = columns.values[:, joint]
+        known[:, joint] += own @ others.mean[place]
+        wrong = np.linalg.cholesky(others.covariance[np.ix_(normal.kept, normal.kept)])
+        ways = np.zeros((normal.right.size, wrong.shape[1]))
+        ways[normal.kept] = wrong
+        ways = np.hstack([ways, np.delete(normal.scatter, joint, axis=0).T])
         speed = motion.speed[:, joint]
         losses = LOAD_LOSS * np.tanh(speed / max(TURNS[1] * float(np.abs(speed).max()), 1e-12))
         load = np.abs(rigid[:, joint])
-        errors.append(np.column_stack([_few(own @ factor), losses * (load - load[motion.counts].mean())]))
-    mean, _, robust = solved
-    deviation = np.sqrt(np.diag(robust))[place][columns.tilt] * TILT_RAD
+        errors.append(np.column_stack([_few(own @ ways[place]), losses * (load - load[motion.counts].mean())]))
+    mean, spread = normal.mean[place], normal.covariance + normal.scatter.T @ normal.scatter
+    deviation = np.sqrt(np.diag(spread))[place][columns.tilt] * TILT_RAD
     return SharedFit(
-        motion, rigid, known, tuple(errors), payload, mean[place][columns.tilt] * TILT_RAD, deviation,
-        float(mean[place][columns.late][0]) * LATE_S, _late(log, place, kept, (normal[0], normal[1])),
+        motion, rigid, known, tuple(errors), payload, mean[columns.tilt] * TILT_RAD, deviation,
+        float(mean[columns.late][0]) * LATE_S, tuple(_late(normal, k, joint) for joint in range(rigid.shape[1])),
     )  # fmt: skip
 
 
-def _late(
-    log: _Log, place: NDArray[np.int64], kept: NDArray[np.int64], normal: tuple[Array, Array]
-) -> tuple[Late, ...]:
-    """Of each joint whether its torque is late by itself, beside all that joints share.
+def _late(normal: _Normal, k: int, joint: int) -> Late:
+    """Whether the torque of a joint is late by itself, beside all that joints share.
 
     By what the rigid body asks for alone: friction that is late looks as if it built up over a longer way. As little
     torque as no drive measures may go along with it.
     """
-    out = []
+    log, place = normal.logs[k], normal.places[k]
     late = log.columns.late.start
-    for joint, (columns, _) in enumerate(log.rows):
-        size, covariance = _beside(log, place, kept, normal, joint, columns[:, [late]], LATE_S / LATEST_S)
-        form = LEAST_NOISE * float(np.std(log.motion.torque[:, joint]))
-        rises = float(np.std(log.columns.values[:, joint, late])) / LATE_S
-        deviation = math.hypot(math.sqrt(float(covariance[0, 0])) * LATE_S, form / max(rises, 1e-300))
-        delay = float(size[0]) * LATE_S
-        there = _there(np.array([delay]), np.array([[deviation**2]]), LATEST_S)
-        out.append(Late(delay, deviation, there))
-    return tuple(out)
-
-
-def _weight(
-    log: _Log, place: NDArray[np.int64], kept: NDArray[np.int64], normal: tuple[Array, Array], joint: int
-) -> float:
-    """How likely a joint has a weight of its own, which follows its own angle and is felt by no other."""
-    large = float(np.std(log.motion.torque[:, joint]))
-    if not large:
-        return 0.0
-    return _there(*_beside(log, place, kept, normal, joint, log.weights[joint], 1.0 / large), large)
-
-
-def _there(size: Array, covariance: Array, large: float) -> float:
-    """How likely something of one joint alone is not 0, by the ratio of the densities there (Dickey 1971); `large`: the
-    deviation of what it may be."""
-    log_ratio = 0.5 * float(np.linalg.slogdet(covariance)[1]) - size.size * math.log(large)
-    return _odds(log_ratio + 0.5 * float(size @ np.linalg.solve(covariance, size)))
+    columns, torque = log.rows[joint]
+    own = columns[:, late]
+    along = normal.covariance[:, place] @ (columns.T @ own)
+    information = float(own @ own) + (LATE_S / LATEST_S) ** 2 - float(own @ columns @ along[place])
+    size = float(own @ (torque - columns @ normal.mean[place])) / information
+    form = LEAST_NOISE * float(np.std(log.motion.torque[:, joint]))
+    rises = float(np.std(log.columns.values[:, joint, late])) / LATE_S
+    deviation = math.hypot(LATE_S / math.sqrt(information), form / max(rises, 1e-300))
+    one = Late(size * LATE_S, deviation, 0.0)
+    return one.found_at(one.delay_s, deviation)
 
 
 def _odds(log_ratio: float) -> float:
     """How likely something of one joint alone is by the log ratio of the likelihoods with it and without."""
     return 1.0 / (1.0 + math.exp(-min(max(math.log(OWN / (1.0 - OWN)) + log_ratio, -50.0), 50.0)))
-
-
-def _by_blocks(rows: Array, block: int) -> Array:
-    """Sums over blocks of so many rows, shape (blocks, p)."""
-    starts = np.arange(0, len(rows), block)
-    return np.asarray(np.add.reduceat(rows, starts)) if starts.size else rows
-
-
-def _beside(
-    log: _Log,
-    place: NDArray[np.int64],
-    kept: NDArray[np.int64],
-    normal: tuple[Array, Array],
-    joint: int,
-    own: Array,
-    known: float,
-) -> tuple[Array, Array]:
-    """Sizes of columns that one joint alone has, shape (rows, p), beside all that joints share, and their covariance.
-
-    `known`: one over the deviation of what they may be.
-    """
-    precision, right = normal[0][np.ix_(kept, kept)], normal[1][kept]
-    used = np.flatnonzero(np.isin(place, kept))
-    inside = np.searchsorted(kept, place[used])
-    alone = np.linalg.solve(precision, right)
-    columns, torque = log.rows[joint]
-    met = np.zeros((kept.size, own.shape[1]))
-    met[inside] = columns[:, used].T @ own
-    along = np.linalg.solve(precision, met)
-    prior = known**2 * np.eye(own.shape[1])
-    information = own.T @ own + prior - met.T @ along
-    size = np.linalg.solve(information, own.T @ torque - met.T @ alone)
-    mean = alone - along @ size
-    pulled = prior + along.T @ along
-    block = max(1, int(BLOCK_S * log.rate_hz))
-    for other, (its, felt) in enumerate(log.rows):
-        mine = own if other == joint else np.zeros((felt.size, own.shape[1]))
-        left = felt - its[:, used] @ mean[inside] - mine @ size
-        pulls = (mine - its[:, used] @ along[inside]) * left[:, None]
-        sums = _by_blocks(pulls, block)
-        pulled += sums.T @ sums
-    return np.asarray(size, dtype=np.float64), _wider(information, pulled)
 
 
 def _columns(robot: Robot, body: RigidBody, motion: Motion, regressor: Array) -> _Columns:
@@ -527,55 +466,18 @@ def built_up(position: Array, way: float) -> Array:
     return out
 
 
-def _whitened(
-    columns: Array,
-    torque: Array,
-    frictions: Sequence[Array],
-    weights: Sequence[Array],
-    counting: NDArray[np.bool_],
-    rate_hz: float,
-    mean: Array,
-) -> tuple[list[tuple[Array, Array]], list[Array]]:
-    """Rows of each joint once its friction is projected out, white by the noise that `mean` leaves, and `weights`."""
-    rows, white = [], []
-    count = columns.shape[-1]
-    for j in range(torque.shape[1]):
-        beyond = torque[:, j] - columns[:, j] @ mean
-        used = counting[:, j]
-        shape = np.linalg.lstsq(frictions[j][used], beyond[used], rcond=None)[0]
-        left = (beyond - frictions[j] @ shape) * used
-        least = LEAST_NOISE * float(np.std(torque[:, j]))
-        taps, level = whitener(left, used.astype(float), rate_hz, SHORT, teeth=False, least=least)
-        every = np.hstack([columns[:, j], weights[j]])
-        its, felt = _projected(Noise(taps, np.ones(1), level), every, torque[:, j], frictions[j], used)
-        rows.append((its[:, :count], felt))
-        white.append(its[:, count:])
-    return rows, white
-
-
-def _projected(
-    noise: Noise, columns: Array, torque: Array, friction: Array, used: NDArray[np.bool_]
-) -> tuple[Array, Array]:
-    white = [noise.whiten(np.ascontiguousarray(c), np.zeros(0)) for c in (*columns.T, torque, *friction.T)]
-    table = np.stack(white, axis=1)[used]
-    n = columns.shape[1]
-    q = np.linalg.qr(table[:, n + 1 :])[0]
-    rest: Array = np.asarray(table[:, : n + 1] - q @ (q.T @ table[:, : n + 1]), dtype=np.float64)
-    return rest[:, :n], rest[:, n]
-
-
-def _payload(
-    columns: _Columns, mean: Array, covariance: Array, robust: Array, place: NDArray[np.int64]
-) -> PayloadEstimate:
+def _payload(columns: _Columns, mean: Array, covariance: Array, place: NDArray[np.int64]) -> PayloadEstimate:
     """A payload against none, by the ratio of the densities of its mass and first moments at 0 (Dickey 1971).
 
     Its place may tell of it more than its weight does, which errors of all links share. None weighs less than nothing.
+    What all drives tell too little or too much of torque, and what gears lose, it weighs too little or too much.
     """
     own = place[columns.payload][:4]
     scale = columns.scale[:4]
-    pair = np.ix_(own, own)
-    spread = robust[pair] if robust[own[0], own[0]] > covariance[own[0], own[0]] else covariance[pair]
-    spread = 0.5 * (spread + spread.T) + np.outer(mean[own], mean[own]) * GAIN_ERROR**2  # drives tell of torque by it
+    spread = covariance[np.ix_(own, own)] + np.outer(mean[own], mean[own]) * (GAIN_ERROR**2 + LOAD_LOSS**2)
+    spread = 0.5 * (spread + spread.T)
+    if not spread.any():
+        return PayloadEstimate(mean[own], spread, 0.0)
     far = float(mean[own] @ np.linalg.solve(spread, mean[own]))
     weighs = log_ndtr(float(mean[own[0]]) / math.sqrt(float(spread[0, 0]))) + math.log(2.0)
     log_odds = math.log(PRIOR / (1.0 - PRIOR)) + 0.5 * (np.linalg.slogdet(spread)[1] + far) + float(weighs)

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from xml.etree import ElementTree
 from xml.parsers import expat
 
+import numpy as np
+
 MOVING = ("revolute", "continuous", "prismatic")
 KNOWN = (*MOVING, "fixed")
 LIMITED = ("revolute", "prismatic")
@@ -20,6 +22,7 @@ NUMBERS = {
     "origin": ("xyz", "rpy"), "axis": ("xyz",), "mass": ("value",),
     "inertia": ("ixx", "iyy", "izz", "ixy", "ixz", "iyz"), "limit": ("lower", "upper", "velocity"),
 }  # fmt: skip
+ROUNDED = 1e-6  # of the largest principal moment: what makers round
 MOST_ELEMENTS, DEEPEST = 20_000, 50
 MOST_MOVING = 128
 """Joints that move: a humanoid with its fingers has about 60; the regressor grows with their square."""
@@ -35,7 +38,7 @@ class Urdf:
 
     `text`: the URDF with its links and joints alone; `moving`: names of the joints that move, in the file's order;
     `prismatic`: those of them that slide; `limits`: lower and upper end of the joints that have them [rad] or [m],
-    and the largest speed [rad/s] or [m/s].
+    and the largest speed [rad/s] or [m/s]; `mended`: links whose inertia no body can have, and is the least instead.
     """
 
     name: str
@@ -43,6 +46,7 @@ class Urdf:
     moving: tuple[str, ...]
     prismatic: frozenset[str]
     limits: dict[str, tuple[float, float, float]]
+    mended: tuple[str, ...] = ()
 
 
 def read_urdf(text: bytes) -> Urdf:
@@ -56,6 +60,7 @@ def read_urdf(text: bytes) -> Urdf:
     root = _parsed(text)
     if root.tag != "robot":
         raise UrdfError(f"the document is <{root.tag[:60]}>, a URDF is <robot>; expand a xacro file first")
+    mended: list[str] = []
     kept = ElementTree.Element("robot", {"name": root.get("name", "robot")})
     names: dict[str, set[str]] = {kind: set() for kind in KEPT}
     for part in root:
@@ -68,6 +73,8 @@ def read_urdf(text: bytes) -> Urdf:
         for child in _keep(kept, part).iter():
             _check_numbers(f"{part.tag} {name!r}", child)
             _check_inertial(name, child)
+            if child.tag == "inertia" and _mend(child):
+                mended.append(name)
     kinds = _kinds(kept)
     moving = tuple(name for name, kind in kinds.items() if kind in MOVING)
     if not moving:
@@ -83,7 +90,7 @@ def read_urdf(text: bytes) -> Urdf:
             limits.update(_limit(joint.get("name", ""), joint))
     prismatic = frozenset(name for name, kind in kinds.items() if kind == "prismatic")
     text_kept = ElementTree.tostring(kept, encoding="unicode")
-    return Urdf(root.get("name", "robot"), text_kept, moving, prismatic, limits)
+    return Urdf(root.get("name", "robot"), text_kept, moving, prismatic, limits, tuple(mended))
 
 
 def _kinds(kept: ElementTree.Element) -> dict[str, str]:
@@ -143,6 +150,20 @@ def _check_inertial(link: str, element: ElementTree.Element) -> None:
             f"link {link!r}: its <inertial> has no {' and no '.join(missing)}; write both, or leave <inertial> out of "
             "a link that weighs nothing"
         )
+
+
+def _mend(inertia: ElementTree.Element) -> bool:
+    """Make an inertia one that a body can have, by raising its principal moments as little as that needs."""
+    xx, yy, zz, xy, xz, yz = (float(inertia.get(key, "0")) for key in NUMBERS["inertia"])
+    moments, axes = np.linalg.eigh([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+    least = np.maximum(moments, ROUNDED * abs(moments).max())
+    least[:2] += max(float(least[2] - least[0] - least[1]), 0.0) / 2.0
+    if np.allclose(least, moments, rtol=ROUNDED, atol=0.0):
+        return False
+    tensor = axes @ np.diag(least) @ axes.T
+    for key, (i, j) in zip(NUMBERS["inertia"], ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2)), strict=True):
+        inertia.set(key, repr(float(tensor[i, j])))
+    return True
 
 
 def _check_numbers(where: str, element: ElementTree.Element) -> None:

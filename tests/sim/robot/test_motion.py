@@ -93,7 +93,6 @@ def test_slow_and_fast_logs_have_their_rows_thinned_to_what_the_motion_needs(rat
 @pytest.mark.parametrize(
     ("change", "said"),
     [
-        (lambda one: replace(one, channels={"motor_position_rad": one["motor_position_rad"]}), "needs motor_torque_nm"),
         (lambda one: replace(one, channels={"motor_torque_nm": one["motor_torque_nm"]}), "needs motor_position_rad"),
         (lambda one: replace(one, channels={**one.channels, "motor_position_rad": 60.0 * SWING}), 'write unit = "deg"'),
         (lambda one: replace(one, channels={**one.channels, "motor_position_rad": 1e4 * SWING}), "is the column right"),
