@@ -57,9 +57,10 @@ from sim.discrepancy.model.one_body import as_described, at_the_motor, has_ratio
 from sim.discrepancy.next_measurement.advice import in_words, simulated_advice
 from sim.discrepancy.report.maintenance_actions import action
 from sim.discrepancy.report.wording import next_measurement, numbers_of
-from sim.discrepancy.results import SAID, Finding, Investigation, Unexplained, rounded
+from sim.discrepancy.results import SAID, Finding, Investigation
 from sim.discrepancy.search.own_noise import NAMES
 from sim.discrepancy.search.search import Selection, select
+from sim.discrepancy.unexplained import Unexplained, rounded
 from sim.mechanisms.catalogue import kind_of
 
 VERSION = "1"

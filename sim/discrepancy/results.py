@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from sim.discrepancy.unexplained import Unexplained, rounded, unexplained_document
 
 if TYPE_CHECKING:  # a page that shows a document needs none of what found it
     from casebase.signals.recording import Recording
@@ -120,11 +121,6 @@ class Investigation:
         }  # fmt: skip
 
 
-def rounded(value: float) -> float:
-    """Seven digits: what two runs of the same bytes agree on whatever the order of a sum."""
-    return float(f"{value:.7g}") if math.isfinite(value) else 0.0
-
-
 def estimate_document(e: Estimate) -> dict[str, object]:
     """JSON of a number of the description."""
     return {
@@ -165,17 +161,6 @@ def finding_document(f: Finding) -> dict[str, object]:
         "explanation": f"{f.explanation} {f.action}".strip(),
         "action": f.action,
         **({"elsewhere": list(f.elsewhere)} if f.elsewhere else {}),
-    }
-
-
-def unexplained_document(u: Unexplained) -> dict[str, object]:
-    """JSON of what stays unexplained."""
-    return {
-        "kind": u.kind,
-        "channel": u.channel,
-        "share": rounded(u.share),
-        "score": rounded(u.score),
-        **{name: rounded(value) for name, value in u.numbers.items()},
     }
 
 
@@ -227,23 +212,3 @@ def digits(squares: float) -> float:
     (1060.0, 0.0)
     """
     return round(float(f"{squares:.3g}"), 2)
-
-
-@dataclass(frozen=True)
-class Unexplained:
-    """Where the residual lives; `share` of its whitened energy above the noise, `score` in standard deviations."""
-
-    kind: str
-    channel: str
-    share: float
-    score: float
-    numbers: Mapping[str, float]
-
-
-def unexplained_of(document: Mapping[str, Any]) -> Unexplained:
-    """Read back what `unexplained_document` wrote."""
-    told = {"kind", "channel", "share", "score", "joint"}
-    numbers = {name: float(value) for name, value in document.items() if name not in told}
-    return Unexplained(
-        document["kind"], document["channel"], float(document["share"]), float(document.get("score", 0.0)), numbers
-    )

@@ -21,7 +21,8 @@ from sim.discrepancy.investigation import investigate, telemetry_sha256
 from sim.discrepancy.model.one_body import as_described, at_the_motor, is_one_body
 from sim.discrepancy.next_measurement.advice import of_a_joint
 from sim.discrepancy.report.wording import telling_what_is_left
-from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, rounded
+from sim.discrepancy.results import SAID, Estimate, Finding, Investigation
+from sim.discrepancy.unexplained import rounded
 from sim.mechanisms import LostSamples, TimeDelay
 from sim.robot.motion import Motion
 from sim.robot.plausibility import check_joints, check_robot

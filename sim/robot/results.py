@@ -7,16 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from sim.discrepancy.results import (
-    Estimate,
-    Finding,
-    Investigation,
-    estimate_document,
-    finding_document,
-    gain_document,
-    rounded,
-    unexplained_document,
-)
+from sim.discrepancy.results import Estimate, Finding, Investigation, estimate_document, finding_document, gain_document
+from sim.discrepancy.unexplained import rounded, unexplained_document
 from sim.robot.robot import SCHEMA, Robot, position_key
 from sim.robot.shared_fit import SharedFit
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from sim.discrepancy.results import rounded
+from sim.discrepancy.unexplained import rounded
 from sim.robot.motion import Motion
 from sim.robot.robot import Robot
 

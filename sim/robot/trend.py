@@ -7,7 +7,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from sim.discrepancy.report.formatting import named, number
-from sim.discrepancy.results import SAID, Estimate, rounded
+from sim.discrepancy.results import SAID, Estimate
+from sim.discrepancy.unexplained import rounded
 from sim.mechanisms.catalogue import kind_of
 from sim.robot.results import JointInvestigation
 

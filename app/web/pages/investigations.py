@@ -49,7 +49,7 @@ from sim.description.axis import Axis
 from sim.description.axis_document import read_axis
 from sim.discrepancy.report.box import box_of, box_of_robot, is_urgent, refused, rests_of_robot, unexplained_words
 from sim.discrepancy.report.panels import SHOWS
-from sim.discrepancy.results import unexplained_of
+from sim.discrepancy.unexplained import unexplained_of
 from sim.errors import AxisError
 from sim.robot.picture import legend
 

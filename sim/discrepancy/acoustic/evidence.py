@@ -7,7 +7,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
 
 from sim.discrepancy.acoustic.operating_states import Course
-from sim.discrepancy.results import Unexplained
+from sim.discrepancy.unexplained import Unexplained
 
 FALSE_ALARM = 0.005
 """Probability that noise alone makes a candidate [1]."""

@@ -25,7 +25,7 @@ from sim.discrepancy.acoustic.several_recordings import (
     without_copies,
 )
 from sim.discrepancy.data.preprocessing import Measurement
-from sim.discrepancy.results import Unexplained
+from sim.discrepancy.unexplained import Unexplained
 from sim.mechanisms import (
     Backlash,
     BearingDefect,

@@ -17,7 +17,7 @@ from casebase.signals.analysis import ANALYSIS_RATE_HZ
 from casebase.signals.live_channel import MAINS_HZ
 from casebase.signals.recording import Recording
 from sim.discrepancy.acoustic.operating_states import Course, Mask
-from sim.discrepancy.results import Unexplained
+from sim.discrepancy.unexplained import Unexplained
 from sim.torsional.model import Array
 
 TWICE = 4.0  # in power: the sound has twice the amplitude

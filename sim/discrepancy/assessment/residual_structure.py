@@ -12,9 +12,9 @@ from sim.discrepancy.estimation.estimate import Fit
 from sim.discrepancy.estimation.problem import Problem
 from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.nonparametric import Rows
-from sim.discrepancy.results import Unexplained
 from sim.discrepancy.search.residual_proposals import BAND_HZ, ELSEWHERE, HIGHEST_HZ, LEAST_LEVEL, LOWEST_HZ, by_speed
 from sim.discrepancy.search.search import Selection
+from sim.discrepancy.unexplained import Unexplained
 from sim.torsional.model import Array
 
 BINS = 48

@@ -25,10 +25,11 @@ from sim.discrepancy.hypotheses.hypothesis import Term
 from sim.discrepancy.hypotheses.identifiability import ALONE, needs_of, same_over_the_turn, the_same
 from sim.discrepancy.model.parameters import Values
 from sim.discrepancy.report.wording import explain
-from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
+from sim.discrepancy.results import SAID, Estimate, Finding, Gain
 from sim.discrepancy.search.effect_size import beyond
 from sim.discrepancy.search.own_noise import NAMES, in_own_noise, likelier, without
 from sim.discrepancy.search.search import Selection
+from sim.discrepancy.unexplained import Unexplained
 from sim.mechanisms.catalogue import kind_of, kind_or_any
 from sim.mechanisms.traits import Law
 

@@ -32,7 +32,8 @@ from sim.discrepancy.kinematics.pull_test import STEPS, PullTest, pull_test
 from sim.discrepancy.kinematics.transmission_error import INSIDE, Amplitude, transmission_error
 from sim.discrepancy.report.formatting import angle, number
 from sim.discrepancy.report.panels import Panel
-from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
+from sim.discrepancy.results import SAID, Estimate, Finding, Gain
+from sim.discrepancy.unexplained import Unexplained
 from sim.mechanisms import Backlash
 from sim.mechanisms.catalogue import kind_of
 

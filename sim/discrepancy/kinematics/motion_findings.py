@@ -25,7 +25,8 @@ from sim.discrepancy.kinematics.transmission_error import (
     sine,
 )
 from sim.discrepancy.report.formatting import angle, number
-from sim.discrepancy.results import SAID, Estimate, Finding, Gain, Unexplained
+from sim.discrepancy.results import SAID, Estimate, Finding, Gain
+from sim.discrepancy.unexplained import Unexplained
 from sim.mechanisms import Backlash, Eccentricity, EncoderError, MeshError
 from sim.mechanisms.mechanism import Need
 

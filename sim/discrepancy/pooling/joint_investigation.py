@@ -57,7 +57,8 @@ from sim.discrepancy.pooling.recording_evidence import (
 from sim.discrepancy.report.formatting import named as in_full
 from sim.discrepancy.report.maintenance_actions import SURE
 from sim.discrepancy.report.wording import explain, next_measurement
-from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, MeasurementUtility, Unexplained
+from sim.discrepancy.results import SAID, Estimate, Finding, Investigation, MeasurementUtility
+from sim.discrepancy.unexplained import Unexplained
 from sim.errors import SimulationError
 
 Done = TypeVar("Done")

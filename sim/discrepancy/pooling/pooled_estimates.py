@@ -28,7 +28,8 @@ from sim.discrepancy.hypotheses.traits import AS_NEW, traits_of
 from sim.discrepancy.model.parameters import Owner
 from sim.discrepancy.pooling.log_odds import Known, LogOdds, Name, pooled
 from sim.discrepancy.pooling.recording_evidence import found_at, instead, is_own, said_by, term_name
-from sim.discrepancy.results import Estimate, Finding, Gain, Investigation, Unexplained
+from sim.discrepancy.results import Estimate, Finding, Gain, Investigation
+from sim.discrepancy.unexplained import Unexplained
 from sim.mechanisms.catalogue import kind_or_any
 
 ANGLES = ("angle_rad", "phase_rad", "second_phase_rad")

@@ -24,7 +24,8 @@ from sim.discrepancy.report.formatting import (
     words_of,
 )
 from sim.discrepancy.report.maintenance_actions import action, of_the_measurement, place_of
-from sim.discrepancy.results import SAID, Unexplained, unexplained_of
+from sim.discrepancy.results import SAID
+from sim.discrepancy.unexplained import Unexplained, unexplained_of
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.catalogue import is_in_every_axis, kind_or_any
 

@@ -16,7 +16,8 @@ from sim.discrepancy.data.excitation import turns
 from sim.discrepancy.hypotheses.identifiability import HALF
 from sim.discrepancy.report.formatting import angle, named, number, percent, words_of
 from sim.discrepancy.report.maintenance_actions import SHOWN_RAD, measurement, of_the_measurement
-from sim.discrepancy.results import SAID, Unexplained
+from sim.discrepancy.results import SAID
+from sim.discrepancy.unexplained import Unexplained
 from sim.mechanisms.catalogue import kind_of, kind_or_any
 from sim.mechanisms.differing import Differing
 from sim.mechanisms.mechanism import Need

@@ -11,7 +11,7 @@ import pytest
 
 from casebase.signals.telemetry import Telemetry
 from sim.discrepancy.data.data_fault import InvestigationError
-from sim.discrepancy.results import Unexplained
+from sim.discrepancy.unexplained import Unexplained
 from sim.robot.investigation import RobotLog, _next_measurement, investigate_robot
 from sim.robot.robot import read_robot
 from tests.live import gearcase

@@ -23,15 +23,9 @@ from sim.discrepancy.report.panels import AS_DESCRIBED, EXTENDED, FLOOR, MEASURE
 from sim.discrepancy.report.residual_panels import TAKEN
 from sim.discrepancy.report.summary import candidates, panels, story
 from sim.discrepancy.report.wording import explain, headline, next_measurement
-from sim.discrepancy.results import (
-    Estimate,
-    Finding,
-    Investigation,
-    Unexplained,
-    unexplained_document,
-    unexplained_of,
-)
+from sim.discrepancy.results import Estimate, Finding, Investigation
 from sim.discrepancy.search.proposals import Rival
+from sim.discrepancy.unexplained import Unexplained, unexplained_document, unexplained_of
 from sim.mechanisms import MECHANISMS
 from sim.mechanisms.mechanism import Mechanism
 from tests.sim.discrepancy.acoustic.test_fusion import AXIS, recording, running

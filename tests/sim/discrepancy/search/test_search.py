@@ -28,7 +28,6 @@ from sim.discrepancy.investigation import investigate
 from sim.discrepancy.model.effects import swing
 from sim.discrepancy.model.nominal import base_parameters, loss_parameters, nuisance_of
 from sim.discrepancy.model.parameters import Parameter
-from sim.discrepancy.results import Unexplained
 from sim.discrepancy.search import proposals as candidates
 from sim.discrepancy.search.criterion import (
     evidence,
@@ -45,6 +44,7 @@ from sim.discrepancy.search.proposals import Rival, faint, try_terms
 from sim.discrepancy.search.residual_proposals import line_of
 from sim.discrepancy.search.score_test import least_squares_within
 from sim.discrepancy.search.search import Selection, likely, unmasked
+from sim.discrepancy.unexplained import Unexplained
 from sim.mechanisms.traits import LEAST_GAIN
 from sim.torsional.model import Array, Chain, Shaft
 from tests.sim.discrepancy.telemetry_of import RATE_HZ, geared, one_body
