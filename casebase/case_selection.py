@@ -2,6 +2,7 @@
 
 Measured cases of the axis count, and simulated ones for the labels that were not measured at it. Whether cases of
 other axes are like it is measured: they count if the axis' own cases, left out by gearbox, are more probable with them.
+What is novel at an axis is judged by its own cases, where they know every label: axes differ by more than gearboxes do.
 """
 
 import numpy as np
@@ -18,7 +19,7 @@ def fitted(table: CaseTable, axis: str | None) -> Classifier | None:
     Args:
         axis: None where it is not known; then all axes count alike.
     """
-    here = table.axes == axis if axis is not None else np.zeros(len(table), np.bool_)
+    here = _of_axis(table, axis)
     own, everything = _measured_first(table, here), _measured_first(table, here) | _measured_first(table, ~here)
     alone = _classifier(table, own) if _tell_apart(table, own) else None
     if alone is not None and (own == everything).all():
@@ -28,6 +29,20 @@ def fitted(table: CaseTable, axis: str | None) -> Classifier | None:
         return together
     losses = [_loss(table, each, own) for each in (alone, together)]
     return alone if losses[0] <= losses[1] else together
+
+
+def compared(table: CaseTable, axis: str | None, counting: Mask) -> Mask:
+    """Return the cases by which novelty is judged at an axis, shape (cases,).
+
+    Args:
+        counting: which cases its classifier counts.
+    """
+    own = _measured_first(table, _of_axis(table, axis))
+    return own if _tell_apart(table, own) else counting
+
+
+def _of_axis(table: CaseTable, axis: str | None) -> Mask:
+    return np.asarray(table.axes == axis) if axis is not None else np.zeros(len(table), np.bool_)
 
 
 def _measured_first(table: CaseTable, among: Mask) -> Mask:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from casebase.case_selection import fitted
+from casebase.case_selection import compared, fitted
 from casebase.case_table import CaseTable, Mask
 from casebase.classifier import Classifier, log_odds, weights_for
 from casebase.explanation import Evidence, feature_evidence, motion_evidence, novelty_evidence
@@ -203,7 +203,7 @@ class Reasoner:
                 classifier = fitted(table, key[0])
                 counting = np.zeros(len(table), np.bool_)
                 counting[slice(None) if classifier is None else classifier.rows] = True
-                self._models[key] = _Model(counting, classifier, likenesses(table, counting))
+                self._models[key] = _Model(counting, classifier, likenesses(table, compared(table, key[0], counting)))
                 while len(self._models) > MODELS_KEPT:
                     self._models.popitem(last=False)
             self._models.move_to_end(key)
