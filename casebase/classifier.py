@@ -237,12 +237,11 @@ class _Regression:
         weights = np.concatenate([fit.intercept_[:, None], fit.coef_], axis=1).T
         if labels.size == 2:  # one set of coefficients tells two labels apart
             weights = np.concatenate([-weights, weights], axis=1) / 2
-        shares = special.softmax(_with_one(points) @ weights, axis=1)
+        table = _with_one(points)
+        shares = special.softmax(table @ weights, axis=1)
         balanced = (truth.size / (labels.size * counts))[np.searchsorted(labels, truth)]
         precision = np.diag(np.concatenate([[1e-2], np.full(points.shape[1], 1 / strength)]))
-        information = [
-            (_with_one(points) * (balanced * share * (1 - share))[:, None]).T @ _with_one(points) for share in shares.T
-        ]
+        information = [(table * (balanced * share * (1 - share))[:, None]).T @ table for share in shares.T]
         return cls(labels, weights, np.linalg.inv(np.array(information) + precision))
 
     def shares(self, points: Floats, number: int) -> Floats:
