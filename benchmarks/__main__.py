@@ -17,10 +17,7 @@ MODULES: tuple[str, ...] = (
     "diagnosis",
     "lossy",
     "measured_help",
-    "strangers",
-    "ablation",
     "severity",
-    "strange_sizes",
 )
 """One line per benchmark."""
 
