@@ -91,7 +91,6 @@ trends: setup
 # a hundred robots with one effect hidden in a joint, fifty without, and descriptions that do not fit their log
 robots: setup
 	$(BIN)/python -m tests.robot_bank --count 150 --seed 1
-	$(BIN)/python -m tests.robot_bank.second --count 60 --seed 1
 	$(BIN)/python -m tests.robot_bank --wrong-input
 	$(BIN)/python -m tests.robot_bank.next_motion --count 10 --seed 1
 

@@ -104,7 +104,7 @@ def write(cases: Sequence[Case], folder: Path) -> None:
 
 
 def options(parser: argparse.ArgumentParser, kinds: Sequence[str], out: Path) -> None:
-    """Add what both banks are asked."""
+    """Add what a bank is asked."""
     parser.add_argument("--count", type=int, default=150, help="cases; of every 150 a hundred hide something")
     parser.add_argument("--seed", type=int, default=1, help="of the bank")
     parser.add_argument("--kind", nargs="+", choices=kinds, default=[], help="only these kinds")

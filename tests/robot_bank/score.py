@@ -2,8 +2,7 @@
 
 Said is what has a probability of 0.5 or more. A finding is right where its joint is that of what is hidden and its
 mechanism, or one that it cannot be told from (two at most), is the hidden one. Dry and viscous friction of joints
-without an axis file are real and not described: right at every joint. What is really there, can be felt and was not
-hidden (an answer's `neutral`) is neither right nor wrong. Everything else that is said is invented.
+without an axis file are real and not described: right at every joint. Everything else that is said is invented.
 """
 
 from __future__ import annotations
@@ -76,13 +75,6 @@ def _is_friction(answer: JSON, finding: JSON) -> bool:
     return mechanism and joint_of(finding) in answer["friction"]
 
 
-def _is_neutral(answer: JSON, finding: JSON) -> bool:
-    return any(
-        one["mechanism"] == finding["mechanism"] and one["location"] in (None, joint_of(finding))
-        for one in answer.get("neutral", ())
-    )
-
-
 def judge(answer: JSON, document: JSON | None) -> Judgement:
     """Judge a document; None is a run that failed."""
     if document is None:
@@ -98,7 +90,7 @@ def _left(answer: JSON, document: JSON) -> tuple[float, ...]:
 
 def _judge(answer: JSON, document: JSON) -> Judgement:
     hidden = answer["hidden"][0] if answer["hidden"] else None
-    findings = [f for f in document["findings"] if (hidden and _is(f, hidden)) or not _is_neutral(answer, f)]
+    findings = document["findings"]
     right = [bool(hidden and _is(f, hidden)) or _is_friction(answer, f) for f in findings]
     claims = tuple((float(f["probability"]), ok) for f, ok in zip(findings, right, strict=True))
     said = [(f, ok) for f, ok in zip(findings, right, strict=True) if f["probability"] >= SAID]

@@ -64,7 +64,7 @@ def _moments(bodies: list[tuple[float, Array, Array]]) -> tuple[float, Array, Ar
     return sum(m for m, _, _ in bodies), first, second
 
 
-@pytest.mark.parametrize("seed", range(12))
+@pytest.mark.parametrize("seed", range(3))
 def test_read_back_it_has_its_masses_where_the_arm_has_them(seed: int) -> None:
     rng = np.random.default_rng(seed)
     arm = draw_arm(rng)
